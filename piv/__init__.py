@@ -1,0 +1,1 @@
+"""PIV, synthetic recordings and vortex identification; stands alone."""

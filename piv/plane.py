@@ -1,0 +1,135 @@
+"""The plane-series format: velocity on a regular plane over time (docs/formats.md)."""
+
+from __future__ import annotations
+
+import json
+import os
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+FORMAT = "plane-series"
+FORMAT_VERSION = 1
+UNITS = {
+    "time": "s",
+    "x": "m",
+    "y": "m",
+    "u": "m/s",
+    "v": "m/s",
+    "w": "m/s",
+    "u_std": "m/s",
+    "v_std": "m/s",
+    "dwdz": "1/s",
+    "p": "Pa",
+    "valid": "1",
+    "flag": "1",
+    "outline": "m",
+    "tip": "m",
+    "tip_direction": "1",
+    "dorsal_direction": "1",
+    "bend": "rad",
+}
+FINGER_VARIABLES = ("outline", "tip", "tip_direction", "dorsal_direction", "bend")
+
+
+def provenance(**settings: Any) -> dict[str, str]:
+    """Attributes that say what made a file: library versions and the settings given, as JSON."""
+    names = ("numpy", "scipy", "opencv-python-headless", "numba", "xarray", "h5py")
+    return {
+        "versions": json.dumps({name: version(name) for name in names}),
+        "settings": json.dumps(settings, sort_keys=True, default=str),
+    }
+
+
+def make_plane(
+    x: np.ndarray,
+    y: np.ndarray,
+    u: np.ndarray,
+    v: np.ndarray,
+    *,
+    time: np.ndarray | None = None,
+    valid: np.ndarray | None = None,
+    **more: np.ndarray,
+) -> xr.Dataset:
+    """A checked plane (y, x) or plane series (time, y, x) from arrays in SI.
+
+    `more` holds further variables of docs/formats.md by name. Raises ValueError where shapes or axes do not fit.
+    """
+    grid: tuple[str, ...] = ("y", "x") if time is None else ("time", "y", "x")
+    coords = {"x": np.asarray(x, float), "y": np.asarray(y, float)}
+    if time is not None:
+        coords["time"] = np.asarray(time, float)
+    fields: dict[str, tuple[tuple[str, ...], np.ndarray]] = {"u": (grid, u), "v": (grid, v)}
+    ok = np.isfinite(u) & np.isfinite(v) if valid is None else np.asarray(valid).astype(bool)
+    fields["valid"] = (grid, ok.astype(np.uint8))
+    lead = () if time is None else ("time",)
+    for name, values in more.items():
+        if name in FINGER_VARIABLES:
+            fields[name] = (*lead, "finger", *_finger_axes(name)), values  # type: ignore[assignment]
+        else:
+            fields[name] = (grid, values)
+    plane = xr.Dataset({k: (d, np.asarray(a)) for k, (d, a) in fields.items()}, coords=coords)
+    for name in plane.variables:
+        if name in UNITS:
+            plane[name].attrs["units"] = UNITS[str(name)]
+    check_plane(plane)
+    return plane
+
+
+def _finger_axes(name: str) -> tuple[str, ...]:
+    return {"outline": ("point", "axis"), "bend": ()}.get(name, ("axis",))
+
+
+def check_plane(plane: xr.Dataset) -> None:
+    """Raise ValueError with one sentence where `plane` is not a plane (series)."""
+    for name in ("x", "y", "u", "v", "valid"):
+        if name not in plane.variables:
+            raise ValueError(
+                f"a plane needs the variable {name!r}; this one has {sorted(map(str, plane.variables))}"
+            )
+    for axis in ("x", "y"):
+        c = plane[axis].values
+        if c.ndim != 1 or c.size < 2 or not np.all(np.diff(c) > 0):
+            raise ValueError(
+                f"axis {axis!r} of a plane must be one-dimensional and ascending, got shape {c.shape}"
+            )
+        if np.ptp(np.diff(c)) > 1e-6 * (c[-1] - c[0]):
+            raise ValueError(f"axis {axis!r} of a plane must be regularly spaced")
+    absent = ~(np.isfinite(plane["u"].values) & np.isfinite(plane["v"].values))
+    if np.any(absent & (plane["valid"].values != 0)):
+        raise ValueError("a plane has vectors marked valid whose u or v is not finite")
+
+
+def write_plane(plane: xr.Dataset, path: str | Path, **attrs: Any) -> None:
+    """Write a plane series to HDF5, whole or not at all; `attrs` become root attributes."""
+    check_plane(plane)
+    path = Path(path)
+    out = plane.assign_attrs(
+        plane.attrs | {"format": FORMAT, "format_version": FORMAT_VERSION} | attrs
+    )
+    part = path.with_name(path.name + ".part")
+    deflate = {
+        str(n): {"zlib": True, "complevel": 1} for n, d in out.data_vars.items() if d.ndim >= 2
+    }
+    out.to_netcdf(part, engine="h5netcdf", encoding=deflate)
+    os.replace(part, path)
+
+
+def read_plane(path: str | Path) -> xr.Dataset:
+    """Open a plane series lazily; ValueError where the file is another one or damaged."""
+    try:
+        plane = xr.open_dataset(path, engine="h5netcdf")
+    except FileNotFoundError:
+        raise
+    except Exception as error:
+        raise ValueError(f"{path}: not a readable HDF5 plane series ({error})") from error
+    if plane.attrs.get("format") != FORMAT:
+        raise ValueError(f"{path}: format is {plane.attrs.get('format')!r}, expected {FORMAT!r}")
+    if int(plane.attrs.get("format_version", 0)) > FORMAT_VERSION:
+        raise ValueError(
+            f"{path}: written by a newer version of this project; update it to read the file"
+        )
+    return plane

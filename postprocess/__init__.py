@@ -1,0 +1,1 @@
+"""Comparison of CFD and PIV, figures and the report."""
