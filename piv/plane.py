@@ -107,13 +107,9 @@ def write_plane(plane: xr.Dataset, path: str | Path, **attrs: Any) -> None:
     """Write a plane series to HDF5, whole or not at all; `attrs` become root attributes."""
     check_plane(plane)
     path = Path(path)
-    out = plane.assign_attrs(
-        plane.attrs | {"format": FORMAT, "format_version": FORMAT_VERSION} | attrs
-    )
+    out = plane.assign_attrs(plane.attrs | {"format": FORMAT, "format_version": FORMAT_VERSION} | attrs)
     part = path.with_name(path.name + ".part")
-    deflate = {
-        str(n): {"zlib": True, "complevel": 1} for n, d in out.data_vars.items() if d.ndim >= 2
-    }
+    deflate = {str(n): {"zlib": True, "complevel": 1} for n, d in out.data_vars.items() if d.ndim >= 2}
     out.to_netcdf(part, engine="h5netcdf", encoding=deflate)
     os.replace(part, path)
 
@@ -129,7 +125,5 @@ def read_plane(path: str | Path) -> xr.Dataset:
     if plane.attrs.get("format") != FORMAT:
         raise ValueError(f"{path}: format is {plane.attrs.get('format')!r}, expected {FORMAT!r}")
     if int(plane.attrs.get("format_version", 0)) > FORMAT_VERSION:
-        raise ValueError(
-            f"{path}: written by a newer version of this project; update it to read the file"
-        )
+        raise ValueError(f"{path}: written by a newer version of this project; update it to read the file")
     return plane

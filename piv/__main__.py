@@ -1,0 +1,45 @@
+"""Command line: python -m piv correlate|render|vortices|calibrate|mask|plot|animate|convert."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+
+COMMANDS = {
+    "correlate": "image pairs or a recording to a vector plane series",
+    "render": "a plane series to a synthetic recording",
+    "vortices": "a plane series to a table of vortices and their tracks",
+    "calibrate": "scale, origin and lens distortion from points or a target",
+    "mask": "masks from a polygon, an image or a dark body",
+    "plot": "vectors over vorticity with vortex centres, as a picture",
+    "animate": "the same over time, as MP4 or GIF",
+    "convert": "between OpenPIV, PIVlab, Tecplot, DaVis, CSV, VTK and plane series",
+}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one subcommand; returns the exit code (0 good, 2 bad input, 130 interrupted)."""
+    parser = argparse.ArgumentParser(prog="python -m piv", description=__doc__)
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="command")
+    arguments = sys.argv[1:] if argv is None else argv
+    wanted = arguments[0] if arguments and arguments[0] in COMMANDS else None
+    for name, help_line in COMMANDS.items():
+        sub = subparsers.add_parser(name, help=help_line, description=help_line)
+        if name == wanted:  # import only what runs: the others' libraries are slow to load
+            importlib.import_module(f"piv.commands.{name}").add_arguments(sub)
+    args = parser.parse_args(arguments)
+    try:
+        importlib.import_module(f"piv.commands.{args.command}").run(args)
+    except (ValueError, OSError, KeyError) as error:
+        message = error.args[0] if isinstance(error, KeyError) and error.args else error
+        print(f"piv {args.command}: {message}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"piv {args.command}: interrupted; finished frames are kept", file=sys.stderr)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
