@@ -24,6 +24,7 @@ from pipeline.motion import read_motion
 from pipeline.openfoam import environment, foam_version, last_lines, run_tool, solver_command
 from pipeline.partition import partition_columns
 from pipeline.quality import cell_centres
+from pipeline.results import collect_results
 from pipeline.scene import Scene
 from pipeline.stage import guarded, parser, read_dataset, timed, versions, write_text
 
@@ -186,7 +187,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     prepare(scene, ranks, quiet)
     record = solve(scene, ranks, hosts, quiet)
     case = scene.out / "case"
-    summary = {"power_balance": {"closure_fraction": 0}}
+    summary = collect_results(scene, case, scene.out / "run")
     write_text(
         scene.out / "run" / "run.json",
         json.dumps(
