@@ -50,7 +50,7 @@ class _Level:
             self.coefficients.append(cv2.copyMakeBorder(c, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0))
             u = np.ones(self.shape, np.uint8) if ok is None else ok.astype(np.uint8)
             u = cv2.copyMakeBorder(u, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
-            self.usable.append(cv2.erode(u, np.ones((5, 5), np.uint8)))
+            self.usable.append(cv2.erode(u, np.ones((9, 9), np.uint8)).astype(np.float32))
         self.a = np.empty(self.shape, np.float32)
         self.b = np.empty(self.shape, np.float32)
         self.weight = np.empty(self.shape, np.float32)

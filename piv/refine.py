@@ -10,6 +10,33 @@ MOMENTS = 9  # gx, gy, hxx, hxy, hyy, aa, bb, ab, weight
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def _row_moments(a, above_a, a0, below_a, last_a, b, above_b, b0, below_b, last_b, weight, sums):
+    """Add the products of one row to `sums`; the arguments are the rows r-2 … r+2 of both images."""
+    p = np.float32(8 / 12)
+    q = np.float32(1 / 12)
+    half = np.float32(0.5)
+    for i in range(weight.size):
+        w = weight[i]
+        va = a0[i + 2]
+        vb = b0[i + 2]
+        ax = p * (a0[i + 3] - a0[i + 1]) - q * (a0[i + 4] - a0[i])
+        bx = p * (b0[i + 3] - b0[i + 1]) - q * (b0[i + 4] - b0[i])
+        ay = p * (below_a[i + 2] - above_a[i + 2]) - q * (last_a[i + 2] - a[i + 2])
+        by = p * (below_b[i + 2] - above_b[i + 2]) - q * (last_b[i + 2] - b[i + 2])
+        wa = w * va
+        wb = w * vb
+        sums[0, i] += half * (wa * bx - wb * ax)
+        sums[1, i] += half * (wa * by - wb * ay)
+        sums[2, i] += w * ax * bx
+        sums[3, i] += half * w * (ax * by + ay * bx)
+        sums[4, i] += w * ay * by
+        sums[5, i] += wa * va
+        sums[6, i] += wb * vb
+        sums[7, i] += wa * vb
+        sums[8, i] += w
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def cell_moments(a, b, weight, out):
     """Sums over CELL x CELL px of the correlation's gradient, its cross-gradient Hessian and the energies.
 
@@ -20,33 +47,13 @@ def cell_moments(a, b, weight, out):
     rows, columns = a.shape
     cells_y, cells_x = out.shape[1], out.shape[2]
     sums = np.empty((MOMENTS, columns), np.float32)
-    p = np.float32(8 / 12)
-    q = np.float32(1 / 12)
-    half = np.float32(0.5)
     for j in range(cells_y):
         sums[:] = 0
-        for r in range(j * CELL, (j + 1) * CELL):
-            if r < 2 or r >= rows - 2:
-                continue
-            for c in range(2, columns - 2):
-                w = weight[r, c]
-                va = a[r, c]
-                vb = b[r, c]
-                ax = p * (a[r, c + 1] - a[r, c - 1]) - q * (a[r, c + 2] - a[r, c - 2])
-                ay = p * (a[r + 1, c] - a[r - 1, c]) - q * (a[r + 2, c] - a[r - 2, c])
-                bx = p * (b[r, c + 1] - b[r, c - 1]) - q * (b[r, c + 2] - b[r, c - 2])
-                by = p * (b[r + 1, c] - b[r - 1, c]) - q * (b[r + 2, c] - b[r - 2, c])
-                wa = w * va
-                wb = w * vb
-                sums[0, c] += half * (wa * bx - wb * ax)
-                sums[1, c] += half * (wa * by - wb * ay)
-                sums[2, c] += w * ax * bx
-                sums[3, c] += half * w * (ax * by + ay * bx)
-                sums[4, c] += w * ay * by
-                sums[5, c] += wa * va
-                sums[6, c] += wb * vb
-                sums[7, c] += wa * vb
-                sums[8, c] += w
+        for r in range(max(j * CELL, 2), min((j + 1) * CELL, rows - 2)):
+            _row_moments(
+                a[r - 2], a[r - 1], a[r], a[r + 1], a[r + 2], b[r - 2], b[r - 1], b[r], b[r + 1], b[r + 2],
+                weight[r, 2 : columns - 2], sums[:, 2 : columns - 2],
+            )  # fmt: skip
         for m in range(MOMENTS):
             for i in range(cells_x):
                 k = i * CELL

@@ -32,7 +32,7 @@ def render(
     diameter=2.5,
     noise=0.0,
     out_of_plane=0.0,
-    peak=180.0,
+    peak=205.0,
     background=5.0,
     frames=(-0.5, 0.5),
 ):
