@@ -93,7 +93,7 @@ def correlate_pair(
     dy = 2 * _resample(2 * px + 0.5, 2 * py + 0.5, dy, x, y)
     settings = PRESETS[preset]
     sigma = window / np.sqrt(4 * np.pi)
-    kernel = prefilter.spline_kernel(prefilter.default_response(prefilter.radial_frequency()))
+    kernel = prefilter.kernel(prefilter.default_response(prefilter.radial_frequency()))
     low = Level(half, half_seen, 2, kernel, x, y)
     for _ in range(settings["half"]):
         low.warp(dx, dy)
@@ -116,7 +116,10 @@ def correlate_pair(
             global LOG
             LOG = f, S, N
             response = prefilter.optimal_response(f[ok], (S/now)[ok], (N/now)[ok])
-            high.set_kernel(prefilter.spline_kernel(response))
+            high.set_kernel(prefilter.kernel(response))
+    from piv.deform import smooth
+    from piv.uncertainty import correlation_statistics
+    vx, vy = correlation_statistics(high, m, m.dx - smooth(dx), m.dy - smooth(dy), sigma)
     dx, dy, corr, share = m.dx, m.dy, m.correlation, m.share
     flag = np.zeros(dx.shape, np.uint8)
     flag[bad] = OUTLIER
@@ -129,7 +132,7 @@ def correlate_pair(
     return xr.Dataset(
         {
             "u": (dims, u[up]), "v": (dims, v[up]), "valid": (dims, ok[up].astype(np.uint8)), "flag": (dims, flag[up]),
-            "u_std": (dims, std[up]), "v_std": (dims, std[up]), "correlation": (dims, corr[up]),
+            "u_std": (dims, np.sqrt(vx)[up]), "v_std": (dims, np.sqrt(vy)[up]), "correlation": (dims, corr[up]),
         },
         coords={"x": x, "y": (rows - 1 - y)[up]},
     )  # fmt: skip

@@ -35,7 +35,7 @@ class Level:
         for ok in seen:
             usable = np.ones(self.shape, np.uint8) if ok is None else ok.astype(np.uint8)
             usable = cv2.copyMakeBorder(usable, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
-            # a sample needs its spline's support, a derivative those of its neighbours: 4 px in all
+            # a sample needs its four neighbours, a derivative those of its neighbours: 4 px in all
             self.usable.append(cv2.erode(usable, np.ones((9, 9), np.uint8)).astype(np.float32))
         self.set_kernel(kernel)
         self.x, self.y = (x + 0.5) / factor - 0.5, (y + 0.5) / factor - 0.5
@@ -44,7 +44,7 @@ class Level:
         self.a, self.b, self.weight, self._dx, self._dy = (np.empty(self.shape, np.float32) for _ in range(5))
 
     def set_kernel(self, kernel: np.ndarray) -> None:
-        """Spline coefficients of the images, filtered by `kernel` (prefilter.spline_kernel)."""
+        """Images filtered by `kernel` (prefilter.kernel)."""
         self.coefficients = [
             cv2.copyMakeBorder(
                 cv2.filter2D(image, cv2.CV_32F, kernel, borderType=cv2.BORDER_REFLECT_101),

@@ -1,11 +1,44 @@
-"""Cubic B-spline image warping by a displacement known on a regular grid of vectors."""
+"""Image warping by a displacement known on a regular grid of vectors.
+
+Images are sampled with a Kaiser-Bessel kernel four pixels wide behind a matching prefilter: at the cost of a cubic
+B-spline it leaks twenty times less of its spectrum's mirror image at 0.4 cycles/px, which is what biases
+displacements of particle images of two to three pixels (peak locking).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
+BETA = 7.0  # of the Kaiser-Bessel kernel: leaks least over 0 … 0.42 cycles/px
 PAD = 16  # px of border around spline coefficients: samples further outside are not taken
+
+
+def kernel_values(x: np.ndarray) -> np.ndarray:
+    """Kaiser-Bessel kernel of unit area, zero beyond 2 px."""
+    inside = np.maximum(1 - (np.asarray(x, float) / 2) ** 2, 0)
+    area = 4 * np.sinh(BETA) / BETA
+    return np.where(np.abs(x) <= 2, np.i0(BETA * np.sqrt(inside)), 0) / area
+
+
+def kernel_response(frequency: np.ndarray) -> np.ndarray:
+    """Fourier transform of the kernel at `frequency` (cycles/px, at most 0.5), 1 at zero."""
+    root = np.sqrt(BETA**2 - (4 * np.pi * np.asarray(frequency, float)) ** 2)
+    return np.sinh(root) / root * BETA / np.sinh(BETA)
+
+
+def _polynomials() -> np.ndarray:
+    """Outer and inner tap as polynomials of u = t - 1/2: even parts in u², odd parts in u·u² (rows)."""
+    u = np.cos(np.linspace(0, np.pi, 201)) / 2
+    rows = []
+    for centre in (1.5, 0.5):
+        right, left = kernel_values(centre + u), kernel_values(centre - u)
+        for part, powers in (((right + left) / 2, (0, 2, 4, 6)), ((right - left) / 2, (1, 3, 5, 7))):
+            rows.append(np.linalg.lstsq(u[:, None] ** np.array(powers), part, rcond=None)[0])
+    return np.array(rows)
+
+
+_TAPS = tuple(np.float32(c) for c in _polynomials().ravel())
 
 
 def bspline_table(positions: np.ndarray, origin: float, spacing: float, count: int) -> tuple:
@@ -54,22 +87,23 @@ def dense_field(knots, first_y, weights_y, first_x, weights_x, out):
 
 
 @njit(cache=True, nogil=True, fastmath=True, inline="always")
-def _cubic(t):
-    """Cubic B-spline weights at the fraction t between two samples."""
-    sixth = np.float32(1 / 6)
-    s = np.float32(1) - t
-    first = s * s * s * sixth
-    last = t * t * t * sixth
-    second = np.float32(2 / 3) + t * t * (np.float32(0.5) * t - np.float32(1))
-    return first, second, np.float32(1) - first - second - last, last
+def _taps(t):
+    """Weights of the four samples around the fraction t between the middle two."""
+    u = t - np.float32(0.5)
+    q = u * u
+    even = _TAPS[0] + q * (_TAPS[1] + q * (_TAPS[2] + q * _TAPS[3]))
+    odd = u * (_TAPS[4] + q * (_TAPS[5] + q * (_TAPS[6] + q * _TAPS[7])))
+    inner_even = _TAPS[8] + q * (_TAPS[9] + q * (_TAPS[10] + q * _TAPS[11]))
+    inner_odd = u * (_TAPS[12] + q * (_TAPS[13] + q * (_TAPS[14] + q * _TAPS[15])))
+    return even + odd, inner_even + inner_odd, inner_even - inner_odd, even - odd
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _sample_run(p0, p1, p2, p3, frac_x, frac_y, out):
     """Samples of a run of pixels with one whole-pixel shift: contiguous, so that the loop vectorises."""
     for i in range(out.size):
-        a0, a1, a2, a3 = _cubic(frac_x[i])
-        b0, b1, b2, b3 = _cubic(frac_y[i])
+        a0, a1, a2, a3 = _taps(frac_x[i])
+        b0, b1, b2, b3 = _taps(frac_y[i])
         out[i] = (
             b0 * (a0 * p0[i] + a1 * p0[i + 1] + a2 * p0[i + 2] + a3 * p0[i + 3])
             + b1 * (a0 * p1[i] + a1 * p1[i + 1] + a2 * p1[i + 2] + a3 * p1[i + 3])
@@ -90,7 +124,7 @@ def _split(shift, start, low, high, base, frac):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def warp(coefficients, usable, dx, dy, factor, out, weight, multiply):
-    """Sample a cubic spline at (x + factor·dx, y + factor·dy) for every pixel of `out`.
+    """Sample an image at (x + factor·dx, y + factor·dy) for every pixel of `out`.
 
     coefficients: (rows+2·PAD, columns+2·PAD) float32; usable: the same shape, float32, 0 where the image must
     take no part. weight (rows, columns) float32 is set to (or, with `multiply`, multiplied by) `usable` there.

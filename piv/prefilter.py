@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 import scipy.fft
 
+from piv.interpolate import kernel_response
+
 TILE = 64  # px: side of the tiles whose spectra are averaged
 TAPS = 13  # px: side of the filter kernels
 
@@ -33,17 +35,18 @@ def default_response(frequency: np.ndarray, lowpass: float = 0.35) -> np.ndarray
     return np.exp(-2 * (np.pi * lowpass * frequency) ** 2)
 
 
-def spline_kernel(response: np.ndarray) -> np.ndarray:
-    """2-D kernel that turns samples into cubic B-spline coefficients of the image filtered by `response`.
+def kernel(response: np.ndarray) -> np.ndarray:
+    """2-D kernel that filters an image by `response` and prepares it for sampling (piv.interpolate).
 
     response: amplitude on the rfft2 frequencies of a TILE × TILE field.
     """
-    f = np.fft.fftfreq(TILE)
-    interpolation = (2 + np.cos(2 * np.pi * f)) / 3
-    full = response / (interpolation[:, None] * interpolation[None, : TILE // 2 + 1])
-    kernel = np.fft.fftshift(np.fft.irfft2(full, s=(TILE, TILE)))
+    f = np.abs(np.fft.fftfreq(TILE))
+    # frequencies next to the sampling limit cannot be interpolated: taper them off
+    one = np.cos(np.clip((f - 0.36) / 0.14, 0, 1) * np.pi / 2) ** 2 / kernel_response(f)
+    full = response * one[:, None] * one[None, : TILE // 2 + 1]
+    taps = np.fft.fftshift(np.fft.irfft2(full, s=(TILE, TILE)))
     middle = slice(TILE // 2 - TAPS // 2, TILE // 2 + TAPS // 2 + 1)
-    return np.ascontiguousarray(kernel[middle, middle], np.float32)
+    return np.ascontiguousarray(taps[middle, middle], np.float32)
 
 
 def radial_frequency() -> np.ndarray:
