@@ -114,7 +114,7 @@ def fit_vortices(d: Vectors, start: np.ndarray, gradient_prior: float = np.inf, 
         return float(r @ r + prior @ (q * q)), r, root[:, None] * j
 
     _, r, j = cost_of(p)
-    damping, converged = 1e-3, False
+    damping, converged = 1e-5, False
     for _iteration in range(MAX_ITERATIONS):
         if np.isfinite(gradient_prior):
             prior[slopes] = (r @ r / dof) / (gradient_prior * scale) ** 2
@@ -127,18 +127,18 @@ def fit_vortices(d: Vectors, start: np.ndarray, gradient_prior: float = np.inf, 
             limit = step_limit * np.exp(p[4 * k + 3])
             step[4 * k : 4 * k + 2] = np.clip(step[4 * k : 4 * k + 2], -limit, limit)
             step[4 * k + 3] = np.clip(step[4 * k + 3], -0.5, 0.5)
+        if 2 * step @ rhs - step @ normal @ step <= 1e-7 * cost + 1e-300:  # nothing left to gain
+            if damping <= 1e-7:
+                converged = True
+                break
+            damping /= 100  # a damped step may gain little in a long valley: look again undamped
+            continue
         new_cost, new_r, new_j = cost_of(p + step)
         if new_cost <= cost:
             p, r, j = p + step, new_r, new_j
             damping = max(damping / 5, 1e-9)
-            if cost - new_cost <= 1e-9 * cost + 1e-300 and np.abs(step[3::4][:n]).max() < 1e-4:
-                converged = True
-                break
         else:
             damping *= 4
-            if damping > 1e8:
-                converged = True
-                break
     weight = root * root
     mean = np.concatenate([np.full(d.u.size, np.average(d.u, weights=d.weight_u)),
                            np.full(d.v.size, np.average(d.v, weights=d.weight_v))])

@@ -214,23 +214,26 @@ def _fit_one(p: _Plane, now: np.ndarray, k: int, s: VortexSettings) -> tuple[Fit
 def _correlation_factor(p: _Plane, fit: Fit, use: np.ndarray, length: float | None) -> float:
     """By how much correlated errors raise the variance of fitted values: number of vectors per independent one.
 
-    With a correlation length L (box window, triangular autocorrelation) (L/dx) (L/dy), at least 1; otherwise
-    (1 + r)/(1 - r) per direction from the residuals' lag-one autocorrelation r.
+    With a correlation length L (box window, triangular autocorrelation) (L/dx) (L/dy), at least 1; otherwise the sum of
+    the residuals' autocorrelation over all lags up to its first fall below 0.05, per direction.
     """
     if length is not None:
         return max(1.0, length / (p.x[1] - p.x[0])) * max(1.0, length / (p.y[1] - p.y[0]))
+    r = np.full((2, *use.shape), np.nan)
+    r[0][use], r[1][use] = fit.residual_u, fit.residual_v
     factor = 1.0
-    for axis in (0, 1):
-        product = power = 0.0
-        for residual in (fit.residual_u, fit.residual_v):
-            r = np.full(use.shape, np.nan)
-            r[use] = residual
-            a, b = (r[:-1], r[1:]) if axis == 0 else (r[:, :-1], r[:, 1:])
+    for axis in (1, 2):
+        total = 1.0
+        for lag in range(1, r.shape[axis] // 2):
+            a = np.take(r, range(r.shape[axis] - lag), axis)
+            b = np.take(r, range(lag, r.shape[axis]), axis)
             both = np.isfinite(a) & np.isfinite(b)
-            product += float((a[both] * b[both]).sum())
-            power += float((a[both] ** 2 + b[both] ** 2).sum()) / 2
-        rho = min(max(product / power if power > 0 else 0.0, 0.0), 0.9)
-        factor *= (1 + rho) / (1 - rho)
+            power = float((a[both] ** 2 + b[both] ** 2).sum()) / 2
+            rho = float((a[both] * b[both]).sum()) / power if power > 0 else 0.0
+            if rho < 0.05:
+                break
+            total += 2 * rho
+        factor *= total
     return factor
 
 
