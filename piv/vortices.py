@@ -122,17 +122,30 @@ def find_vortices(plane: xr.Dataset, settings: VortexSettings | None = None, **o
     least = s.min_circulation
     rough = 0.3 * (s.min_part * abs(candidates[0].circulation) if least is None else least)
     start = np.array([c[:4] for c in candidates if abs(c.circulation) >= rough])
-    fits = _fit_all(p, start, s)
-    vortices = [_record(p, fit, vorticity(g), n, s) for fit, n in fits]
-    vortices.sort(key=lambda w: -abs(w.circulation))
-    if not vortices:
+    fits: list[tuple[Fit, int]] = []
+    while len(start):  # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
+        fits = _fit_all(p, start, s)
+        start, pruned = _significant(fits, s)
+        if not pruned:
+            break
+    else:
         return []
-    least = s.min_part * abs(vortices[0].circulation) if least is None else least
-    return [
-        w
-        for w in vortices
-        if abs(w.circulation) >= least and abs(w.circulation) >= s.significance * w.circulation_std
+    omega = vorticity(g)
+    distance = distance_to_invalid(p.valid, dx, dy)
+    return sorted((_record(p, fit, omega, distance, n) for fit, n in fits), key=lambda w: -abs(w.circulation))
+
+
+def _significant(fits: list[tuple[Fit, int]], s: VortexSettings) -> tuple[np.ndarray, bool]:
+    """Parameters of the fits that are strong enough to be reported, and whether any is not."""
+    strongest = max((abs(f.vortices[0, 2]) for f, _ in fits), default=0.0)
+    least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
+    keep = [
+        f.vortices[0]
+        for f, _ in fits
+        if abs(f.vortices[0, 2]) >= max(least, s.significance * np.sqrt(max(f.covariance[2, 2], 0.0)))
+        and f.explained >= s.min_explained
     ]
+    return np.array(keep).reshape(-1, 4), len(keep) < len(fits)
 
 
 def _settings(settings: VortexSettings | None, options: dict[str, float]) -> VortexSettings:
@@ -182,7 +195,7 @@ def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[tuple[Fit,
         now, start, fits = now[order], start[order], [fits[k] for k in order]
         if not len(now):
             break
-    return [f for f in fits if f is not None and f[0].explained >= s.min_explained]
+    return [f for f in fits if f is not None]
 
 
 def _fit_one(p: _Plane, now: np.ndarray, k: int, s: VortexSettings) -> tuple[Fit, int] | None:
@@ -268,13 +281,12 @@ def _distinct(now: np.ndarray, explained: list[float]) -> list[int]:
     return sorted(kept)
 
 
-def _record(p: _Plane, fit: Fit, omega: np.ndarray, n: int, s: VortexSettings) -> Vortex:
+def _record(p: _Plane, fit: Fit, omega: np.ndarray, distance: np.ndarray, n: int) -> Vortex:
     x, y, circulation, a = (float(q) for q in fit.vortices[0])
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
     peak = PEAK_SWIRL * abs(circulation) / (2 * np.pi * a)
     slope = np.array([peak / circulation, -peak / a])
     peak_std = float(np.sqrt(max(slope @ fit.covariance[2:4, 2:4] @ slope, 0.0)))
-    distance = distance_to_invalid(p.valid, p.x[1] - p.x[0], p.y[1] - p.y[0])
     radius = clear_radius(distance, p.x, p.y, x, y, 2 * a)
     room = radius >= 0.5 * a
     gradient = fit.background[[1, 2, 4, 5]]
