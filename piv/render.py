@@ -91,6 +91,15 @@ def fill_polygon(mask: np.ndarray, column: np.ndarray, row: np.ndarray) -> None:
                 mask[j, i] = 1
 
 
+def in_mask(mask: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Which points (px, row 0 at the top) fall on a set pixel of `mask`; False outside the picture."""
+    j, i = np.rint(row).astype(int), np.rint(column).astype(int)
+    inside = (j >= 0) & (j < mask.shape[0]) & (i >= 0) & (i < mask.shape[1])
+    out = np.zeros(column.shape, bool)
+    out[inside] = mask[j[inside], i[inside]] != 0
+    return out
+
+
 def shadow_of(mask: np.ndarray) -> np.ndarray:
     """Pixels (bool) above the lowest body pixel of their column: where a sheet from below does not reach."""
     body = np.asarray(mask).astype(bool)

@@ -51,7 +51,7 @@ def find_candidates(
     found = []
     for sense in (1.0, -1.0):
         region = (np.nan_to_num(sense * size) >= threshold) & (np.nan_to_num(sense * swirl) > 0) & inside
-        labels, n = ndimage.label(region, np.ones((3, 3)))
+        labels, _n = ndimage.label(region, np.ones((3, 3)))
         for k, box in enumerate(ndimage.find_objects(labels), start=1):
             j, i = np.nonzero(labels[box] == k)
             if j.size < min_points:

@@ -94,7 +94,9 @@ class _Plane(NamedTuple):
 SWEEPS = 3  # passes of the fit over all vortices: neighbours and fit discs settle to 1e-3 within three
 
 
-def find_vortices(plane: xr.Dataset, settings: VortexSettings | None = None, **options: float) -> list[Vortex]:
+def find_vortices(
+    plane: xr.Dataset, settings: VortexSettings | None = None, **options: float
+) -> list[Vortex]:
     """Vortices of one plane (dimensions y, x; variables u, v, valid, optional u_std, v_std), strongest first.
 
     Works in whatever units the plane has. `options` are fields of `VortexSettings`. Candidates are regions of Gamma2 and
@@ -123,7 +125,9 @@ def find_vortices(plane: xr.Dataset, settings: VortexSettings | None = None, **o
     rough = 0.3 * (s.min_part * abs(candidates[0].circulation) if least is None else least)
     start = np.array([c[:4] for c in candidates if abs(c.circulation) >= rough])
     fits: list[tuple[Fit, int]] = []
-    while len(start):  # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
+    while len(
+        start
+    ):  # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
         fits = _fit_all(p, start, s)
         start, pruned = _significant(fits, s)
         if not pruned:
@@ -160,7 +164,9 @@ def _arrays(plane: xr.Dataset) -> _Plane:
     for name in ("u", "v"):
         if name not in plane or set(plane[name].dims) != {"y", "x"}:
             found = plane[name].dims if name in plane else "none"
-            raise ValueError(f"vortices are found in one plane with {name!r} over (y, x), got dimensions {found}")
+            raise ValueError(
+                f"vortices are found in one plane with {name!r} over (y, x), got dimensions {found}"
+            )
     u, v = (plane[n].transpose("y", "x").values.astype(float) for n in ("u", "v"))
     x, y = plane["x"].values.astype(float), plane["y"].values.astype(float)
     valid = np.isfinite(u) & np.isfinite(v)
@@ -183,7 +189,7 @@ def _arrays(plane: xr.Dataset) -> _Plane:
 def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[tuple[Fit, int]]:
     """Fit every candidate in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
     now = start.copy()
-    for sweep in range(SWEEPS):
+    for _sweep in range(SWEEPS):
         fits: list[tuple[Fit, int] | None] = []
         for k in range(len(now)):
             fits.append(_fit_one(p, now, k, s))
