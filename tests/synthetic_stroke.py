@@ -228,7 +228,7 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
     ).to_csv(out / "mesh_quality.csv", index=False)
     balance = {"work": 2.3e-4, "kinetic_energy": 2.0e-4, "dissipated": 2.4e-5, "closure": 6e-6, "closure_fraction": 0.026}
     run = {"format": "run", "format_version": 1, "versions": {"openfoam": "v1912"}, "scene_hash": "0123abcd"}
-    run |= {"scene": {"name": scene, "title": "A single finger bends in the tank", "finger": {"width": WIDTH, "root": [0, 0.24], "length": LENGTH}}}
+    run |= {"scene": {"name": scene, "title": "A single finger bends in the tank", "finger": {"width": WIDTH, "root": [0, 0.24], "length": LENGTH}, "tank": {"size": [0.6, 0.33, 0.3], "water_depth": 0.3}, "fluid": {"density": 998.2, "kinematic_viscosity": 1.004e-6, "turbulence": "laminar"}, "model": {"kind": "half"}}}
     run |= {"level": level, "model": "half", "ranks": 2, "cells": 63500, "time_step": 5e-4, "end_time": 0.4, "steps": 800}
     run |= {"wall_time": 161.0, "resumed": [], "courant_max": 0.7, "power_balance": balance}
     (out / "run/run.json").write_text(json.dumps(run))
