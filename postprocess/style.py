@@ -29,24 +29,22 @@ RC = {
     "lines.linewidth": 1.8,
     "legend.frameon": False,
     "svg.fonttype": "path",
-    "svg.hashsalt": "softfinger",
+    "svg.hashsalt": "softfinger",  # equal pictures give equal files
 }
+mpl.rcParams.update(RC)  # titles and labels are styled when they are set, so a context around drawing would miss some
 
 
 def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, dpi: float = 110, **more):
     """An off-screen figure (inches) and its axes; no display and no global state of pyplot."""
-    with mpl.rc_context(RC):
-        figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(rows, columns, **more)
-    return figure, axes
+    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, **more)
 
 
 def save(figure: Figure, path: Path, **more) -> Path:
     """Write a figure in the format of its suffix, whole or not at all."""
     part = path.with_name(path.name + ".part")
     metadata = {"Date": None} if path.suffix == ".svg" else {}
-    with mpl.rc_context(RC):
-        figure.savefig(part, format=path.suffix[1:], metadata=metadata, facecolor="white", **more)
+    figure.savefig(part, format=path.suffix[1:], metadata=metadata, facecolor="white", **more)
     os.replace(part, path)
     return path
