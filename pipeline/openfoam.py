@@ -67,3 +67,9 @@ def solver_command(ranks: int, hosts: Path | None = None) -> list[str]:
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         mpi.insert(1, "--allow-run-as-root")
     return [*mpi, "pimpleFoam", "-parallel"]
+
+
+if __name__ == "__main__":
+    from pipeline.stage import guarded
+
+    guarded("setup", lambda: print(f"setup: OpenFOAM {foam_version()}"))
