@@ -183,7 +183,8 @@ def _arrays(plane: xr.Dataset) -> _Plane:
         else:
             weights.append(valid.astype(float))
     xx, yy = np.meshgrid(x, y)
-    return _Plane(x, y, np.where(valid, u, np.nan), np.where(valid, v, np.nan), valid, *weights, xx, yy)
+    u, v = (np.where(valid, q, np.nan) for q in (u, v))
+    return _Plane(x, y, u, v, valid, weights[0], weights[1], xx, yy)
 
 
 def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[tuple[Fit, int]]:
@@ -289,7 +290,9 @@ def _distinct(now: np.ndarray, explained: list[float]) -> list[int]:
 
 def _record(p: _Plane, fit: Fit, omega: np.ndarray, distance: np.ndarray, n: int) -> Vortex:
     x, y, circulation, a = (float(q) for q in fit.vortices[0])
-    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
+    x_std, y_std, circulation_std, a_std = (
+        float(q) for q in np.sqrt(np.maximum(np.diag(fit.covariance)[:4], 0))
+    )
     peak = PEAK_SWIRL * abs(circulation) / (2 * np.pi * a)
     slope = np.array([peak / circulation, -peak / a])
     peak_std = float(np.sqrt(max(slope @ fit.covariance[2:4, 2:4] @ slope, 0.0)))
@@ -302,7 +305,10 @@ def _record(p: _Plane, fit: Fit, omega: np.ndarray, distance: np.ndarray, n: int
         circulation,
         a,
         float(peak),
-        *(float(q) for q in std[:4]),
+        x_std,
+        y_std,
+        circulation_std,
+        a_std,
         peak_std,
         area_circulation(p.x, p.y, omega, x, y, radius) if room else np.nan,
         contour_circulation(p.x, p.y, p.u, p.v, x, y, radius) if room else np.nan,
