@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.fea import plane
-from pipeline.fea.finger import FloatArray, arc_length, chain, fit_circle
+from pipeline.fea.finger import FloatArray, arc_length, chain, fit_circle, smoothed
 from pipeline.fea.path import follow
 from pipeline.fea.settings import Actuator, Fea
 from pipeline.fea.states import BendingStates
@@ -51,10 +51,11 @@ def bend(
     states = follow(cell, fea.pressures, done)
     profiles = np.array([profile(cell, state, actuator) for state in states.values()])
     radius, residual = np.array([fit_circle(line) for line in profiles]).T
+    at_rest = profile(cell, cell.rest(), actuator)[:, 0]
     thickness = np.array([cell_thickness(cell, state) for state in states.values()])
     return BendingStates(
         pressure=np.array(list(states)),
-        profile=profiles,
+        profile=smoothed(profiles, at_rest),
         thickness=np.repeat(thickness[:, None], profiles.shape[1], 1),
         bend_angle=arc_length(profiles)[:, -1] / radius,
         radius=radius,

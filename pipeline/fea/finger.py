@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
 FloatArray = NDArray[np.float64]
@@ -82,3 +83,21 @@ def arc_length(profile: FloatArray) -> FloatArray:
     """Length (point) along a profile (..., point, 2), zero at its start."""
     steps = np.linalg.norm(np.diff(profile, axis=-2), axis=-1)
     return np.concatenate([np.zeros((*steps.shape[:-1], 1)), np.cumsum(steps, -1)], -1)
+
+
+def smoothed(profiles: FloatArray, rest: FloatArray, intervals: int = 6) -> FloatArray:
+    """Profiles (state, point, 2) without the ripple of the single chambers, at the same material points.
+
+    Cubic splines over the undeformed length `rest` (point), by least squares, on intervals longer than a chamber's
+    pitch; the root stays in place and keeps its direction, as it is clamped. The ripple is below 0.1 mm, but where it
+    bends locally to less than the finger's height, normals of the bare profile would cross within the finger.
+    """
+    s = (rest - rest[0]) / (rest[-1] - rest[0])
+    knots = np.concatenate([np.zeros(3), np.linspace(0, 1, intervals + 1), np.ones(3)])
+    basis = BSpline.design_matrix(s, knots, 3).toarray()
+    result = np.empty_like(profiles)
+    for axis, fixed in ((0, 1), (1, 2)):  # the first coefficient is the root's place, the second its direction
+        moved = (profiles[..., axis] - profiles[:, :1, axis]).T
+        coefficients = np.linalg.lstsq(basis[:, fixed:], moved, rcond=None)[0]
+        result[..., axis] = (basis[:, fixed:] @ coefficients).T + profiles[:, :1, axis]
+    return result
