@@ -18,6 +18,7 @@ PRESETS = {
 
 
 REF = (0,)
+SM = None
 LOG = None
 
 
@@ -120,7 +121,17 @@ def correlate_pair(
     from piv.deform import smooth
     from piv.uncertainty import correlation_statistics
     vx, vy = correlation_statistics(high, m, m.dx - smooth(dx), m.dy - smooth(dy), sigma)
-    dx, dy, corr, share = m.dx, m.dy, m.correlation, m.share
+    corr, share = m.correlation, m.share
+    dx, dy = m.dx, m.dy
+    if SM:
+        from piv.smooth import adaptive, noise_shares
+        e, l, gain = noise_shares(SM[0], sigma / spacing, 4)
+        vx, vy = vx * gain * SM[2], vy * gain * SM[2]
+        known = ~bad & (share > 0.5)
+        dx, dy, vx, vy = adaptive(dx, dy, vx, vy, known, (e, l), sigma=SM[0], strictness=SM[1])
+    if SM and SM[3]:
+        e, l, gain = noise_shares(SM[3], sigma / spacing, 4)
+        dx, dy, vx, vy = adaptive(dx, dy, vx, vy, known, (e, l), sigma=SM[3], strictness=SM[1])
     flag = np.zeros(dx.shape, np.uint8)
     flag[bad] = OUTLIER
     flag[share < 0.5] = MASKED
