@@ -119,13 +119,13 @@ def correlate_pair(
             response = prefilter.optimal_response(f[ok], (S/now)[ok], (N/now)[ok])
             high.set_kernel(prefilter.kernel(response))
     from piv.deform import smooth
-    from piv.uncertainty import correlation_statistics
-    vx, vy = correlation_statistics(high, m, m.dx - smooth(dx), m.dy - smooth(dy), sigma)
+    from piv.uncertainty import correlation_statistics, noise_budget
+    vx, vy = correlation_statistics(high, m, sigma, noise_budget(sigma, spacing, 4)[1])
     corr, share = m.correlation, m.share
     dx, dy = m.dx, m.dy
     if SM:
         from piv.smooth import adaptive, noise_shares
-        e, l, gain = noise_shares(SM[0], sigma / spacing, 4)
+        e, l, gain = noise_shares(SM[0], sigma / spacing, 4); gain = noise_budget(sigma, spacing, 4)[0]
         vx, vy = vx * gain * SM[2], vy * gain * SM[2]
         known = ~bad & (share > 0.5)
         dx, dy, vx, vy = adaptive(dx, dy, vx, vy, known, (e, l), sigma=SM[0], strictness=SM[1])

@@ -17,6 +17,8 @@ class Measurement:
 
     dx: np.ndarray
     dy: np.ndarray
+    step_x: np.ndarray
+    step_y: np.ndarray
     correlation: np.ndarray
     share: np.ndarray  # part of the window's weight that both images could use
     cells: np.ndarray  # moments of the cells, and their sums in the windows
@@ -77,8 +79,10 @@ class Level:
         step_x, step_y, correlation = (np.empty(shape, np.float32) for _ in range(3))
         refine.newton_step(sums, np.float32(limit), step_x, step_y, correlation)
         full = np.outer(weight_y.sum(axis=1), weight_x.sum(axis=1)) * refine.CELL**2
+        step_x *= self.factor
+        step_y *= self.factor
         return Measurement(
-            smooth(dx) + step_x * self.factor, smooth(dy) + step_y * self.factor,
+            smooth(dx) + step_x, smooth(dy) + step_y, step_x, step_y,
             correlation, sums[8] / full, cells, sums,
         )  # fmt: skip
 

@@ -8,14 +8,21 @@ import cv2
 import numpy as np
 
 
+ORDER = 4
+KEEP = None
+WIDE = 2.0
+
+
 def _gauss(field: np.ndarray, sigma: float) -> np.ndarray:
     return cv2.GaussianBlur(field, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
 
 
 def _flat(field, weight, total, sigma):
-    """Low-pass L(2 - L) of a masked field, L a Gaussian: its response falls off with the fourth power only."""
-    once = _gauss(field * weight, sigma) / total
-    return once + _gauss((field - once) * weight, sigma) / total
+    """Low-pass 1 - (1 - L)ⁿ of a masked field, L a Gaussian: flat up to its cut-off, steep beyond."""
+    out = np.zeros_like(field)
+    for _ in range(ORDER):
+        out += _gauss((field - out) * weight, sigma) / total
+    return out
 
 
 def adaptive(dx, dy, var_x, var_y, known, passed: tuple[float, float], *, sigma: float, strictness: float = 1.5):
@@ -29,13 +36,13 @@ def adaptive(dx, dy, var_x, var_y, known, passed: tuple[float, float], *, sigma:
     """
     weight = known.astype(np.float32)
     total = np.maximum(_gauss(weight, sigma), 1e-6)
-    wide = 2.0 * sigma
+    wide = WIDE * sigma
     around = np.maximum(_gauss(weight, wide), 1e-6)
     smooth = [_flat(np.where(known, d, 0).astype(np.float32), weight, total, sigma) for d in (dx, dy)]
     rest = [np.where(known, d - s, 0) for d, s in zip((dx, dy), smooth, strict=True)]
     energy = _gauss((rest[0] ** 2 + rest[1] ** 2).astype(np.float32) * weight, wide) / around
     noise = passed[0] * _gauss(np.where(known, var_x + var_y, 0).astype(np.float32) * weight, wide) / around
-    keep = np.clip(1 - strictness * noise / np.maximum(energy, 1e-12), 0, 1)
+    keep = KEEP(energy / np.maximum(noise, 1e-12))
     out = [np.where(known, s + keep * e, d) for s, e, d in zip(smooth, rest, (dx, dy), strict=True)]
     # noise of what is kept, and what damping removed of a field that was there
     lost = np.maximum(energy - noise, 0) / 2 * (1 - keep) ** 2
@@ -59,7 +66,7 @@ def noise_shares(sigma_nodes: float, window_nodes: float, passes: int) -> tuple[
         predicted = spline[:, None] * spline[None, :] * total
         total = predicted + window * (1 - predicted)
     low = np.exp(-2 * np.pi**2 * sigma_nodes**2 * square)
-    low = low * (2 - low)
+    low = 1 - (1 - low) ** ORDER
     power = total**2
     return (
         float(np.sum(power * (1 - low) ** 2) / power.sum()),
