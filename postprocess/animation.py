@@ -41,7 +41,14 @@ def write_film(images: Iterable[np.ndarray], path: Path, rate_hz: float) -> None
     size = (first.shape[1], first.shape[0])
     options = ["-crf", "24", "-preset", "veryfast", "-movflags", "+faststart", "-threads", "1"]
     writer = imageio_ffmpeg.write_frames(
-        str(part), size, fps=rate_hz, codec="libx264", pix_fmt_out="yuv420p", quality=None, macro_block_size=2, output_params=options
+        str(part),
+        size,
+        fps=rate_hz,
+        codec="libx264",
+        pix_fmt_out="yuv420p",
+        quality=None,
+        macro_block_size=2,
+        output_params=options,
     )
     writer.send(None)
     writer.send(first)

@@ -21,11 +21,19 @@ from piv.plane import read_plane
 from postprocess import fields, tracks
 from postprocess.findings import Finding, Measured, is_met, read_findings
 from postprocess.quantities import QUANTITIES, Evidence, paired
-from postprocess.stagefiles import StageFiles, cost_recorded, read_arrays, read_json, sha256, write_text
+from postprocess.stagefiles import StageFiles, cost_recorded, read_json, sha256, write_text
 from postprocess.strokes import peak_tip_speed, stroke_window
 
 MIDDLE = (0.25, 0.75)  # the middle of the stroke, as fractions of its bend
-INPUTS = ("sheet.h5", "piv.h5", "images.h5", "vortices_cfd.csv", "vortices_piv.csv", "kinematics.h5", "run/run.json")
+INPUTS = (
+    "sheet.h5",
+    "piv.h5",
+    "images.h5",
+    "vortices_cfd.csv",
+    "vortices_piv.csv",
+    "kinematics.h5",
+    "run/run.json",
+)
 REST = 0.01  # of the scale; slower than this on average is rest, where a correlation says nothing
 
 
@@ -37,8 +45,11 @@ def load_evidence(files: StageFiles) -> Evidence:
     if piv is not None:
         planes["piv"] = read_plane(piv)
         vortices["piv"] = tracks.read_vortices(files.required("vortices_piv.csv", "vortices"))
-    if "tip" not in planes["cfd"]:
-        raise ValueError(f"{files.out / 'sheet.h5'}: variable 'tip' is missing; the sheet stage must pass it on")
+    missing = [name for name in ("tip", "bend", "outline") if name not in planes["cfd"]]
+    if missing:
+        raise ValueError(
+            f"{files.out / 'sheet.h5'}: variable {missing[0]!r} is missing; run the stage 'sheet' again"
+        )
     scale, _ = peak_tip_speed(planes["cfd"]["time"].values, planes["cfd"]["tip"].values)
     sums = {"piv-cfd": fields.field_sums(planes["cfd"], planes["piv"])} if piv is not None else {}
     return Evidence(planes, vortices, scale, sums)
@@ -61,7 +72,10 @@ def judge(finding: Finding, evidence: Evidence, window: tuple[float, float]) -> 
     missing = any(not evidence.has(of) for of in finding.of)
     met = False if failed or not all(judged.values()) else None if missing else True
     return {
-        **{key: getattr(finding, key) for key in ("id", "kind", "finding", "figure", "quantity", "comparison")},
+        **{
+            key: getattr(finding, key)
+            for key in ("id", "kind", "finding", "figure", "quantity", "comparison")
+        },
         "label": QUANTITIES[finding.quantity].label,
         "unit": QUANTITIES[finding.quantity].unit,
         "value": finding.value,
@@ -76,7 +90,9 @@ def judge(finding: Finding, evidence: Evidence, window: tuple[float, float]) -> 
     }
 
 
-def vortex_series(evidence: Evidence, window: tuple[float, float], finger: int = 0) -> dict[str, pd.DataFrame]:
+def vortex_series(
+    evidence: Evidence, window: tuple[float, float], finger: int = 0
+) -> dict[str, pd.DataFrame]:
     """The dominant vortex of each source over the whole run; a source without one is left out."""
     found = {}
     for source, table in evidence.vortices.items():
@@ -85,12 +101,13 @@ def vortex_series(evidence: Evidence, window: tuple[float, float], finger: int =
     return found
 
 
-def series_table(evidence: Evidence, window: tuple[float, float], kinematics: dict[str, np.ndarray]) -> pd.DataFrame:
+def series_table(evidence: Evidence, window: tuple[float, float]) -> pd.DataFrame:
     """Time series at the PIV's instants (the CFD's without PIV); empty cells where a vortex does not exist."""
     master = "piv" if evidence.has("piv") else "cfd"
     times = evidence.planes[master]["time"].values
     table = pd.DataFrame({"time": times})
-    table["bend_deg"] = np.degrees(np.interp(times, kinematics["time"], kinematics["bend"]))
+    cfd = evidence.planes["cfd"]
+    table["bend_deg"] = np.degrees(np.interp(times, cfd["time"].values, cfd["bend"].values[:, 0]))
     for source, track in vortex_series(evidence, window).items():
         there = (times >= track["time"].iloc[0] - 1e-9) & (times <= track["time"].iloc[-1] + 1e-9)
         names = [*tracks.COMPARED, *(name for name in ("circulation_std",) if name in track)]
@@ -98,7 +115,9 @@ def series_table(evidence: Evidence, window: tuple[float, float], kinematics: di
             values = np.interp(times, track["time"], track[name].astype(float))
             table[f"{name}_{source}"] = pd.Series(values).where(there)
     if "piv-cfd" in evidence.sums:
-        table = table.merge(fields.field_series(evidence.sums["piv-cfd"], REST * evidence.scale), on="time", how="left")
+        table = table.merge(
+            fields.field_series(evidence.sums["piv-cfd"], REST * evidence.scale), on="time", how="left"
+        )
     if {"x_cfd", "x_piv"} <= set(table.columns):
         table["centre_distance"] = np.hypot(table["x_piv"] - table["x_cfd"], table["y_piv"] - table["y_cfd"])
     return table
@@ -118,7 +137,9 @@ def summary(evidence: Evidence, window: tuple[float, float]) -> dict[str, Any]:
         }
     if {"cfd", "piv"} <= set(out):
         pair = tracks.within(paired(evidence, "piv-cfd", window, 0), window)
-        signed = (pair["circulation_other"] - pair["circulation_reference"]) / pair["circulation_reference"].abs().mean()
+        signed = (pair["circulation_other"] - pair["circulation_reference"]) / pair[
+            "circulation_reference"
+        ].abs().mean()
         sums = evidence.sums["piv-cfd"]
         sums = sums[sums["time"].between(*window)]
         out["piv-cfd"] = {
@@ -155,12 +176,16 @@ def provenance(files: StageFiles, planes: dict[str, xr.Dataset]) -> dict[str, An
     run = read_json(files.required("run/run.json", "run"))
     names = ("numpy", "scipy", "xarray", "h5py", "pandas")
     return {
-        "versions": {"python": platform.python_version()} | {n: version(n) for n in names} | run.get("versions", {}),
+        "versions": {"python": platform.python_version()}
+        | {n: version(n) for n in names}
+        | run.get("versions", {}),
         "scene_hash": str(run.get("scene_hash", "")),
         "inputs_sha256": {n: sha256(files.out / n) for n in INPUTS if (files.out / n).exists()},
         "findings_sha256": sha256(files.findings),
         "seeds": {s: int(p.attrs["seed"]) for s, p in planes.items() if "seed" in p.attrs},
-        "settings": {s: json.loads(p.attrs["settings"]) for s, p in planes.items() if p.attrs.get("settings")},
+        "settings": {
+            s: json.loads(p.attrs["settings"]) for s, p in planes.items() if p.attrs.get("settings")
+        },
     }
 
 
@@ -168,12 +193,11 @@ def compare(files: StageFiles) -> dict[str, Any]:
     """Run the comparison of one scene at one level and write its two files; returns what comparison.json holds."""
     if not files.findings.exists():
         raise FileNotFoundError(f"{files.findings} is missing; a scene needs its findings to be judged by")
-    kinematics = read_arrays(files.required("kinematics.h5", "kinematics"), ("time", "bend"))
-    evidence = load_evidence(files)
-    windows = lambda part: stroke_window(kinematics["time"], kinematics["bend"], part)  # noqa: E731
     findings = read_findings(files.findings, frozenset(QUANTITIES))
-    checks = [judge(finding, evidence, windows(finding.window)) for finding in findings]
-    middle = windows(MIDDLE)
+    evidence = load_evidence(files)
+    time, bend = evidence.planes["cfd"]["time"].values, evidence.planes["cfd"]["bend"].values
+    checks = [judge(f, evidence, stroke_window(time, bend[:, f.finger], f.window)) for f in findings]
+    middle = stroke_window(time, bend[:, 0], MIDDLE)
     result = {
         "format": "comparison",
         "format_version": 1,
@@ -187,7 +211,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
         "provenance": provenance(files, evidence.planes),
     }
     write_text(files.out / "comparison.json", json.dumps(result, indent=1, allow_nan=False, default=float))
-    write_text(files.out / "comparison.csv", series_table(evidence, middle, kinematics).to_csv(index=False))
+    write_text(files.out / "comparison.csv", series_table(evidence, middle).to_csv(index=False))
     for plane in evidence.planes.values():
         plane.close()
     return result

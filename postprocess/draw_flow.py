@@ -75,7 +75,9 @@ def flow_figure(
     x0, x1, y0, y1 = view_limits(planes)
     panel = 5.0
     height = panel * (y1 - y0) / (x1 - x0) + 0.95
-    figure, axes = new_figure(panel * len(planes) + 0.9, height, 1, len(planes), dpi=dpi, sharey=True, squeeze=False)
+    figure, axes = new_figure(
+        panel * len(planes) + 0.9, height, 1, len(planes), dpi=dpi, sharey=True, squeeze=False
+    )
     updates = []
     shade = None
     for ax, (source, plane) in zip(axes[0], planes.items(), strict=True):
@@ -115,16 +117,43 @@ def _panel(ax, plane: xr.Dataset, track: pd.DataFrame | None, scale: float, limi
     extent = np.array([x[0] - dx / 2, x[-1] + dx / 2, y[0] - dy / 2, y[-1] + dy / 2]) * MM
     blank = np.full((y.size, x.size), np.nan)
     shade = ax.imshow(
-        blank, origin="lower", extent=extent, cmap="RdBu_r", vmin=-limit, vmax=limit, alpha=0.75, interpolation="bilinear"
+        blank,
+        origin="lower",
+        extent=extent,
+        cmap="RdBu_r",
+        vmin=-limit,
+        vmax=limit,
+        alpha=0.75,
+        interpolation="bilinear",
     )
     gx, gy = np.meshgrid(x[columns] * MM, y[rows] * MM)
     hidden = np.ma.masked_all(gx.shape)
     unit = 0.3 * scale / (every * dx * MM)  # 30 % of the tip's peak speed reaches to the next vector
     arrows = ax.quiver(
-        gx, gy, hidden, hidden, units="xy", angles="xy", scale_units="xy", scale=unit, width=0.5, headwidth=3.4, headlength=4, color="#1c2733"
+        gx,
+        gy,
+        hidden,
+        hidden,
+        units="xy",
+        angles="xy",
+        scale_units="xy",
+        scale=unit,
+        width=0.5,
+        headwidth=3.4,
+        headlength=4,
+        color="#1c2733",
     )
     known = float(f"{0.5 * scale:.1g}")
-    ax.quiverkey(arrows, 0.86, 1.03, known, f"{known:g} m/s", labelpos="E", coordinates="axes", fontproperties={"size": 9})
+    ax.quiverkey(
+        arrows,
+        0.86,
+        1.03,
+        known,
+        f"{known:g} m/s",
+        labelpos="E",
+        coordinates="axes",
+        fontproperties={"size": 9},
+    )
     bodies = [ax.fill([], [], color="black", zorder=3)[0] for _ in range(plane.sizes.get("finger", 0))]
     (mark,) = ax.plot([], [], color="#0a7d2c", linewidth=2.0, zorder=4, path_effects=HALO)
 
@@ -132,10 +161,14 @@ def _panel(ax, plane: xr.Dataset, track: pd.DataFrame | None, scale: float, limi
         index = nearest(plane, time)
         field, valid = frame(plane, index)
         shade.set_data(vorticity(field, valid, x, y))
-        drawn = np.ma.masked_array(field, mask=np.broadcast_to(~valid, field.shape))[:, rows[:, None], columns]
+        drawn = np.ma.masked_array(field, mask=np.broadcast_to(~valid, field.shape))[
+            :, rows[:, None], columns
+        ]
         arrows.set_UVC(drawn[0], drawn[1])
         for number, body in enumerate(bodies):
-            body.set_xy(plane["outline"].values[index, number] * MM if "outline" in plane else np.empty((0, 2)))
+            body.set_xy(
+                plane["outline"].values[index, number] * MM if "outline" in plane else np.empty((0, 2))
+            )
         mark.set_data(*_mark_at(track, time))
 
     return shade, update
@@ -144,5 +177,7 @@ def _panel(ax, plane: xr.Dataset, track: pd.DataFrame | None, scale: float, limi
 def _mark_at(track: pd.DataFrame | None, time: float) -> tuple[np.ndarray, np.ndarray]:
     if track is None or not track["time"].iloc[0] - 2e-3 <= time <= track["time"].iloc[-1] + 2e-3:
         return np.empty(0), np.empty(0)
-    value = {n: float(np.interp(time, track["time"], track[n])) for n in ("x", "y", "core_radius", "circulation")}
+    value = {
+        n: float(np.interp(time, track["time"], track[n])) for n in ("x", "y", "core_radius", "circulation")
+    }
     return vortex_mark(value["x"] * MM, value["y"] * MM, value["core_radius"] * MM, value["circulation"])

@@ -17,29 +17,24 @@ from postprocess.style import CFD, MM, new_figure, save
 NAMES = ("start", "middle", "end")
 
 
-def edges(cells: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """Unique edges (n, 2) of a flat connectivity with VTK-like offsets (cell + 1); ValueError where they do not fit."""
-    if offsets[0] != 0 or offsets[-1] != cells.size:
-        raise ValueError("planform.h5: offsets must begin with 0 and end with the length of cells")
-    sizes = np.diff(offsets)
-    following = np.arange(1, cells.size + 1)
-    following[offsets[1:] - 1] = offsets[:-1]  # the last node of a cell is joined to its first
-    if np.any(sizes < 3):
-        raise ValueError("planform.h5: a cell has fewer than three nodes")
-    return np.unique(np.sort(np.stack([cells, cells[following]], axis=1), axis=1), axis=0)
+def edges(cells: list[np.ndarray]) -> np.ndarray:
+    """Unique edges (n, 2) of cells (n, corners), one array for each number of corners."""
+    pairs = [np.stack([c, np.roll(c, -1, axis=1)], axis=-1).reshape(-1, 2) for c in cells if c.size]
+    return np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
 
 
-def planform(shapes: np.ndarray, cells: np.ndarray, offsets: np.ndarray, limits: tuple[float, ...]) -> Figure:
-    """The planform around the finger at its first, middle and last shape; limits are x from, x to, y from, y to (m)."""
-    lines = edges(cells, offsets)
+def planform(
+    shapes: np.ndarray, bend_deg: np.ndarray, lines: np.ndarray, limits: tuple[float, ...]
+) -> Figure:
+    """The planform (shape, node, axis) around the finger at three shapes; limits are x from, x to, y from, y to (m)."""
     figure, axes = new_figure(12.0, 4.3, 1, len(shapes), dpi=150, sharey=True)
-    for ax, points, name in zip(axes, shapes, NAMES, strict=True):
+    for ax, points, bend, name in zip(axes, shapes, bend_deg, NAMES, strict=True):
         ends = points[lines] * MM
         near = (ends.max(axis=1) > np.array(limits[::2]) * MM).all(axis=1)
         near &= (ends.min(axis=1) < np.array(limits[1::2]) * MM).all(axis=1)
         ax.add_collection(LineCollection(ends[near], colors="#27405c", linewidths=0.25, rasterized=True))
         ax.set(xlim=(limits[0] * MM, limits[1] * MM), ylim=(limits[2] * MM, limits[3] * MM), aspect="equal")
-        ax.set(xlabel="x, mm", title=f"{name} of the stroke")
+        ax.set(xlabel="x, mm", title=f"{name}, bent by {bend:.0f}°")
         ax.grid(False)
     axes[0].set_ylabel("y, mm")
     return figure
@@ -64,13 +59,19 @@ def view_in_space(source: Path, target: Path) -> str:
     return "matplotlib"
 
 
-def matplotlib_view(points: np.ndarray, lines: np.ndarray, outline: np.ndarray, width: float, tank: np.ndarray) -> Figure:
+def matplotlib_view(
+    points: np.ndarray, lines: np.ndarray, outline: np.ndarray, width: float, tank: np.ndarray
+) -> Figure:
     """The same view without any GL library: tank edges, planform on the sheet, and the finger as a prism."""
     figure, ax = new_figure(8.0, 5.4, dpi=130, subplot_kw={"projection": "3d"})
     length, height, depth = tank * MM
-    corners = np.array([[x, z, y] for x in (-length / 2, length / 2) for z in (-depth / 2, depth / 2) for y in (0, height)])
+    corners = np.array(
+        [[x, z, y] for x in (-length / 2, length / 2) for z in (-depth / 2, depth / 2) for y in (0, height)]
+    )
     joined = [(a, b) for a in range(8) for b in range(a + 1, 8) if np.sum(corners[a] != corners[b]) == 1]
-    ax.add_collection3d(Line3DCollection([corners[[a, b]] for a, b in joined], colors="#8793a1", linewidths=1))
+    ax.add_collection3d(
+        Line3DCollection([corners[[a, b]] for a, b in joined], colors="#8793a1", linewidths=1)
+    )
     sheet = np.zeros((*lines.shape, 3))
     sheet[..., [0, 2]] = points[lines] * MM
     ax.add_collection3d(Line3DCollection(sheet, colors=CFD, linewidths=0.15))

@@ -16,7 +16,9 @@ def circulation(tracks: dict[str, pd.DataFrame], middle: tuple[float, float]) ->
     """Circulation and core radius of the tip vortex over time with 95 % bands; the middle of the stroke is shaded."""
     figure, axes = new_figure(8.6, 5.6, 2, 1, sharex=True, height_ratios=(2, 1))
     for ax, (name, unit, label) in zip(
-        axes, (("circulation", 1e4, "circulation, cm²/s"), ("core_radius", MM, "core radius, mm")), strict=True
+        axes,
+        (("circulation", 1e4, "circulation, cm²/s"), ("core_radius", MM, "core radius, mm")),
+        strict=True,
     ):
         for source, track in tracks.items():
             _banded(ax, track, name, unit, source)
@@ -35,13 +37,22 @@ def _banded(ax, track: pd.DataFrame, name: str, unit: float, source: str) -> Non
     if std is not None and np.any(std.to_numpy(float) > 0):
         half = BAND * std.to_numpy(float)
         ax.fill_between(
-            track["time"], (track[name] - half) * unit, (track[name] + half) * unit, color=colour, alpha=0.2, linewidth=0
+            track["time"],
+            (track[name] - half) * unit,
+            (track[name] + half) * unit,
+            color=colour,
+            alpha=0.2,
+            linewidth=0,
         )
 
 
 def has_band(tracks: dict[str, pd.DataFrame]) -> list[str]:
     """Sources whose vortex table carries an uncertainty of the circulation."""
-    return [s for s, t in tracks.items() if "circulation_std" in t and np.any(t["circulation_std"].to_numpy(float) > 0)]
+    return [
+        s
+        for s, t in tracks.items()
+        if "circulation_std" in t and np.any(t["circulation_std"].to_numpy(float) > 0)
+    ]
 
 
 def paths(tracks: dict[str, pd.DataFrame], plane: xr.Dataset, middle: tuple[float, float]) -> Figure:
@@ -52,14 +63,30 @@ def paths(tracks: dict[str, pd.DataFrame], plane: xr.Dataset, middle: tuple[floa
     for number in range(plane.sizes["finger"]):
         for index, tone in zip(instants, ("0.85", "0.6", "0.15"), strict=True):
             ax.fill(*(plane["outline"].values[index, number].T * MM), facecolor=tone, edgecolor="none")
-        ax.plot(*(plane["tip"].values[:, number].T * MM), color=GREY, linestyle="--", linewidth=1.2, label="tip")
+        ax.plot(
+            *(plane["tip"].values[:, number].T * MM), color=GREY, linestyle="--", linewidth=1.2, label="tip"
+        )
     for source, track in tracks.items():
-        ax.plot(track["x"] * MM, track["y"] * MM, color=COLOURS[source], marker=".", markersize=4, linewidth=1.2, label=f"vortex, {NAMES[source]}")
+        ax.plot(
+            track["x"] * MM,
+            track["y"] * MM,
+            color=COLOURS[source],
+            marker=".",
+            markersize=4,
+            linewidth=1.2,
+            label=f"vortex, {NAMES[source]}",
+        )
         inside = track[track["time"].between(*middle)]
         if {"x_std", "y_std"} <= set(track):
             some = inside.iloc[:: max(1, len(inside) // 8)]
             ax.errorbar(
-                some["x"] * MM, some["y"] * MM, BAND * some["y_std"] * MM, BAND * some["x_std"] * MM, fmt="none", ecolor=COLOURS[source], alpha=0.7
+                some["x"] * MM,
+                some["y"] * MM,
+                BAND * some["y_std"] * MM,
+                BAND * some["x_std"] * MM,
+                fmt="none",
+                ecolor=COLOURS[source],
+                alpha=0.7,
             )
     ax.set(aspect="equal", xlabel="x, mm", ylabel="y, mm", title="Where the vortex goes")
     ax.legend(loc="best")
@@ -81,10 +108,16 @@ def agreement(series: pd.DataFrame, scale: float, middle: tuple[float, float]) -
     return figure
 
 
-def motion(time: np.ndarray, bend: np.ndarray, pressure: np.ndarray, speed: np.ndarray, speed_time: np.ndarray) -> Figure:
-    """Pressure, bend angle and tip speed over time: what drives the flow."""
+def motion(
+    drive_time: np.ndarray, pressure: np.ndarray, time: np.ndarray, bend: np.ndarray, speed: np.ndarray
+) -> Figure:
+    """Pressure (Pa) over its own time, bend angle (rad) and tip speed (m/s) over the sheet's: what drives the flow."""
     figure, axes = new_figure(8.6, 5.2, 3, 1, sharex=True)
-    rows = ((time, pressure / 1e3, "pressure, kPa"), (time, np.degrees(bend), "bend angle, °"), (speed_time, speed, "tip speed, m/s"))
+    rows = (
+        (drive_time, pressure / 1e3, "pressure, kPa"),
+        (time, np.degrees(bend), "bend angle, °"),
+        (time, speed, "tip speed, m/s"),
+    )
     for ax, (t, values, label) in zip(axes, rows, strict=True):
         ax.plot(t, values, color=CFD)
         ax.set_ylabel(label)
@@ -98,7 +131,13 @@ def forces(table: pd.DataFrame) -> Figure:
     figure, ax = new_figure(8.6, 3.6)
     for axis, colour in (("x", CFD), ("y", PIV)):
         ax.plot(table["time"], table[f"f{axis}"] * 1e3, color=colour, label=f"force along {axis}")
-        ax.plot(table["time"], table[f"f{axis}_viscous"] * 1e3, color=colour, linestyle=":", label=f"its viscous part, {axis}")
+        ax.plot(
+            table["time"],
+            table[f"f{axis}_viscous"] * 1e3,
+            color=colour,
+            linestyle=":",
+            label=f"its viscous part, {axis}",
+        )
     ax.set(xlabel="time, s", ylabel="force, mN", title="Force of the water on the finger")
     ax.legend(ncols=2)
     return figure

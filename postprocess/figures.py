@@ -21,17 +21,32 @@ from PIL import Image
 
 from piv.plane import read_plane
 from postprocess import animation, draw_flow, draw_mesh, draw_series, tracks
-from postprocess.stagefiles import StageFiles, cost_recorded, read_arrays, read_json, read_table, write_text
+from postprocess.stagefiles import (
+    StageFiles,
+    cost_recorded,
+    read_arrays,
+    read_json,
+    read_table,
+    scene_numbers,
+    write_text,
+)
 from postprocess.strokes import peak_tip_speed, stroke_window, tip_speed
 from postprocess.style import NAMES, save
 
 INSTANTS = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the stroke's bend; the last instant is added
+Tracks = dict[str, pd.DataFrame]
 FRAMES = 61  # in slider and film
 FILM_HZ = 12.0
 FORCE_COLUMNS = ("time", "fx", "fy", "fx_viscous", "fy_viscous")
 POWER_COLUMNS = ("time", "finger_power", "kinetic_energy", "dissipation")
 HISTORY_COLUMNS = ("time", "courant_mean", "courant_max", "continuity_local", "continuity_global")
-QUALITY_COLUMNS = ("bend_deg", "max_non_orthogonality_deg", "mean_non_orthogonality_deg", "max_skewness", "min_area_ratio")
+QUALITY_COLUMNS = (
+    "bend_deg",
+    "max_non_orthogonality_deg",
+    "mean_non_orthogonality_deg",
+    "max_skewness",
+    "min_area_ratio",
+)
 
 
 class Album:
@@ -52,7 +67,8 @@ class Album:
 def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     """Draw everything for one scene and level; returns the index that figures.json holds."""
     comparison = read_json(files.required("comparison.json", "compare"))
-    middle = tuple(comparison["middle_of_stroke_s"])
+    start, end = comparison["middle_of_stroke_s"]
+    middle = (float(start), float(end))
     planes = {"cfd": read_plane(files.required("sheet.h5", "sheet"))}
     tables = {"cfd": tracks.read_vortices(files.required("vortices_cfd.csv", "vortices"))}
     if files.optional("piv.h5") is not None:
@@ -64,12 +80,11 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
         if not tracks.strengths(table, 0, middle).empty
     }
     album = Album(files.figures)
-    kinematics = read_arrays(files.required("kinematics.h5", "kinematics"), ("time", "bend", "pressure", "outline"))
-    _flow(album, planes, dominant, kinematics, comparison["scale"]["value"])
+    _flow(album, planes, dominant, comparison["scale"]["value"])
     _vortex(album, files, planes["cfd"], dominant, middle, comparison["scale"]["value"])
-    _motion(album, planes["cfd"], kinematics)
+    _motion(album, files, planes["cfd"])
     _solver(album, files)
-    _mesh(album, files, planes["cfd"], kinematics)
+    _mesh(album, files, planes["cfd"])
     _camera(album, files, float(np.mean(middle)))
     for plane in planes.values():
         plane.close()
@@ -77,17 +92,18 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     return album.entries
 
 
-def _flow(album: Album, planes: dict[str, xr.Dataset], dominant, kinematics, scale: float) -> None:
+def _flow(album: Album, planes: dict[str, xr.Dataset], dominant: Tracks, scale: float) -> None:
+    stroke, bends = planes["cfd"]["time"].values, planes["cfd"]["bend"].values[:, 0]
     last = min(float(p["time"][-1]) for p in planes.values())
     first = max(float(p["time"][0]) for p in planes.values())
-    at = lambda part: stroke_window(kinematics["time"], kinematics["bend"], (part, 0.999))[0]  # noqa: E731
+    at = lambda part: stroke_window(stroke, bends, (part, 0.999))[0]  # noqa: E731
     instants = np.array([*(at(part) for part in INSTANTS), last])
     limit = draw_flow.vorticity_limit(planes["cfd"], instants)
     sides = " and ".join(NAMES[source] for source in planes)
     figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=120)
     for number, time in enumerate(instants):
         show(time)
-        bend = np.degrees(np.interp(time, kinematics["time"], kinematics["bend"]))
+        bend = np.degrees(np.interp(time, stroke, bends))
         told = [_vortex_words(source, track, time) for source, track in dominant.items()]
         alt = f"Velocity vectors around the black finger at {time:.3f} s, bent by {bend:.0f} degrees, {sides}. {' '.join(told)}"
         _save_fixed(figure, album.folder / f"flow_{number}.png")
@@ -100,12 +116,20 @@ def _flow(album: Album, planes: dict[str, xr.Dataset], dominant, kinematics, sca
             show(time)
             yield animation.pixels(figure)
 
-    animation.write_film(animation.write_frames(images(), album.folder / "frames"), album.folder / "stroke.mp4", FILM_HZ)
-    slow = FILM_HZ and (last - first) / ((FRAMES - 1) / FILM_HZ)
-    caption = f"The whole stroke, slowed down {1 / slow:.0f} times."
+    animation.write_film(
+        animation.write_frames(images(), album.folder / "frames"), album.folder / "stroke.mp4", FILM_HZ
+    )
+    slower = ((FRAMES - 1) / FILM_HZ) / (last - first)
+    caption = f"The whole stroke, slowed down {slower:.0f} times."
     album.add(None, "stroke.mp4", "film", f"Film of the flow around the bending finger, {sides}", caption)
     album.entries.append(
-        {"file": "frames", "section": "slider", "alt": f"Flow around the finger, {sides}", "caption": "", "times": times.tolist()}
+        {
+            "file": "frames",
+            "section": "slider",
+            "alt": f"Flow around the finger, {sides}",
+            "caption": "",
+            "times": times.tolist(),
+        }
     )
 
 
@@ -122,14 +146,31 @@ def _save_fixed(figure: Figure, path: Path) -> None:
     Image.fromarray(animation.pixels(figure)).save(path, optimize=True)
 
 
-def _vortex(album: Album, files: StageFiles, plane: xr.Dataset, dominant, middle, scale: float) -> None:
+def _vortex(
+    album: Album,
+    files: StageFiles,
+    plane: xr.Dataset,
+    dominant: Tracks,
+    middle: tuple[float, float],
+    scale: float,
+) -> None:
     if dominant:
         bands = draw_series.has_band(dominant)
-        caption = f"Bands: 95 % of {', '.join(NAMES[s] for s in bands)}." if bands else "The tables carry no uncertainty, so no band is drawn."
+        caption = (
+            f"Bands: 95 % of {', '.join(NAMES[s] for s in bands)}."
+            if bands
+            else "The tables carry no uncertainty, so no band is drawn."
+        )
         alt = "Circulation and core radius of the tip vortex over time, CFD and PIV where run."
         album.add(draw_series.circulation(dominant, middle), "circulation.svg", "vortex", alt, caption)
         alt = "Paths of the vortex centre and of the finger's tip over the finger's outline."
-        album.add(draw_series.paths(dominant, plane, middle), "paths.svg", "vortex", alt, "Outline at the first, middle and last instant.")
+        album.add(
+            draw_series.paths(dominant, plane, middle),
+            "paths.svg",
+            "vortex",
+            alt,
+            "Outline at the first, middle and last instant.",
+        )
     series = pd.read_csv(files.required("comparison.csv", "compare"))
     if "velocity_rms_difference" in series:
         alt = "RMS velocity difference, correlation and distance of vortex centres between PIV and CFD over time."
@@ -137,51 +178,91 @@ def _vortex(album: Album, files: StageFiles, plane: xr.Dataset, dominant, middle
         album.add(draw_series.agreement(series, scale, middle), "agreement.svg", "vortex", alt, caption)
 
 
-def _motion(album: Album, plane: xr.Dataset, kinematics) -> None:
+def _motion(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
+    drive = read_arrays(files.required("kinematics.h5", "kinematics"), ("time", "pressure"))
     times = plane["time"].values
     speed = tip_speed(times, plane["tip"].values)[:, 0]
-    figure = draw_series.motion(kinematics["time"], kinematics["bend"], kinematics["pressure"], speed, times)
+    figure = draw_series.motion(drive["time"], drive["pressure"], times, plane["bend"].values[:, 0], speed)
     peak, at = peak_tip_speed(times, plane["tip"].values)
-    album.add(figure, "motion.svg", "motion", "Pressure, bend angle and tip speed over time.", f"Peak tip speed {peak:.3f} m/s at {at:.3f} s.")
+    album.add(
+        figure,
+        "motion.svg",
+        "motion",
+        "Pressure, bend angle and tip speed over time.",
+        f"Peak tip speed {peak:.3f} m/s at {at:.3f} s.",
+    )
 
 
 def _solver(album: Album, files: StageFiles) -> None:
     tables: tuple[tuple[str, str, tuple[str, ...], Callable[[pd.DataFrame], Figure], str, str], ...] = (
-        ("run/forces.csv", "forces", FORCE_COLUMNS, draw_series.forces, "run", "Force of the water on the finger over time."),
-        ("run/power.csv", "power", POWER_COLUMNS, draw_series.power, "run", "Power balance over time and its closure error."),
-        ("run/history.csv", "history", HISTORY_COLUMNS, draw_series.history, "run", "Courant number and continuity error over time."),
-        ("mesh_quality.csv", "mesh_quality", QUALITY_COLUMNS, draw_series.mesh_quality, "mesh", "Non-orthogonality, skewness and area ratio over the bend angle."),
+        (
+            "run/forces.csv",
+            "forces",
+            FORCE_COLUMNS,
+            draw_series.forces,
+            "run",
+            "Force of the water on the finger over time.",
+        ),
+        (
+            "run/power.csv",
+            "power",
+            POWER_COLUMNS,
+            draw_series.power,
+            "run",
+            "Power balance over time and its closure error.",
+        ),
+        (
+            "run/history.csv",
+            "history",
+            HISTORY_COLUMNS,
+            draw_series.history,
+            "run",
+            "Courant number and continuity error over time.",
+        ),
+        (
+            "mesh_quality.csv",
+            "mesh_quality",
+            QUALITY_COLUMNS,
+            draw_series.mesh_quality,
+            "mesh",
+            "Non-orthogonality, skewness and area ratio over the bend angle.",
+        ),
     )
     for file, name, columns, draw, section, alt in tables:
         stage = "mesh" if section == "mesh" else "run"
         album.add(draw(read_table(files.required(file, stage), columns)), f"{name}.svg", section, alt)
 
 
-def _mesh(album: Album, files: StageFiles, plane: xr.Dataset, kinematics) -> None:
-    mesh = read_arrays(files.required("planform.h5", "mesh"), ("frame_points", "cells", "offsets"))
-    shapes, outline = mesh["frame_points"], kinematics["outline"]
-    low, high = outline.min(axis=(0, 1)) - 0.02, outline.max(axis=(0, 1)) + 0.02
+def _mesh(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
+    mesh = read_arrays(
+        files.required("planform.h5", "mesh"), ("points", "bend", "triangles", "quads", "inside")
+    )
+    outline, bend = plane["outline"].values, plane["bend"].values[:, 0]
+    low, high = outline.min(axis=(0, 1, 2)) - 0.02, outline.max(axis=(0, 1, 2)) + 0.02
     limits = (low[0], high[0], low[1], high[1])
+    end = bend[np.argmax(np.abs(bend - bend[0]))]
+    wanted = np.array([bend[0], 0.5 * (bend[0] + end), end])
+    knots = [int(np.argmin(np.abs(mesh["bend"] - b))) for b in wanted]
+    shapes, at = mesh["points"][knots], np.degrees(mesh["bend"][knots])
+    cells = [mesh["triangles"][mesh["inside"] == 0], mesh["quads"]]
+    lines = draw_mesh.edges(cells)
     alt = "The planform of the mesh around the finger at the start, middle and end of the stroke."
-    album.add(draw_mesh.planform(shapes, mesh["cells"], mesh["offsets"], limits), "planform.png", "mesh", alt)
-    run = read_json(files.required("run/run.json", "run"))
-    width, tank = _lengths(run.get("scene", {}), files.out / "run/run.json")
-    bend = kinematics["bend"]
-    half_way = int(np.argmin(np.abs(bend - 0.5 * (bend[0] + bend[np.argmax(np.abs(bend - bend[0]))]))))
+    album.add(draw_mesh.planform(shapes, at, lines, limits), "planform.png", "mesh", alt)
+    scene = scene_numbers(files)
+    body = outline[int(np.argmin(np.abs(bend - mesh["bend"][knots[1]]))), 0]
     data = files.figures / "view3d.npz"
-    lines = draw_mesh.edges(mesh["cells"], mesh["offsets"])
-    np.savez(data, points=shapes[len(shapes) // 2], lines=lines, outline=outline[half_way], width=width, tank=tank)
+    np.savez(
+        data,
+        points=shapes[1],
+        lines=lines,
+        outline=body,
+        width=scene["finger"]["width"],
+        tank=np.array(scene["tank"]["size"]),
+    )
     drawn_by = draw_mesh.view_in_space(data, files.figures / "view3d.png")
     data.unlink()
     alt = "The finger and the mesh on the laser sheet inside the tank, seen in space."
     album.add(None, "view3d.png", "mesh", alt, f"Half-way through the stroke (drawn by {drawn_by}).")
-
-
-def _lengths(scene: dict[str, Any], path: Path) -> tuple[float, np.ndarray]:
-    try:
-        return float(scene["finger"]["width"]), np.asarray(scene["tank"]["size"], float)
-    except KeyError as error:
-        raise ValueError(f"{path}: scene lacks the key {error.args[0]!r}; run the stage 'run' again") from error
 
 
 def _camera(album: Album, files: StageFiles, time: float) -> None:
@@ -194,7 +275,13 @@ def _camera(album: Album, files: StageFiles, time: float) -> None:
     grey = np.clip(image / np.percentile(image, 99.7), 0, 1) * 255
     Image.fromarray(grey.astype(np.uint8)).save(album.folder / "camera.webp", quality=80)
     alt = f"A synthetic camera picture of the seeded water at {at:.3f} s; the finger is black."
-    album.add(None, "camera.webp", "camera", alt, f"What the virtual camera sees at {at:.3f} s; PIV is done on such pictures.")
+    album.add(
+        None,
+        "camera.webp",
+        "camera",
+        alt,
+        f"What the virtual camera sees at {at:.3f} s; PIV is done on such pictures.",
+    )
 
 
 def main(argv: list[str] | None = None) -> int:

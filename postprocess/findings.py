@@ -1,21 +1,21 @@
 """The findings that a scene is checked against: reference/findings.toml, its schema and its judgement.
 
-    format = "findings"
-    format_version = 1
+format = "findings"
+format_version = 1
 
-    [[finding]]
-    id = "tip-vortex-dorsal"            # unique, a-z and hyphens
-    kind = "paper"                      # "paper": something the paper saw; "agreement": PIV against CFD
-    finding = "…"                       # the paper's statement, in one sentence
-    figure = "Fig. 10(a)"               # where it says so; "" for an agreement of the project's own
-    quantity = "dominant_side"          # a name of postprocess.quantities.QUANTITIES
-    of = ["cfd", "piv"]                 # sources that must show it; "piv-cfd" for a difference
-    comparison = "equals"               # "<=", ">=", "in range" (value = [low, high]), "equals"
-    value = "dorsal"                    # number (SI), [low, high] or word
-    tolerance = 0.0                     # SI, added on the generous side; numbers only
-    reason = "…"                        # why this value and tolerance
-    window = [0.25, 0.75]               # part of the stroke, as fractions of the change of bend angle
-    finger = 0                          # optional, which finger
+[[finding]]
+id = "tip-vortex-dorsal"            # unique, a-z and hyphens
+kind = "paper"                      # "paper": something the paper saw; "agreement": PIV against CFD
+finding = "…"                       # the paper's statement, in one sentence
+figure = "Fig. 10(a)"               # where it says so; "" for an agreement of the project's own
+quantity = "dominant_side"          # a name of postprocess.quantities.QUANTITIES
+of = ["cfd", "piv"]                 # sources that must show it; "piv-cfd" for a difference
+comparison = "equals"               # "<=", ">=", "in range" (value = [low, high]), "equals"
+value = "dorsal"                    # number (SI), [low, high] or word
+tolerance = 0.0                     # SI, added on the generous side; numbers only
+reason = "…"                        # why this value and tolerance
+window = [0.25, 0.75]               # part of the stroke, as fractions of the change of bend angle
+finger = 0                          # optional, which finger
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def read_findings(path: Path, quantities: frozenset[str]) -> tuple[Finding, ...]
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{path}: not valid TOML ({error})") from error
     if raw.get("format") != "findings" or raw.get("format_version") != 1:
-        raise ValueError(f"{path}: needs format = \"findings\" and format_version = 1 at its top")
+        raise ValueError(f'{path}: needs format = "findings" and format_version = 1 at its top')
     findings = tuple(_finding(entry, path, quantities) for entry in raw.get("finding", []))
     if not findings:
         raise ValueError(f"{path}: has no [[finding]]; a scene needs at least one to be judged by")
@@ -103,7 +103,9 @@ def _finding(entry: dict[str, Any], path: Path, quantities: frozenset[str]) -> F
         raise ValueError(f"{where}: reason is empty; say why the value and its tolerance are what they are")
     window = tuple(float(edge) for edge in entry["window"])
     if len(window) != 2 or not 0 <= window[0] < window[1] <= 1:
-        raise ValueError(f"{where}: window = {list(window)} must be two fractions of the stroke, rising, in 0…1")
+        raise ValueError(
+            f"{where}: window = {list(window)} must be two fractions of the stroke, rising, in 0…1"
+        )
     value = _value(entry["value"], entry["comparison"], where)
     tolerance = float(entry.get("tolerance", 0.0))
     if tolerance < 0:

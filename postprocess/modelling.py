@@ -7,17 +7,16 @@ from typing import Any
 GRAVITY = 9.81  # m/s²
 
 
-def statements(run: dict[str, Any], speed: float, tip_height: float) -> list[tuple[str, str]]:
+def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[tuple[str, str]]:
     """Pairs (what, why) for the report; speed is the peak tip speed (m/s), tip_height the highest position of the tip (m).
 
-    KeyError where the scene in run.json lacks a needed number.
+    `scene` holds the scene's sections tank, finger, fluid and model.
     """
-    scene = run["scene"]
     fluid, finger, tank = scene["fluid"], scene["finger"], scene["tank"]
     reynolds = speed * finger["width"] / fluid["kinematic_viscosity"]
     depth = tank["water_depth"] - max(tip_height, finger["root"][1])
     froude = speed / (GRAVITY * depth) ** 0.5
-    turbulence = fluid["turbulence"]
+    turbulence, kind = fluid["turbulence"], scene["model"]["kind"]
     flow = (
         f"The flow is laminar in the equations: no turbulence model acts. Reynolds number by finger width {reynolds:,.0f}."
         if turbulence == "laminar"
@@ -29,14 +28,17 @@ def statements(run: dict[str, Any], speed: float, tip_height: float) -> list[tup
         "full": "The whole tank is computed.",
     }
     return [
-        ("Motion", "The finger's motion is prescribed; the water does not bend it. The paper finds the radius of bending in water at most 13.3 % above that in air."),
+        (
+            "Motion",
+            "The finger's motion is prescribed; the water does not bend it. The paper finds the radius of bending in water at most 13.3 % above that in air.",
+        ),
         (
             "Water surface",
             f"A rigid lid on which water slips: no waves. At {speed:.2f} m/s the finger could raise the surface by at most"
             f" {speed**2 / (2 * GRAVITY) * 1e3:.1f} mm; it stays {depth * 1e3:.0f} mm below it (Froude number by that depth {froude:.2f}).",
         ),
         ("Turbulence", flow),
-        ("Model", parts.get(run["model"], f"Model: {run['model']}.")),
+        ("Model", parts.get(kind, f"Model: {kind}.")),
         ("Support", "The hardware that holds the finger is not in the water of the simulation."),
         (
             "PIV",

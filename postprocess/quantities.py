@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import numpy as np
 import pandas as pd
 import xarray as xr
 
-from postprocess import fields, tracks, traces
+from postprocess import fields, traces, tracks
 from postprocess.findings import Measured
 
 Window = tuple[float, float]
@@ -112,13 +111,27 @@ def _trace_upward_share(evidence: Evidence, source: str, window: Window, finger:
 QUANTITIES: dict[str, Quantity] = {
     "dominant_side": Quantity(_dominant_side, "", "side of the tip on which the strongest vortex lies"),
     "dominant_sense": Quantity(_dominant_sense, "", "sense of rotation of the strongest vortex"),
-    "rival_fraction": Quantity(_rival_fraction, "fraction", "circulation of the next strongest vortex near the tip, as a part of the strongest"),
+    "rival_fraction": Quantity(
+        _rival_fraction,
+        "fraction",
+        "circulation of the next strongest vortex near the tip, as a part of the strongest",
+    ),
     "tip_distance": Quantity(_tip_distance, "tip widths", "mean distance of the vortex from the tip"),
     "track_coverage": Quantity(_track_coverage, "fraction", "share of instants at which the vortex is found"),
-    "circulation_difference": Quantity(_circulation_difference, "fraction", "RMS difference of circulation, relative to the mean of the reference"),
+    "circulation_difference": Quantity(
+        _circulation_difference,
+        "fraction",
+        "RMS difference of circulation, relative to the mean of the reference",
+    ),
     "centre_distance": Quantity(_centre_distance, "m", "RMS distance between the two vortex centres"),
-    "velocity_rms_difference": Quantity(_velocity_difference, "fraction", "RMS velocity difference over the peak tip speed"),
+    "velocity_rms_difference": Quantity(
+        _velocity_difference, "fraction", "RMS velocity difference over the peak tip speed"
+    ),
     "velocity_correlation": Quantity(_velocity_correlation, "1", "correlation of the two velocity fields"),
-    "trace_upward_velocity": Quantity(_trace_upward, "fraction", "mean upward velocity where the finger has passed, over the peak tip speed"),
-    "trace_upward_share": Quantity(_trace_upward_share, "fraction", "share of the area where the finger has passed in which water rises"),
+    "trace_upward_velocity": Quantity(
+        _trace_upward, "fraction", "mean upward velocity where the finger has passed, over the peak tip speed"
+    ),
+    "trace_upward_share": Quantity(
+        _trace_upward_share, "fraction", "share of the area where the finger has passed in which water rises"
+    ),
 }

@@ -16,9 +16,16 @@ import jinja2
 
 from piv.plane import read_plane
 from postprocess import wording
-from postprocess.modelling import statements
 from postprocess.draw_series import costs as draw_costs
-from postprocess.stagefiles import StageFiles, cost_recorded, read_json, write_text
+from postprocess.modelling import statements
+from postprocess.stagefiles import (
+    StageFiles,
+    cost_recorded,
+    read_json,
+    scene_numbers,
+    scene_title,
+    write_text,
+)
 from postprocess.style import save
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -30,7 +37,9 @@ ORDER = ("kinematics", "mesh", "case", "run", "sheet", "images", "piv", "vortice
 def data_uri(path: Path) -> str:
     """A file as a data: address; FileNotFoundError in one sentence where it is missing."""
     if not path.exists():
-        raise FileNotFoundError(f"{path} is listed in figures.json and missing; run the stage 'figures' again")
+        raise FileNotFoundError(
+            f"{path} is listed in figures.json and missing; run the stage 'figures' again"
+        )
     return f"data:{MIME[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
@@ -60,15 +69,23 @@ def absences(files: StageFiles, sections: dict[str, Any], comparison: dict[str, 
     """One sentence for every optional part that is not on the page."""
     notes = []
     if files.optional("piv.h5") is None:
-        notes.append(f"PIV was not run at level {files.level}: every picture shows the CFD alone and no agreement is judged.")
+        notes.append(
+            f"PIV was not run at level {files.level}: every picture shows the CFD alone and no agreement is judged."
+        )
     elif "piv" not in comparison["summary"]:
-        notes.append("PIV shows no vortex near the tip in the middle of the stroke, so the two vortices are not compared.")
+        notes.append(
+            "PIV shows no vortex near the tip in the middle of the stroke, so the two vortices are not compared."
+        )
     if "cfd" not in comparison["summary"]:
-        notes.append("The CFD shows no vortex near the tip in the middle of the stroke, so its series is not drawn.")
+        notes.append(
+            "The CFD shows no vortex near the tip in the middle of the stroke, so its series is not drawn."
+        )
     if "camera" not in sections:
         notes.append("No recording (images.h5) is kept for this level, so no camera picture is shown.")
     if files.optional("uncertainty.json") is None:
-        notes.append("The uncertainty of the finger's shape and pressure (FEA band) was not propagated: bands show the measurement alone.")
+        notes.append(
+            "The uncertainty of the finger's shape and pressure (FEA band) was not propagated: bands show the measurement alone."
+        )
     return notes
 
 
@@ -86,16 +103,17 @@ def render(files: StageFiles) -> str:
     stages = read_costs(files)
     if stages:
         save(draw_costs(stages), files.figures / "costs.svg")
-    try:
-        modelled = statements(run, comparison["scale"]["value"], tip_top(files))
-    except KeyError as error:
-        raise ValueError(f"{files.out / 'run/run.json'}: scene lacks the key {error.args[0]!r}; run the stage 'run' again") from error
+    scene = scene_numbers(files)
     slider = sections.get("slider", [None])[0]
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     return environment.get_template("report.html").render(
-        title=run["scene"].get("title", files.scene),
+        title=scene_title(files.case),
         scene=files.scene,
         level=files.level,
         agrees=comparison["verdict"]["agrees"],
@@ -107,7 +125,8 @@ def render(files: StageFiles) -> str:
         slider=slider,
         slider_data=json.dumps({"times": slider["times"], "frames": slider["frames"]}) if slider else "",
         notes=absences(files, sections, comparison),
-        modelled=modelled,
+        modelled=statements(scene, comparison["scale"]["value"], tip_top(files)),
+        numbers=scene,
         run=run,
         costs=stages,
         costs_picture=data_uri(files.figures / "costs.svg") if stages else "",
@@ -122,7 +141,9 @@ def make_report(files: StageFiles) -> Path:
     """Write report.html; ValueError where it grows beyond what a browser opens with ease."""
     page = render(files)
     if len(page.encode()) > MAX_BYTES:
-        raise ValueError(f"{files.out / 'report.html'} would have {len(page.encode()) / 1e6:.0f} MB, more than {MAX_BYTES / 1e6:.0f}; lower FRAMES in postprocess/figures.py")
+        raise ValueError(
+            f"{files.out / 'report.html'} would have {len(page.encode()) / 1e6:.0f} MB, more than {MAX_BYTES / 1e6:.0f}; lower FRAMES in postprocess/figures.py"
+        )
     path = files.out / "report.html"
     write_text(path, page)
     return path

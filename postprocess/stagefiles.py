@@ -7,6 +7,7 @@ import json
 import os
 import resource
 import time
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -83,10 +84,40 @@ def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
         with h5py.File(path, "r") as file:
             missing = [name for name in names if name not in file]
             if missing:
-                raise ValueError(f"{path}: variable {missing[0]!r} is missing; the file has {', '.join(file)}")
+                raise ValueError(
+                    f"{path}: variable {missing[0]!r} is missing; the file has {', '.join(file)}"
+                )
             return {name: np.asarray(file[name]) for name in names}
     except OSError as error:
         raise ValueError(f"{path}: not a readable HDF5 file ({error})") from error
+
+
+def scene_numbers(files: StageFiles) -> dict[str, Any]:
+    """The scene's sections (tank, finger, motion, model, fluid …) as the stages that used them recorded them."""
+    numbers: dict[str, Any] = {}
+    for name, stage in (("kinematics.h5", "kinematics"), ("planform.h5", "mesh"), ("sweep.h5", "case")):
+        path = files.required(name, stage)
+        with h5py.File(path, "r") as file:
+            if "settings" not in file.attrs:
+                raise ValueError(f"{path}: attribute 'settings' is missing; run the stage '{stage}' again")
+            numbers |= json.loads(file.attrs["settings"])
+    missing = [key for key in ("tank", "finger", "fluid", "model") if key not in numbers]
+    if missing:
+        raise ValueError(
+            f"{files.out}: no stage recorded the scene's section {missing[0]!r}; run kinematics and mesh again"
+        )
+    return numbers
+
+
+def scene_title(case: Path) -> str:
+    """`title` of scene.toml, or of the scene that it extends; ValueError where there is none."""
+    path = case / "scene.toml"
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    if "title" in table:
+        return str(table["title"])
+    if "extends" not in table:
+        raise ValueError(f'{path}: title is missing; add title = "…"')
+    return scene_title(case / table["extends"])
 
 
 def write_text(path: Path, text: str) -> None:

@@ -31,7 +31,9 @@ RC = {
     "svg.fonttype": "path",
     "svg.hashsalt": "softfinger",  # equal pictures give equal files
 }
-mpl.rcParams.update(RC)  # titles and labels are styled when they are set, so a context around drawing would miss some
+mpl.rcParams.update(
+    RC
+)  # titles and labels are styled when they are set, so a context around drawing would miss some
 
 
 def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, dpi: float = 110, **more):

@@ -67,7 +67,9 @@ def within(pair: pd.DataFrame, window: tuple[float, float]) -> pd.DataFrame:
     """Rows of a pairing inside a window; ValueError where the two vortices never exist together there."""
     rows = pair[pair["time"].between(*window)]
     if rows.empty:
-        raise ValueError(f"the two vortices do not exist together between {window[0]:.3f} and {window[1]:.3f} s")
+        raise ValueError(
+            f"the two vortices do not exist together between {window[0]:.3f} and {window[1]:.3f} s"
+        )
     return rows
 
 

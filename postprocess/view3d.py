@@ -7,7 +7,9 @@ import sys
 import numpy as np
 
 
-def draw(points: np.ndarray, lines: np.ndarray, outline: np.ndarray, width: float, tank: np.ndarray, target: str) -> None:
+def draw(
+    points: np.ndarray, lines: np.ndarray, outline: np.ndarray, width: float, tank: np.ndarray, target: str
+) -> None:
     """Tank edges, deformed planform on the sheet and the finger as a solid; all lengths in m."""
     import pyvista
 
@@ -17,7 +19,7 @@ def draw(points: np.ndarray, lines: np.ndarray, outline: np.ndarray, width: floa
     face = pyvista.PolyData(ring, faces=np.r_[len(ring), np.arange(len(ring))]).triangulate()
     finger = face.extrude((0, 0, width), capping=True)
     box = pyvista.Box((-tank[0] / 2, tank[0] / 2, 0, tank[1], -tank[2] / 2, tank[2] / 2)).outline()
-    plotter = pyvista.Plotter(off_screen=True, window_size=(1400, 900))
+    plotter = pyvista.Plotter(off_screen=True, window_size=[1400, 900])
     plotter.set_background("white")
     plotter.add_mesh(box, color="#8793a1", line_width=2)
     plotter.add_mesh(sheet, color="#0b5fa5", line_width=1, opacity=0.45)

@@ -5,7 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 WORDS = {True: "met", False: "not met", None: "not judged"}
-PAIRS = {"cfd": "CFD", "piv": "PIV", "lab": "Laboratory", "piv-cfd": "PIV against CFD", "lab-cfd": "Laboratory against CFD", "lab-piv": "Laboratory against PIV"}
+PAIRS = {
+    "cfd": "CFD",
+    "piv": "PIV",
+    "lab": "Laboratory",
+    "piv-cfd": "PIV against CFD",
+    "lab-cfd": "Laboratory against CFD",
+    "lab-piv": "Laboratory against PIV",
+}
 
 
 def quantity(value: float | str | None, unit: str) -> str:
@@ -39,11 +46,22 @@ def answer(comparison: dict[str, Any]) -> str:
     agrees = comparison["verdict"]["agrees"]
     paper = comparison["verdict"]["counts"]["paper"]
     total = sum(paper.values())
-    shown = f"{paper['met']} of {total} of the paper's findings checked are met" if total else "no finding of the paper is checked"
-    if not any(source == "piv" for check in comparison["checks"] for source in check["met_by"] if source) and pair is None:
+    shown = (
+        f"{paper['met']} of {total} of the paper's findings checked are met"
+        if total
+        else "no finding of the paper is checked"
+    )
+    if (
+        not any(source == "piv" for check in comparison["checks"] for source in check["met_by"] if source)
+        and pair is None
+    ):
         return f"Not judged: PIV was not run at level {comparison['level']}, so this page shows the simulation alone; {shown}."
     numbers = _numbers(pair, comparison) if pair else "the tip vortex was not found in both"
-    start = {True: "Yes, the simulation agrees with PIV", False: "No, the simulation does not agree with PIV in every check", None: "Not fully judged"}
+    start = {
+        True: "Yes, the simulation agrees with PIV",
+        False: "No, the simulation does not agree with PIV in every check",
+        None: "Not fully judged",
+    }
     return f"{start[agrees]}: over the middle of the stroke {numbers}; {shown}."
 
 
@@ -69,11 +87,16 @@ def rows(comparison: dict[str, Any]) -> list[dict[str, Any]]:
             "figure": check["figure"],
             "label": check["label"],
             "required": requirement(check),
-            "measured": [(PAIRS[of], quantity(value, check["unit"]), check["met_by"].get(of)) for of, value in check["measured"].items()],
+            "measured": [
+                (PAIRS[of], quantity(value, check["unit"]), check["met_by"].get(of))
+                for of, value in check["measured"].items()
+            ],
             "met": check["met"],
             "word": WORDS[check["met"]],
             "reason": check["reason"],
-            "window": "{:.0f} to {:.0f} % of the bend, {:.3f} to {:.3f} s".format(*(100 * w for w in check["window"]), *check["window_s"]),
+            "window": "{:.0f} to {:.0f} % of the bend, {:.3f} to {:.3f} s".format(
+                *(100 * w for w in check["window"]), *check["window_s"]
+            ),
             "notes": check["notes"],
         }
         for check in comparison["checks"]
@@ -83,15 +106,45 @@ def rows(comparison: dict[str, Any]) -> list[dict[str, Any]]:
 def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Key numbers of the first screen: value, name, remark."""
     summary = comparison["summary"]
-    out = [(f"{comparison['scale']['value']:.3f} m/s", "peak speed of the tip", "the scale of every velocity difference")]
+    out = [
+        (
+            f"{comparison['scale']['value']:.3f} m/s",
+            "peak speed of the tip",
+            "the scale of every velocity difference",
+        )
+    ]
     for source in ("cfd", "piv"):
         if source in summary:
             mean = summary[source]["circulation_mean"] * 1e4
             sense = "clockwise" if mean < 0 else "counter-clockwise"
-            out.append((f"{abs(mean):.1f} cm²/s", f"tip vortex, {PAIRS[source]}", f"{sense}, {summary[source]['side'] or 'undecided'} side"))
+            out.append(
+                (
+                    f"{abs(mean):.1f} cm²/s",
+                    f"tip vortex, {PAIRS[source]}",
+                    f"{sense}, {summary[source]['side'] or 'undecided'} side",
+                )
+            )
     if "piv-cfd" in summary:
         pair = summary["piv-cfd"]
-        out.append((quantity(pair["circulation_rms_difference"], "fraction"), "difference of circulation", f"worst instant {quantity(pair['circulation_max_difference'], 'fraction')}"))
-        out.append((quantity(pair["centre_rms_distance"], "m"), "distance of the centres", f"worst instant {quantity(pair['centre_max_distance'], 'm')}"))
-        out.append((quantity(pair["velocity_rms_difference_relative"], "fraction"), "velocity difference (RMS)", f"of the peak tip speed; correlation {pair['velocity_correlation']:.3f}"))
+        out.append(
+            (
+                quantity(pair["circulation_rms_difference"], "fraction"),
+                "difference of circulation",
+                f"worst instant {quantity(pair['circulation_max_difference'], 'fraction')}",
+            )
+        )
+        out.append(
+            (
+                quantity(pair["centre_rms_distance"], "m"),
+                "distance of the centres",
+                f"worst instant {quantity(pair['centre_max_distance'], 'm')}",
+            )
+        )
+        out.append(
+            (
+                quantity(pair["velocity_rms_difference_relative"], "fraction"),
+                "velocity difference (RMS)",
+                f"of the peak tip speed; correlation {pair['velocity_correlation']:.3f}",
+            )
+        )
     return out

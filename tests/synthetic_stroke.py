@@ -19,10 +19,26 @@ from piv.plane import make_plane, write_plane
 
 ROOT = np.array([0.0, 0.24])
 LENGTH, THICKNESS, WIDTH = 0.070, 0.0145, 0.028
-FILE_COLUMNS = (
-    "time track x y circulation core_radius peak_swirl_velocity x_std y_std circulation_std core_radius_std "
-    "circulation_area circulation_contour finger side tip_distance along_tip across_tip"
-).split()
+FILE_COLUMNS = [
+    "time",
+    "track",
+    "x",
+    "y",
+    "circulation",
+    "core_radius",
+    "peak_swirl_velocity",
+    "x_std",
+    "y_std",
+    "circulation_std",
+    "core_radius_std",
+    "circulation_area",
+    "circulation_contour",
+    "finger",
+    "side",
+    "tip_distance",
+    "along_tip",
+    "across_tip",
+]
 
 
 def bend_law(time: np.ndarray, end: float, start: float = 0.02, duration: float = 0.3) -> np.ndarray:
@@ -88,7 +104,9 @@ def stroke_plane(
     for i in range(time.size):
         dx, dy = gx - vortex["x"][i], gy - vortex["y"][i]
         r2 = np.maximum(dx**2 + dy**2, 1e-12)
-        swirl = vortex["circulation"][i] / (2 * np.pi * r2) * (1 - np.exp(-r2 / vortex["core_radius"][i] ** 2))
+        swirl = (
+            vortex["circulation"][i] / (2 * np.pi * r2) * (1 - np.exp(-r2 / vortex["core_radius"][i] ** 2))
+        )
         near = np.exp(-((gx - finger["tip"][i, 0, 0]) ** 2 + (gy - finger["tip"][i, 0, 1]) ** 2) / 0.03**2)
         pull = 0.02 * np.abs(rate[i]) * near
         u[i] = -swirl * dy + pull * np.sign(bend_end) + noise * rng.standard_normal(gx.shape)
@@ -105,7 +123,12 @@ def _inside(polygon: np.ndarray, gx: np.ndarray, gy: np.ndarray) -> np.ndarray:
 
 
 def vortex_table(
-    time: np.ndarray, bend_end: float, gain: float = 1.0, shift: float = 0.0, noise: float = 0.0, seed: int = 2
+    time: np.ndarray,
+    bend_end: float,
+    gain: float = 1.0,
+    shift: float = 0.0,
+    noise: float = 0.0,
+    seed: int = 2,
 ) -> pd.DataFrame:
     """Rows of vortices.csv: the tip vortex (track 3) and a weak far one (track 1); `gain`, `shift` (m) are errors."""
     rng = np.random.default_rng(seed)
@@ -122,9 +145,38 @@ def vortex_table(
         core, std = true["core_radius"][i], abs(strength) * (0.02 if noise else 0.0)
         rows.append(
             [t, 3, *centre, strength, core, 0.638 * abs(strength) / (2 * np.pi * core), 2e-4, 2e-4, std, 2e-4]
-            + [strength, strength, 0, "dorsal" if across > 0 else "ventral", np.hypot(*arm) / THICKNESS, along, across]
+            + [
+                strength,
+                strength,
+                0,
+                "dorsal" if across > 0 else "ventral",
+                np.hypot(*arm) / THICKNESS,
+                along,
+                across,
+            ]
         )
-        rows.append([t, 1, -0.03, 0.15, 3e-4, 0.005, 0.006, 1e-3, 1e-3, 1e-4, 1e-3, 3e-4, 3e-4, 0, "", 4.0, 0.02, 0.06])
+        rows.append(
+            [
+                t,
+                1,
+                -0.03,
+                0.15,
+                3e-4,
+                0.005,
+                0.006,
+                1e-3,
+                1e-3,
+                1e-4,
+                1e-3,
+                3e-4,
+                3e-4,
+                0,
+                "",
+                4.0,
+                0.02,
+                0.06,
+            ]
+        )
     return pd.DataFrame(rows, columns=FILE_COLUMNS)
 
 
@@ -148,7 +200,11 @@ def write_case(
     (case / "scene.toml").write_text(f'name = "{scene}"\ntitle = "A single finger bends in the tank"\n')
     time = np.linspace(0.0, 0.4, frames)
     middle = 0.5 * (time[1:] + time[:-1])
-    more = {"scene_hash": "0123abcd", "tip_width": THICKNESS, "versions": json.dumps({"numpy": np.__version__})}
+    more = {
+        "scene_hash": "0123abcd",
+        "tip_width": THICKNESS,
+        "versions": json.dumps({"numpy": np.__version__}),
+    }
     write_plane(stroke_plane(time, bend_end, spacing), out / "sheet.h5", source="cfd", **more)
     _write_vortices(vortex_table(time, bend_end), out / "vortices_cfd.csv")
     if with_piv:
@@ -156,10 +212,22 @@ def write_case(
         write_plane(piv, out / "piv.h5", source="piv", seed=2017, settings=json.dumps({"window": 32}), **more)
         _write_vortices(vortex_table(middle, bend_end, gain, shift, 0.005), out / "vortices_piv.csv")
     _write_kinematics(time, bend_end, out / "kinematics.h5")
-    _write_planform(bend_end, out / "planform.h5")
+    _write_planform(bend_end, out)
     _write_run(time, bend_end, out, scene, level)
-    for stage, seconds in {"kinematics": 1.2, "mesh": 14.0, "run": 161.0, "sheet": 6.0, "images": 20.0, "piv": 38.0}.items():
-        cost = {"stage": stage, "wall_time": seconds, "peak_memory": int(4e8), "finished": "2026-11-21T06:00:00Z"}
+    for stage, seconds in {
+        "kinematics": 1.2,
+        "mesh": 14.0,
+        "run": 161.0,
+        "sheet": 6.0,
+        "images": 20.0,
+        "piv": 38.0,
+    }.items():
+        cost = {
+            "stage": stage,
+            "wall_time": seconds,
+            "peak_memory": int(4e8),
+            "finished": "2026-11-21T06:00:00Z",
+        }
         (out / "costs" / f"{stage}.json").write_text(json.dumps(cost))
     return case
 
@@ -172,36 +240,38 @@ def _write_vortices(table: pd.DataFrame, path: Path) -> None:
 
 def _write_kinematics(time: np.ndarray, bend_end: float, path: Path) -> None:
     bend = bend_law(time, bend_end)
-    outline = finger_series(bend)["outline"][:, 0]
+    scene = {"tank": {"size": [0.6, 0.33, 0.3], "water_depth": 0.3}}
+    scene["finger"] = {"root": ROOT.tolist(), "length": LENGTH, "thickness": THICKNESS, "width": WIDTH}
     with h5py.File(path, "w") as file:
-        file.attrs.update(format="kinematics", format_version=1)
-        file["time"], file["bend"], file["outline"] = time, bend, outline
+        file.attrs.update(format="kinematics", format_version=1, settings=json.dumps(scene))
+        file["time"] = time
         file["pressure"] = 2e4 * bend / abs(bend_end)
-        file["pressure_rate"] = np.gradient(file["pressure"][:], time)
-        file["outline_velocity"] = np.gradient(outline, time, axis=0)
 
 
-def _write_planform(bend_end: float, path: Path, rings: int = 14) -> None:
-    frames, cells = [], []
-    for bend in (0.0, bend_end / 2, bend_end):
+def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
+    bends = np.linspace(0.0, bend_end, 9)
+    points, quads = [], []
+    for bend in bends:
         outline = finger_shape(bend, 24)["outline"]
-        middle = outline.mean(axis=0)
-        arms = np.arctan2(outline[:, 1] - ROOT[1] + 0.1, outline[:, 0])
-        far = np.c_[0.25 * np.cos(arms), ROOT[1] - 0.1 + 0.12 * np.sin(arms)]
+        turn = np.linspace(0, 2 * np.pi, len(outline), endpoint=False) + 0.5
+        far = np.c_[0.3 * np.cos(turn), 0.15 + 0.15 * np.sin(turn)]
         weight = np.linspace(0, 1, rings)[:, None, None] ** 2
-        frames.append((outline[None] * (1 - weight) + far[None] * weight).reshape(-1, 2) + 0 * middle)
+        points.append((outline[None] * (1 - weight) + far[None] * weight).reshape(-1, 2))
     n = len(outline)
     for k in range(rings - 1):
         for j in range(n):
             a, b = k * n + j, k * n + (j + 1) % n
-            cells.append([a, b, b + n, a + n])
-    with h5py.File(path, "w") as file:
-        file.attrs.update(format="planform", format_version=1)
-        file["frame_points"] = np.stack(frames)
-        file["points"] = frames[1]
-        file["frame_bend"] = np.array([0.0, bend_end / 2, bend_end])
-        file["cells"] = np.concatenate(cells)
-        file["offsets"] = np.arange(0, 4 * len(cells) + 1, 4)
+            quads.append([a, b, b + n, a + n])
+    with h5py.File(out / "planform.h5", "w") as file:
+        file.attrs.update(
+            format="planform", format_version=1, settings=json.dumps({"model": {"kind": "half"}})
+        )
+        file["points"], file["bend"], file["quads"] = np.stack(points), bends, np.array(quads)
+        file["triangles"] = np.array([[0, 1, n - 1]])
+        file["inside"] = np.array([1], np.uint8)
+    fluid = {"density": 998.2, "kinematic_viscosity": 1.004e-6, "turbulence": "laminar"}
+    with h5py.File(out / "sweep.h5", "w") as file:
+        file.attrs.update(format="sweep", format_version=1, settings=json.dumps({"fluid": fluid}))
 
 
 def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: str) -> None:
@@ -209,26 +279,61 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
     rate = np.gradient(bend_law(t, bend_end), t)
     force = -0.02 * np.gradient(rate, t) / 50
     pd.DataFrame(
-        {"time": t, "fx": force, "fy": 0.3 * force, "fz": 0 * t, "fx_pressure": 0.97 * force, "fy_pressure": 0.29 * force}
+        {
+            "time": t,
+            "fx": force,
+            "fy": 0.3 * force,
+            "fz": 0 * t,
+            "fx_pressure": 0.97 * force,
+            "fy_pressure": 0.29 * force,
+        }
         | {"fx_viscous": 0.03 * force, "fy_viscous": 0.01 * force}
     ).to_csv(out / "run/forces.csv", index=False)
     energy = 2e-4 * expit((t - 0.12) / 0.02) * np.exp(-t)
     loss = 1e-4 * energy / energy.max()
     pd.DataFrame(
-        {"time": t, "finger_power": np.gradient(energy, t) + loss * 1.03, "kinetic_energy": energy, "dissipation": loss}
+        {
+            "time": t,
+            "finger_power": np.gradient(energy, t) + loss * 1.03,
+            "kinetic_energy": energy,
+            "dissipation": loss,
+        }
     ).to_csv(out / "run/power.csv", index=False)
     pd.DataFrame(
-        {"time": t, "courant_mean": 0.02 + 0 * t, "courant_max": 0.1 + 0.02 * np.abs(rate), "continuity_local": 1e-8}
+        {
+            "time": t,
+            "courant_mean": 0.02 + 0 * t,
+            "courant_max": 0.1 + 0.02 * np.abs(rate),
+            "continuity_local": 1e-8,
+        }
         | {"continuity_global": 1e-10, "pressure_iterations": 9, "wall_time": np.arange(t.size) * 0.2}
     ).to_csv(out / "run/history.csv", index=False)
     bend = np.linspace(0, np.degrees(bend_end), 20)
     pd.DataFrame(
-        {"bend_deg": bend, "shape_parameter": 200 * bend, "max_non_orthogonality_deg": 40 + 0.1 * np.abs(bend - 50)}
+        {
+            "bend_deg": bend,
+            "shape_parameter": 200 * bend,
+            "max_non_orthogonality_deg": 40 + 0.1 * np.abs(bend - 50),
+        }
         | {"mean_non_orthogonality_deg": 12.0, "max_skewness": 0.8, "min_area_ratio": 0.6}
     ).to_csv(out / "mesh_quality.csv", index=False)
-    balance = {"work": 2.3e-4, "kinetic_energy": 2.0e-4, "dissipated": 2.4e-5, "closure": 6e-6, "closure_fraction": 0.026}
+    balance = {
+        "work": 2.3e-4,
+        "kinetic_energy": 2.0e-4,
+        "dissipated": 2.4e-5,
+        "closure": 6e-6,
+        "closure_fraction": 0.026,
+    }
     run = {"format": "run", "format_version": 1, "versions": {"openfoam": "v1912"}, "scene_hash": "0123abcd"}
-    run |= {"scene": {"name": scene, "title": "A single finger bends in the tank", "finger": {"width": WIDTH, "root": [0, 0.24], "length": LENGTH}, "tank": {"size": [0.6, 0.33, 0.3], "water_depth": 0.3}, "fluid": {"density": 998.2, "kinematic_viscosity": 1.004e-6, "turbulence": "laminar"}, "model": {"kind": "half"}}}
-    run |= {"level": level, "model": "half", "ranks": 2, "cells": 63500, "time_step": 5e-4, "end_time": 0.4, "steps": 800}
+    run |= {"scene": scene}
+    run |= {
+        "level": level,
+        "model": "half",
+        "ranks": 2,
+        "cells": 63500,
+        "time_step": 5e-4,
+        "end_time": 0.4,
+        "steps": 800,
+    }
     run |= {"wall_time": 161.0, "resumed": [], "courant_max": 0.7, "power_balance": balance}
     (out / "run/run.json").write_text(json.dumps(run))
