@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from pipeline.fea.settings import Actuator, UnitCellMesh
 
-APEX = 0.15e-3  # m; the wedge is cut where its half length would fall below this, for the sake of the elements
+APEX = (
+    0.15e-3  # m; the wedge is cut where its half length would fall below this, for the sake of the elements
+)
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,9 @@ def wedge_height(actuator: Actuator) -> float:
 
 
 def _lines(breaks: list[float], counts: list[int]) -> NDArray[np.float64]:
-    parts = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(breaks[:-1], breaks[1:], counts, strict=True)]
+    parts = [
+        np.linspace(a, b, n, endpoint=False) for a, b, n in zip(breaks[:-1], breaks[1:], counts, strict=True)
+    ]
     return np.concatenate([*parts, [breaks[-1]]])
 
 
@@ -73,7 +77,9 @@ def build(actuator: Actuator, counts: UnitCellMesh) -> Grid:
     number = np.arange(i.size).reshape(i.shape)
     corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
     size = [length - 1 for length in i.shape]
-    cells = np.stack([number[c[0] : c[0] + size[0], c[1] : c[1] + size[1], c[2] : c[2] + size[2]] for c in corners], -1)
+    cells = np.stack(
+        [number[c[0] : c[0] + size[0], c[1] : c[1] + size[1], c[2] : c[2] + size[2]] for c in corners], -1
+    )
     ci, cj, ck = np.meshgrid(*(np.arange(s) for s in size), indexing="ij")
     x1, x2 = n.cavity, n.cavity + n.wall
     y1, y2, y4 = n.base, n.base + n.bridge, n.base + n.bridge + n.side + n.wedge

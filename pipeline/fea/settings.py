@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Length = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)]  # m; an actuator of a metre is millimetres misread
+Length = Annotated[
+    float, Field(gt=0, lt=1, allow_inf_nan=False)
+]  # m; an actuator of a metre is millimetres misread
 
 
 class _Frozen(BaseModel):
@@ -50,13 +52,17 @@ class Actuator(_Frozen):
     @model_validator(mode="after")
     def _sensible(self) -> Actuator:
         if self.h2 >= self.h1:
-            raise ValueError(f"h2 = {self.h2} m must be below h1 = {self.h1} m: it is the rectangular part of the cavity")
+            raise ValueError(
+                f"h2 = {self.h2} m must be below h1 = {self.h1} m: it is the rectangular part of the cavity"
+            )
         if self.bridge >= self.h2:
             raise ValueError(
                 f"channel + roof = {self.bridge} m must be below h2 = {self.h2} m: the gap between chambers needs a depth"
             )
         if 2 * self.b1 >= self.width:
-            raise ValueError(f"width = {self.width} m leaves no cavity between two side walls of b1 = {self.b1} m")
+            raise ValueError(
+                f"width = {self.width} m leaves no cavity between two side walls of b1 = {self.b1} m"
+            )
         return self
 
     @property
@@ -103,7 +109,9 @@ class Fea(_Frozen):
     @model_validator(mode="after")
     def _three_states(self) -> Fea:
         if len(self.pressures) < 3:
-            raise ValueError("first_pressure_kpa to last_pressure_kpa by pressure_step_kpa gives fewer than three states")
+            raise ValueError(
+                "first_pressure_kpa to last_pressure_kpa by pressure_step_kpa gives fewer than three states"
+            )
         return self
 
     @property

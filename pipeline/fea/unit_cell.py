@@ -105,7 +105,9 @@ class UnitCell:
         stiffness = sparse.csr_matrix((3 * self.n, 3 * self.n))
         for body in self.bodies:
             body.field[0].values[:] = values
-            inner = body.results.state  # volume and pressure of each cell follow from the displacements at once
+            inner = (
+                body.results.state
+            )  # volume and pressure of each cell follow from the displacements at once
             inner.F = body.field.extract()
             inner.u[:] = values
             force += body.assemble.vector(body.field).toarray()[:, 0]
