@@ -24,7 +24,9 @@ from piv.plane import make_plane
 
 FORMAT = "piv-calibration"
 FORMAT_VERSION = 1
-UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12)
+NEWTON_STEPS = 8
+INVERSE_PX = 1e-3  # where undistorting misses by more, the lens model has no inverse: such points are absent
+UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class Calibration:
         return np.array([self.origin_x_px, self.origin_y_px])
 
     def to_m(self, points_px: np.ndarray) -> np.ndarray:
-        """Positions (..., 2) in px (y up) to metres."""
+        """Positions (..., 2) in px (y up) to metres; NaN where the lens model has no inverse."""
         points = np.asarray(points_px, float)
         if self.lens is not None:
             points = _flip(_sheet(self.lens, _flip(points, self.lens)), self.lens)
@@ -105,20 +107,34 @@ def _project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def _sheet(lens: Lens, points: np.ndarray) -> np.ndarray:
-    flat = np.ascontiguousarray(points.reshape(-1, 1, 2), np.float64)
-    flat = cv2.undistortPoints(
-        flat, lens.camera_matrix, lens.distortion, P=lens.camera_matrix, criteria=UNDISTORT
-    )
-    return _project(lens.to_sheet, flat.reshape(points.shape))
+    seen = np.ascontiguousarray(points.reshape(-1, 2), np.float64)
+    matrix = lens.camera_matrix
+    ideal = cv2.undistortPoints(seen[:, None], matrix, lens.distortion, P=matrix, criteria=UNDISTORT)[:, 0]
+    # OpenCV's fixed-point iteration crawls or diverges under strong distortion: Newton steps end it.
+    steps = np.array([[0.05, 0.0], [0.0, 0.05]])
+    for _ in range(NEWTON_STEPS):
+        wrong = _distort(lens, ideal) - seen
+        columns = [(_distort(lens, ideal + h) - _distort(lens, ideal - h)) / 0.1 for h in steps]
+        jacobian = np.stack(columns, axis=-1)
+        singular = np.abs(np.linalg.det(jacobian)) < 1e-3
+        jacobian[singular] = np.eye(2)
+        ideal = ideal - np.where(singular[:, None], 0.0, np.linalg.solve(jacobian, wrong[..., None])[..., 0])
+    lost = ~(np.abs(_distort(lens, ideal) - seen).max(axis=1) < INVERSE_PX)
+    ideal[lost] = np.nan
+    return _project(lens.to_sheet, ideal).reshape(points.shape)
+
+
+def _distort(lens: Lens, ideal: np.ndarray) -> np.ndarray:
+    rays = _project(np.linalg.inv(lens.camera_matrix), ideal)
+    still = np.zeros(3)
+    ahead = np.column_stack([rays, np.ones(len(rays))])
+    seen, _ = cv2.projectPoints(ahead, still, still, lens.camera_matrix, lens.distortion)
+    return seen[:, 0]
 
 
 def _unsheet(lens: Lens, points: np.ndarray) -> np.ndarray:
     flat = _project(np.linalg.inv(lens.to_sheet), points).reshape(-1, 2)
-    rays = _project(np.linalg.inv(lens.camera_matrix), flat)
-    rays3 = np.column_stack([rays, np.ones(len(rays))])
-    still = np.zeros(3)
-    seen, _ = cv2.projectPoints(rays3, still, still, lens.camera_matrix, lens.distortion)
-    return seen.reshape(points.shape)
+    return _distort(lens, flat).reshape(points.shape)
 
 
 def save_calibration(calibration: Calibration, path: str | Path) -> None:
@@ -180,9 +196,10 @@ def calibrate_plane(
     else:
         x_m, y_m = _sheet_grid(calibration, x, y, spacing_px)
         at = calibration.to_px(np.stack(np.meshgrid(x_m, y_m), axis=-1))
-        ok = _sample(valid.astype(float), x, y, at) > 1 - 1e-9
+        ok = (_sample(valid.astype(float), x, y, at) > 1 - 1e-9) & _same(calibration, at, x_m, y_m)
         shift = [_sample(np.where(valid, fields[n], 0.0), x, y, at) for n in ("u", "v")]
         moved = calibration.displacement_m(at, np.stack(shift, axis=-1)) / interval_s
+        ok &= np.isfinite(moved).all(axis=-1)
         u, v = (np.where(ok, moved[..., k], np.nan) for k in range(2))
         if len(spread) == 2:
             var = [_sample(np.where(valid, spread[n], 0.0), x, y, at) ** 2 for n in ("u_std", "v_std")]
@@ -214,10 +231,16 @@ def _sheet_grid(
 ) -> tuple[np.ndarray, np.ndarray]:
     step = (spacing_px or float(x[1] - x[0])) * calibration.scale_m_per_px
     edge = calibration.to_m(np.stack(np.meshgrid(x, y), axis=-1))
-    low, high = edge.reshape(-1, 2).min(axis=0), edge.reshape(-1, 2).max(axis=0)
+    low, high = np.nanmin(edge.reshape(-1, 2), axis=0), np.nanmax(edge.reshape(-1, 2), axis=0)
     return low[0] + step * np.arange(int((high[0] - low[0]) / step) + 1), low[1] + step * np.arange(
         int((high[1] - low[1]) / step) + 1
     )
+
+
+def _same(calibration: Calibration, at: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    """Where px -> m gives the grid point back: beyond the lens model's turning point it gives another."""
+    miss = calibration.to_m(at) - np.stack(np.meshgrid(x_m, y_m), axis=-1)
+    return np.abs(miss).max(axis=-1) < INVERSE_PX * calibration.scale_m_per_px
 
 
 def _sample(
