@@ -25,6 +25,7 @@ from piv.plane import make_plane
 FORMAT = "piv-calibration"
 FORMAT_VERSION = 1
 NEWTON_STEPS = 8
+MAX_STRETCH = 3.0  # in area against the board: more is the lens model running away where it saw no target
 INVERSE_PX = 1e-3  # where undistorting misses by more, the lens model has no inverse: such points are absent
 UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
 
@@ -114,22 +115,34 @@ def _sheet(lens: Lens, points: np.ndarray) -> np.ndarray:
     steps = np.array([[0.05, 0.0], [0.0, 0.05]])
     for _ in range(NEWTON_STEPS):
         wrong = _distort(lens, ideal) - seen
-        columns = [(_distort(lens, ideal + h) - _distort(lens, ideal - h)) / 0.1 for h in steps]
-        jacobian = np.stack(columns, axis=-1)
-        singular = np.abs(np.linalg.det(jacobian)) < 1e-3
-        jacobian[singular] = np.eye(2)
-        ideal = ideal - np.where(singular[:, None], 0.0, np.linalg.solve(jacobian, wrong[..., None])[..., 0])
+        (xx, yx), (xy, yy) = [
+            ((_distort(lens, ideal + h) - _distort(lens, ideal - h)) / 0.1).T for h in steps
+        ]
+        det = xx * yy - xy * yx
+        det[np.abs(det) < 1e-3] = np.inf  # at a turning point: no step
+        ideal = (
+            ideal
+            - np.stack([yy * wrong[:, 0] - xy * wrong[:, 1], xx * wrong[:, 1] - yx * wrong[:, 0]], 1)
+            / det[:, None]
+        )
     lost = ~(np.abs(_distort(lens, ideal) - seen).max(axis=1) < INVERSE_PX)
     ideal[lost] = np.nan
     return _project(lens.to_sheet, ideal).reshape(points.shape)
 
 
 def _distort(lens: Lens, ideal: np.ndarray) -> np.ndarray:
-    rays = _project(np.linalg.inv(lens.camera_matrix), ideal)
-    still = np.zeros(3)
-    ahead = np.column_stack([rays, np.ones(len(rays))])
-    seen, _ = cv2.projectPoints(ahead, still, still, lens.camera_matrix, lens.distortion)
-    return seen[:, 0]
+    """OpenCV's model without sensor tilt (tested against cv2.projectPoints, which is 50 times slower)."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = np.pad(lens.distortion, (0, 8))[:8]
+    x, y = _project(np.linalg.inv(lens.camera_matrix), ideal).T
+    r2 = x * x + y * y
+    radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+    bent = np.stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ]
+    )
+    return _project(lens.camera_matrix, bent.T)
 
 
 def _unsheet(lens: Lens, points: np.ndarray) -> np.ndarray:
@@ -238,9 +251,11 @@ def _sheet_grid(
 
 
 def _same(calibration: Calibration, at: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-    """Where px -> m gives the grid point back: beyond the lens model's turning point it gives another."""
+    """Where px -> m gives the grid point back (beyond the model's turning point it does not) at a sane scale."""
     miss = calibration.to_m(at) - np.stack(np.meshgrid(x_m, y_m), axis=-1)
-    return np.abs(miss).max(axis=-1) < INVERSE_PX * calibration.scale_m_per_px
+    same = np.abs(miss).max(axis=-1) < INVERSE_PX * calibration.scale_m_per_px
+    stretch = np.abs(np.linalg.det(calibration.jacobian(at))) / calibration.scale_m_per_px**2
+    return same & (stretch < MAX_STRETCH) & (stretch > 1 / MAX_STRETCH)
 
 
 def _sample(
