@@ -103,8 +103,10 @@ def _flip(points: np.ndarray, lens: Lens) -> np.ndarray:
 
 
 def _project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    ends = np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1) @ matrix.T
-    return ends[..., :2] / ends[..., 2:]
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    x, y = points[..., 0], points[..., 1]
+    depth = g * x + h * y + i
+    return np.stack([(a * x + b * y + c) / depth, (d * x + e * y + f) / depth], axis=-1)
 
 
 def _sheet(lens: Lens, points: np.ndarray) -> np.ndarray:
@@ -254,7 +256,11 @@ def _same(calibration: Calibration, at: np.ndarray, x_m: np.ndarray, y_m: np.nda
     """Where px -> m gives the grid point back (beyond the model's turning point it does not) at a sane scale."""
     miss = calibration.to_m(at) - np.stack(np.meshgrid(x_m, y_m), axis=-1)
     same = np.abs(miss).max(axis=-1) < INVERSE_PX * calibration.scale_m_per_px
-    stretch = np.abs(np.linalg.det(calibration.jacobian(at))) / calibration.scale_m_per_px**2
+    jacobian = calibration.jacobian(at)
+    stretch = (
+        np.abs(jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0])
+        / calibration.scale_m_per_px**2
+    )
     return same & (stretch < MAX_STRETCH) & (stretch > 1 / MAX_STRETCH)
 
 
