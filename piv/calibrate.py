@@ -22,6 +22,7 @@ from scipy.interpolate import RegularGridInterpolator
 from piv.images import row_to_y_px
 from piv.plane import make_plane
 
+MODELS_HELP = "distortion model: standard (5 coefficients) or rational (8, for very wide lenses)"
 FORMAT = "piv-calibration"
 FORMAT_VERSION = 1
 NEWTON_STEPS = 8
