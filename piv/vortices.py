@@ -71,11 +71,11 @@ class VortexSettings:
     max_elongation: float = 4.0
     min_circulation: float | None = None
     min_part: float = 0.1
-    significance: float = 3.0
-    fit_radius: float = 2.5
+    significance: float = 2.0
+    fit_radius: float = 2.0
     min_explained: float = 0.3
     strain_prior: float = 0.3
-    rotation_prior: float = 0.1
+    rotation_prior: float = 0.03
     correlation_length: float | None = None
     scheme: str = "least-squares"
 
