@@ -137,9 +137,8 @@ def summary(evidence: Evidence, window: tuple[float, float]) -> dict[str, Any]:
         }
     if {"cfd", "piv"} <= set(out):
         pair = tracks.within(paired(evidence, "piv-cfd", window, 0), window)
-        signed = (pair["circulation_other"] - pair["circulation_reference"]) / pair[
-            "circulation_reference"
-        ].abs().mean()
+        reference = pair["circulation_reference"]
+        signed = (pair["circulation_other"] - reference) * np.sign(reference) / reference.abs().mean()
         sums = evidence.sums["piv-cfd"]
         sums = sums[sums["time"].between(*window)]
         out["piv-cfd"] = {

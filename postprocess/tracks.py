@@ -10,7 +10,7 @@ import pandas as pd
 from postprocess.stagefiles import read_table
 
 COLUMNS = ("time", "track", "x", "y", "circulation", "core_radius", "finger", "side", "tip_distance")
-REACH = 2.0  # tip widths; a vortex further off is not the tip's
+REACH = 2.5  # tip widths; a vortex further off is not the tip's
 COMPARED = ("circulation", "x", "y", "core_radius")
 
 
@@ -74,9 +74,9 @@ def within(pair: pd.DataFrame, window: tuple[float, float]) -> pd.DataFrame:
 
 
 def circulation_difference(pair: pd.DataFrame) -> float:
-    """RMS of the difference of circulation over the mean |circulation| of the reference."""
+    """RMS of the difference of circulation over the RMS circulation of the reference."""
     difference = pair["circulation_other"] - pair["circulation_reference"]
-    return float(np.sqrt((difference**2).mean()) / pair["circulation_reference"].abs().mean())
+    return float(np.sqrt((difference**2).mean() / (pair["circulation_reference"] ** 2).mean()))
 
 
 def centre_distance(pair: pd.DataFrame) -> float:

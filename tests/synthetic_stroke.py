@@ -187,6 +187,14 @@ def write_case(
     return case
 
 
+def copy_findings(case: Path) -> Path:
+    """Give a made-up case the real findings of the scene of its name; returns the case."""
+    source = Path(__file__).parents[1] / "cases" / case.name / "reference" / "findings.toml"
+    (case / "reference").mkdir(exist_ok=True)
+    (case / "reference" / "findings.toml").write_text(source.read_text())
+    return case
+
+
 def _write_vortices(table: pd.DataFrame, path: Path) -> None:
     with path.open("w") as file:
         file.write("# " + json.dumps({"versions": {"numpy": np.__version__}}) + "\n")
