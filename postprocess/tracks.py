@@ -48,6 +48,17 @@ def dominant_track(table: pd.DataFrame, finger: int, window: tuple[float, float]
     return table[table["track"] == ranking.index[0]].reset_index(drop=True)
 
 
+def dominant_tracks(
+    tables: dict[str, pd.DataFrame], finger: int, window: tuple[float, float]
+) -> dict[str, pd.DataFrame]:
+    """The dominant track of each source; a source without a vortex near the tip is left out."""
+    return {
+        source: dominant_track(table, finger, window, source)
+        for source, table in tables.items()
+        if not strengths(table, finger, window).empty
+    }
+
+
 def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
     """`reference` linear in time at `other`'s instants (only where it exists), and the two side by side.
 

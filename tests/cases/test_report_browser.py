@@ -53,15 +53,18 @@ def test_the_page_opens_without_errors_and_without_a_request(browser):
     assert [entry for entry in browser.log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
     events = [json.loads(entry["message"])["message"] for entry in browser.log("performance")]
     asked = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
-    assert asked, "the performance log must have seen the page itself"
-    assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
+    assert any(url.startswith("file:") for url in asked), "the log must have seen the page itself"
+    # chromium's own new-tab page asks for chrome:// addresses; anything of a network has another scheme
+    assert [
+        url for url in asked if not url.startswith(("file:", "data:", "chrome:", "chrome-untrusted:"))
+    ] == []
 
 
 def test_the_slider_moves_by_keyboard(browser):
     browser.keys("#instant", HOME)
     first = shown(browser)
     assert (
-        first[0] == "0.005 s"
+        first[0] == "0.010 s"  # the first instant of PIV: the middle of a pair 20 ms apart
     )  # the first instant of PIV: the middle of the first pair, 20 ms apart, rounded down
     browser.keys("#instant", RIGHT)
     second = shown(browser)
