@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -24,7 +25,14 @@ from pipeline.errors import StageError
 from pipeline.foamfile import read_labels, write_list
 from pipeline.frames import remove_frames, steps_of, write_frames
 from pipeline.motion import read_motion
-from pipeline.openfoam import die_with_parent, environment_in, foam_version, last_lines, run_tool, solver_command
+from pipeline.openfoam import (
+    die_with_parent,
+    environment_in,
+    foam_version,
+    last_lines,
+    run_tool,
+    solver_command,
+)
 from pipeline.partition import partition_columns
 from pipeline.quality import cell_centres
 from pipeline.results import collect_results
@@ -119,11 +127,11 @@ def set_number(case: Path, key: str, value: str) -> None:
     write_text(path, text)
 
 
-def solve(scene: Scene, ranks: int, hosts: Path | None, quiet: bool) -> dict[str, object]:
+def solve(scene: Scene, ranks: int, hosts: Path | None, quiet: bool) -> dict[str, Any]:
     """Run the solver to the end from the last whole checkpoint; returns what run.json records of it."""
     case = scene.out / "case"
     record_path = case / "progress.json"
-    record = {"wall_time": 0.0, "resumed": []}
+    record: dict[str, Any] = {"wall_time": 0.0, "resumed": []}
     checkpoint = last_checkpoint(case, ranks)
     end = scene.motion.end_time
     if checkpoint is None:
@@ -172,7 +180,7 @@ def solve(scene: Scene, ranks: int, hosts: Path | None, quiet: bool) -> dict[str
             _stop(process)
             raise
         finally:
-            spent = {**record, "wall_time": float(record["wall_time"]) + time.monotonic() - begin}  # type: ignore[arg-type]
+            spent = {**record, "wall_time": float(record["wall_time"]) + time.monotonic() - begin}
             write_text(record_path, json.dumps(spent))
     if process.wait() != 0:
         raise StageError(
@@ -239,7 +247,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                 "time_step": scene.numerics.time_step,
                 "end_time": scene.motion.end_time,
                 "steps": steps_of(scene.motion.end_time, scene.numerics.time_step),
-                "wall_time": round(float(record["wall_time"]), 2),  # type: ignore[arg-type]
+                "wall_time": round(float(record["wall_time"]), 2),
                 "resumed": record["resumed"],
             }
             | summary,
