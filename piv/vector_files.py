@@ -58,7 +58,9 @@ def _head(path: Path, size: int = 4096) -> str:
     return path.read_bytes()[:size].decode("utf-8", "replace")
 
 
-def _grid(path: Path, x: Any, y: Any, u: Any, v: Any, flag: Any) -> tuple[np.ndarray, ...]:
+def _grid(
+    path: Path, x: Any, y: Any, u: Any, v: Any, flag: Any
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Scattered rows to a regular grid; points not in the file are masked (flag 2)."""
     x, y, u, v = (np.asarray(a, float).ravel() for a in (x, y, u, v))
     flag = np.asarray(flag).ravel().astype(np.uint8)
@@ -110,7 +112,7 @@ def read_openpiv(path: Path) -> Vectors:
         flag[rows[:, 4] != 0] = 1
     if rows.shape[1] >= 6:
         flag[rows[:, 5] != 0] = 2
-    return Vectors(*_grid(path, *rows[:, :4].T, flag))
+    return Vectors(*_grid(path, rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], flag))
 
 
 def read_tecplot(path: Path) -> Vectors:
@@ -149,7 +151,8 @@ def read_tecplot(path: Path) -> Vectors:
     for name in ("chc", "isvalid", "valid"):
         if name in short:
             flag[rows[:, short.index(name)] <= 0] = 1
-    grid = _grid(path, *(rows[:, column[k]] for k in "xyuv"), flag)
+    x, y, u, v = (rows[:, column[k]] for k in "xyuv")
+    grid = _grid(path, x, y, u, v, flag)
     return Vectors(*grid, _unit(names[column["x"]]), _unit(names[column["u"]]))
 
 
@@ -177,7 +180,8 @@ def read_pivlab(path: Path, *, frame: int = 0, keep_replaced: bool = False) -> V
         data, units = _pivlab_ascii(path)
     x, y, u, v, kind = data
     flag = np.select([kind == 1, kind == 0], [0, 2], 4 if keep_replaced else 1)
-    length, velocity = (_spelled(t) for t in units) if units else (None, None)
+    length = _spelled(units[0]) if units else None
+    velocity = _spelled(units[1]) if units else None
     return Vectors(*_grid(path, x, y, u, v, flag), length, velocity, "down" if length == "px" else None)
 
 
@@ -266,6 +270,8 @@ def read_davis(path: Path, *, plane: int = 0) -> Vectors:
     absent = np.ma.getmaskarray(values)["u"]
     u, v = (np.where(absent, np.nan, values[n].data) for n in ("u", "v"))
     flag = np.where(absent, 2, 0)
+    if _spelled(scales.x.unit) == "px":  # DaVis counts from the edge of the first pixel, we from its centre
+        x, y = x - 0.5, y - 0.5
     xx, yy = np.meshgrid(x, y)
     length, velocity = _spelled(scales.x.unit), _spelled(scales.i.unit)
     if velocity == "px":
