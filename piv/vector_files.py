@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
+from scipy.io import loadmat
 
 READERS = ("openpiv", "pivlab", "tecplot", "davis", "csv", "plane")
 
@@ -90,6 +92,8 @@ def _grid(
 
 
 def _table(path: Path, skip: int, delimiter: str | None) -> np.ndarray:
+    if path.stat().st_size == 0:
+        raise ValueError(f"{path}: the file is empty")
     try:
         rows = np.genfromtxt(
             path, delimiter=delimiter, skip_header=skip, comments="#", ndmin=2, encoding="utf-8"
@@ -202,9 +206,10 @@ def _pivlab_ascii(path: Path) -> tuple[tuple[np.ndarray, ...], tuple[str, str] |
 def _pivlab_mat(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], tuple[str, str] | None]:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
+    if h5py.is_hdf5(path):  # version 7.3
+        data, units_text = _pivlab_hdf5(path, frame)
+        return data, _two_units(units_text)
     try:
-        from scipy.io import loadmat
-
         mat: dict[str, Any] = loadmat(path)
         get = lambda n: np.ravel(mat[n])[frame] if mat[n].dtype == object else mat[n]  # noqa: E731
         names = set(mat)
@@ -214,19 +219,19 @@ def _pivlab_mat(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], tuple[s
         data = tuple(
             np.asarray(get(n), float) for n in ("x", "y", u_name, u_name.replace("u_", "v_"), kind_name)
         )
-    except NotImplementedError:  # version 7.3 is HDF5
-        data, units_text = _pivlab_hdf5(path, frame)
     except IndexError:
         raise ValueError(f"{path}: no frame {frame} in it") from None
-    except (KeyError, ValueError, TypeError) as error:
+    except Exception as error:  # scipy's reader raises whatever its parts raise on foreign bytes
         raise ValueError(f"{path}: not a .mat export of PIVlab ({error})") from error
-    units = re.findall(r"\[([^\]]*)\]", units_text)
-    return data, (units[0], units[1]) if len(units) >= 2 else None
+    return data, _two_units(units_text)
+
+
+def _two_units(text: str) -> tuple[str, str] | None:
+    units = re.findall(r"\[([^\]]*)\]", text)
+    return (units[0], units[1]) if len(units) >= 2 else None
 
 
 def _pivlab_hdf5(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], str]:
-    import h5py
-
     with h5py.File(path, "r") as file:
 
         def get(name: str) -> np.ndarray:
