@@ -1,19 +1,10 @@
 """The use that matters: one dominant vortex next to a moving finger, alike on a CFD grid and on a PIV grid."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from piv.vortices import find_vortices
-
-_spec = importlib.util.spec_from_file_location("tip_scene", Path(__file__).with_name("tip_scene.py"))
-assert _spec is not None
-assert _spec.loader is not None
-_module = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(_module)
-tip_scene = _module.tip_scene
+from tests.analytic.tip_scene import tip_scene
 
 
 @pytest.mark.parametrize("core", [3e-3, 5e-3])

@@ -1,12 +1,9 @@
-"""Picture of docs/synthetic.md: python tests/pictures/synthetic.py docs/synthetic.png (repository root)."""
+"""Picture of docs/synthetic.md: python -m tests.pictures.synthetic docs/synthetic.png (repository root)."""
 
 import sys
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from piv.camera import Camera, Seeding
 from piv.plane import make_plane

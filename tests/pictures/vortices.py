@@ -1,17 +1,13 @@
-"""Picture of docs/vortices.md: python tests/pictures/vortices.py docs/vortices.png (repository root)."""
+"""Picture of docs/vortices.md: python -m tests.pictures.vortices docs/vortices.png (repository root)."""
 
 import sys
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1] / "analytic")]
-
-from tip_scene import tip_scene
-
 from piv.criteria import gamma2, gradients, vorticity
 from piv.vortices import find_vortices
+from tests.analytic.tip_scene import tip_scene
 
 
 def main(path: str) -> None:
