@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import scipy.fft
+from scipy.optimize import nnls
 
 from piv.interpolate import kernel_response
 
@@ -81,6 +82,14 @@ def measure_spectra(a: np.ndarray, b: np.ndarray, weight: np.ndarray, tiles: int
     return np.arange(count.size) / TILE, signal, noise
 
 
+def undo(response: np.ndarray, spectra: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Spectra (frequency, signal, noise) of images before they were filtered by `response`, below 0.5 cycles/px."""
+    frequency, signal, noise = spectra
+    below = frequency < 0.5
+    along = np.interp(frequency, radial_frequency()[0], response[0]) ** 2
+    return frequency[below], (signal / along)[below], (noise / along)[below]
+
+
 def optimal_response(frequency: np.ndarray, signal: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Amplitude response, on the rfft2 frequencies of a tile, that gives the displacement the least variance.
 
@@ -100,8 +109,6 @@ def _without_misalignment(frequency, signal, noise):
     fit = (frequency > 0.06) & (frequency < 0.28)
     f, s, n = frequency[fit], signal[fit], noise[fit]
     # N/S = c + κ f² + n0/S, least squares with non-negative coefficients
-    from scipy.optimize import nnls
-
     design = np.stack([np.ones_like(f), f**2 / np.mean(f**2), s.mean() / s], axis=1)
     weight = s / n
     c = nnls(design * weight[:, None], np.ones_like(f))[0]
