@@ -23,8 +23,17 @@ def executable() -> str:
     """Path of CalculiX's solver; raises FileNotFoundError with the command that installs it."""
     found = shutil.which("ccx")
     if found is None:
-        raise FileNotFoundError(f"engine = \"calculix\" needs the program ccx, which is not on the path: {INSTALL}")
+        raise FileNotFoundError(
+            f'engine = "calculix" needs the program ccx, which is not on the path: {INSTALL}'
+        )
     return found
+
+
+def release() -> str:
+    """CalculiX's version, as it prints it."""
+    return subprocess.run([executable(), "-v"], capture_output=True, text=True, check=False).stdout.split()[
+        -1
+    ]
 
 
 def hyperelastic(material: Material) -> str:
@@ -38,8 +47,8 @@ def hyperelastic(material: Material) -> str:
         # D2 and D3 stiffen the volume at large changes only; 1e-3 of D1's stiffness leaves the law as given
         return f"*HYPERELASTIC, YEOH\n{_numbers([p['C10'], p['C20'], p['C30'], d, 1e3 * d, 1e3 * d])}"
     raise ValueError(
-        f"law = {material.law!r} is not one that engine = \"calculix\" offers here: "
-        "use neo_hooke, mooney_rivlin or yeoh, or engine = \"unit_cell\""
+        f'law = {material.law!r} is not one that engine = "calculix" offers here: '
+        'use neo_hooke, mooney_rivlin or yeoh, or engine = "unit_cell"'
     )
 
 
@@ -108,7 +117,9 @@ def run(folder: Path, text: str, threads: int = 1) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "finger.inp").write_text(text)
     environment = os.environ | {"OMP_NUM_THREADS": str(threads)}
-    done = subprocess.run([program, "finger"], cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [program, "finger"], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
     (folder / "finger.log").write_text(done.stdout + done.stderr)
     if done.returncode or "*ERROR" in done.stdout:
         reasons = [line.strip() for line in done.stdout.splitlines() if "*ERROR" in line]

@@ -43,9 +43,13 @@ def read_frd(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np
                 else:
                     fields[-1][label] = values
     if block:
-        raise ValueError(f"{path}: the file ends within a block of {block}: let the CalculiX run finish and import again")
+        raise ValueError(
+            f"{path}: the file ends within a block of {block}: let the CalculiX run finish and import again"
+        )
     if not labels or not fields:
-        raise ValueError(f"{path}: no {'displacements' if labels else 'nodes'} found: request them with *NODE FILE and U in ASCII")
+        raise ValueError(
+            f"{path}: no {'displacements' if labels else 'nodes'} found: request them with *NODE FILE and U in ASCII"
+        )
     for time, values in zip(times, fields, strict=True):
         if len(values) != len(labels):
             raise ValueError(

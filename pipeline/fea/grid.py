@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from pipeline.fea.settings import Actuator, UnitCellMesh
 
-APEX = 0.15e-3  # m; the wedge is cut where its half length would fall below this, for the sake of the elements
+APEX = (
+    0.15e-3  # m; the wedge is cut where its half length would fall below this, for the sake of the elements
+)
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,10 @@ NODES += [(0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1)]
 
 def _lines(breaks: list[float], counts: list[int]) -> NDArray[np.float64]:
     """Coordinates of the corners and middles of elements between breaks."""
-    parts = [np.linspace(a, b, 2 * n, endpoint=False) for a, b, n in zip(breaks[:-1], breaks[1:], counts, strict=True)]
+    parts = [
+        np.linspace(a, b, 2 * n, endpoint=False)
+        for a, b, n in zip(breaks[:-1], breaks[1:], counts, strict=True)
+    ]
     return np.concatenate([*parts, [breaks[-1]]])
 
 
@@ -81,7 +86,9 @@ def build(actuator: Actuator, counts: UnitCellMesh) -> Grid:
 
     number = np.arange(i.size).reshape(i.shape)
     size = [length // 2 for length in i.shape]
-    cells = np.stack([number[tuple(slice(c, c + 2 * s, 2) for c, s in zip(node, size, strict=True))] for node in NODES], -1)
+    cells = np.stack(
+        [number[tuple(slice(c, c + 2 * s, 2) for c, s in zip(node, size, strict=True))] for node in NODES], -1
+    )
     ci, cj, ck = 2 * np.indices(size)
     void = (ci < x1) & (cj >= y1) & (cj < y4) & (ck < z1)
     open_gap = (ci >= x2) & (cj >= y2)

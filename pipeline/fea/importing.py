@@ -42,7 +42,9 @@ def profiles_of(path: Path, fields: Fields, given: Import) -> list[Profile]:
     """Profiles of the lower layer of displacement fields; raises ValueError where the fields do not suffice."""
     if not np.isfinite(fields.displacements).all():
         bad = int(np.flatnonzero(~np.isfinite(fields.displacements).all((1, 2)))[0])
-        raise ValueError(f"{path}: state {bad + 1} has displacements that are not numbers: it did not converge, leave it out")
+        raise ValueError(
+            f"{path}: state {bad + 1} has displacements that are not numbers: it did not converge, leave it out"
+        )
     pressures = _pressures(path, fields, given)
     rest = _actuator_frame(fields.points, given)
     ventral, dorsal = _lines(path, rest, fields, given)
@@ -51,7 +53,7 @@ def profiles_of(path: Path, fields: Fields, given: Import) -> list[Profile]:
     for pressure, moved in zip(pressures, fields.displacements, strict=True):
         place = _actuator_frame(fields.points + moved, given) - origin
         line = place[ventral, :2]
-        result.append(Profile(pressure, rest[ventral, 0], line, _height(line, place[dorsal, :2])))
+        result.append(Profile(pressure, rest[ventral, 0], line, height_along(line, place[dorsal, :2])))
     return result
 
 
@@ -77,7 +79,9 @@ def _actuator_frame(points: FloatArray, given: Import) -> FloatArray:
     return np.stack(columns, -1) * given.metres_per_unit
 
 
-def _lines(path: Path, rest: FloatArray, fields: Fields, given: Import) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _lines(
+    path: Path, rest: FloatArray, fields: Fields, given: Import
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Nodes of the lower layer's profile and of the dorsal side, in the sheet, from root to tip."""
     tolerance = 1e-4 * float(np.ptp(rest[:, 0]))
     sheet = np.abs(rest[:, 2] - given.sheet) < tolerance
@@ -85,7 +89,9 @@ def _lines(path: Path, rest: FloatArray, fields: Fields, given: Import) -> tuple
     if given.node_set is not None:
         if given.node_set not in fields.sets:
             known = ", ".join(sorted(fields.sets)) or "none"
-            raise ValueError(f"{path}: node_set = {given.node_set!r} is not there (there are: {known}): name one of these")
+            raise ValueError(
+                f"{path}: node_set = {given.node_set!r} is not there (there are: {known}): name one of these"
+            )
         ventral = fields.sets[given.node_set]
     dorsal = np.flatnonzero(sheet & (rest[:, 1] < rest[sheet, 1].min(initial=np.inf) + tolerance))
     if len(ventral) < 4 or len(dorsal) < 2:
@@ -96,7 +102,7 @@ def _lines(path: Path, rest: FloatArray, fields: Fields, given: Import) -> tuple
     return tuple(line[np.argsort(rest[line, 0], kind="stable")] for line in (ventral, dorsal))  # type: ignore[return-value]
 
 
-def _height(line: FloatArray, dorsal: FloatArray) -> FloatArray:
+def height_along(line: FloatArray, dorsal: FloatArray) -> FloatArray:
     """Height (point) of the dorsal nodes above a profile, as a parabola along it, which bridges gaps and dimples."""
     s = np.linspace(0, 1, len(line))
     fine = np.linspace(0, 1, 20 * len(line))
@@ -114,7 +120,9 @@ def states_of(path: Path, profiles: list[Profile], width: float, pitch: float | 
     profiles = sorted(profiles, key=lambda profile: profile.pressure)
     pressure = np.array([profile.pressure for profile in profiles])
     if len(profiles) < 3:
-        raise ValueError(f"{path}: {len(profiles)} states: at least three pressures are needed to interpolate between")
+        raise ValueError(
+            f"{path}: {len(profiles)} states: at least three pressures are needed to interpolate between"
+        )
     if (np.diff(pressure) <= 0).any():
         twice = pressure[1:][np.diff(pressure) <= 0][0] / 1e3
         raise ValueError(f"{path}: the pressure {twice:g} kPa comes twice: give each state once")
@@ -122,15 +130,19 @@ def states_of(path: Path, profiles: list[Profile], width: float, pitch: float | 
     lines, thickness = [], []
     for profile in profiles:
         if not (np.isfinite(profile.line).all() and np.isfinite(profile.thickness).all()):
-            raise ValueError(f"{path}: the profile at {profile.pressure / 1e3:g} kPa has values that are not numbers: leave that state out")
+            raise ValueError(
+                f"{path}: the profile at {profile.pressure / 1e3:g} kPa has values that are not numbers: leave that state out"
+            )
         length = arc_length(profile.line)
         if not LENGTHS[0] < length[-1] < LENGTHS[1]:
             raise ValueError(
                 f"{path}: the profile at {profile.pressure / 1e3:g} kPa is {length[-1]:.3g} m long: "
-                "is the unit right? Set unit = \"mm\" or \"m\""
+                'is the unit right? Set unit = "mm" or "m"'
             )
         if (np.diff(profile.s) <= 0).any():
-            raise ValueError(f"{path}: s does not rise along the profile at {profile.pressure / 1e3:g} kPa: order the points from root to tip")
+            raise ValueError(
+                f"{path}: s does not rise along the profile at {profile.pressure / 1e3:g} kPa: order the points from root to tip"
+            )
         fraction = (profile.s - profile.s[0]) / (profile.s[-1] - profile.s[0])
         lines.append([np.interp(s, fraction, profile.line[:, axis]) for axis in (0, 1)])
         thickness.append(np.interp(s, fraction, profile.thickness))

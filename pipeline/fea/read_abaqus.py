@@ -33,7 +33,9 @@ def _parse(path: Path) -> _Model:
                 continue
             if line.startswith("*"):
                 keyword, *rest = [word.strip().upper() for word in line[1:].split(",")]
-                options = {key.strip(): value.strip() for key, _, value in (word.partition("=") for word in rest)}
+                options = {
+                    key.strip(): value.strip() for key, _, value in (word.partition("=") for word in rest)
+                }
                 if keyword == "PART":
                     part = options["NAME"]
                 elif keyword == "END PART":
@@ -57,7 +59,9 @@ def _parse(path: Path) -> _Model:
                         labels = list(range(labels[0], labels[1] + 1, labels[2] if len(labels) > 2 else 1))
                     model.sets.setdefault((options["NSET"], owner), []).extend(labels)
             except (ValueError, IndexError) as error:
-                raise ValueError(f"{path}, line {number}: {line.strip()!r} is no data line of *{keyword}: correct it") from error
+                raise ValueError(
+                    f"{path}, line {number}: {line.strip()!r} is no data line of *{keyword}: correct it"
+                ) from error
     return model
 
 
@@ -85,7 +89,9 @@ def read_abaqus(path: Path, displacements: Path) -> Fields:
     places, index = [], dict[tuple[str, int], int]()
     for name, (part, lines) in instances.items():
         if part not in model.parts:
-            raise ValueError(f"{path}: part {part!r} of instance {name!r} has no *Node: export the model flat or with its parts")
+            raise ValueError(
+                f"{path}: part {part!r} of instance {name!r} has no *Node: export the model flat or with its parts"
+            )
         labels = list(model.parts[part])
         for label in labels:
             index[name, label] = len(index)
@@ -98,14 +104,20 @@ def read_abaqus(path: Path, displacements: Path) -> Fields:
         reader = csv.DictReader(line for line in file if not line.startswith("#"))
         header = [name.strip() for name in reader.fieldnames or []]
         reader.fieldnames = header
-        missing = [name for name in (*COLUMNS, *(("instance",) if only is None else ())) if name not in header]
+        missing = [
+            name for name in (*COLUMNS, *(("instance",) if only is None else ())) if name not in header
+        ]
         if missing:
-            raise ValueError(f"{displacements}: column {missing[0]} is missing: write it with docs/abaqus_export.py")
+            raise ValueError(
+                f"{displacements}: column {missing[0]} is missing: write it with docs/abaqus_export.py"
+            )
         for row in reader:
             name = only if only is not None else row["instance"].strip().upper()
             key = (name, int(row["node"]))
             if key not in index:
-                raise ValueError(f"{displacements}: node {row['node']} of instance {name!r} is not in {path.name}: export both from one job")
+                raise ValueError(
+                    f"{displacements}: node {row['node']} of instance {name!r} is not in {path.name}: export both from one job"
+                )
             state = states.setdefault(float(row["pressure_kpa"]), np.full(points.shape, np.nan))
             state[index[key]] = [float(row[u]) for u in ("u1", "u2", "u3")]
     for pressure, values in states.items():
@@ -118,7 +130,11 @@ def read_abaqus(path: Path, displacements: Path) -> Fields:
     sets: dict[str, list[int]] = {}
     for (name, owner), labels in model.sets.items():
         owners = [i for i, (part, _) in instances.items() if owner in (i, part)] or [owner]
-        sets.setdefault(name, []).extend(index[o, label] for o in owners for label in labels if (o, label) in index)
+        sets.setdefault(name, []).extend(
+            index[o, label] for o in owners for label in labels if (o, label) in index
+        )
     progress = np.array(sorted(states))
     fields = np.array([states[p] for p in progress])
-    return Fields(points, fields, progress, {name: np.array(nodes, dtype=np.intp) for name, nodes in sets.items()})
+    return Fields(
+        points, fields, progress, {name: np.array(nodes, dtype=np.intp) for name, nodes in sets.items()}
+    )

@@ -23,7 +23,9 @@ def read_vtk(path: Path, given: Import) -> Fields:
         for time in times:
             reader.set_active_time_value(time)
             block = reader.read()
-            meshes.append(block.combine() if isinstance(block, pyvista.MultiBlock) and block.n_blocks > 1 else block[0])
+            meshes.append(
+                block.combine() if isinstance(block, pyvista.MultiBlock) and block.n_blocks > 1 else block[0]
+            )
     else:
         files = sorted(path.parent.glob(path.name))
         times, meshes = [float(k + 1) for k in range(len(files))], [pyvista.read(file) for file in files]
@@ -62,4 +64,6 @@ def read_xdmf(path: Path, given: Import) -> Fields:
 
 def _same_count(path: Path, number: int, count: int, expected: int) -> None:
     if count != expected:
-        raise ValueError(f"{path}: state {number} has {count} nodes, the first one {expected}: export the same mesh for every state")
+        raise ValueError(
+            f"{path}: state {number} has {count} nodes, the first one {expected}: export the same mesh for every state"
+        )

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Length = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)]  # m; an actuator of a metre is millimetres misread
+Length = Annotated[
+    float, Field(gt=0, lt=1, allow_inf_nan=False)
+]  # m; an actuator of a metre is millimetres misread
 
 
 class _Frozen(BaseModel):
@@ -51,13 +53,17 @@ class Actuator(_Frozen):
     @model_validator(mode="after")
     def _sensible(self) -> Actuator:
         if self.h2 >= self.h1:
-            raise ValueError(f"h2 = {self.h2} m must be below h1 = {self.h1} m: it is the rectangular part of the cavity")
+            raise ValueError(
+                f"h2 = {self.h2} m must be below h1 = {self.h1} m: it is the rectangular part of the cavity"
+            )
         if self.bridge >= self.h2:
             raise ValueError(
                 f"channel + roof = {self.bridge} m must be below h2 = {self.h2} m: the gap between chambers needs a depth"
             )
         if 2 * self.b1 >= self.width:
-            raise ValueError(f"width = {self.width} m leaves no cavity between two side walls of b1 = {self.b1} m")
+            raise ValueError(
+                f"width = {self.width} m leaves no cavity between two side walls of b1 = {self.b1} m"
+            )
         return self
 
     @property
@@ -143,9 +149,13 @@ class Fea(_Frozen):
     @model_validator(mode="after")
     def _three_states(self) -> Fea:
         if len(self.pressures) < 3:
-            raise ValueError("first_pressure_kpa to last_pressure_kpa by pressure_step_kpa gives fewer than three states")
+            raise ValueError(
+                "first_pressure_kpa to last_pressure_kpa by pressure_step_kpa gives fewer than three states"
+            )
         if (self.engine == "import") != (self.results is not None):
-            raise ValueError("engine = \"import\" and the section [fea.results] belong together: give both or neither")
+            raise ValueError(
+                'engine = "import" and the section [fea.results] belong together: give both or neither'
+            )
         return self
 
     @property
@@ -153,5 +163,3 @@ class Fea(_Frozen):
         """Ascending pressures (Pa) of the states."""
         steps = round((self.last_pressure_kpa - self.first_pressure_kpa) / self.pressure_step_kpa)
         return 1e3 * np.linspace(self.first_pressure_kpa, self.last_pressure_kpa, max(steps, 0) + 1)
-
-

@@ -161,7 +161,9 @@ def build(actuator: Actuator, counts: SolidMesh) -> Solid:
         number = np.zeros(int(tags.max()) + 1, dtype=np.intp)
         number[tags] = np.arange(len(tags))
         hexahedra = [
-            number[np.concatenate([gmsh.model.mesh.getElementsByType(HEX20, v)[1] for v in volumes])].reshape(-1, 20)
+            number[np.concatenate([gmsh.model.mesh.getElementsByType(HEX20, v)[1] for v in volumes])].reshape(
+                -1, 20
+            )
             for volumes in (lower, upper)
         ]
         faces = np.concatenate([gmsh.model.mesh.getElementsByType(QUAD8, f)[1] for f in wetted])
@@ -180,7 +182,10 @@ def build(actuator: Actuator, counts: SolidMesh) -> Solid:
 def _cavity_faces(lattice: _Blocks, i: int) -> list[int]:
     """The faces around the void of column i."""
     p = lattice.points
-    keys = [[(i, 1, 0), (i + 1, 1, 0), (i + 1, 1, 1), (i, 1, 1)], [(i, 4, 0), (i + 1, 4, 0), (i + 1, 4, 1), (i, 4, 1)]]
+    keys = [
+        [(i, 1, 0), (i + 1, 1, 0), (i + 1, 1, 1), (i, 1, 1)],
+        [(i, 4, 0), (i + 1, 4, 0), (i + 1, 4, 1), (i, 4, 1)],
+    ]
     for j in (1, 2, 3):
         keys += [[(c, j, 0), (c, j + 1, 0), (c, j + 1, 1), (c, j, 1)] for c in (i, i + 1)]
         keys.append([(i, j, 1), (i + 1, j, 1), (i + 1, j + 1, 1), (i, j + 1, 1)])

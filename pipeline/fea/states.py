@@ -71,12 +71,18 @@ def read(path: Path) -> BendingStates:
     """Read `states.h5`; raises ValueError where it is of another format or version, or incomplete."""
     with h5py.File(path) as file:
         if file.attrs.get("format") != FORMAT:
-            raise ValueError(f"{path}: format = {file.attrs.get('format')!r}, not {FORMAT!r}: run `make fea` or import your states")
+            raise ValueError(
+                f"{path}: format = {file.attrs.get('format')!r}, not {FORMAT!r}: run `make fea` or import your states"
+            )
         if int(file.attrs["format_version"]) != VERSION:
-            raise ValueError(f"{path}: format_version = {file.attrs['format_version']}, this code reads {VERSION}: run `make fea` again")
+            raise ValueError(
+                f"{path}: format_version = {file.attrs['format_version']}, this code reads {VERSION}: run `make fea` again"
+            )
         missing = {"pressure", "profile_x", "profile_y", "thickness"} - set(file)
         if missing:
-            raise ValueError(f"{path}: {', '.join(sorted(missing))} missing: run `make fea` or import your states again")
+            raise ValueError(
+                f"{path}: {', '.join(sorted(missing))} missing: run `make fea` or import your states again"
+            )
         about = {
             key: json.loads(value) if value[:1] in "{[" else value
             for key, value in file.attrs.items()

@@ -17,7 +17,9 @@ from pipeline.fea.settings import Actuator, UnitCellMesh
 
 FloatArray = NDArray[np.float64]
 CONTACT_STIFFNESS = 2e10  # Pa/m of penetration: 40 kPa of contact pressure sink in by 0.002 mm
-REDUCED = felupe.GaussLegendre(order=1, dim=3)  # 2 × 2 × 2 points, which keeps 20-node hexahedra free of locking
+REDUCED = felupe.GaussLegendre(
+    order=1, dim=3
+)  # 2 × 2 × 2 points, which keeps 20-node hexahedra free of locking
 
 
 class NotConverged(RuntimeError):
@@ -56,7 +58,9 @@ class UnitCell:
         ):
             part = felupe.Mesh(mesh.points, mesh.cells[cells], mesh.cell_type)
             region = felupe.RegionQuadraticHexahedron(part, quadrature=REDUCED)
-            self.bodies.append(felupe.SolidBody(law(material), felupe.FieldContainer([felupe.Field(region, dim=3)])))
+            self.bodies.append(
+                felupe.SolidBody(law(material), felupe.FieldContainer([felupe.Field(region, dim=3)]))
+            )
         inside = felupe.RegionQuadraticHexahedronBoundary(mesh, only_surface=True, mask=self.grid.cavity)
         self.pressure = felupe.SolidBodyPressure(felupe.FieldContainer([felupe.Field(inside, dim=3)]))
         self.joined = np.flatnonzero(self.grid.plane)
@@ -140,9 +144,7 @@ class UnitCell:
             block = matrix[self.free][:, self.free].tocsc()
             with np.errstate(all="raise"):
                 try:
-                    step = splu(block).solve(
-                        -force[self.free]
-                    )
+                    step = splu(block).solve(-force[self.free])
                 except (RuntimeError, FloatingPointError) as error:
                     raise NotConverged(str(error)) from error
             size = np.abs(step).max()

@@ -1,0 +1,182 @@
+"""Stage case: the OpenFOAM case — the base case, one file of numbers, the swept mesh in its first shape."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from pipeline.errors import StageError
+from pipeline.motion import read_motion
+from pipeline.polymesh import OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
+from pipeline.quality import planform_edges
+from pipeline.scene import Scene, digest
+from pipeline.stage import read_dataset, run_stage, write_dataset, write_text
+
+BASE = Path(__file__).resolve().parent.parent / "cases" / "_base"
+SYMMETRIC = ("half", "quarter")
+
+
+def numbers(scene: Scene, back: float) -> dict[str, str]:
+    """The entries of system/numbers for a scene; `back` is the z of the mesh's back wall, m."""
+    kind = scene.model.kind
+    flat, n = kind == "2d", scene.numerics
+    sampling = n.sampling_steps(scene.sheet.rate_hz)
+    sheet_z = 0.5 * back if flat else scene.sheet.z
+
+    def point(*xyz: float) -> str:
+        return f"({' '.join(f'{c:.10g}' for c in xyz)})"
+
+    return {
+        "timeStep": f"{n.time_step:.10g}",
+        "startTime": "0",
+        "endTime": f"{scene.motion.end_time:.10g}",
+        "writeInterval": str(write_steps(scene.motion.end_time, n.time_step, n.write_interval)),
+        "sampleInterval": str(sampling),
+        "timeScheme": n.time_scheme,
+        "density": f"{scene.fluid.density:.10g}",
+        "viscosity": f"{scene.fluid.kinematic_viscosity:.10g}",
+        "simulationType": "laminar" if scene.fluid.turbulence == "laminar" else "LES",
+        "outerCorrectors": str(n.outer_correctors),
+        "pressureCorrectors": str(n.pressure_correctors),
+        "nonOrthogonalCorrectors": str(n.non_orthogonal_correctors),
+        "ranks": "1",
+        "momentPoint": point(*scene.finger.root, 0.0),
+        "sheetType": "empty" if flat else "symmetryPlane",
+        "backType": "empty" if flat else "fixedValue",
+        "backPressureType": "empty" if flat else "zeroGradient",
+        "backPatchType": "empty" if flat else "wall",
+        "frontType": "fixedValue",
+        "sheetSampling": "patch" if kind in SYMMETRIC else "cuttingPlane",
+        "sheetPoint": point(0, 0, sheet_z),
+    }
+
+
+def write_steps(end_time: float, time_step: float, interval: float) -> int:
+    """Time steps between checkpoints: the divisor of all steps nearest to `interval` s, so that the end is saved."""
+    steps = round(end_time / time_step)
+    divisors = [n for n in range(1, steps + 1) if steps % n == 0]
+    return min(divisors, key=lambda n: abs(n - interval / time_step))
+
+
+def numbers_text(entries: dict[str, str]) -> str:
+    """The file system/numbers."""
+    head = "// Every number of the case; written by the case stage from scene.toml.\n"
+    return head + "".join(f"{key:<23} {value};\n" for key, value in entries.items())
+
+
+def regions_text(kind: str) -> str:
+    """The file system/regions: which wall each zone of columns follows."""
+    zones = {"behindSheet": "backZone"} | ({"beforeSheet": "frontZone"} if kind == "full" else {})
+    text = "// Columns of cells that follow one wall; the second zone is empty: nothing is interpolated.\n"
+    for zone, wall in zones.items():
+        text += (
+            f"{zone}\n{{\n    interpolationScheme oneSided;\n    boundaryField\n    {{\n"
+            f"        {wall} {{ type follow; }}\n"
+            "        emptyZone { type fixedValue; value uniform (0 0 0); }\n    }\n}\n"
+        )
+    return text
+
+
+def sides(planform: xr.Dataset) -> np.ndarray:
+    """Index into OUTER_PATCHES for each edge of the planform that lies on the tank's outline (else 0)."""
+    nodes = planform["points"].values[0]
+    edges = planform_edges(planform["triangles"].values, planform["quads"].values)
+    left, _, right, top = planform.attrs["corners"]
+    middle = nodes[edges.nodes].mean(1)
+    tolerance = 1e-9
+    side = np.zeros(len(middle), int)
+    side[np.abs(middle[:, 1] - top) < tolerance] = OUTER_PATCHES.index("top")
+    mirrored = planform.attrs["model"] == "quarter"
+    for x in (left, right):
+        wall = np.flatnonzero(np.abs(middle[:, 0] - x) < tolerance)
+        if x == right and mirrored:
+            side[wall] = OUTER_PATCHES.index("mirror")
+        else:
+            side[wall[np.argmax(middle[wall, 1])]] = OUTER_PATCHES.index("gap")
+    return side
+
+
+def build_mesh(planform: xr.Dataset) -> PolyMesh:
+    """Sweep the planform of `planform.h5`."""
+    sweep = Sweep(
+        planform["triangles"].values,
+        planform["quads"].values,
+        planform["inside"].values,
+        planform["levels"].values,
+        0.5 * float(planform.attrs["finger_width"]),
+        str(planform.attrs["model"]),
+    )
+    return sweep_mesh(sweep, sides(planform))
+
+
+def patch_types(kind: str) -> dict[str, str]:
+    """OpenFOAM's type of each patch."""
+    flat = kind == "2d"
+    return {
+        "finger": "wall",
+        "tank": "wall",
+        "top": "patch",
+        "mirror": "symmetryPlane",
+        "gap": "patch",
+        "back": "empty" if flat else "wall",
+        "front": "wall",
+        "sheet": "empty" if flat else "symmetryPlane",
+    }
+
+
+def zones(
+    mesh: PolyMesh, levels: np.ndarray, kind: str
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Face zones that drive the motion, and the columns of cells that follow each."""
+    span = {name: np.arange(start, start + count) for name, start, count in mesh.patches}
+    faces = {"backZone": span["back"], "emptyZone": np.array([], int)}
+    cells = np.arange(len(mesh.cell_layer))
+    if kind != "full":
+        return faces, {"behindSheet": cells}
+    behind = 0.5 * (levels[1:] + levels[:-1])[mesh.cell_layer] < 0
+    return faces | {"frontZone": span["front"]}, {"behindSheet": cells[behind], "beforeSheet": cells[~behind]}
+
+
+def run(scene: Scene, quiet: bool = False) -> None:
+    """Write the folder `case/` and `sweep.h5` (the columns of the mesh)."""
+    folder = scene.out / "case"
+    with read_dataset(scene.out / "planform.h5", "planform") as planform:
+        planform.load()
+    levels, kind = planform["levels"].values, scene.model.kind
+    if not BASE.is_dir():
+        raise StageError(f"{BASE}: the base case is missing; restore it with git checkout cases/_base")
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(BASE, folder)
+    write_text(folder / "system" / "numbers", numbers_text(numbers(scene, float(levels[0]))))
+    write_text(folder / "system" / "regions", regions_text(kind))
+    mesh = build_mesh(planform)
+    points = mesh.points(read_motion(scene.out).nodes(0.0), levels)
+    faces, cells = zones(mesh, levels, kind)
+    write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
+    write_text(folder / "case.foam", "")
+    write_dataset(
+        xr.Dataset(
+            {
+                "node": ("point", mesh.node),
+                "level": ("point", mesh.level),
+                "cell_column": ("cell", mesh.cell_column),
+            },
+            attrs={
+                "format": "sweep",
+                "format_version": 1,
+                "scene_hash": digest(scene.settings("case")),
+                "settings": json.dumps(scene.settings("case")),
+            },
+        ),
+        scene.out / "sweep.h5",
+    )
+    if not quiet:
+        print(f"case: {len(mesh.cell_column)} cells, {len(points)} points in {folder}")
+
+
+if __name__ == "__main__":
+    run_stage("case", __doc__, run)

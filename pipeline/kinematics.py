@@ -1,0 +1,184 @@
+"""Stage kinematics: the pressure law and the family of finger shapes, checked and written to kinematics.h5."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+import xarray as xr
+
+from pipeline import paper_model
+from pipeline.errors import StageError
+from pipeline.motion_law import PressureLaw, measured_law, stroke_law
+from pipeline.scene import Finger, Motion, Scene, digest
+from pipeline.shapes import ShapeFamily, States, add_tip, circular_states, rounded_strip
+from pipeline.stage import run_stage, write_dataset
+from pipeline.states import read_states
+
+PAPER_LOWEST_PRESSURE = paper_model.LOWEST_VALID_PRESSURE
+LAW_SAMPLES_PER_SECOND = 4000
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """A pressure law and the shapes it runs through, with the placement in the tank."""
+
+    law: PressureLaw
+    family: ShapeFamily
+    finger: Finger
+
+    def to_tank(self, points: np.ndarray) -> np.ndarray:
+        """Points (…, 2) from the actuator's frame (origin at the middle of the root) to the tank's."""
+        return self.turn(points) + np.asarray(self.finger.root)
+
+    def turn(self, vectors: np.ndarray) -> np.ndarray:
+        """Vectors (…, 2) from the actuator's axes to the tank's."""
+        side = 1.0 if self.finger.ventral == "+x" else -1.0
+        hanging = np.stack([side * vectors[..., 1], -vectors[..., 0]], axis=-1)
+        c, s = np.cos(np.radians(self.finger.tilt_deg)), np.sin(np.radians(self.finger.tilt_deg))
+        return hanging @ np.array([[c, s], [-s, c]])
+
+
+def load_kinematics(scene: Scene) -> Kinematics:
+    """The motion that a scene asks for. Raises StageError where it cannot be."""
+    motion, finger = scene.motion, scene.finger
+    law = _pressure_law(motion, scene.folder)
+    time = law_times(motion.end_time)
+    pressure = law(time)
+    states = _states(motion, finger, scene.folder, float(pressure.min()), float(pressure.max()))
+    low, high = states.pressure[0], states.pressure[-1]
+    if pressure.min() < low - 1e-6 or pressure.max() > high + 1e-6:
+        raise StageError(
+            f"{scene.folder / 'scene.toml'}: motion runs over {pressure.min() / 1e3:.3g}…{pressure.max() / 1e3:.3g} kPa"
+            f" but the states cover {low / 1e3:.3g}…{high / 1e3:.3g} kPa; shorten the stroke or add states"
+        )
+    states = add_tip(states, finger.tip.length, finger.tip.thickness)
+    rest = int(np.argmin(np.abs(states.pressure)))
+    s = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(states.profile[rest], axis=0).T))])
+    strip = rounded_strip(
+        s[-1], states.thickness[rest], s, finger.root_corner_radius, finger.tip.corner_radius
+    )
+    return Kinematics(law, ShapeFamily(states, strip), finger)
+
+
+def law_times(end_time: float) -> np.ndarray:
+    """Instants (s) at which the law is written; a spline through them is exact to rounding."""
+    return np.linspace(0.0, end_time, int(np.ceil(end_time * LAW_SAMPLES_PER_SECOND)) + 1)
+
+
+def _pressure_law(motion: Motion, folder: Path) -> PressureLaw:
+    if motion.pressure_csv:
+        return measured_law(folder / motion.pressure_csv)
+    strokes = [(s.pressure_kpa * 1e3, s.start, s.duration) for s in motion.strokes]
+    return stroke_law(motion.start_pressure_kpa * 1e3, strokes)
+
+
+def _states(motion: Motion, finger: Finger, folder: Path, lowest: float, highest: float) -> States:
+    if motion.source == "fea":
+        assert motion.states is not None  # the scene's own check
+        return read_states(folder / motion.states, finger.thickness)
+    if lowest < PAPER_LOWEST_PRESSURE:
+        raise StageError(
+            f"{folder / 'scene.toml'}: motion reaches {lowest / 1e3:.3g} kPa, but equations (1)-(6) let the chambers'"
+            f" walls cross below {PAPER_LOWEST_PRESSURE / 1e3:g} kPa; set motion.source = 'fea'"
+        )
+    pressure = np.linspace(min(lowest, -1e3), max(highest, 1e3), 41)
+    bend, _ = paper_model.bend(pressure, length=finger.length)
+    return circular_states(pressure, bend, finger.length, finger.thickness)
+
+
+def shape_knots(kinematics: Kinematics, lowest: float, highest: float, step: float) -> np.ndarray:
+    """Pressures (Pa) from `lowest` to `highest` at equal steps of at most `step` rad of bend; at least five."""
+    fine = np.linspace(lowest, highest, 2001)
+    bend = np.array([kinematics.family.bend(p) for p in fine])
+    walk = np.concatenate([[0], np.cumsum(np.abs(np.diff(bend)))])
+    count = max(5, int(np.ceil(walk[-1] / step)) + 1)
+    return np.interp(np.linspace(0, walk[-1], count), walk, fine)
+
+
+def check_shapes(outlines: np.ndarray, bends: np.ndarray, scene: Scene) -> None:
+    """StageError where an outline (knot, point, 2) crosses itself, or leaves the water or the tank."""
+    half, depth = scene.tank.size[0] / 2, scene.tank.water_depth
+    where = scene.folder / "scene.toml"
+    for outline, bend in zip(outlines, np.degrees(bends), strict=True):
+        if not shapely.Polygon(outline).is_valid:
+            raise StageError(
+                f"{where}: the finger's outline crosses itself at {bend:.1f}° of bend; bend it less"
+            )
+        if outline[:, 1].max() >= depth:
+            raise StageError(
+                f"{where}: the finger leaves the water at {bend:.1f}° of bend (it reaches y = {outline[:, 1].max():.3f} m,"
+                f" the surface is at {depth:g} m); lower finger.root"
+            )
+        if np.abs(outline[:, 0]).max() >= half or outline[:, 1].min() <= 0:
+            raise StageError(f"{where}: the finger touches the tank at {bend:.1f}° of bend; move finger.root")
+
+
+def kinematics_dataset(scene: Scene) -> xr.Dataset:
+    """Everything of docs/formats.md, Kinematics, as a dataset."""
+    kinematics = load_kinematics(scene)
+    time = law_times(scene.motion.end_time)
+    pressure = kinematics.law(time)
+    low, high = float(pressure.min()), float(pressure.max())
+    if high - low < 1e-9:
+        high = low + 1.0
+    knots = shape_knots(kinematics, low, high, np.radians(scene.motion.max_bend_step_deg) / 2)
+    family = kinematics.family
+    bends = np.array([family.bend(p) for p in knots])
+    outlines = kinematics.to_tank(np.array([family.outline(p) for p in knots]))
+    check_shapes(outlines, bends, scene)
+    rates = kinematics.turn(np.array([family.outline_rate(p) for p in knots]))
+    tips = np.array([family.tip(p) for p in knots])
+    look = np.linspace(0, scene.motion.end_time, 101)
+    at = kinematics.law(look)
+    moving = np.array([family.outline_rate(p) for p in at]) * kinematics.law(look, 1)[:, None, None]
+    shown = kinematics.to_tank(np.array([family.outline(p) for p in at]))
+    point = ("point", "axis")
+    return xr.Dataset(
+        {
+            "pressure": ("time", pressure, {"units": "Pa"}),
+            "pressure_rate": ("time", kinematics.law(time, 1), {"units": "Pa/s"}),
+            "outline": (("look", *point), shown, {"units": "m"}),
+            "outline_velocity": (("look", *point), kinematics.turn(moving), {"units": "m/s"}),
+            "shape_outline": (("shape_parameter", *point), outlines, {"units": "m"}),
+            "shape_outline_rate": (("shape_parameter", *point), rates, {"units": "m/Pa"}),
+            "shape_bend": ("shape_parameter", bends, {"units": "rad"}),
+            "shape_tip": (("shape_parameter", "axis"), kinematics.to_tank(tips[:, 0]), {"units": "m"}),
+            "shape_tip_direction": (("shape_parameter", "axis"), kinematics.turn(tips[:, 1]), {"units": "1"}),
+            "shape_dorsal_direction": (
+                ("shape_parameter", "axis"),
+                kinematics.turn(tips[:, 2]),
+                {"units": "1"},
+            ),
+        },
+        coords={
+            "time": ("time", time, {"units": "s"}),
+            "look": ("look", look, {"units": "s", "long_name": "instants of outline and outline_velocity"}),
+            "shape_parameter": ("shape_parameter", knots, {"units": "Pa"}),
+        },
+        attrs={
+            "format": "kinematics",
+            "format_version": 1,
+            "source": scene.motion.source,
+            "finger_width": scene.finger.width,
+            "finger_root": np.asarray(scene.finger.root),
+            "scene_hash": digest(scene.settings("kinematics")),
+            "settings": json.dumps(scene.settings("kinematics")),
+        },
+    )
+
+
+def run(scene: Scene, quiet: bool = False) -> None:
+    """Write kinematics.h5."""
+    dataset = kinematics_dataset(scene)
+    write_dataset(dataset, scene.out / "kinematics.h5")
+    if not quiet:
+        bend = np.degrees(dataset["shape_bend"].values)
+        print(f"kinematics: {bend.min():.1f}° … {bend.max():.1f}° of bend in {len(bend)} shapes")
+
+
+if __name__ == "__main__":
+    run_stage("kinematics", __doc__, run)

@@ -1,0 +1,87 @@
+"""Finding OpenFOAM and running its programs."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from functools import cache
+from pathlib import Path
+
+from pipeline.errors import StageError
+
+INSTALL = "apt-get install openfoam"
+PROJECT_DIRS = ("/usr/share/openfoam",)  # Debian's package sets no WM_PROJECT_DIR
+
+
+@cache
+def environment() -> dict[str, str]:
+    """Environment in which OpenFOAM's programs run. Raises StageError where there is none."""
+    env = dict(os.environ)
+    if shutil.which("pimpleFoam") is None:
+        raise StageError(f"OpenFOAM is not installed (no pimpleFoam on the path); run: sudo {INSTALL}")
+    if "WM_PROJECT_DIR" not in env:
+        found = next((folder for folder in PROJECT_DIRS if Path(folder, "etc").is_dir()), None)
+        if found is None:
+            raise StageError("WM_PROJECT_DIR is not set; source OpenFOAM's etc/bashrc first")
+        env["WM_PROJECT_DIR"] = found
+    env.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")  # one more busy process would stall spinning ranks
+    env["OMP_NUM_THREADS"] = "1"
+    return env
+
+
+@cache
+def foam_version() -> str:
+    """OpenFOAM's version, as v1912; StageError where it is older than v1912 or not openfoam.com's."""
+    text = subprocess.run(["pimpleFoam", "-help"], env=environment(), capture_output=True, text=True).stdout
+    found = re.search(r"Using:\s*OpenFOAM-\s*\(?v?(\d{4})", text)
+    number = next((g for g in found.groups() if g), None) if found else None
+    if number is None or int(number) < 1912:
+        raise StageError(
+            f"OpenFOAM {number or 'of unknown version'} found; openfoam.com v1912 or later is needed"
+        )
+    return f"v{number}"
+
+
+def run_tool(arguments: list[str], case: Path, log: str) -> None:
+    """Run one of OpenFOAM's utilities in `case`, its output in `log`; StageError with its last lines on failure."""
+    path = case / log
+    with open(path, "w", encoding="utf-8") as output:
+        done = subprocess.run(arguments, cwd=case, env=environment(), stdout=output, stderr=subprocess.STDOUT)
+    if done.returncode != 0:
+        raise StageError(f"{arguments[0]} failed in {case}; its last lines:\n{last_lines(path)}")
+
+
+def last_lines(path: Path, count: int = 25) -> str:
+    """The end of a log."""
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
+    return "\n".join(lines[-count:])
+
+
+def solver_command(ranks: int, hosts: Path | None = None) -> list[str]:
+    """pimpleFoam, through MPI where `ranks` > 1."""
+    if ranks == 1:
+        return ["pimpleFoam"]
+    mpi = [
+        "mpirun",
+        "--mca",
+        "mpi_yield_when_idle",
+        "1",
+        "--bind-to",
+        "none",
+        "--oversubscribe",
+        "-np",
+        str(ranks),
+    ]
+    if hosts is not None:
+        mpi += ["--hostfile", str(hosts)]
+    if hasattr(os, "geteuid") and os.geteuid() == 0:
+        mpi.insert(1, "--allow-run-as-root")
+    return [*mpi, "pimpleFoam", "-parallel"]
+
+
+if __name__ == "__main__":
+    from pipeline.stage import guarded
+
+    guarded("setup", lambda: print(f"setup: OpenFOAM {foam_version()}"))

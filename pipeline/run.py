@@ -1,0 +1,249 @@
+"""Stage run: the solver, through MPI where asked; resumes, guards, and writes its results as tables."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from tqdm import tqdm
+
+from pipeline.checkpoint import last_checkpoint
+from pipeline.errors import StageError
+from pipeline.foamfile import read_labels, write_list
+from pipeline.frames import remove_frames, steps_of, write_frames
+from pipeline.motion import read_motion
+from pipeline.openfoam import environment, foam_version, last_lines, run_tool, solver_command
+from pipeline.partition import partition_columns
+from pipeline.quality import cell_centres
+from pipeline.results import collect_results
+from pipeline.scene import Scene
+from pipeline.stage import guarded, parser, read_dataset, timed, versions, write_text
+
+LOG = "log.pimpleFoam"
+STATE = "state.json"  # what the frames and the decomposition in case/ were made for
+
+
+class Guard:
+    """Watches the solver's log and says when a run has gone wrong."""
+
+    def __init__(self, max_courant: float) -> None:
+        self.max_courant = max_courant
+        self.time = 0.0
+
+    def verdict(self, line: str) -> str | None:
+        """None while all is well, else the cause in a few words."""
+        if line.startswith("Time = "):
+            self.time = float(line.split("=")[1])
+        elif line.startswith("Courant Number"):
+            courant = float(line.split()[-1])
+            if not courant <= self.max_courant:
+                return f"Courant number {courant:.3g} exceeds numerics.max_courant = {self.max_courant:g}"
+        elif line.startswith("time step continuity errors"):
+            local = float(re.split(r"[=,]", line)[1])
+            if not local < 1e-2:
+                return f"continuity error {local:.3g}"
+        return None
+
+
+def prepare(scene: Scene, ranks: int, quiet: bool) -> None:
+    """Decompose the case and lay the frames of the motion, unless that was done for the same mesh and ranks."""
+    case = scene.out / "case"
+    mesh_points = case / "constant" / "polyMesh" / "points"
+    if not mesh_points.exists():
+        raise StageError(
+            f"{case}: no mesh; run python -m pipeline.case {scene.folder} --level {scene.level} first"
+        )
+    wanted = {"ranks": ranks, "mesh": mesh_points.stat().st_mtime_ns}
+    state = case / STATE
+    if state.exists() and json.loads(state.read_text()) == wanted:
+        return
+    for folder in case.glob("processor*"):
+        shutil.rmtree(folder)
+    for folder in case.iterdir():
+        if folder.is_dir() and re.fullmatch(r"[0-9.e-]+", folder.name) and folder.name != "0":
+            shutil.rmtree(folder)
+    shutil.rmtree(case / "postProcessing", ignore_errors=True)
+    with read_dataset(scene.out / "sweep.h5", "sweep") as sweep:
+        sweep.load()
+    with read_dataset(scene.out / "planform.h5", "planform") as planform:
+        planform.load()
+    node, level = sweep["node"].values, sweep["level"].values
+    kind, top = scene.model.kind, planform.sizes["level"] - 1
+    driving = (level == 0) | ((level == top) if kind == "full" else False)
+    motion = read_motion(scene.out)
+    steps = steps_of(scene.motion.end_time, scene.numerics.time_step)
+    folders = [(case, np.arange(len(node)))]
+    if ranks > 1:
+        _decompose(case, sweep, planform, ranks)
+        folders = []
+        for rank in range(ranks):
+            folder = case / f"processor{rank}"
+            folders.append((folder, read_labels(folder / "constant" / "polyMesh" / "pointProcAddressing")))
+    for folder, points in tqdm(folders, desc="frames", unit="rank", disable=quiet or None):
+        write_frames(
+            folder, motion, node[points], driving[points], scene.numerics.time_step, steps, flat=kind == "2d"
+        )
+    write_text(state, json.dumps(wanted))
+
+
+def _decompose(case: Path, sweep: xr.Dataset, planform: xr.Dataset, ranks: int) -> None:
+    column = sweep["cell_column"].values
+    centres = cell_centres(
+        planform["points"].values[0], planform["triangles"].values, planform["quads"].values
+    )
+    load = np.bincount(column, minlength=len(centres)).astype(float)
+    rank = partition_columns(centres, load, ranks)[column]
+    write_list(case / "constant" / "cellDecomposition", "labelList", "constant", rank)
+    set_number(case, "ranks", str(ranks))
+    run_tool(["decomposePar", "-force", "-noFunctionObjects"], case, "log.decomposePar")
+
+
+def set_number(case: Path, key: str, value: str) -> None:
+    """Change one entry of system/numbers."""
+    path = case / "system" / "numbers"
+    text, count = re.subn(rf"(?m)^{key}\s.*;", f"{key:<23} {value};", path.read_text())
+    if count != 1:
+        raise StageError(f"{path}: entry {key!r} occurs {count} times; run the case stage again")
+    write_text(path, text)
+
+
+def solve(scene: Scene, ranks: int, hosts: Path | None, quiet: bool) -> dict[str, object]:
+    """Run the solver to the end from the last whole checkpoint; returns what run.json records of it."""
+    case = scene.out / "case"
+    record_path = case / "progress.json"
+    record = {"wall_time": 0.0, "resumed": []}
+    checkpoint = last_checkpoint(case, ranks)
+    end = scene.motion.end_time
+    if checkpoint is None:
+        start, name = 0.0, "0"
+    else:
+        start, name = checkpoint
+        if record_path.exists():
+            record = json.loads(record_path.read_text())
+        if start < end - 0.5 * scene.numerics.time_step:
+            record["resumed"] = [*record["resumed"], start]
+    if start >= end - 0.5 * scene.numerics.time_step:
+        return record
+    set_number(case, "startTime", name)
+    log = case / LOG
+    guard = Guard(scene.numerics.max_courant)
+    begin = time.monotonic()
+    with open(log, "a" if checkpoint else "w", encoding="utf-8") as output:
+        process = subprocess.Popen(
+            solver_command(ranks, hosts),
+            cwd=case,
+            env=environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            bufsize=1,
+            start_new_session=True,
+        )
+        assert process.stdout is not None
+        try:
+            with tqdm(total=end, initial=start, unit="s", disable=quiet or None, desc="solver",
+                      bar_format="{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]") as bar:  # fmt: skip
+                for line in process.stdout:
+                    output.write(line)
+                    cause = guard.verdict(line)
+                    if cause:
+                        raise StageError(
+                            f"stopped at {guard.time:g} s by a guard: {cause}; the fields are kept in {case}:"
+                            " lower numerics.time_step or refine the mesh"
+                        )
+                    if line.startswith("Time = "):
+                        bar.update(min(guard.time, end) - bar.n)
+        except BaseException:
+            _stop(process)
+            raise
+        finally:
+            spent = {**record, "wall_time": float(record["wall_time"]) + time.monotonic() - begin}  # type: ignore[arg-type]
+            write_text(record_path, json.dumps(spent))
+    if process.wait() != 0:
+        raise StageError(
+            f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{last_lines(log)}"
+        )
+    return spent
+
+
+def _stop(process: subprocess.Popen[str]) -> None:
+    """End the solver and all its ranks."""
+    try:
+        os.killpg(process.pid, signal.SIGTERM)
+        process.wait(timeout=10)
+    except ProcessLookupError:
+        pass
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None) -> None:
+    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json."""
+    version = foam_version()
+    prepare(scene, ranks, quiet)
+    record = solve(scene, ranks, hosts, quiet)
+    case = scene.out / "case"
+    summary = collect_results(scene, case, scene.out / "run")
+    write_text(
+        scene.out / "run" / "run.json",
+        json.dumps(
+            {
+                "format": "run",
+                "format_version": 1,
+                "versions": {"OpenFOAM": version} | versions(),
+                "scene_hash": scene.digest(),
+                "scene": scene.name,
+                "level": scene.level,
+                "model": scene.model.kind,
+                "ranks": ranks,
+                "time_step": scene.numerics.time_step,
+                "end_time": scene.motion.end_time,
+                "steps": steps_of(scene.motion.end_time, scene.numerics.time_step),
+                "wall_time": round(float(record["wall_time"]), 2),  # type: ignore[arg-type]
+                "resumed": record["resumed"],
+            }
+            | summary,
+            indent=1,
+        )
+        + "\n",
+    )
+    for folder in [case, *case.glob("processor*")]:
+        remove_frames(folder)
+    if not quiet:
+        balance = summary["power_balance"]
+        print(
+            f"run: {record['wall_time']:.0f} s of solver, power balance closes to {balance['closure_fraction']:.1%}"
+        )
+
+
+def main() -> None:
+    """Command line of the stage."""
+    arguments = parser("run", __doc__)
+    arguments.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
+    arguments.add_argument("--hosts", type=Path, help="MPI host file")
+    args = arguments.parse_args()
+
+    def action(scene: Scene, quiet: bool) -> None:
+        run(scene, quiet, _checked_ranks(args), args.hosts)
+
+    guarded("run", lambda: timed("run", args, action))
+
+
+def _checked_ranks(args: argparse.Namespace) -> int:
+    if args.ranks < 1:
+        raise StageError(f"--ranks {args.ranks}: give 1 or more")
+    return int(args.ranks)
+
+
+if __name__ == "__main__":
+    main()

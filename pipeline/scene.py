@@ -1,0 +1,376 @@
+"""The scene: every number of a case, read from scene.toml, resolved for one level and checked."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from pipeline.errors import StageError
+
+Positive = Annotated[float, Field(gt=0)]
+Pair = tuple[float, float]
+
+
+class Section(BaseModel):
+    """A frozen table of numbers that refuses keys it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Tank(Section):
+    """Inner size (x, y up, z) and water depth, m; origin at the centre of the bottom."""
+
+    size: tuple[Positive, Positive, Positive] = (0.600, 0.330, 0.300)
+    water_depth: Positive = 0.300
+
+
+class Fluid(Section):
+    """Water, and what is modelled of its turbulence."""
+
+    density: Positive = 998.2
+    kinematic_viscosity: Positive = 1.004e-6
+    turbulence: Literal["laminar", "WALE"] = "laminar"
+
+
+class Tip(Section):
+    """End of the finger: a straight, tapered extension and rounded corners, m."""
+
+    length: Annotated[float, Field(ge=0)] = 0.0
+    thickness: Positive | None = None
+    corner_radius: Positive = 0.002
+
+
+class Finger(Section):
+    """Pose and envelope, m; `root` is the middle of the root in the tank frame."""
+
+    root: Pair
+    length: Positive = 0.070
+    thickness: Positive = 0.0145
+    width: Positive = 0.028
+    root_corner_radius: Positive = 0.002
+    tilt_deg: float = 0.0
+    ventral: Literal["+x", "-x"] = "+x"
+    tip: Tip = Tip()
+
+
+class Segment(Section):
+    """One stroke of a motion: go to `pressure_kpa` from `start` on, 2 % settled after `duration`, s."""
+
+    pressure_kpa: float
+    start: Annotated[float, Field(ge=0)]
+    duration: Positive
+
+
+class Motion(Section):
+    """Where shapes and the pressure history come from."""
+
+    source: Literal["fea", "paper_equations"] = "paper_equations"
+    states: str | None = None
+    start_pressure_kpa: float = 0.0
+    strokes: tuple[Segment, ...] = ()
+    pressure_csv: str | None = None
+    end_time: Positive
+    max_bend_step_deg: Positive = 5.0
+
+    @model_validator(mode="after")
+    def _one_history(self) -> Motion:
+        if bool(self.strokes) == bool(self.pressure_csv):
+            raise ValueError("give either motion.strokes or motion.pressure_csv, not both and not neither")
+        if self.source == "fea" and not self.states:
+            raise ValueError("motion.source = 'fea' needs motion.states, the path of a states.h5 or CSV")
+        return self
+
+
+class Mesh(Section):
+    """Planform and sweep: target cell sizes and layers, m."""
+
+    wall_cell: Positive
+    wall_first_layer: Positive
+    wall_layers: Annotated[int, Field(ge=1, le=40)]
+    wall_growth: Annotated[float, Field(ge=1, le=2)] = 1.3
+    tip_cell: Positive
+    near_cell: Positive
+    near_distance: Positive = 0.045
+    far_cell: Positive
+    layers_on_finger: Annotated[int, Field(ge=1)] = 6
+    layers_beyond: Annotated[int, Field(ge=1)] = 7
+    knot_bend_deg: Positive = 2.5
+    max_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = 65.0
+
+
+class Model(Section):
+    """How much of the tank is computed: a plane, half of it (symmetry at the sheet), or all."""
+
+    kind: Literal["2d", "half", "full"] = "half"
+
+
+class Numerics(Section):
+    """Time step (s) and what the solver does with it."""
+
+    time_step: Positive
+    write_interval: Positive = 0.02
+    time_scheme: Literal["Euler", "backward"] = "backward"
+    outer_correctors: Annotated[int, Field(ge=1)] = 1
+    pressure_correctors: Annotated[int, Field(ge=1)] = 2
+    non_orthogonal_correctors: Annotated[int, Field(ge=0)] = 1
+    max_courant: Positive = 20.0
+
+    def sampling_steps(self, rate_hz: float) -> int:
+        """Time steps between two pictures of the sheet; ValueError where that is no whole number."""
+        steps = 1 / (rate_hz * self.time_step)
+        if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
+            raise ValueError(
+                f"numerics.time_step = {self.time_step:g} s does not divide the sheet's interval"
+                f" {1 / rate_hz:g} s; give {1 / rate_hz / max(1, round(steps)):g}"
+            )
+        return round(steps)
+
+
+class Sheet(Section):
+    """The laser sheet: where it is, how often and how finely it is sampled."""
+
+    z: float = 0.0
+    rate_hz: Positive = 500.0
+    spacing: Positive = 0.0005
+    thickness: Positive = 0.0015
+
+
+class Camera(Section):
+    """The laboratory's camera and seeding; `centre` is the middle of the picture in the tank frame."""
+
+    columns: Annotated[int, Field(ge=64)] = 1280
+    rows: Annotated[int, Field(ge=64)] = 1024
+    scale_mm_per_px: Positive = 0.125
+    centre: Pair
+    bits: Literal[8, 10, 12, 16] = 8
+    density_ppp: Positive = 0.04
+    particle_diameter_px: Positive = 2.5
+    background: Annotated[float, Field(ge=0)] = 8.0
+    read_noise: Annotated[float, Field(ge=0)] = 2.0
+    electrons_per_level: Annotated[float, Field(ge=0)] = 50.0
+    shadow: Annotated[float, Field(ge=0, le=1)] = 0.0
+    seed: int = 2017
+
+    def origin_px(self) -> Pair:
+        """The tank frame's origin, px right and up from the centre of the bottom left pixel."""
+        scale = self.scale_mm_per_px * 1e-3
+        middle = 0.5 * (self.columns - 1), 0.5 * (self.rows - 1)
+        return middle[0] - self.centre[0] / scale, middle[1] - self.centre[1] / scale
+
+
+class Piv(Section):
+    """How the recording is correlated."""
+
+    window: Annotated[int, Field(ge=8)] = 32
+    spacing: Annotated[int, Field(ge=1)] = 8
+    preset: Literal["fast", "balanced", "accurate"] = "balanced"
+    every: Annotated[int, Field(ge=1)] = 1
+
+
+class Vortices(Section):
+    """What counts as a vortex."""
+
+    min_circulation: Positive = 2e-4
+    stencil_radius: Positive = 0.003
+
+
+class Scene(Section):
+    """One scene at one level."""
+
+    name: str
+    title: str
+    level: str
+    folder: Path
+    tank: Tank = Tank()
+    fluid: Fluid = Fluid()
+    finger: Finger
+    motion: Motion
+    model: Model = Model()
+    mesh: Mesh
+    numerics: Numerics
+    sheet: Sheet = Sheet()
+    camera: Camera
+    piv: Piv = Piv()
+    vortices: Vortices = Vortices()
+    actuator: dict[str, Any] = {}
+    fea: dict[str, Any] = {}
+
+    @model_validator(mode="after")
+    def _physical(self) -> Scene:
+        tank, finger = self.tank, self.finger
+        if tank.water_depth > tank.size[1]:
+            raise ValueError(
+                f"tank.water_depth = {tank.water_depth} m exceeds the tank's height {tank.size[1]} m"
+            )
+        if finger.length > 1 or max(tank.size) > 20:
+            raise ValueError("finger.length or tank.size looks like millimetres; give metres")
+        if not abs(finger.root[0]) < tank.size[0] / 2 or not 0 < finger.root[1] < tank.water_depth:
+            raise ValueError(
+                f"finger.root = {list(finger.root)} is not in the water; move it inside the tank"
+            )
+        reach = finger.length + finger.tip.length
+        if finger.root[1] - reach < 0.1:
+            raise ValueError(
+                f"finger.root leaves the tip {finger.root[1] - reach:.3f} m above the bottom,"
+                " less than the experiment's 0.1 m; raise finger.root"
+            )
+        if finger.width >= tank.size[2]:
+            raise ValueError(f"finger.width = {finger.width} m does not fit between the tank's walls")
+        self.numerics.sampling_steps(self.sheet.rate_hz)
+        steps = self.motion.end_time / self.numerics.time_step
+        if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
+            raise ValueError(
+                f"motion.end_time = {self.motion.end_time:g} s is no whole number of numerics.time_step ="
+                f" {self.numerics.time_step:g} s; give {max(1, round(steps)) * self.numerics.time_step:g}"
+            )
+        if abs(self.sheet.z) >= tank.size[2] / 2:
+            raise ValueError(f"sheet.z = {self.sheet.z} m lies outside the tank")
+        if self.model.kind != "full" and self.sheet.z != 0:
+            raise ValueError("sheet.z must be 0 unless model.kind = 'full': the sheet is the symmetry plane")
+        return self
+
+    @property
+    def out(self) -> Path:
+        """Folder of everything generated at this level."""
+        return self.folder / "out" / self.level
+
+    def digest(self) -> str:
+        """Hash of every number of the scene at this level."""
+        return digest(self.model_dump(mode="json", exclude={"folder"}))
+
+    def settings(self, stage: str) -> dict[str, Any]:
+        """The part of the scene that a stage's results depend on, with the digests of the files it names."""
+        if stage in FLAT_SETTINGS:
+            return FLAT_SETTINGS[stage](self)
+        settings = self.model_dump(mode="json", include=set(STAGE_SECTIONS[stage]))
+        if stage == "kinematics":
+            named = [self.motion.states, self.motion.pressure_csv]
+            settings["files"] = {name: _file_digest(self.folder / name) for name in named if name}
+        return settings
+
+
+# What each stage's results depend on, so that touching a key redoes only what follows from it.
+STAGE_SECTIONS: dict[str, tuple[str, ...]] = {
+    "kinematics": ("tank", "finger", "motion"),
+    "mesh": ("mesh", "model"),
+    "case": ("fluid", "numerics", "sheet"),
+    "run": (),
+    "sheet": ("sheet", "camera"),
+    "images": ("camera", "sheet"),
+    "piv": ("piv",),
+    "vortices": ("vortices",),
+    "report": ("title",),
+}
+
+
+def _render_settings(scene: Scene) -> dict[str, Any]:
+    camera = scene.camera
+    return {
+        "width_px": camera.columns,
+        "height_px": camera.rows,
+        "scale_m_per_px": camera.scale_mm_per_px * 1e-3,
+        "origin_px": list(camera.origin_px()),
+        "frame_rate_hz": scene.sheet.rate_hz,
+        "bits": camera.bits,
+        "background": camera.background,
+        "read_noise": camera.read_noise,
+        "electrons_per_level": camera.electrons_per_level,
+        "density_ppp": camera.density_ppp,
+        "diameter_px": camera.particle_diameter_px,
+        "sheet_thickness": scene.sheet.thickness,
+        "shadow": camera.shadow,
+        "seed": camera.seed,
+    }
+
+
+# The stages of piv/ know nothing of scenes: they get their own flags, by name, as a settings file.
+FLAT_SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
+    "images": _render_settings,
+    "piv": lambda scene: scene.piv.model_dump(mode="json"),
+    "vortices": lambda scene: scene.vortices.model_dump(mode="json"),
+}
+
+
+def write_settings(scene: Scene) -> list[str]:
+    """Write `settings/<stage>.json` where its content changed; returns the names of the stages that changed."""
+    changed = []
+    for stage in STAGE_SECTIONS:
+        path = scene.out / "settings" / f"{stage}.json"
+        text = json.dumps(scene.settings(stage), indent=1, sort_keys=True) + "\n"
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+            changed.append(stage)
+    return changed
+
+
+def _file_digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.exists() else "missing"
+
+
+def digest(value: Any) -> str:
+    """Short SHA-256 of a JSON-able value."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+
+def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for key, value in over.items():
+        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        merged[key] = _merge(merged[key], value) if both else value
+    return merged
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise StageError(
+            f"{path}: no such scene; give the folder of a scene.toml, as cases/single_finger"
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise StageError(f"{path}: not valid TOML: {error}") from None
+    parent = table.pop("extends", None)
+    if parent is None:
+        return table
+    return _merge(_read(path.parent / parent / "scene.toml"), table)
+
+
+def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
+    """Read `<folder>/scene.toml`, apply `[levels.<level>]`, and check it.
+
+    A scene may say `extends = "../other"`: it then holds only what differs. Raises StageError in one sentence.
+    """
+    folder = Path(folder)
+    path = folder / "scene.toml"
+    table = _read(path)
+    levels = table.pop("levels", {})
+    if level not in levels:
+        raise StageError(
+            f"{path}: no level {level!r}; the levels are {', '.join(sorted(levels)) or 'missing'}"
+        )
+    table = _merge(table, levels[level])
+    try:
+        return Scene(**table, name=folder.name, level=level, folder=folder)
+    except ValidationError as error:
+        raise StageError(f"{path}: {_sentence(error)}") from None
+
+
+def _sentence(error: ValidationError) -> str:
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"]) or "scene"
+    message = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden":
+        message = "this key is not known; check its spelling or remove it"
+    elif first["type"] == "missing":
+        message = "this key is missing; add it"
+    elif first["loc"]:
+        message = f"{message} (got {first['input']!r})"
+    more = len(error.errors()) - 1
+    return f"{key}: {message}" + (f"; and {more} more" if more else "")

@@ -1,0 +1,112 @@
+"""What every stage's command line shares: arguments, one-sentence errors, cost record, whole-file writes."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import sys
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from pipeline.errors import StageError
+from pipeline.scene import Scene, load_scene
+
+LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "gmsh", "pyvista", "pydantic")
+
+
+def parser(stage: str, doc: str | None) -> argparse.ArgumentParser:
+    """Arguments that all stages take: the scene's folder and the level."""
+    result = argparse.ArgumentParser(prog=f"python -m pipeline.{stage}", description=doc)
+    result.add_argument("scene", type=Path, help="folder of the scene, as cases/single_finger")
+    result.add_argument("--level", default="coarse", help="level of the scene (default: %(default)s)")
+    result.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    return result
+
+
+def run_stage(stage: str, doc: str | None, run: Callable[[Scene, bool], Any]) -> None:
+    """Entry point of `python -m pipeline.<stage>`; exits 2 with one sentence on a StageError."""
+    args = parser(stage, doc).parse_args()
+    guarded(stage, lambda: timed(stage, args, run))
+
+
+def guarded(stage: str, action: Callable[[], Any]) -> None:
+    """Run `action`; a foreseeable failure becomes one sentence and exit code 2, an interrupt 130."""
+    try:
+        action()
+    except StageError as error:
+        print(f"{stage}: {error}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        print(
+            f"{stage}: {error.filename or ''}: {error.strerror or error}; check disk and permissions",
+            file=sys.stderr,
+        )
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print(f"{stage}: interrupted; run make again to go on", file=sys.stderr)
+        sys.exit(130)
+
+
+def timed(stage: str, args: argparse.Namespace, run: Callable[[Scene, bool], Any]) -> None:
+    """Load the scene, run the stage, record what it cost."""
+    scene = load_scene(args.scene, args.level)
+    scene.out.mkdir(parents=True, exist_ok=True)
+    begin = time.monotonic()
+    run(scene, args.quiet)
+    record_cost(scene.out, stage, time.monotonic() - begin)
+
+
+def record_cost(out: Path, stage: str, wall_time: float) -> None:
+    """Write costs/<stage>.json: wall time (s) and peak memory (bytes) of this process and its children."""
+    peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    cost = {
+        "stage": stage,
+        "wall_time": round(wall_time, 3),
+        "peak_memory": peak * 1024,
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    write_text(out / "costs" / f"{stage}.json", json.dumps(cost, indent=1) + "\n")
+
+
+def versions() -> dict[str, str]:
+    """Versions of the libraries that results depend on."""
+    return {name: version(name) for name in LIBRARIES}
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8")
+    os.replace(part, path)
+
+
+def write_dataset(dataset: xr.Dataset, path: Path) -> None:
+    """Write an HDF5 file whole or not at all, with the versions that made it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    dataset.assign_attrs(versions=json.dumps(versions())).to_netcdf(part, engine="h5netcdf")
+    os.replace(part, path)
+
+
+def read_dataset(path: Path, file_format: str) -> xr.Dataset:
+    """Open one of this project's HDF5 files; StageError where it is missing, damaged or another one."""
+    if not path.exists():
+        raise StageError(f"{path}: missing; run the stage that writes it first, or make")
+    try:
+        dataset = xr.open_dataset(path, engine="h5netcdf")
+    except Exception as error:
+        raise StageError(
+            f"{path}: not a readable HDF5 file ({error}); delete it and run make again"
+        ) from None
+    if dataset.attrs.get("format") != file_format:
+        raise StageError(f"{path}: format is {dataset.attrs.get('format')!r}, expected {file_format!r}")
+    return dataset

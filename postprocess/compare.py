@@ -1,0 +1,174 @@
+"""Comparison of CFD and PIV, judged by a scene's findings: comparison.json and comparison.csv.
+
+Command: python -m postprocess.compare cases/single_finger --level coarse
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from piv.plane import read_plane
+from postprocess import fields, tracks
+from postprocess.findings import Finding, Measured, is_met, read_findings
+from postprocess.quantities import QUANTITIES, Evidence
+from postprocess.series import series_table, summary
+from postprocess.stagefiles import StageFiles, cost_recorded, read_json, sha256, write_text
+from postprocess.strokes import peak_tip_speed, stroke_window
+
+MIDDLE = (0.25, 0.75)  # the middle of the stroke, as fractions of its bend
+INPUTS = (
+    "sheet.h5",
+    "piv.h5",
+    "images.h5",
+    "vortices_cfd.csv",
+    "vortices_piv.csv",
+    "kinematics.h5",
+    "run/run.json",
+)
+
+
+def load_evidence(files: StageFiles) -> Evidence:
+    """Open what was run: the CFD (required) and the PIV (optional); sums over their common region."""
+    planes = {"cfd": read_plane(files.required("sheet.h5", "sheet"))}
+    vortices = {"cfd": tracks.read_vortices(files.required("vortices_cfd.csv", "vortices"))}
+    piv = files.optional("piv.h5")
+    if piv is not None:
+        planes["piv"] = read_plane(piv)
+        vortices["piv"] = tracks.read_vortices(files.required("vortices_piv.csv", "vortices"))
+    missing = [name for name in ("tip", "bend", "outline") if name not in planes["cfd"]]
+    if missing:
+        raise ValueError(
+            f"{files.out / 'sheet.h5'}: variable {missing[0]!r} is missing; run the stage 'sheet' again"
+        )
+    scale, _ = peak_tip_speed(planes["cfd"]["time"].values, planes["cfd"]["tip"].values)
+    sums = {"piv-cfd": fields.field_sums(planes["cfd"], planes["piv"])} if piv is not None else {}
+    return Evidence(planes, vortices, scale, sums)
+
+
+def judge(finding: Finding, evidence: Evidence, window: tuple[float, float]) -> dict[str, Any]:
+    """One check: what each source measures, and whether the finding is met (None where a source was not run)."""
+    measured: dict[str, Measured | None] = {}
+    notes: dict[str, str] = {}
+    for of in finding.of:
+        if not evidence.has(of):
+            measured[of] = None
+            continue
+        try:
+            measured[of] = QUANTITIES[finding.quantity].measure(evidence, of, window, finding.finger)
+        except ValueError as error:  # what cannot be measured is a finding not met, and says why
+            measured[of], notes[of] = None, str(error)
+    judged = {of: is_met(finding, value) for of, value in measured.items() if value is not None}
+    failed = any(evidence.has(of) and measured[of] is None for of in finding.of)
+    missing = any(not evidence.has(of) for of in finding.of)
+    met = False if failed or not all(judged.values()) else None if missing else True
+    return {
+        **{
+            key: getattr(finding, key)
+            for key in ("id", "kind", "finding", "figure", "quantity", "comparison")
+        },
+        "label": QUANTITIES[finding.quantity].label,
+        "unit": QUANTITIES[finding.quantity].unit,
+        "value": finding.value,
+        "tolerance": finding.tolerance,
+        "reason": finding.reason,
+        "window": finding.window,
+        "window_s": window,
+        "measured": measured,
+        "met_by": judged,
+        "met": met,
+        "notes": list(notes.values()),
+    }
+
+
+def verdict(checks: list[dict[str, Any]]) -> dict[str, Any]:
+    """Whether the simulation agrees with PIV (None: not judged), and how many checks of each kind are met."""
+    counts = {
+        kind: {
+            "met": sum(c["met"] is True for c in checks if c["kind"] == kind),
+            "not_met": sum(c["met"] is False for c in checks if c["kind"] == kind),
+            "not_judged": sum(c["met"] is None for c in checks if c["kind"] == kind),
+        }
+        for kind in ("agreement", "paper")
+    }
+    agreement = [c["met"] for c in checks if c["kind"] == "agreement"]
+    agrees = False if False in agreement else None if None in agreement or not agreement else True
+    return {"agrees": agrees, "counts": counts}
+
+
+def provenance(files: StageFiles, planes: dict[str, xr.Dataset]) -> dict[str, Any]:
+    """Versions, hashes of the inputs, seeds and settings that the result rests on."""
+    run = read_json(files.required("run/run.json", "run"))
+    names = ("numpy", "scipy", "xarray", "h5py", "pandas")
+    return {
+        "versions": {"python": platform.python_version()}
+        | {n: version(n) for n in names}
+        | run.get("versions", {}),
+        "scene_hash": str(run.get("scene_hash", "")),
+        "inputs_sha256": {n: sha256(files.out / n) for n in INPUTS if (files.out / n).exists()},
+        "findings_sha256": sha256(files.findings),
+        "seeds": {s: int(p.attrs["seed"]) for s, p in planes.items() if "seed" in p.attrs},
+        "settings": {
+            s: json.loads(p.attrs["settings"]) for s, p in planes.items() if p.attrs.get("settings")
+        },
+    }
+
+
+def compare(files: StageFiles) -> dict[str, Any]:
+    """Run the comparison of one scene at one level and write its two files; returns what comparison.json holds."""
+    if not files.findings.exists():
+        raise FileNotFoundError(f"{files.findings} is missing; a scene needs its findings to be judged by")
+    findings = read_findings(files.findings, frozenset(QUANTITIES))
+    evidence = load_evidence(files)
+    time, bend = evidence.planes["cfd"]["time"].values, evidence.planes["cfd"]["bend"].values
+    checks = [judge(f, evidence, stroke_window(time, bend[:, f.finger], f.window)) for f in findings]
+    middle = stroke_window(time, bend[:, 0], MIDDLE)
+    result = {
+        "format": "comparison",
+        "format_version": 1,
+        "scene": files.scene,
+        "level": files.level,
+        "sources": list(evidence.planes),
+        "scale": {"name": "peak speed of the finger's tip", "value": evidence.scale, "unit": "m/s"},
+        "middle_of_stroke_s": middle,
+        "verdict": verdict(checks),
+        "checks": checks,
+        "summary": summary(evidence, middle),
+        "provenance": provenance(files, evidence.planes),
+    }
+    write_text(files.out / "comparison.json", json.dumps(result, indent=1, allow_nan=False, default=float))
+    write_text(files.out / "comparison.csv", series_table(evidence, middle).to_csv(index=False))
+    for plane in evidence.planes.values():
+        plane.close()
+    return result
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns 0 good, 2 bad input."""
+    parser = argparse.ArgumentParser(prog="python -m postprocess.compare", description=__doc__)
+    parser.add_argument("case", type=Path, help="folder of the scene, such as cases/single_finger")
+    parser.add_argument("--level", default="coarse")
+    args = parser.parse_args(argv)
+    files = StageFiles(args.case, args.level)
+    try:
+        with cost_recorded(files, "compare"):
+            result = compare(files)
+    except (ValueError, OSError) as error:
+        print(f"compare: {error}", file=sys.stderr)
+        return 2
+    for check in result["checks"]:
+        word = {True: "met", False: "NOT MET", None: "not judged"}[check["met"]]
+        print(f"{check['id']:32s} {word:10s} {check['measured']}")
+    print(files.out / "comparison.json")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

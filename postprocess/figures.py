@@ -1,0 +1,301 @@
+"""All pictures of the report: figures/*.png|svg, the frames of the slider, the film, and their index figures.json.
+
+Command: python -m postprocess.figures cases/single_finger --level coarse
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
+from PIL import Image
+
+from piv.plane import read_plane
+from postprocess import animation, draw_flow, draw_mesh, draw_series, tracks
+from postprocess.stagefiles import (
+    StageFiles,
+    cost_recorded,
+    read_arrays,
+    read_json,
+    read_table,
+    scene_numbers,
+    write_text,
+)
+from postprocess.strokes import peak_tip_speed, stroke_window, tip_speed
+from postprocess.style import NAMES, save
+
+INSTANTS = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the stroke's bend; the last instant is added
+Tracks = dict[str, pd.DataFrame]
+FRAMES = 61  # in slider and film
+FILM_HZ = 12.0
+FORCE_COLUMNS = ("time", "fx", "fy", "fx_viscous", "fy_viscous")
+POWER_COLUMNS = ("time", "finger_power", "kinetic_energy", "dissipation")
+HISTORY_COLUMNS = ("time", "courant_mean", "courant_max", "continuity_local", "continuity_global")
+QUALITY_COLUMNS = (
+    "bend_deg",
+    "max_non_orthogonality_deg",
+    "mean_non_orthogonality_deg",
+    "max_skewness",
+    "min_area_ratio",
+)
+
+
+class Album:
+    """Pictures as they are made: writes each file and remembers its title, alternative text and caption."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.entries: list[dict[str, Any]] = []
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def add(self, figure: Figure | None, name: str, section: str, alt: str, caption: str = "") -> None:
+        """Save a figure (None: the file is there already) and list it under a section of the report."""
+        if figure is not None:
+            save(figure, self.folder / name)
+        self.entries.append({"file": name, "section": section, "alt": alt, "caption": caption})
+
+
+def make_figures(files: StageFiles) -> list[dict[str, Any]]:
+    """Draw everything for one scene and level; returns the index that figures.json holds."""
+    comparison = read_json(files.required("comparison.json", "compare"))
+    start, end = comparison["middle_of_stroke_s"]
+    middle = (float(start), float(end))
+    planes = {"cfd": read_plane(files.required("sheet.h5", "sheet"))}
+    tables = {"cfd": tracks.read_vortices(files.required("vortices_cfd.csv", "vortices"))}
+    if files.optional("piv.h5") is not None:
+        planes["piv"] = read_plane(files.out / "piv.h5")
+        tables["piv"] = tracks.read_vortices(files.required("vortices_piv.csv", "vortices"))
+    dominant = tracks.dominant_tracks(tables, 0, middle)
+    album = Album(files.figures)
+    _flow(album, planes, dominant, comparison["scale"]["value"])
+    _vortex(album, files, planes["cfd"], dominant, middle, comparison["scale"]["value"])
+    _motion(album, files, planes["cfd"])
+    _solver(album, files)
+    _mesh(album, files, planes["cfd"])
+    _camera(album, files, float(np.mean(middle)))
+    for plane in planes.values():
+        plane.close()
+    write_text(files.figures / "figures.json", json.dumps(album.entries, indent=1, default=float))
+    return album.entries
+
+
+def _flow(album: Album, planes: dict[str, xr.Dataset], dominant: Tracks, scale: float) -> None:
+    stroke, bends = planes["cfd"]["time"].values, planes["cfd"]["bend"].values[:, 0]
+    last = min(float(p["time"][-1]) for p in planes.values())
+    first = max(float(p["time"][0]) for p in planes.values())
+    at = lambda part: stroke_window(stroke, bends, (part, 0.999))[0]  # noqa: E731
+    instants = np.array([*(at(part) for part in INSTANTS), last])
+    limit = draw_flow.vorticity_limit(planes["cfd"], instants)
+    sides = " and ".join(NAMES[source] for source in planes)
+    figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=120)
+    for number, time in enumerate(instants):
+        show(time)
+        bend = np.degrees(np.interp(time, stroke, bends))
+        told = [_vortex_words(source, track, time) for source, track in dominant.items()]
+        alt = f"Velocity vectors around the black finger at {time:.3f} s, bent by {bend:.0f} degrees, {sides}. {' '.join(told)}"
+        _save_fixed(figure, album.folder / f"flow_{number}.png")
+        album.add(None, f"flow_{number}.png", "flow", alt, f"{time:.3f} s, bent by {bend:.0f}°")
+    figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=88)
+    times = np.linspace(first, last, FRAMES)
+
+    def images():
+        for time in times:
+            show(time)
+            yield animation.pixels(figure)
+
+    animation.write_film(
+        animation.write_frames(images(), album.folder / "frames"), album.folder / "stroke.mp4", FILM_HZ
+    )
+    slower = ((FRAMES - 1) / FILM_HZ) / (last - first)
+    caption = f"The whole stroke, slowed down {slower:.0f} times."
+    album.add(None, "stroke.mp4", "film", f"Film of the flow around the bending finger, {sides}", caption)
+    album.entries.append(
+        {
+            "file": "frames",
+            "section": "slider",
+            "alt": f"Flow around the finger, {sides}",
+            "caption": "",
+            "times": times.tolist(),
+        }
+    )
+
+
+def _vortex_words(source: str, track: pd.DataFrame, time: float) -> str:
+    if not track["time"].iloc[0] <= time <= track["time"].iloc[-1]:
+        return f"{NAMES[source]}: no tip vortex yet or any more."
+    now = track.iloc[int(np.argmin(np.abs(track["time"].to_numpy() - time)))]
+    sense = "counter-clockwise" if now["circulation"] > 0 else "clockwise"
+    return f"{NAMES[source]}: tip vortex {sense} on the {now['side'] or 'undecided'} side, {abs(now['circulation']) * 1e4:.0f} cm²/s."
+
+
+def _save_fixed(figure: Figure, path: Path) -> None:
+    """Save what the canvas shows, without a new layout."""
+    Image.fromarray(animation.pixels(figure)).save(path, optimize=True)
+
+
+def _vortex(
+    album: Album,
+    files: StageFiles,
+    plane: xr.Dataset,
+    dominant: Tracks,
+    middle: tuple[float, float],
+    scale: float,
+) -> None:
+    if dominant:
+        bands = draw_series.has_band(dominant)
+        caption = (
+            f"Bands: 95 % of {', '.join(NAMES[s] for s in bands)}."
+            if bands
+            else "The tables carry no uncertainty, so no band is drawn."
+        )
+        alt = "Circulation and core radius of the tip vortex over time, CFD and PIV where run."
+        album.add(draw_series.circulation(dominant, middle), "circulation.svg", "vortex", alt, caption)
+        alt = "Paths of the vortex centre and of the finger's tip over the finger's outline."
+        album.add(
+            draw_series.paths(dominant, plane, middle),
+            "paths.svg",
+            "vortex",
+            alt,
+            "Outline at the first, middle and last instant.",
+        )
+    series = pd.read_csv(files.required("comparison.csv", "compare"))
+    if "velocity_rms_difference" in series:
+        alt = "RMS velocity difference, correlation and distance of vortex centres between PIV and CFD over time."
+        caption = "No correlation is given while the water is at rest. The middle of the stroke is shaded."
+        album.add(draw_series.agreement(series, scale, middle), "agreement.svg", "vortex", alt, caption)
+
+
+def _motion(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
+    drive = read_arrays(files.required("kinematics.h5", "kinematics"), ("time", "pressure"))
+    times = plane["time"].values
+    speed = tip_speed(times, plane["tip"].values)[:, 0]
+    figure = draw_series.motion(drive["time"], drive["pressure"], times, plane["bend"].values[:, 0], speed)
+    peak, at = peak_tip_speed(times, plane["tip"].values)
+    album.add(
+        figure,
+        "motion.svg",
+        "motion",
+        "Pressure, bend angle and tip speed over time.",
+        f"Peak tip speed {peak:.3f} m/s at {at:.3f} s.",
+    )
+
+
+def _solver(album: Album, files: StageFiles) -> None:
+    tables: tuple[tuple[str, str, tuple[str, ...], Callable[[pd.DataFrame], Figure], str, str], ...] = (
+        (
+            "run/forces.csv",
+            "forces",
+            FORCE_COLUMNS,
+            draw_series.forces,
+            "run",
+            "Force of the water on the finger over time.",
+        ),
+        (
+            "run/power.csv",
+            "power",
+            POWER_COLUMNS,
+            draw_series.power,
+            "run",
+            "Power balance over time and its closure error.",
+        ),
+        (
+            "run/history.csv",
+            "history",
+            HISTORY_COLUMNS,
+            draw_series.history,
+            "run",
+            "Courant number and continuity error over time.",
+        ),
+        (
+            "mesh_quality.csv",
+            "mesh_quality",
+            QUALITY_COLUMNS,
+            draw_series.mesh_quality,
+            "mesh",
+            "Non-orthogonality, skewness and area ratio over the bend angle.",
+        ),
+    )
+    for file, name, columns, draw, section, alt in tables:
+        stage = "mesh" if section == "mesh" else "run"
+        album.add(draw(read_table(files.required(file, stage), columns)), f"{name}.svg", section, alt)
+
+
+def _mesh(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
+    mesh = read_arrays(
+        files.required("planform.h5", "mesh"), ("points", "bend", "triangles", "quads", "inside")
+    )
+    outline, bend = plane["outline"].values, plane["bend"].values[:, 0]
+    low, high = outline.min(axis=(0, 1, 2)) - 0.02, outline.max(axis=(0, 1, 2)) + 0.02
+    limits = (low[0], high[0], low[1], high[1])
+    end = bend[np.argmax(np.abs(bend - bend[0]))]
+    wanted = np.array([bend[0], 0.5 * (bend[0] + end), end])
+    knots = [int(np.argmin(np.abs(mesh["bend"] - b))) for b in wanted]
+    shapes, at = mesh["points"][knots], np.degrees(mesh["bend"][knots])
+    cells = [mesh["triangles"][mesh["inside"] == 0], mesh["quads"]]
+    lines = draw_mesh.edges(cells)
+    alt = "The planform of the mesh around the finger at the start, middle and end of the stroke."
+    album.add(draw_mesh.planform(shapes, at, lines, limits), "planform.png", "mesh", alt)
+    scene = scene_numbers(files)
+    body = outline[int(np.argmin(np.abs(bend - mesh["bend"][knots[1]]))), 0]
+    data = files.figures / "view3d.npz"
+    np.savez(
+        data,
+        points=shapes[1],
+        lines=lines,
+        outline=body,
+        width=scene["finger"]["width"],
+        tank=np.array(scene["tank"]["size"]),
+    )
+    drawn_by = draw_mesh.view_in_space(data, files.figures / "view3d.png")
+    data.unlink()
+    alt = "The finger and the mesh on the laser sheet inside the tank, seen in space."
+    album.add(None, "view3d.png", "mesh", alt, f"Half-way through the stroke (drawn by {drawn_by}).")
+
+
+def _camera(album: Album, files: StageFiles, time: float) -> None:
+    path = files.optional("images.h5")
+    if path is None:
+        return
+    with h5py.File(path, "r") as file:
+        index = int(np.argmin(np.abs(file["time"][:] - time)))
+        image, at = file["frames"][index].astype(float), float(file["time"][index])
+    grey = np.clip(image / np.percentile(image, 99.7), 0, 1) * 255
+    Image.fromarray(grey.astype(np.uint8)).save(album.folder / "camera.webp", quality=80)
+    alt = f"A synthetic camera picture of the seeded water at {at:.3f} s; the finger is black."
+    album.add(
+        None,
+        "camera.webp",
+        "camera",
+        alt,
+        f"What the virtual camera sees at {at:.3f} s; PIV is done on such pictures.",
+    )
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns 0 good, 2 bad input."""
+    parser = argparse.ArgumentParser(prog="python -m postprocess.figures", description=__doc__)
+    parser.add_argument("case", type=Path, help="folder of the scene, such as cases/single_finger")
+    parser.add_argument("--level", default="coarse")
+    args = parser.parse_args(argv)
+    files = StageFiles(args.case, args.level)
+    try:
+        with cost_recorded(files, "figures"):
+            entries = make_figures(files)
+    except (ValueError, OSError) as error:
+        print(f"figures: {error}", file=sys.stderr)
+        return 2
+    print(f"{len(entries)} pictures in {files.figures}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,48 @@
+"""What is modelled and what is not, each with the number that justifies it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+GRAVITY = 9.81  # m/s²
+
+
+def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[tuple[str, str]]:
+    """Pairs (what, why) for the report; speed is the peak tip speed (m/s), tip_height the highest position of the tip (m).
+
+    `scene` holds the scene's sections tank, finger, fluid and model.
+    """
+    fluid, finger, tank = scene["fluid"], scene["finger"], scene["tank"]
+    reynolds = speed * finger["width"] / fluid["kinematic_viscosity"]
+    depth = tank["water_depth"] - max(tip_height, finger["root"][1])
+    froude = speed / (GRAVITY * depth) ** 0.5
+    turbulence, kind = fluid["turbulence"], scene["model"]["kind"]
+    flow = (
+        f"The flow is laminar in the equations: no turbulence model acts. Reynolds number by finger width {reynolds:,.0f}."
+        if turbulence == "laminar"
+        else f"Turbulence below the mesh size is modelled by {turbulence}. Reynolds number by finger width {reynolds:,.0f}."
+    )
+    parts = {
+        "2d": "A plane without depth is computed: no water passes round the finger's sides, so its forces and vortices are too strong.",
+        "half": "Half of the tank is computed; the laser sheet is its plane of symmetry, so no water crosses the sheet.",
+        "full": "The whole tank is computed.",
+    }
+    return [
+        (
+            "Motion",
+            "The finger's motion is prescribed; the water does not bend it. The paper finds the radius of bending in water at most 13.3 % above that in air.",
+        ),
+        (
+            "Water surface",
+            f"A rigid lid on which water slips: no waves. At {speed:.2f} m/s the finger could raise the surface by at most"
+            f" {speed**2 / (2 * GRAVITY) * 1e3:.1f} mm; it stays {depth * 1e3:.0f} mm below it (Froude number by that depth {froude:.2f}).",
+        ),
+        ("Turbulence", flow),
+        ("Model", parts.get(kind, f"Model: {kind}.")),
+        ("Support", "The hardware that holds the finger is not in the water of the simulation."),
+        (
+            "PIV",
+            "The recording is synthetic: particles are moved by the simulated flow and photographed by a virtual camera. It tells the"
+            " error of the measurement, not yet that of the simulation; that needs a laboratory's recording.",
+        ),
+    ]

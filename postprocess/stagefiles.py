@@ -1,0 +1,149 @@
+"""Where a scene's stage files are, and reading them with one-sentence errors."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import resource
+import time
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+
+
+@dataclass(frozen=True)
+class StageFiles:
+    """Paths of one scene at one level; `case` is the folder cases/<scene>."""
+
+    case: Path
+    level: str
+
+    @property
+    def scene(self) -> str:
+        return self.case.resolve().name
+
+    @property
+    def out(self) -> Path:
+        return self.case / "out" / self.level
+
+    @property
+    def figures(self) -> Path:
+        return self.out / "figures"
+
+    @property
+    def findings(self) -> Path:
+        return self.case / "reference" / "findings.toml"
+
+    def required(self, name: str, stage: str) -> Path:
+        """Path of out/<level>/<name>; FileNotFoundError in one sentence that names the stage to run."""
+        path = self.out / name
+        if not path.exists():
+            raise FileNotFoundError(
+                f"{path} is missing; run the stage '{stage}' of {self.scene} at level {self.level} first"
+            )
+        return path
+
+    def optional(self, name: str) -> Path | None:
+        """Path of out/<level>/<name>, or None where the stage that makes it was not run."""
+        path = self.out / name
+        return path if path.exists() else None
+
+
+def read_table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
+    """A CSV of docs/formats.md (lines starting with # are comments); ValueError where a column is missing."""
+    try:
+        table = pd.read_csv(path, comment="#", skipinitialspace=True)
+    except pd.errors.EmptyDataError as error:
+        raise ValueError(f"{path}: the file is empty, expected the columns {', '.join(columns)}") from error
+    missing = [name for name in columns if name not in table.columns]
+    if missing:
+        raise ValueError(f"{path}: column {missing[0]!r} is missing; the file has {', '.join(table.columns)}")
+    return table
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object; ValueError in one sentence where it is damaged."""
+    try:
+        return json.loads(path.read_text())
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{path}: not valid JSON ({error}); run the stage that writes it again") from error
+
+
+def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Variables of an HDF5 file by name; ValueError where one is missing."""
+    try:
+        with h5py.File(path, "r") as file:
+            missing = [name for name in names if name not in file]
+            if missing:
+                raise ValueError(
+                    f"{path}: variable {missing[0]!r} is missing; the file has {', '.join(file)}"
+                )
+            return {name: np.asarray(file[name]) for name in names}
+    except OSError as error:
+        raise ValueError(f"{path}: not a readable HDF5 file ({error})") from error
+
+
+def scene_numbers(files: StageFiles) -> dict[str, Any]:
+    """The scene's sections (tank, finger, motion, model, fluid …) as the stages that used them recorded them."""
+    numbers: dict[str, Any] = {}
+    for name, stage in (("kinematics.h5", "kinematics"), ("planform.h5", "mesh"), ("sweep.h5", "case")):
+        path = files.required(name, stage)
+        with h5py.File(path, "r") as file:
+            if "settings" not in file.attrs:
+                raise ValueError(f"{path}: attribute 'settings' is missing; run the stage '{stage}' again")
+            numbers |= json.loads(file.attrs["settings"])
+    missing = [key for key in ("tank", "finger", "fluid", "model") if key not in numbers]
+    if missing:
+        raise ValueError(
+            f"{files.out}: no stage recorded the scene's section {missing[0]!r}; run kinematics and mesh again"
+        )
+    return numbers
+
+
+def scene_title(case: Path) -> str:
+    """`title` of scene.toml, or of the scene that it extends; ValueError where there is none."""
+    path = case / "scene.toml"
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    if "title" in table:
+        return str(table["title"])
+    if "extends" not in table:
+        raise ValueError(f'{path}: title is missing; add title = "…"')
+    return scene_title(case / table["extends"])
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8")
+    os.replace(part, path)
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file's bytes, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def cost_recorded(files: StageFiles, stage: str) -> Iterator[None]:
+    """Write costs/<stage>.json when the block ends well: wall time (s), peak memory (bytes), finished (ISO)."""
+    start = time.monotonic()
+    yield
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    cost = {
+        "stage": stage,
+        "wall_time": round(time.monotonic() - start, 3),
+        "peak_memory": peak,
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    write_text(files.out / "costs" / f"{stage}.json", json.dumps(cost, indent=1))

@@ -1,0 +1,125 @@
+"""Numbers and verdicts in words, for a reader who does not know the code."""
+
+from __future__ import annotations
+
+from typing import Any
+
+WORDS = {True: "met", False: "not met", None: "not judged"}
+PAIRS = {
+    "cfd": "CFD",
+    "piv": "PIV",
+    "lab": "Laboratory",
+    "piv-cfd": "PIV against CFD",
+    "lab-cfd": "Laboratory against CFD",
+    "lab-piv": "Laboratory against PIV",
+}
+
+
+def quantity(value: float | str | None, unit: str) -> str:
+    """One value with its unit as a person reads it: metres below 1 m in mm, fractions in per cent."""
+    if value is None:
+        return "–"
+    if isinstance(value, str):
+        return value
+    if unit == "m":
+        return f"{value * 1e3:.2f} mm"
+    if unit == "fraction":
+        return f"{value * 100:.1f} %"
+    return f"{value:.3g}" + (f" {unit}" if unit not in ("", "1") else "")
+
+
+def requirement(check: dict[str, Any]) -> str:
+    """What a check asks for, its tolerance included."""
+    unit, value, tolerance = check["unit"], check["value"], check["tolerance"]
+    extra = f" ± {quantity(tolerance, unit)}" if tolerance else ""
+    if isinstance(value, str):
+        return value
+    if check["comparison"] == "in range":
+        return f"{quantity(value[0], unit)} to {quantity(value[1], unit)}{extra}"
+    sign = {"<=": "at most ", ">=": "at least ", "equals": ""}[check["comparison"]]
+    return f"{sign}{quantity(value, unit)}{extra}"
+
+
+def answer(comparison: dict[str, Any]) -> str:
+    """The page's first sentence: does the simulation agree with PIV?"""
+    paper = [check for check in comparison["checks"] if check["kind"] == "paper"]
+    if "piv" not in comparison["sources"]:
+        shown = sum(check["met_by"].get("cfd") is True for check in paper)
+        return (
+            f"Not judged: PIV was not run at level {comparison['level']}, so this page shows the simulation alone;"
+            f" it shows {shown} of the paper's {len(paper)} findings."
+        )
+    start = {
+        True: "Yes, the simulation agrees with PIV",
+        False: "No, the simulation does not agree with PIV in every check",
+        None: "Not fully judged",
+    }[comparison["verdict"]["agrees"]]
+    met = sum(check["met"] is True for check in paper)
+    numbers = _numbers(comparison["summary"]["piv-cfd"], comparison)
+    return f"{start}: over the middle of the stroke {numbers}; both show {met} of the paper's {len(paper)} findings."
+
+
+def _numbers(pair: dict[str, Any], comparison: dict[str, Any]) -> str:
+    allowed = {c["quantity"]: c["value"] for c in comparison["checks"] if c["kind"] == "agreement"}
+    limit = lambda name, unit: f" (allowed {quantity(allowed[name], unit)})" if name in allowed else ""  # noqa: E731
+    vortex = (
+        "the tip vortex is not found in both"
+        if pair["centre_rms_distance"] is None
+        else f"the circulation of the tip vortex differs by {quantity(pair['circulation_rms_difference'], 'fraction')}"
+        f"{limit('circulation_difference', 'fraction')}, its centre by {quantity(pair['centre_rms_distance'], 'm')}"
+        f"{limit('centre_distance', 'm')}"
+    )
+    speed = quantity(pair["velocity_rms_difference_relative"], "fraction")
+    return f"{vortex} and the velocity differs by {speed} of the peak tip speed{limit('velocity_rms_difference', 'fraction')}"
+
+
+def rows(comparison: dict[str, Any]) -> list[dict[str, Any]]:
+    """The verdict table: one row per check, everything as text but `met`."""
+    return [
+        {
+            "id": check["id"],
+            "kind": check["kind"],
+            "finding": check["finding"],
+            "figure": check["figure"],
+            "label": check["label"],
+            "required": requirement(check),
+            "measured": [
+                (PAIRS[of], quantity(value, check["unit"]), check["met_by"].get(of))
+                for of, value in check["measured"].items()
+            ],
+            "met": check["met"],
+            "word": WORDS[check["met"]],
+            "reason": check["reason"],
+            "window": "{:.0f} to {:.0f} % of the bend, {:.3f} to {:.3f} s".format(
+                *(100 * w for w in check["window"]), *check["window_s"]
+            ),
+            "notes": check["notes"],
+        }
+        for check in comparison["checks"]
+    ]
+
+
+def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """Key numbers of the first screen: value, name, remark."""
+    summary, scale = comparison["summary"], comparison["scale"]["value"]
+    out = [(f"{scale:.3f} m/s", "peak speed of the tip", "the scale of every velocity difference")]
+    for source in ("cfd", "piv"):
+        if source in summary:
+            mean = summary[source]["circulation_mean"] * 1e4
+            sense = "clockwise" if mean < 0 else "counter-clockwise"
+            remark = f"{sense}, {summary[source]['side'] or 'undecided'} side"
+            out.append((f"{abs(mean):.1f} cm²/s", f"tip vortex, {PAIRS[source]}", remark))
+    if "piv-cfd" not in summary:
+        return out
+    pair = summary["piv-cfd"]
+    worst = quantity(pair["circulation_max_difference"], "fraction")
+    value = quantity(pair["circulation_rms_difference"], "fraction")
+    out.append((value, "difference of circulation", f"worst instant {worst}"))
+    worst = quantity(pair["centre_max_distance"], "m")
+    out.append(
+        (quantity(pair["centre_rms_distance"], "m"), "distance of the centres", f"worst instant {worst}")
+    )
+    value = quantity(pair["velocity_rms_difference_relative"], "fraction")
+    remark = f"of the peak tip speed; correlation {quantity(pair['velocity_correlation'], '1')}"
+    out.append((value, "velocity difference (RMS)", remark))
+    return out

@@ -1,0 +1,302 @@
+"""A made-up single-finger stroke with every stage file that the report reads; all of it analytic.
+
+A finger of constant curvature hangs from (0, 0.24) m, bends 0 to `bend_end` towards +x by a three-pole law, and a
+Lamb–Oseen vortex grows on the dorsal side of its tip: clockwise (negative) when it bends towards +x.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy.special import expit
+
+from piv.plane import make_plane, write_plane
+
+ROOT = np.array([0.0, 0.24])
+LENGTH, THICKNESS, WIDTH = 0.070, 0.0145, 0.028
+FIT = ("time", "track", "x", "y", "circulation", "core_radius", "peak_swirl_velocity", "x_std", "y_std")
+STD = ("circulation_std", "core_radius_std", "circulation_area", "circulation_contour")
+FILE_COLUMNS = [*FIT, *STD, "finger", "side", "tip_distance", "along_tip", "across_tip"]
+
+
+def bend_law(time: np.ndarray, end: float, start: float = 0.02, duration: float = 0.3) -> np.ndarray:
+    """Bend angle (rad) over time (s): three equal poles, 2 % settled after `duration`."""
+    q = np.clip(time - start, 0, None) / (duration / 7.52)
+    return end * (1 - (1 + q + q**2 / 2) * np.exp(-q))
+
+
+def finger_shape(bend: float, points: int = 60) -> dict[str, np.ndarray]:
+    """Outline (point, axis) and tip frame of the finger at one bend angle."""
+    s = np.linspace(0, 1, points)
+    angle = bend * s
+    step = LENGTH / (points - 1)
+    middle = 0.5 * (angle[1:] + angle[:-1])
+    x = ROOT[0] + np.concatenate([[0.0], np.cumsum(np.sin(middle)) * step])
+    y = ROOT[1] - np.concatenate([[0.0], np.cumsum(np.cos(middle)) * step])
+    ventral = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    line = np.stack([x, y], axis=-1)
+    outline = np.concatenate([line + ventral * THICKNESS / 2, (line - ventral * THICKNESS / 2)[::-1]])
+    return {
+        "outline": outline,
+        "tip": line[-1],
+        "tip_direction": np.array([np.sin(bend), -np.cos(bend)]),
+        "dorsal_direction": -ventral[-1],
+    }
+
+
+def finger_series(bend: np.ndarray) -> dict[str, np.ndarray]:
+    """The shapes of all instants, with the axis `finger` (one) of the plane-series format."""
+    shapes = [finger_shape(b) for b in bend]
+    out = {k: np.stack([s[k] for s in shapes])[:, None] for k in shapes[0]}
+    return out | {"bend": bend[:, None]}
+
+
+def true_vortex(time: np.ndarray, bend_end: float) -> dict[str, np.ndarray]:
+    """Circulation (m²/s), centre (m) and core radius (m) of the tip vortex over time."""
+    bend = bend_law(time, bend_end)
+    finger = finger_series(bend)
+    grown = np.abs(bend / bend_end)
+    offset = 0.010 + 0.004 * grown
+    centre = finger["tip"][:, 0] + 0.003 * finger["tip_direction"][:, 0]
+    centre = centre + offset[:, None] * finger["dorsal_direction"][:, 0] * np.sign(bend_end)
+    return {
+        "circulation": -np.sign(bend_end) * 6e-3 * grown,
+        "x": centre[:, 0],
+        "y": centre[:, 1],
+        "core_radius": 0.004 + 0.004 * grown,
+    }
+
+
+def stroke_plane(
+    time: np.ndarray, bend_end: float, spacing: float, noise: float = 0.0, seed: int = 1
+) -> xr.Dataset:
+    """The plane series of the stroke: swirl, and far inside it the drift that follows the tip upward."""
+    x = np.arange(-0.05, 0.11 + spacing / 2, spacing)
+    y = np.arange(0.135, 0.263 + spacing / 2, spacing)
+    gx, gy = np.meshgrid(x, y)
+    bend = bend_law(time, bend_end)
+    finger, vortex = finger_series(bend), true_vortex(time, bend_end)
+    rate = np.gradient(bend, time)
+    rng = np.random.default_rng(seed)
+    u, v, valid = (np.zeros((time.size, y.size, x.size)) for _ in range(3))
+    for i in range(time.size):
+        dx, dy = gx - vortex["x"][i], gy - vortex["y"][i]
+        r2 = np.maximum(dx**2 + dy**2, 1e-12)
+        swirl = (
+            vortex["circulation"][i] / (2 * np.pi * r2) * (1 - np.exp(-r2 / vortex["core_radius"][i] ** 2))
+        )
+        near = np.exp(-((gx - finger["tip"][i, 0, 0]) ** 2 + (gy - finger["tip"][i, 0, 1]) ** 2) / 0.03**2)
+        pull = 0.02 * np.abs(rate[i]) * near
+        u[i] = -swirl * dy + pull * np.sign(bend_end) + noise * rng.standard_normal(gx.shape)
+        v[i] = swirl * dx + pull + noise * rng.standard_normal(gx.shape)
+        valid[i] = ~_inside(finger["outline"][i, 0], gx, gy)
+    u[valid == 0], v[valid == 0] = np.nan, np.nan
+    return make_plane(x, y, u, v, time=time, valid=valid, **finger)
+
+
+def _inside(polygon: np.ndarray, gx: np.ndarray, gy: np.ndarray) -> np.ndarray:
+    from matplotlib.path import Path as Polygon
+
+    return Polygon(polygon).contains_points(np.c_[gx.ravel(), gy.ravel()]).reshape(gx.shape)
+
+
+def vortex_table(
+    time: np.ndarray,
+    bend_end: float,
+    gain: float = 1.0,
+    shift: float = 0.0,
+    noise: float = 0.0,
+    seed: int = 2,
+) -> pd.DataFrame:
+    """Rows of vortices.csv: the tip vortex (track 3) and a weak far one (track 1); `gain`, `shift` (m) are errors."""
+    rng = np.random.default_rng(seed)
+    finger, true = finger_series(bend_law(time, bend_end)), true_vortex(time, bend_end)
+    rows = []
+    for i, t in enumerate(time):
+        if abs(true["circulation"][i]) < 2e-4:
+            continue
+        centre = np.array([true["x"][i] + shift, true["y"][i]]) + noise * 1e-2 * rng.standard_normal(2)
+        strength = gain * true["circulation"][i] * (1 + noise * rng.standard_normal())
+        arm = centre - finger["tip"][i, 0]
+        along = float(arm @ finger["tip_direction"][i, 0])
+        across = float(arm @ finger["dorsal_direction"][i, 0])
+        core, std = true["core_radius"][i], abs(strength) * (0.02 if noise else 0.0)
+        side = "dorsal" if across > 0 else "ventral"
+        swirl = 0.638 * abs(strength) / (2 * np.pi * core)  # peak of a Lamb–Oseen vortex
+        fit = [t, 3, *centre, strength, core, swirl, 2e-4, 2e-4, std, 2e-4, strength, strength]
+        rows.append([*fit, 0, side, np.hypot(*arm) / THICKNESS, along, across])
+        weak = [t, 1, -0.03, 0.15, 3e-4, 0.005, 0.006, 1e-3, 1e-3, 1e-4, 1e-3, 3e-4, 3e-4]
+        rows.append([*weak, 0, "", 4.0, 0.02, 0.06])
+    return pd.DataFrame(rows, columns=FILE_COLUMNS)
+
+
+def write_case(
+    root: Path,
+    scene: str = "single_finger",
+    level: str = "coarse",
+    *,
+    bend_end: float = np.radians(100),
+    spacing: float = 0.002,
+    frames: int = 41,
+    with_piv: bool = True,
+    gain: float = 0.98,
+    shift: float = 3e-4,
+) -> Path:
+    """Write all stage files below `root`/cases/<scene>/out/<level>; returns cases/<scene>."""
+    case = root / "cases" / scene
+    out = case / "out" / level
+    (out / "run").mkdir(parents=True, exist_ok=True)
+    (out / "costs").mkdir(exist_ok=True)
+    (case / "scene.toml").write_text(f'name = "{scene}"\ntitle = "A single finger bends in the tank"\n')
+    time = np.linspace(0.0, 0.4, frames)
+    middle = 0.5 * (time[1:] + time[:-1])
+    more = {
+        "scene_hash": "0123abcd",
+        "tip_width": THICKNESS,
+        "versions": json.dumps({"numpy": np.__version__}),
+    }
+    write_plane(stroke_plane(time, bend_end, spacing), out / "sheet.h5", source="cfd", **more)
+    _write_vortices(vortex_table(time, bend_end), out / "vortices_cfd.csv")
+    if with_piv:
+        piv = stroke_plane(middle, bend_end, 2 * spacing, noise=0.002)
+        write_plane(piv, out / "piv.h5", source="piv", seed=2017, settings=json.dumps({"window": 32}), **more)
+        _write_vortices(vortex_table(middle, bend_end, gain, shift, 0.005), out / "vortices_piv.csv")
+    _write_kinematics(time, bend_end, out / "kinematics.h5")
+    _write_planform(bend_end, out)
+    _write_run(time, bend_end, out, scene, level)
+    for stage, seconds in {
+        "kinematics": 1.2,
+        "mesh": 14.0,
+        "run": 161.0,
+        "sheet": 6.0,
+        "images": 20.0,
+        "piv": 38.0,
+    }.items():
+        cost = {
+            "stage": stage,
+            "wall_time": seconds,
+            "peak_memory": int(4e8),
+            "finished": "2026-11-21T06:00:00Z",
+        }
+        (out / "costs" / f"{stage}.json").write_text(json.dumps(cost))
+    return case
+
+
+def copy_findings(case: Path) -> Path:
+    """Give a made-up case the real findings of the scene of its name; returns the case."""
+    source = Path(__file__).parents[1] / "cases" / case.name / "reference" / "findings.toml"
+    (case / "reference").mkdir(exist_ok=True)
+    (case / "reference" / "findings.toml").write_text(source.read_text())
+    return case
+
+
+def _write_vortices(table: pd.DataFrame, path: Path) -> None:
+    with path.open("w") as file:
+        file.write("# " + json.dumps({"versions": {"numpy": np.__version__}}) + "\n")
+        table.to_csv(file, index=False)
+
+
+def _write_kinematics(time: np.ndarray, bend_end: float, path: Path) -> None:
+    bend = bend_law(time, bend_end)
+    scene = {"tank": {"size": [0.6, 0.33, 0.3], "water_depth": 0.3}}
+    scene["finger"] = {"root": ROOT.tolist(), "length": LENGTH, "thickness": THICKNESS, "width": WIDTH}
+    with h5py.File(path, "w") as file:
+        file.attrs.update(format="kinematics", format_version=1, settings=json.dumps(scene))
+        file["time"] = time
+        file["pressure"] = 2e4 * bend / abs(bend_end)
+
+
+def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
+    bends = np.linspace(0.0, bend_end, 9)
+    points, quads = [], []
+    for bend in bends:
+        outline = finger_shape(bend, 24)["outline"]
+        turn = np.linspace(0, 2 * np.pi, len(outline), endpoint=False) + 0.5
+        far = np.c_[0.3 * np.cos(turn), 0.15 + 0.15 * np.sin(turn)]
+        weight = np.linspace(0, 1, rings)[:, None, None] ** 2
+        points.append((outline[None] * (1 - weight) + far[None] * weight).reshape(-1, 2))
+    n = len(outline)
+    for k in range(rings - 1):
+        for j in range(n):
+            a, b = k * n + j, k * n + (j + 1) % n
+            quads.append([a, b, b + n, a + n])
+    with h5py.File(out / "planform.h5", "w") as file:
+        file.attrs.update(
+            format="planform", format_version=1, settings=json.dumps({"model": {"kind": "half"}})
+        )
+        file["points"], file["bend"], file["quads"] = np.stack(points), bends, np.array(quads)
+        file["triangles"] = np.array([[0, 1, n - 1]])
+        file["inside"] = np.array([1], np.uint8)
+    fluid = {"density": 998.2, "kinematic_viscosity": 1.004e-6, "turbulence": "laminar"}
+    with h5py.File(out / "sweep.h5", "w") as file:
+        file.attrs.update(format="sweep", format_version=1, settings=json.dumps({"fluid": fluid}))
+
+
+def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: str) -> None:
+    t = np.arange(0, 0.4, 5e-4)
+    rate = np.gradient(bend_law(t, bend_end), t)
+    force = -0.02 * np.gradient(rate, t) / 50
+    pd.DataFrame(
+        {
+            "time": t,
+            "fx": force,
+            "fy": 0.3 * force,
+            "fz": 0 * t,
+            "fx_pressure": 0.97 * force,
+            "fy_pressure": 0.29 * force,
+        }
+        | {"fx_viscous": 0.03 * force, "fy_viscous": 0.01 * force}
+    ).to_csv(out / "run/forces.csv", index=False)
+    energy = 2e-4 * expit((t - 0.12) / 0.02) * np.exp(-t)
+    loss = 1e-4 * energy / energy.max()
+    pd.DataFrame(
+        {
+            "time": t,
+            "finger_power": np.gradient(energy, t) + loss * 1.03,
+            "kinetic_energy": energy,
+            "dissipation": loss,
+        }
+    ).to_csv(out / "run/power.csv", index=False)
+    pd.DataFrame(
+        {
+            "time": t,
+            "courant_mean": 0.02 + 0 * t,
+            "courant_max": 0.1 + 0.02 * np.abs(rate),
+            "continuity_local": 1e-8,
+        }
+        | {"continuity_global": 1e-10, "pressure_iterations": 9, "wall_time": np.arange(t.size) * 0.2}
+    ).to_csv(out / "run/history.csv", index=False)
+    bend = np.linspace(0, np.degrees(bend_end), 20)
+    pd.DataFrame(
+        {
+            "bend_deg": bend,
+            "shape_parameter": 200 * bend,
+            "max_non_orthogonality_deg": 40 + 0.1 * np.abs(bend - 50),
+        }
+        | {"mean_non_orthogonality_deg": 12.0, "max_skewness": 0.8, "min_area_ratio": 0.6}
+    ).to_csv(out / "mesh_quality.csv", index=False)
+    balance = {
+        "work": 2.3e-4,
+        "kinetic_energy": 2.0e-4,
+        "dissipated": 2.4e-5,
+        "closure": 6e-6,
+        "closure_fraction": 0.026,
+    }
+    run = {"format": "run", "format_version": 1, "versions": {"openfoam": "v1912"}, "scene_hash": "0123abcd"}
+    run |= {"scene": scene}
+    run |= {
+        "level": level,
+        "model": "half",
+        "ranks": 2,
+        "cells": 63500,
+        "time_step": 5e-4,
+        "end_time": 0.4,
+        "steps": 800,
+    }
+    run |= {"wall_time": 161.0, "resumed": [], "courant_max": 0.7, "power_balance": balance}
+    (out / "run/run.json").write_text(json.dumps(run))
