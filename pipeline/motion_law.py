@@ -56,7 +56,9 @@ def measured_law(path: Path) -> PressureLaw:
         raise StageError(f"{path}: needs two columns t,p and at least three rows, found shape {table.shape}")
     time, pressure = table.T
     if not np.isfinite(table).all():
-        raise StageError(f"{path}: row {int(np.argmin(np.isfinite(table).all(1))) + 1} is not a number; remove it")
+        raise StageError(
+            f"{path}: row {int(np.argmin(np.isfinite(table).all(1))) + 1} is not a number; remove it"
+        )
     if not np.all(np.diff(time) > 0):
         raise StageError(f"{path}: times must increase; row {int(np.argmin(np.diff(time) > 0)) + 2} does not")
     if np.ptp(pressure) < 200:

@@ -38,7 +38,9 @@ def foam_version() -> str:
     found = re.search(r"Using:\s*OpenFOAM-\s*\(?v?(\d{4})", text)
     number = next((g for g in found.groups() if g), None) if found else None
     if number is None or int(number) < 1912:
-        raise StageError(f"OpenFOAM {number or 'of unknown version'} found; openfoam.com v1912 or later is needed")
+        raise StageError(
+            f"OpenFOAM {number or 'of unknown version'} found; openfoam.com v1912 or later is needed"
+        )
     return f"v{number}"
 
 
@@ -61,9 +63,25 @@ def solver_command(ranks: int, hosts: Path | None = None) -> list[str]:
     """pimpleFoam, through MPI where `ranks` > 1."""
     if ranks == 1:
         return ["pimpleFoam"]
-    mpi = ["mpirun", "--mca", "mpi_yield_when_idle", "1", "--bind-to", "none", "--oversubscribe", "-np", str(ranks)]
+    mpi = [
+        "mpirun",
+        "--mca",
+        "mpi_yield_when_idle",
+        "1",
+        "--bind-to",
+        "none",
+        "--oversubscribe",
+        "-np",
+        str(ranks),
+    ]
     if hosts is not None:
         mpi += ["--hostfile", str(hosts)]
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         mpi.insert(1, "--allow-run-as-root")
     return [*mpi, "pimpleFoam", "-parallel"]
+
+
+if __name__ == "__main__":
+    from pipeline.stage import guarded
+
+    guarded("setup", lambda: print(f"setup: OpenFOAM {foam_version()}"))

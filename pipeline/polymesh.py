@@ -68,7 +68,10 @@ def sweep_mesh(sweep: Sweep, side_of_edge: np.ndarray) -> PolyMesh:
         used[corner, k] = used[corner, k + 1] = True
     point = np.full(used.shape, -1)
     point[used] = np.arange(used.sum())  # node by node: a column's points lie together
-    faces = [*_lateral(edges, exists, number, point, side_of_edge), *_across(nodes_of, exists, number, point, sweep.model)]
+    faces = [
+        *_lateral(edges, exists, number, point, side_of_edge),
+        *_across(nodes_of, exists, number, point, sweep.model),
+    ]
     corner = np.concatenate([f[0] for f in faces])
     own = np.concatenate([f[1] for f in faces])
     other = np.concatenate([f[2] for f in faces])

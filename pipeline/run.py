@@ -24,6 +24,7 @@ from pipeline.motion import read_motion
 from pipeline.openfoam import environment, foam_version, last_lines, run_tool, solver_command
 from pipeline.partition import partition_columns
 from pipeline.quality import cell_centres
+from pipeline.results import collect_results
 from pipeline.scene import Scene
 from pipeline.stage import guarded, parser, read_dataset, timed, versions, write_text
 
@@ -58,7 +59,9 @@ def prepare(scene: Scene, ranks: int, quiet: bool) -> None:
     case = scene.out / "case"
     mesh_points = case / "constant" / "polyMesh" / "points"
     if not mesh_points.exists():
-        raise StageError(f"{case}: no mesh; run python -m pipeline.case {scene.folder} --level {scene.level} first")
+        raise StageError(
+            f"{case}: no mesh; run python -m pipeline.case {scene.folder} --level {scene.level} first"
+        )
     wanted = {"ranks": ranks, "mesh": mesh_points.stat().st_mtime_ns}
     state = case / STATE
     if state.exists() and json.loads(state.read_text()) == wanted:
@@ -94,7 +97,9 @@ def prepare(scene: Scene, ranks: int, quiet: bool) -> None:
 
 def _decompose(case: Path, sweep: xr.Dataset, planform: xr.Dataset, ranks: int) -> None:
     column = sweep["cell_column"].values
-    centres = cell_centres(planform["points"].values[0], planform["triangles"].values, planform["quads"].values)
+    centres = cell_centres(
+        planform["points"].values[0], planform["triangles"].values, planform["quads"].values
+    )
     load = np.bincount(column, minlength=len(centres)).astype(float)
     rank = partition_columns(centres, load, ranks)[column]
     write_list(case / "constant" / "cellDecomposition", "labelList", "constant", rank)
@@ -164,7 +169,9 @@ def solve(scene: Scene, ranks: int, hosts: Path | None, quiet: bool) -> dict[str
             spent = {**record, "wall_time": float(record["wall_time"]) + time.monotonic() - begin}  # type: ignore[arg-type]
             write_text(record_path, json.dumps(spent))
     if process.wait() != 0:
-        raise StageError(f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{last_lines(log)}")
+        raise StageError(
+            f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{last_lines(log)}"
+        )
     return spent
 
 
@@ -186,7 +193,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     prepare(scene, ranks, quiet)
     record = solve(scene, ranks, hosts, quiet)
     case = scene.out / "case"
-    summary = {"power_balance": {"closure_fraction": 0}}
+    summary = collect_results(scene, case, scene.out / "run")
     write_text(
         scene.out / "run" / "run.json",
         json.dumps(
@@ -214,7 +221,9 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         remove_frames(folder)
     if not quiet:
         balance = summary["power_balance"]
-        print(f"run: {record['wall_time']:.0f} s of solver, power balance closes to {balance['closure_fraction']:.1%}")
+        print(
+            f"run: {record['wall_time']:.0f} s of solver, power balance closes to {balance['closure_fraction']:.1%}"
+        )
 
 
 def main() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -150,8 +151,17 @@ class Camera(Section):
     bits: Literal[8, 10, 12, 16] = 8
     density_ppp: Positive = 0.04
     particle_diameter_px: Positive = 2.5
-    noise: Annotated[float, Field(ge=0)] = 0.02
+    background: Annotated[float, Field(ge=0)] = 8.0
+    read_noise: Annotated[float, Field(ge=0)] = 2.0
+    electrons_per_level: Annotated[float, Field(ge=0)] = 50.0
+    shadow: Annotated[float, Field(ge=0, le=1)] = 0.0
     seed: int = 2017
+
+    def origin_px(self) -> Pair:
+        """The tank frame's origin, px right and up from the centre of the bottom left pixel."""
+        scale = self.scale_mm_per_px * 1e-3
+        middle = 0.5 * (self.columns - 1), 0.5 * (self.rows - 1)
+        return middle[0] - self.centre[0] / scale, middle[1] - self.centre[1] / scale
 
 
 class Piv(Section):
@@ -167,6 +177,7 @@ class Vortices(Section):
     """What counts as a vortex."""
 
     min_circulation: Positive = 2e-4
+    stencil_radius: Positive = 0.003
 
 
 class Scene(Section):
@@ -194,11 +205,15 @@ class Scene(Section):
     def _physical(self) -> Scene:
         tank, finger = self.tank, self.finger
         if tank.water_depth > tank.size[1]:
-            raise ValueError(f"tank.water_depth = {tank.water_depth} m exceeds the tank's height {tank.size[1]} m")
+            raise ValueError(
+                f"tank.water_depth = {tank.water_depth} m exceeds the tank's height {tank.size[1]} m"
+            )
         if finger.length > 1 or max(tank.size) > 20:
             raise ValueError("finger.length or tank.size looks like millimetres; give metres")
         if not abs(finger.root[0]) < tank.size[0] / 2 or not 0 < finger.root[1] < tank.water_depth:
-            raise ValueError(f"finger.root = {list(finger.root)} is not in the water; move it inside the tank")
+            raise ValueError(
+                f"finger.root = {list(finger.root)} is not in the water; move it inside the tank"
+            )
         reach = finger.length + finger.tip.length
         if finger.root[1] - reach < 0.1:
             raise ValueError(
@@ -230,8 +245,14 @@ class Scene(Section):
         return digest(self.model_dump(mode="json", exclude={"folder"}))
 
     def settings(self, stage: str) -> dict[str, Any]:
-        """The part of the scene that a stage's results depend on."""
-        return self.model_dump(mode="json", include=set(STAGE_SECTIONS[stage]))
+        """The part of the scene that a stage's results depend on, with the digests of the files it names."""
+        if stage in FLAT_SETTINGS:
+            return FLAT_SETTINGS[stage](self)
+        settings = self.model_dump(mode="json", include=set(STAGE_SECTIONS[stage]))
+        if stage == "kinematics":
+            named = [self.motion.states, self.motion.pressure_csv]
+            settings["files"] = {name: _file_digest(self.folder / name) for name in named if name}
+        return settings
 
 
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
@@ -246,6 +267,51 @@ STAGE_SECTIONS: dict[str, tuple[str, ...]] = {
     "vortices": ("vortices",),
     "report": ("title",),
 }
+
+
+def _render_settings(scene: Scene) -> dict[str, Any]:
+    camera = scene.camera
+    return {
+        "width_px": camera.columns,
+        "height_px": camera.rows,
+        "scale_m_per_px": camera.scale_mm_per_px * 1e-3,
+        "origin_px": list(camera.origin_px()),
+        "frame_rate_hz": scene.sheet.rate_hz,
+        "bits": camera.bits,
+        "background": camera.background,
+        "read_noise": camera.read_noise,
+        "electrons_per_level": camera.electrons_per_level,
+        "density_ppp": camera.density_ppp,
+        "diameter_px": camera.particle_diameter_px,
+        "sheet_thickness": scene.sheet.thickness,
+        "shadow": camera.shadow,
+        "seed": camera.seed,
+    }
+
+
+# The stages of piv/ know nothing of scenes: they get their own flags, by name, as a settings file.
+FLAT_SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
+    "images": _render_settings,
+    "piv": lambda scene: scene.piv.model_dump(mode="json"),
+    "vortices": lambda scene: scene.vortices.model_dump(mode="json"),
+}
+
+
+def write_settings(scene: Scene) -> list[str]:
+    """Write `settings/<stage>.json` where its content changed; returns the names of the stages that changed."""
+    changed = []
+    for stage in STAGE_SECTIONS:
+        path = scene.out / "settings" / f"{stage}.json"
+        text = json.dumps(scene.settings(stage), indent=1, sort_keys=True) + "\n"
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+            changed.append(stage)
+    return changed
+
+
+def _file_digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.exists() else "missing"
 
 
 def digest(value: Any) -> str:
@@ -265,7 +331,9 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise StageError(f"{path}: no such scene; give the folder of a scene.toml, as cases/single_finger") from None
+        raise StageError(
+            f"{path}: no such scene; give the folder of a scene.toml, as cases/single_finger"
+        ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise StageError(f"{path}: not valid TOML: {error}") from None
     parent = table.pop("extends", None)
@@ -284,7 +352,9 @@ def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
     table = _read(path)
     levels = table.pop("levels", {})
     if level not in levels:
-        raise StageError(f"{path}: no level {level!r}; the levels are {', '.join(sorted(levels)) or 'missing'}")
+        raise StageError(
+            f"{path}: no level {level!r}; the levels are {', '.join(sorted(levels)) or 'missing'}"
+        )
     table = _merge(table, levels[level])
     try:
         return Scene(**table, name=folder.name, level=level, folder=folder)

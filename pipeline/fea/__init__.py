@@ -1,0 +1,1 @@
+"""Bending states of the finger by finite elements: run (FElupe or CalculiX), import, write `states.h5`."""

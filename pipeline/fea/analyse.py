@@ -1,0 +1,64 @@
+"""From a pressure path of the unit cell to the bending states of the finger."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pipeline.fea import plane
+from pipeline.fea.finger import FloatArray, arc_length, chain, fit_circle, smoothed
+from pipeline.fea.path import follow
+from pipeline.fea.settings import Actuator, Fea
+from pipeline.fea.states import BendingStates
+from pipeline.fea.unit_cell import State, UnitCell
+
+
+def cell_thickness(cell: UnitCell, state: State) -> float:
+    """Height (m) of the roof above the ventral surface in the plane of symmetry, averaged along the roof."""
+    placed = cell.points + cell.displacement(state)
+    roof, line = placed[cell.grid.top, :2], placed[cell.grid.ventral, :2]
+    fine = np.linspace(line[0, 0], line[-1, 0], 400)
+    surface = np.stack([fine, np.interp(fine, line[:, 0], line[:, 1])], -1)
+    height = np.linalg.norm(roof[:, None] - surface[None], axis=-1).min(1)
+    along = arc_length(roof)
+    return float(np.trapezoid(height, along) / along[-1])
+
+
+def wall_gap(cell: UnitCell, state: State) -> float:
+    """Least distance (m) between the outer walls of neighbouring chambers; 0 where they touch."""
+    points = cell.walls[0][0]
+    placed = (cell.points + cell.displacement(state))[points]
+    distance = plane.gap(placed[:, 0], placed[:, 1], state.plane_shift, state.plane_angle, cell.x_plane)
+    return 2 * max(float(distance.min()), 0.0)
+
+
+def profile(cell: UnitCell, state: State, actuator: Actuator) -> FloatArray:
+    """Lower surface (point, 2) of the whole finger (m)."""
+    rest = cell.points[cell.grid.ventral]
+    half = (rest + cell.displacement(state)[cell.grid.ventral])[:, :2]
+    return chain(half, state.plane_angle, rest[:, 0], actuator.chambers, actuator.l2 / 2 + actuator.l1)
+
+
+def bend(actuator: Actuator, fea: Fea, done: Callable[[], object] = lambda: None) -> BendingStates:
+    """Bending states over `fea.pressures` by the unit cell; only converged states are in the result.
+
+    The bend angle is the arc of the fitted circle, γ = length / R, as in the paper's equation (6).
+    """
+    cell = UnitCell(actuator, fea.mesh)
+    states = follow(cell, fea.pressures, done)
+    profiles = np.array([profile(cell, state, actuator) for state in states.values()])
+    radius, residual = np.array([fit_circle(line) for line in profiles]).T
+    at_rest = profile(cell, cell.rest(), actuator)[:, 0]
+    thickness = np.array([cell_thickness(cell, state) for state in states.values()])
+    return BendingStates(
+        pressure=np.array(list(states)),
+        profile=smoothed(profiles, at_rest),
+        thickness=np.repeat(thickness[:, None], profiles.shape[1], 1),
+        bend_angle=arc_length(profiles)[:, -1] / radius,
+        radius=radius,
+        fit_residual=residual,
+        wall_gap=np.array([wall_gap(cell, state) for state in states.values()]),
+        converged=np.ones(len(states), dtype=np.uint8),
+        width=actuator.width,
+    )

@@ -1,0 +1,110 @@
+"""Hexahedral mesh of the unit cell: half a pitch and half the width of one chamber.
+
+Frame of the unit cell: x along the finger from the middle of the chamber to the middle of the gap, y from the
+ventral surface into the chamber, z from the plane of symmetry to the side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import felupe
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.fea.settings import Actuator, UnitCellMesh
+
+APEX = (
+    0.15e-3  # m; the wedge is cut where its half length would fall below this, for the sake of the elements
+)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Mesh of the unit cell: `lower` marks the cells of the lower layer, the others are masks of points."""
+
+    mesh: felupe.Mesh
+    lower: NDArray[np.bool_]
+    middle: NDArray[np.bool_]  # x = 0, the middle of the chamber
+    symmetry: NDArray[np.bool_]  # z = 0
+    plane: NDArray[np.bool_]  # the middle of the gap, where neighbouring cells are joined
+    cavity: NDArray[np.bool_]  # wetted by the pressure
+    outer_wall: NDArray[np.bool_]  # may touch the neighbouring chamber
+    ventral: NDArray[np.intp]  # points of the profile of the lower layer, by x
+    top: NDArray[np.intp]  # points of the roof's outer edge at z = 0, by x
+
+
+def wedge_height(actuator: Actuator) -> float:
+    """Height (m) of the cavity's wedge: h1 − h2, or less where the walls meet before."""
+    slope = np.tan(np.deg2rad(actuator.wedge_deg))
+    full = actuator.h1 - actuator.h2
+    return float(min(full, (actuator.l2 / 2 - APEX) / slope)) if slope > 0 else full
+
+
+def _lines(breaks: list[float], counts: list[int]) -> NDArray[np.float64]:
+    parts = [
+        np.linspace(a, b, n, endpoint=False) for a, b, n in zip(breaks[:-1], breaks[1:], counts, strict=True)
+    ]
+    return np.concatenate([*parts, [breaks[-1]]])
+
+
+def build(actuator: Actuator, counts: UnitCellMesh) -> Grid:
+    """Structured hexahedra, split into blocks (cavity, wall, gap) × (base, bridge, side, wedge, roof) × (span, wall)."""
+    a, n = actuator, counts
+    wedge = wedge_height(a)
+    heights = np.cumsum([0.0, a.b2, a.bridge, a.h2 - a.bridge, wedge, a.roof]).tolist()
+    x_line = _lines([0, a.l2 / 2, a.l2 / 2 + a.l1, a.pitch / 2], [n.cavity, n.wall, n.gap])
+    y_line = _lines(heights, [n.base, n.bridge, n.side, n.wedge, n.wall])
+    z_line = _lines([0, a.width / 2 - a.b1, a.width / 2], [n.span, n.wall])
+    i, j, k = np.meshgrid(*(np.arange(len(line)) for line in (x_line, y_line, z_line)), indexing="ij")
+    x, y, z = x_line[i], y_line[j], z_line[k]
+
+    # above h2 the cavity's wall and the outer wall lean in by the wedge angle, with the same length of wall
+    slope = np.tan(np.deg2rad(a.wedge_deg))
+    inset = slope * np.clip(y - heights[3], 0, wedge)
+    lean = slope * np.maximum(y - heights[3], 0)
+    inner = a.l2 / 2 - inset
+    outer = a.l2 / 2 + a.l1 - np.minimum(lean, slope * (wedge + a.roof))
+    in_cavity = i <= n.cavity
+    fraction = np.where(in_cavity, i / n.cavity, np.clip((i - n.cavity) / n.wall, 0, 1))
+    sheared = np.where(in_cavity, fraction * inner, inner + fraction * (outer - inner))
+    # within the roof the lines spread out towards an even spacing at its top
+    rise = np.clip((y - heights[4]) / a.roof, 0, 1)
+    even = outer * i / (n.cavity + n.wall)
+    sheared = (1 - rise) * sheared + rise * even
+    x = np.where(i <= n.cavity + n.wall, sheared, x)
+
+    number = np.arange(i.size).reshape(i.shape)
+    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    size = [length - 1 for length in i.shape]
+    cells = np.stack(
+        [number[c[0] : c[0] + size[0], c[1] : c[1] + size[1], c[2] : c[2] + size[2]] for c in corners], -1
+    )
+    ci, cj, ck = np.meshgrid(*(np.arange(s) for s in size), indexing="ij")
+    x1, x2 = n.cavity, n.cavity + n.wall
+    y1, y2, y4 = n.base, n.base + n.bridge, n.base + n.bridge + n.side + n.wedge
+    void = (ci < x1) & (cj >= y1) & (cj < y4) & (ck < n.span)
+    open_gap = (ci >= x2) & (cj >= y2)
+    kept = ~(void | open_gap)
+    used = np.zeros(i.size, dtype=bool)
+    used[cells[kept].ravel()] = True
+    renumber = np.cumsum(used) - 1
+    points = np.stack([x.ravel(), y.ravel(), z.ravel()], -1)[used]
+    ijk = np.stack([i.ravel(), j.ravel(), k.ravel()], -1)[used]
+    mesh = felupe.Mesh(points, renumber[cells[kept]], "hexahedron")
+
+    pi, pj, pk = ijk.T
+    cavity = (pi <= x1) & (pj >= y1) & (pj <= y4) & (pk <= n.span)
+    ventral = np.flatnonzero((pj == 0) & (pk == 0))
+    top = np.flatnonzero((pj == len(y_line) - 1) & (pk == 0))
+    return Grid(
+        mesh=mesh,
+        lower=(cj < y1)[kept],
+        middle=pi == 0,
+        symmetry=pk == 0,
+        plane=pi == len(x_line) - 1,
+        cavity=cavity,
+        outer_wall=(pi == x2) & (pj >= y2),
+        ventral=ventral[np.argsort(points[ventral, 0])],
+        top=top[np.argsort(points[top, 0])],
+    )

@@ -1,0 +1,126 @@
+"""What the user gives: the sections `[actuator]`, `[actuator.materials.*]` and `[fea]` of a scene."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Length = Annotated[
+    float, Field(gt=0, lt=1, allow_inf_nan=False)
+]  # m; an actuator of a metre is millimetres misread
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Material(_Frozen):
+    """A nearly incompressible hyperelastic law by its FElupe name, its parameters and its bulk modulus (Pa)."""
+
+    law: str
+    parameters: dict[str, float | list[float]]  # as FElupe names them; stresses in Pa
+    bulk: Positive
+    name: str = ""
+
+
+class Materials(_Frozen):
+    upper: Material
+    lower: Material
+
+
+class Actuator(_Frozen):
+    """Geometry of the bidirectional actuator (paper, Fig. 2), in m; the names are the paper's where it has one."""
+
+    chambers: Annotated[int, Field(ge=1)]  # n
+    wedge_deg: Annotated[float, Field(ge=0, le=45)]  # θ
+    width: Length  # W, outer
+    h1: Length  # height of the cavity
+    h2: Length  # height of the cavity's rectangular bottom
+    l1: Length  # wall between a cavity and the gap
+    l2: Length  # length of the cavity
+    gap: Length  # between the outer walls of neighbouring chambers
+    b1: Length  # side wall
+    b2: Length  # base layer
+    roof: Length  # above the cavity and above the air channel; not given by the paper
+    channel: Length  # height of the air channel between chambers; not given by the paper
+    materials: Materials
+
+    @model_validator(mode="after")
+    def _sensible(self) -> Actuator:
+        if self.h2 >= self.h1:
+            raise ValueError(
+                f"h2 = {self.h2} m must be below h1 = {self.h1} m: it is the rectangular part of the cavity"
+            )
+        if self.bridge >= self.h2:
+            raise ValueError(
+                f"channel + roof = {self.bridge} m must be below h2 = {self.h2} m: the gap between chambers needs a depth"
+            )
+        if 2 * self.b1 >= self.width:
+            raise ValueError(
+                f"width = {self.width} m leaves no cavity between two side walls of b1 = {self.b1} m"
+            )
+        return self
+
+    @property
+    def bridge(self) -> float:
+        """Height (m) above the base layer of what joins two chambers: the air channel and its roof."""
+        return self.channel + self.roof
+
+    @property
+    def pitch(self) -> float:
+        return self.l2 + 2 * self.l1 + self.gap
+
+    @property
+    def length(self) -> float:
+        """Length of the chambered part, from the first chamber's outer wall to the last one's."""
+        return self.chambers * self.pitch - self.gap
+
+
+class UnitCellMesh(_Frozen):
+    """Numbers of elements of the unit cell over each dimension."""
+
+    cavity: Annotated[int, Field(ge=1)] = 2  # half the cavity's length
+    wall: Annotated[int, Field(ge=1)] = 2  # l1, b1 and roof
+    gap: Annotated[int, Field(ge=1)] = 1  # half the gap
+    base: Annotated[int, Field(ge=1)] = 2  # b2
+    bridge: Annotated[int, Field(ge=1)] = 2  # air channel and its roof
+    side: Annotated[int, Field(ge=1)] = 3  # from the bridge up to h2
+    wedge: Annotated[int, Field(ge=1)] = 3  # from h2 up to h1
+    span: Annotated[int, Field(ge=1)] = 5  # half the cavity's width
+
+    def refined(self, factor: float) -> UnitCellMesh:
+        """The same with every number of elements multiplied."""
+        return UnitCellMesh(**{k: max(1, round(v * factor)) for k, v in self.model_dump().items()})
+
+
+class Fea(_Frozen):
+    """How the analysis is run."""
+
+    engine: Literal["unit_cell", "calculix"] = "unit_cell"
+    first_pressure_kpa: Annotated[float, Field(ge=-90, le=500)]
+    last_pressure_kpa: Annotated[float, Field(ge=-90, le=500)]
+    pressure_step_kpa: Positive
+    mesh: UnitCellMesh = UnitCellMesh()
+
+    @model_validator(mode="after")
+    def _three_states(self) -> Fea:
+        if len(self.pressures) < 3:
+            raise ValueError(
+                "first_pressure_kpa to last_pressure_kpa by pressure_step_kpa gives fewer than three states"
+            )
+        return self
+
+    @property
+    def pressures(self) -> NDArray[np.float64]:
+        """Ascending pressures (Pa) of the states."""
+        steps = round((self.last_pressure_kpa - self.first_pressure_kpa) / self.pressure_step_kpa)
+        return 1e3 * np.linspace(self.first_pressure_kpa, self.last_pressure_kpa, max(steps, 0) + 1)
+
+
+def read_sections(scene: dict[str, Any]) -> tuple[Actuator, Fea]:
+    """The FEA's own sections of a scene given as a dict; raises KeyError or pydantic's ValidationError."""
+    return Actuator(**scene["actuator"]), Fea(**scene["fea"])

@@ -1,0 +1,149 @@
+"""From the solver's raw output to tables: forces, power balance, history of the run."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+
+from pipeline.errors import StageError
+from pipeline.scene import Scene
+from pipeline.stage import write_text
+
+COPIES = {"2d": 1, "half": 2, "quarter": 4, "full": 1}  # whole tanks per computed part
+FORCE_COLUMNS = ("time", "fx", "fy", "fz", "fx_pressure", "fy_pressure", "fx_viscous", "fy_viscous")
+POWER_COLUMNS = ("time", "finger_power", "kinetic_energy", "dissipation")
+HISTORY_COLUMNS = (
+    "time", "courant_mean", "courant_max", "continuity_local", "continuity_global", "pressure_iterations", "wall_time",
+)  # fmt: skip
+
+
+def read_function_object(folder: Path, name: str) -> np.ndarray:
+    """Rows (time, …) of all `<folder>/<start time>/<name>` joined; a later start replaces what it repeats."""
+    parts = sorted((p for p in folder.glob(f"*/{name}")), key=lambda p: float(p.parent.name))
+    if not parts:
+        raise StageError(f"{folder}: the solver wrote no {name}; delete the case folder and run make again")
+    joined = np.empty((0, 0))
+    for part in parts:
+        lines = [
+            re.sub(r"[()]", " ", line) for line in part.read_text().splitlines() if line and line[0] != "#"
+        ]
+        rows = [line.split() for line in lines]
+        whole = [row for row in rows if len(row) == len(rows[0])]  # a killed run may leave half a line
+        if not whole:
+            continue
+        table = np.array(whole, float)
+        joined = table if not joined.size else np.vstack([joined[joined[:, 0] < table[0, 0] - 1e-12], table])
+    return joined
+
+
+def forces(case: Path, copies: int) -> np.ndarray:
+    """Columns FORCE_COLUMNS: force of the water on one whole finger, N."""
+    raw = read_function_object(case / "postProcessing" / "forces", "force.dat")
+    per_finger = copies if copies < 4 else 2  # a quarter holds half a finger
+    table = raw[:, [0, 1, 2, 3, 4, 5, 7, 8]].copy()
+    table[:, 1:] *= per_finger
+    if per_finger > 1:
+        table[:, 3] = 0.0  # the mirror half's z-force cancels
+    return table
+
+
+def finger_power(path: Path, density: float) -> float:
+    """Work rate of the computed part of the finger on the water (W) from its sampled surface."""
+    surface = pv.read(path)
+    cells = surface.compute_cell_sizes(length=False, volume=False).compute_normals(
+        cell_normals=True, point_normals=False, auto_orient_normals=False, consistent_normals=False
+    )
+    stress = np.asarray(cells["p"])[:, None] * np.asarray(cells["Normals"]) - np.asarray(
+        cells["wallShearStress"]
+    )
+    # OpenFOAM's wall normals point out of the water, into the finger; wallShearStress is that of the wall on the water.
+    on_water = -density * stress
+    return float(np.einsum("fi,fi,f->", on_water, np.asarray(cells["U"]), np.asarray(cells["Area"])))
+
+
+def power(case: Path, density: float, viscosity: float, copies: int) -> np.ndarray:
+    """Columns POWER_COLUMNS for the whole tank (all fingers)."""
+    raw = read_function_object(case / "postProcessing" / "volumes", "volFieldValue.dat")
+    times, square, gradient, half_vorticity = raw.T
+    surfaces = case / "postProcessing" / "fingerSurface"
+    named = {float(folder.name): folder / "finger.vtk" for folder in surfaces.iterdir()}
+    keys = np.array(sorted(named))
+    work = [finger_power(named[keys[np.argmin(np.abs(keys - t))]], density) for t in times]
+    # 2 S:S = 2 |grad u|^2 - |curl u|^2, and OpenFOAM's enstrophy is half of |curl u|^2.
+    dissipation = density * viscosity * (2 * gradient - 2 * half_vorticity)
+    return np.column_stack(
+        [times, copies * np.array(work), copies * 0.5 * density * square, copies * dissipation]
+    )
+
+
+def power_balance(table: np.ndarray) -> dict[str, float]:
+    """Work = change of kinetic energy + resolved dissipation + closure; the closure is what the schemes dissipate."""
+    time = np.concatenate([[0.0], table[:, 0]])
+    rate = np.vstack([np.zeros(2), table[:, [1, 3]]])
+    work, dissipated = np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None], axis=0)
+    kinetic = table[-1, 2]
+    closure = work - kinetic - dissipated
+    scale = abs(work) if work else 1.0
+    return {
+        "work": float(work),
+        "kinetic_energy": float(kinetic),
+        "dissipated": float(dissipated),
+        "closure": float(closure),
+        "closure_fraction": float(closure / scale),
+    }
+
+
+def history(log: Path) -> np.ndarray:
+    """Columns HISTORY_COLUMNS from the solver's log; a resumed run replaces what it repeats."""
+    rows: dict[float, list[float]] = {}
+    courant, now, iterations, continuity = (np.nan, np.nan), None, 0.0, (np.nan, np.nan)
+    offset = last_clock = 0.0
+    for line in log.read_text(errors="replace").splitlines():
+        if line.startswith("Courant Number"):
+            words = line.split()
+            courant = float(words[3]), float(words[5])
+        elif line.startswith("Time = "):
+            now, iterations = float(line.split("=")[1]), 0.0
+        elif "Solving for p," in line:
+            iterations += float(line.split()[-1])
+        elif line.startswith("time step continuity"):
+            numbers = re.findall(r"= ([-+0-9.e]+)", line)
+            continuity = float(numbers[0]), float(numbers[1])
+        elif line.startswith("ExecutionTime") and now is not None:
+            clock = float(line.split("ClockTime =")[1].split()[0])
+            if clock < last_clock:
+                offset += last_clock
+            last_clock = clock
+            rows[now] = [now, *courant, *continuity, iterations, offset + clock]
+    return np.array([rows[t] for t in sorted(rows)])
+
+
+def table_text(columns: tuple[str, ...], table: np.ndarray) -> str:
+    """A CSV with one header line and twelve digits."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([[f"{value:.12g}" for value in row] for row in table])
+    return text.getvalue()
+
+
+def collect_results(scene: Scene, case: Path, out: Path) -> dict[str, object]:
+    """Write forces.csv, power.csv and history.csv; returns what run.json says of them."""
+    copies = COPIES[scene.model.kind]
+    log = history(case / "log.pimpleFoam")
+    energy = power(case, scene.fluid.density, scene.fluid.kinematic_viscosity, copies)
+    write_text(out / "forces.csv", table_text(FORCE_COLUMNS, forces(case, copies)))
+    write_text(out / "power.csv", table_text(POWER_COLUMNS, energy))
+    write_text(out / "history.csv", table_text(HISTORY_COLUMNS, log))
+    owner = (case / "constant" / "polyMesh" / "owner").read_bytes()[:2000]
+    found = re.search(rb"nCells: ?(\d+)", owner)
+    return {
+        "cells": int(found.group(1)) if found else None,
+        "courant_max": float(np.nanmax(log[:, 2])),
+        "power_balance": power_balance(energy),
+    }

@@ -1,0 +1,21 @@
+"""Stage settings: the scene resolved for one level, one small file per stage that changes only if its content does."""
+
+from __future__ import annotations
+
+from pipeline.scene import Scene, write_settings
+from pipeline.stage import guarded, parser
+
+
+def run(scene: Scene, quiet: bool = False) -> None:
+    """Write settings/*.json and touch settings/.stamp."""
+    changed = write_settings(scene)
+    (scene.out / "settings" / ".stamp").touch()
+    if changed and not quiet:
+        print(f"settings: {', '.join(changed)} changed in {scene.folder} at level {scene.level}")
+
+
+if __name__ == "__main__":
+    from pipeline.scene import load_scene
+
+    args = parser("settings", __doc__).parse_args()
+    guarded("settings", lambda: run(load_scene(args.scene, args.level), args.quiet))

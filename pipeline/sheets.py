@@ -1,0 +1,173 @@
+"""Stage sheet: what the laser sheet shows — the solver's symmetry plane on a regular grid, as a plane series."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+import pyvista as pv
+import shapely
+from scipy.interpolate import CubicSpline
+from tqdm import tqdm
+
+from pipeline.errors import StageError
+from pipeline.scene import Camera, Scene, digest
+from pipeline.stage import read_dataset, run_stage, versions
+from piv.plane import FORMAT, FORMAT_VERSION, UNITS
+
+FIELDS = ("u", "v", "w", "dwdz", "p")
+MARGIN = 0.006  # m beyond the camera's view, so that particles that enter it have come from somewhere
+
+
+@dataclass(frozen=True)
+class FingerTrack:
+    """The finger's outline and tip over time, from the kinematics."""
+
+    pressure: CubicSpline
+    splines: dict[str, CubicSpline]
+    root_x: float
+
+    def at(self, time: float) -> dict[str, np.ndarray]:
+        """Outline, tip, tip_direction, dorsal_direction and bend of the one finger at `time` s."""
+        p = float(self.pressure(time))
+        found = {name: spline(p) for name, spline in self.splines.items()}
+        for name in ("tip_direction", "dorsal_direction"):
+            found[name] = found[name] / np.hypot(*found[name])
+        return found
+
+
+def read_track(out: Path) -> FingerTrack:
+    """The finger's track from kinematics.h5."""
+    with read_dataset(out / "kinematics.h5", "kinematics") as file:
+        parameter = file["shape_parameter"].values
+        names = {
+            "outline": "shape_outline",
+            "tip": "shape_tip",
+            "tip_direction": "shape_tip_direction",
+            "dorsal_direction": "shape_dorsal_direction",
+            "bend": "shape_bend",
+        }
+        splines = {name: CubicSpline(parameter, file[stored].values) for name, stored in names.items()}
+        pressure = CubicSpline(file["time"].values, file["pressure"].values)
+        return FingerTrack(pressure, splines, float(file.attrs["finger_root"][0]))
+
+
+def sheet_axes(camera: Camera, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Grid axes (m) that cover the camera's view and a margin."""
+    axes = []
+    for middle, pixels in zip(camera.centre, (camera.columns, camera.rows), strict=True):
+        half = 0.5 * pixels * camera.scale_mm_per_px * 1e-3 + MARGIN
+        count = int(np.ceil(half / spacing))
+        axes.append(middle + spacing * np.arange(-count, count + 1))
+    return axes[0], axes[1]
+
+
+def sampled_planes(case: Path) -> list[tuple[float, Path]]:
+    """Times and files of the sheet's pictures, ascending; StageError where there is none."""
+    folder = case / "postProcessing" / "sheetSurface"
+    found = sorted((float(f.name), f / "sheet.vtk") for f in folder.glob("*") if (f / "sheet.vtk").exists())
+    if not found:
+        raise StageError(f"{folder}: the solver wrote no sheet; run python -m pipeline.run first")
+    return found
+
+
+def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
+    """FIELDS on the grid (y, x), kinematic pressure; NaN outside the water."""
+    plane = pv.read(path)
+    grid = pv.ImageData(
+        dimensions=(len(x), len(y), 1),
+        spacing=(x[1] - x[0], y[1] - y[0], 1.0),
+        origin=(x[0], y[0], float(plane.points[0, 2])),
+    )
+    sampled = grid.sample(plane)
+    shape = (len(y), len(x))
+    outside = np.asarray(sampled["vtkValidPointMask"]).reshape(shape) == 0
+    velocity = np.asarray(sampled["U"]).reshape(*shape, 3)
+    fields = {
+        "u": velocity[..., 0],
+        "v": velocity[..., 1],
+        "w": np.zeros(shape) if flat else velocity[..., 2],
+        "dwdz": np.zeros(shape) if flat else np.asarray(sampled["gradU"]).reshape(*shape, 9)[..., 8],
+        "p": np.asarray(sampled["p"]).reshape(shape),
+    }
+    return {name: np.where(outside, np.nan, field).astype(np.float32) for name, field in fields.items()}
+
+
+def frames(scene: Scene, x: np.ndarray, y: np.ndarray) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
+    """Time and variables of each picture of the sheet; absent inside the finger."""
+    track = read_track(scene.out)
+    mesh_x, mesh_y = np.meshgrid(x, y)
+    flat = scene.model.kind == "2d"
+    for time, path in sampled_planes(scene.out / "case"):
+        fields = sample_plane(path, x, y, flat)
+        fields["p"] = fields["p"] * np.float32(scene.fluid.density)
+        finger = track.at(time)
+        inside = shapely.contains_xy(shapely.Polygon(finger["outline"]), mesh_x, mesh_y)
+        valid = ~inside & np.isfinite(fields["u"])
+        for name in FIELDS:
+            fields[name][~valid] = np.nan
+        yield time, fields | {"valid": valid.astype(np.uint8)} | {k: v[None] for k, v in finger.items()}
+
+
+def run(scene: Scene, quiet: bool = False) -> None:
+    """Write sheet.h5 frame by frame."""
+    x, y = sheet_axes(scene.camera, scene.sheet.spacing)
+    count = len(sampled_planes(scene.out / "case"))
+    path = scene.out / "sheet.h5"
+    part = path.with_name(path.name + ".part")
+    with h5netcdf.File(part, "w") as file:
+        file.dimensions = {"time": count, "y": len(y), "x": len(x), "finger": 1, "axis": 2}
+        for name, values in (("x", x), ("y", y), ("time", np.zeros(count))):
+            _variable(file, name, (name,), np.float64)[...] = values
+        for k, (time, fields) in enumerate(tqdm(frames(scene, x, y), "sheet", count, disable=quiet or None)):
+            if k == 0:
+                _create(file, fields)
+            file.variables["time"][k] = time
+            for name, values in fields.items():
+                file.variables[name][k] = values
+        file.attrs.update(
+            {
+                "format": FORMAT,
+                "format_version": FORMAT_VERSION,
+                "source": "cfd",
+                "tip_width": scene.finger.tip.thickness or scene.finger.thickness,
+                "versions": json.dumps(versions()),
+                "scene_hash": scene.digest(),
+                "settings": json.dumps(scene.settings("sheet") | {"digest": digest(scene.settings("sheet"))}),
+            }
+        )
+    part.replace(path)
+    if not quiet:
+        print(f"sheet: {count} planes of {len(x)}×{len(y)} points")
+
+
+def _variable(file: h5netcdf.File, name: str, dimensions: tuple[str, ...], kind: type, **more: object):  # type: ignore[no-untyped-def]
+    variable = file.create_variable(name, dimensions, kind, **more)
+    variable.attrs["units"] = UNITS[name]
+    return variable
+
+
+def _create(file: h5netcdf.File, fields: dict[str, np.ndarray]) -> None:
+    """Variables for what a frame holds."""
+    for name, values in fields.items():
+        if values.shape == (file.dimensions["y"].size, file.dimensions["x"].size):
+            more = {
+                "chunks": (1, *values.shape),
+                "compression": "gzip",
+                "compression_opts": 1,
+                "shuffle": True,
+            }
+            _variable(file, name, ("time", "y", "x"), values.dtype.type, **more)
+            continue
+        if name == "outline":
+            file.dimensions["point"] = values.shape[1]
+        axes = {"outline": ("point", "axis"), "bend": ()}.get(name, ("axis",))
+        _variable(file, name, ("time", "finger", *axes), np.float64)
+
+
+if __name__ == "__main__":
+    run_stage("sheets", __doc__, run)

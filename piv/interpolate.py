@@ -1,0 +1,169 @@
+"""Image warping by a displacement known on a regular grid of vectors.
+
+Images are sampled with a Kaiser-Bessel kernel four pixels wide behind a matching prefilter: at the cost of a cubic
+B-spline it leaks twenty times less of its spectrum's mirror image at 0.4 cycles/px, which is what biases
+displacements of particle images of two to three pixels (peak locking).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+BETA = 7.0  # of the Kaiser-Bessel kernel: leaks least over 0 … 0.42 cycles/px
+PAD = 16  # px of border around spline coefficients: samples further outside are not taken
+
+
+def kernel_values(x: np.ndarray) -> np.ndarray:
+    """Kaiser-Bessel kernel of unit area, zero beyond 2 px."""
+    inside = np.maximum(1 - (np.asarray(x, float) / 2) ** 2, 0)
+    area = 4 * np.sinh(BETA) / BETA
+    return np.where(np.abs(x) <= 2, np.i0(BETA * np.sqrt(inside)), 0) / area
+
+
+def kernel_response(frequency: np.ndarray) -> np.ndarray:
+    """Fourier transform of the kernel at `frequency` (cycles/px, at most 0.5), 1 at zero."""
+    root = np.sqrt(BETA**2 - (4 * np.pi * np.asarray(frequency, float)) ** 2)
+    return np.sinh(root) / root * BETA / np.sinh(BETA)
+
+
+def _polynomials() -> np.ndarray:
+    """Outer and inner tap as polynomials of u = t - 1/2: even parts in u², odd parts in u·u² (rows)."""
+    u = np.cos(np.linspace(0, np.pi, 201)) / 2
+    rows = []
+    for centre in (1.5, 0.5):
+        right, left = kernel_values(centre + u), kernel_values(centre - u)
+        for part, powers in (((right + left) / 2, (0, 2, 4, 6)), ((right - left) / 2, (1, 3, 5, 7))):
+            rows.append(np.linalg.lstsq(u[:, None] ** np.array(powers), part, rcond=None)[0])
+    return np.array(rows)
+
+
+_TAPS = tuple(np.float32(c) for c in _polynomials().ravel())
+
+
+def bspline_table(positions: np.ndarray, origin: float, spacing: float, count: int) -> tuple:
+    """Cubic B-spline weights of `count` regular knots at the given positions.
+
+    Returns (first, weights): knots first[i] … first[i]+3 (of the knots padded by 2 on either side) carry
+    weights[:, i] at positions[i].
+    """
+    s = np.clip((np.asarray(positions, float) - origin) / spacing, -0.999, count - 0.001)
+    base = np.floor(s)
+    t = s - base
+    weights = np.stack([(1 - t) ** 3, 4 - 6 * t**2 + 3 * t**3, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3]) / 6
+    return base.astype(np.int64) + 1, weights.astype(np.float32)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _blend(k0, k1, k2, k3, weights, out):
+    for i in range(out.size):
+        out[i] = k0 * weights[0, i] + k1 * weights[1, i] + k2 * weights[2, i] + k3 * weights[3, i]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _blend_rows(weights, r0, r1, r2, r3, out):
+    for i in range(out.size):
+        out[i] = weights[0] * r0[i] + weights[1] * r1[i] + weights[2] * r2[i] + weights[3] * r3[i]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def dense_field(knots, first_y, weights_y, first_x, weights_x, out):
+    """Evaluate a padded grid of spline coefficients (ny+4, nx+4) on every pixel: out (rows, columns)."""
+    rows, columns = out.shape
+    line = np.empty(knots.shape[1], np.float32)
+    w = np.empty(4, np.float32)
+    for r in range(rows):
+        j = first_y[r]
+        w[:] = weights_y[:, r]
+        _blend_rows(w, knots[j], knots[j + 1], knots[j + 2], knots[j + 3], line)
+        c = 0
+        while c < columns:
+            i = first_x[c]
+            end = c + 1
+            while end < columns and first_x[end] == i:
+                end += 1
+            _blend(line[i], line[i + 1], line[i + 2], line[i + 3], weights_x[:, c:end], out[r, c:end])
+            c = end
+
+
+@njit(cache=True, nogil=True, fastmath=True, inline="always")
+def _taps(t):
+    """Weights of the four samples around the fraction t between the middle two."""
+    u = t - np.float32(0.5)
+    q = u * u
+    even = _TAPS[0] + q * (_TAPS[1] + q * (_TAPS[2] + q * _TAPS[3]))
+    odd = u * (_TAPS[4] + q * (_TAPS[5] + q * (_TAPS[6] + q * _TAPS[7])))
+    inner_even = _TAPS[8] + q * (_TAPS[9] + q * (_TAPS[10] + q * _TAPS[11]))
+    inner_odd = u * (_TAPS[12] + q * (_TAPS[13] + q * (_TAPS[14] + q * _TAPS[15])))
+    return even + odd, inner_even + inner_odd, inner_even - inner_odd, even - odd
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _sample_run(p0, p1, p2, p3, frac_x, frac_y, out):
+    """Samples of a run of pixels with one whole-pixel shift: contiguous, so that the loop vectorises."""
+    for i in range(out.size):
+        a0, a1, a2, a3 = _taps(frac_x[i])
+        b0, b1, b2, b3 = _taps(frac_y[i])
+        out[i] = (
+            b0 * (a0 * p0[i] + a1 * p0[i + 1] + a2 * p0[i + 2] + a3 * p0[i + 3])
+            + b1 * (a0 * p1[i] + a1 * p1[i + 1] + a2 * p1[i + 2] + a3 * p1[i + 3])
+            + b2 * (a0 * p2[i] + a1 * p2[i + 1] + a2 * p2[i + 2] + a3 * p2[i + 3])
+            + b3 * (a0 * p3[i] + a1 * p3[i + 1] + a2 * p3[i + 2] + a3 * p3[i + 3])
+        )
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _split(shift, start, low, high, base, frac):
+    """Whole-pixel shift and fraction of the sampling positions start + i + shift[i], kept within limits."""
+    for i in range(shift.size):
+        p = min(max(start[i] + shift[i], low), high)
+        whole = np.floor(p)
+        frac[i] = p - whole
+        base[i] = np.int32(whole - start[i])
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def warp(coefficients, usable, dx, dy, factor, out, weight, multiply):
+    """Sample an image at (x + factor·dx, y + factor·dy) for every pixel of `out`.
+
+    coefficients: (rows+2·PAD, columns+2·PAD) float32; usable: the same shape, float32, 0 where the image must
+    take no part. weight (rows, columns) float32 is set to (or, with `multiply`, multiplied by) `usable` there.
+    """
+    rows, columns = out.shape
+    base_x = np.empty(columns, np.int32)
+    base_y = np.empty(columns, np.int32)
+    frac_x = np.empty(columns, np.float32)
+    frac_y = np.empty(columns, np.float32)
+    shift_x = np.empty(columns, np.float32)
+    shift_y = np.empty(columns, np.float32)
+    start_x = np.arange(columns).astype(np.float32)
+    start_y = np.empty(columns, np.float32)
+    low = np.float32(1 - PAD)
+    high_x = np.float32(columns + PAD - 3.01)
+    high_y = np.float32(rows + PAD - 3.01)
+    f = np.float32(factor)
+    for r in range(rows):
+        shift_x[:] = f * dx[r]
+        shift_y[:] = f * dy[r]
+        start_y[:] = np.float32(r)
+        _split(shift_x, start_x, low, high_x, base_x, frac_x)
+        _split(shift_y, start_y, low, high_y, base_y, frac_y)
+        c = 0
+        while c < columns:
+            bx, by = base_x[c], base_y[c]
+            end = c + 1
+            while end < columns and base_x[end] == bx and base_y[end] == by:
+                end += 1
+            top = r + by + PAD - 1
+            k = c + bx + PAD - 1
+            n = end - c
+            _sample_run(
+                coefficients[top, k : k + n + 3], coefficients[top + 1, k : k + n + 3],
+                coefficients[top + 2, k : k + n + 3], coefficients[top + 3, k : k + n + 3],
+                frac_x[c:end], frac_y[c:end], out[r, c:end],
+            )  # fmt: skip
+            if multiply:
+                weight[r, c:end] *= usable[top + 1, k + 1 : k + 1 + n]
+            else:
+                weight[r, c:end] = usable[top + 1, k + 1 : k + 1 + n]
+            c = end

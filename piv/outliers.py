@@ -1,0 +1,115 @@
+"""Normalised-median outlier detection on a regular grid (Westerweel & Scarano 2005)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def _median(values, n):
+    for i in range(1, n):  # insertion sort: at most 24 neighbours
+        v = values[i]
+        j = i - 1
+        while j >= 0 and values[j] > v:
+            values[j + 1] = values[j]
+            j -= 1
+        values[j + 1] = v
+    half = n // 2
+    if n % 2:
+        return values[half]
+    return 0.5 * (values[half - 1] + values[half])
+
+
+@njit(cache=True, nogil=True)
+def _normalised_median(u, v, usable, epsilon, radius, residual, median_u, median_v):
+    ny, nx = u.shape
+    size = (2 * radius + 1) ** 2
+    near = np.empty((2, size), np.float64)
+    work = np.empty(size, np.float64)
+    medians = np.empty(2, np.float64)
+    for j in range(ny):
+        for i in range(nx):
+            n = 0
+            for r in range(max(j - radius, 0), min(j + radius + 1, ny)):
+                for c in range(max(i - radius, 0), min(i + radius + 1, nx)):
+                    if (r != j or c != i) and usable[r, c]:
+                        near[0, n] = u[r, c]
+                        near[1, n] = v[r, c]
+                        n += 1
+            if n < 3:
+                residual[j, i] = np.nan
+                median_u[j, i] = np.nan
+                median_v[j, i] = np.nan
+                continue
+            total = 0.0
+            for m in range(2):
+                work[:n] = near[m, :n]
+                medians[m] = _median(work, n)
+                for k in range(n):
+                    work[k] = abs(near[m, k] - medians[m])
+                spread = _median(work, n)
+                own = u[j, i] if m == 0 else v[j, i]
+                total += ((own - medians[m]) / (spread + epsilon)) ** 2
+            residual[j, i] = np.sqrt(total)
+            median_u[j, i] = medians[0]
+            median_v[j, i] = medians[1]
+
+
+def normalised_median(u, v, usable, *, epsilon: float = 0.2, radius: int = 1):
+    """Residual of each vector against its neighbours' median, in units of their spread plus `epsilon` (px).
+
+    u, v: (ny, nx) px, finite; usable: bool, vectors that may serve as neighbours. Returns (residual, median_u,
+    median_v), NaN where fewer than three neighbours exist. Source: Westerweel & Scarano 2005, eq. 2, both
+    components joined as a vector length.
+    """
+    shape = u.shape
+    residual = np.empty(shape)
+    median_u, median_v = np.empty(shape), np.empty(shape)
+    _normalised_median(
+        np.ascontiguousarray(u, np.float64), np.ascontiguousarray(v, np.float64),
+        np.ascontiguousarray(usable, np.bool_), epsilon, radius, residual, median_u, median_v,
+    )  # fmt: skip
+    return residual, median_u, median_v
+
+
+def fill_absent(u, v, usable, *, sweeps: int = 200):
+    """Copies of u, v with unusable vectors replaced by the mean of filled neighbours, working inwards.
+
+    A predictor for the next pass, never a result.
+    """
+    u, v, known = u.astype(np.float32, copy=True), v.astype(np.float32, copy=True), usable.copy()
+    if known.all():
+        return u, v
+    if not known.any():
+        return np.zeros_like(u), np.zeros_like(v)
+    for _ in range(max(u.shape) + sweeps):
+        missing = np.argwhere(~known)
+        if missing.size == 0:
+            break
+        _fill_ring(u, v, known, missing)
+    return u, v
+
+
+@njit(cache=True, nogil=True)
+def _fill_ring(u, v, known, missing):
+    ny, nx = u.shape
+    n = missing.shape[0]
+    new = np.zeros(n, np.int64)
+    for k in range(n):
+        j, i = missing[k]
+        su = sv = 0.0
+        count = 0
+        for r in range(max(j - 1, 0), min(j + 2, ny)):
+            for c in range(max(i - 1, 0), min(i + 2, nx)):
+                if known[r, c]:
+                    su += u[r, c]
+                    sv += v[r, c]
+                    count += 1
+        if count:
+            u[j, i] = su / count
+            v[j, i] = sv / count
+            new[k] = 1
+    for k in range(n):
+        if new[k]:
+            known[missing[k, 0], missing[k, 1]] = True

@@ -1,0 +1,161 @@
+"""A plane series as a smooth velocity field: cubic B-spline in space, cubic Hermite in time."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+
+import numba
+import numpy as np
+import xarray as xr
+from scipy import ndimage
+
+CACHED_PLANES = 6
+
+
+class PlaneField:
+    """Velocity (u, v, w, dwdz) of a plane series at any point and instant, read lazily.
+
+    Only a few planes are in memory at once. Where the plane has no vectors (bodies, rejected) the field is continued
+    from its neighbours for interpolation only (`extend`). Outside the plane the border value holds.
+    """
+
+    def __init__(self, series: xr.Dataset) -> None:
+        if "time" not in series["u"].dims or series.sizes["time"] < 2:
+            raise ValueError("a recording is rendered from a plane series with at least two instants of 'time'")
+        self.series = series
+        self.time = series["time"].values.astype(float)
+        self.x, self.y = series["x"].values, series["y"].values
+        self.dx, self.dy = float(np.mean(np.diff(self.x))), float(np.mean(np.diff(self.y)))
+        self._cache: OrderedDict[int, np.ndarray] = OrderedDict()
+
+    def plane(self, i: int) -> np.ndarray:
+        """Spline coefficients (component u v w dwdz, y, x) of instant `i`."""
+        if i not in self._cache:
+            now = self.series.isel(time=i)
+            valid = now["valid"].values != 0
+            if not valid.any():
+                raise ValueError(f"the plane at time {self.time[i]:g} s has no valid vector")
+            out = np.zeros((4, *valid.shape))
+            for k, name in enumerate(("u", "v", "w", "dwdz")):
+                if name in now:
+                    values = now[name].values.astype(float)
+                    filled = extend(values, valid & np.isfinite(values))
+                    out[k] = ndimage.spline_filter(filled, order=3, mode="mirror")
+            self._cache[i] = out
+            if len(self._cache) > CACHED_PLANES:
+                self._cache.popitem(last=False)
+        return self._cache[i]
+
+    def at(self, t: float) -> np.ndarray:
+        """Spline coefficients (component, y, x) at instant `t`, once continuously differentiable in t."""
+        weights = hermite_weights(self.time, t)
+        return sum((w * self.plane(i) for i, w in weights), np.zeros((4, self.y.size, self.x.size)))
+
+    def sample(self, coefficients: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Values (component, point) of `coefficients` at points in m."""
+        return _sample(coefficients, (np.ravel(x) - self.x[0]) / self.dx, (np.ravel(y) - self.y[0]) / self.dy)
+
+
+def hermite_weights(time: np.ndarray, t: float) -> list[tuple[int, float]]:
+    """Weights of the nodes around `t` of the C1 cubic Hermite interpolant with parabola slopes (any spacing)."""
+    i = int(np.clip(np.searchsorted(time, t, side="right") - 1, 0, time.size - 2))
+    h = time[i + 1] - time[i]
+    s = min(max((t - time[i]) / h, 0.0), 1.0)
+    weights = {i: (1 + 2 * s) * (1 - s) ** 2, i + 1: s * s * (3 - 2 * s)}
+    for node, basis in ((i, s * (1 - s) ** 2 * h), (i + 1, s * s * (s - 1) * h)):
+        for k, slope in _slope(time, node):
+            weights[k] = weights.get(k, 0.0) + basis * slope
+    return [(k, w) for k, w in weights.items() if w != 0.0]
+
+
+def _slope(time: np.ndarray, i: int) -> list[tuple[int, float]]:
+    """Derivative weights at node i of the parabola through it and its neighbours (first order at the ends)."""
+    if i == 0 or i == time.size - 1:
+        j = min(i, time.size - 2)
+        h = time[j + 1] - time[j]
+        return [(j, -1 / h), (j + 1, 1 / h)]
+    a, b = time[i] - time[i - 1], time[i + 1] - time[i]
+    return [(i - 1, -b / (a * (a + b))), (i, (b - a) / (a * b)), (i + 1, a / (b * (a + b)))]
+
+
+def extend(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Continue `values` (y, x) over nodes that are not `known`: linear for three cells, then constant.
+
+    For interpolation near bodies only; layer by layer, by weighted least squares over the known 5 x 5 neighbours.
+    """
+    out = np.where(known, values, 0.0)
+    if known.all():
+        return out
+    have = known.copy()
+    for layer in range(4):
+        new = ndimage.binary_dilation(have, np.ones((3, 3), bool)) & ~have
+        if not new.any():
+            return out
+        j, i = np.nonzero(new)
+        out[j, i] = _continue(out, have, j, i, 2 if layer < 3 else 1)
+        have |= new
+    j, i = ndimage.distance_transform_edt(~have, return_distances=False, return_indices=True)
+    return out[j, i]
+
+
+@numba.njit(cache=True)
+def _continue(values: np.ndarray, have: np.ndarray, jj: np.ndarray, ii: np.ndarray, reach: int) -> np.ndarray:
+    ny, nx = values.shape
+    out = np.empty(jj.size)
+    for n in range(jj.size):
+        a = np.zeros((3, 3))
+        b = np.zeros(3)
+        for j in range(max(0, jj[n] - 2), min(ny, jj[n] + 3)):
+            for i in range(max(0, ii[n] - 2), min(nx, ii[n] + 3)):
+                if have[j, i]:
+                    basis = (1.0, float(i - ii[n]), float(j - jj[n]))
+                    w = math.exp(-0.5 * (basis[1] ** 2 + basis[2] ** 2))
+                    for p in range(3):
+                        b[p] += w * basis[p] * values[j, i]
+                        for q in range(3):
+                            a[p, q] += w * basis[p] * basis[q]
+        mean = b[0] / a[0, 0]
+        out[n] = mean
+        if reach == 2:
+            for p in (1, 2):  # damps the slope where the neighbours do not determine it
+                a[p, p] += 0.05 * a[0, 0]
+            out[n] = np.linalg.solve(a, b)[0]
+    return out
+
+
+@numba.njit(cache=True, inline="always")
+def spline_weights(s: float) -> tuple[float, float, float, float]:
+    """Weights of the four cubic B-splines at fraction `s` of a cell."""
+    r = 1.0 - s
+    return r * r * r / 6, 2 / 3 - s * s * (2 - s) / 2, 2 / 3 - r * r * (2 - r) / 2, s * s * s / 6
+
+
+@numba.njit(cache=True)
+def sample_point(c: np.ndarray, gx: float, gy: float) -> tuple[float, float, float, float]:
+    """The four components at grid position (gx, gy); the border value holds outside."""
+    ny, nx = c.shape[1], c.shape[2]
+    gx, gy = min(max(gx, 0.0), nx - 1.0), min(max(gy, 0.0), ny - 1.0)
+    i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
+    wx, wy = spline_weights(gx - i), spline_weights(gy - j)
+    a0 = a1 = a2 = a3 = 0.0
+    for q in range(4):
+        jj = j - 1 + q
+        jj = -jj if jj < 0 else (2 * ny - 2 - jj if jj >= ny else jj)
+        for p in range(4):
+            ii = i - 1 + p
+            ii = -ii if ii < 0 else (2 * nx - 2 - ii if ii >= nx else ii)
+            w = wy[q] * wx[p]
+            a0 += w * c[0, jj, ii]
+            a1 += w * c[1, jj, ii]
+            a2 += w * c[2, jj, ii]
+            a3 += w * c[3, jj, ii]
+    return a0, a1, a2, a3
+
+
+@numba.njit(cache=True)
+def _sample(c: np.ndarray, gx: np.ndarray, gy: np.ndarray) -> np.ndarray:
+    out = np.empty((4, gx.size))
+    for n in range(gx.size):
+        out[0, n], out[1, n], out[2, n], out[3, n] = sample_point(c, gx[n], gy[n])
+    return out

@@ -1,0 +1,95 @@
+"""The table of vortices over time, `vortices.csv` (docs/formats.md)."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+from tqdm import tqdm
+
+from piv.plane import provenance
+from piv.tip_frame import place_at_tip
+from piv.tracking import Tracker, TrackingSettings
+from piv.vortices import VortexSettings, find_vortices
+
+COLUMNS = [
+    "time",
+    "track",
+    "x",
+    "y",
+    "circulation",
+    "core_radius",
+    "peak_swirl_velocity",
+    "x_std",
+    "y_std",
+    "circulation_std",
+    "core_radius_std",
+    "circulation_area",
+    "circulation_contour",
+    "finger",
+    "side",
+    "tip_distance",
+    "along_tip",
+    "across_tip",
+    "peak_swirl_velocity_std",
+    "contour_radius",
+    "drift_u",
+    "drift_v",
+    "shear",
+    "explained",
+    "n_vectors",
+    "lifetime",
+]
+
+
+def tabulate_vortices(
+    series: xr.Dataset,
+    settings: VortexSettings | None = None,
+    tracking: TrackingSettings | None = None,
+    *,
+    quiet: bool = True,
+) -> pd.DataFrame:
+    """One row per vortex and instant of a plane series (or of one plane: time empty), columns as `COLUMNS`.
+
+    `lifetime` is the time from a track's first to its last detection. One plane is in memory at once.
+    """
+    tracker = Tracker(tracking)
+    single = "time" not in series["u"].dims
+    steps: list[Any] = [None] if single else list(range(series.sizes["time"]))
+    rows = []
+    for i in tqdm(steps, unit="plane", desc="vortices", disable=quiet):
+        plane = (series if i is None else series.isel(time=i)).load()
+        time = None if i is None else float(plane["time"])
+        found = find_vortices(plane, settings)
+        for vortex, track in zip(found, tracker.update(0.0 if time is None else time, found), strict=True):
+            place = place_at_tip(vortex.x, vortex.y, plane)
+            rows.append({"time": time, "track": track} | asdict(vortex) | (place._asdict() if place else {}))
+    table = pd.DataFrame(rows, columns=[c for c in COLUMNS if c != "lifetime"])
+    span = table.groupby("track")["time"].agg(lambda t: t.max() - t.min()) if len(table) else None
+    table["lifetime"] = table["track"].map(span) if span is not None else []
+    table["finger"] = table["finger"].astype("Int64")
+    return table
+
+
+def write_vortices(table: pd.DataFrame, path: str | Path, **settings: Any) -> None:
+    """Write a table to CSV, whole or not at all, with provenance in its `#` lines."""
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    with part.open("w", encoding="utf-8", newline="") as file:
+        file.write(f"# {json.dumps({'format': 'vortices', 'format_version': 1} | provenance(**settings))}\n")
+        table.to_csv(file, index=False, float_format="%.9g")
+    os.replace(part, path)
+
+
+def read_vortices(path: str | Path) -> pd.DataFrame:
+    """Read a table of vortices; ValueError where columns are missing."""
+    table = pd.read_csv(path, comment="#", dtype={"side": "string", "finger": "Int64"})
+    for name in ("time", "track", "x", "y", "circulation", "core_radius"):
+        if name not in table:
+            raise ValueError(f"{path}: a table of vortices needs the column {name!r}")
+    return table
