@@ -24,7 +24,7 @@ from piv.pair_images import Prepared
 from piv.passes import Vectors
 from piv.plane import provenance
 from piv.smooth import damp_noise
-from piv.uncertainty import correlation_statistics, noise_budget
+from piv.uncertainty import INTERPOLATION, correlation_statistics, noise_budget
 
 __all__ = ["FLAGS", "Options", "correlate_pair"]
 
@@ -62,7 +62,7 @@ def correlate_pair(
         half, _ = images.at(2)
         return window_maps(*half, columns, rows, shift_x, shift_y, size)
 
-    def cells_of(nodes: Nodes, kernel: np.ndarray, dx: np.ndarray, dy: np.ndarray, renew: bool) -> np.ndarray:
+    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray, renew: bool) -> np.ndarray:
         f = nodes.factor
         if f not in held:
             held[f] = images.images(f, kernel)
@@ -175,7 +175,7 @@ def to_dataset(
     flag[v.second] = SECOND_PEAK
     flag[v.masked] = MASKED
     present = known.copy()
-    std_x, std_y = np.sqrt(var_x), np.sqrt(var_y)
+    std_x, std_y = np.sqrt(var_x + INTERPOLATION**2), np.sqrt(var_y + INTERPOLATION**2)
     if options.replace and known.any():
         put = ~known & ~v.masked
         dx, dy = fill_absent(dx, dy, known)

@@ -10,6 +10,7 @@ import numpy as np
 
 from piv import refine
 from piv.interpolate import PAD, bspline_table, dense_field, warp
+from piv.prefilter import Kernel, apply
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,7 @@ class Nodes:
 class Image:
     """One image at one resolution, filtered and ready to be sampled anywhere."""
 
-    def __init__(self, pixels: np.ndarray, seen: np.ndarray | None, kernel: np.ndarray):
+    def __init__(self, pixels: np.ndarray, seen: np.ndarray | None, kernel: Kernel):
         """pixels: float32 without background; seen: bool or None (all); kernel: prefilter.kernel."""
         self.pixels = pixels
         usable = np.ones(pixels.shape, np.uint8) if seen is None else seen.astype(np.uint8)
@@ -80,9 +81,9 @@ class Image:
         self.warped = np.empty(pixels.shape, np.float32)
         self.filter(kernel)
 
-    def filter(self, kernel: np.ndarray) -> None:
+    def filter(self, kernel: Kernel) -> None:
         """Prepare the pixels for sampling by another kernel."""
-        filtered = cv2.filter2D(self.pixels, cv2.CV_32F, kernel, borderType=cv2.BORDER_REFLECT_101)
+        filtered = apply(self.pixels, kernel)
         self.samples = cv2.copyMakeBorder(filtered, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
 
     def warp(self, dx: np.ndarray, dy: np.ndarray, share: float, weight: np.ndarray, multiply: bool) -> np.ndarray:

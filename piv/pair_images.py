@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from piv.deform import Image
-from piv.prefilter import remove_background
+from piv.prefilter import Kernel, remove_background
 
 SMALLEST = 32  # px: fewer do not hold two windows
 
@@ -88,6 +88,6 @@ class Prepared:
         ]
         return pixels, seen
 
-    def images(self, factor: int, kernel: np.ndarray) -> list[Image]:
+    def images(self, factor: int, kernel: Kernel) -> list[Image]:
         """The images at one resolution, ready to be sampled."""
         return [Image(p, s, kernel) for p, s in zip(*self.at(factor), strict=True)]

@@ -9,7 +9,7 @@ import numpy as np
 
 ORDER = 4  # of the low-pass 1 - (1 - L)ⁿ: flat up to its cut-off, steep beyond
 SCALES = (1.5, 2.6)  # of its Gaussian L, in σ of the correlation window
-NOISE_ONLY, SIGNAL = 1.3, 2.3  # mean square of the fine part over its noise: damped wholly below, kept above
+NOISE_ONLY, SIGNAL = 1.7, 3.1  # mean square of the fine part over its noise: damped wholly below, kept above
 
 
 def _gauss(field: np.ndarray, sigma: float) -> np.ndarray:
@@ -37,7 +37,6 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
     dx, dy = np.where(known, dx, 0).astype(np.float32), np.where(known, dy, 0).astype(np.float32)
     variance = np.where(known, var_x + var_y, 0)
     shares = noise_shares(sigma, spacing, passes)
-    kept_before = np.ones_like(weight)
     gain = np.ones_like(weight)
     lost = np.zeros_like(weight)
     for scale, (fine, gained) in zip(SCALES, shares, strict=True):
@@ -51,8 +50,7 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
         keep = np.clip((ratio - NOISE_ONLY) / (SIGNAL - NOISE_ONLY), 0, 1)
         dx, dy = smooth_x + keep * ex, smooth_y + keep * ey
         gain = gain * (gained + (1 - gained) * keep)
-        lost = lost + (1 - keep) ** 2 * np.maximum(energy - noise, 0) / 2
-        kept_before = kept_before * keep
+        lost = lost + (1 - keep) ** 2 * np.maximum(energy - NOISE_ONLY * noise, 0) / 2
     return dx, dy, var_x * gain + lost, var_y * gain + lost
 
 
