@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import re
@@ -40,10 +41,8 @@ def environment_in(folder: Path) -> dict[str, str]:
 
 def die_with_parent() -> None:
     """For a child, before it starts: end when the parent ends, however that ends (Linux; elsewhere nothing)."""
-    try:
+    with contextlib.suppress(AttributeError, OSError):
         ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
-    except (AttributeError, OSError):
-        pass
 
 
 @cache
