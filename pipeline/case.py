@@ -128,7 +128,9 @@ def patch_types(kind: str) -> dict[str, str]:
     }
 
 
-def zones(mesh: PolyMesh, levels: np.ndarray, kind: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+def zones(
+    mesh: PolyMesh, levels: np.ndarray, kind: str
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Face zones that drive the motion, and the columns of cells that follow each."""
     span = {name: np.arange(start, start + count) for name, start, count in mesh.patches}
     faces = {"backZone": span["back"], "emptyZone": np.array([], int)}

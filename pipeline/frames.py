@@ -54,7 +54,9 @@ def write_frames(case: Path, motion: NodeMotion, node: np.ndarray, driving: np.n
     for step in range(steps + PADDING + 1):
         displacement = np.zeros((len(node), 3))
         displacement[driving, :2] = (motion.nodes(step * time_step) - start)[moved]
-        write_bytes(case / time_name(step * time_step) / FIELD, frame_content(displacement, flat), compress=True)
+        write_bytes(
+            case / time_name(step * time_step) / FIELD, frame_content(displacement, flat), compress=True
+        )
 
 
 def remove_frames(case: Path) -> None:

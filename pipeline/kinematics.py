@@ -105,7 +105,9 @@ def check_shapes(outlines: np.ndarray, bends: np.ndarray, scene: Scene) -> None:
     where = scene.folder / "scene.toml"
     for outline, bend in zip(outlines, np.degrees(bends), strict=True):
         if not shapely.Polygon(outline).is_valid:
-            raise StageError(f"{where}: the finger's outline crosses itself at {bend:.1f}° of bend; bend it less")
+            raise StageError(
+                f"{where}: the finger's outline crosses itself at {bend:.1f}° of bend; bend it less"
+            )
         if outline[:, 1].max() >= depth:
             raise StageError(
                 f"{where}: the finger leaves the water at {bend:.1f}° of bend (it reaches y = {outline[:, 1].max():.3f} m,"
@@ -146,7 +148,11 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
             "shape_bend": ("shape_parameter", bends, {"units": "rad"}),
             "shape_tip": (("shape_parameter", "axis"), kinematics.to_tank(tips[:, 0]), {"units": "m"}),
             "shape_tip_direction": (("shape_parameter", "axis"), kinematics.turn(tips[:, 1]), {"units": "1"}),
-            "shape_dorsal_direction": (("shape_parameter", "axis"), kinematics.turn(tips[:, 2]), {"units": "1"}),
+            "shape_dorsal_direction": (
+                ("shape_parameter", "axis"),
+                kinematics.turn(tips[:, 2]),
+                {"units": "1"},
+            ),
         },
         coords={
             "time": ("time", time, {"units": "s"}),

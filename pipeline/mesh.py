@@ -50,7 +50,9 @@ def _growing(span: float, first: float, count: int) -> np.ndarray:
     low, high = 1.0, 5.0
     for _ in range(80):
         ratio = 0.5 * (low + high)
-        low, high = (ratio, high) if first * sum(ratio**k for k in range(1, count + 1)) < span else (low, ratio)
+        low, high = (
+            (ratio, high) if first * sum(ratio**k for k in range(1, count + 1)) < span else (low, ratio)
+        )
     steps = np.cumsum(ratio ** np.arange(1, count + 1))
     return span * steps / steps[-1]
 
@@ -99,11 +101,13 @@ def quality_table(planform: Planform, frames: np.ndarray, family: Family) -> lis
     """One row of QUALITY_COLUMNS per shape."""
     edges = planform_edges(planform.triangles, planform.quads)
     area0 = cell_areas(planform.nodes, planform.triangles, planform.quads)
-    rows = []
+    rows: list[tuple[float, ...]] = []
     for parameter, bend, nodes in zip(family.parameter, family.bend, frames, strict=True):
         angle, skewness = face_measures(nodes, planform, edges)
         ratio = (cell_areas(nodes, planform.triangles, planform.quads) / area0).min()
-        rows.append((float(np.degrees(bend)), float(parameter), angle.max(), angle.mean(), skewness.max(), ratio))
+        rows.append(
+            (float(np.degrees(bend)), float(parameter), angle.max(), angle.mean(), skewness.max(), ratio)
+        )
     return rows
 
 
@@ -150,7 +154,9 @@ def run(scene: Scene, quiet: bool = False) -> None:
     if not quiet:
         worst = max(row[2] for row in rows)
         cells = len(planform.triangles) + len(planform.quads)
-        print(f"mesh: {cells} cells in the planform, {len(levels) - 1} layers, non-orthogonality ≤ {worst:.1f}°")
+        print(
+            f"mesh: {cells} cells in the planform, {len(levels) - 1} layers, non-orthogonality ≤ {worst:.1f}°"
+        )
 
 
 def planform_dataset(
@@ -163,9 +169,17 @@ def planform_dataset(
             "bend": ("shape_parameter", family.bend, {"units": "rad"}),
             "triangles": (("triangle", "corner3"), planform.triangles),
             "quads": (("quad", "corner4"), planform.quads),
-            "inside": ("triangle", planform.inside.astype(np.uint8), {"long_name": "1 in the finger's footprint"}),
+            "inside": (
+                "triangle",
+                planform.inside.astype(np.uint8),
+                {"long_name": "1 in the finger's footprint"},
+            ),
             "wall": ("wall_node", planform.wall, {"long_name": "nodes of the outline, counter-clockwise"}),
-            "material": ("wall_node", planform.material, {"long_name": "position along the outline, point index"}),
+            "material": (
+                "wall_node",
+                planform.material,
+                {"long_name": "position along the outline, point index"},
+            ),
             "outer": ("outer_node", planform.outer),
             "levels": ("level", levels, {"units": "m", "long_name": "z of the sweep"}),
         },

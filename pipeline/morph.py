@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-GRADIENT_TOLERANCE = 1e-7  # of the energy's gradient per unit length, relative to one triangle's stiffness
+GRADIENT_TOLERANCE = 1e-7  # square root of the energy still to be gained, relative to the energy
 MAX_ITERATIONS = 60
 
 
@@ -31,7 +31,9 @@ def corner_triangles(triangles: np.ndarray, quads: np.ndarray) -> np.ndarray:
 class Morph:
     """Symmetric Dirichlet energy of a planar mesh relative to the shape it was built in."""
 
-    def __init__(self, rest: np.ndarray, triangles: np.ndarray, fixed: np.ndarray, weight_power: float = 1.0) -> None:
+    def __init__(
+        self, rest: np.ndarray, triangles: np.ndarray, fixed: np.ndarray, weight_power: float = 1.0
+    ) -> None:
         """`rest` (node, 2) m; `fixed` (node, 2) bool: coordinates that are prescribed.
 
         Each triangle weighs area^(1 - weight_power): with 1 small cells are as stiff as large ones.
@@ -92,7 +94,9 @@ class Morph:
         value = self.weight[:, None] * np.column_stack([stretch[:, 0], stretch[:, 1], twist, flip])
         mode = np.einsum("tmij,taj->tmai", q, self.gradient).reshape(len(s), 4, 6)
         local = np.matmul((mode * value[:, :, None]).transpose(0, 2, 1), mode)
-        hessian = sp.coo_matrix((local.ravel(), (self._rows, self._columns)), shape=(self.size, self.size)).tocsc()
+        hessian = sp.coo_matrix(
+            (local.ravel(), (self._rows, self._columns)), shape=(self.size, self.size)
+        ).tocsc()
         return gradient, hessian
 
     def relax(self, nodes: np.ndarray) -> np.ndarray:
@@ -105,9 +109,9 @@ class Morph:
             free = self.free
             step[free] = -_solve(hessian[free][:, free], gradient[free])
             slope = gradient @ step
-            if -slope < GRADIENT_TOLERANCE**2 * max(energy, 1.0):
-                return nodes
             move = step.reshape(-1, 2)
+            if -slope < GRADIENT_TOLERANCE**2 * max(energy, 1.0):
+                return nodes + move  # Newton's last step squares the error that is left
             scale = 1.0
             while (trial := self.energy(nodes + scale * move)) > energy + 1e-4 * scale * slope:
                 scale *= 0.5
@@ -116,7 +120,9 @@ class Morph:
             nodes, energy = nodes + scale * move, trial
         return nodes
 
-    def follow(self, nodes: np.ndarray, boundary: Callable[[float], np.ndarray], start: float, goal: float) -> np.ndarray:
+    def follow(
+        self, nodes: np.ndarray, boundary: Callable[[float], np.ndarray], start: float, goal: float
+    ) -> np.ndarray:
         """Carry a relaxed mesh from boundary(start) to boundary(goal), in as many steps as validity needs.
 
         `boundary(q)` returns (node, 2) positions of which the fixed coordinates are used. Raises MorphError.
@@ -145,7 +151,9 @@ class Morph:
 
 
 def _solve(matrix: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
-    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0).solve(right)
+    return splu(
+        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0
+    ).solve(right)
 
 
 def _edges(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import gmsh
 import numpy as np
@@ -10,7 +11,11 @@ import numpy as np
 from pipeline.errors import StageError
 from pipeline.scene import Mesh
 
-TANK, FINGER_RING, FINGER_INSIDE = 0, 1, 2  # cell tags: open water, water along the wall, the body's footprint
+TANK, FINGER_RING, FINGER_INSIDE = (
+    0,
+    1,
+    2,
+)  # cell tags: open water, water along the wall, the body's footprint
 
 
 @dataclass(frozen=True)
@@ -50,7 +55,9 @@ def wall_nodes(outline: np.ndarray, tip: np.ndarray, mesh: Mesh) -> np.ndarray:
     size = mesh.tip_cell + (mesh.wall_cell - mesh.tip_cell) * blend
     count_walk = np.concatenate([[0], np.cumsum((fine[1] - fine[0]) / size)])
     count = max(24, round(count_walk[-1]))
-    at = np.interp(np.linspace(0, count_walk[-1], count, endpoint=False), count_walk, np.append(fine, walk[-1]))
+    at = np.interp(
+        np.linspace(0, count_walk[-1], count, endpoint=False), count_walk, np.append(fine, walk[-1])
+    )
     return np.interp(at, walk, np.arange(len(walk)))
 
 
@@ -77,7 +84,9 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     ±`half_width` unless `left` or `right` moves a side (a symmetry plane), and 0…`depth`.
     """
     left, right = -half_width if left is None else left, half_width if right is None else right
-    area = 0.5 * np.sum(outline[:, 0] * np.roll(outline[:, 1], -1) - np.roll(outline[:, 0], -1) * outline[:, 1])
+    area = 0.5 * np.sum(
+        outline[:, 0] * np.roll(outline[:, 1], -1) - np.roll(outline[:, 0], -1) * outline[:, 1]
+    )
     material = wall_nodes(outline, tip, mesh)
     if area < 0:
         material = material[::-1]
@@ -93,7 +102,10 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     row += [first_middle + k * count + np.arange(count) for k in range(len(layers) - 2)]
     row += [np.arange(count)]
     quads = np.vstack(
-        [np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)]) for a, b in zip(row[:-1], row[1:], strict=True)]
+        [
+            np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)])
+            for a, b in pairwise(row)
+        ]
     )
     return Planform(nodes, triangles, quads, inside, row[0], material, outer, ((left, 0.0), (right, depth)))
 
@@ -134,7 +146,9 @@ def _triangulate(wall: np.ndarray, rim: np.ndarray, box: tuple[float, float, flo
         for surface in (water, body):
             kinds, _, members = gmsh.model.mesh.getElements(2, surface)
             if list(kinds) != [2]:
-                raise StageError("the planform could not be meshed; make mesh.wall_cell or mesh.near_cell smaller")
+                raise StageError(
+                    "the planform could not be meshed; make mesh.wall_cell or mesh.near_cell smaller"
+                )
             cells.append(np.array([position[t] for t in members[0].tolist()]).reshape(-1, 3))
         rim_nodes = [position[int(gmsh.model.mesh.getNodes(0, int(p))[0][0])] for p in _starts(rim_lines)]
         wall_nodes_ = [position[int(gmsh.model.mesh.getNodes(0, int(p))[0][0])] for p in _starts(wall_lines)]

@@ -68,7 +68,10 @@ def sweep_mesh(sweep: Sweep, side_of_edge: np.ndarray) -> PolyMesh:
         used[corner, k] = used[corner, k + 1] = True
     point = np.full(used.shape, -1)
     point[used] = np.arange(used.sum())  # node by node: a column's points lie together
-    faces = [*_lateral(edges, exists, number, point, side_of_edge), *_across(nodes_of, exists, number, point, sweep.model)]
+    faces = [
+        *_lateral(edges, exists, number, point, side_of_edge),
+        *_across(nodes_of, exists, number, point, sweep.model),
+    ]
     corner = np.concatenate([f[0] for f in faces])
     own = np.concatenate([f[1] for f in faces])
     other = np.concatenate([f[2] for f in faces])
@@ -117,7 +120,7 @@ def _cell_numbers(exists: np.ndarray, left: np.ndarray, right: np.ndarray, colum
     return number
 
 
-def _lateral(edges, exists, number, point, side_of_edge):  # type: ignore[no-untyped-def]
+def _lateral(edges, exists, number, point, side_of_edge):
     """Faces standing on planform edges: corners, owner, neighbour (-1 at a boundary), patch."""
     for k in range(exists.shape[1]):
         left = exists[edges.left, k]
@@ -135,7 +138,7 @@ def _lateral(edges, exists, number, point, side_of_edge):  # type: ignore[no-unt
         yield _reversed(quad[alone]), other[alone], none[alone], np.zeros(alone.sum(), int)
 
 
-def _across(nodes_of, exists, number, point, model):  # type: ignore[no-untyped-def]
+def _across(nodes_of, exists, number, point, model):
     """Faces that lie in the levels: between layers, at both ends, and the ends of the finger."""
     layers = exists.shape[1]
     blank = nodes_of < 0

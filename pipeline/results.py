@@ -6,6 +6,7 @@ import csv
 import io
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -29,7 +30,9 @@ def read_function_object(folder: Path, name: str) -> np.ndarray:
         raise StageError(f"{folder}: the solver wrote no {name}; delete the case folder and run make again")
     joined = np.empty((0, 0))
     for part in parts:
-        lines = [re.sub(r"[()]", " ", line) for line in part.read_text().splitlines() if line and line[0] != "#"]
+        lines = [
+            re.sub(r"[()]", " ", line) for line in part.read_text().splitlines() if line and line[0] != "#"
+        ]
         rows = [line.split() for line in lines]
         whole = [row for row in rows if len(row) == len(rows[0])]  # a killed run may leave half a line
         if not whole:
@@ -56,7 +59,9 @@ def finger_power(path: Path, density: float) -> float:
     cells = surface.compute_cell_sizes(length=False, volume=False).compute_normals(
         cell_normals=True, point_normals=False, auto_orient_normals=False, consistent_normals=False
     )
-    stress = np.asarray(cells["p"])[:, None] * np.asarray(cells["Normals"]) - np.asarray(cells["wallShearStress"])
+    stress = np.asarray(cells["p"])[:, None] * np.asarray(cells["Normals"]) - np.asarray(
+        cells["wallShearStress"]
+    )
     # OpenFOAM's wall normals point out of the water, into the finger; wallShearStress is that of the wall on the water.
     on_water = -density * stress
     return float(np.einsum("fi,fi,f->", on_water, np.asarray(cells["U"]), np.asarray(cells["Area"])))
@@ -72,7 +77,9 @@ def power(case: Path, density: float, viscosity: float, copies: int) -> np.ndarr
     work = [finger_power(named[keys[np.argmin(np.abs(keys - t))]], density) for t in times]
     # 2 S:S = 2 |grad u|^2 - |curl u|^2, and OpenFOAM's enstrophy is half of |curl u|^2.
     dissipation = density * viscosity * (2 * gradient - 2 * half_vorticity)
-    return np.column_stack([times, copies * np.array(work), copies * 0.5 * density * square, copies * dissipation])
+    return np.column_stack(
+        [times, copies * np.array(work), copies * 0.5 * density * square, copies * dissipation]
+    )
 
 
 def power_balance(table: np.ndarray) -> dict[str, float]:
@@ -126,7 +133,7 @@ def table_text(columns: tuple[str, ...], table: np.ndarray) -> str:
     return text.getvalue()
 
 
-def collect_results(scene: Scene, case: Path, out: Path) -> dict[str, object]:
+def collect_results(scene: Scene, case: Path, out: Path) -> dict[str, Any]:
     """Write forces.csv, power.csv and history.csv; returns what run.json says of them."""
     copies = COPIES[scene.model.kind]
     log = history(case / "log.pimpleFoam")

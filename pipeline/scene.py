@@ -205,11 +205,15 @@ class Scene(Section):
     def _physical(self) -> Scene:
         tank, finger = self.tank, self.finger
         if tank.water_depth > tank.size[1]:
-            raise ValueError(f"tank.water_depth = {tank.water_depth} m exceeds the tank's height {tank.size[1]} m")
+            raise ValueError(
+                f"tank.water_depth = {tank.water_depth} m exceeds the tank's height {tank.size[1]} m"
+            )
         if finger.length > 1 or max(tank.size) > 20:
             raise ValueError("finger.length or tank.size looks like millimetres; give metres")
         if not abs(finger.root[0]) < tank.size[0] / 2 or not 0 < finger.root[1] < tank.water_depth:
-            raise ValueError(f"finger.root = {list(finger.root)} is not in the water; move it inside the tank")
+            raise ValueError(
+                f"finger.root = {list(finger.root)} is not in the water; move it inside the tank"
+            )
         reach = finger.length + finger.tip.length
         if finger.root[1] - reach < 0.1:
             raise ValueError(
@@ -327,7 +331,9 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise StageError(f"{path}: no such scene; give the folder of a scene.toml, as cases/single_finger") from None
+        raise StageError(
+            f"{path}: no such scene; give the folder of a scene.toml, as cases/single_finger"
+        ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise StageError(f"{path}: not valid TOML: {error}") from None
     parent = table.pop("extends", None)
@@ -346,7 +352,9 @@ def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
     table = _read(path)
     levels = table.pop("levels", {})
     if level not in levels:
-        raise StageError(f"{path}: no level {level!r}; the levels are {', '.join(sorted(levels)) or 'missing'}")
+        raise StageError(
+            f"{path}: no level {level!r}; the levels are {', '.join(sorted(levels)) or 'missing'}"
+        )
     table = _merge(table, levels[level])
     try:
         return Scene(**table, name=folder.name, level=level, folder=folder)

@@ -14,10 +14,10 @@ import shapely
 from scipy.interpolate import CubicSpline
 from tqdm import tqdm
 
-from piv.plane import FORMAT, FORMAT_VERSION, UNITS
 from pipeline.errors import StageError
 from pipeline.scene import Camera, Scene, digest
 from pipeline.stage import read_dataset, run_stage, versions
+from piv.plane import FORMAT, FORMAT_VERSION, UNITS
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
 MARGIN = 0.006  # m beyond the camera's view, so that particles that enter it have come from somewhere
@@ -145,7 +145,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
         print(f"sheet: {count} planes of {len(x)}×{len(y)} points")
 
 
-def _variable(file: h5netcdf.File, name: str, dimensions: tuple[str, ...], kind: type, **more: object):  # type: ignore[no-untyped-def]
+def _variable(file: h5netcdf.File, name: str, dimensions: tuple[str, ...], kind: type, **more: object):
     variable = file.create_variable(name, dimensions, kind, **more)
     variable.attrs["units"] = UNITS[name]
     return variable
@@ -155,7 +155,12 @@ def _create(file: h5netcdf.File, fields: dict[str, np.ndarray]) -> None:
     """Variables for what a frame holds."""
     for name, values in fields.items():
         if values.shape == (file.dimensions["y"].size, file.dimensions["x"].size):
-            more = {"chunks": (1, *values.shape), "compression": "gzip", "compression_opts": 1, "shuffle": True}
+            more = {
+                "chunks": (1, *values.shape),
+                "compression": "gzip",
+                "compression_opts": 1,
+                "shuffle": True,
+            }
             _variable(file, name, ("time", "y", "x"), values.dtype.type, **more)
             continue
         if name == "outline":

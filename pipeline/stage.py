@@ -45,7 +45,10 @@ def guarded(stage: str, action: Callable[[], Any]) -> None:
         print(f"{stage}: {error}", file=sys.stderr)
         sys.exit(2)
     except OSError as error:
-        print(f"{stage}: {error.filename or ''}: {error.strerror or error}; check disk and permissions", file=sys.stderr)
+        print(
+            f"{stage}: {error.filename or ''}: {error.strerror or error}; check disk and permissions",
+            file=sys.stderr,
+        )
         sys.exit(2)
     except KeyboardInterrupt:
         print(f"{stage}: interrupted; run make again to go on", file=sys.stderr)
@@ -101,7 +104,9 @@ def read_dataset(path: Path, file_format: str) -> xr.Dataset:
     try:
         dataset = xr.open_dataset(path, engine="h5netcdf")
     except Exception as error:
-        raise StageError(f"{path}: not a readable HDF5 file ({error}); delete it and run make again") from None
+        raise StageError(
+            f"{path}: not a readable HDF5 file ({error}); delete it and run make again"
+        ) from None
     if dataset.attrs.get("format") != file_format:
         raise StageError(f"{path}: format is {dataset.attrs.get('format')!r}, expected {file_format!r}")
     return dataset

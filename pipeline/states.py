@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from scipy.interpolate import CubicSpline
 
 from pipeline.errors import StageError
 from pipeline.shapes import States
@@ -14,7 +15,9 @@ from pipeline.shapes import States
 def read_states(path: Path, thickness: float) -> States:
     """States from `states.h5` or a CSV (docs/formats.md); `thickness` (m) where a CSV gives none."""
     if not path.exists():
-        raise StageError(f"{path}: motion.states names no file; give the path of a states.h5 or a profile CSV")
+        raise StageError(
+            f"{path}: motion.states names no file; give the path of a states.h5 or a profile CSV"
+        )
     states = _read_csv(path, thickness) if path.suffix.lower() == ".csv" else _read_hdf5(path)
     check_states(states, path)
     return states
@@ -32,29 +35,40 @@ def _read_hdf5(path: Path) -> States:
                 file["thickness"].values.astype(float),
             )
     except (OSError, KeyError, ValueError) as error:
-        raise StageError(f"{path}: not a readable states file ({error}); write it with python -m pipeline.fea") from None
+        raise StageError(
+            f"{path}: not a readable states file ({error}); write it with python -m pipeline.fea"
+        ) from None
     if converged is not None and not converged.all():
         bad = states.pressure[~converged] / 1000
-        raise StageError(f"{path}: the states at {', '.join(f'{p:g}' for p in bad)} kPa did not converge; remove them")
+        raise StageError(
+            f"{path}: the states at {', '.join(f'{p:g}' for p in bad)} kPa did not converge; remove them"
+        )
     return states
 
 
 def _read_csv(path: Path, thickness: float) -> States:
     try:
-        lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip() and line[0] != "#"]
+        lines = [
+            line for line in path.read_text(encoding="utf-8").splitlines() if line.strip() and line[0] != "#"
+        ]
     except (OSError, UnicodeDecodeError) as error:
         raise StageError(f"{path}: not a readable text file ({error})") from None
     header = [name.strip() for name in lines[0].split(",")] if lines else []
     if header[:4] != ["pressure_kpa", "s", "x", "y"] or header[4:] not in ([], ["thickness"]):
-        raise StageError(f"{path}: the header must read pressure_kpa,s,x,y[,thickness], found {','.join(header)!r}")
+        raise StageError(
+            f"{path}: the header must read pressure_kpa,s,x,y[,thickness], found {','.join(header)!r}"
+        )
+    rows_of_cells = [line.split(",") for line in lines[1:]]
+    if any(len(row) != len(header) for row in rows_of_cells) or not rows_of_cells:
+        raise StageError(f"{path}: rows of different lengths; give {len(header)} columns in each")
     try:
-        table = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
+        table = np.array(rows_of_cells, float)
     except ValueError as error:
         raise StageError(f"{path}: a cell is not a number ({error}); correct it") from None
-    if table.ndim != 2 or table.shape[1] != len(header):
-        raise StageError(f"{path}: rows of different lengths; give {len(header)} columns in each")
     if not np.isfinite(table).all():
-        raise StageError(f"{path}: row {int(np.argmin(np.isfinite(table).all(1))) + 2} holds NaN; remove or mend it")
+        raise StageError(
+            f"{path}: row {int(np.argmin(np.isfinite(table).all(1))) + 2} holds NaN; remove or mend it"
+        )
     pressures = np.unique(table[:, 0])
     fraction = np.linspace(0, 1, 141)
     profile, height = [], []
@@ -62,9 +76,13 @@ def _read_csv(path: Path, thickness: float) -> States:
         rows = table[table[:, 0] == pressure]
         rows = rows[np.argsort(rows[:, 1], kind="stable")]
         if len(rows) < 3 or not np.all(np.diff(rows[:, 1]) > 0):
-            raise StageError(f"{path}: the state at {pressure:g} kPa needs three points or more with distinct s")
+            raise StageError(
+                f"{path}: the state at {pressure:g} kPa needs three points or more with distinct s"
+            )
         s = (rows[:, 1] - rows[0, 1]) / np.ptp(rows[:, 1])
-        profile.append(np.column_stack([np.interp(fraction, s, rows[:, k]) for k in (2, 3)]))
+        profile.append(
+            CubicSpline(s, rows[:, 2:4])(fraction)
+        )  # straight pieces would lose the ends' tangents
         height.append(np.interp(fraction, s, rows[:, 4]) if len(header) == 5 else np.full(141, thickness))
     return States(pressures * 1000.0, np.array(profile), np.array(height))
 

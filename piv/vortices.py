@@ -59,7 +59,8 @@ class VortexSettings:
     min_points: least grid points of a region. max_elongation: longest region, length over width.
     min_circulation: least |circulation|; None = `min_part` of the strongest in the plane.
     significance: least |circulation| over its standard error.
-    fit_radius: radius of the fitted disc in core radii. gradient_prior: see `vortex_fit.fit_vortices`.
+    fit_radius: radius of the fitted disc in core radii. neighbour_part: neighbours weaker than this part of a vortex belong to its background.
+    strain_prior, rotation_prior: see `vortex_fit.fit_vortices`.
     correlation_length: distance over which the vectors' errors are correlated (the interrogation window's
     width for PIV); None = estimated from the residuals.
     scheme: of the gradients, `least-squares` or `fourth-order`.
@@ -71,10 +72,12 @@ class VortexSettings:
     max_elongation: float = 4.0
     min_circulation: float | None = None
     min_part: float = 0.1
-    significance: float = 3.0
-    fit_radius: float = 2.5
+    significance: float = 2.0
+    fit_radius: float = 2.0
     min_explained: float = 0.3
-    gradient_prior: float = 0.1
+    neighbour_part: float = 0.3
+    strain_prior: float = 0.3
+    rotation_prior: float = 0.03
     correlation_length: float | None = None
     scheme: str = "least-squares"
 
@@ -91,6 +94,7 @@ class _Plane(NamedTuple):
     yy: np.ndarray
 
 
+POINTS_PER_CORE = 8
 SWEEPS = 3  # passes of the fit over all vortices: neighbours and fit discs settle to 1e-3 within three
 
 
@@ -124,7 +128,7 @@ def find_vortices(
     least = s.min_circulation
     rough = 0.3 * (s.min_part * abs(candidates[0].circulation) if least is None else least)
     start = np.array([c[:4] for c in candidates if abs(c.circulation) >= rough])
-    fits: list[tuple[Fit, int]] = []
+    fits: list[tuple[Fit, int, float]] = []
     while len(
         start
     ):  # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
@@ -136,16 +140,18 @@ def find_vortices(
         return []
     omega = vorticity(g)
     distance = distance_to_invalid(p.valid, dx, dy)
-    return sorted((_record(p, fit, omega, distance, n) for fit, n in fits), key=lambda w: -abs(w.circulation))
+    return sorted(
+        (_record(p, fit, omega, distance, n) for fit, n, _ in fits), key=lambda w: -abs(w.circulation)
+    )
 
 
-def _significant(fits: list[tuple[Fit, int]], s: VortexSettings) -> tuple[np.ndarray, bool]:
+def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> tuple[np.ndarray, bool]:
     """Parameters of the fits that are strong enough to be reported, and whether any is not."""
-    strongest = max((abs(f.vortices[0, 2]) for f, _ in fits), default=0.0)
+    strongest = max((abs(f.vortices[0, 2]) for f, _, _ in fits), default=0.0)
     least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
     keep = [
         f.vortices[0]
-        for f, _ in fits
+        for f, _, _ in fits
         if abs(f.vortices[0, 2]) >= max(least, s.significance * np.sqrt(max(f.covariance[2, 2], 0.0)))
         and f.explained >= s.min_explained
     ]
@@ -187,31 +193,37 @@ def _arrays(plane: xr.Dataset) -> _Plane:
     return _Plane(x, y, u, v, valid, weights[0], weights[1], xx, yy)
 
 
-def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[tuple[Fit, int]]:
+def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[tuple[Fit, int, float]]:
     """Fit every candidate in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
     now = start.copy()
+    factor = np.full(len(now), 10.0)
     for _sweep in range(SWEEPS):
-        fits: list[tuple[Fit, int] | None] = []
+        fits: list[tuple[Fit, int, float] | None] = []
         for k in range(len(now)):
-            fits.append(_fit_one(p, now, k, s))
+            fits.append(_fit_one(p, now, k, float(factor[k]), s))
         keep = [k for k, f in enumerate(fits) if f is not None and _plausible(p, f[0], start[k])]
         start = start[keep]
         fits = [fits[k] for k in keep]
         now = np.array([f[0].vortices[0] for f in fits if f is not None]).reshape(-1, 4)
         order = _distinct(now, [f[0].explained for f in fits if f is not None])
         now, start, fits = now[order], start[order], [fits[k] for k in order]
+        factor = np.array([f[2] for f in fits if f is not None])
         if not len(now):
             break
     return [f for f in fits if f is not None]
 
 
-def _fit_one(p: _Plane, now: np.ndarray, k: int, s: VortexSettings) -> tuple[Fit, int] | None:
+def _fit_one(
+    p: _Plane, now: np.ndarray, k: int, correlated: float, s: VortexSettings
+) -> tuple[Fit, int, float] | None:
     """Fit of vortex k over its own disc: neighbours in the disc are fitted along, others taken off as they are."""
     x0, y0, _, a = now[k]
     reach = max(s.fit_radius * a, 3.0 * max(p.x[1] - p.x[0], p.y[1] - p.y[0]))
     i0, i1 = np.searchsorted(p.x, [x0 - reach, x0 + reach])
     j0, j1 = np.searchsorted(p.y, [y0 - reach, y0 + reach])
-    box = np.s_[j0:j1, i0:i1]
+    # a grid much finer than the core is thinned: its vectors add no information, only time
+    skip = [max(1, int(a / (POINTS_PER_CORE * (c[1] - c[0])))) for c in (p.y, p.x)]
+    box = np.s_[j0 : j1 : skip[0], i0 : i1 : skip[1]]
     distance = np.hypot(p.xx[box] - x0, p.yy[box] - y0)
     use = p.valid[box] & (distance <= reach)
     if np.count_nonzero(use) < 12:
@@ -219,26 +231,35 @@ def _fit_one(p: _Plane, now: np.ndarray, k: int, s: VortexSettings) -> tuple[Fit
     # weights fall smoothly to zero at the disc's edge, so that no single vector decides where the disc ends
     taper = np.clip(2 * (1 - distance[use] / reach), 0, 1)
     near = np.hypot(now[:, 0] - x0, now[:, 1] - y0)
-    along = [m for m in np.argsort(near) if m != k and near[m] < reach][:4]
+    strong = np.abs(now[:, 2]) >= s.neighbour_part * abs(now[k, 2])
+    strong[k] = False
+    along = [m for m in np.argsort(near) if strong[m] and near[m] < reach][:4]
     x, y, u, v = (q[box][use] for q in (p.xx, p.yy, p.u, p.v))
     for m in range(len(now)):
-        if m != k and m not in along:
+        if strong[m] and m not in along:
             du, dv = lamb_oseen(x, y, *now[m])
             u, v = u - du, v - dv
     vectors = Vectors(x, y, u, v, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)
-    fit = fit_vortices(vectors, now[[k, *along]], s.gradient_prior)
-    factor = _correlation_factor(p, fit, use, s.correlation_length)
-    return fit._replace(covariance=fit.covariance * factor), int(np.count_nonzero(use))
+    fit = fit_vortices(
+        vectors,
+        now[[k, *along]],
+        strain_prior=s.strain_prior,
+        rotation_prior=s.rotation_prior,
+        correlated=correlated,
+    )
+    step = [skip[0] * (p.y[1] - p.y[0]), skip[1] * (p.x[1] - p.x[0])]
+    factor = _correlation_factor(step, fit, use, s.correlation_length)
+    return fit._replace(covariance=fit.covariance * factor), int(np.count_nonzero(use)), factor
 
 
-def _correlation_factor(p: _Plane, fit: Fit, use: np.ndarray, length: float | None) -> float:
+def _correlation_factor(step: list[float], fit: Fit, use: np.ndarray, length: float | None) -> float:
     """By how much correlated errors raise the variance of fitted values: number of vectors per independent one.
 
     With a correlation length L (box window, triangular autocorrelation) (L/dx) (L/dy), at least 1; otherwise the sum of
     the residuals' autocorrelation over all lags up to its first fall below 0.05, per direction.
     """
     if length is not None:
-        return max(1.0, length / (p.x[1] - p.x[0])) * max(1.0, length / (p.y[1] - p.y[0]))
+        return max(1.0, length / step[0]) * max(1.0, length / step[1])
     r = np.full((2, *use.shape), np.nan)
     r[0][use], r[1][use] = fit.residual_u, fit.residual_v
     factor = 1.0

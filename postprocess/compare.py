@@ -13,14 +13,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pandas as pd
 import xarray as xr
 
 from piv.plane import read_plane
 from postprocess import fields, tracks
 from postprocess.findings import Finding, Measured, is_met, read_findings
-from postprocess.quantities import QUANTITIES, Evidence, paired
+from postprocess.quantities import QUANTITIES, Evidence
+from postprocess.series import series_table, summary
 from postprocess.stagefiles import StageFiles, cost_recorded, read_json, sha256, write_text
 from postprocess.strokes import peak_tip_speed, stroke_window
 
@@ -34,7 +33,6 @@ INPUTS = (
     "kinematics.h5",
     "run/run.json",
 )
-REST = 0.01  # of the scale; slower than this on average is rest, where a correlation says nothing
 
 
 def load_evidence(files: StageFiles) -> Evidence:
@@ -61,7 +59,7 @@ def judge(finding: Finding, evidence: Evidence, window: tuple[float, float]) -> 
     notes: dict[str, str] = {}
     for of in finding.of:
         if not evidence.has(of):
-            measured[of], notes[of] = None, f"{of}: not run at this level"
+            measured[of] = None
             continue
         try:
             measured[of] = QUANTITIES[finding.quantity].measure(evidence, of, window, finding.finger)
@@ -88,72 +86,6 @@ def judge(finding: Finding, evidence: Evidence, window: tuple[float, float]) -> 
         "met": met,
         "notes": list(notes.values()),
     }
-
-
-def vortex_series(
-    evidence: Evidence, window: tuple[float, float], finger: int = 0
-) -> dict[str, pd.DataFrame]:
-    """The dominant vortex of each source over the whole run; a source without one is left out."""
-    found = {}
-    for source, table in evidence.vortices.items():
-        if not tracks.strengths(table, finger, window).empty:
-            found[source] = tracks.dominant_track(table, finger, window, source)
-    return found
-
-
-def series_table(evidence: Evidence, window: tuple[float, float]) -> pd.DataFrame:
-    """Time series at the PIV's instants (the CFD's without PIV); empty cells where a vortex does not exist."""
-    master = "piv" if evidence.has("piv") else "cfd"
-    times = evidence.planes[master]["time"].values
-    table = pd.DataFrame({"time": times})
-    cfd = evidence.planes["cfd"]
-    table["bend_deg"] = np.degrees(np.interp(times, cfd["time"].values, cfd["bend"].values[:, 0]))
-    for source, track in vortex_series(evidence, window).items():
-        there = (times >= track["time"].iloc[0] - 1e-9) & (times <= track["time"].iloc[-1] + 1e-9)
-        names = [*tracks.COMPARED, *(name for name in ("circulation_std",) if name in track)]
-        for name in names:
-            values = np.interp(times, track["time"], track[name].astype(float))
-            table[f"{name}_{source}"] = pd.Series(values).where(there)
-    if "piv-cfd" in evidence.sums:
-        table = table.merge(
-            fields.field_series(evidence.sums["piv-cfd"], REST * evidence.scale), on="time", how="left"
-        )
-    if {"x_cfd", "x_piv"} <= set(table.columns):
-        table["centre_distance"] = np.hypot(table["x_piv"] - table["x_cfd"], table["y_piv"] - table["y_cfd"])
-    return table
-
-
-def summary(evidence: Evidence, window: tuple[float, float]) -> dict[str, Any]:
-    """Key numbers over the middle of the stroke, each source and the pair."""
-    out: dict[str, Any] = {}
-    for source, track in vortex_series(evidence, window).items():
-        rows = track[track["time"].between(*window)]
-        out[source] = {
-            "circulation_mean": float(rows["circulation"].mean()),
-            "circulation_peak": float(track.loc[track["circulation"].abs().idxmax(), "circulation"]),
-            "core_radius_mean": float(rows["core_radius"].mean()),
-            "side": str(rows["side"].mode().iloc[0]),
-            "instants": len(rows),
-        }
-    if {"cfd", "piv"} <= set(out):
-        pair = tracks.within(paired(evidence, "piv-cfd", window, 0), window)
-        signed = (pair["circulation_other"] - pair["circulation_reference"]) / pair[
-            "circulation_reference"
-        ].abs().mean()
-        sums = evidence.sums["piv-cfd"]
-        sums = sums[sums["time"].between(*window)]
-        out["piv-cfd"] = {
-            "circulation_rms_difference": tracks.circulation_difference(pair),
-            "circulation_mean_difference": float(signed.mean()),
-            "circulation_max_difference": float(signed.abs().max()),
-            "centre_rms_distance": tracks.centre_distance(pair),
-            "centre_max_distance": float(pair["centre_distance"].max()),
-            "velocity_rms_difference": fields.rms_difference(sums),
-            "velocity_rms_difference_relative": fields.rms_difference(sums) / evidence.scale,
-            "velocity_correlation": fields.correlation(sums),
-            "common_share_mean": float(sums["share"].mean()),
-        }
-    return out
 
 
 def verdict(checks: list[dict[str, Any]]) -> dict[str, Any]:
@@ -203,6 +135,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
         "format_version": 1,
         "scene": files.scene,
         "level": files.level,
+        "sources": list(evidence.planes),
         "scale": {"name": "peak speed of the finger's tip", "value": evidence.scale, "unit": "m/s"},
         "middle_of_stroke_s": middle,
         "verdict": verdict(checks),

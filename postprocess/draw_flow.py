@@ -74,7 +74,7 @@ def flow_figure(
     """
     x0, x1, y0, y1 = view_limits(planes)
     panel = 5.0
-    height = panel * (y1 - y0) / (x1 - x0) + 0.95
+    height = panel * (y1 - y0) / (x1 - x0) + 0.8
     figure, axes = new_figure(
         panel * len(planes) + 0.9, height, 1, len(planes), dpi=dpi, sharey=True, squeeze=False
     )
@@ -90,14 +90,14 @@ def flow_figure(
     bar = figure.colorbar(shade, ax=list(axes[0]), shrink=0.85, pad=0.01, aspect=30)
     bar.set_label("vorticity, 1/s (blue: clockwise)")
     bar.outline.set_visible(False)
-    title = figure.suptitle("t = 0.000 s", x=0.02, ha="left", fontsize=11)
     figure.canvas.draw()
     figure.set_layout_engine("none")  # laid out once: every further frame only moves what moves
 
     def show(time: float) -> None:
         bend = _bend(next(iter(planes.values())), time)
-        title.set_text(f"t = {time:.3f} s" + ("" if bend is None else f", bent by {bend:.0f}°"))
-        for update in updates:
+        told = f"t = {time:.3f} s" + ("" if bend is None else f", bent by {bend:.0f}°")
+        for ax, source, update in zip(axes[0], planes, updates, strict=True):
+            ax.set_title(f"{NAMES[source]}, {told}")
             update(time)
 
     return figure, show
@@ -128,7 +128,7 @@ def _panel(ax, plane: xr.Dataset, track: pd.DataFrame | None, scale: float, limi
     )
     gx, gy = np.meshgrid(x[columns] * MM, y[rows] * MM)
     hidden = np.ma.masked_all(gx.shape)
-    unit = 0.3 * scale / (every * dx * MM)  # 30 % of the tip's peak speed reaches to the next vector
+    unit = 0.45 * scale / (every * dx * MM)  # 45 % of the tip's peak speed reaches to the next vector
     arrows = ax.quiver(
         gx,
         gy,

@@ -15,6 +15,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from postprocess.style import CFD, MM, new_figure, save
 
 NAMES = ("start", "middle", "end")
+VIEW_MODULE = "postprocess.view3d"
 
 
 def edges(cells: list[np.ndarray]) -> np.ndarray:
@@ -47,7 +48,7 @@ def view_in_space(source: Path, target: Path) -> str:
     `source` is the .npz that figures.py writes: points, lines, outline, width, tank.
     """
     part = target.with_name(target.stem + ".part.png")
-    command = [sys.executable, "-m", "postprocess.view3d", str(source.resolve()), str(part.resolve())]
+    command = [sys.executable, "-m", VIEW_MODULE, str(source.resolve()), str(part.resolve())]
     try:
         done = subprocess.run(command, capture_output=True, timeout=90, cwd=Path(__file__).parents[1])
     except subprocess.TimeoutExpired:

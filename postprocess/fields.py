@@ -19,12 +19,12 @@ def onto_grid(
     """
     rows = (new_y - y[0]) / (y[1] - y[0])
     columns = (new_x - x[0]) / (x[1] - x[0])
-    at = np.meshgrid(rows, columns, indexing="ij")
+    inside = (rows >= -ROUNDING)[:, None] & (rows <= y.size - 1 + ROUNDING)[:, None]
+    inside = inside & (columns >= -ROUNDING) & (columns <= x.size - 1 + ROUNDING)
+    at = np.meshgrid(np.clip(rows, 0, y.size - 1), np.clip(columns, 0, x.size - 1), indexing="ij")
     filled = np.where(valid, field, 0.0)  # the weight below tells which of these count
     weight = map_coordinates(valid.astype(float), at, order=1, mode="constant", cval=0.0)
     values = np.stack([map_coordinates(part, at, order=1, mode="constant", cval=0.0) for part in filled])
-    inside = (rows >= -ROUNDING)[:, None] & (rows <= y.size - 1 + ROUNDING)[:, None]
-    inside = inside & (columns >= -ROUNDING) & (columns <= x.size - 1 + ROUNDING)
     return values, inside & (weight > 1 - ROUNDING)
 
 

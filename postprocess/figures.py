@@ -74,11 +74,7 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     if files.optional("piv.h5") is not None:
         planes["piv"] = read_plane(files.out / "piv.h5")
         tables["piv"] = tracks.read_vortices(files.required("vortices_piv.csv", "vortices"))
-    dominant = {
-        source: tracks.dominant_track(table, 0, middle, source)
-        for source, table in tables.items()
-        if not tracks.strengths(table, 0, middle).empty
-    }
+    dominant = tracks.dominant_tracks(tables, 0, middle)
     album = Album(files.figures)
     _flow(album, planes, dominant, comparison["scale"]["value"])
     _vortex(album, files, planes["cfd"], dominant, middle, comparison["scale"]["value"])

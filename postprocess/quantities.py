@@ -121,7 +121,7 @@ QUANTITIES: dict[str, Quantity] = {
     "circulation_difference": Quantity(
         _circulation_difference,
         "fraction",
-        "RMS difference of circulation, relative to the mean of the reference",
+        "RMS difference of circulation, over the RMS circulation of the reference",
     ),
     "centre_distance": Quantity(_centre_distance, "m", "RMS distance between the two vortex centres"),
     "velocity_rms_difference": Quantity(

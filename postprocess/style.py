@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -14,7 +15,7 @@ COLOURS = {"cfd": CFD, "piv": PIV, "lab": THIRD}
 NAMES = {"cfd": "CFD", "piv": "PIV", "lab": "Laboratory"}
 MM = 1e3
 
-RC = {
+RC: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 10,
     "axes.titlesize": 11,
@@ -31,9 +32,8 @@ RC = {
     "svg.fonttype": "path",
     "svg.hashsalt": "softfinger",  # equal pictures give equal files
 }
-mpl.rcParams.update(
-    RC
-)  # titles and labels are styled when they are set, so a context around drawing would miss some
+# not a context around drawing: titles and labels take their style when they are set
+mpl.rcParams.update(RC)  # type: ignore[arg-type]
 
 
 def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, dpi: float = 110, **more):

@@ -10,14 +10,16 @@ import pandas as pd
 from postprocess.stagefiles import read_table
 
 COLUMNS = ("time", "track", "x", "y", "circulation", "core_radius", "finger", "side", "tip_distance")
-REACH = 2.0  # tip widths; a vortex further off is not the tip's
+REACH = 2.5  # tip widths; a vortex further off is not the tip's
 COMPARED = ("circulation", "x", "y", "core_radius")
 
 
 def read_vortices(path: Path) -> pd.DataFrame:
     """vortices.csv, sorted by time; an absent side is the empty string."""
     table = read_table(path, COLUMNS)
-    return table.assign(side=table["side"].fillna("").astype(str)).sort_values("time", ignore_index=True)
+    return table.assign(side=table["side"].astype(object).fillna("").astype(str)).sort_values(
+        "time", ignore_index=True
+    )
 
 
 def near_tip(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> pd.DataFrame:
@@ -48,6 +50,17 @@ def dominant_track(table: pd.DataFrame, finger: int, window: tuple[float, float]
     return table[table["track"] == ranking.index[0]].reset_index(drop=True)
 
 
+def dominant_tracks(
+    tables: dict[str, pd.DataFrame], finger: int, window: tuple[float, float]
+) -> dict[str, pd.DataFrame]:
+    """The dominant track of each source; a source without a vortex near the tip is left out."""
+    return {
+        source: dominant_track(table, finger, window, source)
+        for source, table in tables.items()
+        if not strengths(table, finger, window).empty
+    }
+
+
 def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
     """`reference` linear in time at `other`'s instants (only where it exists), and the two side by side.
 
@@ -74,9 +87,9 @@ def within(pair: pd.DataFrame, window: tuple[float, float]) -> pd.DataFrame:
 
 
 def circulation_difference(pair: pd.DataFrame) -> float:
-    """RMS of the difference of circulation over the mean |circulation| of the reference."""
+    """RMS of the difference of circulation over the RMS circulation of the reference."""
     difference = pair["circulation_other"] - pair["circulation_reference"]
-    return float(np.sqrt((difference**2).mean()) / pair["circulation_reference"].abs().mean())
+    return float(np.sqrt((difference**2).mean() / (pair["circulation_reference"] ** 2).mean()))
 
 
 def centre_distance(pair: pd.DataFrame) -> float:

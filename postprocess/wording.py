@@ -15,6 +15,9 @@ PAIRS = {
 }
 
 
+NBSP = "\u00a0"  # keeps a number and its unit on one line
+
+
 def quantity(value: float | str | None, unit: str) -> str:
     """One value with its unit as a person reads it: metres below 1 m in mm, fractions in per cent."""
     if value is None:
@@ -22,10 +25,10 @@ def quantity(value: float | str | None, unit: str) -> str:
     if isinstance(value, str):
         return value
     if unit == "m":
-        return f"{value * 1e3:.2f} mm"
+        return f"{value * 1e3:.2f}{NBSP}mm"
     if unit == "fraction":
-        return f"{value * 100:.1f} %"
-    return f"{value:.3g}" + (f" {unit}" if unit not in ("", "1") else "")
+        return f"{value * 100:.1f}{NBSP}%"
+    return f"{value:.3g}" + (NBSP + unit.replace(" ", NBSP) if unit not in ("", "1") else "")
 
 
 def requirement(check: dict[str, Any]) -> str:
@@ -42,39 +45,35 @@ def requirement(check: dict[str, Any]) -> str:
 
 def answer(comparison: dict[str, Any]) -> str:
     """The page's first sentence: does the simulation agree with PIV?"""
-    pair = comparison["summary"].get("piv-cfd")
-    agrees = comparison["verdict"]["agrees"]
-    paper = comparison["verdict"]["counts"]["paper"]
-    total = sum(paper.values())
-    shown = (
-        f"{paper['met']} of {total} of the paper's findings checked are met"
-        if total
-        else "no finding of the paper is checked"
-    )
-    if (
-        not any(source == "piv" for check in comparison["checks"] for source in check["met_by"] if source)
-        and pair is None
-    ):
-        return f"Not judged: PIV was not run at level {comparison['level']}, so this page shows the simulation alone; {shown}."
-    numbers = _numbers(pair, comparison) if pair else "the tip vortex was not found in both"
+    paper = [check for check in comparison["checks"] if check["kind"] == "paper"]
+    if "piv" not in comparison["sources"]:
+        shown = sum(check["met_by"].get("cfd") is True for check in paper)
+        return (
+            f"Not judged: PIV was not run at level {comparison['level']}, so this page shows the simulation alone;"
+            f" it shows {shown} of the paper's {len(paper)} findings."
+        )
     start = {
         True: "Yes, the simulation agrees with PIV",
         False: "No, the simulation does not agree with PIV in every check",
         None: "Not fully judged",
-    }
-    return f"{start[agrees]}: over the middle of the stroke {numbers}; {shown}."
+    }[comparison["verdict"]["agrees"]]
+    met = sum(check["met"] is True for check in paper)
+    numbers = _numbers(comparison["summary"]["piv-cfd"], comparison)
+    return f"{start}: over the middle of the stroke {numbers}; both show {met} of the paper's {len(paper)} findings."
 
 
 def _numbers(pair: dict[str, Any], comparison: dict[str, Any]) -> str:
     allowed = {c["quantity"]: c["value"] for c in comparison["checks"] if c["kind"] == "agreement"}
     limit = lambda name, unit: f" (allowed {quantity(allowed[name], unit)})" if name in allowed else ""  # noqa: E731
-    return (
-        f"the circulation of the tip vortex differs by {quantity(pair['circulation_rms_difference'], 'fraction')}"
+    vortex = (
+        "the tip vortex is not found in both"
+        if pair["centre_rms_distance"] is None
+        else f"the circulation of the tip vortex differs by {quantity(pair['circulation_rms_difference'], 'fraction')}"
         f"{limit('circulation_difference', 'fraction')}, its centre by {quantity(pair['centre_rms_distance'], 'm')}"
-        f"{limit('centre_distance', 'm')} and the velocity by"
-        f" {quantity(pair['velocity_rms_difference_relative'], 'fraction')} of the peak tip speed"
-        f"{limit('velocity_rms_difference', 'fraction')}"
+        f"{limit('centre_distance', 'm')}"
     )
+    speed = quantity(pair["velocity_rms_difference_relative"], "fraction")
+    return f"{vortex} and the velocity differs by {speed} of the peak tip speed{limit('velocity_rms_difference', 'fraction')}"
 
 
 def rows(comparison: dict[str, Any]) -> list[dict[str, Any]]:
@@ -105,46 +104,25 @@ def rows(comparison: dict[str, Any]) -> list[dict[str, Any]]:
 
 def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Key numbers of the first screen: value, name, remark."""
-    summary = comparison["summary"]
-    out = [
-        (
-            f"{comparison['scale']['value']:.3f} m/s",
-            "peak speed of the tip",
-            "the scale of every velocity difference",
-        )
-    ]
+    summary, scale = comparison["summary"], comparison["scale"]["value"]
+    out = [(f"{scale:.3f} m/s", "peak speed of the tip", "the scale of every velocity difference")]
     for source in ("cfd", "piv"):
         if source in summary:
             mean = summary[source]["circulation_mean"] * 1e4
             sense = "clockwise" if mean < 0 else "counter-clockwise"
-            out.append(
-                (
-                    f"{abs(mean):.1f} cm²/s",
-                    f"tip vortex, {PAIRS[source]}",
-                    f"{sense}, {summary[source]['side'] or 'undecided'} side",
-                )
-            )
-    if "piv-cfd" in summary:
-        pair = summary["piv-cfd"]
-        out.append(
-            (
-                quantity(pair["circulation_rms_difference"], "fraction"),
-                "difference of circulation",
-                f"worst instant {quantity(pair['circulation_max_difference'], 'fraction')}",
-            )
-        )
-        out.append(
-            (
-                quantity(pair["centre_rms_distance"], "m"),
-                "distance of the centres",
-                f"worst instant {quantity(pair['centre_max_distance'], 'm')}",
-            )
-        )
-        out.append(
-            (
-                quantity(pair["velocity_rms_difference_relative"], "fraction"),
-                "velocity difference (RMS)",
-                f"of the peak tip speed; correlation {pair['velocity_correlation']:.3f}",
-            )
-        )
+            remark = f"{sense}, {summary[source]['side'] or 'undecided'} side"
+            out.append((f"{abs(mean):.1f} cm²/s", f"tip vortex, {PAIRS[source]}", remark))
+    if "piv-cfd" not in summary:
+        return out
+    pair = summary["piv-cfd"]
+    worst = quantity(pair["circulation_max_difference"], "fraction")
+    value = quantity(pair["circulation_rms_difference"], "fraction")
+    out.append((value, "difference of circulation", f"worst instant {worst}"))
+    worst = quantity(pair["centre_max_distance"], "m")
+    out.append(
+        (quantity(pair["centre_rms_distance"], "m"), "distance of the centres", f"worst instant {worst}")
+    )
+    value = quantity(pair["velocity_rms_difference_relative"], "fraction")
+    remark = f"of the peak tip speed; correlation {quantity(pair['velocity_correlation'], '1')}"
+    out.append((value, "velocity difference (RMS)", remark))
     return out

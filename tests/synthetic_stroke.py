@@ -19,26 +19,9 @@ from piv.plane import make_plane, write_plane
 
 ROOT = np.array([0.0, 0.24])
 LENGTH, THICKNESS, WIDTH = 0.070, 0.0145, 0.028
-FILE_COLUMNS = [
-    "time",
-    "track",
-    "x",
-    "y",
-    "circulation",
-    "core_radius",
-    "peak_swirl_velocity",
-    "x_std",
-    "y_std",
-    "circulation_std",
-    "core_radius_std",
-    "circulation_area",
-    "circulation_contour",
-    "finger",
-    "side",
-    "tip_distance",
-    "along_tip",
-    "across_tip",
-]
+FIT = ("time", "track", "x", "y", "circulation", "core_radius", "peak_swirl_velocity", "x_std", "y_std")
+STD = ("circulation_std", "core_radius_std", "circulation_area", "circulation_contour")
+FILE_COLUMNS = [*FIT, *STD, "finger", "side", "tip_distance", "along_tip", "across_tip"]
 
 
 def bend_law(time: np.ndarray, end: float, start: float = 0.02, duration: float = 0.3) -> np.ndarray:
@@ -143,40 +126,12 @@ def vortex_table(
         along = float(arm @ finger["tip_direction"][i, 0])
         across = float(arm @ finger["dorsal_direction"][i, 0])
         core, std = true["core_radius"][i], abs(strength) * (0.02 if noise else 0.0)
-        rows.append(
-            [t, 3, *centre, strength, core, 0.638 * abs(strength) / (2 * np.pi * core), 2e-4, 2e-4, std, 2e-4]
-            + [
-                strength,
-                strength,
-                0,
-                "dorsal" if across > 0 else "ventral",
-                np.hypot(*arm) / THICKNESS,
-                along,
-                across,
-            ]
-        )
-        rows.append(
-            [
-                t,
-                1,
-                -0.03,
-                0.15,
-                3e-4,
-                0.005,
-                0.006,
-                1e-3,
-                1e-3,
-                1e-4,
-                1e-3,
-                3e-4,
-                3e-4,
-                0,
-                "",
-                4.0,
-                0.02,
-                0.06,
-            ]
-        )
+        side = "dorsal" if across > 0 else "ventral"
+        swirl = 0.638 * abs(strength) / (2 * np.pi * core)  # peak of a Lamb–Oseen vortex
+        fit = [t, 3, *centre, strength, core, swirl, 2e-4, 2e-4, std, 2e-4, strength, strength]
+        rows.append([*fit, 0, side, np.hypot(*arm) / THICKNESS, along, across])
+        weak = [t, 1, -0.03, 0.15, 3e-4, 0.005, 0.006, 1e-3, 1e-3, 1e-4, 1e-3, 3e-4, 3e-4]
+        rows.append([*weak, 0, "", 4.0, 0.02, 0.06])
     return pd.DataFrame(rows, columns=FILE_COLUMNS)
 
 
@@ -229,6 +184,14 @@ def write_case(
             "finished": "2026-11-21T06:00:00Z",
         }
         (out / "costs" / f"{stage}.json").write_text(json.dumps(cost))
+    return case
+
+
+def copy_findings(case: Path) -> Path:
+    """Give a made-up case the real findings of the scene of its name; returns the case."""
+    source = Path(__file__).parents[1] / "cases" / case.name / "reference" / "findings.toml"
+    (case / "reference").mkdir(exist_ok=True)
+    (case / "reference" / "findings.toml").write_text(source.read_text())
     return case
 
 

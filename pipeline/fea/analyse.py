@@ -40,9 +40,7 @@ def profile(cell: UnitCell, state: State, actuator: Actuator) -> FloatArray:
     return chain(half, state.plane_angle, rest[:, 0], actuator.chambers, actuator.l2 / 2 + actuator.l1)
 
 
-def bend(
-    actuator: Actuator, fea: Fea, done: Callable[[], object] = lambda: None
-) -> BendingStates:
+def bend(actuator: Actuator, fea: Fea, done: Callable[[], object] = lambda: None) -> BendingStates:
     """Bending states over `fea.pressures` by the unit cell; only converged states are in the result.
 
     The bend angle is the arc of the fitted circle, γ = length / R, as in the paper's equation (6).

@@ -10,7 +10,9 @@ LEAST_STEP = 10.0  # Pa
 LARGEST_STEP = 2e3  # Pa
 
 
-def follow(cell: UnitCell, pressures: Iterable[float], done: Callable[[], object] = lambda: None) -> dict[float, State]:
+def follow(
+    cell: UnitCell, pressures: Iterable[float], done: Callable[[], object] = lambda: None
+) -> dict[float, State]:
     """States at `pressures` (Pa), by pressure; both branches start at rest. `done` is called after each.
 
     A branch ends where even `LEAST_STEP` fails: its further pressures are absent from the result.

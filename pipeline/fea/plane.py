@@ -14,7 +14,9 @@ from scipy import sparse
 FloatArray = NDArray[np.float64]
 
 
-def joined_points(distance: FloatArray, u: float, phi: float, x_plane: float) -> tuple[FloatArray, FloatArray]:
+def joined_points(
+    distance: FloatArray, u: float, phi: float, x_plane: float
+) -> tuple[FloatArray, FloatArray]:
     """Position (x, y) of points of the plane at `distance` from its foot (x_plane + u, 0)."""
     return x_plane + u + distance * np.sin(phi), distance * np.cos(phi)
 
@@ -78,12 +80,16 @@ def contact(
     one = np.ones(len(points))
     slope = np.stack([c * one, -s * one, -c * one, -(x - x_plane - u) * s - y * c], -1)
     slots = np.stack([3 * points, 3 * points + 1, (n * one).astype(int), ((n + 1) * one).astype(int)], -1)
-    force = np.bincount(slots.ravel(), (k * depth)[:, None].repeat(4, 1).ravel() * slope.ravel(), minlength=n + 2)
+    force = np.bincount(
+        slots.ravel(), (k * depth)[:, None].repeat(4, 1).ravel() * slope.ravel(), minlength=n + 2
+    )
     second = np.zeros((len(points), 4, 4))
     for i, j, value in ((0, 3, -s * one), (1, 3, -c * one), (2, 3, s * one)):
         second[:, i, j] = second[:, j, i] = value
     second[:, 3, 3] = -depth
     blocks = k[:, None, None] * (slope[:, :, None] * slope[:, None, :] + depth[:, None, None] * second)
     rows = slots[:, :, None].repeat(4, 2)
-    matrix = sparse.coo_matrix((blocks.ravel(), (rows.ravel(), rows.transpose(0, 2, 1).ravel())), shape=(n + 2, n + 2))
+    matrix = sparse.coo_matrix(
+        (blocks.ravel(), (rows.ravel(), rows.transpose(0, 2, 1).ravel())), shape=(n + 2, n + 2)
+    )
     return force, matrix

@@ -1,0 +1,85 @@
+"""Vectors over vorticity over time, as MP4 or GIF."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from piv.commands.plot import add_style
+from piv.plane import read_plane
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `python -m piv animate`."""
+    parser.add_argument("plane", type=Path, help="plane series, .h5")
+    parser.add_argument("-o", "--output", type=Path, required=True, help=".mp4 or .gif")
+    parser.add_argument("--fps", type=float, default=20.0, help="pictures per second (default 20)")
+    parser.add_argument("--every", type=int, default=1, help="use each n-th instant")
+    add_style(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Draw all instants with one scale of colour and arrows, and join them."""
+    import matplotlib.pyplot as plt
+
+    from piv.figures import Style, draw, read_vortices, speed_scale, vortices_at, vorticity_scale
+
+    if args.output.suffix.lower() not in (".mp4", ".gif"):
+        raise ValueError(f"{args.output}: an animation is .mp4 or .gif")
+    if args.every < 1 or not args.fps > 0:
+        raise ValueError("--every must be at least 1 and --fps positive")
+    with read_plane(args.plane) as planes:
+        if "time" not in planes.dims:
+            raise ValueError(f"{args.plane}: a single instant; use 'python -m piv plot'")
+        chosen = range(0, planes.sizes["time"], args.every)
+        some = planes.isel(time=np.unique(np.linspace(0, planes.sizes["time"] - 1, 20).astype(int)))
+        speed = speed_scale(some)
+        style = Style(
+            not args.metres, args.vorticity_limit or vorticity_scale(some), args.arrow_every, args.title
+        )
+        table = read_vortices(args.vortices) if args.vortices else None
+
+        def pictures() -> Iterator[np.ndarray]:
+            for k in tqdm(chosen, desc="pictures", disable=args.quiet):
+                plane = planes.isel(time=k)
+                figure = draw(plane, vortices_at(table, float(plane["time"])), style=style, speed=speed)
+                figure.set_dpi(130)
+                figure.canvas.draw()
+                picture = np.asarray(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
+                plt.close(figure)
+                rows, columns = picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2  # H.264 wants even sizes
+                yield np.ascontiguousarray(picture[:rows, :columns])
+
+        part = args.output.with_name(args.output.stem + ".part" + args.output.suffix)
+        (_write_gif if args.output.suffix.lower() == ".gif" else _write_mp4)(part, pictures(), args.fps)
+    os.replace(part, args.output)
+
+
+def _write_mp4(path: Path, pictures: Iterator[np.ndarray], fps: float) -> None:
+    import imageio_ffmpeg
+
+    first = next(pictures)
+    size = (first.shape[1], first.shape[0])
+    writer = imageio_ffmpeg.write_frames(
+        str(path), size, fps=fps, codec="libx264", quality=7, macro_block_size=2
+    )
+    writer.send(None)
+    try:
+        writer.send(first)
+        for picture in pictures:
+            writer.send(picture)
+    finally:
+        writer.close()
+
+
+def _write_gif(path: Path, pictures: Iterator[np.ndarray], fps: float) -> None:
+    from PIL import Image
+
+    first = Image.fromarray(next(pictures)).quantize(128)
+    rest = (Image.fromarray(p).quantize(128) for p in pictures)
+    first.save(path, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0)

@@ -1,0 +1,84 @@
+"""Vectors between OpenPIV, PIVlab, Tecplot, DaVis, CSV, VTK and plane series."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from piv.calibrate import load_calibration
+from piv.exchange import read_vectors, write_vectors
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `python -m piv convert`."""
+    parser.add_argument("input", nargs="+", help="vector files, one per instant, or one plane series or CSV")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        help=".h5, .nc (pivpy), .csv, .vti, .txt (OpenPIV), .dat (Tecplot)",
+    )
+    parser.add_argument(
+        "--from",
+        dest="kind",
+        choices=("openpiv", "pivlab", "tecplot", "davis", "csv", "plane"),
+        help="format, where suffix and head do not tell",
+    )
+    parser.add_argument("--length-unit", help="m, cm, mm, um or px, where the file does not say")
+    parser.add_argument("--velocity-unit", help="m/s, mm/s, px/frame, ..., where the file does not say")
+    parser.add_argument(
+        "--y-axis", choices=("up", "down"), help="direction of y and of positive v in the file"
+    )
+    parser.add_argument("--scale-mm-per-px", type=float)
+    parser.add_argument(
+        "--calibration", type=Path, help="calibration .json without a lens, in place of the scale"
+    )
+    parser.add_argument("--interval", type=float, help="s between the exposures of a pair")
+    parser.add_argument("--image-rows", type=int, help="height of the image, for px that count downwards")
+    parser.add_argument("--frame-rate", type=float, help="instants per second of a series of files")
+    parser.add_argument(
+        "--keep-replaced", action="store_true", help="keep vectors that PIVlab interpolated, flagged 4"
+    )
+    parser.add_argument("--zero-is-absent", action="store_true", help="vectors of exactly (0, 0) are masked")
+    parser.add_argument("--quiet", action="store_true")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Convert."""
+    scale = args.scale_mm_per_px * 1e-3 if args.scale_mm_per_px is not None else None
+    shift = [0.0, 0.0]
+    if args.calibration is not None:
+        if scale is not None:
+            raise ValueError("give --calibration or --scale-mm-per-px, not both")
+        calibration = load_calibration(args.calibration)
+        if calibration.lens is not None:
+            raise ValueError(
+                f"{args.calibration}: has a lens; use 'python -m piv calibrate --apply' on px vectors"
+            )
+        scale = calibration.scale_m_per_px
+        shift = list(calibration.origin_px * scale)
+    plane = read_vectors(
+        args.input,
+        kind=args.kind,
+        frame_rate_hz=args.frame_rate,
+        keep_replaced=args.keep_replaced,
+        zero_is_absent=args.zero_is_absent,
+        length_unit=args.length_unit,
+        velocity_unit=args.velocity_unit,
+        y_axis=args.y_axis,
+        scale_m_per_px=scale,
+        interval_s=args.interval,
+        image_rows=args.image_rows,
+    )
+    if any(shift):
+        units = {n: plane[n].attrs for n in ("x", "y")}
+        plane = plane.assign_coords(x=plane["x"] - shift[0], y=plane["y"] - shift[1])
+        for n, attrs in units.items():
+            plane[n].attrs = attrs
+    files = write_vectors(plane, args.output)
+    if not args.quiet:
+        good = float(plane["valid"].mean())
+        print(
+            f"{files[0]}{f' ... {files[-1].name}' if len(files) > 1 else ''}: {dict(plane.sizes)}, {good:.1%} valid"
+        )

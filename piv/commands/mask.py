@@ -1,0 +1,102 @@
+"""Masks of a recording: from a polygon, an image, moving outlines, or the dark body in the frames."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import xarray as xr
+from tqdm import tqdm
+
+from piv.images import Recording, open_recording
+from piv.masks import dark_body, outline_masks, polygons_mask, read_mask
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `python -m piv mask`."""
+    parser.add_argument("recording", nargs="+", help="images, folder, glob, video, .mraw or .h5")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        help="a folder: one PNG per frame, white = body; a .png: one for all frames (--polygon, --image)",
+    )
+    kind = parser.add_mutually_exclusive_group(required=True)
+    kind.add_argument("--polygon", type=Path, help="CSV of corners x_px, y_px (y up)")
+    kind.add_argument("--image", type=Path, help="an image, not black = body")
+    kind.add_argument("--outline", type=Path, help=".h5 with the variable outline (kinematics, plane series)")
+    kind.add_argument("--dark", action="store_true", help="find the dark body in every frame")
+    parser.add_argument("--scale-mm-per-px", type=float, help="of --outline, where the recording has none")
+    parser.add_argument("--origin", type=float, nargs=2, metavar=("X", "Y"), help="px, y up; of --outline")
+    parser.add_argument("--frame-rate", type=float, help="Hz; of --outline, where the recording has none")
+    parser.add_argument("--threshold", type=float, help="grey level of --dark (default: from each frame)")
+    parser.add_argument(
+        "--smooth", type=float, default=6.0, help="px over which gaps between particles close (default 6)"
+    )
+    parser.add_argument(
+        "--min-area", type=float, default=0.002, help="least body, fraction of the image (default 0.002)"
+    )
+    parser.add_argument("--grow", type=int, default=3, help="margin round the dark body, px (default 3)")
+    parser.add_argument("--quiet", action="store_true")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Write the masks."""
+    with open_recording(args.recording, frame_rate_hz=args.frame_rate) as recording:
+        if args.output.suffix.lower() == ".png":
+            if args.polygon is None and args.image is None:
+                raise ValueError(f"{args.output}: a moving mask is a folder of images; give a folder")
+            _save(read_mask(args.polygon or args.image, recording.shape), args.output)
+            return
+        mask = _masks(args, recording)
+        args.output.mkdir(parents=True, exist_ok=True)
+        for i in tqdm(range(len(recording)), desc="masks", disable=args.quiet):
+            _save(mask(i), args.output / f"mask_{i:06d}.png")
+
+
+def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], np.ndarray]:
+    if args.dark:
+
+        def dark(i: int) -> np.ndarray:
+            try:
+                return dark_body(
+                    recording.frame(i),
+                    threshold=args.threshold,
+                    smooth_px=args.smooth,
+                    min_area=args.min_area,
+                    grow_px=args.grow,
+                )
+            except ValueError as error:
+                raise ValueError(f"{recording.name}: frame {i}: {error}") from None
+
+        return dark
+    if args.outline is None:
+        still = read_mask(args.polygon or args.image, recording.shape)
+        return lambda i: still
+    scale = args.scale_mm_per_px * 1e-3 if args.scale_mm_per_px else recording.attrs.get("scale_m_per_px")
+    origin = args.origin or [recording.attrs.get(f"origin_{k}_px") for k in "xy"]
+    if scale is None or None in origin:
+        raise ValueError(f"{recording.name}: no scale or origin in it; give --scale-mm-per-px and --origin")
+    if recording.times is None:
+        raise ValueError(f"{recording.name}: no frame rate in it; give --frame-rate")
+    try:
+        series = xr.open_dataset(args.outline, engine="h5netcdf")
+    except FileNotFoundError:
+        raise
+    except Exception as error:
+        raise ValueError(f"{args.outline}: not a readable HDF5 file ({str(error)[:80]})") from error
+    with series:
+        bodies = outline_masks(series, recording.times, recording.shape, scale, (origin[0], origin[1]))
+    return lambda i: polygons_mask(bodies[i], recording.shape)
+
+
+def _save(mask: np.ndarray, path: Path) -> None:
+    part = path.with_name(path.stem + ".part.png")
+    if not cv2.imwrite(str(part), mask.astype(np.uint8) * 255):
+        raise ValueError(f"{path}: cannot be written")
+    os.replace(part, path)

@@ -1,0 +1,67 @@
+"""Vectors over vorticity with vortex centres, as a picture."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+import numpy as np
+
+from piv.plane import read_plane
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `python -m piv plot`."""
+    parser.add_argument("plane", type=Path, help="plane (series), .h5")
+    parser.add_argument("-o", "--output", type=Path, required=True, help=".png, .pdf or .svg")
+    add_style(parser)
+    parser.add_argument(
+        "--time", type=float, help="instant, s (default: the one with the highest mean speed)"
+    )
+
+
+def add_style(parser: argparse.ArgumentParser) -> None:
+    """Options that pictures and animations share."""
+    parser.add_argument("--vortices", help="vortices.csv, to mark centres and cores")
+    parser.add_argument("--metres", action="store_true", help="axes in m instead of mm")
+    parser.add_argument("--vorticity-limit", type=float, help="end of the colour scale, 1/s")
+    parser.add_argument("--arrow-every", type=int, help="draw each n-th vector")
+    parser.add_argument("--title")
+    parser.add_argument("--quiet", action="store_true")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Draw one instant."""
+    import matplotlib.pyplot as plt
+
+    from piv.figures import Style, draw, read_vortices, vortices_at
+
+    if args.output.suffix.lower() not in (".png", ".pdf", ".svg"):
+        raise ValueError(f"{args.output}: a picture is .png, .pdf or .svg")
+    with read_plane(args.plane) as planes:
+        plane, time = planes, None
+        if "time" in planes.dims:
+            times = planes["time"].values
+            if args.time is None:
+                speed = [
+                    float(np.nanmean(np.abs(planes["u"][k].values)))
+                    if planes["valid"][k].values.any()
+                    else 0.0
+                    for k in range(times.size)
+                ]
+                index = int(np.argmax(speed))
+            else:
+                index = int(np.argmin(np.abs(times - args.time)))
+                if not times[0] - 1e-9 <= args.time <= times[-1] + 1e-9:
+                    raise ValueError(
+                        f"{args.plane}: --time {args.time} is outside {times[0]:g} to {times[-1]:g} s"
+                    )
+            plane, time = planes.isel(time=index), float(times[index])
+        style = Style(not args.metres, args.vorticity_limit, args.arrow_every, args.title)
+        table = read_vortices(args.vortices) if args.vortices else None
+        figure = draw(plane, vortices_at(table, time), style=style)
+    part = args.output.with_name(args.output.stem + ".part" + args.output.suffix)
+    figure.savefig(part)
+    plt.close(figure)
+    os.replace(part, args.output)

@@ -1,0 +1,164 @@
+"""Vectors over vorticity, with bodies and vortex centres: one figure for pictures and animations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
+
+# Blue-white-orange, told apart by every kind of colour vision (ColorBrewer's PuOr, reversed so that blue is negative).
+COLOUR_MAP = "PuOr_r"
+ARROWS_ACROSS = 42  # more cannot be read on a printed column
+
+
+@dataclass(frozen=True)
+class Style:
+    """What a picture shows; `mm` puts lengths in mm where the plane is in m; limits None: from the data."""
+
+    mm: bool = True
+    vorticity_limit: float | None = None
+    arrow_every: int | None = None
+    title: str | None = None
+    width_in: float = 6.7
+
+
+def vorticity(plane: xr.Dataset) -> np.ndarray:
+    """dv/dx - du/dy (..., y, x) by central differences (one-sided at edges), NaN next to absent vectors."""
+    x, y = plane["x"].values, plane["y"].values
+    ok = plane["valid"].values != 0
+    u, v = (np.where(ok, plane[n].values, np.nan) for n in ("u", "v"))
+    return np.gradient(v, x, axis=-1) - np.gradient(u, y, axis=-2)
+
+
+def speed_scale(planes: xr.Dataset) -> float:
+    """99th percentile of speed: the length of the key arrow and of arrows in animations."""
+    ok = planes["valid"].values != 0
+    speed = np.hypot(planes["u"].values, planes["v"].values)[ok]
+    if speed.size == 0:
+        raise ValueError("the plane has no valid vector to plot")
+    return max(float(np.percentile(speed, 99)), 1e-12)
+
+
+def vorticity_scale(planes: xr.Dataset) -> float:
+    """99.5th percentile of |vorticity|."""
+    omega = np.abs(vorticity(planes))
+    omega = omega[np.isfinite(omega)]
+    return max(float(np.percentile(omega, 99.5)) if omega.size else 1.0, 1e-12)
+
+
+def draw(
+    plane: xr.Dataset, vortices: pd.DataFrame | None = None, *, style: Style, speed: float | None = None
+) -> Figure:
+    """A figure of one instant; close it with `plt.close`. `vortices`: rows of docs/formats.md at this instant."""
+    length = str(plane["x"].attrs.get("units", "m"))
+    velocity = str(plane["u"].attrs.get("units", "m/s"))
+    factor, shown = (1e3, "mm") if style.mm and length == "m" else (1.0, length)
+    rate = "1/s" if length == "m" else "1/frame"
+    x, y = plane["x"].values * factor, plane["y"].values * factor
+    omega = vorticity(plane)
+    limit = style.vorticity_limit or vorticity_scale(plane)
+    speed = speed or speed_scale(plane)
+    aspect = float(np.ptp(y) / np.ptp(x))
+    with plt.rc_context({"font.size": 9, "font.family": "DejaVu Sans", "axes.linewidth": 0.8}):
+        size = (style.width_in, min(max(style.width_in * 0.82 * aspect + 0.9, 2.4), 9.0))
+        figure, axes = plt.subplots(figsize=size, dpi=200, layout="constrained")
+        half_x, half_y = (x[1] - x[0]) / 2, (y[1] - y[0]) / 2
+        extent = (x[0] - half_x, x[-1] + half_x, y[0] - half_y, y[-1] + half_y)
+        axes.set_facecolor("0.82")  # absent vectors are grey, not the white of zero vorticity
+        picture = axes.imshow(
+            omega,
+            origin="lower",
+            extent=extent,
+            cmap=COLOUR_MAP,
+            vmin=-limit,
+            vmax=limit,
+            interpolation="nearest",
+        )
+        step = style.arrow_every or max(1, round(max(x.size, y.size) / ARROWS_ACROSS))
+        cut = (slice(step // 2, None, step), slice(step // 2, None, step))
+        ok = plane["valid"].values[cut] != 0
+        xx, yy = np.meshgrid(x[cut[1]], y[cut[0]])
+        u, v = plane["u"].values[cut][ok], plane["v"].values[cut][ok]
+        spacing = step * (x[1] - x[0])
+        arrows = axes.quiver(
+            xx[ok],
+            yy[ok],
+            u,
+            v,
+            angles="xy",
+            scale_units="xy",
+            scale=speed / (1.6 * spacing),
+            width=0.0016,
+            color="0.1",
+            pivot="mid",
+        )
+        axes.quiverkey(arrows, 0.86, 1.03, speed, f"{speed:.3g} {velocity}", labelpos="E", coordinates="axes")
+        if "outline" in plane:
+            for body in np.atleast_3d(plane["outline"].values * factor).reshape(
+                -1, *plane["outline"].shape[-2:]
+            ):
+                axes.fill(body[:, 0], body[:, 1], facecolor="0.15", edgecolor="k", linewidth=0.8, zorder=3)
+        if vortices is not None:
+            _mark(axes, vortices, factor)
+        axes.set(
+            xlim=extent[:2], ylim=extent[2:], aspect="equal", xlabel=f"$x$ ({shown})", ylabel=f"$y$ ({shown})"
+        )
+        title = style.title or (
+            f"$t$ = {float(plane['time']):.3f} s"
+            if "time" in plane.coords and plane["time"].ndim == 0
+            else ""
+        )
+        axes.set_title(title, loc="left", fontsize=9)
+        figure.colorbar(
+            picture, ax=axes, shrink=0.85, pad=0.02, extend="both", label=rf"vorticity $\omega_z$ ({rate})"
+        )
+    return figure
+
+
+def _mark(axes: plt.Axes, vortices: pd.DataFrame, factor: float) -> None:
+    for row in vortices.itertuples():
+        sense = row.circulation > 0
+        axes.plot(
+            row.x * factor,
+            row.y * factor,
+            "o" if sense else "s",
+            mfc="none",
+            mec="k",
+            mew=1.2,
+            ms=6,
+            zorder=4,
+        )
+        if np.isfinite(row.core_radius):
+            circle = plt.Circle(
+                (row.x * factor, row.y * factor),
+                row.core_radius * factor,
+                fill=False,
+                color="k",
+                lw=1.0,
+                ls="-" if sense else "--",
+                zorder=4,
+            )
+            axes.add_patch(circle)
+
+
+def read_vortices(path: str) -> pd.DataFrame:
+    """vortices.csv; ValueError where columns are missing."""
+    table = pd.read_csv(path, comment="#")
+    missing = {"time", "x", "y", "circulation", "core_radius"} - set(table.columns)
+    if missing:
+        raise ValueError(f"{path}: not a table of vortices, it has no column {', '.join(sorted(missing))}")
+    return table
+
+
+def vortices_at(table: pd.DataFrame | None, time: float | None) -> pd.DataFrame | None:
+    """Rows of one instant (to 1 µs); all rows where the plane has no time."""
+    if table is None or time is None:
+        return table
+    return table[np.abs(table["time"] - time) < 1e-6]

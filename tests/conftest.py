@@ -1,0 +1,47 @@
+"""Shared fixtures: small scenes made from the shipped ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline import case, kinematics, mesh
+from pipeline.scene import Scene, load_scene
+
+ROOT = Path(__file__).resolve().parent.parent
+
+TINY = """
+extends = "{parent}"
+{more}
+[levels.tiny]
+model = {{ kind = "{kind}" }}
+mesh = {{ wall_cell = 3.5e-3, wall_first_layer = 1.2e-3, wall_layers = 2, tip_cell = 2.2e-3, near_cell = 5e-3, near_distance = 0.01, far_cell = 0.05, layers_on_finger = 2, layers_beyond = 3, knot_bend_deg = 5.0 }}
+numerics = {{ time_step = 1e-3, write_interval = 0.01{numerics} }}
+"""
+
+
+def write_scene(
+    folder: Path, kind: str = "2d", more: str = "", numerics: str = "", parent: str = "single_finger"
+) -> Scene:
+    """A scene of a few hundred cells in `folder` that differs from a shipped one only as said."""
+    folder.mkdir(parents=True, exist_ok=True)
+    text = TINY.format(parent=ROOT / "cases" / parent, kind=kind, more=more, numerics=numerics)
+    (folder / "scene.toml").write_text(text, encoding="utf-8")
+    states = ROOT / "cases" / "single_finger" / "kinematics"
+    (folder / "kinematics").symlink_to(states) if not (folder / "kinematics").exists() else None
+    return load_scene(folder, "tiny")
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> Scene:
+    """A 2-D scene of a few hundred cells."""
+    return write_scene(tmp_path / "tiny")
+
+
+def prepare(scene: Scene) -> Scene:
+    """Run the stages before the solver."""
+    scene.out.mkdir(parents=True, exist_ok=True)
+    for stage in (kinematics, mesh, case):
+        stage.run(scene, quiet=True)
+    return scene

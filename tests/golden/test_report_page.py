@@ -1,0 +1,225 @@
+"""From stage files to the page: what comparison.json says, and the form of report.html."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from postprocess import compare, draw_mesh, draw_series, figures, report, wording
+from postprocess.stagefiles import StageFiles
+from tests.synthetic_stroke import copy_findings, write_case
+
+VOID = {"meta", "link", "img", "input", "br", "hr"}
+
+
+def build(root, **options):
+    """A made-up case taken through compare, figures and report with few frames."""
+    files = StageFiles(copy_findings(write_case(root, spacing=0.004, frames=21, **options)), "coarse")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figures, "FRAMES", 3)
+        for stage in (compare, figures, report):
+            assert stage.main([str(files.case), "--level", "coarse"]) == 0
+    return files
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("made"))
+
+
+@pytest.fixture(scope="module")
+def without_piv(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("without"), with_piv=False)
+
+
+def result(files):
+    return json.loads((files.out / "comparison.json").read_text())
+
+
+class Page(HTMLParser):
+    """Checks that elements nest, and remembers them with their attributes."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.elements, self.errors = [], [], []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.errors.append(f"</{tag}> at {self.getpos()}")
+
+
+def test_known_differences_come_out_of_the_files(made):
+    checks = {c["id"]: c for c in result(made)["checks"]}
+    # made with a gain of 0.98 and 0.5 % of noise, and with centres 0.3 mm off plus 0.05 mm of noise each way; between
+    # instants 20 ms apart the vortex goes 8 mm on a curve of 40 mm radius, which a chord cuts by up to 0.2 mm
+    assert checks["circulation-agrees"]["measured"]["piv-cfd"] == pytest.approx(0.02, abs=0.005)
+    assert checks["centre-agrees"]["measured"]["piv-cfd"] == pytest.approx(3e-4, abs=2e-4)
+    assert checks["tip-vortex-dorsal"]["measured"] == {"cfd": "dorsal", "piv": "dorsal"}
+    assert all(c["met"] is True for c in checks.values())
+    assert result(made)["verdict"]["agrees"] is True
+
+
+def test_the_series_table_holds_the_same_difference(made):
+    table = pd.read_csv(made.out / "comparison.csv")
+    low, high = result(made)["middle_of_stroke_s"]
+    middle = table[table["time"].between(low, high)]
+    assert (middle["circulation_piv"] / middle["circulation_cfd"]).mean() == pytest.approx(0.98, abs=0.01)
+    assert np.hypot(
+        middle["x_piv"] - middle["x_cfd"], middle["y_piv"] - middle["y_cfd"]
+    ).to_numpy() == pytest.approx(middle["centre_distance"].to_numpy(), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "options, failing",
+    [
+        ({"gain": 0.9}, {"circulation-agrees"}),
+        ({"shift": 3e-3}, {"centre-agrees"}),
+        ({"gain": -1.0}, {"circulation-agrees", "tip-vortex-sense"}),
+    ],
+)
+def test_a_wrong_measurement_fails_its_own_checks(tmp_path, options, failing):
+    files = StageFiles(copy_findings(write_case(tmp_path, spacing=0.004, frames=21, **options)), "coarse")
+    checks = compare.compare(files)["checks"]
+    assert {c["id"] for c in checks if c["met"] is False} == failing
+    assert wording.answer(result(files)).startswith("No")
+
+
+def test_a_deflated_finger_draws_water_upward(tmp_path):
+    case = write_case(tmp_path, "single_deflate", spacing=0.004, frames=21, bend_end=np.radians(-100))
+    checks = {c["id"]: c for c in compare.compare(StageFiles(copy_findings(case), "coarse"))["checks"]}
+    assert checks["trace-upward"]["met"] is True
+    assert checks["trace-upward"]["measured"]["cfd"] > 0
+
+
+def test_without_a_vortex_in_piv_the_comparison_says_so(tmp_path):
+    files = StageFiles(copy_findings(write_case(tmp_path, spacing=0.004, frames=21)), "coarse")
+    table = pd.read_csv(files.out / "vortices_piv.csv", comment="#")
+    table[table["track"] == 1].to_csv(files.out / "vortices_piv.csv", index=False)
+    checks = {c["id"]: c for c in compare.compare(files)["checks"]}
+    assert checks["circulation-agrees"]["met"] is False
+    assert "no vortex within" in checks["circulation-agrees"]["notes"][0]
+    assert checks["velocity-agrees"]["met"] is True
+    assert "is not found in both" in wording.answer(result(files))
+
+
+def test_without_piv_nothing_is_called_agreement(without_piv):
+    found = result(without_piv)
+    assert found["verdict"]["agrees"] is None
+    assert {c["met"] for c in found["checks"]} == {None}
+    page = (without_piv.out / "report.html").read_text()
+    assert "Not judged: PIV was not run at level coarse" in page
+    assert "every picture shows the CFD alone" in page
+
+
+def test_the_page_is_well_formed_and_accessible(made):
+    page = Page((made.out / "report.html").read_text())
+    assert page.errors == []
+    assert page.open == []
+    images = [a for tag, a in page.elements if tag == "img"]
+    assert len(images) > 12
+    assert all(len(a.get("alt", "")) > 15 for a in images)
+    assert all(a.get("aria-label") for tag, a in page.elements if tag == "video")
+    labels = {a.get("for") for tag, a in page.elements if tag == "label"}
+    assert {a["id"] for tag, a in page.elements if tag == "input"} <= labels
+    ids = [a["id"] for _, a in page.elements if "id" in a]
+    assert len(ids) == len(set(ids))
+    targets = {a["href"][1:] for tag, a in page.elements if tag == "a"}
+    assert targets <= set(ids)
+    assert ("html", {"lang": "en"}) in page.elements
+
+
+def test_the_page_needs_no_network(made):
+    text = (made.out / "report.html").read_text()
+    assert not re.search(r"https?://|//[a-z]+\.[a-z]+/|@import|url\(", re.sub(r"data:[^\"']*", "", text))
+    for tag, attrs in Page(text).elements:
+        for key in ("src", "srcset", "data", "poster"):
+            assert attrs.get(key, "data:").startswith("data:"), f"{tag} {key}"
+        assert tag != "link" or attrs["href"].startswith("data:")
+    assert len(text.encode()) < report.MAX_BYTES
+
+
+def test_the_first_screen_has_the_answer_with_its_numbers(made):
+    text = (made.out / "report.html").read_text()
+    answer = re.search(r'<p id="answer"[^>]*>([^<]*)<', text).group(1)
+    assert re.match(
+        r"Yes, .* differs by \d\.\d % \(allowed 5\.0 %\).*\d\.\d\d mm \(allowed 1\.50 mm\)", answer
+    )
+    assert text.index('id="answer"') < text.index("<nav")
+
+
+@pytest.mark.parametrize(
+    "name, stage",
+    [
+        ("sheet.h5", compare),
+        ("vortices_cfd.csv", compare),
+        ("planform.h5", figures),
+        ("run/power.csv", figures),
+        ("comparison.json", report),
+    ],
+)
+def test_a_missing_required_input_is_one_sentence(made, tmp_path, capsys, name, stage):
+    shutil.copytree(made.case, tmp_path / "single_finger")
+    (tmp_path / "single_finger/out/coarse" / name).unlink()
+    assert stage.main([str(tmp_path / "single_finger"), "--level", "coarse"]) == 2
+    message = capsys.readouterr().err
+    assert name in message
+    assert "run the stage" in message
+    assert message.count("\n") == 1
+
+
+def test_stages_record_their_costs(made):
+    for stage in ("compare", "figures", "report"):
+        cost = json.loads((made.out / f"costs/{stage}.json").read_text())
+        assert cost["stage"] == stage
+        assert cost["wall_time"] > 0
+        assert cost["peak_memory"] > 1e7  # an interpreter with numpy is larger than 10 MB
+
+
+UNIT = re.compile(r", (s|m|mm|m/s|°|kPa|mN|mW|mJ|GB|cm²/s|1/s|1|% of tip speed)( \(.*\))?$|^1$")
+
+
+def test_every_axis_of_every_series_names_its_unit(made):
+    from postprocess.stagefiles import read_table
+    from postprocess.tracks import dominant_tracks, read_vortices
+
+    middle = tuple(result(made)["middle_of_stroke_s"])
+    found = dominant_tracks(
+        {s: read_vortices(made.out / f"vortices_{s}.csv") for s in ("cfd", "piv")}, 0, middle
+    )
+    drawn = [
+        draw_series.circulation(found, middle),
+        draw_series.agreement(pd.read_csv(made.out / "comparison.csv"), 0.4, middle),
+        draw_series.forces(read_table(made.out / "run/forces.csv", figures.FORCE_COLUMNS)),
+        draw_series.power(read_table(made.out / "run/power.csv", figures.POWER_COLUMNS)),
+        draw_series.history(read_table(made.out / "run/history.csv", figures.HISTORY_COLUMNS)),
+        draw_series.mesh_quality(read_table(made.out / "mesh_quality.csv", figures.QUALITY_COLUMNS)),
+    ]
+    for figure in drawn:
+        assert all(UNIT.search(ax.get_ylabel().replace("\n", " ")) for ax in figure.axes)
+        assert UNIT.search(figure.axes[-1].get_xlabel())
+
+
+def test_the_view_in_space_is_drawn_without_gl_too(made, tmp_path, monkeypatch):
+    corner = np.array([[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1]])
+    data = {"points": corner, "lines": np.array([[0, 1], [1, 2], [2, 3], [3, 0]])}
+    np.savez(
+        tmp_path / "view.npz", **data, outline=0.3 * corner + 0.05, width=0.02, tank=np.array([0.6, 0.3, 0.3])
+    )
+    monkeypatch.setattr(draw_mesh, "VIEW_MODULE", "postprocess.there_is_no_such_module")
+    assert draw_mesh.view_in_space(tmp_path / "view.npz", tmp_path / "view.png") == "matplotlib"
+    picture = np.asarray(Image.open(tmp_path / "view.png").convert("L"))
+    assert (picture < 128).sum() > 500  # the dark finger is there, not an empty canvas

@@ -1,0 +1,71 @@
+"""A scene is refused in one sentence that names file, key and remedy."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.errors import StageError
+from pipeline.scene import STAGE_SECTIONS, load_scene, write_settings
+from tests.conftest import ROOT, write_scene
+
+SCENES = sorted(p.parent for p in (ROOT / "cases").glob("*/scene.toml"))
+
+
+@pytest.mark.parametrize("folder", SCENES, ids=lambda p: p.name)
+@pytest.mark.parametrize("level", ["smoke", "coarse", "medium", "fine"])
+def test_every_shipped_scene_is_valid_at_every_level(folder, level):
+    assert load_scene(folder, level).level == level
+
+
+@pytest.mark.parametrize(
+    "more, words",
+    [
+        ("[finger]\nlenght = 0.07", ["finger.lenght", "not known"]),
+        ("[finger]\nroot = [0.0, 0.16]", ["finger.root", "0.1 m", "raise"]),
+        ("[finger]\nroot = [0.4, 0.245]", ["finger.root", "not in the water"]),
+        ("[finger]\nlength = 70.0", ["millimetres"]),
+        ("[tank]\nwater_depth = 0.4", ["water_depth", "exceeds"]),
+        ("[sheet]\nz = 0.2", ["sheet.z", "outside"]),
+        ("[sheet]\nz = 0.01", ["sheet.z", "symmetry plane"]),
+        ("[motion]\nend_time = 0.4205", ["motion.end_time", "give"]),
+        ("[motion]\nend_time = -1", ["motion.end_time", "got -1"]),
+        ("[sheet]\nrate_hz = 700", ["time_step", "divide"]),
+        ('[fluid]\nturbulence = "kepsilon"', ["fluid.turbulence", "kepsilon"]),
+    ],
+)
+def test_nonsense_is_refused_with_key_and_remedy(tmp_path, more, words):
+    with pytest.raises(StageError) as caught:
+        write_scene(tmp_path / "bad", more=more)
+    message = str(caught.value)
+    assert "scene.toml" in message
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_missing_scene_and_level_name_what_there_is(tmp_path):
+    with pytest.raises(StageError, match="no such scene"):
+        load_scene(tmp_path / "nowhere")
+    with pytest.raises(StageError, match="coarse, fine, medium, smoke"):
+        load_scene(ROOT / "cases" / "single_finger", "huge")
+
+
+def test_touching_one_number_changes_only_the_stages_that_use_it(tmp_path):
+    folder = tmp_path / "scene"
+    before = write_scene(folder)
+    assert set(write_settings(before)) == set(STAGE_SECTIONS)
+    assert write_settings(before) == []
+    after = write_scene(folder, more="[piv]\nspacing = 4")
+    assert write_settings(after) == ["piv"]
+    after = write_scene(folder, more="[fluid]\ndensity = 1000.0")
+    assert set(write_settings(after)) == {"case", "piv"}  # piv goes back
+
+
+@given(st.text(max_size=60))
+def test_any_text_is_a_scene_or_one_sentence(tmp_path_factory, text):
+    folder: Path = tmp_path_factory.mktemp("scene")
+    (folder / "scene.toml").write_text(text, encoding="utf-8", errors="surrogatepass")
+    with pytest.raises(StageError):
+        load_scene(folder)
