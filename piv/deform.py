@@ -86,7 +86,9 @@ class Image:
         filtered = apply(self.pixels, kernel)
         self.samples = cv2.copyMakeBorder(filtered, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
 
-    def warp(self, dx: np.ndarray, dy: np.ndarray, share: float, weight: np.ndarray, multiply: bool) -> np.ndarray:
+    def warp(
+        self, dx: np.ndarray, dy: np.ndarray, share: float, weight: np.ndarray, multiply: bool
+    ) -> np.ndarray:
         """The image at positions moved by `share` of the dense displacement; `weight`: see interpolate.warp."""
         warp(self.samples, self.usable, dx, dy, share, self.warped, weight, multiply)
         return self.warped

@@ -13,7 +13,6 @@ from piv.correlate import both_seen, node_axes, run_passes, to_dataset, variance
 from piv.deform import Nodes
 from piv.fft_pass import window_maps
 from piv.options import Options
-from piv.outliers import fill_absent
 from piv.pair_images import Prepared
 
 
@@ -109,7 +108,11 @@ def correlate_frames(
 
     def spectra_of():
         first, last = held[1][reach - 1], held[1][reach + 1]
-        return prefilter.measure_spectra(first.warped, last.warped, work[1][2] * 0 + 1 if both_seen(images.seen) is None else both_seen(images.seen))
+        return prefilter.measure_spectra(
+            first.warped,
+            last.warped,
+            work[1][2] * 0 + 1 if both_seen(images.seen) is None else both_seen(images.seen),
+        )
 
     def reseed(nodes: Nodes, vectors: passes.Vectors) -> passes.Vectors:
         pair = [images.pixels[reach], images.pixels[reach + 1]]
