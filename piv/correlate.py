@@ -60,7 +60,7 @@ def correlate_pair(
 
     def maps_of(columns, rows, shift_x, shift_y, size):
         half, _ = images.at(2)
-        return window_maps(*half, columns, rows, shift_x, shift_y, size)
+        return window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
 
     def cells_of(
         nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray, renew: bool
@@ -71,7 +71,7 @@ def correlate_pair(
         elif renew:
             for image in held[f]:
                 image.filter(kernel)
-        return passes.pair_cells(nodes, *held[f], dx, dy, work[f])
+        return passes.pair_cells(nodes, held[f][0], held[f][1], dx, dy, work[f])
 
     def spectra_of() -> tuple | None:
         return prefilter.measure_spectra(held[1][0].warped, held[1][1].warped, work[1][2])

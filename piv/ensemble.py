@@ -65,7 +65,8 @@ def correlate_ensemble(
     def maps_of(columns, rows, shift_x, shift_y, size):
         total = None
         for images in each():
-            maps = window_maps(*images.at(2)[0], columns, rows, shift_x, shift_y, size)
+            half, _ = images.at(2)
+            maps = window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
             total = maps if total is None else np.add(total, maps, out=total)
         return total
 

@@ -61,18 +61,19 @@ def first_passes(
         s for s in sorted({min(search // 2, 512), *FFT_WINDOWS}, reverse=True) if s <= max(search // 2, 16)
     ]
     sizes = [s for s in sizes if s <= min(shape)] or [16]
-    gx = gy = dx = dy = None
+    gx = gy = np.zeros(0, np.int64)
+    dx = dy = np.zeros((0, 0), np.float32)
     for size in sizes:
         cx = np.unique(np.rint(grid(shape[1], size // 2)).astype(np.int64))
         cy = np.unique(np.rint(grid(shape[0], size // 2)).astype(np.int64))
         columns, rows = (m.ravel() for m in np.meshgrid(cx, cy))
-        if dx is None:
+        if not dx.size:
             shift_x = shift_y = np.zeros(columns.size, np.int64)
         else:
             shift_x, shift_y = (
                 np.rint(resample(gx, gy, d, cx, cy)).astype(np.int64).ravel() for d in (dx, dy)
             )
-        reach = 3 * size // 8 if dx is None else size // 4
+        reach = size // 4 if dx.size else 3 * size // 8
         maps = maps_of(columns, rows, shift_x, shift_y, size)
         peaks = fft_pass.find_peaks(maps, shift_x, shift_y, reach)
         grid_shape = (cy.size, cx.size)
@@ -87,8 +88,8 @@ def first_passes(
         residual, _, _ = normalised_median(dx, dy, usable, epsilon=0.3)
         dx, dy = fill_absent(dx, dy, usable & ~(residual > 3))
         gx, gy = cx, cy
-    assert gx is not None
-    return tuple(2 * resample(2 * gx + 0.5, 2 * gy + 0.5, d, x, y) for d in (dx, dy))  # type: ignore[return-value]
+    at = 2 * gx + 0.5, 2 * gy + 0.5
+    return 2 * resample(*at, dx, x, y), 2 * resample(*at, dy, x, y)
 
 
 def pair_cells(
@@ -131,7 +132,7 @@ def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Vectors, options: Op
     if j.size and vectors.known.any():
         column, row = np.rint(nodes.column[i]).astype(np.int64), np.rint(nodes.row[j]).astype(np.int64)
         shift_x, shift_y = np.rint(dx[j, i]).astype(np.int64), np.rint(dy[j, i]).astype(np.int64)
-        maps = fft_pass.window_maps(*pixels, column, row, shift_x, shift_y, RESEED)
+        maps = fft_pass.window_maps(pixels[0], pixels[1], column, row, shift_x, shift_y, RESEED)
         peaks = fft_pass.find_peaks(maps, shift_x, shift_y, RESEED // 4)
         first = np.hypot(peaks.dx - dx[j, i], peaks.dy - dy[j, i])
         other = np.hypot(peaks.second_x - dx[j, i], peaks.second_y - dy[j, i])

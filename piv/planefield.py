@@ -22,9 +22,7 @@ class PlaneField:
 
     def __init__(self, series: xr.Dataset) -> None:
         if "time" not in series["u"].dims or series.sizes["time"] < 2:
-            raise ValueError(
-                "a recording is rendered from a plane series with at least two instants of 'time'"
-            )
+            raise ValueError("a recording is rendered from a plane series with at least two instants of 'time'")
         self.series = series
         self.time = series["time"].values.astype(float)
         self.x, self.y = series["x"].values, series["y"].values

@@ -128,7 +128,8 @@ def _in_parallel(missing, sets, load, options: Options, threads: int) -> Iterato
         running: list[tuple[int, Future]] = []
         try:
             for k in missing:
-                running.append((k, pool.submit(correlate_set, *load(sets[k]), options)))
+                images, masks = load(sets[k])
+                running.append((k, pool.submit(correlate_set, images, masks, options)))
                 if len(running) > threads:
                     done, future = running.pop(0)
                     yield done, future.result()

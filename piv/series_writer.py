@@ -91,10 +91,7 @@ class SeriesWriter:
     def write(self, index: int, fields: dict[str, np.ndarray]) -> None:
         """Store one field (y, x each); on disk when this returns."""
         for name in FIELDS:
-            if name in fields:
-                self._file[name][index] = fields[name]
-            else:
-                self._file[name][index] = np.nan
+            self._file[name][index] = fields.get(name, np.nan)
         self._file.flush()
         self._file["_done"][index] = 1
         self._file.flush()

@@ -21,13 +21,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
-import cv2
-import numpy as np
-from figures import extra_figures
-from flows import CASES, CENTRE, SHAPE
+import cv2  # noqa: E402
+import numpy as np  # noqa: E402
+from figures import extra_figures  # noqa: E402
+from flows import CASES, CENTRE, SHAPE  # noqa: E402
 
-from piv.correlate import correlate_pair
-from piv.synthetic import render_pair
+from piv.correlate import correlate_pair  # noqa: E402
+from piv.synthetic import render_pair  # noqa: E402
 
 SHEET = 12.0  # px
 EDGE = 24
@@ -114,7 +114,8 @@ def run(seeds: list[int]) -> dict:
                 1 - ok.mean(),
             )
             results.setdefault("this project", {}).setdefault(label, []).append(row)
-        subprocess.run([peer_python(), Path(__file__).with_name("peers.py"), folder], check=True, stdout=subprocess.DEVNULL,
+        subprocess.run([peer_python(), Path(__file__).with_name("peers.py"), folder],
+            cwd=folder, check=True, stdout=subprocess.DEVNULL,
                        stderr=subprocess.DEVNULL)  # fmt: skip
         for file, label in jobs.items():
             r = np.load(file.with_name(file.name.replace(".pair.", ".peers.")))
@@ -181,7 +182,12 @@ def tables(results: dict, seeds: list[int]) -> str:
 def machine() -> str:
     """What it ran on."""
     cpu = next(
-        (line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), ""
+        (
+            line.split(":")[1].strip()
+            for line in Path("/proc/cpuinfo").read_text().splitlines()
+            if line.startswith("model name")
+        ),
+        "",
     )
     libraries = ", ".join(f"{n} {version(n)}" for n in ("numpy", "scipy", "numba", "opencv-python-headless"))
     return f"{cpu} ({os.cpu_count()} cores), {platform.system()}, Python {platform.python_version()}, {libraries}; {time.strftime('%Y-%m-%d')}"
