@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -84,6 +85,12 @@ def correlate_pair(
     vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
     var_x, var_y = variances(nodes, vectors, settings)
     return to_dataset(vectors, var_x, var_y, x, y, keep, images.shape, settings)
+
+
+@lru_cache
+def recorded(options: Options) -> dict[str, str]:
+    """Provenance of these options: looking versions up takes as long as a Newton step."""
+    return provenance(**asdict(options))
 
 
 def both_seen(seen: list[np.ndarray | None]) -> np.ndarray | None:
@@ -211,7 +218,7 @@ def to_dataset(
             "x": ("x", x[columns], {"units": "px"}),
             "y": ("y", (shape[0] - 1 - y[rows])[::-1].copy(), {"units": "px"}),
         },
-        attrs={"source": "piv", **provenance(**asdict(options))},
+        attrs={"source": "piv", **recorded(options)},
     )
     out["flag"].attrs["meanings"] = "; ".join(f"{k} {name}" for k, name in enumerate(FLAGS))
     return out

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -69,16 +69,26 @@ class Nodes:
         return cv2.remap(field, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
+def inside(seen: np.ndarray) -> np.ndarray:
+    """Padded float32 map of where a sample and its derivatives see nothing but pixels that may be used."""
+    usable = cv2.copyMakeBorder(seen.astype(np.uint8), PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=(0,))
+    # a sample needs its four neighbours, a derivative those of its own neighbours: 4 px in all
+    return cv2.erode(usable, np.ones((9, 9), np.uint8)).astype(np.float32)
+
+
+@lru_cache(8)
+def usable_samples(shape: tuple[int, int]) -> np.ndarray:
+    """`inside` of an image without a mask; shared, to be read only."""
+    return inside(np.ones(shape, bool))
+
+
 class Image:
     """One image at one resolution, filtered and ready to be sampled anywhere."""
 
     def __init__(self, pixels: np.ndarray, seen: np.ndarray | None, kernel: Kernel):
         """pixels: float32 without background; seen: bool or None (all); kernel: prefilter.kernel."""
         self.pixels = pixels
-        whole = np.ones(pixels.shape, np.uint8) if seen is None else seen.astype(np.uint8)
-        usable = cv2.copyMakeBorder(whole, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
-        # a sample needs its four neighbours, a derivative those of its own neighbours: 4 px in all
-        self.usable = cv2.erode(usable, np.ones((9, 9), np.uint8)).astype(np.float32)
+        self.usable = usable_samples(pixels.shape) if seen is None else inside(seen)
         self.warped = np.empty(pixels.shape, np.float32)
         self.filter(kernel)
 

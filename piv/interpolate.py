@@ -70,20 +70,22 @@ def _blend_rows(weights, r0, r1, r2, r3, out):
 def dense_field(knots, first_y, weights_y, first_x, weights_x, out):
     """Evaluate a padded grid of spline coefficients (ny+4, nx+4) on every pixel: out (rows, columns)."""
     rows, columns = out.shape
-    line = np.empty(knots.shape[1], np.float32)
-    w = np.empty(4, np.float32)
-    for r in range(rows):
-        j = first_y[r]
-        w[:] = weights_y[:, r]
-        _blend_rows(w, knots[j], knots[j + 1], knots[j + 2], knots[j + 3], line)
+    across = np.empty((knots.shape[0], columns), np.float32)
+    for j in range(knots.shape[0]):
+        line = knots[j]
         c = 0
         while c < columns:
             i = first_x[c]
             end = c + 1
             while end < columns and first_x[end] == i:
                 end += 1
-            _blend(line[i], line[i + 1], line[i + 2], line[i + 3], weights_x[:, c:end], out[r, c:end])
+            _blend(line[i], line[i + 1], line[i + 2], line[i + 3], weights_x[:, c:end], across[j, c:end])
             c = end
+    w = np.empty(4, np.float32)
+    for r in range(rows):
+        j = first_y[r]
+        w[:] = weights_y[:, r]
+        _blend_rows(w, across[j], across[j + 1], across[j + 2], across[j + 3], out[r])
 
 
 @njit(cache=True, nogil=True, fastmath=True, inline="always")

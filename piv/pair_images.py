@@ -59,32 +59,40 @@ class Prepared:
         self.shape = arrays[0].shape
         masks = check_masks(mask, len(arrays), self.shape)
         self.seen = [None if m is None else ~m for m in masks]
-        pixels = []
+        pixels, levels = [], []
         for k, image in enumerate(arrays):
             image = image.astype(np.float32)
             seen = self.seen[k]
-            finite = np.isfinite(image)
-            if not finite.all():
+            # a sum is finite only where every term is, and costs one pass
+            finite = np.isfinite(image) if not np.isfinite(cv2.sumElems(image)[0]) else None
+            if finite is not None:
                 bad = ~finite if seen is None else ~finite & seen
                 if bad.any():
                     raise ValueError(
                         f"image {k + 1} holds {int(bad.sum())} pixels that are not finite; mask them"
                     )
                 image = np.where(finite, image, 0)
+            levels.append(cv2.norm(image, cv2.NORM_INF))
             pixels.append(remove_background(image, seen))
-        energy = float(np.sqrt(np.mean([np.mean(p**2) for p in pixels])))
+        energy = float(np.sqrt(np.mean([cv2.norm(p) ** 2 / p.size for p in pixels])))
         for k, p in enumerate(pixels):
             seen = self.seen[k]
-            if (seen is None or seen.any()) and not np.ptp(p) > 0:
+            if (seen is None or seen.any()) and not cv2.norm(p, cv2.NORM_INF) > 1e-6 * levels[k]:
                 raise ValueError(
                     f"image {k + 1} is of one grey level where it is not masked; there is nothing to correlate"
                 )
-        self.pixels = [p / energy if energy > 0 else p for p in pixels]
+        self.pixels = [cv2.multiply(p, 1 / energy, dst=p) if energy > 0 else p for p in pixels]
+        self._half: tuple[list[np.ndarray], list[np.ndarray | None]] | None = None
 
     def at(self, factor: int) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
         """Pixels and seen-masks at full (1) or half (2) resolution."""
         if factor == 1:
             return self.pixels, self.seen
+        if self._half is None:
+            self._half = self._coarser(factor)
+        return self._half
+
+    def _coarser(self, factor: int) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
         size = (self.shape[1] // factor, self.shape[0] // factor)
         whole = (slice(0, size[1] * factor), slice(0, size[0] * factor))
         pixels = [cv2.resize(p[whole], size, interpolation=cv2.INTER_AREA) for p in self.pixels]

@@ -14,6 +14,7 @@ from piv.options import Options
 from piv.outliers import fill_absent, normalised_median
 
 FFT_WINDOWS = (64, 32)  # at half resolution
+FIRST_SPACING = 0.75  # of the first windows, as a part of their size: they need find whole pixels only
 RESEED = 32  # px: windows of the search where a vector is an outlier
 
 
@@ -64,8 +65,9 @@ def first_passes(
     gx = gy = np.zeros(0, np.int64)
     dx = dy = np.zeros((0, 0), np.float32)
     for size in sizes:
-        cx = np.unique(np.rint(grid(shape[1], size // 2)).astype(np.int64))
-        cy = np.unique(np.rint(grid(shape[0], size // 2)).astype(np.int64))
+        step = size // 2 if dx.size else FIRST_SPACING * size
+        cx = np.unique(np.rint(grid(shape[1], step)).astype(np.int64))
+        cy = np.unique(np.rint(grid(shape[0], step)).astype(np.int64))
         columns, rows = (m.ravel() for m in np.meshgrid(cx, cy))
         if not dx.size:
             shift_x = shift_y = np.zeros(columns.size, np.int64)

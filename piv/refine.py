@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 CELL = 4  # px: products are summed over cells before the window's weight is applied
+BLOCK = 256  # px
 MOMENTS = 9  # gx, gy, hxx, hxy, hyy, aa, bb, ab, weight
 
 
@@ -46,18 +47,23 @@ def cell_moments(a, b, weight, out):
     """
     rows, columns = a.shape
     cells_y, cells_x = out.shape[1], out.shape[2]
-    sums = np.empty((MOMENTS, columns), np.float32)
-    for j in range(cells_y):
-        sums[:] = 0
-        for r in range(max(j * CELL, 2), min((j + 1) * CELL, rows - 2)):
-            _row_moments(
-                a[r - 2], a[r - 1], a[r], a[r + 1], a[r + 2], b[r - 2], b[r - 1], b[r], b[r + 1], b[r + 2],
-                weight[r, 2 : columns - 2], sums[:, 2 : columns - 2],
-            )  # fmt: skip
-        for m in range(MOMENTS):
-            for i in range(cells_x):
-                k = i * CELL
-                out[m, j, i] = sums[m, k] + sums[m, k + 1] + sums[m, k + 2] + sums[m, k + 3]
+    sums = np.empty((MOMENTS, BLOCK), np.float32)
+    for left in range(0, cells_x * CELL, BLOCK):  # blocks of columns whose sums stay in the first cache
+        width = min(BLOCK, cells_x * CELL - left)
+        c0, c1 = max(left, 2), min(left + width, columns - 2)
+        for j in range(cells_y):
+            sums[:] = 0
+            for r in range(max(j * CELL, 2), min((j + 1) * CELL, rows - 2)):
+                s = slice(c0 - 2, c1 + 2)
+                _row_moments(
+                    a[r - 2, s], a[r - 1, s], a[r, s], a[r + 1, s], a[r + 2, s],
+                    b[r - 2, s], b[r - 1, s], b[r, s], b[r + 1, s], b[r + 2, s],
+                    weight[r, c0:c1], sums[:, c0 - left : c1 - left],
+                )  # fmt: skip
+            for m in range(MOMENTS):
+                for i in range(width // CELL):
+                    k = i * CELL
+                    out[m, j, left // CELL + i] = sums[m, k] + sums[m, k + 1] + sums[m, k + 2] + sums[m, k + 3]
 
 
 def window_weights(nodes: np.ndarray, cells: int, sigma: float) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ import numpy as np
 
 ORDER = 4  # of the low-pass 1 - (1 - L)ⁿ: flat up to its cut-off, steep beyond
 SCALES = (1.5, 2.6)  # of its Gaussian L, in σ of the correlation window
-NOISE_ONLY, SIGNAL = 1.7, 3.1  # mean square of the fine part over its noise: damped wholly below, kept above
+NOISE_ONLY, SIGNAL = 1.9, 3.5  # mean square of the fine part over its noise: damped wholly below, kept above
 
 
 def _gauss(field: np.ndarray, sigma: float) -> np.ndarray:

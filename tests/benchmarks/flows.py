@@ -74,8 +74,8 @@ CASES = {
     "sine 128": Case(sine(128, 2)),
     "sine 64": Case(sine(64, 2)),
     "sine 32": Case(sine(32, 1)),
-    "shear": Case(shear(0.05)),
-    "shear, loss": Case(shear(0.05), loss=LOSS),
+    "shear": Case(shear(0.03)),
+    "shear, loss": Case(shear(0.03), loss=LOSS),
     "cylinder": Case(cylinder(100, 6), hole=130),
     "cylinder, loss": Case(cylinder(100, 6), loss=LOSS, hole=130),
 }
