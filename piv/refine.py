@@ -63,7 +63,9 @@ def cell_moments(a, b, weight, out):
             for m in range(MOMENTS):
                 for i in range(width // CELL):
                     k = i * CELL
-                    out[m, j, left // CELL + i] = sums[m, k] + sums[m, k + 1] + sums[m, k + 2] + sums[m, k + 3]
+                    out[m, j, left // CELL + i] = (
+                        sums[m, k] + sums[m, k + 1] + sums[m, k + 2] + sums[m, k + 3]
+                    )
 
 
 def window_weights(nodes: np.ndarray, cells: int, sigma: float) -> tuple[np.ndarray, np.ndarray]:

@@ -62,7 +62,7 @@ def vortex_fit() -> str:
         return one[0] + two[0] + 0.006 * (y - CENTRE[1]) + 1.1, one[1] + two[1] - 0.7
 
     rows = []
-    for seed in range(1301, 1305):
+    for seed in range(1301, 1307):
         a, b = render_pair(flow, (1024, 1280), noise=0.05, background=5.0, seed=seed)
         found = find_vortices(correlate_pair(a, b))
         v = min(found, key=lambda w: np.hypot(w.x - CENTRE[0], w.y - CENTRE[1]))
@@ -73,9 +73,9 @@ def vortex_fit() -> str:
                 abs(v.core_radius / 40 - 1),
             )
         )
-    centre, gamma, radius = np.max(rows, axis=0)
+    centre, gamma, radius = np.sqrt(np.mean(np.square(rows), axis=0))
     return (
-        f"- Vortex fit of noisy PIV (r_c = 40 px, neighbour, shear, drift; worst of {len(rows)}): centre {centre:.3f} px, "
+        f"- Vortex fit of noisy PIV (r_c = 40 px, neighbour, shear, drift; RMS of {len(rows)} pairs): centre {centre:.3f} px, "
         f"circulation {gamma:.2%}, core radius {radius:.2%}."
     )
 
