@@ -59,7 +59,8 @@ class VortexSettings:
     min_points: least grid points of a region. max_elongation: longest region, length over width.
     min_circulation: least |circulation|; None = `min_part` of the strongest in the plane.
     significance: least |circulation| over its standard error.
-    fit_radius: radius of the fitted disc in core radii. strain_prior, rotation_prior: see `vortex_fit.fit_vortices`.
+    fit_radius: radius of the fitted disc in core radii. neighbour_part: neighbours weaker than this part of a vortex belong to its background.
+    strain_prior, rotation_prior: see `vortex_fit.fit_vortices`.
     correlation_length: distance over which the vectors' errors are correlated (the interrogation window's
     width for PIV); None = estimated from the residuals.
     scheme: of the gradients, `least-squares` or `fourth-order`.
@@ -74,6 +75,7 @@ class VortexSettings:
     significance: float = 2.0
     fit_radius: float = 2.0
     min_explained: float = 0.3
+    neighbour_part: float = 0.3
     strain_prior: float = 0.3
     rotation_prior: float = 0.03
     correlation_length: float | None = None
@@ -138,7 +140,9 @@ def find_vortices(
         return []
     omega = vorticity(g)
     distance = distance_to_invalid(p.valid, dx, dy)
-    return sorted((_record(p, fit, omega, distance, n) for fit, n, _ in fits), key=lambda w: -abs(w.circulation))
+    return sorted(
+        (_record(p, fit, omega, distance, n) for fit, n, _ in fits), key=lambda w: -abs(w.circulation)
+    )
 
 
 def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> tuple[np.ndarray, bool]:
@@ -227,10 +231,12 @@ def _fit_one(
     # weights fall smoothly to zero at the disc's edge, so that no single vector decides where the disc ends
     taper = np.clip(2 * (1 - distance[use] / reach), 0, 1)
     near = np.hypot(now[:, 0] - x0, now[:, 1] - y0)
-    along = [m for m in np.argsort(near) if m != k and near[m] < reach][:4]
+    strong = np.abs(now[:, 2]) >= s.neighbour_part * abs(now[k, 2])
+    strong[k] = False
+    along = [m for m in np.argsort(near) if strong[m] and near[m] < reach][:4]
     x, y, u, v = (q[box][use] for q in (p.xx, p.yy, p.u, p.v))
     for m in range(len(now)):
-        if m != k and m not in along:
+        if strong[m] and m not in along:
             du, dv = lamb_oseen(x, y, *now[m])
             u, v = u - du, v - dv
     vectors = Vectors(x, y, u, v, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)

@@ -3,39 +3,51 @@
 from __future__ import annotations
 
 import argparse
-import platform
 import sys
-import tomllib
-from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 
+from pydantic import ValidationError
 from tqdm import tqdm
 
-from pipeline.fea.analyse import bend
-from pipeline.fea.settings import read_sections
+from pipeline.errors import StageError
+from pipeline.fea.engines import bending_states
+from pipeline.fea.sensitivity import with_uncertainty
+from pipeline.fea.settings import Actuator, Fea
 from pipeline.fea.states import write
+from pipeline.scene import load_scene
+from pipeline.stage import guarded
+
+
+def run(case: Path, level: str, processes: int) -> None:
+    """Analyse, add the uncertainty of the unit cell's inputs, write."""
+    scene = load_scene(case, level)
+    try:
+        actuator, fea = Actuator(**scene.actuator), Fea(**scene.fea)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"])) or "[actuator] or [fea]"
+        raise StageError(
+            f"{case / 'scene.toml'}: {key}: {first['msg']} (got {first['input']!r}): correct it"
+        ) from error
+    try:
+        with tqdm(total=len(fea.pressures), unit="state", disable=not sys.stderr.isatty()) as bar:
+            states = bending_states(case, actuator, fea, bar.update)
+        if fea.engine == "unit_cell":
+            states = with_uncertainty(states, actuator, fea, processes)
+    except (ValueError, RuntimeError, FileNotFoundError) as error:
+        raise StageError(str(error)) from error
+    target = case / "kinematics" / "states.h5"
+    write(target, states)
+    print(f"{len(states.pressure)} states → {target}")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m pipeline.fea", description=__doc__)
-    parser.add_argument("case", type=Path, help="folder with scene.toml")
-    case = parser.parse_args().case
-    with open(case / "scene.toml", "rb") as file:
-        actuator, fea = read_sections(tomllib.load(file))
-    with tqdm(total=len(fea.pressures), unit="state", disable=not sys.stderr.isatty()) as bar:
-        states = bend(actuator, fea, bar.update)
-    about = {
-        "geometry": actuator.model_dump(exclude={"materials"}),
-        "material": actuator.materials.model_dump(),
-        "solver": f"FElupe {version('felupe')}, unit cell",
-        "versions": {name: version(name) for name in ("felupe", "numpy", "scipy", "tensortrax")}
-        | {"python": platform.python_version()},
-        "settings": fea.model_dump(),
-    }
-    target = case / "kinematics" / "states.h5"
-    write(target, replace(states, about=about))
-    print(f"{len(states.pressure)} states → {target}")
+    parser.add_argument("case", type=Path, help="folder of the scene, as cases/single_finger")
+    parser.add_argument("--level", default="coarse", help="level of the scene (default: %(default)s)")
+    parser.add_argument("--processes", type=int, default=2, help="for the variations (default: %(default)s)")
+    given = parser.parse_args()
+    guarded("fea", lambda: run(given.case, given.level, given.processes))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Hexahedral mesh of the unit cell: half a pitch and half the width of one chamber.
+"""Mesh of 20-node hexahedra of the unit cell: half a pitch and half the width of one chamber.
 
 Frame of the unit cell: x along the finger from the middle of the chamber to the middle of the gap, y from the
 ventral surface into the chamber, z from the plane of symmetry to the side.
@@ -41,9 +41,17 @@ def wedge_height(actuator: Actuator) -> float:
     return float(min(full, (actuator.l2 / 2 - APEX) / slope)) if slope > 0 else full
 
 
+# Nodes of a hexahedron on the lattice of half elements: corners, then middles of the edges below, above, upright.
+NODES = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
+NODES += [(1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0), (1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2)]
+NODES += [(0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1)]
+
+
 def _lines(breaks: list[float], counts: list[int]) -> NDArray[np.float64]:
+    """Coordinates of the corners and middles of elements between breaks."""
     parts = [
-        np.linspace(a, b, n, endpoint=False) for a, b, n in zip(breaks[:-1], breaks[1:], counts, strict=True)
+        np.linspace(a, b, 2 * n, endpoint=False)
+        for a, b, n in zip(breaks[:-1], breaks[1:], counts, strict=True)
     ]
     return np.concatenate([*parts, [breaks[-1]]])
 
@@ -58,6 +66,11 @@ def build(actuator: Actuator, counts: UnitCellMesh) -> Grid:
     z_line = _lines([0, a.width / 2 - a.b1, a.width / 2], [n.span, n.wall])
     i, j, k = np.meshgrid(*(np.arange(len(line)) for line in (x_line, y_line, z_line)), indexing="ij")
     x, y, z = x_line[i], y_line[j], z_line[k]
+    # indices of the lattice at which the blocks end
+    x1, x2 = 2 * n.cavity, 2 * (n.cavity + n.wall)
+    y1, y2 = 2 * n.base, 2 * (n.base + n.bridge)
+    y4 = y2 + 2 * (n.side + n.wedge)
+    z1 = 2 * n.span
 
     # above h2 the cavity's wall and the outer wall lean in by the wedge angle, with the same length of wall
     slope = np.tan(np.deg2rad(a.wedge_deg))
@@ -65,25 +78,19 @@ def build(actuator: Actuator, counts: UnitCellMesh) -> Grid:
     lean = slope * np.maximum(y - heights[3], 0)
     inner = a.l2 / 2 - inset
     outer = a.l2 / 2 + a.l1 - np.minimum(lean, slope * (wedge + a.roof))
-    in_cavity = i <= n.cavity
-    fraction = np.where(in_cavity, i / n.cavity, np.clip((i - n.cavity) / n.wall, 0, 1))
-    sheared = np.where(in_cavity, fraction * inner, inner + fraction * (outer - inner))
+    sheared = np.where(i <= x1, inner * i / x1, inner + (outer - inner) * (i - x1) / (x2 - x1))
     # within the roof the lines spread out towards an even spacing at its top
     rise = np.clip((y - heights[4]) / a.roof, 0, 1)
-    even = outer * i / (n.cavity + n.wall)
-    sheared = (1 - rise) * sheared + rise * even
-    x = np.where(i <= n.cavity + n.wall, sheared, x)
+    sheared = (1 - rise) * sheared + rise * outer * i / x2
+    x = np.where(i <= x2, sheared, x)
 
     number = np.arange(i.size).reshape(i.shape)
-    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
-    size = [length - 1 for length in i.shape]
+    size = [length // 2 for length in i.shape]
     cells = np.stack(
-        [number[c[0] : c[0] + size[0], c[1] : c[1] + size[1], c[2] : c[2] + size[2]] for c in corners], -1
+        [number[tuple(slice(c, c + 2 * s, 2) for c, s in zip(node, size, strict=True))] for node in NODES], -1
     )
-    ci, cj, ck = np.meshgrid(*(np.arange(s) for s in size), indexing="ij")
-    x1, x2 = n.cavity, n.cavity + n.wall
-    y1, y2, y4 = n.base, n.base + n.bridge, n.base + n.bridge + n.side + n.wedge
-    void = (ci < x1) & (cj >= y1) & (cj < y4) & (ck < n.span)
+    ci, cj, ck = 2 * np.indices(size)
+    void = (ci < x1) & (cj >= y1) & (cj < y4) & (ck < z1)
     open_gap = (ci >= x2) & (cj >= y2)
     kept = ~(void | open_gap)
     used = np.zeros(i.size, dtype=bool)
@@ -91,10 +98,10 @@ def build(actuator: Actuator, counts: UnitCellMesh) -> Grid:
     renumber = np.cumsum(used) - 1
     points = np.stack([x.ravel(), y.ravel(), z.ravel()], -1)[used]
     ijk = np.stack([i.ravel(), j.ravel(), k.ravel()], -1)[used]
-    mesh = felupe.Mesh(points, renumber[cells[kept]], "hexahedron")
+    mesh = felupe.Mesh(points, renumber[cells[kept]], "hexahedron20")
 
     pi, pj, pk = ijk.T
-    cavity = (pi <= x1) & (pj >= y1) & (pj <= y4) & (pk <= n.span)
+    cavity = (pi <= x1) & (pj >= y1) & (pj <= y4) & (pk <= z1)
     ventral = np.flatnonzero((pj == 0) & (pk == 0))
     top = np.flatnonzero((pj == len(y_line) - 1) & (pk == 0))
     return Grid(

@@ -14,7 +14,6 @@ LAWS = (
     "third_order_deformation",
     "arruda_boyce",
     "extended_tube",
-    "van_der_waals",
     "alexander",
     "anssari_benam_bucchi",
     "lopez_pamies",
@@ -22,8 +21,12 @@ LAWS = (
 
 
 def strain_energy(material: Material) -> felupe.Hyperelastic:
-    """The law's isochoric part (FElupe material, by automatic differentiation); raises ValueError."""
+    """The isochoric part of a law (FElupe material, by automatic differentiation); raises ValueError."""
     if material.law not in LAWS:
         raise ValueError(f"law = {material.law!r} is not known: choose one of {', '.join(LAWS)}")
-    function = felupe.constitution.isochoric_volumetric_split(getattr(felupe.constitution, material.law))
-    return felupe.Hyperelastic(function, **material.parameters)
+    return felupe.Hyperelastic(getattr(felupe.constitution, material.law), **material.parameters)
+
+
+def law(material: Material) -> felupe.CompositeMaterial:
+    """The whole law: its isochoric part and the volumetric one, K/2 (J − 1)²; raises ValueError."""
+    return strain_energy(material) & felupe.Volumetric(bulk=material.bulk)

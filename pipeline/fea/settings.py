@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,36 +82,79 @@ class Actuator(_Frozen):
 
 
 class UnitCellMesh(_Frozen):
-    """Numbers of elements of the unit cell over each dimension."""
+    """Numbers of second-order elements of the unit cell over each dimension."""
 
     cavity: Annotated[int, Field(ge=1)] = 2  # half the cavity's length
-    wall: Annotated[int, Field(ge=1)] = 2  # l1, b1 and roof
+    wall: Annotated[int, Field(ge=1)] = 1  # l1, b1 and roof
     gap: Annotated[int, Field(ge=1)] = 1  # half the gap
-    base: Annotated[int, Field(ge=1)] = 2  # b2
-    bridge: Annotated[int, Field(ge=1)] = 2  # air channel and its roof
-    side: Annotated[int, Field(ge=1)] = 3  # from the bridge up to h2
-    wedge: Annotated[int, Field(ge=1)] = 3  # from h2 up to h1
-    span: Annotated[int, Field(ge=1)] = 5  # half the cavity's width
+    base: Annotated[int, Field(ge=1)] = 1  # b2
+    bridge: Annotated[int, Field(ge=1)] = 1  # air channel and its roof
+    side: Annotated[int, Field(ge=1)] = 2  # from the bridge up to h2
+    wedge: Annotated[int, Field(ge=1)] = 1  # from h2 up to h1
+    span: Annotated[int, Field(ge=1)] = 3  # half the cavity's width
 
     def refined(self, factor: float) -> UnitCellMesh:
         """The same with every number of elements multiplied."""
         return UnitCellMesh(**{k: max(1, round(v * factor)) for k, v in self.model_dump().items()})
 
 
+class SolidMesh(_Frozen):
+    """Numbers of second-order elements of the whole finger in 3-D over each dimension of a chamber."""
+
+    cavity: Annotated[int, Field(ge=1)] = 2  # the cavity's length
+    wall: Annotated[int, Field(ge=1)] = 1  # l1, b1 and roof
+    gap: Annotated[int, Field(ge=1)] = 1
+    base: Annotated[int, Field(ge=1)] = 1  # b2
+    bridge: Annotated[int, Field(ge=1)] = 1  # air channel and its roof
+    side: Annotated[int, Field(ge=1)] = 1  # from the bridge up to h2
+    wedge: Annotated[int, Field(ge=1)] = 2  # from h2 up to h1
+    span: Annotated[int, Field(ge=1)] = 4  # half the cavity's width
+
+
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+
+
+class Import(_Frozen):
+    """Where the user's own results are, and how their frame and unit relate to the actuator's frame (docs/fea.md)."""
+
+    file: Path  # .csv, .pvd, .vtu, .xdmf, .inp or .frd, relative to the case
+    displacements: Path | None = None  # the CSV that goes with an .inp
+    unit: Literal["m", "mm"] = "m"
+    along: Axis = "x"  # from the root to the tip
+    ventral: Axis = "y"  # from the chambers to the lower layer
+    sheet: float = 0.0  # m; the plane across in which the profile is taken
+    node_set: str | None = None  # nodes of the profile, where the model names them
+    displacement_field: str = "displacement"  # its name in a .vtu or .xdmf
+    pressures_kpa: list[float] | None = None  # one for each state, where the file has none
+    kpa_per_time: float = 1.0  # else pressure = kpa_per_time × the time of the analysis
+    thickness: Length | None = None  # of profiles that come without
+    pitch: Length | None = None  # of the chambers, to smooth their ripple
+
+    @property
+    def metres_per_unit(self) -> float:
+        return 1e-3 if self.unit == "mm" else 1.0
+
+
 class Fea(_Frozen):
     """How the analysis is run."""
 
-    engine: Literal["unit_cell", "calculix"] = "unit_cell"
+    engine: Literal["unit_cell", "calculix", "import"] = "unit_cell"
     first_pressure_kpa: Annotated[float, Field(ge=-90, le=500)]
     last_pressure_kpa: Annotated[float, Field(ge=-90, le=500)]
     pressure_step_kpa: Positive
     mesh: UnitCellMesh = UnitCellMesh()
+    solid_mesh: SolidMesh = SolidMesh()
+    results: Import | None = None  # section [fea.results], for engine = "import"
 
     @model_validator(mode="after")
     def _three_states(self) -> Fea:
         if len(self.pressures) < 3:
             raise ValueError(
                 "first_pressure_kpa to last_pressure_kpa by pressure_step_kpa gives fewer than three states"
+            )
+        if (self.engine == "import") != (self.results is not None):
+            raise ValueError(
+                'engine = "import" and the section [fea.results] belong together: give both or neither'
             )
         return self
 
@@ -119,8 +163,3 @@ class Fea(_Frozen):
         """Ascending pressures (Pa) of the states."""
         steps = round((self.last_pressure_kpa - self.first_pressure_kpa) / self.pressure_step_kpa)
         return 1e3 * np.linspace(self.first_pressure_kpa, self.last_pressure_kpa, max(steps, 0) + 1)
-
-
-def read_sections(scene: dict[str, Any]) -> tuple[Actuator, Fea]:
-    """The FEA's own sections of a scene given as a dict; raises KeyError or pydantic's ValidationError."""
-    return Actuator(**scene["actuator"]), Fea(**scene["fea"])

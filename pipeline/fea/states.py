@@ -26,9 +26,9 @@ class BendingStates:
     bend_angle: FloatArray  # (state), rad
     radius: FloatArray  # (state); infinite where straight
     fit_residual: FloatArray  # (state), rms distance of the profile from its circle
-    wall_gap: FloatArray  # (state)
     converged: NDArray[np.uint8]  # (state)
     width: float
+    wall_gap: FloatArray | None = None  # (state); not known of imported states
     radius_std: FloatArray | None = None  # (state)
     about: dict[str, Any] = field(default_factory=dict)  # geometry, material, solver, versions, settings
 
@@ -45,11 +45,12 @@ def write(path: Path, states: BendingStates) -> None:
         "bend_angle": (states.bend_angle, "rad", ("state",)),
         "radius": (states.radius, "m", ("state",)),
         "fit_residual": (states.fit_residual, "m", ("state",)),
-        "wall_gap": (states.wall_gap, "m", ("state",)),
         "converged": (states.converged, "1", ("state",)),
     }
-    if states.radius_std is not None:
-        columns["radius_std"] = (states.radius_std, "m", ("state",))
+    for name in ("wall_gap", "radius_std"):
+        optional = getattr(states, name)
+        if optional is not None:
+            columns[name] = (optional, "m", ("state",))
     with h5py.File(part, "w", track_order=True) as file:
         file.attrs["format"], file.attrs["format_version"] = FORMAT, VERSION
         file.attrs["width"], file.attrs["frame"] = states.width, "actuator"
@@ -94,9 +95,9 @@ def read(path: Path) -> BendingStates:
             bend_angle=file["bend_angle"][:],
             radius=file["radius"][:],
             fit_residual=file["fit_residual"][:],
-            wall_gap=file["wall_gap"][:],
             converged=file["converged"][:],
             width=float(file.attrs["width"]),
+            wall_gap=file["wall_gap"][:] if "wall_gap" in file else None,
             radius_std=file["radius_std"][:] if "radius_std" in file else None,
             about=about,
         )
