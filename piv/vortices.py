@@ -196,25 +196,25 @@ def _arrays(plane: xr.Dataset) -> _Plane:
 def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[tuple[Fit, int, float]]:
     """Fit every candidate in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
     now = start.copy()
-    factor = np.full(len(now), 10.0)
+    area = np.full(len(now), 10.0 * (p.x[1] - p.x[0]) * (p.y[1] - p.y[0]))  # per independent vector
     for _sweep in range(SWEEPS):
         fits: list[tuple[Fit, int, float] | None] = []
         for k in range(len(now)):
-            fits.append(_fit_one(p, now, k, float(factor[k]), s))
+            fits.append(_fit_one(p, now, k, float(area[k]), s))
         keep = [k for k, f in enumerate(fits) if f is not None and _plausible(p, f[0], start[k])]
         start = start[keep]
         fits = [fits[k] for k in keep]
         now = np.array([f[0].vortices[0] for f in fits if f is not None]).reshape(-1, 4)
         order = _distinct(now, [f[0].explained for f in fits if f is not None])
         now, start, fits = now[order], start[order], [fits[k] for k in order]
-        factor = np.array([f[2] for f in fits if f is not None])
+        area = np.array([f[2] for f in fits if f is not None])
         if not len(now):
             break
     return [f for f in fits if f is not None]
 
 
 def _fit_one(
-    p: _Plane, now: np.ndarray, k: int, correlated: float, s: VortexSettings
+    p: _Plane, now: np.ndarray, k: int, area: float, s: VortexSettings
 ) -> tuple[Fit, int, float] | None:
     """Fit of vortex k over its own disc: neighbours in the disc are fitted along, others taken off as they are."""
     x0, y0, _, a = now[k]
@@ -240,16 +240,20 @@ def _fit_one(
             du, dv = lamb_oseen(x, y, *now[m])
             u, v = u - du, v - dv
     vectors = Vectors(x, y, u, v, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)
+    step = [skip[0] * (p.y[1] - p.y[0]), skip[1] * (p.x[1] - p.x[0])]
     fit = fit_vortices(
         vectors,
         now[[k, *along]],
         strain_prior=s.strain_prior,
         rotation_prior=s.rotation_prior,
-        correlated=correlated,
+        correlated=max(1.0, area / (step[0] * step[1])),
     )
-    step = [skip[0] * (p.y[1] - p.y[0]), skip[1] * (p.x[1] - p.x[0])]
     factor = _correlation_factor(step, fit, use, s.correlation_length)
-    return fit._replace(covariance=fit.covariance * factor), int(np.count_nonzero(use)), factor
+    return (
+        fit._replace(covariance=fit.covariance * factor),
+        int(np.count_nonzero(use)),
+        factor * step[0] * step[1],
+    )
 
 
 def _correlation_factor(step: list[float], fit: Fit, use: np.ndarray, length: float | None) -> float:
