@@ -224,12 +224,14 @@ def _stop(process: subprocess.Popen[str]) -> None:
         process.wait()
 
 
-def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None) -> None:
-    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json."""
+def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None) -> float:
+    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns seconds of earlier legs."""
+    begin = time.monotonic()
     version = foam_version()
     with only_one(scene.out / "case" / ".lock"):
         prepare(scene, ranks, quiet)
         record = solve(scene, ranks, hosts, quiet)
+    earlier = max(0.0, float(record["wall_time"]) - (time.monotonic() - begin))
     case = scene.out / "case"
     summary = collect_results(scene, case, scene.out / "run")
     write_text(
@@ -271,8 +273,8 @@ def main() -> None:
     arguments.add_argument("--hosts", type=Path, help="MPI host file")
     args = arguments.parse_args()
 
-    def action(scene: Scene, quiet: bool) -> None:
-        run(scene, quiet, _checked_ranks(args), args.hosts)
+    def action(scene: Scene, quiet: bool) -> float:
+        return run(scene, quiet, _checked_ranks(args), args.hosts)
 
     guarded("run", lambda: timed("run", args, action))
 
