@@ -90,6 +90,11 @@ def both_seen(seen: list[np.ndarray | None]) -> np.ndarray | None:
     return np.logical_and.reduce(masks) if masks else None
 
 
+def vector_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, np.ndarray]:
+    """x and y (px, y up, ascending) of the vectors that images of `shape` give."""
+    return passes.grid(shape[1], options.spacing), shape[0] - 1 - passes.grid(shape[0], options.spacing)[::-1]
+
+
 def node_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, np.ndarray, tuple[slice, slice]]:
     """Columns and rows of the vectors that are computed, and which of them are asked for.
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from piv import passes, prefilter, refine
-from piv.correlate import both_seen, correlate_pair, node_axes, to_dataset, variances
+from piv.correlate import both_seen, node_axes, run_passes, to_dataset, variances
 from piv.deform import Nodes
 from piv.fft_pass import window_maps
 from piv.options import Options
@@ -28,9 +29,9 @@ def correlate_frames(
     """Displacement per frame interval at the middle frame of an odd number of equally spaced frames.
 
     Arguments and result as of `correlate_pair`; mask: one for all frames or one per frame. Every frame is warped to
-    the middle instant along parabolic paths x + k d + k²/2 a; the correlations of all pairs of frames are added up
+    the middle instant along the paths of the field found so far; the correlations of all pairs of frames are added up
     with the weight of a straight-line fit (a pair n frames apart counts n times) and one Newton step is taken for d
-    and, from the pairs that are not symmetric in time, for a. Random errors fall with the lever arm of the set:
+    and, from the pairs that are not symmetric in time, for the unsteady acceleration. Random errors fall with the lever arm of the set:
     the idea of pyramid correlation (Sciacchitano et al. 2012) and of fluid trajectory correlation (Lynch & Scarano
     2013), on warped images. ValueError where the number of frames is even or below three.
     """
@@ -39,6 +40,7 @@ def correlate_frames(
     settings = Options(window=window, spacing=spacing, preset=preset, **options)
     if settings.method != "correlation":
         raise ValueError("the multi-frame mode has no preview; use method 'correlation'")
+    settings = replace(settings, passes=max(settings.full_steps, len(frames) // 2 + 2))
     images = Prepared(list(frames), mask, settings.window)
     reach = len(frames) // 2
     instants = np.arange(-reach, reach + 1)
@@ -46,6 +48,7 @@ def correlate_frames(
     acceleration = np.zeros((2, y.size, x.size), np.float32)
     work = {f: np.empty((3, images.shape[0] // f, images.shape[1] // f), np.float32) for f in (1, 2)}
     held: dict[int, list] = {}
+    calls = {1: 0, 2: 0}
 
     def maps_of(columns, rows, shift_x, shift_y, size):
         half, _ = images.at(2)
@@ -62,20 +65,27 @@ def correlate_frames(
         elif renew:
             for image in held[f]:
                 image.filter(kernel)
+        # a wider set multiplies the error of the vectors it starts from: widen it as they improve
+        near = 1 if f == 2 else min(1 + calls[1], reach)
+        calls[f] += 1
+        used = [k for k, t in enumerate(instants) if abs(t) <= near]
         shape = (len(instants), *work[f].shape[1:])
         weight = np.empty(shape, np.float32)
-        for k, t in enumerate(instants):
-            for axis, vectors in enumerate((dx, dy)):
-                nodes.dense(t * vectors + 0.5 * t * t * acceleration[axis], work[f][axis])
+        for k in used:
+            t = instants[k]
+            for axis, moved in enumerate(paths(dx, dy, x, y, acceleration, float(t))):
+                nodes.dense(moved, work[f][axis])
             held[f][k].warp(work[f][0], work[f][1], 1.0, weight[k], False)
         total = np.zeros((refine.MOMENTS, *nodes.cell_shape), np.float32)
         bent = np.zeros((5, *nodes.cell_shape), np.float32)
         cells = np.empty_like(total)
-        for i in range(len(instants)):
-            for j in range(i + 1, len(instants)):
+        for i in used:
+            for j in range(i + 1, used[-1] + 1):
                 n = float(instants[j] - instants[i])
                 refine.cell_moments(held[f][i].warped, held[f][j].warped, weight[i] * weight[j], cells)
-                # the pair sees n d + m a; the straight-line fit weighs its gradient with n
+                # the pair sees n d + m a; the straight-line fit weighs its gradient with n, coherence its noise
+                trust = np.float32(coherence_weight(cells))
+                cells[:8] *= trust
                 m = 0.5 * float(instants[j] ** 2 - instants[i] ** 2)
                 total[:2] += np.float32(n) * cells[:2]
                 total[2:5] += np.float32(n * n) * cells[2:5]
@@ -105,9 +115,31 @@ def correlate_frames(
         pair = [images.pixels[reach], images.pixels[reach + 1]]
         return passes.reseed(nodes, pair, vectors, settings)
 
-    from piv.correlate import run_passes
-
     seen = both_seen(images.at(2)[1])
     vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
     var_x, var_y = variances(nodes, vectors, settings)
     return to_dataset(vectors, var_x, var_y, x, y, keep, images.shape, settings)
+
+
+def paths(dx, dy, x, y, unsteady: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement of particles that are at the nodes now, `t` frame intervals later (or earlier).
+
+    Taylor series of the path in a field that is frozen but for the acceleration `unsteady` (2, ny, nx):
+    D = t u + t²/2 (L u + unsteady) + t³/6 L² u + t⁴/24 L³ u with L = u·∇.
+    """
+    u = np.stack([dx, dy]).astype(np.float32)
+    total = t * u + 0.5 * t * t * unsteady
+    term, factor = u, t
+    for order in (2, 3, 4):
+        term = np.stack([u[0] * np.gradient(c, x, axis=1) + u[1] * np.gradient(c, y, axis=0) for c in term])
+        factor *= t / order
+        total = total + factor * term.astype(np.float32)
+    return total[0], total[1]
+
+
+def coherence_weight(cells: np.ndarray) -> float:
+    """Maximum-likelihood weight ρ/(1 - ρ²) of a pair of frames from its correlation coefficient ρ."""
+    own = float(np.sqrt(cells[5].sum(dtype=float) * cells[6].sum(dtype=float)))
+    rho = float(cells[7].sum(dtype=float)) / own if own > 0 else 0.0
+    rho = min(max(rho, 0.01), 0.99)
+    return rho / (1 - rho**2)
