@@ -133,8 +133,8 @@ def find_vortices(
         start
     ):  # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
         fits = _fit_all(p, start, s)
-        start, pruned = _significant(fits, s)
-        if not pruned:
+        before, start = len(start), _significant(fits, s)
+        if len(start) == before:
             break
     else:
         return []
@@ -145,8 +145,8 @@ def find_vortices(
     )
 
 
-def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> tuple[np.ndarray, bool]:
-    """Parameters of the fits that are strong enough to be reported, and whether any is not."""
+def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> np.ndarray:
+    """Parameters of the fits that are strong enough to be reported."""
     strongest = max((abs(f.vortices[0, 2]) for f, _, _ in fits), default=0.0)
     least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
     keep = [
@@ -155,7 +155,7 @@ def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> tuple
         if abs(f.vortices[0, 2]) >= max(least, s.significance * np.sqrt(max(f.covariance[2, 2], 0.0)))
         and f.explained >= s.min_explained
     ]
-    return np.array(keep).reshape(-1, 4), len(keep) < len(fits)
+    return np.array(keep).reshape(-1, 4)
 
 
 def _settings(settings: VortexSettings | None, options: dict[str, float]) -> VortexSettings:
@@ -292,7 +292,7 @@ def _plausible(p: _Plane, fit: Fit, start: np.ndarray) -> bool:
     return bool(
         inside
         and circulation * start[2] > 0
-        and 0.4 * step <= a <= 0.5 * span
+        and 0.4 * step <= a <= min(0.5 * span, 3 * max(start[3], step))
         and moved <= 2 * max(start[3], step)
         and np.all(np.isfinite(fit.covariance))
     )
