@@ -40,6 +40,7 @@ from pipeline.scene import Scene
 from pipeline.stage import guarded, parser, read_dataset, timed, versions, write_text
 
 LOG = "log.pimpleFoam"
+CELLS_PER_RANK = 5000  # fewer, and ranks wait for each other longer than they work
 STATE = "state.json"  # what the frames and the decomposition in case/ were made for
 
 
@@ -199,6 +200,16 @@ def reset_displacement(folders: list[Path], time_name: str) -> None:
         shutil.copyfile(folder / "0" / "pointDisplacement", folder / time_name / "pointDisplacement")
 
 
+def useful_ranks(scene: Scene, ranks: int, quiet: bool) -> int:
+    """`ranks`, or fewer where the mesh is too small for them."""
+    with read_dataset(scene.out / "sweep.h5", "sweep") as sweep:
+        cells = sweep.sizes["cell"]
+    useful = max(1, min(ranks, cells // CELLS_PER_RANK))
+    if useful < ranks and not quiet:
+        print(f"run: {cells} cells are too few for {ranks} ranks; {useful} used")
+    return useful
+
+
 @contextmanager
 def only_one(lock: Path) -> Iterator[None]:
     """Hold `lock`; StageError where another run holds it."""
@@ -224,12 +235,15 @@ def _stop(process: subprocess.Popen[str]) -> None:
         process.wait()
 
 
-def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None) -> None:
-    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json."""
+def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None) -> float:
+    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns seconds of earlier legs."""
+    begin = time.monotonic()
     version = foam_version()
+    ranks = useful_ranks(scene, ranks, quiet)
     with only_one(scene.out / "case" / ".lock"):
         prepare(scene, ranks, quiet)
         record = solve(scene, ranks, hosts, quiet)
+    earlier = max(0.0, float(record["wall_time"]) - (time.monotonic() - begin))
     case = scene.out / "case"
     summary = collect_results(scene, case, scene.out / "run")
     write_text(
@@ -262,6 +276,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         print(
             f"run: {record['wall_time']:.0f} s of solver, power balance closes to {balance['closure_fraction']:.1%}"
         )
+    return earlier
 
 
 def main() -> None:
@@ -271,8 +286,8 @@ def main() -> None:
     arguments.add_argument("--hosts", type=Path, help="MPI host file")
     args = arguments.parse_args()
 
-    def action(scene: Scene, quiet: bool) -> None:
-        run(scene, quiet, _checked_ranks(args), args.hosts)
+    def action(scene: Scene, quiet: bool) -> float:
+        return run(scene, quiet, _checked_ranks(args), args.hosts)
 
     guarded("run", lambda: timed("run", args, action))
 

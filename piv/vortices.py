@@ -64,6 +64,8 @@ class VortexSettings:
     correlation_length: distance over which the vectors' errors are correlated (the interrogation window's
     width for PIV); None = estimated from the residuals.
     scheme: of the gradients, `least-squares` or `fourth-order`.
+    weights: of the vectors in the fit, by their `uncertainty` (u_std, v_std, where given) or `equal`; equal where
+    two planes are compared of which only one has uncertainties.
     """
 
     stencil_radius: float | None = None
@@ -80,6 +82,11 @@ class VortexSettings:
     rotation_prior: float = 0.03
     correlation_length: float | None = None
     scheme: str = "least-squares"
+    weights: str = "uncertainty"
+
+    def __post_init__(self) -> None:
+        if self.weights not in ("uncertainty", "equal"):
+            raise ValueError(f"weights = {self.weights!r}: give 'uncertainty' or 'equal'")
 
 
 class _Plane(NamedTuple):
@@ -108,7 +115,7 @@ def find_vortices(
     neighbours taken along or taken off. Raises ValueError where the plane still has a time axis or an option is unknown.
     """
     s = _settings(settings, options)
-    p = _arrays(plane)
+    p = _arrays(plane, s.weights)
     dx, dy = float(p.x[1] - p.x[0]), float(p.y[1] - p.y[0])
     g = gradients(p.u, p.v, p.valid, dx, dy, s.scheme)
     candidates = find_candidates(
@@ -133,8 +140,8 @@ def find_vortices(
         start
     ):  # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
         fits = _fit_all(p, start, s)
-        start, pruned = _significant(fits, s)
-        if not pruned:
+        before, start = len(start), _significant(fits, s)
+        if len(start) == before:
             break
     else:
         return []
@@ -145,8 +152,8 @@ def find_vortices(
     )
 
 
-def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> tuple[np.ndarray, bool]:
-    """Parameters of the fits that are strong enough to be reported, and whether any is not."""
+def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> np.ndarray:
+    """Parameters of the fits that are strong enough to be reported."""
     strongest = max((abs(f.vortices[0, 2]) for f, _, _ in fits), default=0.0)
     least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
     keep = [
@@ -155,7 +162,7 @@ def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> tuple
         if abs(f.vortices[0, 2]) >= max(least, s.significance * np.sqrt(max(f.covariance[2, 2], 0.0)))
         and f.explained >= s.min_explained
     ]
-    return np.array(keep).reshape(-1, 4), len(keep) < len(fits)
+    return np.array(keep).reshape(-1, 4)
 
 
 def _settings(settings: VortexSettings | None, options: dict[str, float]) -> VortexSettings:
@@ -166,7 +173,7 @@ def _settings(settings: VortexSettings | None, options: dict[str, float]) -> Vor
     return VortexSettings(**(vars(base) | options))
 
 
-def _arrays(plane: xr.Dataset) -> _Plane:
+def _arrays(plane: xr.Dataset, weighting: str) -> _Plane:
     for name in ("u", "v"):
         if name not in plane or set(plane[name].dims) != {"y", "x"}:
             found = plane[name].dims if name in plane else "none"
@@ -180,7 +187,7 @@ def _arrays(plane: xr.Dataset) -> _Plane:
         valid &= plane["valid"].transpose("y", "x").values != 0
     weights = []
     for name in ("u_std", "v_std"):
-        if name in plane:
+        if name in plane and weighting == "uncertainty":
             std = plane[name].transpose("y", "x").values.astype(float)
             good = valid & np.isfinite(std) & (std > 0)
             # a few vectors with an implausibly small error must not rule the fit
@@ -196,25 +203,25 @@ def _arrays(plane: xr.Dataset) -> _Plane:
 def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[tuple[Fit, int, float]]:
     """Fit every candidate in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
     now = start.copy()
-    factor = np.full(len(now), 10.0)
+    area = np.full(len(now), 10.0 * (p.x[1] - p.x[0]) * (p.y[1] - p.y[0]))  # per independent vector
     for _sweep in range(SWEEPS):
         fits: list[tuple[Fit, int, float] | None] = []
         for k in range(len(now)):
-            fits.append(_fit_one(p, now, k, float(factor[k]), s))
+            fits.append(_fit_one(p, now, k, float(area[k]), s))
         keep = [k for k, f in enumerate(fits) if f is not None and _plausible(p, f[0], start[k])]
         start = start[keep]
         fits = [fits[k] for k in keep]
         now = np.array([f[0].vortices[0] for f in fits if f is not None]).reshape(-1, 4)
         order = _distinct(now, [f[0].explained for f in fits if f is not None])
         now, start, fits = now[order], start[order], [fits[k] for k in order]
-        factor = np.array([f[2] for f in fits if f is not None])
+        area = np.array([f[2] for f in fits if f is not None])
         if not len(now):
             break
     return [f for f in fits if f is not None]
 
 
 def _fit_one(
-    p: _Plane, now: np.ndarray, k: int, correlated: float, s: VortexSettings
+    p: _Plane, now: np.ndarray, k: int, area: float, s: VortexSettings
 ) -> tuple[Fit, int, float] | None:
     """Fit of vortex k over its own disc: neighbours in the disc are fitted along, others taken off as they are."""
     x0, y0, _, a = now[k]
@@ -240,16 +247,20 @@ def _fit_one(
             du, dv = lamb_oseen(x, y, *now[m])
             u, v = u - du, v - dv
     vectors = Vectors(x, y, u, v, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)
+    step = [skip[0] * (p.y[1] - p.y[0]), skip[1] * (p.x[1] - p.x[0])]
     fit = fit_vortices(
         vectors,
         now[[k, *along]],
         strain_prior=s.strain_prior,
         rotation_prior=s.rotation_prior,
-        correlated=correlated,
+        correlated=max(1.0, area / (step[0] * step[1])),
     )
-    step = [skip[0] * (p.y[1] - p.y[0]), skip[1] * (p.x[1] - p.x[0])]
     factor = _correlation_factor(step, fit, use, s.correlation_length)
-    return fit._replace(covariance=fit.covariance * factor), int(np.count_nonzero(use)), factor
+    return (
+        fit._replace(covariance=fit.covariance * factor),
+        int(np.count_nonzero(use)),
+        factor * step[0] * step[1],
+    )
 
 
 def _correlation_factor(step: list[float], fit: Fit, use: np.ndarray, length: float | None) -> float:
@@ -288,7 +299,7 @@ def _plausible(p: _Plane, fit: Fit, start: np.ndarray) -> bool:
     return bool(
         inside
         and circulation * start[2] > 0
-        and 0.4 * step <= a <= 0.5 * span
+        and 0.4 * step <= a <= min(0.5 * span, 3 * max(start[3], step))
         and moved <= 2 * max(start[3], step)
         and np.all(np.isfinite(fit.covariance))
     )

@@ -40,20 +40,25 @@ def profile(cell: UnitCell, state: State, actuator: Actuator) -> FloatArray:
     return chain(half, state.plane_angle, rest[:, 0], actuator.chambers, actuator.l2 / 2 + actuator.l1)
 
 
-def bend(actuator: Actuator, fea: Fea, done: Callable[[], object] = lambda: None) -> BendingStates:
-    """Bending states over `fea.pressures` by the unit cell; only converged states are in the result.
+def bend(
+    actuator: Actuator,
+    fea: Fea,
+    done: Callable[[], object] = lambda: None,
+    pressures: FloatArray | None = None,
+) -> BendingStates:
+    """Bending states over `pressures` (Pa, else those of `fea`) by the unit cell; only converged ones are returned.
 
     The bend angle is the arc of the fitted circle, γ = length / R, as in the paper's equation (6).
     """
     cell = UnitCell(actuator, fea.mesh)
-    states = follow(cell, fea.pressures, done)
+    states = follow(cell, fea.pressures if pressures is None else pressures, done)
     profiles = np.array([profile(cell, state, actuator) for state in states.values()])
     radius, residual = np.array([fit_circle(line) for line in profiles]).T
     at_rest = profile(cell, cell.rest(), actuator)[:, 0]
     thickness = np.array([cell_thickness(cell, state) for state in states.values()])
     return BendingStates(
         pressure=np.array(list(states)),
-        profile=smoothed(profiles, at_rest),
+        profile=smoothed(profiles, at_rest, max(1, int(actuator.length / (1.25 * actuator.pitch)))),
         thickness=np.repeat(thickness[:, None], profiles.shape[1], 1),
         bend_angle=arc_length(profiles)[:, -1] / radius,
         radius=radius,

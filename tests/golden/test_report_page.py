@@ -154,7 +154,7 @@ def test_the_page_needs_no_network(made):
 
 def test_the_first_screen_has_the_answer_with_its_numbers(made):
     text = (made.out / "report.html").read_text()
-    answer = re.search(r'<p id="answer"[^>]*>([^<]*)<', text).group(1)
+    answer = re.search(r'<p id="answer"[^>]*>([^<]*)<', text).group(1).replace("\u00a0", " ")
     assert re.match(
         r"Yes, .* differs by \d\.\d % \(allowed 5\.0 %\).*\d\.\d\d mm \(allowed 1\.50 mm\)", answer
     )

@@ -1,0 +1,103 @@
+"""What is not known of the actuator, varied one at a time, as a standard uncertainty of R over the pressure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.fea.analyse import bend
+from pipeline.fea.settings import Actuator, Fea, Material
+from pipeline.fea.states import BendingStates
+
+FloatArray = NDArray[np.float64]
+PRESSURES_KPA = np.array([-40.0, -30, -20, -15, -10, -5, 5, 10, 15, 20, 30, 40])
+PRESSURE_STD_PA = 200.0 / np.sqrt(3)  # the sensor's ±0.2 kPa, as limits of an even distribution
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One doubtful input at its two ends; half the difference of their curvatures over √3 is its share."""
+
+    name: str
+    low: tuple[Actuator, Fea]
+    high: tuple[Actuator, Fea]
+
+
+def variations(actuator: Actuator, fea: Fea) -> list[Variation]:
+    """Roof and channel ± 0.5 mm, split of C10 and C01 (Mooney–Rivlin layers only), one and a half times finer mesh."""
+
+    def resized(step: float) -> Actuator:
+        return actuator.model_copy(update={"roof": actuator.roof + step, "channel": actuator.channel + step})
+
+    result = [Variation("roof and channel ± 0.5 mm", (resized(-5e-4), fea), (resized(5e-4), fea))]
+    split = [_split(actuator, share) for share in (0.0, 0.4)]
+    if split[0] != actuator:
+        result.append(Variation("C01 = 0 or 0.4 of C10 + C01", (split[0], fea), (split[1], fea)))
+    finer = fea.model_copy(update={"mesh": fea.mesh.refined(1.5)})
+    return [*result, Variation("mesh 1.5 × finer", (actuator, fea), (actuator, finer))]
+
+
+def _split(actuator: Actuator, share: float) -> Actuator:
+    """The same small-strain stiffness with C01 the given share of C10 + C01 in every Mooney–Rivlin layer."""
+
+    def layer(material: Material) -> Material:
+        if material.law != "mooney_rivlin":
+            return material
+        total = sum(float(material.parameters[key]) for key in ("C10", "C01"))  # type: ignore[arg-type]
+        return material.model_copy(update={"parameters": {"C10": (1 - share) * total, "C01": share * total}})
+
+    materials = actuator.materials
+    return actuator.model_copy(
+        update={"materials": materials.model_copy(update={"upper": layer(materials.upper), "lower": layer(materials.lower)})}
+    )
+
+
+def curvatures(actuator: Actuator, fea: Fea, pressures: FloatArray) -> FloatArray:
+    """1/R (1/m) of the unit cell at `pressures` (Pa); raises RuntimeError where it does not converge."""
+    states = bend(actuator, fea, pressures=pressures)
+    if len(states.pressure) != len(pressures):
+        missing = sorted(set(pressures) - set(states.pressure))[0] / 1e3
+        raise RuntimeError(f"a variation of the unit cell does not converge at {missing:g} kPa: narrow the pressures in [fea]")
+    return np.asarray(1 / states.radius)
+
+
+def shares(
+    actuator: Actuator, fea: Fea, pressures: FloatArray, processes: int, done: Callable[[], object] = lambda: None
+) -> dict[str, FloatArray]:
+    """Standard uncertainty of the curvature (1/m) by source, at `pressures` (Pa)."""
+    cases = variations(actuator, fea)
+    ends = [end for case in cases for end in (case.low, case.high)]
+    result = {}
+    with ProcessPoolExecutor(processes) as pool:
+        jobs = [pool.submit(curvatures, a, f, pressures) for a, f in ends]
+        for number, case in enumerate(cases):
+            low, high = jobs[2 * number].result(), jobs[2 * number + 1].result()
+            result[case.name] = np.abs(high - low) / (2 if case.low[1] == case.high[1] else 1) / np.sqrt(3)
+            done()
+    return result
+
+
+def with_uncertainty(states: BendingStates, actuator: Actuator, fea: Fea, processes: int) -> BendingStates:
+    """States with `radius_std` and the shares of each source in their settings.
+
+    The curvature is varied, as R is infinite at rest: std(R) = R² std(1/R). The sources are independent and each is
+    taken as evenly distributed between its ends.
+    """
+    inside = PRESSURES_KPA[(PRESSURES_KPA >= fea.first_pressure_kpa) & (PRESSURES_KPA <= fea.last_pressure_kpa)] * 1e3
+    by_source = shares(actuator, fea, inside, processes)
+    curvature = 1 / states.radius
+    by_source["pressure ± 0.2 kPa"] = np.interp(
+        inside, states.pressure, np.abs(np.gradient(curvature, states.pressure)) * PRESSURE_STD_PA
+    )
+    variance = np.sum([share**2 for share in by_source.values()], axis=0)
+    knots, values = np.append(inside, 0.0), np.append(np.sqrt(variance), by_source["pressure ± 0.2 kPa"].min())
+    order = np.argsort(knots)
+    std = np.interp(states.pressure, knots[order], values[order])
+    straight = np.isinf(states.radius)
+    radius_std = np.where(straight, np.inf, np.where(straight, 1.0, states.radius) ** 2 * std)
+    note = {"pressures_kpa": (inside / 1e3).tolist(), "curvature_std": {k: v.tolist() for k, v in by_source.items()}}
+    return replace(states, radius_std=radius_std, about=states.about | {"uncertainty": note})
