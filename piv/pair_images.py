@@ -81,7 +81,7 @@ class Prepared:
                 raise ValueError(
                     f"image {k + 1} is of one grey level where it is not masked; there is nothing to correlate"
                 )
-        self.pixels = [cv2.multiply(p, 1 / energy, dst=p) if energy > 0 else p for p in pixels]
+        self.pixels = [np.multiply(p, np.float32(1 / energy), out=p) if energy > 0 else p for p in pixels]
         self._half: tuple[list[np.ndarray], list[np.ndarray | None]] | None = None
 
     def at(self, factor: int) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
