@@ -28,25 +28,29 @@ def _normalised_median(u, v, usable, epsilon, radius, threshold, residual, media
     near = np.empty((2, size), np.float64)
     work = np.empty(size, np.float64)
     medians = np.empty(2, np.float64)
+    near_enough = threshold * epsilon / np.sqrt(2.0)
     for j in range(ny):
         for i in range(nx):
             n = 0
-            far_u = far_v = 0.0
+            above_u = below_u = above_v = below_v = 0
             for r in range(max(j - radius, 0), min(j + radius + 1, ny)):
                 for c in range(max(i - radius, 0), min(i + radius + 1, nx)):
                     if (r != j or c != i) and usable[r, c]:
                         near[0, n] = u[r, c]
                         near[1, n] = v[r, c]
                         n += 1
-                        far_u = max(far_u, abs(u[r, c] - u[j, i]))
-                        far_v = max(far_v, abs(v[r, c] - v[j, i]))
+                        du, dv = u[r, c] - u[j, i], v[r, c] - v[j, i]
+                        above_u += du > near_enough
+                        below_u += du < -near_enough
+                        above_v += dv > near_enough
+                        below_v += dv < -near_enough
             if n < 3:
                 residual[j, i] = np.nan
                 median_u[j, i] = np.nan
                 median_v[j, i] = np.nan
                 continue
-            if far_u * far_u + far_v * far_v < (threshold * epsilon) ** 2:
-                # no neighbour is far enough for the vector to fail whatever the medians: spare the sorting
+            if 2 * max(above_u, below_u, above_v, below_v) < n:
+                # both medians are near enough for the vector to pass whatever the spread: spare the sorting
                 residual[j, i] = 0.0
                 median_u[j, i] = u[j, i]
                 median_v[j, i] = v[j, i]
@@ -69,8 +73,8 @@ def normalised_median(u, v, usable, *, epsilon: float = 0.2, radius: int = 1, th
     """Residual of each vector against its neighbours' median, in units of their spread plus `epsilon` (px).
 
     u, v: (ny, nx) px, finite; usable: bool, vectors that may serve as neighbours. Returns (residual, median_u,
-    median_v), NaN where fewer than three neighbours exist. With a `threshold`, a vector that cannot exceed it because
-    every neighbour is close gets the residual 0 and itself as median. Source: Westerweel & Scarano 2005, eq. 2, both
+    median_v), NaN where fewer than three neighbours exist. With a `threshold`, a vector whose medians are too
+    near for it to fail gets the residual 0 and itself as median. Source: Westerweel & Scarano 2005, eq. 2, both
     components joined as a vector length.
     """
     shape = u.shape
