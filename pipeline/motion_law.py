@@ -60,7 +60,9 @@ def measured_law(path: Path) -> PressureLaw:
             f"{path}: row {int(np.argmin(np.isfinite(table).all(1))) + 1} is not a number; remove it"
         )
     if not np.all(np.diff(times) > 0):
-        raise StageError(f"{path}: times must increase; row {int(np.argmin(np.diff(times) > 0)) + 2} does not")
+        raise StageError(
+            f"{path}: times must increase; row {int(np.argmin(np.diff(times) > 0)) + 2} does not"
+        )
     if np.ptp(pressure) < 200:
         raise StageError(f"{path}: pressures span {np.ptp(pressure):.3g}, which looks like kPa; give Pa")
     step = np.min(np.diff(times))

@@ -101,12 +101,7 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     row = [np.arange(count) + count]
     row += [first_middle + k * count + np.arange(count) for k in range(len(layers) - 2)]
     row += [np.arange(count)]
-    quads = np.vstack(
-        [
-            np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)])
-            for a, b in pairwise(row)
-        ]
-    )
+    quads = np.vstack([np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)]) for a, b in pairwise(row)])
     return Planform(nodes, triangles, quads, inside, row[0], material, outer, ((left, 0.0), (right, depth)))
 
 

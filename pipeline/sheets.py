@@ -32,9 +32,10 @@ class FingerTrack:
     root_x: float
 
     def at(self, time: float) -> dict[str, np.ndarray]:
-        """Outline, tip, tip_direction, dorsal_direction and bend of the one finger at `time` s."""
+        """Outline and its velocity, tip, tip_direction, dorsal_direction and bend of the one finger at `time` s."""
         p = float(self.pressure(time))
         found = {name: spline(p) for name, spline in self.splines.items()}
+        found["outline_velocity"] = self.splines["outline"](p, 1) * float(self.pressure(time, 1))
         for name in ("tip_direction", "dorsal_direction"):
             found[name] = found[name] / np.hypot(*found[name])
         return found
@@ -165,7 +166,9 @@ def _create(file: h5netcdf.File, fields: dict[str, np.ndarray]) -> None:
             continue
         if name == "outline":
             file.dimensions["point"] = values.shape[1]
-        axes = {"outline": ("point", "axis"), "bend": ()}.get(name, ("axis",))
+        axes = {"outline": ("point", "axis"), "outline_velocity": ("point", "axis"), "bend": ()}.get(
+            name, ("axis",)
+        )
         _variable(file, name, ("time", "finger", *axes), np.float64)
 
 

@@ -27,12 +27,13 @@ UNITS = {
     "valid": "1",
     "flag": "1",
     "outline": "m",
+    "outline_velocity": "m/s",
     "tip": "m",
     "tip_direction": "1",
     "dorsal_direction": "1",
     "bend": "rad",
 }
-FINGER_VARIABLES = ("outline", "tip", "tip_direction", "dorsal_direction", "bend")
+FINGER_VARIABLES = ("outline", "outline_velocity", "tip", "tip_direction", "dorsal_direction", "bend")
 
 
 def provenance(**settings: Any) -> dict[str, str]:
@@ -80,7 +81,12 @@ def make_plane(
 
 
 def _finger_axes(name: str) -> tuple[str, ...]:
-    return {"outline": ("point", "axis"), "bend": ()}.get(name, ("axis",))
+    axes: dict[str, tuple[str, ...]] = {
+        "outline": ("point", "axis"),
+        "outline_velocity": ("point", "axis"),
+        "bend": (),
+    }
+    return axes.get(name, ("axis",))
 
 
 def check_plane(plane: xr.Dataset) -> None:

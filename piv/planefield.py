@@ -9,15 +9,18 @@ import numba
 import numpy as np
 import xarray as xr
 from scipy import ndimage
+from scipy.spatial import KDTree
 
 CACHED_PLANES = 6
+BODY_REACH = 8.0  # cells into a body that take its surface's velocity; further in, no particle ever is
 
 
 class PlaneField:
     """Velocity (u, v, w, dwdz) of a plane series at any point and instant, read lazily.
 
-    Only a few planes are in memory at once. Where the plane has no vectors (bodies, rejected) the field is continued
-    from its neighbours for interpolation only (`extend`). Outside the plane the border value holds.
+    Only a few planes are in memory at once. Where the plane has no vectors (bodies, rejected) the field is continued for
+    interpolation only: with the velocity of a body's surface where the plane gives it (`outline_velocity`; the water
+    sticks to it), else from its neighbours (`extend`). Outside the plane the border value holds.
     """
 
     def __init__(self, series: xr.Dataset) -> None:
@@ -38,11 +41,16 @@ class PlaneField:
             valid = now["valid"].values != 0
             if not valid.any():
                 raise ValueError(f"the plane at time {self.time[i]:g} s has no valid vector")
+            body = self._body_velocity(now, ~valid)
             out = np.zeros((valid.shape[0] + 2, valid.shape[1] + 2, 4))
             for k, name in enumerate(("u", "v", "w", "dwdz")):
                 if name in now:
                     values = now[name].values.astype(float)
-                    filled = extend(values, valid & np.isfinite(values))
+                    known = valid & np.isfinite(values)
+                    if body is not None and name in body:
+                        values = np.where(valid, values, body[name])
+                        known |= np.isfinite(body[name])
+                    filled = extend(values, known)
                     out[..., k] = np.pad(
                         ndimage.spline_filter(filled, order=3, mode="mirror"), 1, mode="reflect"
                     )
@@ -50,6 +58,22 @@ class PlaneField:
             if len(self._cache) > CACHED_PLANES:
                 self._cache.popitem(last=False)
         return self._cache[i]
+
+    def _body_velocity(self, now: xr.Dataset, absent: np.ndarray) -> dict[str, np.ndarray] | None:
+        """Velocity u, v of the nearest outline point at nodes within bodies (NaN elsewhere); None where unknown."""
+        if "outline_velocity" not in now:
+            return None
+        points = now["outline"].values.reshape(-1, 2)
+        velocity = now["outline_velocity"].values.reshape(-1, 2)
+        y, x = np.nonzero(absent)
+        away, nearest = KDTree(points).query(np.column_stack([self.x[x], self.y[y]]))
+        inside = away < BODY_REACH * max(self.dx, self.dy)
+        y, x, nearest = y[inside], x[inside], nearest[inside]
+        found = {}
+        for k, name in enumerate(("u", "v")):
+            found[name] = np.full(absent.shape, np.nan)
+            found[name][y, x] = velocity[nearest, k]
+        return found
 
     def at(self, t: float) -> np.ndarray:
         """Spline coefficients as `plane` gives them at instant `t`, once continuously differentiable in t."""
