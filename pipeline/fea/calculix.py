@@ -38,14 +38,14 @@ def release() -> str:
 
 def hyperelastic(material: Material) -> str:
     """CalculiX's *HYPERELASTIC card of a law; raises ValueError where it knows none. D1 = 2 / bulk."""
-    p, d = material.parameters, 2 / material.bulk
+    p, d = material.number, 2 / material.bulk
     if material.law == "neo_hooke":
-        return f"*HYPERELASTIC, NEO HOOKE\n{_numbers([p['mu'] / 2, d])}"  # type: ignore[operator]
+        return f"*HYPERELASTIC, NEO HOOKE\n{_numbers([p('mu') / 2, d])}"
     if material.law == "mooney_rivlin":
-        return f"*HYPERELASTIC, MOONEY-RIVLIN\n{_numbers([p['C10'], p['C01'], d])}"
+        return f"*HYPERELASTIC, MOONEY-RIVLIN\n{_numbers([p('C10'), p('C01'), d])}"
     if material.law == "yeoh":
         # D2 and D3 stiffen the volume at large changes only; 1e-3 of D1's stiffness leaves the law as given
-        return f"*HYPERELASTIC, YEOH\n{_numbers([p['C10'], p['C20'], p['C30'], d, 1e3 * d, 1e3 * d])}"
+        return f"*HYPERELASTIC, YEOH\n{_numbers([p('C10'), p('C20'), p('C30'), d, 1e3 * d, 1e3 * d])}"
     raise ValueError(
         f'law = {material.law!r} is not one that engine = "calculix" offers here: '
         'use neo_hooke, mooney_rivlin or yeoh, or engine = "unit_cell"'
@@ -72,7 +72,7 @@ def _elements(name: str, cells: NDArray[np.intp], first: int) -> str:
 def _pressure_faces(solid: Solid) -> list[tuple[int, int]]:
     """Element (from 1) and face (from 1) of each face under pressure."""
     cells = np.concatenate([solid.lower, solid.upper])
-    owner = {}
+    owner: dict[tuple[int, ...], tuple[int, int]] = {}
     for face, corners in enumerate(FACES):
         for element, nodes in enumerate(np.sort(cells[:, corners], axis=1)):
             owner.setdefault(tuple(nodes), (element + 1, face + 1))

@@ -47,12 +47,16 @@ def _split(actuator: Actuator, share: float) -> Actuator:
     def layer(material: Material) -> Material:
         if material.law != "mooney_rivlin":
             return material
-        total = sum(float(material.parameters[key]) for key in ("C10", "C01"))  # type: ignore[arg-type]
+        total = material.number("C10") + material.number("C01")
         return material.model_copy(update={"parameters": {"C10": (1 - share) * total, "C01": share * total}})
 
     materials = actuator.materials
     return actuator.model_copy(
-        update={"materials": materials.model_copy(update={"upper": layer(materials.upper), "lower": layer(materials.lower)})}
+        update={
+            "materials": materials.model_copy(
+                update={"upper": layer(materials.upper), "lower": layer(materials.lower)}
+            )
+        }
     )
 
 
@@ -61,12 +65,18 @@ def curvatures(actuator: Actuator, fea: Fea, pressures: FloatArray) -> FloatArra
     states = bend(actuator, fea, pressures=pressures)
     if len(states.pressure) != len(pressures):
         missing = sorted(set(pressures) - set(states.pressure))[0] / 1e3
-        raise RuntimeError(f"a variation of the unit cell does not converge at {missing:g} kPa: narrow the pressures in [fea]")
+        raise RuntimeError(
+            f"a variation of the unit cell does not converge at {missing:g} kPa: narrow the pressures in [fea]"
+        )
     return np.asarray(1 / states.radius)
 
 
 def shares(
-    actuator: Actuator, fea: Fea, pressures: FloatArray, processes: int, done: Callable[[], object] = lambda: None
+    actuator: Actuator,
+    fea: Fea,
+    pressures: FloatArray,
+    processes: int,
+    done: Callable[[], object] = lambda: None,
 ) -> dict[str, FloatArray]:
     """Standard uncertainty of the curvature (1/m) by source, at `pressures` (Pa)."""
     cases = variations(actuator, fea)
@@ -87,17 +97,26 @@ def with_uncertainty(states: BendingStates, actuator: Actuator, fea: Fea, proces
     The curvature is varied, as R is infinite at rest: std(R) = R² std(1/R). The sources are independent and each is
     taken as evenly distributed between its ends.
     """
-    inside = PRESSURES_KPA[(PRESSURES_KPA >= fea.first_pressure_kpa) & (PRESSURES_KPA <= fea.last_pressure_kpa)] * 1e3
+    inside = (
+        PRESSURES_KPA[(fea.first_pressure_kpa <= PRESSURES_KPA) & (fea.last_pressure_kpa >= PRESSURES_KPA)]
+        * 1e3
+    )
     by_source = shares(actuator, fea, inside, processes)
     curvature = 1 / states.radius
     by_source["pressure ± 0.2 kPa"] = np.interp(
         inside, states.pressure, np.abs(np.gradient(curvature, states.pressure)) * PRESSURE_STD_PA
     )
     variance = np.sum([share**2 for share in by_source.values()], axis=0)
-    knots, values = np.append(inside, 0.0), np.append(np.sqrt(variance), by_source["pressure ± 0.2 kPa"].min())
+    knots, values = (
+        np.append(inside, 0.0),
+        np.append(np.sqrt(variance), by_source["pressure ± 0.2 kPa"].min()),
+    )
     order = np.argsort(knots)
     std = np.interp(states.pressure, knots[order], values[order])
     straight = np.isinf(states.radius)
     radius_std = np.where(straight, np.inf, np.where(straight, 1.0, states.radius) ** 2 * std)
-    note = {"pressures_kpa": (inside / 1e3).tolist(), "curvature_std": {k: v.tolist() for k, v in by_source.items()}}
+    note = {
+        "pressures_kpa": (inside / 1e3).tolist(),
+        "curvature_std": {k: v.tolist() for k, v in by_source.items()},
+    }
     return replace(states, radius_std=radius_std, about=states.about | {"uncertainty": note})

@@ -27,6 +27,13 @@ class Material(_Frozen):
     bulk: Positive
     name: str = ""
 
+    def number(self, key: str) -> float:
+        """A parameter that is one number; raises ValueError."""
+        value = self.parameters.get(key)
+        if not isinstance(value, float):
+            raise ValueError(f"law = {self.law!r} needs the number parameters.{key}, got {value!r}: add it")
+        return value
+
 
 class Materials(_Frozen):
     upper: Material
