@@ -98,12 +98,12 @@ def _shapes(states: BendingStates) -> Figure:
         title="outline of the default actuator",
         aspect="equal",
     )
-    axes.legend(fontsize=8, ncols=2)
+    figure.legend(fontsize=8, loc="outside right")
     return figure
 
 
 def draw(folder: Path, bends: dict[str, Bends], states: BendingStates) -> None:
-    """Write theta.svg, width.svg, materials.svg, default.svg and shapes.svg, and each as PNG."""
+    """Write theta.svg, width.svg, materials.svg, default.svg and shapes.svg."""
     folder.mkdir(parents=True, exist_ok=True)
     wedges = {name: f"θ = {name.split('_')[1]}°" for name in bends if name.startswith("theta_")}
     widths = {name: f"W = {name.split('_')[1]} mm" for name in bends if name.startswith("width_")}
@@ -118,4 +118,3 @@ def draw(folder: Path, bends: dict[str, Bends], states: BendingStates) -> None:
     mpl.rcParams["svg.hashsalt"] = "softfinger"  # the same figure gives the same file
     for name, figure in figures.items():
         figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
-        figure.savefig(folder / f"{name}.png", dpi=110)
