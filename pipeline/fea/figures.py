@@ -98,7 +98,7 @@ def _shapes(states: BendingStates) -> Figure:
         title="outline of the default actuator",
         aspect="equal",
     )
-    figure.legend(fontsize=8, loc="outside right")
+    figure.legend(fontsize=8, loc="outside right upper")
     return figure
 
 

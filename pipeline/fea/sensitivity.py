@@ -33,7 +33,8 @@ def variations(actuator: Actuator, fea: Fea) -> list[Variation]:
     def resized(step: float) -> Actuator:
         return actuator.model_copy(update={"roof": actuator.roof + step, "channel": actuator.channel + step})
 
-    result = [Variation("roof and channel ± 0.5 mm", (resized(-5e-4), fea), (resized(5e-4), fea))]
+    step = min(5e-4, actuator.roof / 2, actuator.channel / 2)
+    result = [Variation(f"roof and channel ± {step * 1e3:g} mm", (resized(-step), fea), (resized(step), fea))]
     split = [_split(actuator, share) for share in (0.0, 0.4)]
     if split[0] != actuator:
         result.append(Variation("C01 = 0 or 0.4 of C10 + C01", (split[0], fea), (split[1], fea)))

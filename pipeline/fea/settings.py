@@ -146,9 +146,9 @@ class Fea(_Frozen):
     """How the analysis is run."""
 
     engine: Literal["unit_cell", "calculix", "import"] = "unit_cell"
-    first_pressure_kpa: Annotated[float, Field(ge=-90, le=500)]
-    last_pressure_kpa: Annotated[float, Field(ge=-90, le=500)]
-    pressure_step_kpa: Positive
+    first_pressure_kpa: Annotated[float, Field(ge=-90, le=500)] = -40.0
+    last_pressure_kpa: Annotated[float, Field(ge=-90, le=500)] = 40.0
+    pressure_step_kpa: Positive = 1.0
     mesh: UnitCellMesh = UnitCellMesh()
     solid_mesh: SolidMesh = SolidMesh()
     results: Import | None = None  # section [fea.results], for engine = "import"
