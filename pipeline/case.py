@@ -37,6 +37,7 @@ def numbers(scene: Scene, back: float) -> dict[str, str]:
         "writeInterval": str(write_steps(scene.motion.end_time, n.time_step, n.write_interval)),
         "sampleInterval": str(sampling),
         "timeScheme": n.time_scheme,
+        "convectionScheme": n.convection,
         "density": f"{scene.fluid.density:.10g}",
         "viscosity": f"{scene.fluid.kinematic_viscosity:.10g}",
         "simulationType": "laminar" if scene.fluid.turbulence == "laminar" else "LES",

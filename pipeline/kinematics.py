@@ -141,6 +141,7 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
         {
             "pressure": ("time", pressure, {"units": "Pa"}),
             "pressure_rate": ("time", kinematics.law(time, 1), {"units": "Pa/s"}),
+            "bend": ("look", np.array([family.bend(p) for p in at]), {"units": "rad"}),
             "outline": (("look", *point), shown, {"units": "m"}),
             "outline_velocity": (("look", *point), kinematics.turn(moving), {"units": "m/s"}),
             "shape_outline": (("shape_parameter", *point), outlines, {"units": "m"}),

@@ -101,7 +101,7 @@ def quality_table(planform: Planform, frames: np.ndarray, family: Family) -> lis
     """One row of QUALITY_COLUMNS per shape."""
     edges = planform_edges(planform.triangles, planform.quads)
     area0 = cell_areas(planform.nodes, planform.triangles, planform.quads)
-    rows = []
+    rows: list[tuple[float, ...]] = []
     for parameter, bend, nodes in zip(family.parameter, family.bend, frames, strict=True):
         angle, skewness = face_measures(nodes, planform, edges)
         ratio = (cell_areas(nodes, planform.triangles, planform.quads) / area0).min()

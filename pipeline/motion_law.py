@@ -54,26 +54,26 @@ def measured_law(path: Path) -> PressureLaw:
         raise StageError(f"{path}: not a table of t,p in s and Pa: {error}") from None
     if table.ndim != 2 or table.shape[1] != 2 or len(table) < 3:
         raise StageError(f"{path}: needs two columns t,p and at least three rows, found shape {table.shape}")
-    time, pressure = table.T
+    times, pressure = table.T
     if not np.isfinite(table).all():
         raise StageError(
             f"{path}: row {int(np.argmin(np.isfinite(table).all(1))) + 1} is not a number; remove it"
         )
-    if not np.all(np.diff(time) > 0):
-        raise StageError(f"{path}: times must increase; row {int(np.argmin(np.diff(time) > 0)) + 2} does not")
+    if not np.all(np.diff(times) > 0):
+        raise StageError(f"{path}: times must increase; row {int(np.argmin(np.diff(times) > 0)) + 2} does not")
     if np.ptp(pressure) < 200:
         raise StageError(f"{path}: pressures span {np.ptp(pressure):.3g}, which looks like kPa; give Pa")
-    step = np.min(np.diff(time))
+    step = np.min(np.diff(times))
     rest = step * np.arange(1, 5)
     spline = CubicSpline(  # constant knots at both ends let the spline settle: C2 there too
-        np.concatenate([time[0] - rest[::-1], time, time[-1] + rest]),
+        np.concatenate([times[0] - rest[::-1], times, times[-1] + rest]),
         np.concatenate([np.full(4, pressure[0]), pressure, np.full(4, pressure[-1])]),
         bc_type="clamped",
     )
     first, last = spline.x[0], spline.x[-1]
 
-    def law(t: np.ndarray, derivative: int = 0) -> np.ndarray:
-        t = np.asarray(t, float)
+    def law(time: np.ndarray, derivative: int = 0) -> np.ndarray:
+        t = np.asarray(time, float)
         inside = (t >= first) & (t <= last)
         outside = np.where(t < first, pressure[0], pressure[-1]) if derivative == 0 else 0.0
         return np.where(inside, spline(np.clip(t, first, last), derivative), outside)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import os
 import re
 import shutil
+import signal
 import subprocess
 from functools import cache
 from pathlib import Path
@@ -31,6 +34,17 @@ def environment() -> dict[str, str]:
     return env
 
 
+def environment_in(folder: Path) -> dict[str, str]:
+    """The environment for a program started in `folder`: OpenFOAM trusts PWD over the working directory."""
+    return environment() | {"PWD": str(folder.resolve())}
+
+
+def die_with_parent() -> None:
+    """For a child, before it starts: end when the parent ends, however that ends (Linux; elsewhere nothing)."""
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
+
+
 @cache
 def foam_version() -> str:
     """OpenFOAM's version, as v1912; StageError where it is older than v1912 or not openfoam.com's."""
@@ -48,7 +62,9 @@ def run_tool(arguments: list[str], case: Path, log: str) -> None:
     """Run one of OpenFOAM's utilities in `case`, its output in `log`; StageError with its last lines on failure."""
     path = case / log
     with open(path, "w", encoding="utf-8") as output:
-        done = subprocess.run(arguments, cwd=case, env=environment(), stdout=output, stderr=subprocess.STDOUT)
+        done = subprocess.run(
+            arguments, cwd=case, env=environment_in(case), stdout=output, stderr=subprocess.STDOUT
+        )
     if done.returncode != 0:
         raise StageError(f"{arguments[0]} failed in {case}; its last lines:\n{last_lines(path)}")
 

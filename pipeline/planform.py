@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import gmsh
 import numpy as np
@@ -103,7 +104,7 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     quads = np.vstack(
         [
             np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)])
-            for a, b in zip(row[:-1], row[1:], strict=True)
+            for a, b in pairwise(row)
         ]
     )
     return Planform(nodes, triangles, quads, inside, row[0], material, outer, ((left, 0.0), (right, depth)))

@@ -120,7 +120,7 @@ def _cell_numbers(exists: np.ndarray, left: np.ndarray, right: np.ndarray, colum
     return number
 
 
-def _lateral(edges, exists, number, point, side_of_edge):  # type: ignore[no-untyped-def]
+def _lateral(edges, exists, number, point, side_of_edge):
     """Faces standing on planform edges: corners, owner, neighbour (-1 at a boundary), patch."""
     for k in range(exists.shape[1]):
         left = exists[edges.left, k]
@@ -138,7 +138,7 @@ def _lateral(edges, exists, number, point, side_of_edge):  # type: ignore[no-unt
         yield _reversed(quad[alone]), other[alone], none[alone], np.zeros(alone.sum(), int)
 
 
-def _across(nodes_of, exists, number, point, model):  # type: ignore[no-untyped-def]
+def _across(nodes_of, exists, number, point, model):
     """Faces that lie in the levels: between layers, at both ends, and the ends of the finger."""
     layers = exists.shape[1]
     blank = nodes_of < 0

@@ -6,6 +6,7 @@ import csv
 import io
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -132,7 +133,7 @@ def table_text(columns: tuple[str, ...], table: np.ndarray) -> str:
     return text.getvalue()
 
 
-def collect_results(scene: Scene, case: Path, out: Path) -> dict[str, object]:
+def collect_results(scene: Scene, case: Path, out: Path) -> dict[str, Any]:
     """Write forces.csv, power.csv and history.csv; returns what run.json says of them."""
     copies = COPIES[scene.model.kind]
     log = history(case / "log.pimpleFoam")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import fcntl
 import json
 import os
 import re
@@ -10,7 +11,10 @@ import shutil
 import signal
 import subprocess
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -21,7 +25,14 @@ from pipeline.errors import StageError
 from pipeline.foamfile import read_labels, write_list
 from pipeline.frames import remove_frames, steps_of, write_frames
 from pipeline.motion import read_motion
-from pipeline.openfoam import environment, foam_version, last_lines, run_tool, solver_command
+from pipeline.openfoam import (
+    die_with_parent,
+    environment_in,
+    foam_version,
+    last_lines,
+    run_tool,
+    solver_command,
+)
 from pipeline.partition import partition_columns
 from pipeline.quality import cell_centres
 from pipeline.results import collect_results
@@ -116,11 +127,11 @@ def set_number(case: Path, key: str, value: str) -> None:
     write_text(path, text)
 
 
-def solve(scene: Scene, ranks: int, hosts: Path | None, quiet: bool) -> dict[str, object]:
+def solve(scene: Scene, ranks: int, hosts: Path | None, quiet: bool) -> dict[str, Any]:
     """Run the solver to the end from the last whole checkpoint; returns what run.json records of it."""
     case = scene.out / "case"
     record_path = case / "progress.json"
-    record = {"wall_time": 0.0, "resumed": []}
+    record: dict[str, Any] = {"wall_time": 0.0, "resumed": []}
     checkpoint = last_checkpoint(case, ranks)
     end = scene.motion.end_time
     if checkpoint is None:
@@ -134,6 +145,8 @@ def solve(scene: Scene, ranks: int, hosts: Path | None, quiet: bool) -> dict[str
     if start >= end - 0.5 * scene.numerics.time_step:
         return record
     set_number(case, "startTime", name)
+    if checkpoint is not None:
+        reset_displacement([case] if ranks == 1 else sorted(case.glob("processor*")), name)
     log = case / LOG
     guard = Guard(scene.numerics.max_courant)
     begin = time.monotonic()
@@ -141,7 +154,8 @@ def solve(scene: Scene, ranks: int, hosts: Path | None, quiet: bool) -> dict[str
         process = subprocess.Popen(
             solver_command(ranks, hosts),
             cwd=case,
-            env=environment(),
+            env=environment_in(case),
+            preexec_fn=die_with_parent,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -166,13 +180,36 @@ def solve(scene: Scene, ranks: int, hosts: Path | None, quiet: bool) -> dict[str
             _stop(process)
             raise
         finally:
-            spent = {**record, "wall_time": float(record["wall_time"]) + time.monotonic() - begin}  # type: ignore[arg-type]
+            spent = {**record, "wall_time": float(record["wall_time"]) + time.monotonic() - begin}
             write_text(record_path, json.dumps(spent))
     if process.wait() != 0:
         raise StageError(
             f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{last_lines(log)}"
         )
     return spent
+
+
+def reset_displacement(folders: list[Path], time_name: str) -> None:
+    """Start a resumed run's pointDisplacement from that of time 0.
+
+    It is computed anew from the frames in the first step, and v1912 cannot read back a list of values on a patch with a
+    patchType ("compound has already been transferred").
+    """
+    for folder in folders:
+        shutil.copyfile(folder / "0" / "pointDisplacement", folder / time_name / "pointDisplacement")
+
+
+@contextmanager
+def only_one(lock: Path) -> Iterator[None]:
+    """Hold `lock`; StageError where another run holds it."""
+    if not lock.parent.is_dir():
+        raise StageError(f"{lock.parent}: no case; run the case stage first")
+    with open(lock, "w", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise StageError(f"{lock.parent}: another run is at work here; wait for it or stop it") from None
+        yield
 
 
 def _stop(process: subprocess.Popen[str]) -> None:
@@ -187,11 +224,14 @@ def _stop(process: subprocess.Popen[str]) -> None:
         process.wait()
 
 
-def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None) -> None:
-    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json."""
+def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None) -> float:
+    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns seconds of earlier legs."""
+    begin = time.monotonic()
     version = foam_version()
-    prepare(scene, ranks, quiet)
-    record = solve(scene, ranks, hosts, quiet)
+    with only_one(scene.out / "case" / ".lock"):
+        prepare(scene, ranks, quiet)
+        record = solve(scene, ranks, hosts, quiet)
+    earlier = max(0.0, float(record["wall_time"]) - (time.monotonic() - begin))
     case = scene.out / "case"
     summary = collect_results(scene, case, scene.out / "run")
     write_text(
@@ -209,7 +249,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                 "time_step": scene.numerics.time_step,
                 "end_time": scene.motion.end_time,
                 "steps": steps_of(scene.motion.end_time, scene.numerics.time_step),
-                "wall_time": round(float(record["wall_time"]), 2),  # type: ignore[arg-type]
+                "wall_time": round(float(record["wall_time"]), 2),
                 "resumed": record["resumed"],
             }
             | summary,
@@ -224,6 +264,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         print(
             f"run: {record['wall_time']:.0f} s of solver, power balance closes to {balance['closure_fraction']:.1%}"
         )
+    return earlier
 
 
 def main() -> None:
@@ -233,8 +274,8 @@ def main() -> None:
     arguments.add_argument("--hosts", type=Path, help="MPI host file")
     args = arguments.parse_args()
 
-    def action(scene: Scene, quiet: bool) -> None:
-        run(scene, quiet, _checked_ranks(args), args.hosts)
+    def action(scene: Scene, quiet: bool) -> float:
+        return run(scene, quiet, _checked_ranks(args), args.hosts)
 
     guarded("run", lambda: timed("run", args, action))
 

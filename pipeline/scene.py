@@ -116,6 +116,7 @@ class Numerics(Section):
     time_step: Positive
     write_interval: Positive = 0.02
     time_scheme: Literal["Euler", "backward"] = "backward"
+    convection: Literal["LUST", "linearUpwind"] = "LUST"
     outer_correctors: Annotated[int, Field(ge=1)] = 1
     pressure_correctors: Annotated[int, Field(ge=1)] = 2
     non_orthogonal_correctors: Annotated[int, Field(ge=0)] = 1

@@ -145,7 +145,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
         print(f"sheet: {count} planes of {len(x)}×{len(y)} points")
 
 
-def _variable(file: h5netcdf.File, name: str, dimensions: tuple[str, ...], kind: type, **more: object):  # type: ignore[no-untyped-def]
+def _variable(file: h5netcdf.File, name: str, dimensions: tuple[str, ...], kind: type, **more: object):
     variable = file.create_variable(name, dimensions, kind, **more)
     variable.attrs["units"] = UNITS[name]
     return variable

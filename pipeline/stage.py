@@ -60,8 +60,8 @@ def timed(stage: str, args: argparse.Namespace, run: Callable[[Scene, bool], Any
     scene = load_scene(args.scene, args.level)
     scene.out.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
-    run(scene, args.quiet)
-    record_cost(scene.out, stage, time.monotonic() - begin)
+    earlier = run(scene, args.quiet) or 0.0  # seconds spent by a run that this one resumed
+    record_cost(scene.out, stage, time.monotonic() - begin + earlier)
 
 
 def record_cost(out: Path, stage: str, wall_time: float) -> None:

@@ -88,7 +88,10 @@ class Calibration:
 
 
 def from_points(
-    first_px: tuple[float, float], second_px: tuple[float, float], distance_m: float, **origin: float
+    first_px: tuple[float, float],
+    second_px: tuple[float, float],
+    distance_m: float,
+    origin_px: tuple[float, float] = (0.0, 0.0),
 ) -> Calibration:
     """Scale from two points in px whose distance in metres is known."""
     length = float(np.hypot(second_px[0] - first_px[0], second_px[1] - first_px[1]))
@@ -96,7 +99,7 @@ def from_points(
         raise ValueError(
             f"two different points and a positive distance are needed, got {length:g} px, {distance_m:g} m"
         )
-    return Calibration(distance_m / length, notes={"points_px": [*first_px, *second_px]}, **origin)
+    return Calibration(distance_m / length, *origin_px, notes={"points_px": [*first_px, *second_px]})
 
 
 def _flip(points: np.ndarray, lens: Lens) -> np.ndarray:
@@ -180,8 +183,8 @@ def load_calibration(path: str | Path) -> Calibration:
                 float(lens["reprojection_rms_px"]),
                 int(lens["views"]),
             )
-        numbers = (float(whole[k]) for k in ("scale_m_per_px", "origin_x_px", "origin_y_px"))
-        return Calibration(*numbers, lens=lens, notes=whole.get("notes", {}))
+        scale, x0, y0 = (float(whole[k]) for k in ("scale_m_per_px", "origin_x_px", "origin_y_px"))
+        return Calibration(scale, x0, y0, lens=lens, notes=whole.get("notes", {}))
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise ValueError(f"{path}: not a calibration file ({error})") from error
 

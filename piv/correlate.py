@@ -1,149 +1,210 @@
-"""Displacement of a pair of particle images: FFT passes, then Newton steps on deformed images."""
+"""Displacement fields of particle images: `correlate_pair` (and, of more images, piv.multiframe, piv.ensemble).
+
+FFT passes at half resolution find the displacement to a few tenths of a pixel. Then both images are warped half-way
+towards each other along the vectors found so far, and a Newton step on their windowed correlation gives what is left;
+its sums of products need no FFT. After the first step at full resolution the spectra of what the warped images share
+and of what they do not give each frequency its maximum-likelihood weight. docs/piv.md has the whole story.
+"""
 
 from __future__ import annotations
 
-import cv2
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
 import numpy as np
 import xarray as xr
 
-from piv import fft_pass, outliers, prefilter
-from piv.deform import Level
+from piv import passes, prefilter
+from piv.deform import Image, Nodes
+from piv.fft_pass import window_maps
+from piv.options import Options
+from piv.outliers import fill_absent
+from piv.pair_images import Prepared
+from piv.passes import Vectors
+from piv.plane import provenance
+from piv.smooth import damp_noise
+from piv.uncertainty import INTERPOLATION, correlation_statistics, noise_budget
+
+__all__ = ["FLAGS", "Options", "correlate_pair"]
 
 VALID, OUTLIER, MASKED, SECOND_PEAK, REPLACED = range(5)
-PRESETS = {
-    "fast": {"half": 2, "full": 2},
-    "balanced": {"half": 3, "full": 3},
-    "accurate": {"half": 4, "full": 6},
-}
-
-
-REF = (0,)
-SM = None
-LOG = None
-
-
-def _grid(length: int, spacing: float) -> np.ndarray:
-    n = int(length // spacing)
-    return (length - 1 - (n - 1) * spacing) / 2 + spacing * np.arange(n)
-
-
-def _resample(x, y, field, new_x, new_y):
-    """Bilinear values of a grid at new coordinates, held constant outside."""
-    jx = np.clip(np.interp(new_x, x, np.arange(x.size)), 0, x.size - 1)
-    jy = np.clip(np.interp(new_y, y, np.arange(y.size)), 0, y.size - 1)
-    x0 = np.minimum(jx.astype(int), max(x.size - 2, 0))
-    y0 = np.minimum(jy.astype(int), max(y.size - 2, 0))
-    x1, y1 = np.minimum(x0 + 1, x.size - 1), np.minimum(y0 + 1, y.size - 1)
-    tx, ty = (jx - x0)[None, :], (jy - y0)[:, None]
-    f = field
-    top = f[np.ix_(y0, x0)] * (1 - tx) + f[np.ix_(y0, x1)] * tx
-    low = f[np.ix_(y1, x0)] * (1 - tx) + f[np.ix_(y1, x1)] * tx
-    return (top * (1 - ty) + low * ty).astype(np.float32)
+FLAGS = ("valid", "outlier", "masked", "second peak taken", "replaced on request")
 
 
 def correlate_pair(
-    a,
-    b,
+    a: Any,
+    b: Any,
     *,
     window: float = 32,
     spacing: int = 8,
     preset: str = "balanced",
-    mask=None,
-    epsilon: float = 0.2,
-    threshold: float = 3.0,
+    mask: Any = None,
+    **options: Any,
 ) -> xr.Dataset:
-    """Displacement of the particles from image `a` to image `b` on a regular grid, in pixels."""
-    a, b = np.asarray(a), np.asarray(b)
-    if a.ndim != 2 or b.ndim != 2:
-        raise ValueError(f"images must be 2-D grey values, got shapes {a.shape} and {b.shape}; convert colour images first")
-    if a.shape != b.shape:
-        raise ValueError(f"the two images must have the same shape, got {a.shape} and {b.shape}")
-    if preset not in PRESETS:
-        raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {preset!r}")
-    rows, columns = a.shape
-    seen = [None, None]
-    if mask is not None:
-        seen = [~np.asarray(mask, bool)] * 2
-    images = [prefilter.remove_background(i, s) for i, s in zip((a, b), seen, strict=True)]
-    scale = np.sqrt(np.mean(images[0] ** 2) + np.mean(images[1] ** 2))
-    images = [i / scale for i in images]
-    half = [cv2.resize(i, (columns // 2, rows // 2), interpolation=cv2.INTER_AREA) for i in images]
-    half_seen = [
-        None if s is None else cv2.resize(s.astype(np.uint8), (columns // 2, rows // 2), interpolation=cv2.INTER_AREA) > 0
-        for s in seen
-    ]
-    # FFT passes at half resolution
-    px, py, dx, dy = None, None, None, None
-    for size in (64, 32):
-        gx, gy = _grid(columns // 2, size // 2), _grid(rows // 2, size // 2)
-        gx, gy = np.rint(gx).astype(np.int64), np.rint(gy).astype(np.int64)
-        if dx is None:
-            sx, sy = np.zeros((gy.size, gx.size)), np.zeros((gy.size, gx.size))
+    """Displacement from image `a` to image `b`, in px, on a regular grid of vectors.
+
+    a, b: 2-D, row 0 at the top, any real dtype; mask: 2-D, true = body, one for both or (mask_a, mask_b); options:
+    see piv.options.Options. The result has coordinates x (px right of the centre of the left column), y (px up from
+    the centre of the bottom row), ascending, and u, v (px per frame interval, v positive upward; NaN where absent),
+    valid, flag (FLAGS), u_std, v_std (standard uncertainty), correlation. ValueError where the input cannot be used.
+    """
+    settings = Options(window=window, spacing=spacing, preset=preset, **options)
+    if settings.method == "preview":
+        from piv.preview import optical_flow
+
+        return optical_flow(a, b, mask, settings)
+    images = Prepared([a, b], mask, settings.window)
+    work = {f: np.empty((3, images.shape[0] // f, images.shape[1] // f), np.float32) for f in (1, 2)}
+    held: dict[int, list[Image]] = {}
+
+    def maps_of(columns, rows, shift_x, shift_y, size):
+        half, _ = images.at(2)
+        return window_maps(*half, columns, rows, shift_x, shift_y, size)
+
+    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray, renew: bool) -> np.ndarray:
+        f = nodes.factor
+        if f not in held:
+            held[f] = images.images(f, kernel)
+        elif renew:
+            for image in held[f]:
+                image.filter(kernel)
+        return passes.pair_cells(nodes, *held[f], dx, dy, work[f])
+
+    def spectra_of() -> tuple | None:
+        return prefilter.measure_spectra(held[1][0].warped, held[1][1].warped, work[1][2])
+
+    def reseed(nodes: Nodes, vectors: Vectors) -> Vectors:
+        return passes.reseed(nodes, images.pixels, vectors, settings)
+
+    x, y, keep = node_axes(images.shape, settings)
+    seen = both_seen(images.at(2)[1])
+    vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
+    var_x, var_y = variances(nodes, vectors, settings)
+    return to_dataset(vectors, var_x, var_y, x, y, keep, images.shape, settings)
+
+
+def both_seen(seen: list[np.ndarray | None]) -> np.ndarray | None:
+    """Where all images may be used, or None for everywhere."""
+    masks = [s for s in seen if s is not None]
+    return np.logical_and.reduce(masks) if masks else None
+
+
+def vector_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, np.ndarray]:
+    """x and y (px, y up, ascending) of the vectors that images of `shape` give."""
+    return passes.grid(shape[1], options.spacing), shape[0] - 1 - passes.grid(shape[0], options.spacing)[::-1]
+
+
+def node_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, np.ndarray, tuple[slice, slice]]:
+    """Columns and rows of the vectors that are computed, and which of them are asked for.
+
+    Images are deformed by vectors no farther apart than a quarter of the window, whatever spacing is asked for.
+    """
+    k = int(np.ceil(options.spacing / max(options.window / 4, 1)))
+    axes, keep = [], []
+    for length in (shape[1], shape[0]):
+        asked = passes.grid(length, options.spacing)
+        if k > 1:
+            step = options.spacing / k
+            before = int((asked[0] + 0.5) // step)
+            count = before + (asked.size - 1) * k + 1 + int((length - 0.5 - asked[-1]) // step)
+            axes.append(asked[0] + step * (np.arange(count) - before))
+            keep.append(slice(before, before + (asked.size - 1) * k + 1, k))
         else:
-            sx, sy = _resample(px, py, dx, gx, gy), _resample(px, py, dy, gx, gy)
-        cx, cy = np.meshgrid(gx, gy)
-        reach = 3 * size // 8 if dx is None else size // 4
-        out = fft_pass.correlate_windows(half[0], half[1], cx.ravel(), cy.ravel(), sx.ravel(), sy.ravel(), size, reach)
-        dx, dy = out["dx"].reshape(cx.shape), out["dy"].reshape(cx.shape)
-        r, mu, mv = outliers.normalised_median(dx, dy, np.ones(dx.shape, bool), epsilon=0.3)
-        good = ~(r > 3)
-        dx, dy = outliers.fill_absent(dx, dy, good)
-        px, py = gx, gy
-    x, y = _grid(columns, spacing), _grid(rows, spacing)
-    dx = 2 * _resample(2 * px + 0.5, 2 * py + 0.5, dx, x, y)
-    dy = 2 * _resample(2 * px + 0.5, 2 * py + 0.5, dy, x, y)
-    settings = PRESETS[preset]
-    sigma = window / np.sqrt(4 * np.pi)
-    kernel = prefilter.kernel(prefilter.default_response(prefilter.radial_frequency()))
-    low = Level(half, half_seen, 2, kernel, x, y)
-    for _ in range(settings["half"]):
-        low.warp(dx, dy)
-        m = low.measure(dx, dy, sigma * 1.2, 1.0)
-        r, _, _ = outliers.normalised_median(m.dx, m.dy, m.share > 0.3, epsilon=0.5)
-        dx, dy = outliers.fill_absent(m.dx, m.dy, ~(r > 3) & (m.share > 0.3))
-    high = Level(images, seen, 1, kernel, x, y)
-    response = prefilter.default_response(prefilter.radial_frequency())
-    for k in range(settings["full"]):
-        high.warp(dx, dy)
-        m = high.measure(dx, dy, sigma, 1.0)
-        r, _, _ = outliers.normalised_median(m.dx, m.dy, m.share > 0.5, epsilon=epsilon, radius=2)
-        bad = r > threshold
-        if k < settings["full"] - 1:
-            dx, dy = outliers.fill_absent(m.dx, m.dy, ~bad & (m.share > 0.5))
-        if k in REF:
-            f, S, N = prefilter.measure_spectra(high.a, high.b, high.weight)
-            now = np.interp(f, prefilter.radial_frequency()[0], response[0])**2
-            ok = f < 0.5
-            global LOG
-            LOG = f, S, N
-            response = prefilter.optimal_response(f[ok], (S/now)[ok], (N/now)[ok])
-            high.set_kernel(prefilter.kernel(response))
-    from piv.deform import smooth
-    from piv.uncertainty import correlation_statistics
-    vx, vy = correlation_statistics(high, m, m.dx - smooth(dx), m.dy - smooth(dy), sigma)
-    corr, share = m.correlation, m.share
-    dx, dy = m.dx, m.dy
-    if SM:
-        from piv.smooth import adaptive, noise_shares
-        e, l, gain = noise_shares(SM[0], sigma / spacing, 4)
-        vx, vy = vx * gain * SM[2], vy * gain * SM[2]
-        known = ~bad & (share > 0.5)
-        dx, dy, vx, vy = adaptive(dx, dy, vx, vy, known, (e, l), sigma=SM[0], strictness=SM[1])
-    if SM and SM[3]:
-        e, l, gain = noise_shares(SM[3], sigma / spacing, 4)
-        dx, dy, vx, vy = adaptive(dx, dy, vx, vy, known, (e, l), sigma=SM[3], strictness=SM[1])
-    flag = np.zeros(dx.shape, np.uint8)
-    flag[bad] = OUTLIER
-    flag[share < 0.5] = MASKED
-    ok = flag == VALID
-    u, v = np.where(ok, dx, np.nan), np.where(ok, -dy, np.nan)
-    dims = ("y", "x")
-    std = np.where(ok, 0.05, np.nan)
-    up = slice(None, None, -1)
-    return xr.Dataset(
-        {
-            "u": (dims, u[up]), "v": (dims, v[up]), "valid": (dims, ok[up].astype(np.uint8)), "flag": (dims, flag[up]),
-            "u_std": (dims, np.sqrt(vx)[up]), "v_std": (dims, np.sqrt(vy)[up]), "correlation": (dims, corr[up]),
+            axes.append(asked)
+            keep.append(slice(None))
+    return axes[0], axes[1], (keep[1], keep[0])
+
+
+def run_passes(
+    shape: tuple[int, int],
+    x: np.ndarray,
+    y: np.ndarray,
+    seen: np.ndarray | None,
+    options: Options,
+    maps_of: Callable[..., np.ndarray],
+    cells_of: Callable[..., np.ndarray],
+    spectra_of: Callable[[], tuple | None],
+    reseed: Callable[[Nodes, Vectors], Vectors],
+) -> tuple[Vectors, Nodes]:
+    """All passes over whatever images the callbacks hold; vectors in image axes at the nodes (x, y)."""
+    half_shape = (shape[0] // 2, shape[1] // 2)
+    dx, dy = passes.first_passes(maps_of, half_shape, seen, options.search, x, y)
+    frequency = prefilter.radial_frequency()
+    response = prefilter.default_response(frequency)
+    kernel = prefilter.kernel(response)
+    nodes = Nodes(x, y, half_shape, 2)
+    for _ in range(options.half_steps):
+        cells = cells_of(nodes, kernel, dx, dy, False)
+        vectors = passes.measure(nodes, cells, dx, dy, 1.2 * options.sigma, options, max(options.epsilon, 0.5))
+        dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
+    nodes = Nodes(x, y, shape, 1)
+    renew = False
+    second = np.zeros(dx.shape, bool)
+    for step in range(options.full_steps):
+        cells = cells_of(nodes, kernel, dx, dy, renew)
+        vectors = passes.measure(nodes, cells, dx, dy, options.sigma, options, options.epsilon)
+        if step == options.full_steps - 1:
+            break
+        renew = step < options.spectra
+        if renew and (spectra := spectra_of()) is not None:
+            response = prefilter.optimal_response(*prefilter.undo(response, spectra))
+            kernel = prefilter.kernel(response)
+        vectors = reseed(nodes, vectors)
+        second |= vectors.second
+        dx, dy = vectors.dx, vectors.dy
+    vectors.second[:] = second & vectors.known
+    return vectors, nodes
+
+
+def variances(nodes: Nodes, v: Vectors, options: Options) -> tuple[np.ndarray, np.ndarray]:
+    """Variances (px²) of the measured vectors."""
+    spacing = float(nodes.x[1] - nodes.x[0])
+    gain, kept = noise_budget(options.sigma, spacing, options.full_steps)
+    var_x, var_y = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, options.sigma, kept)
+    return var_x * gain, var_y * gain
+
+
+def to_dataset(
+    v: Vectors, var_x, var_y, x, y, keep: tuple[slice, slice], shape: tuple[int, int], options: Options
+) -> xr.Dataset:
+    """Smooth where asked, flag, turn y up and name everything."""
+    dx, dy, known = v.dx, v.dy, v.known
+    if options.smoothing:
+        spacing = float(x[1] - x[0])
+        dx, dy, var_x, var_y = damp_noise(
+            dx, dy, var_x, var_y, known, sigma=options.sigma, spacing=spacing, passes=options.full_steps
+        )
+    flag = np.full(known.shape, VALID, np.uint8)
+    flag[~known] = OUTLIER
+    flag[v.second] = SECOND_PEAK
+    flag[v.masked] = MASKED
+    present = known.copy()
+    std_x, std_y = np.sqrt(var_x + INTERPOLATION**2), np.sqrt(var_y + INTERPOLATION**2)
+    if options.replace and known.any():
+        put = ~known & ~v.masked
+        dx, dy = fill_absent(dx, dy, known)
+        std_x[put] = std_y[put] = np.nan  # a replacement was not measured
+        flag[put] = REPLACED
+        present |= put
+    fields = {
+        "u": np.where(present, dx, np.nan),
+        "v": np.where(present, -dy, np.nan),
+        "valid": present.astype(np.uint8),
+        "flag": flag,
+        "u_std": np.where(present, std_x, np.nan),
+        "v_std": np.where(present, std_y, np.nan),
+        "correlation": np.where(v.masked, np.nan, v.correlation),
+    }
+    units = {"valid": "1", "flag": "1", "correlation": "1"}
+    rows, columns = keep
+    out = xr.Dataset(
+        {n: (("y", "x"), f[rows, columns][::-1].copy(), {"units": units.get(n, "px")}) for n, f in fields.items()},
+        coords={
+            "x": ("x", x[columns], {"units": "px"}),
+            "y": ("y", (shape[0] - 1 - y[rows])[::-1].copy(), {"units": "px"}),
         },
-        coords={"x": x, "y": (rows - 1 - y)[up]},
-    )  # fmt: skip
+        attrs={"source": "piv", **provenance(**asdict(options))},
+    )
+    out["flag"].attrs["meanings"] = "; ".join(f"{k} {name}" for k, name in enumerate(FLAGS))
+    return out

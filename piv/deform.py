@@ -1,89 +1,100 @@
-"""Image deformation at one resolution: warp both images half-way and measure what displacement remains."""
+"""Image deformation: vectors at nodes to a displacement of every pixel, and images sampled where it points."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 
 from piv import refine
 from piv.interpolate import PAD, bspline_table, dense_field, warp
+from piv.prefilter import Kernel, apply
 
 
-@dataclass(frozen=True)
-class Measurement:
-    """Result of one step at the nodes, image axes, full-resolution px."""
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """Regular nodes (column `x`, row `y`, full px) on images of `shape` that are `factor` times coarser."""
 
-    dx: np.ndarray
-    dy: np.ndarray
-    correlation: np.ndarray
-    share: np.ndarray  # part of the window's weight that both images could use
-    cells: np.ndarray  # moments of the cells, and their sums in the windows
-    sums: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    shape: tuple[int, int]
+    factor: int
 
+    @property
+    def column(self) -> np.ndarray:
+        """Column of every node in px of this level."""
+        return (self.x + 0.5) / self.factor - 0.5
 
-class Level:
-    """Both images at one resolution (`factor` full pixels per pixel), ready to be sampled anywhere."""
+    @property
+    def row(self) -> np.ndarray:
+        """Row of every node in px of this level."""
+        return (self.y + 0.5) / self.factor - 0.5
 
-    def __init__(self, images, seen, factor: int, kernel: np.ndarray, x: np.ndarray, y: np.ndarray):
-        self.factor = factor
-        self.shape = images[0].shape
+    @cached_property
+    def _tables(self) -> tuple:
         rows, columns = self.shape
-        self.images = images
-        self.usable = []
-        for ok in seen:
-            usable = np.ones(self.shape, np.uint8) if ok is None else ok.astype(np.uint8)
-            usable = cv2.copyMakeBorder(usable, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
-            # a sample needs its four neighbours, a derivative those of its neighbours: 4 px in all
-            self.usable.append(cv2.erode(usable, np.ones((9, 9), np.uint8)).astype(np.float32))
-        self.set_kernel(kernel)
-        self.x, self.y = (x + 0.5) / factor - 0.5, (y + 0.5) / factor - 0.5
-        self.table_x = bspline_table(np.arange(columns), self.x[0], self.x[1] - self.x[0], x.size)
-        self.table_y = bspline_table(np.arange(rows), self.y[0], self.y[1] - self.y[0], y.size)
-        self.a, self.b, self.weight, self._dx, self._dy = (np.empty(self.shape, np.float32) for _ in range(5))
+        step_x, step_y = self.column[1] - self.column[0], self.row[1] - self.row[0]
+        along_y = bspline_table(np.arange(rows), self.row[0], step_y, self.y.size)
+        return (*along_y, *bspline_table(np.arange(columns), self.column[0], step_x, self.x.size))
 
-    def set_kernel(self, kernel: np.ndarray) -> None:
-        """Images filtered by `kernel` (prefilter.kernel)."""
-        self.coefficients = [
-            cv2.copyMakeBorder(
-                cv2.filter2D(image, cv2.CV_32F, kernel, borderType=cv2.BORDER_REFLECT_101),
-                PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0,
-            )
-            for image in self.images
-        ]  # fmt: skip
+    def dense(self, vectors: np.ndarray, out: np.ndarray) -> None:
+        """Value at every pixel, in px of this level, of the B-spline whose coefficients the vectors are."""
+        padded = np.pad(vectors.astype(np.float32) / self.factor, 2, mode="edge")
+        dense_field(padded, *self._tables, out)
 
-    def warp(self, dx: np.ndarray, dy: np.ndarray) -> None:
-        """Sample both images at ∓ half of the smooth displacement through the nodes' vectors."""
-        for knots, out in ((dx, self._dx), (dy, self._dy)):
-            padded = np.pad(knots.astype(np.float32) / self.factor, 2, mode="edge")
-            dense_field(padded, *self.table_y, *self.table_x, out)
-        warp(self.coefficients[0], self.usable[0], self._dx, self._dy, -0.5, self.a, self.weight, False)
-        warp(self.coefficients[1], self.usable[1], self._dx, self._dy, 0.5, self.b, self.weight, True)
+    @property
+    def cell_shape(self) -> tuple[int, int]:
+        """Cells (rows, columns) that the images' products are summed over."""
+        return self.shape[0] // refine.CELL, self.shape[1] // refine.CELL
 
-    def measure(self, dx: np.ndarray, dy: np.ndarray, sigma: float, limit: float) -> Measurement:
-        """One Newton step from the predictor (dx, dy) the images are warped by.
-
-        sigma: the window's Gaussian weight (full px); limit: longest step (px of this level).
-        """
-        rows, columns = self.shape
-        cells = np.empty((refine.MOMENTS, rows // refine.CELL, columns // refine.CELL), np.float32)
-        refine.cell_moments(self.a, self.b, self.weight, cells)
-        first_x, weight_x = refine.window_weights(self.x, cells.shape[2], sigma / self.factor)
-        first_y, weight_y = refine.window_weights(self.y, cells.shape[1], sigma / self.factor)
-        shape = (self.y.size, self.x.size)
-        sums = np.empty((refine.MOMENTS, *shape), np.float32)
+    def window_sums(self, cells: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
+        """Gaussian-weighted sums of the cells around each node (σ in full px), and the sum of the weights in px²."""
+        first_x, weight_x = refine.window_weights(self.column, cells.shape[2], sigma / self.factor)
+        first_y, weight_y = refine.window_weights(self.row, cells.shape[1], sigma / self.factor)
+        sums = np.empty((cells.shape[0], self.y.size, self.x.size), np.float32)
         refine.window_sums(cells, first_y, weight_y, first_x, weight_x, sums)
-        step_x, step_y, correlation = (np.empty(shape, np.float32) for _ in range(3))
-        refine.newton_step(sums, np.float32(limit), step_x, step_y, correlation)
-        full = np.outer(weight_y.sum(axis=1), weight_x.sum(axis=1)) * refine.CELL**2
-        return Measurement(
-            smooth(dx) + step_x * self.factor, smooth(dy) + step_y * self.factor,
-            correlation, sums[8] / full, cells, sums,
-        )  # fmt: skip
+        return sums, np.outer(weight_y.sum(axis=1), weight_x.sum(axis=1)) * refine.CELL**2
+
+    def at_cells(self, field: np.ndarray) -> np.ndarray:
+        """Bilinear values of a field on the nodes at the centres of the cells."""
+        rows, columns = self.cell_shape
+        middle = (refine.CELL - 1) / 2
+        i = (np.arange(columns) * refine.CELL + middle - self.column[0]) / (self.column[1] - self.column[0])
+        j = (np.arange(rows) * refine.CELL + middle - self.row[0]) / (self.row[1] - self.row[0])
+        map_x, map_y = np.meshgrid(i.astype(np.float32), j.astype(np.float32))
+        field = field.astype(np.float32)
+        return cv2.remap(field, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
-def smooth(knots: np.ndarray) -> np.ndarray:
-    """Value at the nodes of the B-spline that the images are warped by (weights 1/6, 2/3, 1/6)."""
+class Image:
+    """One image at one resolution, filtered and ready to be sampled anywhere."""
+
+    def __init__(self, pixels: np.ndarray, seen: np.ndarray | None, kernel: Kernel):
+        """pixels: float32 without background; seen: bool or None (all); kernel: prefilter.kernel."""
+        self.pixels = pixels
+        usable = np.ones(pixels.shape, np.uint8) if seen is None else seen.astype(np.uint8)
+        usable = cv2.copyMakeBorder(usable, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
+        # a sample needs its four neighbours, a derivative those of its own neighbours: 4 px in all
+        self.usable = cv2.erode(usable, np.ones((9, 9), np.uint8)).astype(np.float32)
+        self.warped = np.empty(pixels.shape, np.float32)
+        self.filter(kernel)
+
+    def filter(self, kernel: Kernel) -> None:
+        """Prepare the pixels for sampling by another kernel."""
+        filtered = apply(self.pixels, kernel)
+        self.samples = cv2.copyMakeBorder(filtered, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
+
+    def warp(self, dx: np.ndarray, dy: np.ndarray, share: float, weight: np.ndarray, multiply: bool) -> np.ndarray:
+        """The image at positions moved by `share` of the dense displacement; `weight`: see interpolate.warp."""
+        warp(self.samples, self.usable, dx, dy, share, self.warped, weight, multiply)
+        return self.warped
+
+
+def spline_value(vectors: np.ndarray) -> np.ndarray:
+    """Value at the nodes of the B-spline that images are warped by (weights 1/6, 2/3, 1/6)."""
     kernel = np.array([1, 4, 1], np.float32) / 6
-    return cv2.sepFilter2D(knots.astype(np.float32), cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REPLICATE)
+    return cv2.sepFilter2D(
+        vectors.astype(np.float32), cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REPLICATE
+    )

@@ -97,11 +97,13 @@ def read_vectors(
     kind: str | None = None,
     frame_rate_hz: float | None = None,
     keep_replaced: bool = False,
+    zero_is_absent: bool = False,
     **units: object,
 ) -> xr.Dataset:
     """Vectors of one file (a plane) or of several, one instant each (a series), as a plane in SI.
 
     `kind` overrides the guess from the name; `units` go to `to_plane`. A series needs `frame_rate_hz`.
+    `zero_is_absent`: vectors of exactly (0, 0), which some programs write where they have none, become masked.
     """
     files = [Path(p) for p in paths]
     if not files:
@@ -123,7 +125,12 @@ def read_vectors(
     if kind not in readers:
         raise ValueError(f"unknown format {kind!r}; known are {', '.join([*readers, 'csv', 'plane'])}")
     files.sort(key=natural_key)
-    planes = [to_plane(readers[kind](p), str(p), **units) for p in files]  # type: ignore[arg-type]
+    planes = []
+    for path in files:
+        found = readers[kind](path)
+        if zero_is_absent:
+            found.flag[(found.u == 0) & (found.v == 0)] = 2
+        planes.append(to_plane(found, str(path), **units))  # type: ignore[arg-type]
     attrs = {"source": "lab", "imported_from": json.dumps([p.name for p in files])}
     if len(planes) == 1:
         return planes[0].assign_attrs(attrs)

@@ -135,7 +135,7 @@ def dark_body(
                 "give --threshold"
             )
         threshold = float(np.sqrt(max(dark, 1.0) * middle))
-    body = (smooth < threshold).astype(np.uint8)
+    body: np.ndarray = (smooth < threshold).astype(np.uint8)
     # The frame's edge is no edge of the body: pad with what is there.
     pad = 2 * max(open_px, close_px, 1)
     body = cv2.copyMakeBorder(body, pad, pad, pad, pad, cv2.BORDER_REPLICATE)

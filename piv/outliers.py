@@ -22,7 +22,7 @@ def _median(values, n):
 
 
 @njit(cache=True, nogil=True)
-def _normalised_median(u, v, usable, epsilon, radius, residual, median_u, median_v):
+def _normalised_median(u, v, usable, epsilon, radius, threshold, residual, median_u, median_v):
     ny, nx = u.shape
     size = (2 * radius + 1) ** 2
     near = np.empty((2, size), np.float64)
@@ -31,16 +31,25 @@ def _normalised_median(u, v, usable, epsilon, radius, residual, median_u, median
     for j in range(ny):
         for i in range(nx):
             n = 0
+            far_u = far_v = 0.0
             for r in range(max(j - radius, 0), min(j + radius + 1, ny)):
                 for c in range(max(i - radius, 0), min(i + radius + 1, nx)):
                     if (r != j or c != i) and usable[r, c]:
                         near[0, n] = u[r, c]
                         near[1, n] = v[r, c]
                         n += 1
+                        far_u = max(far_u, abs(u[r, c] - u[j, i]))
+                        far_v = max(far_v, abs(v[r, c] - v[j, i]))
             if n < 3:
                 residual[j, i] = np.nan
                 median_u[j, i] = np.nan
                 median_v[j, i] = np.nan
+                continue
+            if far_u * far_u + far_v * far_v < (threshold * epsilon) ** 2:
+                # no neighbour is far enough for the vector to fail whatever the medians: spare the sorting
+                residual[j, i] = 0.0
+                median_u[j, i] = u[j, i]
+                median_v[j, i] = v[j, i]
                 continue
             total = 0.0
             for m in range(2):
@@ -56,11 +65,12 @@ def _normalised_median(u, v, usable, epsilon, radius, residual, median_u, median
             median_v[j, i] = medians[1]
 
 
-def normalised_median(u, v, usable, *, epsilon: float = 0.2, radius: int = 1):
+def normalised_median(u, v, usable, *, epsilon: float = 0.2, radius: int = 1, threshold: float = 0.0):
     """Residual of each vector against its neighbours' median, in units of their spread plus `epsilon` (px).
 
     u, v: (ny, nx) px, finite; usable: bool, vectors that may serve as neighbours. Returns (residual, median_u,
-    median_v), NaN where fewer than three neighbours exist. Source: Westerweel & Scarano 2005, eq. 2, both
+    median_v), NaN where fewer than three neighbours exist. With a `threshold`, a vector that cannot exceed it because
+    every neighbour is close gets the residual 0 and itself as median. Source: Westerweel & Scarano 2005, eq. 2, both
     components joined as a vector length.
     """
     shape = u.shape
@@ -68,26 +78,23 @@ def normalised_median(u, v, usable, *, epsilon: float = 0.2, radius: int = 1):
     median_u, median_v = np.empty(shape), np.empty(shape)
     _normalised_median(
         np.ascontiguousarray(u, np.float64), np.ascontiguousarray(v, np.float64),
-        np.ascontiguousarray(usable, np.bool_), epsilon, radius, residual, median_u, median_v,
+        np.ascontiguousarray(usable, np.bool_), epsilon, radius, threshold, residual, median_u, median_v,
     )  # fmt: skip
     return residual, median_u, median_v
 
 
-def fill_absent(u, v, usable, *, sweeps: int = 200):
+def fill_absent(u, v, usable):
     """Copies of u, v with unusable vectors replaced by the mean of filled neighbours, working inwards.
 
-    A predictor for the next pass, never a result.
+    A predictor for the next pass, or a replacement that the user asked for. Zero where nothing is usable.
     """
-    u, v, known = u.astype(np.float32, copy=True), v.astype(np.float32, copy=True), usable.copy()
-    if known.all():
-        return u, v
+    u, v, known = u.astype(np.float32), v.astype(np.float32), usable.copy()
     if not known.any():
         return np.zeros_like(u), np.zeros_like(v)
-    for _ in range(max(u.shape) + sweeps):
-        missing = np.argwhere(~known)
-        if missing.size == 0:
-            break
+    missing = np.argwhere(~known)
+    while missing.size:
         _fill_ring(u, v, known, missing)
+        missing = missing[~known[missing[:, 0], missing[:, 1]]]
     return u, v
 
 

@@ -101,7 +101,7 @@ def _rk4(
 
 def reach(field: PlaneField, t: float, half_width: float) -> tuple[float, float]:
     """Upper bounds of the speed in the plane and across it (m/s) near instant `t`, from the spline coefficients."""
-    c = np.abs(field.at(t)).reshape(4, -1).max(axis=1)
+    c = np.abs(field.at(t)).reshape(-1, 4).max(axis=0)
     return math.hypot(c[0], c[1]), c[2] + c[3] * half_width
 
 

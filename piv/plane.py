@@ -68,13 +68,13 @@ def make_plane(
     lead = () if time is None else ("time",)
     for name, values in more.items():
         if name in FINGER_VARIABLES:
-            fields[name] = (*lead, "finger", *_finger_axes(name)), values  # type: ignore[assignment]
+            fields[name] = (*lead, "finger", *_finger_axes(name)), values
         else:
             fields[name] = (grid, values)
     plane = xr.Dataset({k: (d, np.asarray(a)) for k, (d, a) in fields.items()}, coords=coords)
-    for name in plane.variables:
+    for name in map(str, plane.variables):
         if name in UNITS:
-            plane[name].attrs["units"] = UNITS[str(name)]
+            plane[name].attrs["units"] = UNITS[name]
     check_plane(plane)
     return plane
 

@@ -22,7 +22,9 @@ class PlaneField:
 
     def __init__(self, series: xr.Dataset) -> None:
         if "time" not in series["u"].dims or series.sizes["time"] < 2:
-            raise ValueError("a recording is rendered from a plane series with at least two instants of 'time'")
+            raise ValueError(
+                "a recording is rendered from a plane series with at least two instants of 'time'"
+            )
         self.series = series
         self.time = series["time"].values.astype(float)
         self.x, self.y = series["x"].values, series["y"].values
@@ -30,27 +32,32 @@ class PlaneField:
         self._cache: OrderedDict[int, np.ndarray] = OrderedDict()
 
     def plane(self, i: int) -> np.ndarray:
-        """Spline coefficients (component u v w dwdz, y, x) of instant `i`."""
+        """Spline coefficients (y, x, component u v w dwdz) of instant `i`, with one mirrored node more on every side."""
         if i not in self._cache:
             now = self.series.isel(time=i)
             valid = now["valid"].values != 0
             if not valid.any():
                 raise ValueError(f"the plane at time {self.time[i]:g} s has no valid vector")
-            out = np.zeros((4, *valid.shape))
+            out = np.zeros((valid.shape[0] + 2, valid.shape[1] + 2, 4))
             for k, name in enumerate(("u", "v", "w", "dwdz")):
                 if name in now:
                     values = now[name].values.astype(float)
                     filled = extend(values, valid & np.isfinite(values))
-                    out[k] = ndimage.spline_filter(filled, order=3, mode="mirror")
+                    out[..., k] = np.pad(
+                        ndimage.spline_filter(filled, order=3, mode="mirror"), 1, mode="reflect"
+                    )
             self._cache[i] = out
             if len(self._cache) > CACHED_PLANES:
                 self._cache.popitem(last=False)
         return self._cache[i]
 
     def at(self, t: float) -> np.ndarray:
-        """Spline coefficients (component, y, x) at instant `t`, once continuously differentiable in t."""
-        weights = hermite_weights(self.time, t)
-        return sum((w * self.plane(i) for i, w in weights), np.zeros((4, self.y.size, self.x.size)))
+        """Spline coefficients as `plane` gives them at instant `t`, once continuously differentiable in t."""
+        (first, w), *others = hermite_weights(self.time, t)
+        out = w * self.plane(first)
+        for i, w in others:
+            out += w * self.plane(i)
+        return out
 
     def sample(self, coefficients: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Values (component, point) of `coefficients` at points in m."""
@@ -134,22 +141,18 @@ def spline_weights(s: float) -> tuple[float, float, float, float]:
 @numba.njit(cache=True)
 def sample_point(c: np.ndarray, gx: float, gy: float) -> tuple[float, float, float, float]:
     """The four components at grid position (gx, gy); the border value holds outside."""
-    ny, nx = c.shape[1], c.shape[2]
+    ny, nx = c.shape[0] - 2, c.shape[1] - 2
     gx, gy = min(max(gx, 0.0), nx - 1.0), min(max(gy, 0.0), ny - 1.0)
     i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
     wx, wy = spline_weights(gx - i), spline_weights(gy - j)
     a0 = a1 = a2 = a3 = 0.0
     for q in range(4):
-        jj = j - 1 + q
-        jj = -jj if jj < 0 else (2 * ny - 2 - jj if jj >= ny else jj)
         for p in range(4):
-            ii = i - 1 + p
-            ii = -ii if ii < 0 else (2 * nx - 2 - ii if ii >= nx else ii)
             w = wy[q] * wx[p]
-            a0 += w * c[0, jj, ii]
-            a1 += w * c[1, jj, ii]
-            a2 += w * c[2, jj, ii]
-            a3 += w * c[3, jj, ii]
+            a0 += w * c[j + q, i + p, 0]
+            a1 += w * c[j + q, i + p, 1]
+            a2 += w * c[j + q, i + p, 2]
+            a3 += w * c[j + q, i + p, 3]
     return a0, a1, a2, a3
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import scipy.fft
+from scipy.optimize import nnls
 
 from piv.interpolate import kernel_response
 
 TILE = 64  # px: side of the tiles whose spectra are averaged
-TAPS = 13  # px: side of the filter kernels
+TAPS = 17  # px: length of the filter kernels
 
 
 def remove_background(image: np.ndarray, seen: np.ndarray | None, size: int = 15) -> np.ndarray:
@@ -35,10 +36,14 @@ def default_response(frequency: np.ndarray, lowpass: float = 0.35) -> np.ndarray
     return np.exp(-2 * (np.pi * lowpass * frequency) ** 2)
 
 
-def kernel(response: np.ndarray) -> np.ndarray:
-    """2-D kernel that filters an image by `response` and prepares it for sampling (piv.interpolate).
+Kernel = tuple[np.ndarray, np.ndarray]  # along rows, along columns
 
-    response: amplitude on the rfft2 frequencies of a TILE × TILE field.
+
+def kernel(response: np.ndarray) -> Kernel:
+    """Filter by `response` that also prepares an image for sampling (piv.interpolate).
+
+    response: amplitude on the rfft2 frequencies of a TILE × TILE field. Any error of the filter is the same for
+    both images and moves no vector, so the nearest separable kernel will do.
     """
     f = np.abs(np.fft.fftfreq(TILE))
     # frequencies next to the sampling limit cannot be interpolated: taper them off
@@ -46,7 +51,13 @@ def kernel(response: np.ndarray) -> np.ndarray:
     full = response * one[:, None] * one[None, : TILE // 2 + 1]
     taps = np.fft.fftshift(np.fft.irfft2(full, s=(TILE, TILE)))
     middle = slice(TILE // 2 - TAPS // 2, TILE // 2 + TAPS // 2 + 1)
-    return np.ascontiguousarray(taps[middle, middle], np.float32)
+    columns, weights, rows = np.linalg.svd(taps[middle, middle])
+    return np.float32(rows[0] * np.sqrt(weights[0])), np.float32(columns[:, 0] * np.sqrt(weights[0]))
+
+
+def apply(image: np.ndarray, separable: Kernel) -> np.ndarray:
+    """The image filtered, float32; mirrored at its edges."""
+    return cv2.sepFilter2D(image, cv2.CV_32F, *separable, borderType=cv2.BORDER_REFLECT_101)
 
 
 def radial_frequency() -> np.ndarray:
@@ -81,6 +92,14 @@ def measure_spectra(a: np.ndarray, b: np.ndarray, weight: np.ndarray, tiles: int
     return np.arange(count.size) / TILE, signal, noise
 
 
+def undo(response: np.ndarray, spectra: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Spectra (frequency, signal, noise) of images before they were filtered by `response`, below 0.5 cycles/px."""
+    frequency, signal, noise = spectra
+    below = frequency < 0.5
+    along = np.interp(frequency, radial_frequency()[0], response[0]) ** 2
+    return frequency[below], (signal / along)[below], (noise / along)[below]
+
+
 def optimal_response(frequency: np.ndarray, signal: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Amplitude response, on the rfft2 frequencies of a tile, that gives the displacement the least variance.
 
@@ -100,8 +119,6 @@ def _without_misalignment(frequency, signal, noise):
     fit = (frequency > 0.06) & (frequency < 0.28)
     f, s, n = frequency[fit], signal[fit], noise[fit]
     # N/S = c + κ f² + n0/S, least squares with non-negative coefficients
-    from scipy.optimize import nnls
-
     design = np.stack([np.ones_like(f), f**2 / np.mean(f**2), s.mean() / s], axis=1)
     weight = s / n
     c = nnls(design * weight[:, None], np.ones_like(f))[0]

@@ -90,7 +90,11 @@ class Preprocessor:
         parsed = [parse_step(s) for s in steps]
         self.steps = [f"{name}={value}" for name, value in parsed]
         self._chain: list[tuple[Callable[..., np.ndarray], object]] = []
-        functions = {"clahe": clahe, "highpass": highpass, "cap": cap_intensity}
+        functions: dict[str, Callable[..., np.ndarray]] = {
+            "clahe": clahe,
+            "highpass": highpass,
+            "cap": cap_intensity,
+        }
         for name, value in parsed:
             if name == "background":
                 if recording is None:

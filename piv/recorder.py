@@ -119,10 +119,10 @@ class Recorder:
         return moved[:, self.box.holds(moved) & ~self._in_body(next_mask, moved)]
 
     def substeps(self, index: int) -> int:
-        """RK4 steps between two frames: at least two, and none longer than half a cell of the plane."""
+        """RK4 steps between two frames: at least two, and none longer than a cell of the plane."""
         t0, t1 = self.time[index], self.time[index + 1]
         fast, _ = reach(self.field, 0.5 * (t0 + t1), self.box.half_width)
-        return max(2, math.ceil(2 * fast * (t1 - t0) / min(self.field.dx, self.field.dy)))
+        return max(2, math.ceil(fast * (t1 - t0) / min(self.field.dx, self.field.dy)))
 
     def picture(self, particles: np.ndarray, index: int, mask: np.ndarray) -> np.ndarray:
         """The camera's picture of `particles` at frame `index`; `mask` as `body` gives it."""

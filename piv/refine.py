@@ -98,29 +98,23 @@ def window_sums(moments, first_y, weight_y, first_x, weight_x, out):
 
 
 @njit(cache=True, nogil=True)
-def newton_step(sums, limit, step_x, step_y, correlation):
-    """Solve H d = g at every node; steps longer than `limit` are shortened; NaN-free.
-
-    The correlation coefficient of each window goes to `correlation`; a window without curvature gets no step.
-    """
+def _solve(sums, limit, step_x, step_y, correlation):
     ny, nx = step_x.shape
     for j in range(ny):
         for i in range(nx):
-            gx, gy = sums[0, j, i], sums[1, j, i]
-            hxx, hxy, hyy = sums[2, j, i], sums[3, j, i], sums[4, j, i]
+            step_x[j, i] = step_y[j, i] = correlation[j, i] = 0
             energy = np.sqrt(max(sums[5, j, i] * sums[6, j, i], np.float32(0)))
-            correlation[j, i] = sums[7, j, i] / energy if energy > 0 else np.float32(0)
-            # keep the Hessian at least at a fraction of the energy: a low correlation must not blow the step up
-            floor = np.float32(0.05) * energy * np.float32(0.5)
-            hxx = max(hxx, floor)
-            hyy = max(hyy, floor)
-            bound = np.float32(0.8) * np.sqrt(hxx * hyy)
-            hxy = min(max(hxy, -bound), bound)
-            det = hxx * hyy - hxy * hxy
-            if det <= 0 or energy <= 0:
-                step_x[j, i] = 0
-                step_y[j, i] = 0
+            if energy <= 0:
                 continue
+            gx, gy = sums[0, j, i], sums[1, j, i]
+            correlation[j, i] = sums[7, j, i] / energy
+            # a window without common texture has no curvature to trust: the floor keeps its step small
+            floor = np.float32(0.025) * energy
+            hxx = max(sums[2, j, i], floor)
+            hyy = max(sums[4, j, i], floor)
+            bound = np.float32(0.8) * np.sqrt(hxx * hyy)
+            hxy = min(max(sums[3, j, i], -bound), bound)
+            det = hxx * hyy - hxy * hxy
             sx = (hyy * gx - hxy * gy) / det
             sy = (hxx * gy - hxy * gx) / det
             length = np.sqrt(sx * sx + sy * sy)
@@ -129,3 +123,13 @@ def newton_step(sums, limit, step_x, step_y, correlation):
                 sy *= limit / length
             step_x[j, i] = sx
             step_y[j, i] = sy
+
+
+def newton_step(sums: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Solve H d = g at every node: (step_x, step_y, correlation coefficient of the window).
+
+    sums: (MOMENTS, ny, nx) window sums; steps longer than `limit` px are shortened; no texture, no step.
+    """
+    step_x, step_y, correlation = (np.empty(sums.shape[1:], np.float32) for _ in range(3))
+    _solve(sums, np.float32(limit), step_x, step_y, correlation)
+    return step_x, step_y, correlation

@@ -1,4 +1,4 @@
-"""Adaptive smoothing of a vector field: noise is averaged away where nothing but noise is seen."""
+"""Adaptive smoothing of a vector field: averaged where nothing but noise is seen, untouched where there is more."""
 
 from __future__ import annotations
 
@@ -7,62 +7,69 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+ORDER = 4  # of the low-pass 1 - (1 - L)ⁿ: flat up to its cut-off, steep beyond
+SCALES = (1.5, 2.6)  # of its Gaussian L, in σ of the correlation window
+NOISE_ONLY, SIGNAL = 1.7, 3.1  # mean square of the fine part over its noise: damped wholly below, kept above
+
 
 def _gauss(field: np.ndarray, sigma: float) -> np.ndarray:
-    return cv2.GaussianBlur(field, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+    return cv2.GaussianBlur(field.astype(np.float32), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
 
 
-def _flat(field, weight, total, sigma):
-    """Low-pass L(2 - L) of a masked field, L a Gaussian: its response falls off with the fourth power only."""
-    once = _gauss(field * weight, sigma) / total
-    return once + _gauss((field - once) * weight, sigma) / total
+def _low_pass(field: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndarray:
+    """Low-pass of a masked field, each step a mean over what is known."""
+    total = np.maximum(_gauss(weight, sigma), 1e-6)
+    out = np.zeros_like(weight)
+    for _ in range(ORDER):
+        out += _gauss((field - out) * weight, sigma) / total
+    return out
 
 
-def adaptive(dx, dy, var_x, var_y, known, passed: tuple[float, float], *, sigma: float, strictness: float = 1.5):
-    """Displacements with the fine part of the field damped where it is no stronger than its noise.
+def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, passes: int):
+    """Displacements and variances after damping the fine part of the field where it is no stronger than noise.
 
-    The field is split into a smooth part S and the rest e = d - S. Where the mean square of e over a neighbourhood
-    is q times what measurement noise alone would leave there, e is kept to the share max(0, 1 - strictness/q)
-    (Wiener's filter with a known noise level; Lee 1980). A steep vortex core has a large q and is not touched.
-    known: bool, vectors that count; var_x, var_y: variance of each vector; passed: (share of the noise variance
-    that e holds, share that S holds). Returns (dx, dy, var_x, var_y).
+    For each of SCALES the field is split into a smooth part and the rest e. Where the mean square of e around a
+    vector is q times what measurement noise leaves there, e is kept to the share (q - 1.3) within 0 … 1: a Wiener
+    filter with known noise (Lee 1980), but with a dead band that spares vortex cores any damping.
+    var_x, var_y: variance of the iterated measurement; known: bool; sigma, spacing (px), passes: as measured.
     """
     weight = known.astype(np.float32)
-    total = np.maximum(_gauss(weight, sigma), 1e-6)
-    wide = 2.0 * sigma
-    around = np.maximum(_gauss(weight, wide), 1e-6)
-    smooth = [_flat(np.where(known, d, 0).astype(np.float32), weight, total, sigma) for d in (dx, dy)]
-    rest = [np.where(known, d - s, 0) for d, s in zip((dx, dy), smooth, strict=True)]
-    energy = _gauss((rest[0] ** 2 + rest[1] ** 2).astype(np.float32) * weight, wide) / around
-    noise = passed[0] * _gauss(np.where(known, var_x + var_y, 0).astype(np.float32) * weight, wide) / around
-    keep = np.clip(1 - strictness * noise / np.maximum(energy, 1e-12), 0, 1)
-    out = [np.where(known, s + keep * e, d) for s, e, d in zip(smooth, rest, (dx, dy), strict=True)]
-    # noise of what is kept, and what damping removed of a field that was there
-    lost = np.maximum(energy - noise, 0) / 2 * (1 - keep) ** 2
-    gain = passed[1] + 2 * keep * np.sqrt(passed[0] * passed[1]) * 0 + keep**2 * passed[0]
-    return (*out, var_x * gain + lost, var_y * gain + lost)
+    dx, dy = np.where(known, dx, 0).astype(np.float32), np.where(known, dy, 0).astype(np.float32)
+    variance = np.where(known, var_x + var_y, 0)
+    shares = noise_shares(sigma, spacing, passes)
+    gain = np.ones_like(weight)
+    lost = np.zeros_like(weight)
+    for scale, (fine, gained) in zip(SCALES, shares, strict=True):
+        width = scale * sigma / spacing
+        smooth_x, smooth_y = _low_pass(dx, weight, width), _low_pass(dy, weight, width)
+        ex, ey = dx - smooth_x, dy - smooth_y
+        around = np.maximum(_gauss(weight, 1.3 * width), 1e-6)
+        energy = _gauss((ex**2 + ey**2) * weight, 1.3 * width) / around
+        noise = _gauss(variance * gain * weight, 1.3 * width) / around * fine
+        ratio = energy / np.maximum(noise, 1e-12)
+        keep = np.clip((ratio - NOISE_ONLY) / (SIGNAL - NOISE_ONLY), 0, 1)
+        dx, dy = smooth_x + keep * ex, smooth_y + keep * ey
+        gain = gain * (gained + (1 - gained) * keep)
+        lost = lost + (1 - keep) ** 2 * np.maximum(energy - NOISE_ONLY * noise, 0) / 2
+    return dx, dy, var_x * gain + lost, var_y * gain + lost
 
 
 @lru_cache
-def noise_shares(sigma_nodes: float, window_nodes: float, passes: int) -> tuple[float, float, float]:
-    """(share of noise variance in e, share in S, variance of the iterated measurement over that of one).
-
-    window_nodes: σ of the correlation window in vector spacings; passes: Newton steps at full resolution, each
-    of which adds G(noise - P d) to P d with the window's response G and the predictor's B-spline response P.
-    """
-    k = np.fft.fftfreq(64)
+def noise_shares(sigma: float, spacing: float, passes: int) -> tuple[tuple[float, float], ...]:
+    """For each scale: shares of the noise variance held by the fine part, and left when it is damped away."""
+    k = np.fft.fftfreq(64)  # per vector
     square = k[:, None] ** 2 + k[None, :] ** 2
     spline = (2 + np.cos(2 * np.pi * k)) / 3
-    window = np.exp(-2 * np.pi**2 * window_nodes**2 * square)
+    spline = spline[:, None] * spline[None, :]
+    window = np.exp(-2 * np.pi**2 * (sigma / spacing) ** 2 * square)
     total = np.zeros_like(window)
     for _ in range(passes):
-        predicted = spline[:, None] * spline[None, :] * total
-        total = predicted + window * (1 - predicted)
-    low = np.exp(-2 * np.pi**2 * sigma_nodes**2 * square)
-    low = low * (2 - low)
+        total = spline * total + window * (1 - spline * total)
     power = total**2
-    return (
-        float(np.sum(power * (1 - low) ** 2) / power.sum()),
-        float(np.sum(power * low**2) / power.sum()),
-        float(power.sum() / np.sum(window**2)),
-    )
+    out = []
+    for scale in SCALES:
+        low = np.exp(-2 * np.pi**2 * (scale * sigma / spacing) ** 2 * square)
+        low = 1 - (1 - low) ** ORDER
+        out.append((float(np.sum(power * (1 - low) ** 2) / power.sum()), float(np.sum(power * low**2) / power.sum())))
+        power = power * low**2
+    return tuple(out)

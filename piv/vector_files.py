@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
+from scipy.io import loadmat
 
 READERS = ("openpiv", "pivlab", "tecplot", "davis", "csv", "plane")
 
@@ -58,7 +60,9 @@ def _head(path: Path, size: int = 4096) -> str:
     return path.read_bytes()[:size].decode("utf-8", "replace")
 
 
-def _grid(path: Path, x: Any, y: Any, u: Any, v: Any, flag: Any) -> tuple[np.ndarray, ...]:
+def _grid(
+    path: Path, x: Any, y: Any, u: Any, v: Any, flag: Any
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Scattered rows to a regular grid; points not in the file are masked (flag 2)."""
     x, y, u, v = (np.asarray(a, float).ravel() for a in (x, y, u, v))
     flag = np.asarray(flag).ravel().astype(np.uint8)
@@ -88,6 +92,8 @@ def _grid(path: Path, x: Any, y: Any, u: Any, v: Any, flag: Any) -> tuple[np.nda
 
 
 def _table(path: Path, skip: int, delimiter: str | None) -> np.ndarray:
+    if path.stat().st_size == 0:
+        raise ValueError(f"{path}: the file is empty")
     try:
         rows = np.genfromtxt(
             path, delimiter=delimiter, skip_header=skip, comments="#", ndmin=2, encoding="utf-8"
@@ -110,7 +116,7 @@ def read_openpiv(path: Path) -> Vectors:
         flag[rows[:, 4] != 0] = 1
     if rows.shape[1] >= 6:
         flag[rows[:, 5] != 0] = 2
-    return Vectors(*_grid(path, *rows[:, :4].T, flag))
+    return Vectors(*_grid(path, rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], flag))
 
 
 def read_tecplot(path: Path) -> Vectors:
@@ -149,7 +155,8 @@ def read_tecplot(path: Path) -> Vectors:
     for name in ("chc", "isvalid", "valid"):
         if name in short:
             flag[rows[:, short.index(name)] <= 0] = 1
-    grid = _grid(path, *(rows[:, column[k]] for k in "xyuv"), flag)
+    x, y, u, v = (rows[:, column[k]] for k in "xyuv")
+    grid = _grid(path, x, y, u, v, flag)
     return Vectors(*grid, _unit(names[column["x"]]), _unit(names[column["u"]]))
 
 
@@ -177,7 +184,8 @@ def read_pivlab(path: Path, *, frame: int = 0, keep_replaced: bool = False) -> V
         data, units = _pivlab_ascii(path)
     x, y, u, v, kind = data
     flag = np.select([kind == 1, kind == 0], [0, 2], 4 if keep_replaced else 1)
-    length, velocity = (_spelled(t) for t in units) if units else (None, None)
+    length = _spelled(units[0]) if units else None
+    velocity = _spelled(units[1]) if units else None
     return Vectors(*_grid(path, x, y, u, v, flag), length, velocity, "down" if length == "px" else None)
 
 
@@ -198,9 +206,10 @@ def _pivlab_ascii(path: Path) -> tuple[tuple[np.ndarray, ...], tuple[str, str] |
 def _pivlab_mat(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], tuple[str, str] | None]:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
+    if h5py.is_hdf5(path):  # version 7.3
+        data, units_text = _pivlab_hdf5(path, frame)
+        return data, _two_units(units_text)
     try:
-        from scipy.io import loadmat
-
         mat: dict[str, Any] = loadmat(path)
         get = lambda n: np.ravel(mat[n])[frame] if mat[n].dtype == object else mat[n]  # noqa: E731
         names = set(mat)
@@ -210,19 +219,19 @@ def _pivlab_mat(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], tuple[s
         data = tuple(
             np.asarray(get(n), float) for n in ("x", "y", u_name, u_name.replace("u_", "v_"), kind_name)
         )
-    except NotImplementedError:  # version 7.3 is HDF5
-        data, units_text = _pivlab_hdf5(path, frame)
     except IndexError:
         raise ValueError(f"{path}: no frame {frame} in it") from None
-    except (KeyError, ValueError, TypeError) as error:
+    except Exception as error:  # scipy's reader raises whatever its parts raise on foreign bytes
         raise ValueError(f"{path}: not a .mat export of PIVlab ({error})") from error
-    units = re.findall(r"\[([^\]]*)\]", units_text)
-    return data, (units[0], units[1]) if len(units) >= 2 else None
+    return data, _two_units(units_text)
+
+
+def _two_units(text: str) -> tuple[str, str] | None:
+    units = re.findall(r"\[([^\]]*)\]", text)
+    return (units[0], units[1]) if len(units) >= 2 else None
 
 
 def _pivlab_hdf5(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], str]:
-    import h5py
-
     with h5py.File(path, "r") as file:
 
         def get(name: str) -> np.ndarray:
@@ -266,6 +275,8 @@ def read_davis(path: Path, *, plane: int = 0) -> Vectors:
     absent = np.ma.getmaskarray(values)["u"]
     u, v = (np.where(absent, np.nan, values[n].data) for n in ("u", "v"))
     flag = np.where(absent, 2, 0)
+    if _spelled(scales.x.unit) == "px":  # DaVis counts from the edge of the first pixel, we from its centre
+        x, y = x - 0.5, y - 0.5
     xx, yy = np.meshgrid(x, y)
     length, velocity = _spelled(scales.x.unit), _spelled(scales.i.unit)
     if velocity == "px":

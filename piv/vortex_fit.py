@@ -13,6 +13,9 @@ import numpy as np
 PEAK_RADIUS = 1.1209064227785338  # of the swirl, in core radii: root of exp(s^2) = 1 + 2 s^2
 PEAK_SWIRL = 0.6381726863389515  # in circulation/(2 pi core_radius)
 MAX_ITERATIONS = 60
+NEIGHBOUR_PRIOR = (
+    0.3  # relative; a neighbour is mostly known from its own fit, this one sees only its near side
+)
 
 
 class Vectors(NamedTuple):
@@ -116,23 +119,22 @@ def fit_vortices(
     p[4 * n :] = np.linalg.lstsq(root[:, None] * jac[:, 4 * n :], root * (data - value), rcond=None)[0]
     slopes = 4 * n + np.array([1, 2, 4, 5])
     dof = max(1, int(np.count_nonzero(root)) - p.size)
-    prior = np.zeros((p.size, p.size))
-    unit = np.diag(np.isin(np.arange(p.size), slopes) / strain_prior**2)
-    unit[np.ix_(slopes[1:3], slopes[1:3])] += np.array([[1, -1], [-1, 1]]) / rotation_prior**2
     scale = abs(start[0, 2]) / (np.pi * start[0, 3] ** 2)
+    unit, mean = _prior(start, p, slopes, strain_prior * scale, rotation_prior * scale)
+    prior = np.zeros_like(unit)
 
     def cost_of(q: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         model, j = _model(q, n, d, ox, oy)
         r = root * (data - model)
-        return float(r @ r + q @ prior @ q), r, root[:, None] * j
+        return float(r @ r + (q - mean) @ prior @ (q - mean)), r, root[:, None] * j
 
     _, r, j = cost_of(p)
     damping, converged = 1e-5, False
     for _iteration in range(MAX_ITERATIONS):
-        prior = unit * (correlated * (r @ r) / dof / scale**2)
-        cost = float(r @ r + p @ prior @ p)
+        prior = unit * (correlated * (r @ r) / dof)
+        cost = float(r @ r + (p - mean) @ prior @ (p - mean))
         normal = j.T @ j + prior
-        rhs = j.T @ r - prior @ p
+        rhs = j.T @ r - prior @ (p - mean)
         diagonal = np.diag(normal)
         step = _solve(normal + damping * np.diag(diagonal + 1e-12 * diagonal.max()), rhs)
         for k in range(n):  # no leap over several cores, no core growing or shrinking by more than a factor
@@ -153,13 +155,13 @@ def fit_vortices(
         else:
             damping *= 4
     weight = root * root
-    mean = np.concatenate(
+    average = np.concatenate(
         [
             np.full(d.u.size, np.average(d.u, weights=d.weight_u)),
             np.full(d.v.size, np.average(d.v, weights=d.weight_v)),
         ]
     )
-    spread = float(weight @ (data - mean) ** 2)
+    spread = float(weight @ (data - average) ** 2)
     variance = max(float(r @ r) / dof, 0.0)
     covariance = variance * _inverse(j.T @ j + prior)
     vortices = p[: 4 * n].reshape(n, 4).copy()
@@ -171,6 +173,21 @@ def fit_vortices(
     m = d.x.size
     explained = 1 - float(r @ r) / spread if spread > 0 else 1.0
     return Fit(vortices, p[4 * n :], covariance, residual[:m], residual[m:], explained, converged)
+
+
+def _prior(
+    start: np.ndarray, p: np.ndarray, slopes: np.ndarray, strain: float, rotation: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse covariance and mean of what is expected beforehand of the background and of the neighbours."""
+    unit, mean = np.zeros((p.size, p.size)), np.zeros(p.size)
+    unit[slopes, slopes] = 1 / strain**2
+    unit[np.ix_(slopes[1:3], slopes[1:3])] += np.array([[1, -1], [-1, 1]]) / rotation**2
+    for k in range(1, len(start)):
+        at = np.arange(4 * k, 4 * k + 4)
+        mean[at] = p[at]
+        spread = NEIGHBOUR_PRIOR * np.array([start[k, 3], start[k, 3], abs(start[k, 2]), 1.0])
+        unit[at, at] = 1 / spread**2
+    return unit, mean
 
 
 def _solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:

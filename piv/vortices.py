@@ -59,7 +59,8 @@ class VortexSettings:
     min_points: least grid points of a region. max_elongation: longest region, length over width.
     min_circulation: least |circulation|; None = `min_part` of the strongest in the plane.
     significance: least |circulation| over its standard error.
-    fit_radius: radius of the fitted disc in core radii. strain_prior, rotation_prior: see `vortex_fit.fit_vortices`.
+    fit_radius: radius of the fitted disc in core radii. neighbour_part: neighbours weaker than this part of a vortex belong to its background.
+    strain_prior, rotation_prior: see `vortex_fit.fit_vortices`.
     correlation_length: distance over which the vectors' errors are correlated (the interrogation window's
     width for PIV); None = estimated from the residuals.
     scheme: of the gradients, `least-squares` or `fourth-order`.
@@ -74,6 +75,7 @@ class VortexSettings:
     significance: float = 2.0
     fit_radius: float = 2.0
     min_explained: float = 0.3
+    neighbour_part: float = 0.3
     strain_prior: float = 0.3
     rotation_prior: float = 0.03
     correlation_length: float | None = None
@@ -131,18 +133,20 @@ def find_vortices(
         start
     ):  # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
         fits = _fit_all(p, start, s)
-        start, pruned = _significant(fits, s)
-        if not pruned:
+        before, start = len(start), _significant(fits, s)
+        if len(start) == before:
             break
     else:
         return []
     omega = vorticity(g)
     distance = distance_to_invalid(p.valid, dx, dy)
-    return sorted((_record(p, fit, omega, distance, n) for fit, n, _ in fits), key=lambda w: -abs(w.circulation))
+    return sorted(
+        (_record(p, fit, omega, distance, n) for fit, n, _ in fits), key=lambda w: -abs(w.circulation)
+    )
 
 
-def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> tuple[np.ndarray, bool]:
-    """Parameters of the fits that are strong enough to be reported, and whether any is not."""
+def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> np.ndarray:
+    """Parameters of the fits that are strong enough to be reported."""
     strongest = max((abs(f.vortices[0, 2]) for f, _, _ in fits), default=0.0)
     least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
     keep = [
@@ -151,7 +155,7 @@ def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> tuple
         if abs(f.vortices[0, 2]) >= max(least, s.significance * np.sqrt(max(f.covariance[2, 2], 0.0)))
         and f.explained >= s.min_explained
     ]
-    return np.array(keep).reshape(-1, 4), len(keep) < len(fits)
+    return np.array(keep).reshape(-1, 4)
 
 
 def _settings(settings: VortexSettings | None, options: dict[str, float]) -> VortexSettings:
@@ -192,25 +196,25 @@ def _arrays(plane: xr.Dataset) -> _Plane:
 def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[tuple[Fit, int, float]]:
     """Fit every candidate in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
     now = start.copy()
-    factor = np.full(len(now), 10.0)
+    area = np.full(len(now), 10.0 * (p.x[1] - p.x[0]) * (p.y[1] - p.y[0]))  # per independent vector
     for _sweep in range(SWEEPS):
         fits: list[tuple[Fit, int, float] | None] = []
         for k in range(len(now)):
-            fits.append(_fit_one(p, now, k, float(factor[k]), s))
+            fits.append(_fit_one(p, now, k, float(area[k]), s))
         keep = [k for k, f in enumerate(fits) if f is not None and _plausible(p, f[0], start[k])]
         start = start[keep]
         fits = [fits[k] for k in keep]
         now = np.array([f[0].vortices[0] for f in fits if f is not None]).reshape(-1, 4)
         order = _distinct(now, [f[0].explained for f in fits if f is not None])
         now, start, fits = now[order], start[order], [fits[k] for k in order]
-        factor = np.array([f[2] for f in fits if f is not None])
+        area = np.array([f[2] for f in fits if f is not None])
         if not len(now):
             break
     return [f for f in fits if f is not None]
 
 
 def _fit_one(
-    p: _Plane, now: np.ndarray, k: int, correlated: float, s: VortexSettings
+    p: _Plane, now: np.ndarray, k: int, area: float, s: VortexSettings
 ) -> tuple[Fit, int, float] | None:
     """Fit of vortex k over its own disc: neighbours in the disc are fitted along, others taken off as they are."""
     x0, y0, _, a = now[k]
@@ -227,23 +231,29 @@ def _fit_one(
     # weights fall smoothly to zero at the disc's edge, so that no single vector decides where the disc ends
     taper = np.clip(2 * (1 - distance[use] / reach), 0, 1)
     near = np.hypot(now[:, 0] - x0, now[:, 1] - y0)
-    along = [m for m in np.argsort(near) if m != k and near[m] < reach][:4]
+    strong = np.abs(now[:, 2]) >= s.neighbour_part * abs(now[k, 2])
+    strong[k] = False
+    along = [m for m in np.argsort(near) if strong[m] and near[m] < reach][:4]
     x, y, u, v = (q[box][use] for q in (p.xx, p.yy, p.u, p.v))
     for m in range(len(now)):
-        if m != k and m not in along:
+        if strong[m] and m not in along:
             du, dv = lamb_oseen(x, y, *now[m])
             u, v = u - du, v - dv
     vectors = Vectors(x, y, u, v, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)
+    step = [skip[0] * (p.y[1] - p.y[0]), skip[1] * (p.x[1] - p.x[0])]
     fit = fit_vortices(
         vectors,
         now[[k, *along]],
         strain_prior=s.strain_prior,
         rotation_prior=s.rotation_prior,
-        correlated=correlated,
+        correlated=max(1.0, area / (step[0] * step[1])),
     )
-    step = [skip[0] * (p.y[1] - p.y[0]), skip[1] * (p.x[1] - p.x[0])]
     factor = _correlation_factor(step, fit, use, s.correlation_length)
-    return fit._replace(covariance=fit.covariance * factor), int(np.count_nonzero(use)), factor
+    return (
+        fit._replace(covariance=fit.covariance * factor),
+        int(np.count_nonzero(use)),
+        factor * step[0] * step[1],
+    )
 
 
 def _correlation_factor(step: list[float], fit: Fit, use: np.ndarray, length: float | None) -> float:
@@ -282,7 +292,7 @@ def _plausible(p: _Plane, fit: Fit, start: np.ndarray) -> bool:
     return bool(
         inside
         and circulation * start[2] > 0
-        and 0.4 * step <= a <= 0.5 * span
+        and 0.4 * step <= a <= min(0.5 * span, 3 * max(start[3], step))
         and moved <= 2 * max(start[3], step)
         and np.all(np.isfinite(fit.covariance))
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -10,6 +12,7 @@ from matplotlib.figure import Figure
 from postprocess.style import CFD, COLOURS, GREY, MM, NAMES, PIV, THIRD, new_figure
 
 BAND = 1.96  # standard deviations to either side: a 95 % band
+BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}  # curves fill these pictures
 
 
 def circulation(tracks: dict[str, pd.DataFrame], middle: tuple[float, float]) -> Figure:
@@ -139,7 +142,7 @@ def forces(table: pd.DataFrame) -> Figure:
             label=f"its viscous part, {axis}",
         )
     ax.set(xlabel="time, s", ylabel="force, mN", title="Force of the water on the finger")
-    ax.legend(ncols=2)
+    ax.legend(**BESIDE)
     return figure
 
 
@@ -161,7 +164,7 @@ def power(table: pd.DataFrame) -> Figure:
     axes[1].plot(time, (work - gain - lost) * 1e3, color=GREY, linestyle="--", label="closure error")
     axes[1].set(xlabel="time, s", ylabel="energy, mJ")
     for ax in axes:
-        ax.legend(ncols=2)
+        ax.legend(**BESIDE)
     return figure
 
 

@@ -37,6 +37,20 @@ INSTANTS = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the stroke's bend; the last instant i
 Tracks = dict[str, pd.DataFrame]
 FRAMES = 61  # in slider and film
 FILM_HZ = 12.0
+REQUIRED = (
+    ("sheet.h5", "sheet"),
+    ("vortices_cfd.csv", "vortices"),
+    ("comparison.json", "compare"),
+    ("comparison.csv", "compare"),
+    ("kinematics.h5", "kinematics"),
+    ("planform.h5", "mesh"),
+    ("sweep.h5", "case"),
+    ("mesh_quality.csv", "mesh"),
+    ("run/run.json", "run"),
+    ("run/forces.csv", "run"),
+    ("run/power.csv", "run"),
+    ("run/history.csv", "run"),
+)
 FORCE_COLUMNS = ("time", "fx", "fy", "fx_viscous", "fy_viscous")
 POWER_COLUMNS = ("time", "finger_power", "kinetic_energy", "dissipation")
 HISTORY_COLUMNS = ("time", "courant_mean", "courant_max", "continuity_local", "continuity_global")
@@ -66,11 +80,13 @@ class Album:
 
 def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     """Draw everything for one scene and level; returns the index that figures.json holds."""
-    comparison = read_json(files.required("comparison.json", "compare"))
+    for name, stage in REQUIRED:  # before minutes of drawing, not after
+        files.required(name, stage)
+    comparison = read_json(files.out / "comparison.json")
     start, end = comparison["middle_of_stroke_s"]
     middle = (float(start), float(end))
-    planes = {"cfd": read_plane(files.required("sheet.h5", "sheet"))}
-    tables = {"cfd": tracks.read_vortices(files.required("vortices_cfd.csv", "vortices"))}
+    planes = {"cfd": read_plane(files.out / "sheet.h5")}
+    tables = {"cfd": tracks.read_vortices(files.out / "vortices_cfd.csv")}
     if files.optional("piv.h5") is not None:
         planes["piv"] = read_plane(files.out / "piv.h5")
         tables["piv"] = tracks.read_vortices(files.required("vortices_piv.csv", "vortices"))
@@ -139,7 +155,7 @@ def _vortex_words(source: str, track: pd.DataFrame, time: float) -> str:
 
 def _save_fixed(figure: Figure, path: Path) -> None:
     """Save what the canvas shows, without a new layout."""
-    Image.fromarray(animation.pixels(figure)).save(path, optimize=True)
+    Image.fromarray(animation.pixels(figure)).save(path)
 
 
 def _vortex(
@@ -167,7 +183,7 @@ def _vortex(
             alt,
             "Outline at the first, middle and last instant.",
         )
-    series = pd.read_csv(files.required("comparison.csv", "compare"))
+    series = pd.read_csv(files.out / "comparison.csv")
     if "velocity_rms_difference" in series:
         alt = "RMS velocity difference, correlation and distance of vortex centres between PIV and CFD over time."
         caption = "No correlation is given while the water is at rest. The middle of the stroke is shaded."
@@ -175,7 +191,7 @@ def _vortex(
 
 
 def _motion(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
-    drive = read_arrays(files.required("kinematics.h5", "kinematics"), ("time", "pressure"))
+    drive = read_arrays(files.out / "kinematics.h5", ("time", "pressure"))
     times = plane["time"].values
     speed = tip_speed(times, plane["tip"].values)[:, 0]
     figure = draw_series.motion(drive["time"], drive["pressure"], times, plane["bend"].values[:, 0], speed)
@@ -225,14 +241,11 @@ def _solver(album: Album, files: StageFiles) -> None:
         ),
     )
     for file, name, columns, draw, section, alt in tables:
-        stage = "mesh" if section == "mesh" else "run"
-        album.add(draw(read_table(files.required(file, stage), columns)), f"{name}.svg", section, alt)
+        album.add(draw(read_table(files.out / file, columns)), f"{name}.svg", section, alt)
 
 
 def _mesh(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
-    mesh = read_arrays(
-        files.required("planform.h5", "mesh"), ("points", "bend", "triangles", "quads", "inside")
-    )
+    mesh = read_arrays(files.out / "planform.h5", ("points", "bend", "triangles", "quads", "inside"))
     outline, bend = plane["outline"].values, plane["bend"].values[:, 0]
     low, high = outline.min(axis=(0, 1, 2)) - 0.02, outline.max(axis=(0, 1, 2)) + 0.02
     limits = (low[0], high[0], low[1], high[1])

@@ -31,7 +31,19 @@ from postprocess.style import save
 TEMPLATES = Path(__file__).parent / "templates"
 MIME = {".png": "image/png", ".svg": "image/svg+xml", ".webp": "image/webp", ".mp4": "video/mp4"}
 MAX_BYTES = 15_000_000
-ORDER = ("kinematics", "mesh", "case", "run", "sheet", "images", "piv", "vortices", "compare", "figures")
+ORDER = (
+    "kinematics",
+    "mesh",
+    "case",
+    "run",
+    "sheet",
+    "sheets",
+    "images",
+    "piv",
+    "vortices",
+    "compare",
+    "figures",
+)
 
 
 def data_uri(path: Path) -> str:
@@ -58,9 +70,14 @@ def pictures(files: StageFiles) -> dict[str, list[dict[str, Any]]]:
     return sections
 
 
-def read_costs(files: StageFiles) -> list[dict[str, Any]]:
-    """costs/*.json in the order of the stages; unknown stages last. The report's own cost is not known yet."""
+def read_costs(files: StageFiles, solver_time: float) -> list[dict[str, Any]]:
+    """costs/*.json in the order of the stages; unknown stages last. The report's own cost is not known yet.
+
+    A run that was resumed records its last leg alone, so its time is at least `solver_time` (s), that of all legs.
+    """
     found = {p.stem: read_json(p) for p in sorted((files.out / "costs").glob("*.json")) if p.stem != "report"}
+    if "run" in found:
+        found["run"]["wall_time"] = max(found["run"]["wall_time"], solver_time)
     names = [n for n in ORDER if n in found] + [n for n in found if n not in ORDER]
     return [found[n] for n in names]
 
@@ -100,7 +117,7 @@ def render(files: StageFiles) -> str:
     comparison = read_json(files.required("comparison.json", "compare"))
     run = read_json(files.required("run/run.json", "run"))
     sections = pictures(files)
-    stages = read_costs(files)
+    stages = read_costs(files, run["wall_time"])
     if stages:
         save(draw_costs(stages), files.figures / "costs.svg")
     scene = scene_numbers(files)

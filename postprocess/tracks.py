@@ -17,7 +17,9 @@ COMPARED = ("circulation", "x", "y", "core_radius")
 def read_vortices(path: Path) -> pd.DataFrame:
     """vortices.csv, sorted by time; an absent side is the empty string."""
     table = read_table(path, COLUMNS)
-    return table.assign(side=table["side"].fillna("").astype(str)).sort_values("time", ignore_index=True)
+    return table.assign(side=table["side"].astype(object).fillna("").astype(str)).sort_values(
+        "time", ignore_index=True
+    )
 
 
 def near_tip(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> pd.DataFrame:

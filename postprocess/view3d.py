@@ -20,7 +20,7 @@ def draw(
     finger = face.extrude((0, 0, width), capping=True)
     box = pyvista.Box((-tank[0] / 2, tank[0] / 2, 0, tank[1], -tank[2] / 2, tank[2] / 2)).outline()
     plotter = pyvista.Plotter(off_screen=True, window_size=[1400, 900])
-    plotter.set_background("white")
+    plotter.set_background("white")  # type: ignore[arg-type]
     plotter.add_mesh(box, color="#8793a1", line_width=2)
     plotter.add_mesh(sheet, color="#0b5fa5", line_width=1, opacity=0.45)
     plotter.add_mesh(finger, color="#30343b", smooth_shading=False)

@@ -15,6 +15,9 @@ PAIRS = {
 }
 
 
+NBSP = "\u00a0"  # keeps a number and its unit on one line
+
+
 def quantity(value: float | str | None, unit: str) -> str:
     """One value with its unit as a person reads it: metres below 1 m in mm, fractions in per cent."""
     if value is None:
@@ -22,10 +25,10 @@ def quantity(value: float | str | None, unit: str) -> str:
     if isinstance(value, str):
         return value
     if unit == "m":
-        return f"{value * 1e3:.2f} mm"
+        return f"{value * 1e3:.2f}{NBSP}mm"
     if unit == "fraction":
-        return f"{value * 100:.1f} %"
-    return f"{value:.3g}" + (f" {unit}" if unit not in ("", "1") else "")
+        return f"{value * 100:.1f}{NBSP}%"
+    return f"{value:.3g}" + (NBSP + unit.replace(" ", NBSP) if unit not in ("", "1") else "")
 
 
 def requirement(check: dict[str, Any]) -> str:

@@ -66,16 +66,15 @@ def run(args: argparse.Namespace) -> None:
     ways = [args.scale_mm_per_px is not None, args.points is not None, args.target is not None]
     if sum(ways) != 1:
         raise ValueError("give exactly one of --scale-mm-per-px, --points, --target, or --apply")
-    origin = {"origin_x_px": args.origin[0], "origin_y_px": args.origin[1]}
     if args.target is not None:
         calibration = _from_target(args)
     elif args.points is not None:
         if args.distance_mm is None:
             raise ValueError("--points needs --distance-mm")
         x1, y1, x2, y2 = args.points
-        calibration = from_points((x1, y1), (x2, y2), args.distance_mm * 1e-3, **origin)
+        calibration = from_points((x1, y1), (x2, y2), args.distance_mm * 1e-3, tuple(args.origin))
     else:
-        calibration = Calibration(args.scale_mm_per_px * 1e-3, **origin)
+        calibration = Calibration(args.scale_mm_per_px * 1e-3, *args.origin)
     save_calibration(calibration, args.output)
     if not args.quiet:
         print(f"{args.output}: {calibration.scale_m_per_px * 1e3:.6g} mm/px")

@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--keep-replaced", action="store_true", help="keep vectors that PIVlab interpolated, flagged 4"
     )
+    parser.add_argument("--zero-is-absent", action="store_true", help="vectors of exactly (0, 0) are masked")
     parser.add_argument("--quiet", action="store_true")
 
 
@@ -62,6 +63,7 @@ def run(args: argparse.Namespace) -> None:
         kind=args.kind,
         frame_rate_hz=args.frame_rate,
         keep_replaced=args.keep_replaced,
+        zero_is_absent=args.zero_is_absent,
         length_unit=args.length_unit,
         velocity_unit=args.velocity_unit,
         y_axis=args.y_axis,

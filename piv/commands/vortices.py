@@ -22,6 +22,7 @@ HELPS = {
     "significance": "least |circulation| over its standard error",
     "fit_radius": "radius of the fitted disc, core radii",
     "min_explained": "least part of the variance that a fit must explain",
+    "neighbour_part": "neighbours weaker than this part of a vortex belong to its background",
     "strain_prior": "expected background strain over the vortex' peak vorticity",
     "rotation_prior": "expected background vorticity over the vortex' peak vorticity",
     "correlation_length": "distance over which vector errors are correlated: the window's width",

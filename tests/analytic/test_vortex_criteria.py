@@ -33,7 +33,7 @@ def test_gradients_never_reach_across_a_body():
     np.testing.assert_allclose(g.dudx[valid], 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize(("scheme", "order"), [("least-squares", 2), ("fourth-order", 4)])
+@pytest.mark.parametrize("scheme, order", [("least-squares", 2), ("fourth-order", 4)])
 def test_gradients_converge_with_their_order_on_taylor_green(scheme, order):
     errors = []
     for n in (32, 64):

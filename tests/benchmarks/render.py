@@ -35,10 +35,11 @@ def render(
     peak=205.0,
     background=5.0,
     frames=(-0.5, 0.5),
+    path=None,
 ):
     """8-bit images at the instants `frames` of particles carried by displacement(x, y) -> (dx, dy).
 
-    Particles move along straight lines through their middle position, x right and y up from the centre of the
+    Particles move along straight lines through their middle position, or along path(x, y, t) -> (x, y), x right and y up from the centre of the
     bottom row. `noise` is Gaussian, as a fraction of 255; `out_of_plane` is a shift between the frames as a
     fraction of the light sheet's e⁻² thickness.
     """
@@ -50,16 +51,17 @@ def render(
     x = rng.uniform(-margin, columns + margin, count)
     y = rng.uniform(-margin, rows + margin, count)
     z = rng.uniform(-half, half, count)
-    dx, dy = displacement(x, y)
+    dx, dy = displacement(x, y) if path is None else (None, None)
     images = []
     for t in frames:
         brightness = peak * np.exp(-8 * (z + t * out_of_plane) ** 2)
         seen = brightness > 0.05
         image = np.full(shape, background)
+        px, py = (x + t * dx, y + t * dy) if path is None else path(x, y, t)
         _splat(
             image,
-            (x + t * dx)[seen],
-            (rows - 1 - (y + t * dy))[seen],
+            px[seen],
+            (rows - 1 - py)[seen],
             brightness[seen],
             diameter / 4,
         )

@@ -64,9 +64,10 @@ class Page(HTMLParser):
 
 def test_known_differences_come_out_of_the_files(made):
     checks = {c["id"]: c for c in result(made)["checks"]}
-    # made with a gain of 0.98 and 0.5 % of noise, and with centres 0.3 mm off plus 0.05 mm of noise each way
+    # made with a gain of 0.98 and 0.5 % of noise, and with centres 0.3 mm off plus 0.05 mm of noise each way; between
+    # instants 20 ms apart the vortex goes 8 mm on a curve of 40 mm radius, which a chord cuts by up to 0.2 mm
     assert checks["circulation-agrees"]["measured"]["piv-cfd"] == pytest.approx(0.02, abs=0.005)
-    assert checks["centre-agrees"]["measured"]["piv-cfd"] == pytest.approx(3e-4, abs=1e-4)
+    assert checks["centre-agrees"]["measured"]["piv-cfd"] == pytest.approx(3e-4, abs=2e-4)
     assert checks["tip-vortex-dorsal"]["measured"] == {"cfd": "dorsal", "piv": "dorsal"}
     assert all(c["met"] is True for c in checks.values())
     assert result(made)["verdict"]["agrees"] is True
@@ -153,7 +154,7 @@ def test_the_page_needs_no_network(made):
 
 def test_the_first_screen_has_the_answer_with_its_numbers(made):
     text = (made.out / "report.html").read_text()
-    answer = re.search(r'<p id="answer"[^>]*>([^<]*)<', text).group(1)
+    answer = re.search(r'<p id="answer"[^>]*>([^<]*)<', text).group(1).replace("\u00a0", " ")
     assert re.match(
         r"Yes, .* differs by \d\.\d % \(allowed 5\.0 %\).*\d\.\d\d mm \(allowed 1\.50 mm\)", answer
     )

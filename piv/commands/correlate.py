@@ -1,0 +1,104 @@
+"""python -m piv correlate A.tif B.tif -o out.h5: images, or a whole recording, to a plane series of vectors."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import fields
+from pathlib import Path
+
+import xarray as xr
+
+from piv.ensemble import correlate_ensemble_to
+from piv.images import open_recording
+from piv.masks import read_mask
+from piv.options import Options
+from piv.plane import FINGER_VARIABLES
+from piv.readers import COLOURS
+from piv.sequence import SequenceOptions, correlate_recording
+from piv.settings import add_fields, add_settings, build, merged
+
+HELPS = {
+    "window": "side of the correlation window, px",
+    "spacing": "distance of the vectors, px",
+    "preset": "fast, balanced or accurate",
+    "passes": "refinements at full resolution; 0 = as the preset says",
+    "smoothing": "damp what is no stronger than noise",
+    "search": "side of the first windows, px; displacements up to 3/8 of it are found",
+    "epsilon": "normalised median test: expected fluctuation, px",
+    "threshold": "normalised median test: largest residual",
+    "min_correlation": "least correlation coefficient of a valid vector",
+    "max_masked": "largest masked part of a window",
+    "replace": "put the neighbours' mean in place of outliers, flagged 4",
+    "method": "correlation, or preview (optical flow)",
+}
+SEQUENCE_HELPS = {
+    "pairing": "1-2,2-3 (time-resolved) or 1-2,3-4 (frame-straddling)",
+    "skip": "frames left out between the two of a pair",
+    "every": "keep each so many-th field",
+    "frames": "2 for pairs; 3, 5, … for the multi-frame mode",
+    "preprocess": "steps of piv.preprocess with commas, such as background=min,cap=3",
+    "threads": "fields computed at a time",
+}
+CAMERA = ("scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Flags of the subcommand."""
+    parser.add_argument("source", nargs="+", help="two or more images, a folder, a glob, a video, .mraw/.cihx or images.h5")
+    parser.add_argument("-o", "--output", required=True, help="plane series to write (.h5)")
+    parser.add_argument("--mask", metavar="FILE", help="static mask: polygon (.csv, px) or image (not black = body)")
+    add_fields(parser, Options, HELPS)
+    add_fields(parser, SequenceOptions, SEQUENCE_HELPS)
+    parser.add_argument(
+        "--ensemble",
+        action=argparse.BooleanOptionalAction,
+        default=argparse.SUPPRESS,
+        help="one mean field from the summed correlations of all pairs (default no)",
+    )
+    for name, text in zip(
+        CAMERA,
+        ("metres per pixel", "x of the origin, px from the left", "y of the origin, px up from the bottom", "frames per second"),
+        strict=True,
+    ):
+        parser.add_argument(
+            "--" + name.replace("_", "-"), type=float, default=argparse.SUPPRESS, help=text + " (default: what the recording says)"
+        )
+    parser.add_argument("--colour", choices=COLOURS, default=argparse.SUPPRESS, help="how to make coloured images grey (default refuse)")
+    add_settings(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Correlate and write."""
+    known = {f.name for kind in (Options, SequenceOptions) for f in fields(kind)}
+    given = merged(args, known | set(CAMERA) | {"ensemble", "colour"})
+    options, sequence = build(Options, given), build(SequenceOptions, given)
+    source = args.source[0] if len(args.source) == 1 else args.source
+    with open_recording(
+        source, frame_rate_hz=given.get("frame_rate_hz"), colour=given.get("colour", "refuse")
+    ) as recording:
+        if len(recording) < 2:
+            raise ValueError(f"{recording.name}: one frame is no pair; give two images or a recording")
+        recording.attrs |= {name: float(given[name]) for name in CAMERA[:3] if name in given}
+        mask = read_mask(args.mask, recording.shape) if args.mask else None
+        if given.get("ensemble"):
+            path = correlate_ensemble_to(recording, args.output, options, sequence, mask=mask, quiet=args.quiet)
+        else:
+            finger = finger_of(args.source)
+            path = correlate_recording(
+                recording, args.output, options, sequence, mask=mask, finger=finger, quiet=args.quiet
+            )
+            if finger is not None:
+                finger.close()
+    if not args.quiet:
+        print(path)
+
+
+def finger_of(sources: list[str]) -> xr.Dataset | None:
+    """The finger's variables of a recording file, lazily, or None where there are none."""
+    if len(sources) != 1 or Path(sources[0]).suffix.lower() not in (".h5", ".hdf5"):
+        return None
+    dataset = xr.open_dataset(sources[0], engine="h5netcdf", decode_times=False)
+    if not any(name in dataset for name in FINGER_VARIABLES):
+        dataset.close()
+        return None
+    return dataset

@@ -1,0 +1,131 @@
+"""The passes of the correlation: FFT at half resolution, Newton steps at half, then at full resolution."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from piv import fft_pass, refine
+from piv.deform import Image, Nodes, spline_value
+from piv.options import Options
+from piv.outliers import fill_absent, normalised_median
+
+FFT_WINDOWS = (64, 32)  # at half resolution
+RESEED = 32  # px: windows of the search where a vector is an outlier
+
+
+@dataclass(frozen=True, eq=False)
+class Vectors:
+    """Vectors at the nodes (px, image axes) and what is known of them."""
+
+    dx: np.ndarray
+    dy: np.ndarray
+    known: np.ndarray  # bool: passed every test
+    masked: np.ndarray  # bool: too little of the window could be used
+    second: np.ndarray  # bool: the second peak of the correlation led to it
+    correlation: np.ndarray
+    step_x: np.ndarray
+    step_y: np.ndarray
+    cells: np.ndarray
+    sums: np.ndarray
+
+
+def grid(length: int, spacing: float) -> np.ndarray:
+    """Positions `spacing` px apart, as many as fit, centred."""
+    n = max(int(length // spacing), 2)
+    return (length - 1 - (n - 1) * spacing) / 2 + spacing * np.arange(n)
+
+
+def resample(x, y, field: np.ndarray, new_x, new_y) -> np.ndarray:
+    """Bilinear values of a grid at new coordinates, held constant outside."""
+    i = np.interp(new_x, x, np.arange(x.size)).astype(np.float32)
+    j = np.interp(new_y, y, np.arange(y.size)).astype(np.float32)
+    map_x, map_y = np.meshgrid(i, j)
+    return cv2.remap(field.astype(np.float32), map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def first_passes(
+    maps_of: Callable[..., np.ndarray], shape: tuple[int, int], seen: np.ndarray | None, search: int, x, y
+) -> tuple[np.ndarray, np.ndarray]:
+    """Predictor at the nodes (x, y) (full px) from FFT passes on half-resolution images of `shape`.
+
+    maps_of(columns, rows, shift_x, shift_y, size) gives the correlation maps of windows; seen: where images may
+    be used (half resolution).
+    """
+    sizes = [s for s in sorted({min(search // 2, 512), *FFT_WINDOWS}, reverse=True) if s <= max(search // 2, 16)]
+    sizes = [s for s in sizes if s <= min(shape)] or [16]
+    gx = gy = dx = dy = None
+    for size in sizes:
+        cx = np.unique(np.rint(grid(shape[1], size // 2)).astype(np.int64))
+        cy = np.unique(np.rint(grid(shape[0], size // 2)).astype(np.int64))
+        columns, rows = (m.ravel() for m in np.meshgrid(cx, cy))
+        if dx is None:
+            shift_x = shift_y = np.zeros(columns.size, np.int64)
+        else:
+            shift_x, shift_y = (np.rint(resample(gx, gy, d, cx, cy)).astype(np.int64).ravel() for d in (dx, dy))
+        reach = 3 * size // 8 if dx is None else size // 4
+        maps = maps_of(columns, rows, shift_x, shift_y, size)
+        peaks = fft_pass.find_peaks(maps, shift_x, shift_y, reach)
+        grid_shape = (cy.size, cx.size)
+        dx, dy, sx, sy = (p.reshape(grid_shape) for p in peaks)
+        usable = np.ones(grid_shape, bool)
+        if seen is not None:
+            usable = cv2.blur(seen.astype(np.float32), (size, size))[np.ix_(cy, cx)] > 0.4
+        residual, median_x, median_y = normalised_median(dx, dy, usable, epsilon=0.3)
+        bad = residual > 3
+        nearer = bad & (np.hypot(sx - median_x, sy - median_y) < 0.5 * np.hypot(dx - median_x, dy - median_y))
+        dx, dy = np.where(nearer, sx, dx), np.where(nearer, sy, dy)
+        residual, _, _ = normalised_median(dx, dy, usable, epsilon=0.3)
+        dx, dy = fill_absent(dx, dy, usable & ~(residual > 3))
+        gx, gy = cx, cy
+    assert gx is not None
+    return tuple(2 * resample(2 * gx + 0.5, 2 * gy + 0.5, d, x, y) for d in (dx, dy))  # type: ignore[return-value]
+
+
+def pair_cells(nodes: Nodes, a: Image, b: Image, dx: np.ndarray, dy: np.ndarray, work: np.ndarray) -> np.ndarray:
+    """Products of both images warped half-way along (dx, dy), summed over cells; work: (3, *shape) float32."""
+    nodes.dense(dx, work[0])
+    nodes.dense(dy, work[1])
+    a.warp(work[0], work[1], -0.5, work[2], False)
+    b.warp(work[0], work[1], 0.5, work[2], True)
+    cells = np.empty((refine.MOMENTS, *nodes.cell_shape), np.float32)
+    refine.cell_moments(a.warped, b.warped, work[2], cells)
+    return cells
+
+
+def measure(nodes: Nodes, cells: np.ndarray, dx, dy, sigma: float, options: Options, epsilon: float) -> Vectors:
+    """One Newton step from the predictor (dx, dy) that the images of `cells` were warped by, and its tests."""
+    sums, full = nodes.window_sums(cells, sigma)
+    step_x, step_y, correlation = refine.newton_step(sums, 1.0)
+    new_x = spline_value(dx) + step_x * nodes.factor
+    new_y = spline_value(dy) + step_y * nodes.factor
+    masked = sums[8] < (1 - options.max_masked) * full
+    usable = ~masked & (correlation > options.min_correlation)
+    residual, _, _ = normalised_median(new_x, new_y, usable, epsilon=epsilon, radius=2, threshold=options.threshold)
+    known = usable & ~(residual > options.threshold)
+    no = np.zeros(known.shape, bool)
+    return Vectors(new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums)
+
+
+def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Vectors, options: Options) -> Vectors:
+    """Outliers searched again in small windows around their neighbours' displacement, first and second peak."""
+    lost = ~vectors.known & ~vectors.masked
+    dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
+    second = np.zeros(lost.shape, bool)
+    j, i = np.nonzero(lost)
+    if j.size and vectors.known.any():
+        column, row = np.rint(nodes.column[i]).astype(np.int64), np.rint(nodes.row[j]).astype(np.int64)
+        shift_x, shift_y = np.rint(dx[j, i]).astype(np.int64), np.rint(dy[j, i]).astype(np.int64)
+        maps = fft_pass.window_maps(*pixels, column, row, shift_x, shift_y, RESEED)
+        peaks = fft_pass.find_peaks(maps, shift_x, shift_y, RESEED // 4)
+        first = np.hypot(peaks.dx - dx[j, i], peaks.dy - dy[j, i])
+        other = np.hypot(peaks.second_x - dx[j, i], peaks.second_y - dy[j, i])
+        near = 1.5  # px: what a Newton step can still reach; farther off, neighbours are the better predictor
+        take_first, take_second = first < near, (other < near) & ~(first < near)
+        dx[j, i] = np.select([take_first, take_second], [peaks.dx, peaks.second_x], dx[j, i])
+        dy[j, i] = np.select([take_first, take_second], [peaks.dy, peaks.second_y], dy[j, i])
+        second[j, i] = take_second
+    return replace(vectors, dx=dx, dy=dy, second=second)

@@ -1,0 +1,64 @@
+"""Generated case files, compared as parsed trees with the ones that were looked at."""
+
+import json
+from pathlib import Path
+
+import pytest
+from foamlib import FoamFile
+
+from pipeline.case import numbers, numbers_text, regions_text
+from pipeline.scene import load_scene
+from tests.conftest import ROOT, write_scene
+
+HERE = Path(__file__).parent
+
+
+def tree(path: Path) -> object:
+    """A dictionary file as plain Python values."""
+    def plain(value):
+        if isinstance(value, dict):
+            return {k: plain(v) for k, v in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(v) for v in value]
+        return value if isinstance(value, int | float | str | bool) else str(value)
+
+    return plain(dict(FoamFile(path).as_dict()))
+
+
+@pytest.mark.parametrize("scene, level", [("single_finger", "smoke"), ("single_finger", "coarse"), ("single_deflate", "coarse")])
+def test_numbers_are_those_that_were_looked_at(tmp_path, scene, level):
+    loaded = load_scene(ROOT / "cases" / scene, level)
+    back = -loaded.finger.width if loaded.model.kind == "2d" else -loaded.tank.size[2] / 2
+    (tmp_path / "numbers").write_text(numbers_text(numbers(loaded, back)))
+    golden = HERE / f"numbers_{scene}_{level}.json"
+    assert tree(tmp_path / "numbers") == json.loads(golden.read_text())
+
+
+@pytest.mark.parametrize("kind", ["half", "full"])
+def test_regions_are_those_that_were_looked_at(tmp_path, kind):
+    (tmp_path / "regions").write_text(regions_text(kind))
+    assert tree(tmp_path / "regions") == json.loads((HERE / f"regions_{kind}.json").read_text())
+
+
+def test_the_base_case_uses_every_number_and_no_other(tmp_path):
+    """A number that no file of the base case names would be an option that does nothing."""
+    base = ROOT / "cases" / "_base"
+    files = [p for p in base.rglob("*") if p.is_file() and p.name != "numbers"]
+    text = "\n".join(p.read_text() for p in files)
+    entries = numbers(write_scene(tmp_path / "s"), -0.028)
+    for key in entries:
+        assert f"${key}" in text, key
+    shipped = tree(base / "system" / "numbers")
+    assert set(shipped) == set(entries)
+
+
+def test_scene_keys_reach_the_numbers(tmp_path):
+    more = '[fluid]\ndensity = 1025.0\nkinematic_viscosity = 2e-6\nturbulence = "WALE"'
+    scene = write_scene(tmp_path / "s", "half", more, ', time_scheme = "Euler", outer_correctors = 3')
+    entries = numbers(scene, -0.15)
+    assert entries["density"] == "1025"
+    assert entries["viscosity"] == "2e-06"
+    assert entries["simulationType"] == "LES"
+    assert entries["timeScheme"] == "Euler"
+    assert entries["outerCorrectors"] == "3"
+    assert entries["sheetType"] == "symmetryPlane"
