@@ -49,7 +49,8 @@ def test_impossible_actuator_is_one_sentence(tmp_path):
 
 
 def test_pressure_that_is_not_reached_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr("pipeline.fea.path.LEAST_STEP", 1e3)  # give up soon
+    monkeypatch.setattr("pipeline.fea.path.LARGEST_STEP", 4e4)  # give up soon
+    monkeypatch.setattr("pipeline.fea.path.LEAST_STEP", 1.5e4)
     write_case(
         tmp_path,
         "[fea]\nfirst_pressure_kpa = 0.0\nlast_pressure_kpa = 400.0\npressure_step_kpa = 100.0\n"
