@@ -92,7 +92,13 @@ def shares(
     return result
 
 
-def with_uncertainty(states: BendingStates, actuator: Actuator, fea: Fea, processes: int) -> BendingStates:
+def with_uncertainty(
+    states: BendingStates,
+    actuator: Actuator,
+    fea: Fea,
+    processes: int,
+    done: Callable[[], object] = lambda: None,
+) -> BendingStates:
     """States with `radius_std` and the shares of each source in their settings.
 
     The curvature is varied, as R is infinite at rest: std(R) = R² std(1/R). The sources are independent and each is
@@ -102,7 +108,7 @@ def with_uncertainty(states: BendingStates, actuator: Actuator, fea: Fea, proces
         PRESSURES_KPA[(fea.first_pressure_kpa <= PRESSURES_KPA) & (fea.last_pressure_kpa >= PRESSURES_KPA)]
         * 1e3
     )
-    by_source = shares(actuator, fea, inside, processes)
+    by_source = shares(actuator, fea, inside, processes, done)
     curvature = 1 / states.radius
     by_source["pressure ± 0.2 kPa"] = np.interp(
         inside, states.pressure, np.abs(np.gradient(curvature, states.pressure)) * PRESSURE_STD_PA
