@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.errors import StageError
 from pipeline.fea.settings import Actuator, Material
 from pipeline.fea.solid_mesh import Solid
 
@@ -20,12 +21,10 @@ FACES = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (
 
 
 def executable() -> str:
-    """Path of CalculiX's solver; raises FileNotFoundError with the command that installs it."""
+    """Path of CalculiX's solver; raises StageError with the command that installs it."""
     found = shutil.which("ccx")
     if found is None:
-        raise FileNotFoundError(
-            f'engine = "calculix" needs the program ccx, which is not on the path: {INSTALL}'
-        )
+        raise StageError(f'engine = "calculix" needs the program ccx, which is not on the path: {INSTALL}')
     return found
 
 
@@ -112,7 +111,7 @@ def deck(solid: Solid, actuator: Actuator, pressures: FloatArray) -> str:
 
 
 def run(folder: Path, text: str, threads: int = 1) -> Path:
-    """Solve in `folder` (finger.inp → finger.frd); raises RuntimeError with the log's last line where it fails."""
+    """Solve in `folder` (finger.inp → finger.frd); raises StageError with the log's last line where it fails."""
     program = executable()
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "finger.inp").write_text(text)
@@ -123,7 +122,7 @@ def run(folder: Path, text: str, threads: int = 1) -> Path:
     (folder / "finger.log").write_text(done.stdout + done.stderr)
     if done.returncode or "*ERROR" in done.stdout:
         reasons = [line.strip() for line in done.stdout.splitlines() if "*ERROR" in line]
-        raise RuntimeError(
+        raise StageError(
             f"{folder / 'finger.log'}: CalculiX stopped ({(reasons or ['no reason given'])[0]}): "
             "ask for a lower pressure or a finer solid_mesh"
         )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
@@ -31,8 +30,8 @@ def bending_states(
     if fea.engine == "import" and fea.results is not None:
         states, solver = imported(folder, fea.results, actuator.width), f"imported from {fea.results.file}"
     elif fea.engine == "calculix":
-        with tempfile.TemporaryDirectory() as work:
-            states, solver = solid(Path(work), actuator, fea), f"CalculiX {calculix.release()}, C3D20R"
+        states = solid(folder / "out" / "calculix", actuator, fea)
+        solver = f"CalculiX {calculix.release()}, C3D20R"
     else:
         states, solver = analyse.bend(actuator, fea, done), f"FElupe {version('felupe')}, unit cell"
         if len(states.pressure) < len(fea.pressures):

@@ -104,10 +104,9 @@ def with_uncertainty(
     The curvature is varied, as R is infinite at rest: std(R) = R² std(1/R). The sources are independent and each is
     taken as evenly distributed between its ends.
     """
-    inside = (
-        PRESSURES_KPA[(fea.first_pressure_kpa <= PRESSURES_KPA) & (fea.last_pressure_kpa >= PRESSURES_KPA)]
-        * 1e3
-    )
+    ends = np.array([fea.first_pressure_kpa, fea.last_pressure_kpa])
+    within = PRESSURES_KPA[(PRESSURES_KPA > ends[0]) & (PRESSURES_KPA < ends[1])]
+    inside = 1e3 * np.union1d(within, ends[ends != 0])
     by_source = shares(actuator, fea, inside, processes, done)
     curvature = 1 / states.radius
     by_source["pressure ± 0.2 kPa"] = np.interp(

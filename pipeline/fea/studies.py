@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import tempfile
 from pathlib import Path
 
 from pipeline.fea.calculix import release
@@ -38,7 +37,7 @@ def cases(actuator: Actuator, fea: Fea) -> dict[str, tuple[Actuator, Fea]]:
     return {name: (one, fea) for name, one in result.items()}
 
 
-def against_calculix(actuator: Actuator, fea: Fea) -> dict[str, Bends]:
+def against_calculix(actuator: Actuator, fea: Fea, work: Path) -> dict[str, Bends]:
     """The default finger in 3-D at 10, 20 and 30 kPa, meshed as finely as the unit cell."""
     m = fea.mesh
     same = SolidMesh(**m.model_dump() | {"cavity": 2 * m.cavity, "gap": 2 * m.gap})
@@ -48,8 +47,7 @@ def against_calculix(actuator: Actuator, fea: Fea) -> dict[str, Bends]:
         "last_pressure_kpa": 30.0,
         "pressure_step_kpa": 10.0,
     }
-    with tempfile.TemporaryDirectory() as work:
-        states = solid(Path(work), actuator, fea.model_copy(update=asked))
+    states = solid(work, actuator, fea.model_copy(update=asked))
     return {f"CalculiX {release()}": Bends(states.pressure, states.radius, states.fit_residual)}
 
 
@@ -63,7 +61,7 @@ def run(case: Path, docs: Path, work: Path, processes: int, calculix: bool) -> N
     bends = sweep(cases(actuator, coarse), work, processes)
     write_table(docs / "studies.csv", bends)
     if calculix:
-        write_table(docs / "calculix.csv", against_calculix(actuator, fea), last="fit_residual_mm")
+        write_table(docs / "calculix.csv", against_calculix(actuator, fea, work), last="fit_residual_mm")
     states = read(case / "kinematics" / "states.h5")
     write_results(docs / "results.md", bends, states, docs / "calculix.csv")
     draw(docs, bends, states)

@@ -61,7 +61,7 @@ def test_suction_is_refused(tmp_path):
 
 def test_missing_program_is_named_with_its_package(monkeypatch):
     monkeypatch.setenv("PATH", "")
-    with pytest.raises(FileNotFoundError, match=r"ccx.*apt-get install calculix-ccx"):
+    with pytest.raises(StageError, match=r"ccx.*apt-get install calculix-ccx"):
         calculix.executable()
 
 
