@@ -4,6 +4,9 @@ NP    ?= $(shell n=$$(nproc 2>/dev/null || echo 1); [ $$n -gt 4 ] && n=4; echo $
 HOSTS ?=
 QUIET ?=
 
+# The sheet's vortices are found while its images are still rendered.
+MAKEFLAGS += -j$(NP)
+
 SHELL  := /bin/sh
 PY     := .venv/bin/python
 SCENES := $(patsubst cases/%/scene.toml,%,$(wildcard cases/*/scene.toml))
@@ -63,11 +66,11 @@ $(2)/sheet.h5: $(2)/run/run.json $(2)/settings/sheet.json
 $(2)/images.h5: $(2)/sheet.h5 $(2)/settings/images.json
 	$(PY) -m piv render $$< -o $$@ --settings $(2)/settings/images.json $(FLAGS)
 $(2)/piv.h5: $(2)/images.h5 $(2)/settings/piv.json
-	$(PY) -m piv correlate $$< -o $$@ --settings $(2)/settings/piv.json $(FLAGS)
+	$(PY) -m piv correlate $$< -o $$@ --threads $(NP) --settings $(2)/settings/piv.json $(FLAGS)
 $(2)/vortices_cfd.csv: $(2)/sheet.h5 $(2)/settings/vortices.json
-	$(PY) -m piv vortices $$< -o $$@ --settings $(2)/settings/vortices.json $(FLAGS)
+	$(PY) -m piv vortices $$< -o $$@ --threads $(NP) --settings $(2)/settings/vortices.json $(FLAGS)
 $(2)/vortices_piv.csv: $(2)/piv.h5 $(2)/settings/vortices.json
-	$(PY) -m piv vortices $$< -o $$@ --settings $(2)/settings/vortices.json $(FLAGS)
+	$(PY) -m piv vortices $$< -o $$@ --threads $(NP) --settings $(2)/settings/vortices.json $(FLAGS)
 $(2)/comparison.json: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv $(wildcard cases/$(1)/reference/*)
 	$(PY) -m postprocess.compare cases/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/report.html: $(2)/comparison.json $(2)/settings/report.json

@@ -40,6 +40,7 @@ from pipeline.scene import Scene
 from pipeline.stage import guarded, parser, read_dataset, timed, versions, write_text
 
 LOG = "log.pimpleFoam"
+CELLS_PER_RANK = 5000  # fewer, and ranks wait for each other longer than they work
 STATE = "state.json"  # what the frames and the decomposition in case/ were made for
 
 
@@ -199,6 +200,16 @@ def reset_displacement(folders: list[Path], time_name: str) -> None:
         shutil.copyfile(folder / "0" / "pointDisplacement", folder / time_name / "pointDisplacement")
 
 
+def useful_ranks(scene: Scene, ranks: int, quiet: bool) -> int:
+    """`ranks`, or fewer where the mesh is too small for them."""
+    with read_dataset(scene.out / "sweep.h5", "sweep") as sweep:
+        cells = sweep.sizes["cell"]
+    useful = max(1, min(ranks, cells // CELLS_PER_RANK))
+    if useful < ranks and not quiet:
+        print(f"run: {cells} cells are too few for {ranks} ranks; {useful} used")
+    return useful
+
+
 @contextmanager
 def only_one(lock: Path) -> Iterator[None]:
     """Hold `lock`; StageError where another run holds it."""
@@ -228,6 +239,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns seconds of earlier legs."""
     begin = time.monotonic()
     version = foam_version()
+    ranks = useful_ranks(scene, ranks, quiet)
     with only_one(scene.out / "case" / ".lock"):
         prepare(scene, ranks, quiet)
         record = solve(scene, ranks, hosts, quiet)

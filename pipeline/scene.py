@@ -179,6 +179,7 @@ class Vortices(Section):
 
     min_circulation: Positive = 2e-4
     stencil_radius: Positive = 0.003
+    weights: Literal["equal", "uncertainty"] = "equal"
 
 
 class Scene(Section):

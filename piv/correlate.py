@@ -60,16 +60,18 @@ def correlate_pair(
 
     def maps_of(columns, rows, shift_x, shift_y, size):
         half, _ = images.at(2)
-        return window_maps(*half, columns, rows, shift_x, shift_y, size)
+        return window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
 
-    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray, renew: bool) -> np.ndarray:
+    def cells_of(
+        nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray, renew: bool
+    ) -> np.ndarray:
         f = nodes.factor
         if f not in held:
             held[f] = images.images(f, kernel)
         elif renew:
             for image in held[f]:
                 image.filter(kernel)
-        return passes.pair_cells(nodes, *held[f], dx, dy, work[f])
+        return passes.pair_cells(nodes, held[f][0], held[f][1], dx, dy, work[f])
 
     def spectra_of() -> tuple | None:
         return prefilter.measure_spectra(held[1][0].warped, held[1][1].warped, work[1][2])
@@ -136,7 +138,9 @@ def run_passes(
     nodes = Nodes(x, y, half_shape, 2)
     for _ in range(options.half_steps):
         cells = cells_of(nodes, kernel, dx, dy, False)
-        vectors = passes.measure(nodes, cells, dx, dy, 1.2 * options.sigma, options, max(options.epsilon, 0.5))
+        vectors = passes.measure(
+            nodes, cells, dx, dy, 1.2 * options.sigma, options, max(options.epsilon, 0.5)
+        )
         dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
     nodes = Nodes(x, y, shape, 1)
     renew = False
@@ -199,7 +203,10 @@ def to_dataset(
     units = {"valid": "1", "flag": "1", "correlation": "1"}
     rows, columns = keep
     out = xr.Dataset(
-        {n: (("y", "x"), f[rows, columns][::-1].copy(), {"units": units.get(n, "px")}) for n, f in fields.items()},
+        {
+            n: (("y", "x"), f[rows, columns][::-1].copy(), {"units": units.get(n, "px")})
+            for n, f in fields.items()
+        },
         coords={
             "x": ("x", x[columns], {"units": "px"}),
             "y": ("y", (shape[0] - 1 - y[rows])[::-1].copy(), {"units": "px"}),

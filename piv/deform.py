@@ -42,7 +42,8 @@ class Nodes:
     def dense(self, vectors: np.ndarray, out: np.ndarray) -> None:
         """Value at every pixel, in px of this level, of the B-spline whose coefficients the vectors are."""
         padded = np.pad(vectors.astype(np.float32) / self.factor, 2, mode="edge")
-        dense_field(padded, *self._tables, out)
+        first_y, weights_y, first_x, weights_x = self._tables
+        dense_field(padded, first_y, weights_y, first_x, weights_x, out)
 
     @property
     def cell_shape(self) -> tuple[int, int]:
@@ -74,8 +75,8 @@ class Image:
     def __init__(self, pixels: np.ndarray, seen: np.ndarray | None, kernel: Kernel):
         """pixels: float32 without background; seen: bool or None (all); kernel: prefilter.kernel."""
         self.pixels = pixels
-        usable = np.ones(pixels.shape, np.uint8) if seen is None else seen.astype(np.uint8)
-        usable = cv2.copyMakeBorder(usable, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
+        whole = np.ones(pixels.shape, np.uint8) if seen is None else seen.astype(np.uint8)
+        usable = cv2.copyMakeBorder(whole, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
         # a sample needs its four neighbours, a derivative those of its own neighbours: 4 px in all
         self.usable = cv2.erode(usable, np.ones((9, 9), np.uint8)).astype(np.float32)
         self.warped = np.empty(pixels.shape, np.float32)
@@ -86,7 +87,9 @@ class Image:
         filtered = apply(self.pixels, kernel)
         self.samples = cv2.copyMakeBorder(filtered, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
 
-    def warp(self, dx: np.ndarray, dy: np.ndarray, share: float, weight: np.ndarray, multiply: bool) -> np.ndarray:
+    def warp(
+        self, dx: np.ndarray, dy: np.ndarray, share: float, weight: np.ndarray, multiply: bool
+    ) -> np.ndarray:
         """The image at positions moved by `share` of the dense displacement; `weight`: see interpolate.warp."""
         warp(self.samples, self.usable, dx, dy, share, self.warped, weight, multiply)
         return self.warped

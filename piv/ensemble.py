@@ -65,7 +65,8 @@ def correlate_ensemble(
     def maps_of(columns, rows, shift_x, shift_y, size):
         total = None
         for images in each():
-            maps = window_maps(*images.at(2)[0], columns, rows, shift_x, shift_y, size)
+            half, _ = images.at(2)
+            maps = window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
             total = maps if total is None else np.add(total, maps, out=total)
         return total
 
@@ -77,7 +78,9 @@ def correlate_ensemble(
             a, b = images.images(nodes.factor, kernel)
             total += passes.pair_cells(nodes, a, b, dx, dy, work)
             if nodes.factor == 1 and (found := prefilter.measure_spectra(a.warped, b.warped, work[2], 20)):
-                spectra = found if spectra is None else (found[0], spectra[1] + found[1], spectra[2] + found[2])
+                spectra = (
+                    found if spectra is None else (found[0], spectra[1] + found[1], spectra[2] + found[2])
+                )
         last[:] = [] if spectra is None else list(spectra)
         return total
 
@@ -129,7 +132,9 @@ def correlate_ensemble_to(
     attrs = {"source": "piv", **provenance(**settings), **carried(recording, None)}
     x, y = calibration.axes(plane["x"].values, plane["y"].values)
     time = [float(calibration.time.mean())]
-    writer = SeriesWriter(output, x, y, time, calibration.units, attrs, [recording.name, settings, "ensemble"])
+    writer = SeriesWriter(
+        output, x, y, time, calibration.units, attrs, [recording.name, settings, "ensemble"]
+    )
     try:
         writer.write(0, calibration.fields(plane, 0))
         return writer.finish()

@@ -13,7 +13,6 @@ from piv.correlate import both_seen, node_axes, run_passes, to_dataset, variance
 from piv.deform import Nodes
 from piv.fft_pass import window_maps
 from piv.options import Options
-from piv.outliers import fill_absent
 from piv.pair_images import Prepared
 
 
@@ -107,9 +106,11 @@ def correlate_frames(
             step = (sums[p] * sums[q[0]] - sums[3] * sums[q[1]]) / np.where(ok, det, 1)
             acceleration[axis] += np.where(ok, np.clip(step, -0.25, 0.25), 0)
 
-    def spectra_of():
-        first, last = held[1][reach - 1], held[1][reach + 1]
-        return prefilter.measure_spectra(first.warped, last.warped, work[1][2] * 0 + 1 if both_seen(images.seen) is None else both_seen(images.seen))
+    both = both_seen(images.seen)
+    everywhere = np.ones(images.shape, np.float32) if both is None else both.astype(np.float32)
+
+    def spectra_of() -> tuple | None:
+        return prefilter.measure_spectra(held[1][reach - 1].warped, held[1][reach + 1].warped, everywhere)
 
     def reseed(nodes: Nodes, vectors: passes.Vectors) -> passes.Vectors:
         pair = [images.pixels[reach], images.pixels[reach + 1]]

@@ -18,7 +18,9 @@ def check_images(images: list[Any], window: float) -> list[np.ndarray]:
     arrays = [np.asarray(i) for i in images]
     for a in arrays:
         if a.ndim != 2:
-            raise ValueError(f"images must be 2-D grey values, got shape {a.shape}; convert colour to grey first")
+            raise ValueError(
+                f"images must be 2-D grey values, got shape {a.shape}; convert colour to grey first"
+            )
         if a.dtype.kind not in "uifb":
             raise ValueError(f"images must hold real numbers, got {a.dtype}")
         if a.shape != arrays[0].shape:
@@ -65,14 +67,18 @@ class Prepared:
             if not finite.all():
                 bad = ~finite if seen is None else ~finite & seen
                 if bad.any():
-                    raise ValueError(f"image {k + 1} holds {int(bad.sum())} pixels that are not finite; mask them")
+                    raise ValueError(
+                        f"image {k + 1} holds {int(bad.sum())} pixels that are not finite; mask them"
+                    )
                 image = np.where(finite, image, 0)
             pixels.append(remove_background(image, seen))
         energy = float(np.sqrt(np.mean([np.mean(p**2) for p in pixels])))
         for k, p in enumerate(pixels):
             seen = self.seen[k]
             if (seen is None or seen.any()) and not np.ptp(p) > 0:
-                raise ValueError(f"image {k + 1} is of one grey level where it is not masked; there is nothing to correlate")
+                raise ValueError(
+                    f"image {k + 1} is of one grey level where it is not masked; there is nothing to correlate"
+                )
         self.pixels = [p / energy if energy > 0 else p for p in pixels]
 
     def at(self, factor: int) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
@@ -83,7 +89,9 @@ class Prepared:
         whole = (slice(0, size[1] * factor), slice(0, size[0] * factor))
         pixels = [cv2.resize(p[whole], size, interpolation=cv2.INTER_AREA) for p in self.pixels]
         seen = [
-            None if s is None else cv2.resize(s[whole].astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.99
+            None
+            if s is None
+            else cv2.resize(s[whole].astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.99
             for s in self.seen
         ]
         return pixels, seen

@@ -44,7 +44,9 @@ def resample(x, y, field: np.ndarray, new_x, new_y) -> np.ndarray:
     i = np.interp(new_x, x, np.arange(x.size)).astype(np.float32)
     j = np.interp(new_y, y, np.arange(y.size)).astype(np.float32)
     map_x, map_y = np.meshgrid(i, j)
-    return cv2.remap(field.astype(np.float32), map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return cv2.remap(
+        field.astype(np.float32), map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
 
 
 def first_passes(
@@ -55,18 +57,23 @@ def first_passes(
     maps_of(columns, rows, shift_x, shift_y, size) gives the correlation maps of windows; seen: where images may
     be used (half resolution).
     """
-    sizes = [s for s in sorted({min(search // 2, 512), *FFT_WINDOWS}, reverse=True) if s <= max(search // 2, 16)]
+    sizes = [
+        s for s in sorted({min(search // 2, 512), *FFT_WINDOWS}, reverse=True) if s <= max(search // 2, 16)
+    ]
     sizes = [s for s in sizes if s <= min(shape)] or [16]
-    gx = gy = dx = dy = None
+    gx = gy = np.zeros(0, np.int64)
+    dx = dy = np.zeros((0, 0), np.float32)
     for size in sizes:
         cx = np.unique(np.rint(grid(shape[1], size // 2)).astype(np.int64))
         cy = np.unique(np.rint(grid(shape[0], size // 2)).astype(np.int64))
         columns, rows = (m.ravel() for m in np.meshgrid(cx, cy))
-        if dx is None:
+        if not dx.size:
             shift_x = shift_y = np.zeros(columns.size, np.int64)
         else:
-            shift_x, shift_y = (np.rint(resample(gx, gy, d, cx, cy)).astype(np.int64).ravel() for d in (dx, dy))
-        reach = 3 * size // 8 if dx is None else size // 4
+            shift_x, shift_y = (
+                np.rint(resample(gx, gy, d, cx, cy)).astype(np.int64).ravel() for d in (dx, dy)
+            )
+        reach = size // 4 if dx.size else 3 * size // 8
         maps = maps_of(columns, rows, shift_x, shift_y, size)
         peaks = fft_pass.find_peaks(maps, shift_x, shift_y, reach)
         grid_shape = (cy.size, cx.size)
@@ -81,11 +88,13 @@ def first_passes(
         residual, _, _ = normalised_median(dx, dy, usable, epsilon=0.3)
         dx, dy = fill_absent(dx, dy, usable & ~(residual > 3))
         gx, gy = cx, cy
-    assert gx is not None
-    return tuple(2 * resample(2 * gx + 0.5, 2 * gy + 0.5, d, x, y) for d in (dx, dy))  # type: ignore[return-value]
+    at = 2 * gx + 0.5, 2 * gy + 0.5
+    return 2 * resample(*at, dx, x, y), 2 * resample(*at, dy, x, y)
 
 
-def pair_cells(nodes: Nodes, a: Image, b: Image, dx: np.ndarray, dy: np.ndarray, work: np.ndarray) -> np.ndarray:
+def pair_cells(
+    nodes: Nodes, a: Image, b: Image, dx: np.ndarray, dy: np.ndarray, work: np.ndarray
+) -> np.ndarray:
     """Products of both images warped half-way along (dx, dy), summed over cells; work: (3, *shape) float32."""
     nodes.dense(dx, work[0])
     nodes.dense(dy, work[1])
@@ -96,7 +105,9 @@ def pair_cells(nodes: Nodes, a: Image, b: Image, dx: np.ndarray, dy: np.ndarray,
     return cells
 
 
-def measure(nodes: Nodes, cells: np.ndarray, dx, dy, sigma: float, options: Options, epsilon: float) -> Vectors:
+def measure(
+    nodes: Nodes, cells: np.ndarray, dx, dy, sigma: float, options: Options, epsilon: float
+) -> Vectors:
     """One Newton step from the predictor (dx, dy) that the images of `cells` were warped by, and its tests."""
     sums, full = nodes.window_sums(cells, sigma)
     step_x, step_y, correlation = refine.newton_step(sums, 1.0)
@@ -104,7 +115,9 @@ def measure(nodes: Nodes, cells: np.ndarray, dx, dy, sigma: float, options: Opti
     new_y = spline_value(dy) + step_y * nodes.factor
     masked = sums[8] < (1 - options.max_masked) * full
     usable = ~masked & (correlation > options.min_correlation)
-    residual, _, _ = normalised_median(new_x, new_y, usable, epsilon=epsilon, radius=2, threshold=options.threshold)
+    residual, _, _ = normalised_median(
+        new_x, new_y, usable, epsilon=epsilon, radius=2, threshold=options.threshold
+    )
     known = usable & ~(residual > options.threshold)
     no = np.zeros(known.shape, bool)
     return Vectors(new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums)
@@ -119,7 +132,7 @@ def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Vectors, options: Op
     if j.size and vectors.known.any():
         column, row = np.rint(nodes.column[i]).astype(np.int64), np.rint(nodes.row[j]).astype(np.int64)
         shift_x, shift_y = np.rint(dx[j, i]).astype(np.int64), np.rint(dy[j, i]).astype(np.int64)
-        maps = fft_pass.window_maps(*pixels, column, row, shift_x, shift_y, RESEED)
+        maps = fft_pass.window_maps(pixels[0], pixels[1], column, row, shift_x, shift_y, RESEED)
         peaks = fft_pass.find_peaks(maps, shift_x, shift_y, RESEED // 4)
         first = np.hypot(peaks.dx - dx[j, i], peaks.dy - dy[j, i])
         other = np.hypot(peaks.second_x - dx[j, i], peaks.second_y - dy[j, i])

@@ -52,7 +52,8 @@ def kernel(response: np.ndarray) -> Kernel:
     taps = np.fft.fftshift(np.fft.irfft2(full, s=(TILE, TILE)))
     middle = slice(TILE // 2 - TAPS // 2, TILE // 2 + TAPS // 2 + 1)
     columns, weights, rows = np.linalg.svd(taps[middle, middle])
-    return np.float32(rows[0] * np.sqrt(weights[0])), np.float32(columns[:, 0] * np.sqrt(weights[0]))
+    root = np.sqrt(weights[0])
+    return (rows[0] * root).astype(np.float32), (columns[:, 0] * root).astype(np.float32)
 
 
 def apply(image: np.ndarray, separable: Kernel) -> np.ndarray:

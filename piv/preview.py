@@ -29,7 +29,7 @@ def optical_flow(a: Any, b: Any, mask: Any, options: Options) -> xr.Dataset:
     grey = [np.clip(np.nan_to_num(i) * (255 / top), 0, 255).astype(np.uint8) for i in images]
     for image in grey:
         image[~both] = 0
-    flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM).calc(grey[0], grey[1], None)
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM).calc(grey[0], grey[1], None)
     rows, columns = images[0].shape
     x, y = grid(columns, options.spacing), grid(rows, options.spacing)
     side = max(int(options.spacing), 3)

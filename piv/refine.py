@@ -74,7 +74,7 @@ def window_weights(nodes: np.ndarray, cells: int, sigma: float) -> tuple[np.ndar
 @njit(cache=True, nogil=True, fastmath=True)
 def window_sums(moments, first_y, weight_y, first_x, weight_x, out):
     """out[m, j, i] = Σ weight_y[j] weight_x[i] moments[m] around node (j, i)."""
-    count, cells_y, cells_x = moments.shape
+    count, _, cells_x = moments.shape
     ny, ky = weight_y.shape
     nx, kx = weight_x.shape
     line = np.empty(cells_x, np.float32)

@@ -41,7 +41,9 @@ class SequenceOptions:
         if self.frames != 2 and (self.frames < 3 or self.frames % 2 == 0):
             raise ValueError(f"frames must be 2, or odd for the multi-frame mode, got {self.frames}")
         if self.frames > 2 and (self.pairing != "1-2,2-3" or self.skip):
-            raise ValueError("the multi-frame mode needs equally spaced frames: pairing '1-2,2-3' without skip")
+            raise ValueError(
+                "the multi-frame mode needs equally spaced frames: pairing '1-2,2-3' without skip"
+            )
 
 
 def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
@@ -93,7 +95,13 @@ def correlate_recording(
     settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps}
     settings.pop("threads")
     attrs = {"source": "piv", **provenance(**settings), **carried(recording, finger)}
-    identity = [recording.name, len(recording), list(recording.shape), settings, float(np.mean(recording.frame(0)))]
+    identity = [
+        recording.name,
+        len(recording),
+        list(recording.shape),
+        settings,
+        float(np.mean(recording.frame(0))),
+    ]
     writer = SeriesWriter(output, x, y, calibration.time, calibration.units, attrs, identity)
     threads_before = cv2.getNumThreads()
     cv2.setNumThreads(1)  # fields are the unit of parallel work
@@ -120,7 +128,8 @@ def _in_parallel(missing, sets, load, options: Options, threads: int) -> Iterato
         running: list[tuple[int, Future]] = []
         try:
             for k in missing:
-                running.append((k, pool.submit(correlate_set, *load(sets[k]), options)))
+                images, masks = load(sets[k])
+                running.append((k, pool.submit(correlate_set, images, masks, options)))
                 if len(running) > threads:
                     done, future = running.pop(0)
                     yield done, future.result()
@@ -164,7 +173,7 @@ class Calibration:
 
     def fields(self, plane: xr.Dataset, index: int) -> dict[str, np.ndarray]:
         """Variables of one field in the file's units."""
-        factor = {name: self.scale / self.interval[index] for name in ("u", "v", "u_std", "v_std")}
+        factor = dict.fromkeys(("u", "v", "u_std", "v_std"), self.scale / self.interval[index])
         return {str(n): plane[n].values * factor.get(str(n), 1) for n in plane.data_vars}
 
 

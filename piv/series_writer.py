@@ -13,7 +13,15 @@ import numpy as np
 
 from piv.plane import FORMAT, FORMAT_VERSION, UNITS
 
-FIELDS = {"u": "f4", "v": "f4", "valid": "u1", "flag": "u1", "u_std": "f4", "v_std": "f4", "correlation": "f4"}
+FIELDS = {
+    "u": "f4",
+    "v": "f4",
+    "valid": "u1",
+    "flag": "u1",
+    "u_std": "f4",
+    "v_std": "f4",
+    "correlation": "f4",
+}
 
 
 class SeriesWriter:
@@ -24,11 +32,15 @@ class SeriesWriter:
     a damaged one is begun anew.
     """
 
-    def __init__(self, path: str | Path, x, y, time, units: dict[str, str], attrs: dict[str, Any], identity: Any):
+    def __init__(
+        self, path: str | Path, x, y, time, units: dict[str, str], attrs: dict[str, Any], identity: Any
+    ):
         self.path = Path(path)
         self.part = self.path.with_name(self.path.name + ".part")
         self.count = len(time)
-        key = json.dumps([identity, list(map(float, x)), list(map(float, y)), list(map(float, time))], default=str)
+        key = json.dumps(
+            [identity, list(map(float, x)), list(map(float, y)), list(map(float, time))], default=str
+        )
         self._identity = hashlib.sha256(key.encode()).hexdigest()
         if not self._resume():
             self._create({"x": x, "y": y, "time": time}, units, attrs)
@@ -79,10 +91,7 @@ class SeriesWriter:
     def write(self, index: int, fields: dict[str, np.ndarray]) -> None:
         """Store one field (y, x each); on disk when this returns."""
         for name in FIELDS:
-            if name in fields:
-                self._file[name][index] = fields[name]
-            else:
-                self._file[name][index] = np.nan
+            self._file[name][index] = fields.get(name, np.nan)
         self._file.flush()
         self._file["_done"][index] = 1
         self._file.flush()
@@ -101,7 +110,9 @@ class SeriesWriter:
         """Give the file its name; ValueError where fields are missing."""
         missing = np.flatnonzero(self._file["_done"][...] == 0)
         if missing.size:
-            raise ValueError(f"{self.path}: {missing.size} of {self.count} fields are missing, the first is {missing[0]}")
+            raise ValueError(
+                f"{self.path}: {missing.size} of {self.count} fields are missing, the first is {missing[0]}"
+            )
         del self._file["_done"]
         del self._file.attrs["_identity"]
         self._file.close()

@@ -70,6 +70,8 @@ def noise_shares(sigma: float, spacing: float, passes: int) -> tuple[tuple[float
     for scale in SCALES:
         low = np.exp(-2 * np.pi**2 * (scale * sigma / spacing) ** 2 * square)
         low = 1 - (1 - low) ** ORDER
-        out.append((float(np.sum(power * (1 - low) ** 2) / power.sum()), float(np.sum(power * low**2) / power.sum())))
+        out.append(
+            (float(np.sum(power * (1 - low) ** 2) / power.sum()), float(np.sum(power * low**2) / power.sum()))
+        )
         power = power * low**2
     return tuple(out)

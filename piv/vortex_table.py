@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import asdict
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +19,9 @@ from tqdm import tqdm
 from piv.plane import provenance
 from piv.tip_frame import place_at_tip
 from piv.tracking import Tracker, TrackingSettings
-from piv.vortices import VortexSettings, find_vortices
+from piv.vortices import Vortex, VortexSettings, find_vortices
 
+USED = ("u", "v", "valid", "u_std", "v_std", "outline", "tip", "tip_direction", "dorsal_direction", "bend")
 COLUMNS = [
     "time",
     "track",
@@ -52,20 +57,18 @@ def tabulate_vortices(
     settings: VortexSettings | None = None,
     tracking: TrackingSettings | None = None,
     *,
+    processes: int = 1,
     quiet: bool = True,
 ) -> pd.DataFrame:
     """One row per vortex and instant of a plane series (or of one plane: time empty), columns as `COLUMNS`.
 
-    `lifetime` is the time from a track's first to its last detection. One plane is in memory at once.
+    `lifetime` is the time from a track's first to its last detection. The planes are shared out to `processes`; each
+    has one in memory at once, and the result does not depend on their number.
     """
     tracker = Tracker(tracking)
-    single = "time" not in series["u"].dims
-    steps: list[Any] = [None] if single else list(range(series.sizes["time"]))
     rows = []
-    for i in tqdm(steps, unit="plane", desc="vortices", disable=quiet):
-        plane = (series if i is None else series.isel(time=i)).load()
-        time = None if i is None else float(plane["time"])
-        found = find_vortices(plane, settings)
+    for plane, found in _found(series, settings, processes, quiet):
+        time = float(plane["time"]) if "time" in plane.coords else None
         for vortex, track in zip(found, tracker.update(0.0 if time is None else time, found), strict=True):
             place = place_at_tip(vortex.x, vortex.y, plane)
             rows.append({"time": time, "track": track} | asdict(vortex) | (place._asdict() if place else {}))
@@ -74,6 +77,35 @@ def tabulate_vortices(
     table["lifetime"] = table["track"].map(span) if span is not None else []
     table["finger"] = table["finger"].astype("Int64")
     return table
+
+
+def _found(
+    series: xr.Dataset, settings: VortexSettings | None, processes: int, quiet: bool
+) -> Iterator[tuple[xr.Dataset, list[Vortex]]]:
+    """Each plane of the series, in order, with its vortices."""
+    series = series[[name for name in USED if name in series]]
+    single = "time" not in series["u"].dims
+    steps: list[int | None] = [None] if single else list(range(series.sizes["time"]))
+    bar = tqdm(steps, unit="plane", desc="vortices", disable=quiet or None)
+    if processes <= 1 or single:
+        for i in bar:
+            plane = _plane(series, i)
+            yield plane, find_vortices(plane, settings)
+        return
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        waiting: deque[tuple[xr.Dataset, Future[list[Vortex]]]] = deque()
+        for i in bar:
+            plane = _plane(series, i)
+            waiting.append((plane, pool.submit(find_vortices, plane, settings)))
+            if len(waiting) > 2 * processes:  # enough to keep all busy, few enough to keep memory flat
+                plane, future = waiting.popleft()
+                yield plane, future.result()
+        for plane, future in waiting:
+            yield plane, future.result()
+
+
+def _plane(series: xr.Dataset, i: int | None) -> xr.Dataset:
+    return (series if i is None else series.isel(time=i)).load()
 
 
 def write_vortices(table: pd.DataFrame, path: str | Path, **settings: Any) -> None:

@@ -64,6 +64,8 @@ class VortexSettings:
     correlation_length: distance over which the vectors' errors are correlated (the interrogation window's
     width for PIV); None = estimated from the residuals.
     scheme: of the gradients, `least-squares` or `fourth-order`.
+    weights: of the vectors in the fit, by their `uncertainty` (u_std, v_std, where given) or `equal`; equal where
+    two planes are compared of which only one has uncertainties.
     """
 
     stencil_radius: float | None = None
@@ -80,6 +82,11 @@ class VortexSettings:
     rotation_prior: float = 0.03
     correlation_length: float | None = None
     scheme: str = "least-squares"
+    weights: str = "uncertainty"
+
+    def __post_init__(self) -> None:
+        if self.weights not in ("uncertainty", "equal"):
+            raise ValueError(f"weights = {self.weights!r}: give 'uncertainty' or 'equal'")
 
 
 class _Plane(NamedTuple):
@@ -108,7 +115,7 @@ def find_vortices(
     neighbours taken along or taken off. Raises ValueError where the plane still has a time axis or an option is unknown.
     """
     s = _settings(settings, options)
-    p = _arrays(plane)
+    p = _arrays(plane, s.weights)
     dx, dy = float(p.x[1] - p.x[0]), float(p.y[1] - p.y[0])
     g = gradients(p.u, p.v, p.valid, dx, dy, s.scheme)
     candidates = find_candidates(
@@ -166,7 +173,7 @@ def _settings(settings: VortexSettings | None, options: dict[str, float]) -> Vor
     return VortexSettings(**(vars(base) | options))
 
 
-def _arrays(plane: xr.Dataset) -> _Plane:
+def _arrays(plane: xr.Dataset, weighting: str) -> _Plane:
     for name in ("u", "v"):
         if name not in plane or set(plane[name].dims) != {"y", "x"}:
             found = plane[name].dims if name in plane else "none"
@@ -180,7 +187,7 @@ def _arrays(plane: xr.Dataset) -> _Plane:
         valid &= plane["valid"].transpose("y", "x").values != 0
     weights = []
     for name in ("u_std", "v_std"):
-        if name in plane:
+        if name in plane and weighting == "uncertainty":
             std = plane[name].transpose("y", "x").values.astype(float)
             good = valid & np.isfinite(std) & (std > 0)
             # a few vectors with an implausibly small error must not rule the fit

@@ -44,9 +44,13 @@ CAMERA = ("scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Flags of the subcommand."""
-    parser.add_argument("source", nargs="+", help="two or more images, a folder, a glob, a video, .mraw/.cihx or images.h5")
+    parser.add_argument(
+        "source", nargs="+", help="two or more images, a folder, a glob, a video, .mraw/.cihx or images.h5"
+    )
     parser.add_argument("-o", "--output", required=True, help="plane series to write (.h5)")
-    parser.add_argument("--mask", metavar="FILE", help="static mask: polygon (.csv, px) or image (not black = body)")
+    parser.add_argument(
+        "--mask", metavar="FILE", help="static mask: polygon (.csv, px) or image (not black = body)"
+    )
     add_fields(parser, Options, HELPS)
     add_fields(parser, SequenceOptions, SEQUENCE_HELPS)
     parser.add_argument(
@@ -57,13 +61,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     for name, text in zip(
         CAMERA,
-        ("metres per pixel", "x of the origin, px from the left", "y of the origin, px up from the bottom", "frames per second"),
+        (
+            "metres per pixel",
+            "x of the origin, px from the left",
+            "y of the origin, px up from the bottom",
+            "frames per second",
+        ),
         strict=True,
     ):
         parser.add_argument(
-            "--" + name.replace("_", "-"), type=float, default=argparse.SUPPRESS, help=text + " (default: what the recording says)"
+            "--" + name.replace("_", "-"),
+            type=float,
+            default=argparse.SUPPRESS,
+            help=text + " (default: what the recording says)",
         )
-    parser.add_argument("--colour", choices=COLOURS, default=argparse.SUPPRESS, help="how to make coloured images grey (default refuse)")
+    parser.add_argument(
+        "--colour",
+        choices=COLOURS,
+        default=argparse.SUPPRESS,
+        help="how to make coloured images grey (default refuse)",
+    )
     add_settings(parser)
 
 
@@ -81,7 +98,9 @@ def run(args: argparse.Namespace) -> None:
         recording.attrs |= {name: float(given[name]) for name in CAMERA[:3] if name in given}
         mask = read_mask(args.mask, recording.shape) if args.mask else None
         if given.get("ensemble"):
-            path = correlate_ensemble_to(recording, args.output, options, sequence, mask=mask, quiet=args.quiet)
+            path = correlate_ensemble_to(
+                recording, args.output, options, sequence, mask=mask, quiet=args.quiet
+            )
         else:
             finger = finger_of(args.source)
             path = correlate_recording(

@@ -26,6 +26,7 @@ HELPS = {
     "strain_prior": "expected background strain over the vortex' peak vorticity",
     "rotation_prior": "expected background vorticity over the vortex' peak vorticity",
     "correlation_length": "distance over which vector errors are correlated: the window's width",
+    "weights": "of the vectors in the fit: uncertainty (where given) or equal",
     "scheme": "of the gradients: least-squares or fourth-order",
     "agility": "velocity change per frame, core radii",
     "scatter": "scatter of a position, core radii",
@@ -42,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", required=True, help="table to write (.csv)")
     add_fields(parser, VortexSettings, HELPS)
     add_fields(parser, TrackingSettings, HELPS)
+    parser.add_argument("--threads", type=int, default=1, help="processes that share the planes (default 1)")
     add_settings(parser)
 
 
@@ -51,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
     given = merged(args, known)
     settings, tracking = build(VortexSettings, given), build(TrackingSettings, given)
     with read_plane(existing(args.plane_series)) as series:
-        table = tabulate_vortices(series, settings, tracking, quiet=args.quiet)
+        table = tabulate_vortices(series, settings, tracking, processes=args.threads, quiet=args.quiet)
     write_vortices(
         table, args.output, source=Path(args.plane_series).name, **asdict(settings), **asdict(tracking)
     )

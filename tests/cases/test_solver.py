@@ -102,7 +102,8 @@ def test_volume_is_conserved(solved):
     assert np.abs(history[:, 3]).max() < 1e-5
 
 
-def test_parallel_equals_serial(solved, prepared, tmp_path):
+def test_parallel_equals_serial(solved, prepared, tmp_path, monkeypatch):
+    monkeypatch.setattr(run_stage, "CELLS_PER_RANK", 100)
     scene = copy_of(prepared, tmp_path / "parallel")
     run_stage.run(scene, quiet=True, ranks=2)
     one, two = table(solved.out / FORCES), table(scene.out / FORCES)

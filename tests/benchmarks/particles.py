@@ -12,10 +12,10 @@ from numba import njit
 def _splat(image, x, y, peak, sigma):
     rows, columns = image.shape
     scale = 1.0 / (math.sqrt(2.0) * sigma)
-    reach = int(math.ceil(4.5 * sigma)) + 1
+    reach = math.ceil(4.5 * sigma) + 1
     norm = math.pi * sigma * sigma / 2
     for k in range(x.size):
-        cx, cy = int(round(x[k])), int(round(y[k]))
+        cx, cy = round(x[k]), round(y[k])
         for r in range(max(cy - reach, 0), min(cy + reach + 1, rows)):
             gy = math.erf((r + 0.5 - y[k]) * scale) - math.erf((r - 0.5 - y[k]) * scale)
             for c in range(max(cx - reach, 0), min(cx + reach + 1, columns)):
