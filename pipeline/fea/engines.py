@@ -54,8 +54,8 @@ def solid(folder: Path, actuator: Actuator, fea: Fea, threads: int = 1) -> Bendi
     pressures = fea.pressures
     if pressures[0] < 0:
         raise StageError(
-            'engine = "calculix" pressurises only, because suction of the whole finger diverges below -1 kPa, with and '
-            'without contact: set first_pressure_kpa = 0 or use engine = "unit_cell"'
+            'engine = "calculix" pressurises only, because suction of the whole finger diverges beyond about -1 kPa: '
+            'set first_pressure_kpa = 0 or use engine = "unit_cell"'
         )
     mesh = solid_mesh.build(actuator, fea.solid_mesh)
     result = calculix.run(folder, calculix.deck(mesh, actuator, pressures[pressures > 0]), threads)

@@ -105,7 +105,7 @@ def with_uncertainty(
     taken as evenly distributed between its ends.
     """
     ends = np.array([fea.first_pressure_kpa, fea.last_pressure_kpa])
-    within = PRESSURES_KPA[(PRESSURES_KPA > ends[0]) & (PRESSURES_KPA < ends[1])]
+    within = PRESSURES_KPA[(ends[0] < PRESSURES_KPA) & (ends[1] > PRESSURES_KPA)]
     inside = 1e3 * np.union1d(within, ends[ends != 0])
     by_source = shares(actuator, fea, inside, processes, done)
     curvature = 1 / states.radius
