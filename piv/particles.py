@@ -65,10 +65,22 @@ def seed_particles(
 
 def advance(field: PlaneField, p: np.ndarray, start: float, end: float, substeps: int = 2) -> np.ndarray:
     """Particles `p` (rows x, y, z, ...) carried from `start` to `end` (s) by `field`: RK4, velocity (u, v, w + dwdz z)."""
-    out = p.copy()
+    return _carry(field, p, _stages(field, start, end, substeps))
+
+
+Stage = tuple[np.ndarray, np.ndarray, np.ndarray, float]
+
+
+def _stages(field: PlaneField, start: float, end: float, substeps: int) -> list[Stage]:
+    """The field at the beginning, middle and end of every substep, and the substep's length."""
     h = (end - start) / substeps
-    for k in range(substeps):
-        c0, c1, c2 = (field.at(start + (k + s) * h) for s in (0.0, 0.5, 1.0))
+    nodes = [field.at(start + 0.5 * k * h) for k in range(2 * substeps + 1)]
+    return [(nodes[2 * k], nodes[2 * k + 1], nodes[2 * k + 2], h) for k in range(substeps)]
+
+
+def _carry(field: PlaneField, p: np.ndarray, stages: list[Stage]) -> np.ndarray:
+    out = p.copy()
+    for c0, c1, c2, h in stages:
         _rk4(c0, c1, c2, out, h, field.x[0], field.y[0], field.dx, field.dy)
     return out
 
@@ -114,10 +126,11 @@ def exact_displacement(
     """
     d = np.zeros((2, np.size(x)))
     centre = np.array([np.ravel(x), np.ravel(y)])
+    stages = _stages(field, start, end, substeps)
     for _ in range(6):
         p = np.zeros((3, centre.shape[1]))
         p[:2] = centre - d / 2
-        new = advance(field, p, start, end, substeps)[:2] - p[:2]
+        new = _carry(field, p, stages)[:2] - p[:2]
         change = np.abs(new - d).max()
         d = new
         if change < 1e-4 * np.abs(d).max():

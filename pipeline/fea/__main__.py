@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from pipeline.errors import StageError
 from pipeline.fea.engines import bending_states
-from pipeline.fea.sensitivity import with_uncertainty
+from pipeline.fea.sensitivity import variations, with_uncertainty
 from pipeline.fea.settings import Actuator, Fea
 from pipeline.fea.states import write
 from pipeline.scene import load_scene
@@ -33,7 +33,9 @@ def run(case: Path, level: str, processes: int) -> None:
         with tqdm(total=len(fea.pressures), unit="state", disable=not sys.stderr.isatty()) as bar:
             states = bending_states(case, actuator, fea, bar.update)
         if fea.engine == "unit_cell":
-            states = with_uncertainty(states, actuator, fea, processes)
+            cases = len(variations(actuator, fea))
+            with tqdm(total=cases, unit="variation", disable=not sys.stderr.isatty()) as bar:
+                states = with_uncertainty(states, actuator, fea, processes, bar.update)
     except (ValueError, RuntimeError, FileNotFoundError) as error:
         raise StageError(str(error)) from error
     target = case / "kinematics" / "states.h5"

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.errors import StageError
 from pipeline.fea.settings import Actuator, Material
 from pipeline.fea.solid_mesh import Solid
 
@@ -20,12 +21,10 @@ FACES = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (
 
 
 def executable() -> str:
-    """Path of CalculiX's solver; raises FileNotFoundError with the command that installs it."""
+    """Path of CalculiX's solver; raises StageError with the command that installs it."""
     found = shutil.which("ccx")
     if found is None:
-        raise FileNotFoundError(
-            f'engine = "calculix" needs the program ccx, which is not on the path: {INSTALL}'
-        )
+        raise StageError(f'engine = "calculix" needs the program ccx, which is not on the path: {INSTALL}')
     return found
 
 
@@ -38,14 +37,14 @@ def release() -> str:
 
 def hyperelastic(material: Material) -> str:
     """CalculiX's *HYPERELASTIC card of a law; raises ValueError where it knows none. D1 = 2 / bulk."""
-    p, d = material.parameters, 2 / material.bulk
+    p, d = material.number, 2 / material.bulk
     if material.law == "neo_hooke":
-        return f"*HYPERELASTIC, NEO HOOKE\n{_numbers([p['mu'] / 2, d])}"  # type: ignore[operator]
+        return f"*HYPERELASTIC, NEO HOOKE\n{_numbers([p('mu') / 2, d])}"
     if material.law == "mooney_rivlin":
-        return f"*HYPERELASTIC, MOONEY-RIVLIN\n{_numbers([p['C10'], p['C01'], d])}"
+        return f"*HYPERELASTIC, MOONEY-RIVLIN\n{_numbers([p('C10'), p('C01'), d])}"
     if material.law == "yeoh":
         # D2 and D3 stiffen the volume at large changes only; 1e-3 of D1's stiffness leaves the law as given
-        return f"*HYPERELASTIC, YEOH\n{_numbers([p['C10'], p['C20'], p['C30'], d, 1e3 * d, 1e3 * d])}"
+        return f"*HYPERELASTIC, YEOH\n{_numbers([p('C10'), p('C20'), p('C30'), d, 1e3 * d, 1e3 * d])}"
     raise ValueError(
         f'law = {material.law!r} is not one that engine = "calculix" offers here: '
         'use neo_hooke, mooney_rivlin or yeoh, or engine = "unit_cell"'
@@ -72,7 +71,7 @@ def _elements(name: str, cells: NDArray[np.intp], first: int) -> str:
 def _pressure_faces(solid: Solid) -> list[tuple[int, int]]:
     """Element (from 1) and face (from 1) of each face under pressure."""
     cells = np.concatenate([solid.lower, solid.upper])
-    owner = {}
+    owner: dict[tuple[int, ...], tuple[int, int]] = {}
     for face, corners in enumerate(FACES):
         for element, nodes in enumerate(np.sort(cells[:, corners], axis=1)):
             owner.setdefault(tuple(nodes), (element + 1, face + 1))
@@ -112,7 +111,7 @@ def deck(solid: Solid, actuator: Actuator, pressures: FloatArray) -> str:
 
 
 def run(folder: Path, text: str, threads: int = 1) -> Path:
-    """Solve in `folder` (finger.inp → finger.frd); raises RuntimeError with the log's last line where it fails."""
+    """Solve in `folder` (finger.inp → finger.frd); raises StageError with the log's last line where it fails."""
     program = executable()
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "finger.inp").write_text(text)
@@ -123,7 +122,7 @@ def run(folder: Path, text: str, threads: int = 1) -> Path:
     (folder / "finger.log").write_text(done.stdout + done.stderr)
     if done.returncode or "*ERROR" in done.stdout:
         reasons = [line.strip() for line in done.stdout.splitlines() if "*ERROR" in line]
-        raise RuntimeError(
+        raise StageError(
             f"{folder / 'finger.log'}: CalculiX stopped ({(reasons or ['no reason given'])[0]}): "
             "ask for a lower pressure or a finer solid_mesh"
         )

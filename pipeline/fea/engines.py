@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
@@ -31,8 +30,8 @@ def bending_states(
     if fea.engine == "import" and fea.results is not None:
         states, solver = imported(folder, fea.results, actuator.width), f"imported from {fea.results.file}"
     elif fea.engine == "calculix":
-        with tempfile.TemporaryDirectory() as work:
-            states, solver = solid(Path(work), actuator, fea), f"CalculiX {calculix.release()}, C3D20R"
+        states = solid(folder / "out" / "calculix", actuator, fea)
+        solver = f"CalculiX {calculix.release()}, C3D20R"
     else:
         states, solver = analyse.bend(actuator, fea, done), f"FElupe {version('felupe')}, unit cell"
         if len(states.pressure) < len(fea.pressures):
@@ -55,8 +54,8 @@ def solid(folder: Path, actuator: Actuator, fea: Fea, threads: int = 1) -> Bendi
     pressures = fea.pressures
     if pressures[0] < 0:
         raise StageError(
-            'engine = "calculix" pressurises only, because suction of the whole finger diverges below -1 kPa, with and '
-            'without contact: set first_pressure_kpa = 0 or use engine = "unit_cell"'
+            'engine = "calculix" pressurises only, because suction of the whole finger diverges beyond about -1 kPa: '
+            'set first_pressure_kpa = 0 or use engine = "unit_cell"'
         )
     mesh = solid_mesh.build(actuator, fea.solid_mesh)
     result = calculix.run(folder, calculix.deck(mesh, actuator, pressures[pressures > 0]), threads)

@@ -50,10 +50,10 @@ def read_frd(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np
         raise ValueError(
             f"{path}: no {'displacements' if labels else 'nodes'} found: request them with *NODE FILE and U in ASCII"
         )
-    for time, values in zip(times, fields, strict=True):
-        if len(values) != len(labels):
+    for time, found in zip(times, fields, strict=True):
+        if len(found) != len(labels):
             raise ValueError(
-                f"{path}: {len(values)} displacements for {len(labels)} nodes at time {time:g}: export all nodes of every state"
+                f"{path}: {len(found)} displacements for {len(labels)} nodes at time {time:g}: export all nodes of every state"
             )
-    displacements = np.array([[values[label] for label in labels] for values in fields])
+    displacements = np.array([[found[label] for label in labels] for found in fields])
     return np.array(times), np.array(places), displacements, np.array(labels, dtype=np.intp)

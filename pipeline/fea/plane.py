@@ -92,4 +92,4 @@ def contact(
     matrix = sparse.coo_matrix(
         (blocks.ravel(), (rows.ravel(), rows.transpose(0, 2, 1).ravel())), shape=(n + 2, n + 2)
     )
-    return force, matrix
+    return np.asarray(force, dtype=float), matrix

@@ -123,9 +123,9 @@ def read_abaqus(path: Path, displacements: Path) -> Fields:
     for pressure, values in states.items():
         absent = int(np.isnan(values[:, 0]).sum())
         if absent:
-            label = next(key for key, k in index.items() if np.isnan(values[k, 0]))
+            first = next(key[1] for key, k in index.items() if np.isnan(values[k, 0]))
             raise ValueError(
-                f"{displacements}: {absent} of {len(points)} nodes, first {label[1]}, have no displacement at {pressure:g} kPa: export all nodes"
+                f"{displacements}: {absent} of {len(points)} nodes, first {first}, have no displacement at {pressure:g} kPa: export all nodes"
             )
     sets: dict[str, list[int]] = {}
     for (name, owner), labels in model.sets.items():

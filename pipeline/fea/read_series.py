@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -17,9 +18,10 @@ FloatArray = NDArray[np.float64]
 
 def read_vtk(path: Path, given: Import) -> Fields:
     """All states of a .pvd, or of name-numbered .vtu beside each other (`file` with a *); raises ValueError."""
+    meshes: list[Any] = []
     if path.suffix == ".pvd":
         reader = pyvista.PVDReader(path)
-        times, meshes = [float(t) for t in reader.time_values], []
+        times = [float(t) for t in reader.time_values]
         for time in times:
             reader.set_active_time_value(time)
             block = reader.read()
@@ -28,10 +30,11 @@ def read_vtk(path: Path, given: Import) -> Fields:
             )
     else:
         files = sorted(path.parent.glob(path.name))
-        times, meshes = [float(k + 1) for k in range(len(files))], [pyvista.read(file) for file in files]
+        times = [float(k + 1) for k in range(len(files))]
+        meshes = [pyvista.read(file) for file in files]
     if not meshes:
         raise ValueError(f"{path}: no file of that name: set file in [fea.results]")
-    fields = []
+    fields: list[FloatArray] = []
     for number, mesh in enumerate(meshes, 1):
         if given.displacement_field not in mesh.point_data:
             known = ", ".join(mesh.point_data.keys()) or "none"

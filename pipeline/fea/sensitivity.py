@@ -33,7 +33,8 @@ def variations(actuator: Actuator, fea: Fea) -> list[Variation]:
     def resized(step: float) -> Actuator:
         return actuator.model_copy(update={"roof": actuator.roof + step, "channel": actuator.channel + step})
 
-    result = [Variation("roof and channel ± 0.5 mm", (resized(-5e-4), fea), (resized(5e-4), fea))]
+    step = min(5e-4, actuator.roof / 2, actuator.channel / 2)
+    result = [Variation(f"roof and channel ± {step * 1e3:g} mm", (resized(-step), fea), (resized(step), fea))]
     split = [_split(actuator, share) for share in (0.0, 0.4)]
     if split[0] != actuator:
         result.append(Variation("C01 = 0 or 0.4 of C10 + C01", (split[0], fea), (split[1], fea)))
@@ -47,7 +48,7 @@ def _split(actuator: Actuator, share: float) -> Actuator:
     def layer(material: Material) -> Material:
         if material.law != "mooney_rivlin":
             return material
-        total = sum(float(material.parameters[key]) for key in ("C10", "C01"))  # type: ignore[arg-type]
+        total = material.number("C10") + material.number("C01")
         return material.model_copy(update={"parameters": {"C10": (1 - share) * total, "C01": share * total}})
 
     materials = actuator.materials
@@ -91,17 +92,22 @@ def shares(
     return result
 
 
-def with_uncertainty(states: BendingStates, actuator: Actuator, fea: Fea, processes: int) -> BendingStates:
+def with_uncertainty(
+    states: BendingStates,
+    actuator: Actuator,
+    fea: Fea,
+    processes: int,
+    done: Callable[[], object] = lambda: None,
+) -> BendingStates:
     """States with `radius_std` and the shares of each source in their settings.
 
     The curvature is varied, as R is infinite at rest: std(R) = R² std(1/R). The sources are independent and each is
     taken as evenly distributed between its ends.
     """
-    inside = (
-        PRESSURES_KPA[(PRESSURES_KPA >= fea.first_pressure_kpa) & (PRESSURES_KPA <= fea.last_pressure_kpa)]
-        * 1e3
-    )
-    by_source = shares(actuator, fea, inside, processes)
+    ends = np.array([fea.first_pressure_kpa, fea.last_pressure_kpa])
+    within = PRESSURES_KPA[(ends[0] < PRESSURES_KPA) & (ends[1] > PRESSURES_KPA)]
+    inside = 1e3 * np.union1d(within, ends[ends != 0])
+    by_source = shares(actuator, fea, inside, processes, done)
     curvature = 1 / states.radius
     by_source["pressure ± 0.2 kPa"] = np.interp(
         inside, states.pressure, np.abs(np.gradient(curvature, states.pressure)) * PRESSURE_STD_PA

@@ -27,6 +27,13 @@ class Material(_Frozen):
     bulk: Positive
     name: str = ""
 
+    def number(self, key: str) -> float:
+        """A parameter that is one number; raises ValueError."""
+        value = self.parameters.get(key)
+        if not isinstance(value, float):
+            raise ValueError(f"law = {self.law!r} needs the number parameters.{key}, got {value!r}: add it")
+        return value
+
 
 class Materials(_Frozen):
     upper: Material
@@ -139,9 +146,9 @@ class Fea(_Frozen):
     """How the analysis is run."""
 
     engine: Literal["unit_cell", "calculix", "import"] = "unit_cell"
-    first_pressure_kpa: Annotated[float, Field(ge=-90, le=500)]
-    last_pressure_kpa: Annotated[float, Field(ge=-90, le=500)]
-    pressure_step_kpa: Positive
+    first_pressure_kpa: Annotated[float, Field(ge=-90, le=500)] = -40.0
+    last_pressure_kpa: Annotated[float, Field(ge=-90, le=500)] = 40.0
+    pressure_step_kpa: Positive = 1.0
     mesh: UnitCellMesh = UnitCellMesh()
     solid_mesh: SolidMesh = SolidMesh()
     results: Import | None = None  # section [fea.results], for engine = "import"

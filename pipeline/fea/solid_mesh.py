@@ -136,7 +136,7 @@ def build(actuator: Actuator, counts: SolidMesh) -> Solid:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)
         lattice = _Blocks()
-        lower, upper, wetted = [], [], []
+        lower, upper, wetted = list[int](), list[int](), list[int]()
         for i, kind in enumerate(kinds):
             for j in range(5 if kind != "gap" else 2):
                 for k in range(2):

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import felupe
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from pipeline.fea import plane
+from pipeline.fea.elements import follower_pressure, solid_body, surface
 from pipeline.fea.grid import Grid, build
-from pipeline.fea.materials import law
 from pipeline.fea.settings import Actuator, UnitCellMesh
 
 FloatArray = NDArray[np.float64]
 CONTACT_STIFFNESS = 2e10  # Pa/m of penetration: 40 kPa of contact pressure sink in by 0.002 mm
-REDUCED = felupe.GaussLegendre(
-    order=1, dim=3
-)  # 2 × 2 × 2 points, which keeps 20-node hexahedra free of locking
 
 
 class NotConverged(RuntimeError):
@@ -56,27 +52,22 @@ class UnitCell:
             (actuator.materials.lower, self.grid.lower),
             (actuator.materials.upper, ~self.grid.lower),
         ):
-            part = felupe.Mesh(mesh.points, mesh.cells[cells], mesh.cell_type)
-            region = felupe.RegionQuadraticHexahedron(part, quadrature=REDUCED)
-            self.bodies.append(
-                felupe.SolidBody(law(material), felupe.FieldContainer([felupe.Field(region, dim=3)]))
-            )
-        inside = felupe.RegionQuadraticHexahedronBoundary(mesh, only_surface=True, mask=self.grid.cavity)
-        self.pressure = felupe.SolidBodyPressure(felupe.FieldContainer([felupe.Field(inside, dim=3)]))
+            self.bodies.append(solid_body(mesh, cells, material))
+        self.pressure = follower_pressure(mesh, self.grid.cavity)
         self.joined = np.flatnonzero(self.grid.plane)
         self.walls = [self._wall(self.grid.outer_wall), self._wall(self.grid.cavity & ~self.grid.middle)]
         self.free = self._free()
 
     def _wall(self, mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], FloatArray]:
         """Points of the faces whose corners are all in `mask` and that look along x, with their contact stiffness."""
-        region = felupe.RegionQuadraticHexahedronBoundary(self.grid.mesh, only_surface=True, mask=mask)
+        region = surface(self.grid.mesh, mask)
         normal = region.dA.sum(1)
         along_x = np.abs(normal[0]) > 0.5 * np.linalg.norm(normal, axis=0)
         # equal shares: the consistent ones of an 8-node face are negative at its corners
         share = np.linalg.norm(normal, axis=0)[along_x] / 8
         area = np.bincount(region.mesh.cells_faces[along_x].ravel(), np.repeat(share, 8), minlength=self.n)
         points = np.flatnonzero(area)
-        return points, CONTACT_STIFFNESS * area[points]
+        return points, np.asarray(CONTACT_STIFFNESS * area[points], dtype=float)
 
     def _free(self) -> NDArray[np.intp]:
         held = np.zeros((self.n, 3), dtype=bool)
