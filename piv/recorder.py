@@ -24,6 +24,9 @@ from piv.render import (
 )
 
 
+TRUTH_SPACING_PX = 8.0
+
+
 class Frame(NamedTuple):
     """One rendered picture (row 0 at the top), its body mask and the particles (x, y, z in m, diameter in px)."""
 
@@ -161,16 +164,24 @@ class Recorder:
             particles = self.step(particles, index, mask, next_mask)
             mask, index = next_mask, index + 1
 
+    @property
+    def truth_stride(self) -> int:
+        """Every so many-th node of the plane has its truth written: no finer than vectors are wanted."""
+        return max(
+            1, int(TRUTH_SPACING_PX * self.camera.scale_m_per_px / max(self.field.dx, self.field.dy) + 1e-6)
+        )
+
     def truth(self, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Exact u, v (m/s; NaN where absent) and `valid` on the plane's grid between frames `index` and `index` + 1.
+        """Exact u, v (m/s; NaN where absent) and `valid` on (every `truth_stride`-th node of) the plane's grid between frames `index` and `index` + 1.
 
         Particle displacement over the frame interval, put at the middle of its end points.
         """
         t0, t1 = self.time[index], self.time[index + 1]
-        x, y = np.meshgrid(self.field.x, self.field.y)
+        every = self.truth_stride
+        x, y = np.meshgrid(self.field.x[::every], self.field.y[::every])
         dx, dy = exact_displacement(self.field, x, y, t0, t1, self.substeps(index))
         near = self.series["valid"].isel(time=sorted({self._plane_before(t0), self._plane_after(t1)})).values
-        valid = (near != 0).all(axis=0)
+        valid = (near != 0).all(axis=0)[::every, ::every]
         u, v = (np.where(valid, d / (t1 - t0), np.nan) for d in (dx, dy))
         return u, v, valid.astype(np.uint8)
 

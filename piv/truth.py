@@ -20,7 +20,7 @@ def write_truth(recorder: Recorder, path: Path, *, quiet: bool = True) -> None:
     """
     part = path.with_name(path.name + ".part")
     middle = (recorder.time[:-1] + recorder.time[1:]) / 2
-    x, y = recorder.field.x, recorder.field.y
+    x, y = (axis[:: recorder.truth_stride] for axis in (recorder.field.x, recorder.field.y))
     with h5py.File(part, "w") as file:
         for name, values in (("time", middle), ("y", y), ("x", x)):
             file.create_dataset(name, data=np.asarray(values, float)).make_scale(name)
