@@ -85,7 +85,7 @@ def _carry(field: PlaneField, p: np.ndarray, stages: list[Stage]) -> np.ndarray:
     return out
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, parallel=True)
 def _rk4(
     c0: np.ndarray,
     c1: np.ndarray,
@@ -97,7 +97,7 @@ def _rk4(
     dx: float,
     dy: float,
 ) -> None:
-    for n in range(p.shape[1]):
+    for n in numba.prange(p.shape[1]):
         x, y, z = p[0, n], p[1, n], p[2, n]
         kx = ky = kz = sx = sy = sz = 0.0
         for stage in range(4):
