@@ -11,12 +11,6 @@ import numpy as np
 from pipeline.errors import StageError
 from pipeline.scene import Mesh
 
-TANK, FINGER_RING, FINGER_INSIDE = (
-    0,
-    1,
-    2,
-)  # cell tags: open water, water along the wall, the body's footprint
-
 
 @dataclass(frozen=True)
 class Planform:
@@ -101,12 +95,7 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     row = [np.arange(count) + count]
     row += [first_middle + k * count + np.arange(count) for k in range(len(layers) - 2)]
     row += [np.arange(count)]
-    quads = np.vstack(
-        [
-            np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)])
-            for a, b in pairwise(row)
-        ]
-    )
+    quads = np.vstack([np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)]) for a, b in pairwise(row)])
     return Planform(nodes, triangles, quads, inside, row[0], material, outer, ((left, 0.0), (right, depth)))
 
 
