@@ -20,6 +20,7 @@ from pipeline.states import read_states
 
 PAPER_LOWEST_PRESSURE = paper_model.LOWEST_VALID_PRESSURE
 LAW_SAMPLES_PER_SECOND = 4000
+LENGTH_TOLERANCE = 0.02  # of finger.length against that of its states: digitised profiles are no better
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,14 @@ def load_kinematics(scene: Scene) -> Kinematics:
             f"{scene.folder / 'scene.toml'}: motion runs over {pressure.min() / 1e3:.3g}…{pressure.max() / 1e3:.3g} kPa"
             f" but the states cover {low / 1e3:.3g}…{high / 1e3:.3g} kPa; shorten the stroke or add states"
         )
-    states = add_tip(states, finger.tip.length, finger.tip.thickness)
     rest = int(np.argmin(np.abs(states.pressure)))
+    length = float(np.hypot(*np.diff(states.profile[rest], axis=0).T).sum())
+    if abs(length - finger.length) > LENGTH_TOLERANCE * finger.length:
+        raise StageError(
+            f"{scene.folder / 'scene.toml'}: finger.length = {finger.length:g} m but the states of motion.states are"
+            f" {length:.4g} m long; give that length"
+        )
+    states = add_tip(states, finger.tip.length, finger.tip.thickness)
     s = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(states.profile[rest], axis=0).T))])
     strip = rounded_strip(
         s[-1], states.thickness[rest], s, finger.root_corner_radius, finger.tip.corner_radius
@@ -165,7 +172,7 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
             "format_version": 1,
             "source": scene.motion.source,
             "finger_width": scene.finger.width,
-            "finger_root": np.asarray(scene.finger.root),
+            "tip_thickness": family.tip_thickness,
             "scene_hash": digest(scene.settings("kinematics")),
             "settings": json.dumps(scene.settings("kinematics")),
         },

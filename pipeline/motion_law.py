@@ -49,7 +49,7 @@ def stroke_law(start_pressure: float, strokes: list[tuple[float, float, float]])
 def measured_law(path: Path) -> PressureLaw:
     """Cubic spline through a CSV with columns `t, p` (s, Pa), held constant before and after."""
     try:
-        table = np.loadtxt(path, delimiter=",", comments="#", skiprows=_header_rows(path), ndmin=2)
+        table = np.array([row.split(",") for row in _data_rows(path)], float, ndmin=2)
     except (OSError, ValueError) as error:
         raise StageError(f"{path}: not a table of t,p in s and Pa: {error}") from None
     if table.ndim != 2 or table.shape[1] != 2 or len(table) < 3:
@@ -83,7 +83,8 @@ def measured_law(path: Path) -> PressureLaw:
     return law
 
 
-def _header_rows(path: Path) -> int:
-    with open(path, encoding="utf-8") as file:
-        first = next((line for line in file if line.strip() and not line.startswith("#")), "")
-    return int(any(c.isalpha() and c not in "eE" for c in first))
+def _data_rows(path: Path) -> list[str]:
+    """Lines without comments, blank ones and the header, if there is one."""
+    lines = [line.split("#")[0].strip() for line in path.read_text(encoding="utf-8").splitlines()]
+    lines = [line for line in lines if line]
+    return lines[1:] if lines and lines[0].replace(" ", "").lower() == "t,p" else lines

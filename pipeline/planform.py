@@ -11,12 +11,6 @@ import numpy as np
 from pipeline.errors import StageError
 from pipeline.scene import Mesh
 
-TANK, FINGER_RING, FINGER_INSIDE = (
-    0,
-    1,
-    2,
-)  # cell tags: open water, water along the wall, the body's footprint
-
 
 @dataclass(frozen=True)
 class Planform:

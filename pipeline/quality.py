@@ -78,8 +78,3 @@ def face_measures(nodes: np.ndarray, planform: Planform, edges: Edges) -> tuple[
     crossing = own + span * (((middle - own) * normal).sum(1) / (span * normal).sum(1))[:, None]
     offset = np.hypot(*(middle - crossing).T)
     return angle, offset / np.maximum(0.2 * np.hypot(*span.T), 0.5 * np.hypot(*edge.T))
-
-
-def non_orthogonality(nodes: np.ndarray, planform: Planform) -> np.ndarray:
-    """Angle (deg) between face normal and the line of cell centres, per inner face."""
-    return face_measures(nodes, planform, planform_edges(planform.triangles, planform.quads))[0]

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tomllib
+import os
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from pipeline.errors import StageError
+from pipeline.scene_file import merge, read_tables
 
 Positive = Annotated[float, Field(gt=0)]
 Pair = tuple[float, float]
@@ -20,7 +22,7 @@ Pair = tuple[float, float]
 class Section(BaseModel):
     """A frozen table of numbers that refuses keys it does not know."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Tank(Section):
@@ -45,6 +47,12 @@ class Tip(Section):
     thickness: Positive | None = None
     corner_radius: Positive = 0.002
 
+    @model_validator(mode="after")
+    def _taper_has_length(self) -> Tip:
+        if self.thickness is not None and self.length == 0:
+            raise ValueError("a thickness is given but no length to taper over; give finger.tip.length")
+        return self
+
 
 class Finger(Section):
     """Pose and envelope, m; `root` is the middle of the root in the tank frame."""
@@ -54,7 +62,7 @@ class Finger(Section):
     thickness: Positive = 0.0145
     width: Positive = 0.028
     root_corner_radius: Positive = 0.002
-    tilt_deg: float = 0.0
+    tilt_deg: float = 0.0  # about the root, counter-clockwise
     ventral: Literal["+x", "-x"] = "+x"
     tip: Tip = Tip()
 
@@ -82,6 +90,12 @@ class Motion(Section):
     def _one_history(self) -> Motion:
         if bool(self.strokes) == bool(self.pressure_csv):
             raise ValueError("give either motion.strokes or motion.pressure_csv, not both and not neither")
+        if self.pressure_csv and self.start_pressure_kpa != 0:
+            raise ValueError(
+                "motion.start_pressure_kpa belongs to motion.strokes; remove it beside motion.pressure_csv"
+            )
+        if any(b.start <= a.start for a, b in pairwise(self.strokes)):
+            raise ValueError("motion.strokes must start one after the other; sort them by start")
         if self.source == "fea" and not self.states:
             raise ValueError("motion.source = 'fea' needs motion.states, the path of a states.h5 or CSV")
         return self
@@ -100,7 +114,6 @@ class Mesh(Section):
     far_cell: Positive
     layers_on_finger: Annotated[int, Field(ge=1)] = 6
     layers_beyond: Annotated[int, Field(ge=1)] = 7
-    knot_bend_deg: Positive = 2.5
     max_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = 65.0
 
 
@@ -250,7 +263,7 @@ class Scene(Section):
         """The part of the scene that a stage's results depend on, with the digests of the files it names."""
         if stage in FLAT_SETTINGS:
             return FLAT_SETTINGS[stage](self)
-        settings = self.model_dump(mode="json", include=set(STAGE_SECTIONS[stage]))
+        settings = self.model_dump(mode="json", include=STAGE_SECTIONS[stage])
         if stage == "kinematics":
             named = [self.motion.states, self.motion.pressure_csv]
             settings["files"] = {name: _file_digest(self.folder / name) for name in named if name}
@@ -258,16 +271,17 @@ class Scene(Section):
 
 
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
-STAGE_SECTIONS: dict[str, tuple[str, ...]] = {
-    "kinematics": ("tank", "finger", "motion"),
-    "mesh": ("mesh", "model"),
-    "case": ("fluid", "numerics", "sheet"),
-    "run": (),
-    "sheet": ("sheet", "camera"),
-    "images": ("camera", "sheet"),
-    "piv": ("piv",),
-    "vortices": ("vortices",),
-    "report": ("title",),
+STAGE_SECTIONS: dict[str, Any] = {
+    "kinematics": {"tank", "finger", "motion"},
+    "mesh": {"mesh", "model"},
+    # the solver needs no more of the sheet than this: a finer grid does not solve again
+    "case": {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
+    "run": set(),
+    "sheet": {"sheet": {"spacing"}, "camera": {"columns", "rows", "scale_mm_per_px", "centre"}},
+    "images": {"camera", "sheet"},
+    "piv": {"piv"},
+    "vortices": {"vortices"},
+    "report": {"title"},
 }
 
 
@@ -307,7 +321,9 @@ def write_settings(scene: Scene) -> list[str]:
         text = json.dumps(scene.settings(stage), indent=1, sort_keys=True) + "\n"
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
+            part = path.with_name(path.name + ".part")
+            part.write_text(text, encoding="utf-8")
+            os.replace(part, path)
             changed.append(stage)
     return changed
 
@@ -321,29 +337,6 @@ def digest(value: Any) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 
-def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    merged = dict(base)
-    for key, value in over.items():
-        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
-        merged[key] = _merge(merged[key], value) if both else value
-    return merged
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise StageError(
-            f"{path}: no such scene; give the folder of a scene.toml, as cases/single_finger"
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise StageError(f"{path}: not valid TOML: {error}") from None
-    parent = table.pop("extends", None)
-    if parent is None:
-        return table
-    return _merge(_read(path.parent / parent / "scene.toml"), table)
-
-
 def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
     """Read `<folder>/scene.toml`, apply `[levels.<level>]`, and check it.
 
@@ -351,13 +344,18 @@ def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
     """
     folder = Path(folder)
     path = folder / "scene.toml"
-    table = _read(path)
+    table = read_tables(path)
     levels = table.pop("levels", {})
+    if not isinstance(levels, dict) or not isinstance(levels.get(level, {}), dict):
+        raise StageError(f"{path}: levels: give tables, as [levels.coarse]")
     if level not in levels:
         raise StageError(
             f"{path}: no level {level!r}; the levels are {', '.join(sorted(levels)) or 'missing'}"
         )
-    table = _merge(table, levels[level])
+    table = merge(table, levels[level])
+    for key in ("name", "level", "folder"):
+        if key in table:
+            raise StageError(f"{path}: {key}: this key is not known; check its spelling or remove it")
     try:
         return Scene(**table, name=folder.name, level=level, folder=folder)
     except ValidationError as error:

@@ -78,11 +78,17 @@ class ShapeFamily:
         self._s = np.concatenate([[0], np.cumsum(np.hypot(*piece[rest].T))])
         self._strip = strip
         self._root_thickness = float(states.thickness[rest, 0])
+        self._tip_thickness = float(states.thickness[rest, -1])
 
     @property
     def length(self) -> float:
         """Arc length of the profile at rest, m."""
         return float(self._s[-1])
+
+    @property
+    def tip_thickness(self) -> float:
+        """Thickness of the finger's end at rest, m."""
+        return self._tip_thickness
 
     def bend(self, pressure: float, derivative: int = 0) -> float:
         """Bend angle γ (rad): the turn of the tangent from root to tip."""

@@ -29,7 +29,7 @@ class FingerTrack:
 
     pressure: CubicSpline
     splines: dict[str, CubicSpline]
-    root_x: float
+    tip_width: float
 
     def at(self, time: float) -> dict[str, np.ndarray]:
         """Outline and its velocity, tip, tip_direction, dorsal_direction and bend of the one finger at `time` s."""
@@ -54,7 +54,7 @@ def read_track(out: Path) -> FingerTrack:
         }
         splines = {name: CubicSpline(parameter, file[stored].values) for name, stored in names.items()}
         pressure = CubicSpline(file["time"].values, file["pressure"].values)
-        return FingerTrack(pressure, splines, float(file.attrs["finger_root"][0]))
+        return FingerTrack(pressure, splines, float(file.attrs["tip_thickness"]))
 
 
 def sheet_axes(camera: Camera, spacing: float) -> tuple[np.ndarray, np.ndarray]:
@@ -98,9 +98,10 @@ def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[s
     return {name: np.where(outside, np.nan, field).astype(np.float32) for name, field in fields.items()}
 
 
-def frames(scene: Scene, x: np.ndarray, y: np.ndarray) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
+def frames(
+    scene: Scene, track: FingerTrack, x: np.ndarray, y: np.ndarray
+) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
     """Time and variables of each picture of the sheet; absent inside the finger."""
-    track = read_track(scene.out)
     mesh_x, mesh_y = np.meshgrid(x, y)
     flat = scene.model.kind == "2d"
     for time, path in sampled_planes(scene.out / "case"):
@@ -117,6 +118,7 @@ def frames(scene: Scene, x: np.ndarray, y: np.ndarray) -> Iterator[tuple[float, 
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write sheet.h5 frame by frame."""
     x, y = sheet_axes(scene.camera, scene.sheet.spacing)
+    track = read_track(scene.out)
     count = len(sampled_planes(scene.out / "case"))
     path = scene.out / "sheet.h5"
     part = path.with_name(path.name + ".part")
@@ -124,7 +126,9 @@ def run(scene: Scene, quiet: bool = False) -> None:
         file.dimensions = {"time": count, "y": len(y), "x": len(x), "finger": 1, "axis": 2}
         for name, values in (("x", x), ("y", y), ("time", np.zeros(count))):
             _variable(file, name, (name,), np.float64)[...] = values
-        for k, (time, fields) in enumerate(tqdm(frames(scene, x, y), "sheet", count, disable=quiet or None)):
+        for k, (time, fields) in enumerate(
+            tqdm(frames(scene, track, x, y), "sheet", count, disable=quiet or None)
+        ):
             if k == 0:
                 _create(file, fields)
             file.variables["time"][k] = time
@@ -135,7 +139,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
                 "format": FORMAT,
                 "format_version": FORMAT_VERSION,
                 "source": "cfd",
-                "tip_width": scene.finger.tip.thickness or scene.finger.thickness,
+                "tip_width": track.tip_width,
                 "versions": json.dumps(versions()),
                 "scene_hash": scene.digest(),
                 "settings": json.dumps(scene.settings("sheet") | {"digest": digest(scene.settings("sheet"))}),

@@ -85,12 +85,24 @@ def test_any_bytes_as_states_are_refused(tmp_path_factory, content):
         ("t,p\n0,0\n0.1,nan\n0.2,20000\n", "not a number"),
         ("t,p\n0,0\n", "three rows"),
         ("hello\n1,x\n", "not a table"),
+        ("nan,nan\n0,0\n0.1,5000\n0.2,9000\n", "row 1 is not a number"),
+        ("p,t\n0,0\n0.1,5000\n0.2,9000\n", "not a table"),
     ],
 )
 def test_bad_pressure_histories_are_one_sentence(tmp_path, text, words):
     (tmp_path / "p.csv").write_text(text)
     with pytest.raises(StageError, match=words):
         measured_law(tmp_path / "p.csv")
+
+
+def test_a_pressure_history_may_carry_comments(tmp_path):
+    (tmp_path / "p.csv").write_text("# logger 7\nt, p\n0,0\n0.1,5000  # valve opens\n\n0.2,9000\n")
+    assert measured_law(tmp_path / "p.csv")(np.array([0.1, 0.2])) == pytest.approx([5e3, 9e3])
+
+
+def test_a_length_that_the_states_contradict_is_refused(tmp_path):
+    with pytest.raises(StageError, match=r"finger\.length = 0\.06 m but the states"):
+        load_kinematics(write_scene(tmp_path / "s", more="[finger]\nlength = 0.06\n"))
 
 
 def test_a_stroke_beyond_the_states_or_out_of_the_water_is_refused(tmp_path):
@@ -119,4 +131,5 @@ def test_the_finger_hangs_from_its_root_and_bends_to_its_ventral_side(tmp_path):
         assert sign * (bent_[:, 0].mean() - 0.01) > 0.01
         dorsal = data["shape_dorsal_direction"].values[0]
         assert dorsal == pytest.approx([-sign, 0], abs=1e-9)
+        assert np.ptp(rest[:, 0]) == pytest.approx(data.attrs["tip_thickness"], abs=1e-9)
         assert data["shape_tip_direction"].values[0] == pytest.approx([0, -1], abs=1e-9)

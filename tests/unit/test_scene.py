@@ -33,6 +33,18 @@ def test_every_shipped_scene_is_valid_at_every_level(folder, level):
         ("[motion]\nend_time = -1", ["motion.end_time", "got -1"]),
         ("[sheet]\nrate_hz = 700", ["time_step", "divide"]),
         ('[fluid]\nturbulence = "kepsilon"', ["fluid.turbulence", "kepsilon"]),
+        ("[finger]\ntilt_deg = nan", ["finger.tilt_deg", "finite"]),
+        ("[finger.tip]\nthickness = 0.005", ["finger.tip", "length"]),
+        ("level = 3", ["level", "not known"]),
+        (
+            "[[motion.strokes]]\npressure_kpa = 2\nstart = 0.2\nduration = 0.1\n"
+            "[[motion.strokes]]\npressure_kpa = 1\nstart = 0.1\nduration = 0.1",
+            ["strokes", "sort"],
+        ),
+        (
+            '[motion]\nstrokes = []\npressure_csv = "p.csv"\nstart_pressure_kpa = 5.0',
+            ["start_pressure_kpa", "remove"],
+        ),
     ],
 )
 def test_nonsense_is_refused_with_key_and_remedy(tmp_path, more, words):
@@ -61,6 +73,35 @@ def test_touching_one_number_changes_only_the_stages_that_use_it(tmp_path):
     assert write_settings(after) == ["piv"]
     after = write_scene(folder, more="[fluid]\ndensity = 1000.0")
     assert set(write_settings(after)) == {"case", "piv"}  # piv goes back
+
+
+def test_the_grid_of_the_sheet_and_the_seeding_do_not_solve_again(tmp_path):
+    folder = tmp_path / "scene"
+    write_settings(write_scene(folder))
+    assert set(write_settings(write_scene(folder, more="[sheet]\nspacing = 2e-3"))) == {"sheet"}
+    write_settings(write_scene(folder))
+    assert set(write_settings(write_scene(folder, more="[camera]\nseed = 7"))) == {"images"}
+    write_settings(write_scene(folder))
+    assert "case" in write_settings(write_scene(folder, more="[sheet]\nrate_hz = 250.0"))
+
+
+@pytest.mark.parametrize("level", ["smoke", "coarse"])
+@pytest.mark.parametrize("folder", SCENES, ids=lambda p: p.name)
+def test_a_shipped_scene_finds_the_states_it_names_or_inherits(folder, level):
+    scene = load_scene(folder, level)
+    assert scene.motion.states is None or (scene.folder / scene.motion.states).is_file()
+    assert "missing" not in scene.settings("kinematics")["files"].values()
+
+
+def test_a_scene_cannot_extend_itself(tmp_path):
+    for name, other in (("a", "b"), ("b", "a")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "scene.toml").write_text(f'extends = "../{other}"\n')
+    with pytest.raises(StageError, match="break the circle"):
+        load_scene(tmp_path / "a")
+    (tmp_path / "a" / "scene.toml").write_text("extends = 1\n")
+    with pytest.raises(StageError, match="give the folder"):
+        load_scene(tmp_path / "a")
 
 
 @given(st.text(max_size=60))

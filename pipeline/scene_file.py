@@ -1,0 +1,57 @@
+"""Reading scene.toml: tables, and what they inherit from the scene that they extend."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import StageError
+
+FILE_KEYS = {"states", "pressure_csv"}  # of [motion]: paths relative to the scene that gives them
+
+
+def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """`base` with the entries of `over`, table by table."""
+    merged = dict(base)
+    for key, value in over.items():
+        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        merged[key] = merge(merged[key], value) if both else value
+    return merged
+
+
+def read_tables(path: Path, children: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """The tables of a scene.toml, on top of those of the scene that it extends. Raises StageError."""
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise StageError(
+            f"{path}: no such scene; give the folder of a scene.toml, as cases/single_finger"
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise StageError(f"{path}: not valid TOML: {error}") from None
+    parent = table.pop("extends", None)
+    if parent is None:
+        return table
+    if not isinstance(parent, str):
+        raise StageError(f"{path}: extends: give the folder of another scene as text (got {parent!r})")
+    chain = (*children, path.resolve())
+    base = path.parent / parent / "scene.toml"
+    if base.resolve() in chain:
+        raise StageError(f"{path}: extends: {parent} extends this scene in turn; break the circle")
+    return merge(_moved(read_tables(base, chain), parent), table)
+
+
+def _moved(table: dict[str, Any], folder: str) -> dict[str, Any]:
+    """A parent's table whose file names, given relative to its own `folder`, hold for the scene that extends it."""
+    motions = [t.get("motion") for t in (table, *_tables(table.get("levels")))]
+    for motion in _tables(dict(enumerate(motions))):
+        for key in FILE_KEYS & motion.keys():
+            if isinstance(motion[key], str):
+                motion[key] = os.path.join(folder, motion[key])
+    return table
+
+
+def _tables(value: Any) -> list[dict[str, Any]]:
+    return [t for t in value.values() if isinstance(t, dict)] if isinstance(value, dict) else []
