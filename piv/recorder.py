@@ -23,7 +23,6 @@ from piv.render import (
     sheet_light,
 )
 
-
 TRUTH_SPACING_PX = 8.0
 
 
