@@ -1,4 +1,4 @@
-"""Finding the last whole set of fields a run has written."""
+"""Finding the last whole set of fields a run has written, and clearing what a later start would collide with."""
 
 from __future__ import annotations
 
@@ -10,30 +10,74 @@ FIELDS = ("U", "p", "phi", "pointDisplacement", "polyMesh/points", "uniform/time
 
 
 def saved_times(case: Path) -> list[tuple[float, str]]:
-    """Times of `case` (or of one processor's folder) at which every field is whole, ascending."""
+    """Times of `case` (or of one processor's folder) at which every file is whole, ascending."""
     found = []
     for folder in case.iterdir() if case.is_dir() else ():
-        try:
-            time = float(folder.name)
-        except ValueError:
+        time = _number(folder.name)
+        if time is None or time <= 0 or not all(_exists(folder / name) for name in FIELDS):
             continue
-        if time > 0 and all(_whole(folder / name) for name in FIELDS):
+        # the old-time fields of the second-order scheme count as well, whatever their names
+        if all(is_complete(path) for path in folder.rglob("*") if path.is_file()):
             found.append((time, folder.name))
     return sorted(found)
 
 
-def _whole(path: Path) -> bool:
-    zipped = path.with_name(path.name + ".gz")
-    if path.exists():
-        return is_complete(path)
-    return zipped.exists() and is_complete(zipped)
-
-
 def last_checkpoint(case: Path, ranks: int) -> tuple[float, str] | None:
-    """Latest time that all ranks have written whole; None where there is none."""
+    """Latest time that all ranks have written whole and whose samples are on disk; None where there is none."""
     folders = [case] if ranks == 1 else [case / f"processor{rank}" for rank in range(ranks)]
+    sampled = sampled_until(case)
     common: dict[float, str] | None = None
     for folder in folders:
-        times = dict(saved_times(folder))
+        times = {t: n for t, n in saved_times(folder) if t <= sampled * (1 + 1e-9)}
         common = times if common is None else {t: n for t, n in common.items() if t in times}
     return max(common.items()) if common else None
+
+
+def sampled_until(case: Path) -> float:
+    """Latest time (s) whose samples are surely whole.
+
+    OpenFOAM writes the fields of a time before its samples: those are whole when the forces of the step after are there.
+    """
+    legs = _legs(case / "postProcessing" / "forces")
+    if not legs:
+        return 0.0
+    start, folder = legs[-1]
+    times = [
+        _number(line.split()[0])
+        for path in folder.glob("force*.dat")
+        for line in path.read_text(errors="replace").splitlines()[:-1]  # the last line may be cut off
+        if line.strip() and not line.startswith("#")
+    ]
+    rows = sorted(t for t in times if t is not None)
+    return max(start, rows[-2]) if len(rows) > 1 else start
+
+
+def drop_legs(case: Path, start: float) -> None:
+    """Remove the tables of legs that began at `start` (s) or later.
+
+    OpenFOAM would not overwrite them but write `<name>_<time>.dat` beside them, and a leg that began at a later, damaged
+    checkpoint must not replace what is computed anew.
+    """
+    for recorder in (case / "postProcessing").glob("*"):
+        for time, folder in _legs(recorder):
+            if time >= start - 1e-9:
+                for path in folder.glob("*.dat"):
+                    path.unlink()
+
+
+def _legs(recorder: Path) -> list[tuple[float, Path]]:
+    """Folders of a function object that hold tables, by the time at which the run began, ascending."""
+    folders = recorder.iterdir() if recorder.is_dir() else ()
+    timed = [(_number(folder.name), folder) for folder in folders if any(folder.glob("*.dat"))]
+    return sorted((time, folder) for time, folder in timed if time is not None)
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _exists(path: Path) -> bool:
+    return path.exists() or path.with_name(path.name + ".gz").exists()

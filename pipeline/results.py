@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,11 @@ def power(case: Path, density: float, viscosity: float, copies: int) -> np.ndarr
     surfaces = case / "postProcessing" / "fingerSurface"
     named = {float(folder.name): folder / "finger.vtk" for folder in surfaces.iterdir()}
     keys = np.array(sorted(named))
-    work = [finger_power(named[keys[np.argmin(np.abs(keys - t))]], density) for t in times]
+    nearest = [keys[np.argmin(np.abs(keys - t))] for t in times]
+    if np.abs(np.array(nearest) - times).max() > 1e-6:
+        lost = times[np.argmax(np.abs(np.array(nearest) - times))]
+        raise StageError(f"{surfaces}: no surface at {lost:g} s; delete the case folder and run make again")
+    work = [finger_power(named[key], density) for key in nearest]
     # 2 S:S = 2 |grad u|^2 - |curl u|^2, and OpenFOAM's enstrophy is half of |curl u|^2.
     dissipation = density * viscosity * (2 * gradient - 2 * half_vorticity)
     return np.column_stack(
@@ -102,26 +107,47 @@ def power_balance(table: np.ndarray) -> dict[str, float]:
 def history(log: Path) -> np.ndarray:
     """Columns HISTORY_COLUMNS from the solver's log; a resumed run replaces what it repeats."""
     rows: dict[float, list[float]] = {}
-    courant, now, iterations, continuity = (np.nan, np.nan), None, 0.0, (np.nan, np.nan)
-    offset = last_clock = 0.0
+    state = _Step()
     for line in log.read_text(errors="replace").splitlines():
-        if line.startswith("Courant Number"):
-            words = line.split()
-            courant = float(words[3]), float(words[5])
-        elif line.startswith("Time = "):
-            now, iterations = float(line.split("=")[1]), 0.0
-        elif "Solving for p," in line:
-            iterations += float(line.split()[-1])
-        elif line.startswith("time step continuity"):
-            numbers = re.findall(r"= ([-+0-9.e]+)", line)
-            continuity = float(numbers[0]), float(numbers[1])
-        elif line.startswith("ExecutionTime") and now is not None:
-            clock = float(line.split("ClockTime =")[1].split()[0])
-            if clock < last_clock:
-                offset += last_clock
-            last_clock = clock
-            rows[now] = [now, *courant, *continuity, iterations, offset + clock]
+        try:
+            state.read(line)
+        except (IndexError, ValueError):
+            continue  # cut off where the run was killed; the resumed run repeats it
+        if line.startswith("ExecutionTime") and np.isfinite(state.time):
+            rows[state.time] = state.row()
     return np.array([rows[t] for t in sorted(rows)])
+
+
+@dataclass
+class _Step:
+    """What the log has said of the present time step, and the clock over all legs of the run."""
+
+    time: float = np.nan
+    courant: tuple[float, float] = (np.nan, np.nan)
+    continuity: tuple[float, float] = (np.nan, np.nan)
+    iterations: float = 0.0
+    earlier: float = 0.0
+    clock: float = 0.0
+
+    def read(self, line: str) -> None:
+        words = line.split()
+        if line.startswith("Courant Number"):
+            self.courant = float(words[3]), float(words[5])
+        elif line.startswith("Time = "):
+            self.time, self.iterations = float(words[2]), 0.0
+        elif "Solving for p," in line:
+            self.iterations += float(words[-1])
+        elif line.startswith("time step continuity"):
+            found = re.findall(r"= ([-+0-9.e]+)", line)
+            self.continuity = float(found[0]), float(found[1])
+        elif line.startswith("ExecutionTime"):
+            clock = float(line.split("ClockTime =")[1].split()[0])
+            if clock < self.clock:  # a new leg: its clock starts again
+                self.earlier += self.clock
+            self.clock = clock
+
+    def row(self) -> list[float]:
+        return [self.time, *self.courant, *self.continuity, self.iterations, self.earlier + self.clock]
 
 
 def table_text(columns: tuple[str, ...], table: np.ndarray) -> str:
@@ -131,6 +157,16 @@ def table_text(columns: tuple[str, ...], table: np.ndarray) -> str:
     writer.writerow(columns)
     writer.writerows([[f"{value:.12g}" for value in row] for row in table])
     return text.getvalue()
+
+
+def mesh_quality(path: Path) -> dict[str, float]:
+    """Worst of each measure of mesh_quality.csv over the stroke; StageError where there is no such table."""
+    if not path.exists():
+        raise StageError(f"{path}: missing; run the mesh stage first, or make")
+    with open(path, encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    worst = {"max_non_orthogonality_deg": max, "max_skewness": max, "min_area_ratio": min}
+    return {name: pick(float(row[name]) for row in rows) for name, pick in worst.items()}
 
 
 def collect_results(scene: Scene, case: Path, out: Path) -> dict[str, Any]:
@@ -146,5 +182,7 @@ def collect_results(scene: Scene, case: Path, out: Path) -> dict[str, Any]:
     return {
         "cells": int(found.group(1)) if found else None,
         "courant_max": float(np.nanmax(log[:, 2])),
+        "continuity_max": float(np.nanmax(np.abs(log[:, 3]))),
+        "mesh_quality": mesh_quality(scene.out / "mesh_quality.csv"),
         "power_balance": power_balance(energy),
     }

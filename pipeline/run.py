@@ -20,9 +20,9 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from pipeline.checkpoint import last_checkpoint
+from pipeline.checkpoint import drop_legs, last_checkpoint
 from pipeline.errors import StageError
-from pipeline.foamfile import read_labels, write_list
+from pipeline.foamfile import END, read_labels, write_bytes, write_list
 from pipeline.frames import remove_frames, steps_of, write_frames
 from pipeline.motion import read_motion
 from pipeline.openfoam import (
@@ -41,6 +41,8 @@ from pipeline.stage import guarded, parser, read_dataset, timed, versions, write
 
 LOG = "log.pimpleFoam"
 CELLS_PER_RANK = 5000  # fewer, and ranks wait for each other longer than they work
+PROGRESS = "progress.json"  # what earlier legs of the run cost, and whether it has ended
+NOTE_EVERY = 10.0  # s between notes of the time spent, for a run that is killed
 STATE = "state.json"  # what the frames and the decomposition in case/ were made for
 
 
@@ -69,15 +71,16 @@ class Guard:
 def prepare(scene: Scene, ranks: int, quiet: bool) -> None:
     """Decompose the case and lay the frames of the motion, unless that was done for the same mesh and ranks."""
     case = scene.out / "case"
-    mesh_points = case / "constant" / "polyMesh" / "points"
-    if not mesh_points.exists():
+    if not (case / "constant" / "polyMesh" / "points").exists():
         raise StageError(
             f"{case}: no mesh; run python -m pipeline.case {scene.folder} --level {scene.level} first"
         )
-    wanted = {"ranks": ranks, "mesh": mesh_points.stat().st_mtime_ns}
+    wanted = _state(case, ranks)
     state = case / STATE
     if state.exists() and json.loads(state.read_text()) == wanted:
         return
+    for stale in (state, case / PROGRESS):  # first: what is interrupted from here on must begin anew
+        stale.unlink(missing_ok=True)
     for folder in case.glob("processor*"):
         shutil.rmtree(folder)
     for folder in case.iterdir():
@@ -131,27 +134,33 @@ def set_number(case: Path, key: str, value: str) -> None:
 def solve(scene: Scene, ranks: int, hosts: Path | None, quiet: bool) -> dict[str, Any]:
     """Run the solver to the end from the last whole checkpoint; returns what run.json records of it."""
     case = scene.out / "case"
-    record_path = case / "progress.json"
+    record_path = case / PROGRESS
     record: dict[str, Any] = {"wall_time": 0.0, "resumed": []}
-    checkpoint = last_checkpoint(case, ranks)
-    end = scene.motion.end_time
-    if checkpoint is None:
-        start, name = 0.0, "0"
-    else:
-        start, name = checkpoint
-        if record_path.exists():
-            record = json.loads(record_path.read_text())
-        if start < end - 0.5 * scene.numerics.time_step:
-            record["resumed"] = [*record["resumed"], start]
-    if start >= end - 0.5 * scene.numerics.time_step:
+    if record_path.exists():
+        record = json.loads(record_path.read_text())
+    if record.get("ended"):
         return record
-    set_number(case, "startTime", name)
+    checkpoint = last_checkpoint(case, ranks)
+    start, name = checkpoint or (0.0, "0")
     if checkpoint is not None:
+        record["resumed"] = [*record["resumed"], start]
         reset_displacement([case] if ranks == 1 else sorted(case.glob("processor*")), name)
+    drop_legs(case, start)
+    set_number(case, "startTime", name)
+    end = scene.motion.end_time
     log = case / LOG
     guard = Guard(scene.numerics.max_courant)
     begin = time.monotonic()
-    with open(log, "a" if checkpoint else "w", encoding="utf-8") as output:
+    noted = begin
+
+    def note(ended: bool = False) -> dict[str, Any]:
+        spent = {**record, "wall_time": float(record["wall_time"]) + time.monotonic() - begin, "ended": ended}
+        write_text(record_path, json.dumps(spent))
+        return spent
+
+    # line by line: what a kill leaves in the log is whole lines
+    with open(log, "a" if checkpoint else "w", buffering=1, encoding="utf-8") as output:
+        output.write("\n")  # the leg before may have ended within a line
         process = subprocess.Popen(
             solver_command(ranks, hosts),
             cwd=case,
@@ -176,18 +185,20 @@ def solve(scene: Scene, ranks: int, hosts: Path | None, quiet: bool) -> dict[str
                             " lower numerics.time_step or refine the mesh"
                         )
                     if line.startswith("Time = "):
+                        if time.monotonic() - noted > NOTE_EVERY:
+                            noted = time.monotonic()
+                            note()
                         bar.update(min(guard.time, end) - bar.n)
         except BaseException:
             _stop(process)
             raise
         finally:
-            spent = {**record, "wall_time": float(record["wall_time"]) + time.monotonic() - begin}
-            write_text(record_path, json.dumps(spent))
+            note()
     if process.wait() != 0:
         raise StageError(
             f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{last_lines(log)}"
         )
-    return spent
+    return note(ended=True)
 
 
 def reset_displacement(folders: list[Path], time_name: str) -> None:
@@ -197,7 +208,10 @@ def reset_displacement(folders: list[Path], time_name: str) -> None:
     patchType ("compound has already been transferred").
     """
     for folder in folders:
-        shutil.copyfile(folder / "0" / "pointDisplacement", folder / time_name / "pointDisplacement")
+        first = (folder / "0" / "pointDisplacement").read_bytes().rstrip()
+        write_bytes(
+            folder / time_name / "pointDisplacement", first + END
+        )  # END: a whole file, for the next resumption
 
 
 def useful_ranks(scene: Scene, ranks: int, quiet: bool) -> int:
@@ -208,6 +222,26 @@ def useful_ranks(scene: Scene, ranks: int, quiet: bool) -> int:
     if useful < ranks and not quiet:
         print(f"run: {cells} cells are too few for {ranks} ranks; {useful} used")
     return useful
+
+
+def begun_ranks(case: Path, ranks: int, quiet: bool) -> int:
+    """`ranks`, or those of an interrupted run that can be gone on with: its fields lie in as many folders."""
+    state = case / STATE
+    began = json.loads(state.read_text()) if state.exists() else {}
+    if began != _state(case, began.get("ranks", 0)) or began["ranks"] == ranks:
+        return ranks
+    if last_checkpoint(case, began["ranks"]) is None:
+        return ranks
+    if not quiet:
+        print(
+            f"run: goes on with the {began['ranks']} ranks it began with, not {ranks} (remove {case} to begin anew)"
+        )
+    return int(began["ranks"])
+
+
+def _state(case: Path, ranks: int) -> dict[str, int]:
+    """What frames, decomposition and fields in `case` belong to."""
+    return {"ranks": ranks, "mesh": (case / "constant" / "polyMesh" / "points").stat().st_mtime_ns}
 
 
 @contextmanager
@@ -241,6 +275,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     version = foam_version()
     ranks = useful_ranks(scene, ranks, quiet)
     with only_one(scene.out / "case" / ".lock"):
+        ranks = begun_ranks(scene.out / "case", ranks, quiet)
         prepare(scene, ranks, quiet)
         record = solve(scene, ranks, hosts, quiet)
     earlier = max(0.0, float(record["wall_time"]) - (time.monotonic() - begin))
@@ -287,7 +322,7 @@ def main() -> None:
     args = arguments.parse_args()
 
     def action(scene: Scene, quiet: bool) -> float:
-        return run(scene, quiet, _checked_ranks(args), args.hosts)
+        return run(scene, quiet, _checked_ranks(args), _checked_hosts(args))
 
     guarded("run", lambda: timed("run", args, action))
 
@@ -296,6 +331,14 @@ def _checked_ranks(args: argparse.Namespace) -> int:
     if args.ranks < 1:
         raise StageError(f"--ranks {args.ranks}: give 1 or more")
     return int(args.ranks)
+
+
+def _checked_hosts(args: argparse.Namespace) -> Path | None:
+    if args.hosts is None:
+        return None
+    if not args.hosts.is_file():
+        raise StageError(f"--hosts {args.hosts}: no such file; give an MPI host file, one host per line")
+    return Path(args.hosts.resolve())  # the solver runs in another folder
 
 
 if __name__ == "__main__":

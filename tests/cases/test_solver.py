@@ -141,6 +141,37 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
     assert np.abs(straight[:, 1:3] - resumed[:, 1:3]).max() < 1e-6 * scale
 
 
+def test_a_run_stopped_again_and_again_ends_with_the_same_forces(tmp_path, monkeypatch, capsys):
+    """Before the first checkpoint, twice after the same one, and at last with another number of ranks asked for."""
+    monkeypatch.setattr(run_stage, "CELLS_PER_RANK", 100)
+    scene = short_scene(tmp_path / "straight", end=0.06)
+    stopped = copy_of(scene, tmp_path / "stopped")
+    run_stage.run(scene, quiet=True)
+    for stop in (0.006, 0.026, 0.025):
+
+        class Stop(run_stage.Guard):
+            def verdict(self, line, stop=stop):
+                return super().verdict(line) or ("test" if self.time >= stop else None)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(run_stage, "Guard", Stop)
+            with pytest.raises(StageError, match="by a guard: test"):
+                run_stage.run(stopped, quiet=True)
+    run_stage.run(stopped, ranks=2)
+    assert "goes on with the 1 ranks it began with" in capsys.readouterr().out
+    record = json.loads((stopped.out / "run" / "run.json").read_text())
+    assert record["resumed"] == [0.02, 0.02]
+    assert record["ranks"] == 1
+    straight, resumed = table(scene.out / FORCES), table(stopped.out / FORCES)
+    assert straight[:, 0] == pytest.approx(resumed[:, 0])
+    assert np.abs(straight[:, 1:3] - resumed[:, 1:3]).max() < 1e-6 * np.abs(straight[:, 1:3]).max()
+    history = table(stopped.out / "run" / "history.csv")
+    assert history[:, 0] == pytest.approx(straight[:, 0])
+    assert np.diff(history[:, -1]).min() >= 0  # the clock goes on over the legs
+    assert record["continuity_max"] == pytest.approx(np.abs(history[:, 3]).max())
+    assert record["mesh_quality"]["max_non_orthogonality_deg"] > 10
+
+
 def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
     """The finger made transparent: every boundary lets a uniform stream through, and only the mesh moves."""
     scene = short_scene(tmp_path / "stream", end=0.02)
