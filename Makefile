@@ -101,7 +101,7 @@ lint: $(READY) ## ruff, mypy and the import rules
 	.venv/bin/lint-imports
 
 test: lint ## the whole test suite
-	$(PY) -m pytest
+	$(PY) -m pytest -n $(NP)
 
 unit: $(READY) ## the tests that need no OpenFOAM
 	$(PY) -m pytest tests/unit tests/analytic tests/golden

@@ -218,7 +218,9 @@ def _bending(album: Album, files: StageFiles) -> None:
         else "These states carry no uncertainty, so no band is drawn."
     )
     album.add(
-        draw_series.bending(*(states[n] for n in names[:2]), std, states["paper_bend"], length),
+        draw_series.bending(
+            states["state_pressure"], states["state_bend"], std, states["paper_bend"], length
+        ),
         "bending.svg",
         "motion",
         "Bending radius over pressure from the states that drive the motion, with the paper's equations.",
