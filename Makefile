@@ -49,7 +49,7 @@ $(1).vortices: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv
 $(1).compare: $(2)/comparison.json
 $(1).report: $(2)/report.html
 
-$(2)/settings/.stamp: $(wildcard cases/*/scene.toml cases/*/kinematics/*) | $(READY)
+$(2)/settings/.stamp: $(wildcard cases/*/scene.toml cases/*/*.csv cases/*/kinematics/*) | $(READY)
 	@$(PY) -m pipeline.settings cases/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/settings/%.json: $(2)/settings/.stamp
 	@:

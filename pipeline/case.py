@@ -57,10 +57,19 @@ def numbers(scene: Scene, back: float) -> dict[str, str]:
 
 
 def write_steps(end_time: float, time_step: float, interval: float) -> int:
-    """Time steps between checkpoints: the divisor of all steps nearest to `interval` s, so that the end is saved."""
-    steps = round(end_time / time_step)
+    """Time steps between checkpoints: the divisor of all steps nearest to `interval` s, so that the end is saved.
+
+    Raises StageError where no divisor comes within a factor of three, as for a prime number of steps.
+    """
+    steps, wanted = round(end_time / time_step), interval / time_step
     divisors = [n for n in range(1, steps + 1) if steps % n == 0]
-    return min(divisors, key=lambda n: abs(n - interval / time_step))
+    best = min(divisors, key=lambda n: abs(np.log(n / wanted)))
+    if not 1 / 3 <= best / min(wanted, steps) <= 3:
+        raise StageError(
+            f"motion.end_time is {steps} steps, which checkpoints every numerics.write_interval = {interval:g} s do not"
+            f" divide; give an end_time of {round(steps / wanted) * interval or interval:g} s"
+        )
+    return best
 
 
 def numbers_text(entries: dict[str, str]) -> str:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.interpolate import CubicSpline
 from tqdm import tqdm
 
 from pipeline.errors import StageError
@@ -111,9 +112,21 @@ def quality_table(planform: Planform, frames: np.ndarray, family: Family) -> lis
     return rows
 
 
+def between(family: Family, frames: np.ndarray, parts: int = 3) -> tuple[Family, np.ndarray]:
+    """The shapes as the motion runs through them: `parts` to each interval of the family, by the same cubic spline."""
+    index = np.arange(len(family.parameter), dtype=float)
+    fine = np.linspace(0, index[-1], parts * (len(index) - 1) + 1)
+    parameter = np.interp(fine, index, family.parameter)
+
+    def spline(values: np.ndarray) -> np.ndarray:
+        return CubicSpline(family.parameter, values)(parameter)
+
+    return Family(parameter, spline(family.outline), spline(family.tip), spline(family.bend)), spline(frames)
+
+
 def check_quality(rows: list[tuple[float, ...]], mesh: Mesh) -> None:
     """StageError where a shape breaks mesh.max_non_orthogonality_deg, naming the bend at which it does."""
-    bad = [row for row in rows if row[2] > mesh.max_non_orthogonality_deg]
+    bad = [row for row in rows if row[2] > mesh.max_non_orthogonality_deg or row[5] <= 0]
     if bad:
         first = min(bad, key=lambda row: abs(row[0]))
         good = [row[0] for row in rows if row[2] <= mesh.max_non_orthogonality_deg]
@@ -142,7 +155,8 @@ def run(scene: Scene, quiet: bool = False) -> None:
         family.tip,
     )  # fmt: skip
     frames = morph_family(planform, family, built, quiet)
-    rows = quality_table(planform, frames, family)
+    along, shapes = between(family, frames)
+    rows = quality_table(planform, shapes, along)
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(QUALITY_COLUMNS)

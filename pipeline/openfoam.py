@@ -22,7 +22,10 @@ PROJECT_DIRS = ("/usr/share/openfoam",)  # Debian's package sets no WM_PROJECT_D
 def environment() -> dict[str, str]:
     """Environment in which OpenFOAM's programs run. Raises StageError where there is none."""
     env = dict(os.environ)
-    if shutil.which("pimpleFoam") is None:
+    project = Path(env.get("WM_PROJECT_DIR", ""))
+    if shutil.which("pimpleFoam") is None and (project / "etc" / "bashrc").is_file():
+        env = sourced(project / "etc" / "bashrc")
+    if shutil.which("pimpleFoam", path=env.get("PATH")) is None:
         raise StageError(f"OpenFOAM is not installed (no pimpleFoam on the path); run: sudo {INSTALL}")
     if "WM_PROJECT_DIR" not in env:
         found = next((folder for folder in PROJECT_DIRS if Path(folder, "etc").is_dir()), None)
@@ -32,6 +35,13 @@ def environment() -> dict[str, str]:
     env.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")  # one more busy process would stall spinning ranks
     env["OMP_NUM_THREADS"] = "1"
     return env
+
+
+def sourced(bashrc: Path) -> dict[str, str]:
+    """The environment after `source <bashrc>`: for an OpenFOAM whose WM_PROJECT_DIR alone is set."""
+    command = ["bash", "-c", 'source "$1" >/dev/null 2>&1; env -0', "bash", str(bashrc)]
+    text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    return dict(entry.split("=", 1) for entry in text.split("\0") if "=" in entry)
 
 
 def environment_in(folder: Path) -> dict[str, str]:

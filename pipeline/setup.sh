@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.."
 
 as_root() {
     if [ "$(id -u)" = 0 ]; then DEBIAN_FRONTEND=noninteractive "$@"
-    elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then sudo -n DEBIAN_FRONTEND=noninteractive "$@"
+    elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then sudo -n env DEBIAN_FRONTEND=noninteractive "$@"
     else return 1
     fi
 }
@@ -47,11 +47,11 @@ fi
 
 if ! .venv/bin/python -c 'import gmsh, vtkmodules.vtkRenderingOpenGL2' 2>.setup.log; then
     echo "setup: libraries that gmsh and VTK load"
-    install libgl1 libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1 libxfixes3 libgomp1 libegl1 libosmesa6
+    install libgl1 libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1 libxfixes3 libgomp1 libegl1
     .venv/bin/python -c 'import gmsh, vtkmodules.vtkRenderingOpenGL2'
 fi
 
-if ! command -v pimpleFoam >/dev/null; then
+if ! command -v pimpleFoam >/dev/null && [ -z "${WM_PROJECT_DIR:-}" ]; then
     echo "setup: OpenFOAM"
     install openfoam
 fi

@@ -1,4 +1,4 @@
-"""OpenFOAM's environment."""
+"""Finding OpenFOAM: on the path, or behind WM_PROJECT_DIR; else one sentence with the command to run."""
 
 import pytest
 
@@ -6,8 +6,54 @@ from pipeline import openfoam
 from pipeline.errors import StageError
 
 
-def test_a_path_with_a_space_is_refused_in_one_sentence(tmp_path, monkeypatch):
-    monkeypatch.setattr(openfoam, "environment", lambda: {"A": "1"})
-    assert openfoam.environment_in(tmp_path) == {"A": "1", "PWD": str(tmp_path.resolve())}
-    with pytest.raises(StageError, match="no path with a space"):
-        openfoam.environment_in(tmp_path / "my project")
+@pytest.fixture(autouse=True)
+def _fresh():
+    openfoam.environment.cache_clear()
+    openfoam.foam_version.cache_clear()
+    yield
+    openfoam.environment.cache_clear()
+    openfoam.foam_version.cache_clear()
+
+
+def fake(folder, banner):
+    """A pimpleFoam that prints its version as OpenFOAM's programs do."""
+    folder.mkdir(parents=True)
+    program = folder / "pimpleFoam"
+    program.write_text(f"#!/bin/sh\necho '{banner}'\n")
+    program.chmod(0o755)
+
+
+def test_missing_openfoam_names_the_command(monkeypatch):
+    monkeypatch.setenv("PATH", "/nowhere")
+    monkeypatch.delenv("WM_PROJECT_DIR", raising=False)
+    with pytest.raises(StageError, match="sudo apt-get install openfoam"):
+        openfoam.environment()
+
+
+def test_wm_project_dir_alone_is_enough(monkeypatch, tmp_path):
+    fake(tmp_path / "bin", "Using: OpenFOAM-v2312 (2312)")
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "etc" / "bashrc").write_text(f"export PATH={tmp_path}/bin:$PATH\n")
+    monkeypatch.setenv("PATH", "/usr/bin:/bin")
+    monkeypatch.setattr(openfoam.shutil, "which", _which_without_system(openfoam.shutil.which))
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
+    assert openfoam.foam_version() == "v2312"
+
+
+def _which_without_system(which):
+    """shutil.which that does not see an OpenFOAM installed system-wide."""
+
+    def seen(name, path=None):
+        found = which(name, path=path)
+        return None if found and found.startswith("/usr/bin") and name == "pimpleFoam" else found
+
+    return seen
+
+
+@pytest.mark.parametrize("banner", ["Using: OpenFOAM- (1806) - visit", "Using: OpenFOAM-9 (see www)", ""])
+def test_an_old_or_foreign_version_is_refused(monkeypatch, tmp_path, banner):
+    fake(tmp_path / "bin", banner)
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
+    with pytest.raises(StageError, match=r"v1912 or later is needed"):
+        openfoam.foam_version()
