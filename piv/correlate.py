@@ -24,6 +24,7 @@ from piv.outliers import fill_absent
 from piv.pair_images import Prepared
 from piv.passes import Vectors
 from piv.plane import provenance
+from piv.regrow import regrow
 from piv.smooth import damp_noise
 from piv.uncertainty import INTERPOLATION, correlation_statistics, noise_budget
 
@@ -78,7 +79,8 @@ def correlate_pair(
         return prefilter.measure_spectra(held[1][0].warped, held[1][1].warped, work[1][2])
 
     def reseed(nodes: Nodes, vectors: Vectors) -> Vectors:
-        return passes.reseed(nodes, images.pixels, vectors, settings)
+        vectors = passes.reseed(nodes, images.pixels, vectors, settings)
+        return regrow(nodes, held[1], vectors, settings)
 
     x, y, keep = node_axes(images.shape, settings)
     seen = both_seen(images.at(2)[1])
