@@ -24,7 +24,7 @@ from piv.outliers import fill_absent
 from piv.pair_images import Prepared
 from piv.passes import Vectors
 from piv.plane import provenance
-from piv.regrow import regrow
+from piv.regrow import NARROW, regrow
 from piv.smooth import damp_noise
 from piv.uncertainty import INTERPOLATION, correlation_statistics, noise_budget
 
@@ -85,6 +85,7 @@ def correlate_pair(
     x, y, keep = node_axes(images.shape, settings)
     seen = both_seen(images.at(2)[1])
     vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
+    vectors = regrow(nodes, held[1], vectors, settings, final=True)
     var_x, var_y = variances(nodes, vectors, settings)
     return to_dataset(vectors, var_x, var_y, x, y, keep, images.shape, settings)
 
@@ -175,6 +176,8 @@ def variances(nodes: Nodes, v: Vectors, options: Options) -> tuple[np.ndarray, n
     spacing = float(nodes.x[1] - nodes.x[0])
     gain, kept = noise_budget(options.sigma, spacing, options.full_steps)
     var_x, var_y = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, options.sigma, kept)
+    if v.narrow is not None:  # fewer particles: variance goes with the window's area
+        gain = np.where(v.narrow, gain / NARROW**2, gain)
     return var_x * gain, var_y * gain
 
 
