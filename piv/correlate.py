@@ -176,9 +176,9 @@ def variances(nodes: Nodes, v: Vectors, options: Options) -> tuple[np.ndarray, n
     spacing = float(nodes.x[1] - nodes.x[0])
     gain, kept = noise_budget(options.sigma, spacing, options.full_steps)
     var_x, var_y = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, options.sigma, kept)
-    if v.narrow is not None:  # fewer particles: variance goes with the window's area
-        gain = np.where(v.narrow, gain / NARROW**2, gain)
-    return var_x * gain, var_y * gain
+    # fewer particles: variance goes with the window's area
+    share = gain if v.narrow is None else np.where(v.narrow, gain / NARROW**2, gain)
+    return var_x * share, var_y * share
 
 
 def to_dataset(

@@ -9,7 +9,7 @@ import numpy as np
 
 ORDER = 4  # of the low-pass 1 - (1 - L)ⁿ: flat up to its cut-off, steep beyond
 SCALES = (1.5, 2.6)  # of its Gaussian L, in σ of the correlation window
-LARGEST = 4.0  # variance counted as noise, in medians of the field
+LARGEST = 25.0  # variance counted as noise, in medians of the field
 NOISE_ONLY, SIGNAL = 1.9, 3.5  # mean square of the fine part over its noise: damped wholly below, kept above
 
 
