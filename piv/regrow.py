@@ -25,10 +25,10 @@ POOR, SPREADS = (
     8.0,
 )  # of the median correlation, median deviations below it: what is lower is measured again
 MOST = 0.25  # of all vectors: more are no region but the images
-ROUNDS = 6  # of one step inwards and one Newton step
+ROUNDS = 10  # of one step inwards and one Newton step
 BORDER = 4  # nodes around a region that take part in its measurement
 NARROWER = 0.75  # of the window while growing: fewer wrong vectors share it
-NARROW = 0.6  # of the window in the final measurement of such a region
+NARROW = 0.5  # of the window in the final measurement of such a region
 LOST = 0.7  # of the median correlation: below it in the end, a vector is an outlier
 WHOLE = 0.9  # share of a window's weight that may be used: below it, the final window is narrow too
 
