@@ -26,7 +26,7 @@ from piv.passes import Vectors
 from piv.plane import provenance
 from piv.regrow import NARROW, regrow
 from piv.smooth import damp_noise
-from piv.uncertainty import INTERPOLATION, correlation_statistics, noise_budget
+from piv.uncertainty import INTERPOLATION, correlation_statistics, noise_budget, unresolved
 
 __all__ = ["FLAGS", "Options", "correlate_pair"]
 
@@ -191,6 +191,8 @@ def to_dataset(
         dx, dy, var_x, var_y = damp_noise(
             dx, dy, var_x, var_y, known, sigma=options.sigma, spacing=spacing, passes=options.full_steps
         )
+    missed_x, missed_y = unresolved(Nodes(x, y, shape, 1), v.cells, v.step_x, v.step_y, options.sigma)
+    var_x, var_y = var_x + missed_x, var_y + missed_y
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER
     flag[v.second] = SECOND_PEAK
