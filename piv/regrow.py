@@ -25,6 +25,7 @@ POOR, SPREADS = (
     8.0,
 )  # of the median correlation, median deviations below it: what is lower is measured again
 MOST = 0.25  # of all vectors: more are no region but the images
+FEWEST = 3  # vectors of a region: fewer are noise, or outliers that the median test knows
 ROUNDS = 10  # of one step inwards and one Newton step
 BORDER = 4  # nodes around a region that take part in its measurement
 NARROWER = 0.75  # of the window while growing: fewer wrong vectors share it
@@ -47,26 +48,29 @@ def regrow(
     median = float(np.median(vectors.correlation[free]))
     spread = float(np.median(np.abs(vectors.correlation[free] - median)))
     target = min(POOR * median, median - SPREADS * spread)
+    # windows cut off by the image's edge correlate less, and nothing says that the flow is steep there
+    edge = 2 * options.sigma
+    inner = [(a > edge) & (a < n - 1 - edge) for a, n in zip((nodes.y, nodes.x), nodes.shape, strict=True)]
+    free &= np.outer(*inner)
     poor = free & (vectors.correlation < target)
     if poor.sum() > MOST * free.sum():
         return vectors
     if final:
-        # beside a body, not beside the image's edge, where nothing says that the flow is steep
-        edge = 2 * options.sigma
-        inner = [
-            (a > edge) & (a < n - 1 - edge) for a, n in ((nodes.y, nodes.shape[0]), (nodes.x, nodes.shape[1]))
-        ]
-        poor |= free & (vectors.visible < WHOLE) & np.outer(*inner)
+        poor |= free & (vectors.visible < WHOLE)  # beside a body
     if not poor.any():
         return vectors
     labels, _ = ndimage.label(cv2.dilate(poor.astype(np.uint8), np.ones((5, 5), np.uint8)))
     dx, dy, correlation = vectors.dx.copy(), vectors.dy.copy(), vectors.correlation.copy()
-    for box in ndimage.find_objects(labels):
+    for k, box in enumerate(ndimage.find_objects(labels), start=1):
+        if np.count_nonzero(poor[box] & (labels[box] == k)) < FEWEST:
+            poor[box] &= labels[box] != k
+            continue
         rows, columns = (
             slice(max(s.start - BORDER, 0), min(s.stop + BORDER, n))
             for s, n in zip(box, poor.shape, strict=True)
         )
         if min(rows.stop - rows.start, columns.stop - columns.start) < 4:
+            poor[box] = False
             continue
         part = (rows, columns)
         new = _region(nodes, images, vectors, poor[part], part, target, options, 2 if final else 1)
@@ -74,7 +78,11 @@ def regrow(
         correlation[part] = np.where(poor[part], new[2], correlation[part])
     if not final:
         return replace(vectors, dx=dx, dy=dy)
-    usable = free & (correlation > options.min_correlation) & ~(poor & (correlation < LOST / POOR * target))
+    usable = (
+        ~vectors.masked
+        & (correlation > options.min_correlation)
+        & ~(poor & (correlation < LOST / POOR * target))
+    )
     residual, _, _ = normalised_median(
         dx, dy, usable, epsilon=options.epsilon, radius=2, threshold=options.threshold
     )
