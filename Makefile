@@ -17,7 +17,7 @@ FLAGS  := $(if $(QUIET),--quiet)
 .SUFFIXES:
 .DELETE_ON_ERROR:
 .SECONDARY:
-.PHONY: help setup test lint unit fea clean clean-all bench-piv $(SCENES) $(foreach s,$(SCENES),$(addprefix $(s).,$(STAGES)))
+.PHONY: help setup test lint unit fea fea-studies docs clean clean-all bench-piv $(SCENES) $(foreach s,$(SCENES),$(addprefix $(s).,$(STAGES)))
 
 help: ## this list
 	@echo "make setup                     Python environment and OpenFOAM, where missing"
@@ -82,6 +82,18 @@ $(foreach s,$(SCENES),$(eval $(call scene_rules,$(s),cases/$(s)/out/$(LEVEL))))
 fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/kinematics/states.h5
 	$(PY) -m pipeline.fea cases/single_finger
 
+bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/piv.md
+	$(PY) tests/benchmarks/piv_bench.py --docs
+
+docs: single_finger.report single_deflate.report ## pages and pictures of the docs that come from runs
+	$(PY) -m postprocess.summary cases/single_finger --level $(LEVEL)
+	$(PY) -m postprocess.summary cases/single_deflate --level $(LEVEL)
+	$(PY) -m tests.pictures.vortices docs/vortices.png
+	$(PY) -m tests.pictures.synthetic docs/synthetic.png
+
+fea-studies: $(READY) ## studies over wedge, width and materials: docs/fea
+	$(PY) -m pipeline.fea.studies
+
 lint: $(READY) ## ruff, mypy and the import rules
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
@@ -89,7 +101,7 @@ lint: $(READY) ## ruff, mypy and the import rules
 	.venv/bin/lint-imports
 
 test: lint ## the whole test suite
-	$(PY) -m pytest
+	$(PY) -m pytest -n $(NP)
 
 unit: $(READY) ## the tests that need no OpenFOAM
 	$(PY) -m pytest tests/unit tests/analytic tests/golden

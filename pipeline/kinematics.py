@@ -30,6 +30,7 @@ class Kinematics:
     law: PressureLaw
     family: ShapeFamily
     finger: Finger
+    states: States
 
     def to_tank(self, points: np.ndarray) -> np.ndarray:
         """Points (…, 2) from the actuator's frame (origin at the middle of the root) to the tank's."""
@@ -68,7 +69,7 @@ def load_kinematics(scene: Scene) -> Kinematics:
     strip = rounded_strip(
         s[-1], states.thickness[rest], s, finger.root_corner_radius, finger.tip.corner_radius
     )
-    return Kinematics(law, ShapeFamily(states, strip), finger)
+    return Kinematics(law, ShapeFamily(states, strip), finger, states)
 
 
 def law_times(end_time: float) -> np.ndarray:
@@ -124,6 +125,28 @@ def check_shapes(outlines: np.ndarray, bends: np.ndarray, scene: Scene) -> None:
             raise StageError(f"{where}: the finger touches the tank at {bend:.1f}° of bend; move finger.root")
 
 
+def input_uncertainty(
+    kinematics: Kinematics, at: np.ndarray
+) -> dict[str, tuple[str, np.ndarray, dict[str, str]]]:
+    """Bend of the states and of the paper's equations, and the standard uncertainty of both bend angles, where known.
+
+    `at` (look,) Pa: the pressures at which `bend_std` is given.
+    """
+    states, length = kinematics.states, kinematics.finger.length
+    family = kinematics.family
+    paper, _ = paper_model.bend(states.pressure, length=length)
+    found = {
+        "state_pressure": ("state", states.pressure, {"units": "Pa"}),
+        "state_bend": ("state", np.array([family.bend(p) for p in states.pressure]), {"units": "rad"}),
+        "paper_bend": ("state", paper, {"units": "rad", "long_name": "equations (1)-(6)"}),
+    }
+    if states.curvature_std is not None:
+        std = length * states.curvature_std
+        found["state_bend_std"] = ("state", std, {"units": "rad"})
+        found["bend_std"] = ("look", np.interp(at, states.pressure, std), {"units": "rad"})
+    return found
+
+
 def kinematics_dataset(scene: Scene) -> xr.Dataset:
     """Everything of docs/formats.md, Kinematics, as a dataset."""
     kinematics = load_kinematics(scene)
@@ -151,6 +174,7 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
             "bend": ("look", np.array([family.bend(p) for p in at]), {"units": "rad"}),
             "outline": (("look", *point), shown, {"units": "m"}),
             "outline_velocity": (("look", *point), kinematics.turn(moving), {"units": "m/s"}),
+            **input_uncertainty(kinematics, at),
             "shape_outline": (("shape_parameter", *point), outlines, {"units": "m"}),
             "shape_outline_rate": (("shape_parameter", *point), rates, {"units": "m/Pa"}),
             "shape_bend": ("shape_parameter", bends, {"units": "rad"}),

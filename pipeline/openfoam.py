@@ -35,8 +35,16 @@ def environment() -> dict[str, str]:
 
 
 def environment_in(folder: Path) -> dict[str, str]:
-    """The environment for a program started in `folder`: OpenFOAM trusts PWD over the working directory."""
-    return environment() | {"PWD": str(folder.resolve())}
+    """The environment for a program started in `folder`: OpenFOAM trusts PWD over the working directory.
+
+    Raises StageError where the path holds a space: OpenFOAM would drop it and look elsewhere.
+    """
+    path = str(folder.resolve())
+    if any(c.isspace() for c in path):
+        raise StageError(
+            f"{path}: OpenFOAM reads no path with a space in it; move the project to one without"
+        )
+    return environment() | {"PWD": path}
 
 
 def die_with_parent() -> None:

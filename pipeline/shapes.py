@@ -19,6 +19,7 @@ class States:
     pressure: np.ndarray
     profile: np.ndarray
     thickness: np.ndarray
+    curvature_std: np.ndarray | None = None  # (state,) 1/m: what is not known of the actuator
 
 
 @dataclass(frozen=True)
@@ -157,6 +158,7 @@ def add_tip(states: States, length: float, thickness: float | None, pieces: int 
         states.pressure,
         np.concatenate([states.profile, extension], axis=1),
         np.concatenate([states.thickness, taper], axis=1),
+        states.curvature_std,
     )
 
 

@@ -33,6 +33,7 @@ def _read_hdf5(path: Path) -> States:
                 file["pressure"].values.astype(float),
                 np.stack([file["profile_x"].values, file["profile_y"].values], axis=-1).astype(float),
                 file["thickness"].values.astype(float),
+                _curvature_std(file),
             )
     except (OSError, KeyError, ValueError) as error:
         raise StageError(
@@ -44,6 +45,15 @@ def _read_hdf5(path: Path) -> States:
             f"{path}: the states at {', '.join(f'{p:g}' for p in bad)} kPa did not converge; remove them"
         )
     return states
+
+
+def _curvature_std(file: xr.Dataset) -> np.ndarray | None:
+    """Standard uncertainty of 1/R (1/m) from that of R; at rest, where R is infinite, between its neighbours'."""
+    if "radius_std" not in file:
+        return None
+    pressure, radius, std = (file[name].values.astype(float) for name in ("pressure", "radius", "radius_std"))
+    bent = np.isfinite(radius) & np.isfinite(std)
+    return np.interp(pressure, pressure[bent], std[bent] / radius[bent] ** 2)
 
 
 def _read_csv(path: Path, thickness: float) -> States:

@@ -111,6 +111,9 @@ def agreement(series: pd.DataFrame, scale: float, middle: tuple[float, float]) -
     return figure
 
 
+LEAST_PRESSURE = 3e3  # Pa; below it R runs off to infinity
+
+
 def motion(
     drive_time: np.ndarray, pressure: np.ndarray, time: np.ndarray, bend: np.ndarray, speed: np.ndarray
 ) -> Figure:
@@ -126,6 +129,34 @@ def motion(
         ax.set_ylabel(label)
     axes[0].set_title("The motion that is prescribed")
     axes[2].set_xlabel("time, s")
+    return figure
+
+
+def bending(
+    pressure: np.ndarray, bend: np.ndarray, bend_std: np.ndarray | None, paper: np.ndarray, length: float
+) -> Figure:
+    """Bending radius (mm) over pressure (Pa): states with the band of their input uncertainty, equations (1)-(6) beside.
+
+    `bend`, `bend_std`, `paper`: (state,) rad; R = `length` / bend (the paper's Figs 7 and 8c).
+    """
+    figure, ax = new_figure(8.6, 4.2)
+    shown = 80.0
+    for part in (pressure < -LEAST_PRESSURE, pressure > LEAST_PRESSURE):
+        if not part.any():
+            continue
+        kpa = pressure[part] / 1e3
+        (line,) = ax.plot(kpa, length * MM / bend[part], color=CFD)
+        (equations,) = ax.plot(kpa, length * MM / paper[part], "--", color="0.4")
+        line.set_label("states" if part[-1] else None)
+        equations.set_label("equations (1)–(6)" if part[-1] else None)
+        if bend_std is not None:
+            low, high = (length * MM / (bend[part] + k * bend_std[part]) for k in (-1, 1))
+            ax.fill_between(
+                kpa, low, high, color=CFD, alpha=0.2, lw=0, label="input uncertainty" if part[-1] else None
+            )
+    ax.set(xlabel="pressure, kPa", ylabel="bending radius R, mm", ylim=(-2 * shown, 2 * shown))
+    ax.set_title("Bending radius over pressure")
+    ax.legend(frameon=False)
     return figure
 
 

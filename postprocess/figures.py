@@ -95,6 +95,7 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     _flow(album, planes, dominant, comparison["scale"]["value"])
     _vortex(album, files, planes["cfd"], dominant, middle, comparison["scale"]["value"])
     _motion(album, files, planes["cfd"])
+    _bending(album, files)
     _solver(album, files)
     _mesh(album, files, planes["cfd"])
     _camera(album, files, float(np.mean(middle)))
@@ -202,6 +203,28 @@ def _motion(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
         "motion",
         "Pressure, bend angle and tip speed over time.",
         f"Peak tip speed {peak:.3f} m/s at {at:.3f} s.",
+    )
+
+
+def _bending(album: Album, files: StageFiles) -> None:
+    names = ("state_pressure", "state_bend", "paper_bend")
+    states = read_arrays(files.out / "kinematics.h5", names, optional=("state_bend_std",))
+    std = states.get("state_bend_std")
+    length = scene_numbers(files)["finger"]["length"]
+    band = (
+        "The band is the standard uncertainty from roof and channel heights, the split of the material's stiffness, the mesh"
+        " and ±0.2 kPa (docs/fea.md)."
+        if std is not None
+        else "These states carry no uncertainty, so no band is drawn."
+    )
+    album.add(
+        draw_series.bending(
+            states["state_pressure"], states["state_bend"], std, states["paper_bend"], length
+        ),
+        "bending.svg",
+        "motion",
+        "Bending radius over pressure from the states that drive the motion, with the paper's equations.",
+        f"R from the states that drive the motion; the paper's equations (1)–(6) dashed. {band}",
     )
 
 

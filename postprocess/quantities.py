@@ -45,11 +45,11 @@ def _track(evidence: Evidence, source: str, window: Window, finger: int) -> pd.D
 
 
 def paired(evidence: Evidence, pair: str, window: Window, finger: int) -> pd.DataFrame:
-    """The dominant vortices of a pair such as "piv-cfd" side by side; the second name is the reference."""
+    """The tip's vortex in a pair of sources such as "piv-cfd" side by side; the second name is the reference."""
     other, reference = pair.split("-")
-    return tracks.pair_tracks(
-        _track(evidence, reference, window, finger), _track(evidence, other, window, finger)
-    )
+    seen = _track(evidence, other, window, finger)
+    _track(evidence, reference, window, finger)  # says so where the reference has none
+    return tracks.pair_tracks(tracks.counterpart(evidence.vortices[reference], seen, finger, window), seen)
 
 
 def _dominant_side(evidence: Evidence, source: str, window: Window, finger: int) -> str:

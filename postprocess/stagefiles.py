@@ -78,8 +78,8 @@ def read_json(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path}: not valid JSON ({error}); run the stage that writes it again") from error
 
 
-def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Variables of an HDF5 file by name; ValueError where one is missing."""
+def read_arrays(path: Path, names: tuple[str, ...], optional: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
+    """Variables of an HDF5 file by name; ValueError where one is missing that is not `optional`."""
     try:
         with h5py.File(path, "r") as file:
             missing = [name for name in names if name not in file]
@@ -87,7 +87,7 @@ def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
                 raise ValueError(
                     f"{path}: variable {missing[0]!r} is missing; the file has {', '.join(file)}"
                 )
-            return {name: np.asarray(file[name]) for name in names}
+            return {name: np.asarray(file[name]) for name in (*names, *optional) if name in file}
     except OSError as error:
         raise ValueError(f"{path}: not a readable HDF5 file ({error})") from error
 

@@ -11,6 +11,7 @@ from postprocess.stagefiles import read_table
 
 COLUMNS = ("time", "track", "x", "y", "circulation", "core_radius", "finger", "side", "tip_distance")
 REACH = 2.5  # tip widths; a vortex further off is not the tip's
+RIVAL = 0.5  # of the strongest's circulation: still a candidate for the vortex that another source sees
 COMPARED = ("circulation", "x", "y", "core_radius")
 
 
@@ -50,15 +51,39 @@ def dominant_track(table: pd.DataFrame, finger: int, window: tuple[float, float]
     return table[table["track"] == ranking.index[0]].reset_index(drop=True)
 
 
+def counterpart(
+    table: pd.DataFrame, of: pd.DataFrame, finger: int, window: tuple[float, float]
+) -> pd.DataFrame:
+    """The track of `table` that is the same vortex as the track `of` another source.
+
+    Where several vortices of one sense share a tip, the strongest of two sources may be different ones: among those
+    at least `RIVAL` as strong as the strongest, the nearest over the window is taken.
+    """
+    ranking = strengths(table, finger, window)
+    rivals = ranking.index[ranking >= RIVAL * ranking.iloc[0]]
+    found = {name: table[table["track"] == name].reset_index(drop=True) for name in rivals}
+
+    def distance(name: int) -> float:
+        rows = pair_tracks(found[name], of)
+        rows = rows[rows["time"].between(*window)]
+        return centre_distance(rows) if len(rows) else np.inf
+
+    return found[min(rivals, key=distance)]
+
+
 def dominant_tracks(
     tables: dict[str, pd.DataFrame], finger: int, window: tuple[float, float]
 ) -> dict[str, pd.DataFrame]:
-    """The dominant track of each source; a source without a vortex near the tip is left out."""
-    return {
-        source: dominant_track(table, finger, window, source)
-        for source, table in tables.items()
-        if not strengths(table, finger, window).empty
-    }
+    """The tip's vortex in each source: the dominant track of the last, and its counterpart in those before.
+
+    A source without a vortex near the tip is left out.
+    """
+    seen = {s: t for s, t in tables.items() if not strengths(t, finger, window).empty}
+    if not seen:
+        return {}
+    *others, last = seen
+    chosen = dominant_track(seen[last], finger, window, last)
+    return {s: counterpart(seen[s], chosen, finger, window) for s in others} | {last: chosen}
 
 
 def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:

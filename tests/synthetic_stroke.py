@@ -209,6 +209,11 @@ def _write_kinematics(time: np.ndarray, bend_end: float, path: Path) -> None:
         file.attrs.update(format="kinematics", format_version=1, settings=json.dumps(scene))
         file["time"] = time
         file["pressure"] = 2e4 * bend / abs(bend_end)
+        states = np.linspace(-2e4, 2e4, 21)
+        file["state_pressure"] = states
+        file["state_bend"] = 1.7 * states / 2e4
+        file["state_bend_std"] = 0.1 * np.abs(states) / 2e4
+        file["paper_bend"] = 1.6 * states / 2e4 - 0.05
 
 
 def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:

@@ -199,6 +199,30 @@ def test_full_and_half_models_agree(solved, tmp_path):
     assert np.abs(two[:, 3]).max() < 1e-2 * np.abs(one[:, 1]).max()
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_strokes_of_150_degrees_run(tmp_path, sign):
+    """The issue's reach: 0…150° and −150…0°, on arcs of constant curvature given as a table of states."""
+    s = np.linspace(0, 0.07, 40)
+    rows = ["pressure_kpa,s,x,y"]
+    for kpa in range(0, 31, 5):
+        turn = max(np.radians(155.0) * kpa / 30, 1e-9)  # 2 % of the stroke are still to come at its end
+        x, y = np.sin(turn * s / 0.07) * 0.07 / turn, sign * (1 - np.cos(turn * s / 0.07)) * 0.07 / turn
+        rows += [f"{kpa},{a:.9g},{b:.9g},{c:.9g}" for a, b, c in zip(s, x, y, strict=True)]
+    (tmp_path / "arcs.csv").write_text("\n".join(rows) + "\n")
+    more = (
+        f'[motion]\nstates = "{tmp_path / "arcs.csv"}"\nend_time = 0.4\n'
+        "strokes = [{ pressure_kpa = 30.0, start = 0.005, duration = 0.35 }]\n"
+        "[mesh]\nmax_non_orthogonality_deg = 75.0\n"  # 65 holds over the default stroke, not over this one
+    )
+    scene = prepare(write_scene(tmp_path / "arcs", "2d", more, ", time_scheme = \"Euler\""))
+    with read_dataset(scene.out / "planform.h5", "planform") as planform:
+        bend = np.degrees(planform["bend"].values)
+    assert np.abs(bend).max() > 150
+    assert np.sign(bend[np.abs(bend).argmax()]) == sign
+    run_stage.run(scene, quiet=True)
+    assert np.isfinite(table(scene.out / FORCES)).all()
+
+
 def test_a_guard_stops_the_run_and_keeps_the_files(tmp_path):
     scene = short_scene(tmp_path / "fast", numerics=", max_courant = 0.2")
     with pytest.raises(StageError, match=r"stopped at .* by a guard: Courant number"):

@@ -15,6 +15,7 @@ HERE = Path(__file__).parent
 
 def tree(path: Path) -> object:
     """A dictionary file as plain Python values."""
+
     def plain(value):
         if isinstance(value, dict):
             return {k: plain(v) for k, v in value.items()}
@@ -25,7 +26,9 @@ def tree(path: Path) -> object:
     return plain(dict(FoamFile(path).as_dict()))
 
 
-@pytest.mark.parametrize("scene, level", [("single_finger", "smoke"), ("single_finger", "coarse"), ("single_deflate", "coarse")])
+@pytest.mark.parametrize(
+    "scene, level", [("single_finger", "smoke"), ("single_finger", "coarse"), ("single_deflate", "coarse")]
+)
 def test_numbers_are_those_that_were_looked_at(tmp_path, scene, level):
     loaded = load_scene(ROOT / "cases" / scene, level)
     back = -loaded.finger.width if loaded.model.kind == "2d" else -loaded.tank.size[2] / 2
