@@ -24,8 +24,9 @@ from piv.outliers import fill_absent
 from piv.pair_images import Prepared
 from piv.passes import Vectors
 from piv.plane import provenance
+from piv.regrow import NARROW, regrow
 from piv.smooth import damp_noise
-from piv.uncertainty import INTERPOLATION, correlation_statistics, noise_budget
+from piv.uncertainty import INTERPOLATION, correlation_statistics, noise_budget, unresolved
 
 __all__ = ["FLAGS", "Options", "correlate_pair"]
 
@@ -78,11 +79,13 @@ def correlate_pair(
         return prefilter.measure_spectra(held[1][0].warped, held[1][1].warped, work[1][2])
 
     def reseed(nodes: Nodes, vectors: Vectors) -> Vectors:
-        return passes.reseed(nodes, images.pixels, vectors, settings)
+        vectors = passes.reseed(nodes, images.pixels, vectors, settings)
+        return regrow(nodes, held[1], vectors, settings)
 
     x, y, keep = node_axes(images.shape, settings)
     seen = both_seen(images.at(2)[1])
     vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
+    vectors = regrow(nodes, held[1], vectors, settings, final=True)
     var_x, var_y = variances(nodes, vectors, settings)
     return to_dataset(vectors, var_x, var_y, x, y, keep, images.shape, settings)
 
@@ -173,7 +176,9 @@ def variances(nodes: Nodes, v: Vectors, options: Options) -> tuple[np.ndarray, n
     spacing = float(nodes.x[1] - nodes.x[0])
     gain, kept = noise_budget(options.sigma, spacing, options.full_steps)
     var_x, var_y = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, options.sigma, kept)
-    return var_x * gain, var_y * gain
+    # fewer particles: variance goes with the window's area
+    share = gain if v.narrow is None else np.where(v.narrow, gain / NARROW**2, gain)
+    return var_x * share, var_y * share
 
 
 def to_dataset(
@@ -186,6 +191,8 @@ def to_dataset(
         dx, dy, var_x, var_y = damp_noise(
             dx, dy, var_x, var_y, known, sigma=options.sigma, spacing=spacing, passes=options.full_steps
         )
+    missed_x, missed_y = unresolved(Nodes(x, y, shape, 1), v.cells, v.step_x, v.step_y, options.sigma)
+    var_x, var_y = var_x + missed_x, var_y + missed_y
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER
     flag[v.second] = SECOND_PEAK

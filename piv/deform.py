@@ -97,6 +97,15 @@ class Image:
         filtered = apply(self.pixels, kernel)
         self.samples = cv2.copyMakeBorder(filtered, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
 
+    def crop(self, top: int, bottom: int, left: int, right: int) -> Image:
+        """A copy of a part of the image as it is filtered now; its samples may lie up to PAD px outside the part."""
+        part = object.__new__(Image)
+        padded = (slice(top, bottom + 2 * PAD), slice(left, right + 2 * PAD))
+        part.pixels = self.pixels[top:bottom, left:right]
+        part.usable, part.samples = self.usable[padded].copy(), self.samples[padded].copy()
+        part.warped = np.empty(part.pixels.shape, np.float32)
+        return part
+
     def warp(
         self, dx: np.ndarray, dy: np.ndarray, share: float, weight: np.ndarray, multiply: bool
     ) -> np.ndarray:

@@ -32,6 +32,8 @@ class Vectors:
     step_y: np.ndarray
     cells: np.ndarray
     sums: np.ndarray
+    visible: np.ndarray  # share of the window's weight that could be used
+    narrow: np.ndarray | None = None  # bool: measured in a narrower window in the end
 
 
 def grid(length: int, spacing: float) -> np.ndarray:
@@ -122,7 +124,7 @@ def measure(
     )
     known = usable & ~(residual > options.threshold)
     no = np.zeros(known.shape, bool)
-    return Vectors(new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums)
+    return Vectors(new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, sums[8] / full)
 
 
 def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Vectors, options: Options) -> Vectors:

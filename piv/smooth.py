@@ -9,6 +9,7 @@ import numpy as np
 
 ORDER = 4  # of the low-pass 1 - (1 - L)ⁿ: flat up to its cut-off, steep beyond
 SCALES = (1.5, 2.6)  # of its Gaussian L, in σ of the correlation window
+LARGEST = 25.0  # variance counted as noise, in medians of the field
 NOISE_ONLY, SIGNAL = 1.9, 3.5  # mean square of the fine part over its noise: damped wholly below, kept above
 
 
@@ -36,6 +37,8 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
     weight = known.astype(np.float32)
     dx, dy = np.where(known, dx, 0).astype(np.float32), np.where(known, dy, 0).astype(np.float32)
     variance = np.where(known, var_x + var_y, 0)
+    if known.any():  # a few vectors that know nothing must not let all around them pass for noise
+        variance = np.minimum(variance, LARGEST * np.median(variance[known]))
     shares = noise_shares(sigma, spacing, passes)
     gain = np.ones_like(weight)
     lost = np.zeros_like(weight)

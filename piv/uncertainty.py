@@ -68,3 +68,52 @@ def noise_budget(sigma: float, spacing: float, passes: int) -> tuple[float, floa
     box = (1 + 2 * np.cos(2 * np.pi * k * refine.CELL)) / 3
     box = box[:, None] * box[None, :]
     return float(np.sum(total**2) / np.sum(window**2)), float(np.sum((1 - total) ** 2 * box) / np.sum(box))
+
+
+LAG = 2  # cells: farther apart than particle images reach, nearer than the shortest structures of interest
+WIDER = 2.0  # times the window: area over which unresolved displacement is averaged
+SURE = 4.0  # standard errors: below it what cells have in common may be noise
+
+
+def unresolved(nodes: Nodes, cells, step_x, step_y, sigma: float):
+    """Variances (x, y, px²) of displacement inside the windows that the vectors do not follow.
+
+    Cells LAG apart share no particle, hence no noise: what the displacements left in them have in common is real,
+    as where structures are shorter than the window. Zero where it does not stand out of the noise.
+    """
+    x, y = nodes.at_cells(step_x), nodes.at_cells(step_y)
+    left = (cells[0] - cells[2] * x - cells[3] * y, cells[1] - cells[3] * x - cells[4] * y)
+    width = WIDER * sigma / (nodes.factor * refine.CELL)
+    count = 4 * np.pi * width**2 * 2
+    apart = np.zeros((2 * LAG + 1, 2 * LAG + 1), np.float32)
+    apart[0, LAG] = apart[-1, LAG] = apart[LAG, 0] = apart[LAG, -1] = 0.25
+
+    def mean(field):
+        return cv2.GaussianBlur(field, (0, 0), width, borderType=cv2.BORDER_REPLICATE)
+
+    def neighbours(field):
+        return cv2.filter2D(field, cv2.CV_32F, apart, borderType=cv2.BORDER_CONSTANT)
+
+    out = []
+    for g, h in ((left[0], cells[2]), (left[1], cells[4])):
+        product = g * neighbours(g)
+        shared = mean(product)
+        error = np.sqrt(mean(product**2) / count * 2)
+        curvature = np.maximum(mean(h * neighbours(h)), 1e-12)
+        sure = shared > SURE * error
+        grid = cv2.remap(
+            np.where(sure, shared / curvature, 0).astype(np.float32),
+            *_at_nodes(nodes),
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+        out.append(grid)
+    return out[0], out[1]
+
+
+def _at_nodes(nodes: Nodes) -> tuple[np.ndarray, np.ndarray]:
+    """Positions of the nodes in cells, as maps for cv2.remap."""
+    middle = (refine.CELL - 1) / 2
+    i, j = (nodes.column - middle) / refine.CELL, (nodes.row - middle) / refine.CELL
+    map_x, map_y = np.meshgrid(i.astype(np.float32), j.astype(np.float32))
+    return map_x, map_y

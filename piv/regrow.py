@@ -1,0 +1,153 @@
+"""Regions of poor correlation measured again from their edge inwards.
+
+Where displacements change by more than half a pixel per pixel, no window of the first passes sees a whole pattern
+and a Newton step has nothing to start from. Vectors around such a region are good; continued linearly they warp
+the images well enough one vector farther in, and so on to the middle, or to the wall of a body.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from piv import refine
+from piv.deform import Image, Nodes, spline_value
+from piv.extrapolate import continue_linearly
+from piv.options import Options
+from piv.outliers import normalised_median
+from piv.passes import Vectors, pair_cells
+
+POOR, SPREADS = (
+    0.8,
+    8.0,
+)  # of the median correlation, median deviations below it: what is lower is measured again
+MOST = 0.25  # of all vectors: more are no region but the images
+FEWEST = 3  # vectors of a region: fewer are noise, or outliers that the median test knows
+ROUNDS = 10  # of one step inwards and one Newton step
+BORDER = 4  # nodes around a region that take part in its measurement
+NARROWER = 0.75  # of the window while growing: fewer wrong vectors share it
+NARROW = 0.5  # of the window in the final measurement of such a region
+LOST = 0.7  # of the median correlation: below it in the end, a vector is an outlier
+WHOLE = 0.9  # share of a window's weight that may be used: below it, the final window is narrow too
+
+
+def regrow(
+    nodes: Nodes, images: list[Image], vectors: Vectors, options: Options, *, final: bool = False
+) -> Vectors:
+    """`vectors` with those of poor correlation replaced where another start correlates better.
+
+    images: both at full resolution. vectors.dx, dy must be filled. `final`: measure in a narrower window on nodes
+    twice as dense, the vectors with a partly masked window too; otherwise correlation and known stay as they are.
+    """
+    free = ~vectors.masked
+    if not free.any():
+        return vectors
+    median = float(np.median(vectors.correlation[free]))
+    spread = float(np.median(np.abs(vectors.correlation[free] - median)))
+    target = min(POOR * median, median - SPREADS * spread)
+    # windows cut off by the image's edge correlate less, and nothing says that the flow is steep there
+    edge = 2 * options.sigma
+    inner = [(a > edge) & (a < n - 1 - edge) for a, n in zip((nodes.y, nodes.x), nodes.shape, strict=True)]
+    free &= np.outer(*inner)
+    poor = free & (vectors.correlation < target)
+    if poor.sum() > MOST * free.sum():
+        return vectors
+    if final:
+        poor |= free & (vectors.visible < WHOLE)  # beside a body
+    if not poor.any():
+        return vectors
+    labels, _ = ndimage.label(cv2.dilate(poor.astype(np.uint8), np.ones((5, 5), np.uint8)))
+    dx, dy, correlation = vectors.dx.copy(), vectors.dy.copy(), vectors.correlation.copy()
+    for k, box in enumerate(ndimage.find_objects(labels), start=1):
+        if np.count_nonzero(poor[box] & (labels[box] == k)) < FEWEST:
+            poor[box] &= labels[box] != k
+            continue
+        rows, columns = (
+            slice(max(s.start - BORDER, 0), min(s.stop + BORDER, n))
+            for s, n in zip(box, poor.shape, strict=True)
+        )
+        if min(rows.stop - rows.start, columns.stop - columns.start) < 4:
+            poor[box] = False
+            continue
+        part = (rows, columns)
+        new = _region(nodes, images, vectors, poor[part], part, target, options, 2 if final else 1)
+        dx[part], dy[part] = new[:2]
+        correlation[part] = np.where(poor[part], new[2], correlation[part])
+    if not final:
+        return replace(vectors, dx=dx, dy=dy)
+    usable = (
+        ~vectors.masked
+        & (correlation > options.min_correlation)
+        & ~(poor & (correlation < LOST / POOR * target))
+    )
+    residual, _, _ = normalised_median(
+        dx, dy, usable, epsilon=options.epsilon, radius=2, threshold=options.threshold
+    )
+    known = usable & ~(residual > options.threshold) & (vectors.known | poor)
+    return replace(vectors, dx=dx, dy=dy, correlation=correlation, narrow=poor, known=known)
+
+
+def _region(nodes, images, vectors, poor, part, target, options, finer):
+    """Best displacements found in one region (part: slices of nodes) and their correlation."""
+    local, crops, work = _cut(nodes, images, part, finer)
+    dx, dy = vectors.dx[part], vectors.dy[part]
+    masked = vectors.masked[part]
+    sigma = (NARROWER if finer == 1 else NARROW) * options.sigma
+
+    def step_from(dx, dy):
+        cells = pair_cells(local, crops[0], crops[1], dx, dy, work)
+        sums, full = local.window_sums(cells, sigma)
+        step_x, step_y, correlation = refine.newton_step(sums, 1.0)
+        hidden = sums[8] < (1 - options.max_masked) * full
+        return spline_value(dx) + step_x, spline_value(dy) + step_y, correlation, hidden
+
+    dx, dy = continue_linearly(dx, dy, ~masked)
+    if finer > 1:
+        dx, dy = _denser(dx), _denser(dy)
+        poor = _denser(poor.astype(np.float32)) > 0
+    best_x, best_y = dx, dy
+    new_x, new_y, best, masked = step_from(dx, dy)
+    correlation = best
+    if finer > 1:
+        best_x, best_y = np.where(poor, new_x, dx), np.where(poor, new_y, dy)
+    for k in range(ROUNDS):
+        low = poor & (correlation < target)
+        if not low.any() and (finer == 1 or k > 1):
+            break
+        dx, dy = continue_linearly(np.where(poor, new_x, dx), np.where(poor, new_y, dy), ~low & ~masked)
+        for _ in range(2):
+            new_x, new_y, correlation, masked = step_from(dx, dy)
+            better = poor & (correlation > best)
+            best = np.where(better, correlation, best)
+            best_x, best_y = np.where(better, new_x, best_x), np.where(better, new_y, best_y)
+            dx, dy = np.where(poor, new_x, dx), np.where(poor, new_y, dy)
+            dx, dy = continue_linearly(dx, dy, ~masked)
+    return best_x[::finer, ::finer], best_y[::finer, ::finer], best[::finer, ::finer]
+
+
+def _denser(field: np.ndarray) -> np.ndarray:
+    """Bilinear values on nodes twice as dense."""
+    rows, columns = field.shape
+    across = np.empty((rows, 2 * columns - 1), np.float32)
+    across[:, ::2] = field
+    across[:, 1::2] = (field[:, 1:] + field[:, :-1]) / 2
+    out = np.empty((2 * rows - 1, across.shape[1]), np.float32)
+    out[::2] = across
+    out[1::2] = (across[1:] + across[:-1]) / 2
+    return out
+
+
+def _cut(nodes: Nodes, images: list[Image], part: tuple[slice, slice], finer: int):
+    """The nodes and images of a region with the windows around it: (nodes, images, work arrays)."""
+    margin = 32
+    spans = []
+    for axis, s, length in ((nodes.x, part[1], nodes.shape[1]), (nodes.y, part[0], nodes.shape[0])):
+        first = max(int(axis[s.start]) - margin, 0) // refine.CELL * refine.CELL
+        spans.append((first, min(int(axis[s.stop - 1]) + margin, length)))
+    (c0, c1), (r0, r1) = spans
+    x, y = (np.linspace(a[0], a[-1], finer * (a.size - 1) + 1) for a in (nodes.x[part[1]], nodes.y[part[0]]))
+    local = Nodes(x - c0, y - r0, (r1 - r0, c1 - c0), 1)
+    return local, [i.crop(r0, r1, c0, c1) for i in images], np.empty((3, r1 - r0, c1 - c0), np.float32)
