@@ -155,6 +155,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m postprocess.compare", description=__doc__)
     parser.add_argument("case", type=Path, help="folder of the scene, such as cases/single_finger")
     parser.add_argument("--level", default="coarse")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     args = parser.parse_args(argv)
     files = StageFiles(args.case, args.level)
     try:
@@ -163,6 +164,8 @@ def main(argv: list[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         print(f"compare: {error}", file=sys.stderr)
         return 2
+    if args.quiet:
+        return 0
     for check in result["checks"]:
         word = {True: "met", False: "NOT MET", None: "not judged"}[check["met"]]
         print(f"{check['id']:32s} {word:10s} {check['measured']}")

@@ -321,6 +321,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m postprocess.figures", description=__doc__)
     parser.add_argument("case", type=Path, help="folder of the scene, such as cases/single_finger")
     parser.add_argument("--level", default="coarse")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     args = parser.parse_args(argv)
     files = StageFiles(args.case, args.level)
     try:
@@ -329,7 +330,8 @@ def main(argv: list[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         print(f"figures: {error}", file=sys.stderr)
         return 2
-    print(f"{len(entries)} pictures in {files.figures}")
+    if not args.quiet:
+        print(f"{len(entries)} pictures in {files.figures}")
     return 0
 
 

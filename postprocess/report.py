@@ -171,6 +171,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m postprocess.report", description=__doc__)
     parser.add_argument("case", type=Path, help="folder of the scene, such as cases/single_finger")
     parser.add_argument("--level", default="coarse")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     args = parser.parse_args(argv)
     files = StageFiles(args.case, args.level)
     try:
@@ -179,7 +180,8 @@ def main(argv: list[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         print(f"report: {error}", file=sys.stderr)
         return 2
-    print(path)
+    if not args.quiet:
+        print(path)
     return 0
 
 
