@@ -177,5 +177,9 @@ def test_steep_core_beside_a_moving_body():
     near = (np.hypot(x - wall - 20, y - MIDDLE[1]) < 60) & (x > wall)
     error = np.hypot(ds["u"].values - u, ds["v"].values - v)[near & (ds["valid"].values > 0)]
     assert (ds["valid"].values[near] > 0).mean() > 0.93  # the rest lies behind too much of the mask
-    assert np.sqrt(np.mean(error**2) / 2) < 0.08  # px: a per cent or two of the swirl, asked of the tip vortex
-    assert error.max() < 0.5  # without another start, vectors at the wall were wrong by up to 5 px and called valid
+    assert (
+        np.sqrt(np.mean(error**2) / 2) < 0.08
+    )  # px: a per cent or two of the swirl, asked of the tip vortex
+    assert (
+        error.max() < 0.5
+    )  # without another start, vectors at the wall were wrong by up to 5 px and called valid
