@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -35,6 +36,12 @@ from postprocess.style import NAMES, save
 
 INSTANTS = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the stroke's bend; the last instant is added
 Tracks = dict[str, pd.DataFrame]
+DOCS_FEA = Path(__file__).resolve().parent.parent / "docs" / "fea"
+STUDIES = {
+    "theta": "wedge angles of 0 to 30°",
+    "width": "widths of 12, 20 and 28 mm",
+    "materials": "three pairs of materials",
+}
 FRAMES = 61  # in slider and film
 FILM_HZ = 12.0
 REQUIRED = (
@@ -96,6 +103,7 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     _vortex(album, files, planes["cfd"], dominant, middle, comparison["scale"]["value"])
     _motion(album, files, planes["cfd"])
     _bending(album, files)
+    _studies(album)
     _solver(album, files)
     _mesh(album, files, planes["cfd"])
     _camera(album, files, float(np.mean(middle)))
@@ -226,6 +234,17 @@ def _bending(album: Album, files: StageFiles) -> None:
         "Bending radius over pressure from the states that drive the motion, with the paper's equations.",
         f"R from the states that drive the motion; the paper's equations (1)–(6) dashed. {band}",
     )
+
+
+def _studies(album: Album) -> None:
+    """The actuator's studies as `make fea-studies` left them; they belong to the project, not to one scene."""
+    for name, varied in STUDIES.items():
+        source = DOCS_FEA / f"{name}.svg"
+        if source.exists():
+            shutil.copyfile(source, album.folder / f"fea_{source.name}")
+            alt = f"Bending radius over pressure for {varied}, from the FEA."
+            caption = f"What the FEA gives for {varied}; all numbers and versions in docs/fea/results.md."
+            album.add(None, f"fea_{source.name}", "motion", alt, caption)
 
 
 def _solver(album: Album, files: StageFiles) -> None:
