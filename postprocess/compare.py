@@ -5,22 +5,21 @@ Command: python -m postprocess.compare cases/single_finger --level coarse
 
 from __future__ import annotations
 
-import argparse
 import json
 import platform
 import sys
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
 from piv.plane import read_plane
 from postprocess import fields, tracks
+from postprocess.commandline import run_stage
 from postprocess.findings import Finding, Measured, is_met, read_findings
 from postprocess.quantities import QUANTITIES, Evidence
 from postprocess.series import series_table, summary
-from postprocess.stagefiles import StageFiles, cost_recorded, read_json, sha256, write_text
+from postprocess.stagefiles import StageFiles, read_json, sha256, write_text
 from postprocess.strokes import peak_tip_speed, stroke_window
 
 MIDDLE = (0.25, 0.75)  # the middle of the stroke, as fractions of its bend
@@ -150,27 +149,16 @@ def compare(files: StageFiles) -> dict[str, Any]:
     return result
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns 0 good, 2 bad input."""
-    parser = argparse.ArgumentParser(prog="python -m postprocess.compare", description=__doc__)
-    parser.add_argument("case", type=Path, help="folder of the scene, such as cases/single_finger")
-    parser.add_argument("--level", default="coarse")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    args = parser.parse_args(argv)
-    files = StageFiles(args.case, args.level)
-    try:
-        with cost_recorded(files, "compare"):
-            result = compare(files)
-    except (ValueError, OSError) as error:
-        print(f"compare: {error}", file=sys.stderr)
-        return 2
-    if args.quiet:
-        return 0
+def _tell(files: StageFiles, result: dict[str, Any]) -> None:
     for check in result["checks"]:
         word = {True: "met", False: "NOT MET", None: "not judged"}[check["met"]]
         print(f"{check['id']:32s} {word:10s} {check['measured']}")
     print(files.out / "comparison.json")
-    return 0
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns 0 good, 2 bad input."""
+    return run_stage("compare", __doc__, compare, _tell, argv)
 
 
 if __name__ == "__main__":

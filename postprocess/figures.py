@@ -5,7 +5,6 @@ Command: python -m postprocess.figures cases/single_finger --level coarse
 
 from __future__ import annotations
 
-import argparse
 import json
 import shutil
 import sys
@@ -22,9 +21,9 @@ from PIL import Image
 
 from piv.plane import read_plane
 from postprocess import animation, draw_flow, draw_mesh, draw_series, tracks
+from postprocess.commandline import run_stage
 from postprocess.stagefiles import (
     StageFiles,
-    cost_recorded,
     read_arrays,
     read_json,
     read_table,
@@ -335,23 +334,13 @@ def _camera(album: Album, files: StageFiles, time: float) -> None:
     )
 
 
+def _tell(files: StageFiles, entries: list[dict[str, Any]]) -> None:
+    print(f"{len(entries)} pictures in {files.figures}")
+
+
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns 0 good, 2 bad input."""
-    parser = argparse.ArgumentParser(prog="python -m postprocess.figures", description=__doc__)
-    parser.add_argument("case", type=Path, help="folder of the scene, such as cases/single_finger")
-    parser.add_argument("--level", default="coarse")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    args = parser.parse_args(argv)
-    files = StageFiles(args.case, args.level)
-    try:
-        with cost_recorded(files, "figures"):
-            entries = make_figures(files)
-    except (ValueError, OSError) as error:
-        print(f"figures: {error}", file=sys.stderr)
-        return 2
-    if not args.quiet:
-        print(f"{len(entries)} pictures in {files.figures}")
-    return 0
+    return run_stage("figures", __doc__, make_figures, _tell, argv)
 
 
 if __name__ == "__main__":

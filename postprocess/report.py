@@ -5,7 +5,6 @@ Command: python -m postprocess.report cases/single_finger --level coarse
 
 from __future__ import annotations
 
-import argparse
 import base64
 import json
 import sys
@@ -16,11 +15,11 @@ import jinja2
 
 from piv.plane import read_plane
 from postprocess import wording
+from postprocess.commandline import run_stage
 from postprocess.draw_series import costs as draw_costs
 from postprocess.modelling import statements
 from postprocess.stagefiles import (
     StageFiles,
-    cost_recorded,
     read_json,
     scene_numbers,
     scene_title,
@@ -166,23 +165,13 @@ def make_report(files: StageFiles) -> Path:
     return path
 
 
+def _tell(files: StageFiles, path: Path) -> None:
+    print(path)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns 0 good, 2 bad input."""
-    parser = argparse.ArgumentParser(prog="python -m postprocess.report", description=__doc__)
-    parser.add_argument("case", type=Path, help="folder of the scene, such as cases/single_finger")
-    parser.add_argument("--level", default="coarse")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    args = parser.parse_args(argv)
-    files = StageFiles(args.case, args.level)
-    try:
-        with cost_recorded(files, "report"):
-            path = make_report(files)
-    except (ValueError, OSError) as error:
-        print(f"report: {error}", file=sys.stderr)
-        return 2
-    if not args.quiet:
-        print(path)
-    return 0
+    return run_stage("report", __doc__, make_report, _tell, argv)
 
 
 if __name__ == "__main__":
