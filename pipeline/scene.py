@@ -215,8 +215,8 @@ class Scene(Section):
     camera: Camera
     piv: Piv = Piv()
     vortices: Vortices = Vortices()
-    actuator: dict[str, Any] = {}
-    fea: dict[str, Any] = {}
+    actuator: dict[str, Any] = Field(default_factory=dict)
+    fea: dict[str, Any] = Field(default_factory=dict)
 
     @model_validator(mode="before")
     @classmethod
