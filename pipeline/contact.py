@@ -107,7 +107,7 @@ def closing_law(
     if gap_at(start) <= pinch.residual_gap:
         what = "the plane between the fingers" if pinch.object is None else "the plane or the object"
         raise StageError(
-            f"{where}: pinch: the finger starts {gap_at(start) * 1e3:.2f} mm from {what}, not more than"
+            f"{where}: pinch: the finger starts with a gap of {gap_at(start) * 1e3:.2f} mm to {what}, not more than"
             f" pinch.residual_gap = {pinch.residual_gap:g} m; raise pinch.half_distance or start more open"
         )
     hold = _reach(gap_at, pinch.residual_gap, start, highest)

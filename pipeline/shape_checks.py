@@ -12,6 +12,7 @@ from pipeline.errors import StageError
 from pipeline.scene import Scene
 from pipeline.scene_pinch import Pinch, Support
 
+ROOT_PLAY = 1e-4  # m: the clamped root itself rises by microns as the finger bends
 GAP_TOLERANCE = 1e-9  # m: rounding of the pressure at which the tips are held
 
 
@@ -49,7 +50,7 @@ def _check_gap(found: float, bend: float, pinch: Pinch, where: Path) -> None:
 
 
 def _enters(outline: np.ndarray, support: Support) -> bool:
-    """Whether the outline (point, 2) enters the block; roots at the height of its lower face do not."""
+    """Whether the outline (point, 2) enters the block; a root at the height of its lower face does not."""
     half, bottom = 0.5 * support.size[0], support.bottom
-    block = shapely.box(-half, bottom, half, bottom + support.size[1])
-    return shapely.Polygon(outline).intersection(block).area > 1e-9
+    block = shapely.box(-half, bottom + ROOT_PLAY, half, bottom + support.size[1])
+    return shapely.Polygon(outline).intersects(block)
