@@ -192,6 +192,14 @@ def test_the_fingers_stop_at_an_object_between_the_tips(tmp_path, shape):
     assert data["shape_bend"].values[-1] < np.radians(60)  # sooner than at the plane, 75°
 
 
+def test_a_tapered_tip_meets_sooner_and_as_exactly(tmp_path):
+    tip = "[finger.tip]\nlength = 0.008\nthickness = 0.006\ncorner_radius = 0.001\n"
+    data = kinematics_dataset(pinch_scene(tmp_path / "s", tip))
+    assert data["shape_gap"].values[-1] == pytest.approx(0.5e-3, abs=1e-9)
+    assert data.attrs["tip_thickness"] == pytest.approx(0.006)
+    assert np.radians(50) < data["shape_bend"].values[-1] < np.radians(62)  # 74° without
+
+
 def test_a_single_finger_knows_nothing_of_a_gap(tmp_path):
     data = kinematics_dataset(write_scene(tmp_path / "s"))
     assert not {"gap", "shape_gap", "free_pressure"} & set(data)
