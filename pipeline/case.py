@@ -10,11 +10,12 @@ import numpy as np
 import xarray as xr
 
 from pipeline.errors import StageError
+from pipeline.legs import read_legs, read_stage
 from pipeline.motion import read_motion
 from pipeline.polymesh import OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
 from pipeline.quality import planform_edges
 from pipeline.scene import Scene, digest
-from pipeline.stage import read_dataset, run_stage, write_dataset, write_text
+from pipeline.stage import run_stage, write_dataset, write_text
 
 BASE = Path(__file__).resolve().parent.parent / "cases" / "_base"
 SYMMETRIC = ("half", "quarter")
@@ -100,7 +101,7 @@ def sides(planform: xr.Dataset) -> np.ndarray:
     tolerance = 1e-9
     side = np.zeros(len(middle), int)
     side[np.abs(middle[:, 1] - top) < tolerance] = OUTER_PATCHES.index("top")
-    mirrored = planform.attrs["model"] == "quarter"
+    mirrored = bool(planform.attrs["mirror"])
     for x in (left, right):
         wall = np.flatnonzero(np.abs(middle[:, 0] - x) < tolerance)
         if x == right and mirrored:
@@ -111,13 +112,14 @@ def sides(planform: xr.Dataset) -> np.ndarray:
 
 
 def build_mesh(planform: xr.Dataset) -> PolyMesh:
-    """Sweep the planform of `planform.h5`."""
+    """Sweep one stage of `planform.h5`."""
     sweep = Sweep(
         planform["triangles"].values,
         planform["quads"].values,
-        planform["inside"].values,
+        planform["body"].values,
+        tuple(planform["body_name"].values[1:]),
+        tuple(planform["body_half_width"].values[1:]),
         planform["levels"].values,
-        0.5 * float(planform.attrs["finger_width"]),
         str(planform.attrs["model"]),
     )
     return sweep_mesh(sweep, sides(planform))
@@ -154,8 +156,7 @@ def zones(
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write the folder `case/` and `sweep.h5` (the columns of the mesh)."""
     folder = scene.out / "case"
-    with read_dataset(scene.out / "planform.h5", "planform") as planform:
-        planform.load()
+    planform = read_stage(scene.out, read_legs(scene.out)[0].stage)
     levels, kind = planform["levels"].values, scene.model.kind
     if not BASE.is_dir():
         raise StageError(f"{BASE}: the base case is missing; restore it with git checkout cases/_base")

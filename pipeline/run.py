@@ -24,6 +24,7 @@ from pipeline.checkpoint import drop_legs, last_checkpoint
 from pipeline.errors import StageError
 from pipeline.foamfile import END, read_labels, write_bytes, write_list
 from pipeline.frames import remove_frames, steps_of, write_frames
+from pipeline.legs import read_legs, read_stage
 from pipeline.motion import read_motion
 from pipeline.openfoam import (
     die_with_parent,
@@ -89,8 +90,7 @@ def prepare(scene: Scene, ranks: int, quiet: bool) -> None:
     shutil.rmtree(case / "postProcessing", ignore_errors=True)
     with read_dataset(scene.out / "sweep.h5", "sweep") as sweep:
         sweep.load()
-    with read_dataset(scene.out / "planform.h5", "planform") as planform:
-        planform.load()
+    planform = read_stage(scene.out, read_legs(scene.out)[0].stage)
     node, level = sweep["node"].values, sweep["level"].values
     kind, top = scene.model.kind, planform.sizes["level"] - 1
     driving = (level == 0) | ((level == top) if kind == "full" else False)
