@@ -87,7 +87,7 @@ def sides(planform: xr.Dataset) -> np.ndarray:
     tolerance = 1e-9
     side = np.zeros(len(middle), int)
     side[np.abs(middle[:, 1] - top) < tolerance] = OUTER_PATCHES.index("top")
-    mirrored = bool(planform.attrs.get("mirror", 0))
+    mirrored = bool(planform.attrs["mirror"])
     for x in (left, right):
         wall = np.flatnonzero(np.abs(middle[:, 0] - x) < tolerance)
         if x == right and mirrored:
@@ -98,13 +98,14 @@ def sides(planform: xr.Dataset) -> np.ndarray:
 
 
 def build_mesh(planform: xr.Dataset) -> PolyMesh:
-    """Sweep the planform of `planform.h5`."""
+    """Sweep one stage of `planform.h5`."""
     sweep = Sweep(
         planform["triangles"].values,
         planform["quads"].values,
-        planform["inside"].values,
+        planform["body"].values,
+        tuple(planform["body_name"].values[1:]),
+        tuple(planform["body_half_width"].values[1:]),
         planform["levels"].values,
-        0.5 * float(planform.attrs["finger_width"]),
         str(planform.attrs["model"]),
     )
     return sweep_mesh(sweep, sides(planform))

@@ -22,7 +22,7 @@ class Planform:
     nodes: np.ndarray
     triangles: np.ndarray
     quads: np.ndarray
-    inside: np.ndarray  # per triangle: 1 within the finger's footprint
+    body: np.ndarray  # per triangle: number of the body in whose footprint it lies, 0 in the water
     wall: np.ndarray  # nodes of the finger's outline, counter-clockwise
     material: np.ndarray
     outer: np.ndarray  # nodes of the tank's outline, counter-clockwise from the lower left
@@ -87,7 +87,7 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     layers = ring_layers(outline_at(outline, material), mesh)
     count = len(material)
     rim = layers[-1]
-    nodes, triangles, inside, outer = _triangulate(layers[0], rim, (left, right, depth), mesh, path)
+    nodes, triangles, body, outer = _triangulate(layers[0], rim, (left, right, depth), mesh, path)
     # gmsh numbers: outer rim first, then the wall, then its own; put the ring's inner polygons behind them
     middle = np.vstack(layers[1:-1]) if len(layers) > 2 else np.empty((0, 2))
     first_middle = len(nodes)
@@ -96,7 +96,7 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     row += [first_middle + k * count + np.arange(count) for k in range(len(layers) - 2)]
     row += [np.arange(count)]
     quads = np.vstack([np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)]) for a, b in pairwise(row)])
-    return Planform(nodes, triangles, quads, inside, row[0], material, outer, ((left, 0.0), (right, depth)))
+    return Planform(nodes, triangles, quads, body, row[0], material, outer, ((left, 0.0), (right, depth)))
 
 
 def _triangulate(wall: np.ndarray, rim: np.ndarray, box: tuple[float, float, float], mesh: Mesh,
@@ -155,12 +155,12 @@ def _triangulate(wall: np.ndarray, rim: np.ndarray, box: tuple[float, float, flo
     new = np.full(len(xy), -1)
     new[order] = np.arange(len(order))
     triangles = new[np.vstack(cells)]
-    inside = np.repeat([0, 1], [len(cells[0]), len(cells[1])])
+    number = np.repeat([0, 1], [len(cells[0]), len(cells[1])])
     nodes = xy[order]
     a, b, c = (nodes[triangles[:, k]] for k in range(3))
     flipped = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
     triangles[flipped] = triangles[flipped][:, ::-1]
-    return nodes, triangles, inside, new[np.array(outer)]
+    return nodes, triangles, number, new[np.array(outer)]
 
 
 def _starts(lines: list[int]) -> list[int]:

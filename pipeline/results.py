@@ -177,7 +177,7 @@ def mesh_quality(path: Path) -> dict[str, float]:
 
 def copies_of(planform: xr.Dataset) -> int:
     """Computed parts in the whole tank."""
-    return PER_FINGER[str(planform.attrs["model"])] * (2 if planform.attrs.get("mirror", 0) else 1)
+    return PER_FINGER[str(planform.attrs["model"])] * (2 if planform.attrs["mirror"] else 1)
 
 
 def joined_history(cases: list[Path]) -> np.ndarray:

@@ -20,6 +20,7 @@ from pipeline.motion import read_motion
 from pipeline.run import prepare as lay_frames
 from pipeline.run import set_number
 from pipeline.scene import Scene, load_scene
+from pipeline.legs import read_stage
 from pipeline.stage import read_dataset
 from tests.conftest import ROOT, prepare, write_scene
 
@@ -217,8 +218,7 @@ def test_strokes_of_150_degrees_run(tmp_path, sign):
         "[mesh]\nmax_non_orthogonality_deg = 75.0\n"  # 65 holds over the default stroke, not over this one
     )
     scene = prepare(write_scene(tmp_path / "arcs", "2d", more, ", time_scheme = \"Euler\""))
-    with read_dataset(scene.out / "planform.h5", "planform") as planform:
-        bend = np.degrees(planform["bend"].values)
+    bend = np.degrees(read_stage(scene.out, 0)["bend"].values)
     assert np.abs(bend).max() > 150
     assert np.sign(bend[np.abs(bend).argmax()]) == sign
     run_stage.run(scene, quiet=True)
