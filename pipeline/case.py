@@ -14,7 +14,7 @@ from pipeline.frames import checkpoint_interval, time_name
 from pipeline.legs import Leg, read_legs, read_stage
 from pipeline.lock import LOCK, only_one
 from pipeline.motion import read_motion
-from pipeline.polymesh import OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
+from pipeline.polymesh import BODY_PATCHES, OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
 from pipeline.quality import planform_edges
 from pipeline.scene import Scene, digest
 from pipeline.stage import run_stage, write_dataset, write_text
@@ -114,8 +114,7 @@ def build_mesh(planform: xr.Dataset) -> PolyMesh:
 def patch_types(kind: str) -> dict[str, str]:
     """OpenFOAM's type of each patch."""
     flat = kind == "2d"
-    return {
-        "finger": "wall",
+    return dict.fromkeys(BODY_PATCHES, "wall") | {
         "tank": "wall",
         "top": "patch",
         "mirror": "symmetryPlane",
