@@ -14,8 +14,9 @@ from tqdm import tqdm
 
 from pipeline.errors import StageError
 from pipeline.morph import Morph, MorphError, corner_triangles
-from pipeline.planform import Planform, build_planform, outline_at
+from pipeline.planform import Planform, build_planform
 from pipeline.quality import cell_areas, face_measures, planform_edges
+from pipeline.ring import outline_at
 from pipeline.scene import Mesh, Scene, digest
 from pipeline.stage import read_dataset, run_stage, write_dataset, write_text
 
@@ -65,9 +66,7 @@ def middle_of_stroke(bend: np.ndarray) -> int:
 
 def morph_family(planform: Planform, family: Family, built: int, quiet: bool = True) -> np.ndarray:
     """Node positions (knot, node, 2) of a planform built at knot `built`, for every knot."""
-    fixed = np.zeros((len(planform.nodes), 2), bool)
-    fixed[planform.wall] = fixed[planform.outer] = True
-    morph = Morph(planform.nodes, corner_triangles(planform.triangles, planform.quads), fixed)
+    morph = Morph(planform.nodes, corner_triangles(planform.triangles, planform.quads), planform.fixed)
     closed = np.arange(len(family.parameter), dtype=float)
 
     def boundary(knot: float) -> np.ndarray:
