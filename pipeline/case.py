@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.errors import StageError
-from pipeline.frames import checkpoint_interval, time_name
+from pipeline.frames import time_name
 from pipeline.legs import Leg, read_legs, read_stage
 from pipeline.lock import LOCK, only_one
 from pipeline.motion import read_motion
@@ -24,7 +24,10 @@ SYMMETRIC = ("half", "quarter")
 
 
 def numbers(scene: Scene, leg: Leg, back: float) -> dict[str, str]:
-    """The entries of system/numbers for one leg of a scene; `back` is the z of the mesh's back wall, m."""
+    """The entries of system/numbers for one leg of a scene; `back` is the z of the mesh's back wall, m.
+
+    `startTime` and `writeInterval` change where the run stage resumes.
+    """
     kind = scene.model.kind
     flat, n = kind == "2d", scene.numerics
     sampling = n.sampling_steps(scene.sheet.rate_hz)
@@ -35,9 +38,9 @@ def numbers(scene: Scene, leg: Leg, back: float) -> dict[str, str]:
 
     return {
         "timeStep": f"{n.time_step:.10g}",
-        "startTime": time_name(leg.start),
+        "startTime": time_name(leg.begin(n.time_step)),
         "endTime": f"{leg.end:.10g}",
-        "writeInterval": f"{checkpoint_interval(leg.end - leg.start, n.write_interval):.12g}",
+        "writeInterval": f"{n.write_interval:.10g}",
         "sampleInterval": str(sampling),
         "timeScheme": n.time_scheme,
         "convectionScheme": n.convection,
@@ -139,14 +142,14 @@ def zones(
 
 
 def write_leg(scene: Scene, leg: Leg, planform: xr.Dataset, mesh: PolyMesh) -> xr.Dataset:
-    """Write the OpenFOAM case of one leg, its mesh in its shape at the leg's start; returns the columns of the mesh."""
+    """Write the OpenFOAM case of one leg, its mesh in its first shape; returns the columns of the mesh."""
     folder, kind, levels = scene.out / "case" / leg.name, scene.model.kind, planform["levels"].values
     shutil.copytree(BASE, folder)
     if leg.index:
         (folder / "0").rename(folder / "0.orig")  # filled in with the flow of the leg before
     write_text(folder / "system" / "numbers", numbers_text(numbers(scene, leg, float(levels[0]))))
     write_text(folder / "system" / "regions", regions_text(kind))
-    points = mesh.points(read_motion(scene.out, leg.stage).nodes(leg.start), levels)
+    points = mesh.points(read_motion(scene.out, leg.stage).nodes(leg.begin(scene.numerics.time_step)), levels)
     faces, cells = zones(mesh, levels, kind)
     write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
     write_text(folder / "case.foam", "")

@@ -36,7 +36,7 @@ def steps_of(time: float, time_step: float) -> int:
 
 def checkpoint_interval(duration: float, wanted: float) -> float:
     """Interval (s) near `wanted` that divides `duration`, so that its end is saved; no whole number of steps is needed."""
-    return duration / max(1, round(duration / wanted))
+    return duration / max(1, round(duration / wanted)) if duration > 1e-9 else wanted
 
 
 def frame_content(displacement: np.ndarray, flat: bool) -> bytes:

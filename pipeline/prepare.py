@@ -51,7 +51,8 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: int, quiet: bo
     ):  # what is interrupted from here on must begin anew, and so what follows
         for stale in (STATE, PROGRESS):
             (scene.out / "case" / later.name / stale).unlink(missing_ok=True)
-    first = time_name(leg.start)
+    begin, step = leg.begin(scene.numerics.time_step), scene.numerics.time_step
+    first = time_name(begin)
     for folder in case.glob("processor*"):
         shutil.rmtree(folder)
     for folder in case.iterdir():
@@ -72,8 +73,8 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: int, quiet: bo
         _decompose(case, sweep, planform, ranks)
         processors = [case / f"processor{rank}" for rank in range(ranks)]
         folders = [(f, read_labels(f / "constant" / "polyMesh" / "pointProcAddressing")) for f in processors]
-    motion, step = read_motion(scene.out, leg.stage), scene.numerics.time_step
-    span = steps_of(leg.start, step), steps_of(leg.end, step)
+    motion = read_motion(scene.out, leg.stage)
+    span = steps_of(begin, step), steps_of(leg.end, step)
     for folder, points in tqdm(folders, desc="frames", unit="rank", disable=quiet or None):
         write_frames(folder, motion, node[points], driving[points], step, *span, flat=kind == "2d")
     write_text(case / STATE, json.dumps(wanted))

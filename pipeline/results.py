@@ -180,41 +180,45 @@ def copies_of(planform: xr.Dataset) -> int:
     return PER_FINGER[str(planform.attrs["model"])] * (2 if planform.attrs["mirror"] else 1)
 
 
-def joined_history(cases: list[Path]) -> np.ndarray:
-    """History over all legs: the clock goes on."""
-    tables = [history(case / LOG) for case in cases]
-    for earlier, table in pairwise(tables):
-        table[:, -1] += earlier[-1, -1]
-    return np.vstack(tables)
+def joined(legs: tuple[Leg, ...], tables: list[np.ndarray]) -> np.ndarray:
+    """One table of those of all legs, whose first column is the time: what a leg's run-in repeats is left out."""
+    return np.vstack([table[table[:, 0] > leg.start + 1e-9] for leg, table in zip(legs, tables, strict=True)])
 
 
-def settling_time(force: np.ndarray, switch: float, reach: float = 0.012, quiet: float = 0.006) -> float:
-    """For how long after `switch` (s) a force (time, component; first column time) is off its smooth continuation, s.
+def settling_time(before: np.ndarray, after: np.ndarray, peak: float) -> float:
+    """How long (s) a leg's force (time, component …) is off that of the leg before, over the times that both solved.
 
-    The smooth continuation is a polynomial of degree 5 fitted to the `reach` s on both sides without the first `quiet` s
-    after the switch; off is more than SETTLED of the run's peak. At most `quiet`.
+    Off is more than SETTLED of `peak`. Infinite where it still is at the end.
     """
-    time = force[:, 0] - switch
-    near = np.abs(time) <= reach * (1 + 1e-9)
-    fitted = near & ((time <= 1e-9) | (time > quiet))
-    scale = time[near].max()
-    known = np.polynomial.polynomial.polyvander(time / scale, 5)
-    weights, *_ = np.linalg.lstsq(known[fitted], force[fitted, 1:], rcond=None)
-    off = np.abs(force[:, 1:] - known @ weights).max(1) > SETTLED * np.abs(force[:, 1:]).max()
-    disturbed = time[off & (time > 1e-9) & (time <= quiet)]
-    return float(disturbed.max()) if len(disturbed) else 0.0
+    start = after[0, 0]
+    both = [
+        table[(table[:, 0] >= start - 1e-9) & (table[:, 0] <= before[-1, 0] + 1e-9)]
+        for table in (before, after)
+    ]
+    time, off = both[0][:, 0], np.abs(both[0][:, 1:3] - both[1][:, 1:3]).max(1) > SETTLED * peak
+    if off[-1]:
+        return float("inf")
+    step = time[1] - time[0]
+    return float(time[off].max() - start + step) if off.any() else 0.0
 
 
-def switches(cases: list[Path], copies: int, force: np.ndarray) -> list[dict[str, float]]:
+def switches(
+    legs: tuple[Leg, ...], cases: list[Path], copies: int, force: list[np.ndarray]
+) -> list[dict[str, Any]]:
     """What each switch between legs did to the kinetic energy of the tank (J) and to the force."""
+    peak = max(float(np.abs(table[:, 1:3]).max()) for table in force)
     found = []
-    for case in cases[1:]:
-        record = json.loads((case / SWITCH).read_text())
-        energies = {key: copies * record[key] for key in ("kinetic_energy_before", "kinetic_energy_after")}
-        before, after = energies.values()
-        jump = {"jump_fraction": (after - before) / before if before else 0.0}
-        settled = {"force_settled_after": settling_time(force[:, :3], record["time"])}
-        found.append({"time": record["time"]} | energies | jump | settled)
+    for k in range(1, len(legs)):
+        record = json.loads((cases[k] / SWITCH).read_text())
+        before, after = (copies * record[f"kinetic_energy_{when}"] for when in ("before", "after"))
+        found.append({
+            "time": legs[k].start,
+            "carried_at": record["carried_at"],
+            "kinetic_energy_before": before,
+            "kinetic_energy_after": after,
+            "jump_fraction": (after - before) / before if before else 0.0,
+            "force_settled_after": settling_time(force[k - 1], force[k], peak),
+        })  # fmt: skip
     return found
 
 
@@ -229,10 +233,13 @@ def collect_results(scene: Scene, legs: tuple[Leg, ...], out: Path) -> dict[str,
     """Write forces.csv, power.csv and history.csv of all legs joined; returns what run.json says of them."""
     cases = [scene.out / "case" / leg.name for leg in legs]
     copies, fluid = copies_of(read_stage(scene.out, legs[0].stage)), scene.fluid
-    log = joined_history(cases)
-    force = np.vstack([forces(case, PER_FINGER[scene.model.kind]) for case in cases])
-    energy = np.vstack([power(case, fluid.density, fluid.kinematic_viscosity, copies) for case in cases])
-    write_text(out / "forces.csv", table_text(FORCE_COLUMNS, force))
+    logs = [history(case / LOG) for case in cases]
+    for earlier, later in pairwise(logs):
+        later[:, -1] += earlier[-1, -1]  # the clock goes on
+    log = joined(legs, logs)
+    force = [forces(case, PER_FINGER[scene.model.kind]) for case in cases]
+    energy = joined(legs, [power(case, fluid.density, fluid.kinematic_viscosity, copies) for case in cases])
+    write_text(out / "forces.csv", table_text(FORCE_COLUMNS, joined(legs, force)))
     write_text(out / "power.csv", table_text(POWER_COLUMNS, energy))
     write_text(out / "history.csv", table_text(HISTORY_COLUMNS, log))
     return {
@@ -245,5 +252,5 @@ def collect_results(scene: Scene, legs: tuple[Leg, ...], out: Path) -> dict[str,
             {"start": leg.start, "end": leg.end, "stage": leg.stage, "cells": cell_count(case)}
             for leg, case in zip(legs, cases, strict=True)
         ],
-        "switches": switches(cases, copies, force),
+        "switches": switches(legs, cases, copies, force),
     }

@@ -58,15 +58,15 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns seconds of earlier runs."""
     begin = time.monotonic()
     version = foam_version()
-    case, end = scene.out / "case", scene.motion.end_time
+    case, end, step = scene.out / "case", scene.motion.end_time, scene.numerics.time_step
     legs = read_legs(scene.out)
     with only_one(case):
         ranks = begun_ranks(case / legs[0].name, useful_ranks(scene, legs, ranks, quiet), quiet)
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver", bar_format=BAR) as bar:
-            for leg in legs:
+            for leg, handover in zip(legs, [*(leg.begin(step) for leg in legs[1:]), end], strict=True):
                 folder = case / leg.name
                 prepare(scene, legs, leg, ranks, quiet)
-                solve(folder, leg, scene.numerics, ranks, hosts, bar)
+                solve(folder, leg, handover, scene.numerics, ranks, hosts, bar)
                 for place in (folder, *folder.glob("processor*")):
                     remove_frames(place)
                 bar.update(leg.end - bar.n)
@@ -88,9 +88,9 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                 "level": scene.level,
                 "model": scene.model.kind,
                 "ranks": ranks,
-                "time_step": scene.numerics.time_step,
+                "time_step": step,
                 "end_time": end,
-                "steps": steps_of(end, scene.numerics.time_step),
+                "steps": steps_of(end, step),
             }
             | record
             | summary,

@@ -65,25 +65,32 @@ def set_number(case: Path, key: str, value: str) -> None:
     write_text(path, text)
 
 
-def solve(case: Path, leg: Leg, numerics: Numerics, ranks: int, hosts: Path | None, bar: tqdm) -> None:
-    """Run the solver to the end of a leg from its last whole checkpoint, unless it has got there before."""
+def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: int, hosts: Path | None,
+          bar: tqdm) -> None:  # fmt: skip
+    """Run the solver to the end of a leg from its last whole checkpoint, unless it has got there before.
+
+    `handover` is the time (s) whose fields the next leg needs: that of the last checkpoint.
+    """
     record = read_progress(case)
     if record.get("ended"):
         return
     checkpoint = last_checkpoint(case, ranks)
-    start, name = checkpoint or (leg.start, time_name(leg.start))
+    begin = leg.begin(numerics.time_step)
+    start, name = checkpoint or (begin, time_name(begin))
     if checkpoint is not None:
         record["resumed"] = [*record["resumed"], start]
         folders = [case] if ranks == 1 else sorted(case.glob("processor*"))
-        reset_displacement(folders, time_name(leg.start), name)
+        reset_displacement(folders, time_name(begin), name)
     drop_tables(case, start)
     set_number(case, "startTime", name)
-    set_number(case, "writeInterval", f"{checkpoint_interval(leg.end - start, numerics.write_interval):.12g}")
-    begin = time.monotonic()
-    noted = begin
+    set_number(
+        case, "writeInterval", f"{checkpoint_interval(handover - start, numerics.write_interval):.12g}"
+    )
+    clock = time.monotonic()
+    noted = clock
 
     def note(ended: bool = False) -> None:
-        spent = float(record["wall_time"]) + time.monotonic() - begin
+        spent = float(record["wall_time"]) + time.monotonic() - clock
         write_text(case / PROGRESS, json.dumps({**record, "wall_time": spent, "ended": ended}))
 
     guard, log = Guard(numerics.max_courant), case / LOG

@@ -52,10 +52,12 @@ def kinetic_energy(cells: SweptCells, velocity: np.ndarray, density: float) -> f
 
 
 def carry_over(scene: Scene, before: Leg, leg: Leg, ranks: int) -> None:
-    """Write the fields with which `leg` starts into its case, from those with which the leg before it ended."""
+    """Write the fields with which `leg` begins into its case, from those of the leg before it at that time."""
     old, new = scene.out / "case" / before.name, scene.out / "case" / leg.name
-    name = time_name(leg.start)
-    source, target = (cells_of(scene, of, leg.start) for of in (before, leg))
+    step = scene.numerics.time_step
+    begin = leg.begin(step)
+    name = time_name(begin)
+    source, target = (cells_of(scene, of, begin) for of in (before, leg))
     velocity, pressure = (read_cells(old, name, field, ranks, len(source.column)) for field in ("U", "p"))
     carried = carry(source, target, velocity, no_slip=True)
     write_field(new / name / "U", new / "0.orig" / "U", carried)
@@ -66,14 +68,14 @@ def carry_over(scene: Scene, before: Leg, leg: Leg, ranks: int) -> None:
         if not (new / name / path.name).exists():
             write_bytes(new / name / path.name, path.read_bytes() + END)
     # the sheet's pictures keep their phase over the switch
-    index = b"index %d;\n" % steps_of(leg.start, scene.numerics.time_step)
+    index = b"index %d;\n" % steps_of(begin, step)
     time_header = header("dictionary", f"{name}/uniform", "time", binary=False)
     write_bytes(new / name / "uniform" / "time", time_header + index + END)
     energies = [
         kinetic_energy(cells, u, scene.fluid.density) for cells, u in ((source, velocity), (target, carried))
     ]
     record: dict[str, Any] = {
-        "time": leg.start,
+        "carried_at": begin,
         "kinetic_energy_before": energies[0],
         "kinetic_energy_after": energies[1],
     }
