@@ -14,8 +14,9 @@ from tqdm import tqdm
 
 from pipeline.errors import StageError
 from pipeline.morph import Morph, MorphError, corner_triangles
-from pipeline.planform import Planform, build_planform, outline_at
+from pipeline.planform import Planform, build_planform
 from pipeline.quality import cell_areas, face_measures, planform_edges
+from pipeline.ring import outline_at
 from pipeline.scene import Mesh, Scene, digest
 from pipeline.stage import read_dataset, run_stage, write_dataset, write_text
 
@@ -65,9 +66,7 @@ def middle_of_stroke(bend: np.ndarray) -> int:
 
 def morph_family(planform: Planform, family: Family, built: int, quiet: bool = True) -> np.ndarray:
     """Node positions (knot, node, 2) of a planform built at knot `built`, for every knot."""
-    fixed = np.zeros((len(planform.nodes), 2), bool)
-    fixed[planform.wall] = fixed[planform.outer] = True
-    morph = Morph(planform.nodes, corner_triangles(planform.triangles, planform.quads), fixed)
+    morph = Morph(planform.nodes, corner_triangles(planform.triangles, planform.quads), planform.fixed)
     closed = np.arange(len(family.parameter), dtype=float)
 
     def boundary(knot: float) -> np.ndarray:
@@ -164,7 +163,8 @@ def run(scene: Scene, quiet: bool = False) -> None:
     write_text(scene.out / "mesh_quality.csv", table.getvalue())
     check_quality(rows, scene.mesh)
     levels = graded_layers(scene)
-    write_dataset(planform_dataset(planform, frames, family, levels, scene), scene.out / "planform.h5")
+    groups = {"stage_0": stage_dataset(planform, frames, family, levels, 0.5 * scene.finger.width)}
+    write_dataset(legs_dataset([(0.0, scene.motion.end_time, 0)], scene), scene.out / "planform.h5", groups)
     if not quiet:
         worst = max(row[2] for row in rows)
         cells = len(planform.triangles) + len(planform.quads)
@@ -173,22 +173,49 @@ def run(scene: Scene, quiet: bool = False) -> None:
         )
 
 
-def planform_dataset(
-    planform: Planform, frames: np.ndarray, family: Family, levels: np.ndarray, scene: Scene
+def legs_dataset(legs: list[tuple[float, float, int]], scene: Scene) -> xr.Dataset:
+    """The root of planform.h5: which stage serves from when to when (s), and what all stages share."""
+    start, end, stage = (np.array(column) for column in zip(*legs, strict=True))
+    return xr.Dataset(
+        {
+            "leg_start": ("leg", start, {"units": "s"}),
+            "leg_end": ("leg", end, {"units": "s"}),
+            "leg_stage": ("leg", stage, {"long_name": "stage of the mesh"}),
+        },
+        attrs={
+            "format": "planform",
+            "format_version": 2,
+            "finger_width": scene.finger.width,
+            "model": scene.model.kind,
+            "mirror": 0,
+            "scene_hash": digest(scene.settings("mesh")),
+            "settings": json.dumps(scene.settings("mesh")),
+        },
+    )
+
+
+def stage_dataset(
+    planform: Planform, frames: np.ndarray, family: Family, levels: np.ndarray, half_width: float
 ) -> xr.Dataset:
-    """planform.h5 of docs/formats.md."""
+    """A stage's group of planform.h5 (docs/formats.md)."""
     return xr.Dataset(
         {
             "points": (("shape_parameter", "node", "axis"), frames, {"units": "m"}),
             "bend": ("shape_parameter", family.bend, {"units": "rad"}),
             "triangles": (("triangle", "corner3"), planform.triangles),
             "quads": (("quad", "corner4"), planform.quads),
-            "inside": (
+            "body": (
                 "triangle",
-                planform.inside.astype(np.uint8),
-                {"long_name": "1 in the finger's footprint"},
+                planform.body.astype(np.uint8),
+                {"long_name": "number of the body in whose footprint it lies, 0 in the water"},
             ),
-            "wall": ("wall_node", planform.wall, {"long_name": "nodes of the outline, counter-clockwise"}),
+            "body_name": ("number", np.array(["water", "finger"], object)),
+            "body_half_width": (
+                "number",
+                np.array([0.0, half_width]),
+                {"units": "m", "long_name": "reach in |z|"},
+            ),
+            "wall": ("wall_node", planform.wall),
             "material": (
                 "wall_node",
                 planform.material,
@@ -198,15 +225,7 @@ def planform_dataset(
             "levels": ("level", levels, {"units": "m", "long_name": "z of the sweep"}),
         },
         coords={"shape_parameter": ("shape_parameter", family.parameter, {"units": "Pa"})},
-        attrs={
-            "format": "planform",
-            "format_version": 1,
-            "corners": np.array(planform.corners).ravel(),
-            "finger_width": scene.finger.width,
-            "model": scene.model.kind,
-            "scene_hash": digest(scene.settings("mesh")),
-            "settings": json.dumps(scene.settings("mesh")),
-        },
+        attrs={"corners": np.array(planform.corners).ravel()},
     )
 
 
