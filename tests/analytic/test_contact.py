@@ -165,7 +165,7 @@ def test_the_chambers_go_on_while_the_fingers_are_held(tmp_path):
     data = kinematics_dataset(pinch_scene(tmp_path / "s"))
     assert data["free_pressure"].values[-1] == pytest.approx(20e3, rel=1e-3)
     held = data["time"].values > data.attrs["contact_time"]
-    assert np.ptp(data["gap"].values[held]) < 1.1e-5
+    assert np.ptp(data["gap"].values[held]) < 1e-4
     assert data["pressure"].values[held].max() < 17e3
 
 
