@@ -10,9 +10,7 @@ import numpy as np
 from postprocess.strokes import stroke_window
 
 CONTACT = 1e-4  # m above the residual gap: nearer, the tips count as in contact
-FORMS = (
-    "[a, b], { gap = [a, b] }, { contact = [a, b] }, { stroke = k, part = [a, b] } or { stroke = k, after = [a, b] }"
-)
+FORMS = "[a, b], { gap = [a, b] }, { contact = [a, b] }, { stroke = k, part = [a, b] } or { stroke = k, after = [a, b] }"
 
 
 @dataclass(frozen=True)
@@ -66,9 +64,7 @@ def read_window(value: Any, where: str) -> Window:
         raise ValueError(f"{where}: window = {value!r} needs two edges")
     a, b = (float(edge) for edge in edges)
     if kind in ("bend", "part") and not 0 <= a < b <= 1:
-        raise ValueError(
-            f"{where}: window = {value!r} must be two fractions of the stroke, rising, in 0…1"
-        )
+        raise ValueError(f"{where}: window = {value!r} must be two fractions of the stroke, rising, in 0…1")
     if kind == "gap" and not a > b >= 0:
         raise ValueError(f"{where}: window = {value!r} must be two gaps in m, falling, as the fingers close")
     if kind in ("contact", "after") and not a < b:
