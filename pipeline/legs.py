@@ -9,6 +9,10 @@ import xarray as xr
 
 from pipeline.stage import read_dataset
 
+RUN_IN = (
+    8  # time steps that a leg is solved beside the one before it, until it has forgotten how it was started
+)
+
 
 @dataclass(frozen=True)
 class Leg:
@@ -23,6 +27,10 @@ class Leg:
     def name(self) -> str:
         """Its folder in case/ and its group in sweep.h5."""
         return f"leg_{self.index}"
+
+    def begin(self, time_step: float) -> float:
+        """Time (s) at which the flow is carried over and its solver starts: before `start`, but for the first leg."""
+        return self.start - RUN_IN * time_step if self.index else self.start
 
 
 def read_legs(out: Path) -> tuple[Leg, ...]:

@@ -302,7 +302,7 @@ class Scene(Section):
 
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
 STAGE_SECTIONS: dict[str, Any] = {
-    "kinematics": {"tank", "finger", "pinch", "motion"},
+    "kinematics": {"tank", "finger", "pinch", "support", "motion"},
     "mesh": {"mesh", "model", "support"},
     # the solver needs no more of the sheet than this: a finer grid does not solve again
     "case": {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
