@@ -104,3 +104,44 @@ def _body_lines(bodies: tuple[Body, ...], to_finger: Clearance, mesh: Mesh) -> l
         pieces = [outline_at(piece, spread(piece, size, 4)) for piece in body.pieces]
         lines.append(np.vstack([pieces[0], *(piece[1:] for piece in pieces[1:])]))
     return lines
+
+
+def mirror_nodes(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For a planform whose right side is x = 0: nodes (…, node, 2) off that plane, and each node's image (node,).
+
+    Images of nodes off the plane follow the nodes themselves, in their order.
+    """
+    off = np.flatnonzero(nodes[:, 0] != 0)
+    image = np.arange(len(nodes))
+    image[off] = len(nodes) + np.arange(len(off))
+    return off, image
+
+
+def mirrored(planform: Planform, mirrored_finger: int) -> Planform:
+    """A planform and its image in x = 0 as one; the image of the finger's footprint has a body number of its own."""
+    off, image = mirror_nodes(planform.nodes)
+    flip = np.array([-1.0, 1.0])
+    left, right = planform.outer, image[planform.outer]
+    (x0, _), (_, depth) = planform.corners
+    low = int(np.flatnonzero((planform.nodes[left] == [0.0, 0.0]).all(1))[0])
+    high = int(np.flatnonzero((planform.nodes[left] == [0.0, depth]).all(1))[0])
+    outer = np.concatenate([left[: low + 1], right[:low][::-1], right[high + 1 :][::-1], left[high:]])
+    other = np.where(planform.body == 1, mirrored_finger, planform.body)
+    fixed = np.vstack([planform.fixed, planform.fixed[off]])
+    return Planform(
+        np.vstack([planform.nodes, planform.nodes[off] * flip]),
+        np.vstack([planform.triangles, image[planform.triangles][:, ::-1]]),
+        np.vstack([planform.quads, image[planform.quads][:, ::-1]]),
+        np.concatenate([planform.body, other]),
+        planform.wall,
+        planform.material,
+        outer,
+        fixed,
+        ((x0, 0.0), (-x0, depth)),
+    )
+
+
+def mirrored_shapes(shapes: np.ndarray, planform: Planform) -> np.ndarray:
+    """Shapes (…, node, 2) of a planform, with those of its image added as `mirrored` orders nodes."""
+    off, _ = mirror_nodes(planform.nodes)
+    return np.concatenate([shapes, shapes[..., off, :] * np.array([-1.0, 1.0])], axis=-2)

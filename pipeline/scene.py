@@ -111,6 +111,12 @@ class Mesh(Section):
     layers_on_finger: Annotated[int, Field(ge=1)] = 6
     layers_beyond: Annotated[int, Field(ge=1)] = 7
     max_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = 65.0
+    usual_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = (
+        70.0  # not exceeded for 95 % of the time
+    )
+    jet_reach: Annotated[float, Field(ge=0)] = (
+        0.03  # pinch: along the plane from the contact, cells stay small
+    )
 
 
 class Model(Section):
