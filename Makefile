@@ -71,13 +71,15 @@ $(2)/vortices_cfd.csv: $(2)/sheet.h5 $(2)/settings/vortices.json
 	$(PY) -m piv vortices $$< -o $$@ --threads $(NP) --settings $(2)/settings/vortices.json $(FLAGS)
 $(2)/vortices_piv.csv: $(2)/piv.h5 $(2)/settings/vortices.json
 	$(PY) -m piv vortices $$< -o $$@ --threads $(NP) --settings $(2)/settings/vortices.json $(FLAGS)
-$(2)/comparison.json: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv $(wildcard cases/$(1)/reference/*)
+$(2)/comparison.json: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv $(wildcard cases/$(1)/reference/*) $(3)
 	$(PY) -m postprocess.compare cases/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/report.html: $(2)/comparison.json $(2)/settings/report.json
 	$(PY) -m postprocess.figures cases/$(1) --level $(LEVEL) $(FLAGS)
 	$(PY) -m postprocess.report cases/$(1) --level $(LEVEL) $(FLAGS)
 endef
-$(foreach s,$(SCENES),$(eval $(call scene_rules,$(s),cases/$(s)/out/$(LEVEL))))
+# A pinch is compared with the single finger at the same level, where that was run; make single_finger first.
+SINGLE := $(wildcard cases/single_finger/out/$(LEVEL)/vortices_*.csv)
+$(foreach s,$(SCENES),$(eval $(call scene_rules,$(s),cases/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
 
 fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/kinematics/states.h5
 	$(PY) -m pipeline.fea cases/single_finger

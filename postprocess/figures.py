@@ -37,7 +37,7 @@ from postprocess.stagefiles import (
 )
 from postprocess.strokes import peak_tip_speed, stroke_window, tip_speed
 from postprocess.style import NAMES
-from postprocess.windows import CONTACT, Clock, contact
+from postprocess.windows import Clock
 
 INSTANTS = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the stroke's bend; the last instant is added
 AFTER_CONTACT = (0.0, 0.05, 0.15)  # s: instants shown of a pinch
@@ -117,8 +117,8 @@ def tip_vortices(plane: xr.Dataset, tables: dict[str, pd.DataFrame], middle: tup
 def _instants(clock: Clock, last: float) -> np.ndarray:
     """When the flow is shown, s: through the stroke, of a pinch at contact and after it, and at the end."""
     at = [stroke_window(clock.time, clock.bend, (part, 0.999))[0] for part in INSTANTS]
-    if clock.gap is not None and clock.gap.min() <= clock.residual_gap + CONTACT:
-        met = contact(clock)
+    met = clock.met() if clock.gap is not None else None
+    if met is not None:
         at = [t for t in at if t < met - 0.01] + [t for a in AFTER_CONTACT if (t := met + a) < last - 0.01]
     return np.array([*at, last])
 

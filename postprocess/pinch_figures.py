@@ -40,7 +40,7 @@ def pinch_figures(
         "Height of the line between the fingers at which the flow parts into up and down, and the speeds of both streams.",
         "No line is drawn where one of the two streams is slower than 2 % of the tips' peak speed.",
     )
-    gap = np.interp(clock.time, clock.gap_time, clock.gap)
+    gap = clock.gap_at(clock.time)
     free = free_gap(files, clock.time)
     album.add(
         draw_pinch.closing(clock.time, gap, free, lines["cfd"], met),

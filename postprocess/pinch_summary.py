@@ -9,7 +9,7 @@ import pandas as pd
 
 from postprocess.evidence import Evidence
 from postprocess.pairs import rms
-from postprocess.windows import CONTACT, Clock, contact
+from postprocess.windows import Clock
 
 APPROACH = (0.020, 0.002)  # m of gap between tip and plane
 AFTER = 0.15  # s after contact
@@ -17,15 +17,13 @@ AFTER = 0.15  # s after contact
 
 def pinch_summary(evidence: Evidence, clock: Clock) -> dict[str, Any]:
     """Contact and gaps (s, m), and by source the numbers of `source_numbers`; `contact_time` None without contact."""
-    assert clock.gap is not None and clock.gap_time is not None
-    least = float(clock.gap.min())
-    met = contact(clock) if least <= clock.residual_gap + CONTACT else None
-    speed = -np.gradient(clock.gap, clock.gap_time)
+    time, gap = clock.gaps()
+    met = clock.met()
     out: dict[str, Any] = {
         "contact_time": met,
         "residual_gap": clock.residual_gap,
-        "least_gap": least,
-        "peak_closing_speed": float(speed.max()),
+        "least_gap": float(gap.min()),
+        "peak_closing_speed": float(-(np.gradient(gap, time).min())),
     }
     for source, pairs in evidence.pairs.items():
         out[source] = source_numbers(pairs, evidence.lines[source], clock, met)
@@ -36,7 +34,7 @@ def source_numbers(
     pairs: pd.DataFrame, lines: pd.DataFrame, clock: Clock, met: float | None
 ) -> dict[str, float | None]:
     """Peaks of jet, pressure and circulation with the time and gap at each, and means over the approach; None: not there."""
-    gap = np.interp(lines["time"], clock.gap_time, clock.gap)
+    gap = clock.gap_at(lines["time"].to_numpy())
     approach = lines[(gap <= APPROACH[0]) & (gap >= APPROACH[1])]["time"]
     out: dict[str, float | None] = {}
     for name, column in (
