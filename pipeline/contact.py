@@ -20,7 +20,9 @@ from pipeline.motion_law import PressureLaw
 from pipeline.scene_pinch import Pinch
 
 SCAN = 0.25e3  # Pa: pressures at which the way to contact is looked at, half a degree of bend apart
-STOPPED = 1e-4  # m: a gap within this of the residual one counts as contact; the ramp takes long over the rest
+STOPPED = (
+    1e-4  # m: a gap within this of the residual one counts as contact; the ramp takes long over the rest
+)
 
 
 def gap(outlines: np.ndarray, pinch: Pinch) -> np.ndarray:

@@ -54,15 +54,15 @@ def energy_share(source: SweptCells, target: SweptCells, velocity: np.ndarray, a
                  sampled: np.ndarray) -> float:  # fmt: skip
     """The share s of `sampled` at which averaged + s (sampled - averaged) has the kinetic energy of the source.
 
-    Averages have lost some, samples often gained some; both are of second order. Held to 0…2, so that a flow which
-    neither describes is not forced to have the energy.
+    Both are of second order; averages over cells like the source's have lost some energy, over finer cells gained some.
+    Held to -1…2, so that a flow which neither describes is not forced to have the energy.
     """
     change = sampled - averaged
     a, b = square_sum(target, change, change), 2 * square_sum(target, averaged, change)
     c = square_sum(target, averaged, averaged) - square_sum(source, velocity, velocity)
-    if c >= 0 or a == 0:
+    if a == 0:
         return 0.0
-    return float(min((-b + np.sqrt(b * b - 4 * a * c)) / (2 * a), 2.0))
+    return float(np.clip((-b + np.sqrt(max(b * b - 4 * a * c, 0.0))) / (2 * a), -1.0, 2.0))
 
 
 def carry_over(scene: Scene, before: Leg, leg: Leg, ranks: int) -> None:
