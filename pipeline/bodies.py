@@ -11,7 +11,7 @@ import shapely
 from pipeline.scene import Scene
 
 CIRCLE_POINTS = 720  # of a full circle, before nodes are spread over it
-THIN_STEP = 0.5  # of a wall cell: thinner rings between the steps of a sphere are merged
+THIN_STEP = 0.3  # of a wall cell: thinner rings between the steps of a sphere are merged
 
 
 @dataclass(frozen=True)

@@ -69,4 +69,7 @@ def test_scene_keys_reach_the_numbers(tmp_path):
     assert entries["sheetType"] == "symmetryPlane"
     second = numbers(scene, Leg(1, 0.2, 0.35, 1), -0.15)
     # started 8 time steps of 1 ms before it takes over
-    assert {k: second[k] for k in second if second[k] != entries[k]} == {"startTime": "0.192", "endTime": "0.35"}
+    assert {k: second[k] for k in second if second[k] != entries[k]} == {
+        "startTime": "0.192",
+        "endTime": "0.35",
+    }
