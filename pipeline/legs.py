@@ -9,9 +9,9 @@ import xarray as xr
 
 from pipeline.stage import read_dataset
 
-RUN_IN = (
-    8  # time steps that a leg is solved beside the one before it, until it has forgotten how it was started
-)
+# How long a leg is solved beside the one before it, until it has forgotten how it was started: the larger of
+RUN_IN_TIME = 4e-3  # s
+RUN_IN_STEPS = 8
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,12 @@ class Leg:
 
     def begin(self, time_step: float) -> float:
         """Time (s) at which the flow is carried over and its solver starts: before `start`, but for the first leg."""
-        return self.start - RUN_IN * time_step if self.index else self.start
+        return self.start - run_in_steps(time_step) * time_step if self.index else self.start
+
+
+def run_in_steps(time_step: float) -> int:
+    """Time steps of a leg's run-in: its mesh must be good from so many steps before the leg's start on."""
+    return max(RUN_IN_STEPS, round(RUN_IN_TIME / time_step))
 
 
 def read_legs(out: Path) -> tuple[Leg, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import re
 from dataclasses import dataclass
 from itertools import pairwise
@@ -20,10 +19,9 @@ from pipeline.legs import Leg, read_stage
 from pipeline.scene import Scene
 from pipeline.solver import LOG
 from pipeline.stage import write_text
-from pipeline.switch import SWITCH
+from pipeline.switches import switches
 
 PER_FINGER = {"2d": 1, "half": 2, "quarter": 2, "full": 1}  # fingers per computed part of one
-SETTLED = 0.02  # of the peak force: within it a switch between meshes is forgotten
 FORCE_COLUMNS = ("time", "fx", "fy", "fz", "fx_pressure", "fy_pressure", "fx_viscous", "fy_viscous")
 POWER_COLUMNS = ("time", "finger_power", "kinetic_energy", "dissipation")
 HISTORY_COLUMNS = (
@@ -185,43 +183,6 @@ def joined(legs: tuple[Leg, ...], tables: list[np.ndarray]) -> np.ndarray:
     return np.vstack([table[table[:, 0] > leg.start + 1e-9] for leg, table in zip(legs, tables, strict=True)])
 
 
-def settling_time(before: np.ndarray, after: np.ndarray, peak: float) -> float:
-    """How long (s) a leg's force (time, component …) is off that of the leg before, over the times that both solved.
-
-    Off is more than SETTLED of `peak`. Infinite where it still is at the end.
-    """
-    start = after[0, 0]
-    both = [
-        table[(table[:, 0] >= start - 1e-9) & (table[:, 0] <= before[-1, 0] + 1e-9)]
-        for table in (before, after)
-    ]
-    time, off = both[0][:, 0], np.abs(both[0][:, 1:3] - both[1][:, 1:3]).max(1) > SETTLED * peak
-    if off[-1]:
-        return float("inf")
-    step = time[1] - time[0]
-    return float(time[off].max() - start + step) if off.any() else 0.0
-
-
-def switches(
-    legs: tuple[Leg, ...], cases: list[Path], copies: int, force: list[np.ndarray]
-) -> list[dict[str, Any]]:
-    """What each switch between legs did to the kinetic energy of the tank (J) and to the force."""
-    peak = max(float(np.abs(table[:, 1:3]).max()) for table in force)
-    found = []
-    for k in range(1, len(legs)):
-        record = json.loads((cases[k] / SWITCH).read_text())
-        before, after = (copies * record[f"kinetic_energy_{when}"] for when in ("before", "after"))
-        found.append({
-            "time": legs[k].start,
-            "carried_at": record["carried_at"],
-            "kinetic_energy_before": before,
-            "kinetic_energy_after": after,
-            "jump_fraction": (after - before) / before if before else 0.0,
-            "force_settled_after": settling_time(force[k - 1], force[k], peak),
-        })  # fmt: skip
-    return found
-
-
 def cell_count(case: Path) -> int | None:
     """Cells of a case's mesh, as its header says."""
     owner = (case / "constant" / "polyMesh" / "owner").read_bytes()[:2000]
@@ -238,7 +199,8 @@ def collect_results(scene: Scene, legs: tuple[Leg, ...], out: Path) -> dict[str,
         later[:, -1] += earlier[-1, -1]  # the clock goes on
     log = joined(legs, logs)
     force = [forces(case, PER_FINGER[scene.model.kind]) for case in cases]
-    energy = joined(legs, [power(case, fluid.density, fluid.kinematic_viscosity, copies) for case in cases])
+    parts = [power(case, fluid.density, fluid.kinematic_viscosity, copies) for case in cases]
+    energy = joined(legs, parts)
     write_text(out / "forces.csv", table_text(FORCE_COLUMNS, joined(legs, force)))
     write_text(out / "power.csv", table_text(POWER_COLUMNS, energy))
     write_text(out / "history.csv", table_text(HISTORY_COLUMNS, log))
@@ -252,5 +214,5 @@ def collect_results(scene: Scene, legs: tuple[Leg, ...], out: Path) -> dict[str,
             {"start": leg.start, "end": leg.end, "stage": leg.stage, "cells": cell_count(case)}
             for leg, case in zip(legs, cases, strict=True)
         ],
-        "switches": switches(legs, cases, copies, force),
+        "switches": switches(legs, cases, force, [part[:, [0, 2]] for part in parts]),
     }

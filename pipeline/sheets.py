@@ -71,7 +71,7 @@ def read_track(out: Path) -> FingerTrack:
 
 def sheet_axes(camera: Camera, spacing: float, symmetric: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """Grid axes (m) that cover the camera's view and a margin; x about 0 where `symmetric`."""
-    axes = []
+    axes: list[np.ndarray] = []
     for middle, pixels in zip(camera.centre, (camera.columns, camera.rows), strict=True):
         half = 0.5 * pixels * camera.scale_mm_per_px * 1e-3 + MARGIN
         if symmetric and not axes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 import xarray as xr
 from scipy.spatial import cKDTree
 
@@ -18,6 +19,7 @@ class SweptCells:
     `wall_velocity` (edge, 2; m/s) is that of the middle of each edge of the planform, for edges that are walls.
     """
 
+    outline: np.ndarray  # (column, 4, 2) corners; a triangle's last one twice
     edges: Edges
     centre: np.ndarray
     area: np.ndarray
@@ -46,6 +48,7 @@ def swept_cells(
     triangles, quads = planform["triangles"].values, planform["quads"].values
     edges = planform_edges(triangles, quads)
     return SweptCells(
+        nodes[np.vstack([triangles[:, [0, 1, 2, 2]], quads])],
         edges,
         cell_centres(nodes, triangles, quads),
         cell_areas(nodes, triangles, quads),
@@ -57,22 +60,60 @@ def swept_cells(
     )
 
 
-def carry(source: SweptCells, target: SweptCells, values: np.ndarray, *, no_slip: bool) -> np.ndarray:
-    """Values (cell, n) on another mesh of the same layers: the nearest cell of the layer, continued by its gradient.
+@dataclass(frozen=True)
+class Overlap:
+    """Where columns of two planforms overlap: which ones, the area (m²) and its centroid (part, 2; m)."""
 
-    Exact for fields that are linear in the plane. Where `no_slip`, values are velocities and walls count as neighbours.
+    source: np.ndarray
+    target: np.ndarray
+    area: np.ndarray
+    centre: np.ndarray
+
+
+def overlap_of(source: SweptCells, target: SweptCells) -> Overlap:
+    """All parts that the columns of two planforms share."""
+    old, new = (shapely.polygons(cells.outline) for cells in (source, target))
+    inside, cut = shapely.STRtree(old).query(new, predicate="intersects")
+    shared = shapely.intersection(new[inside], old[cut])
+    area = shapely.area(shared)
+    real = area > 1e-9 * target.area[inside]  # neither points nor edges
+    centre = shapely.get_coordinates(shapely.centroid(shared[real]))
+    return Overlap(cut[real], inside[real], area[real], centre)
+
+
+def carry(source: SweptCells, target: SweptCells, overlap: Overlap, values: np.ndarray, *,
+          no_slip: bool) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Values (cell, n) on another mesh of the same layers: averaged over its cells, and sampled at their centres.
+
+    In the source each cell's value is continued linearly by its gradient in the plane: both results are exact for fields
+    that are linear there. The first keeps sums over the volume but smooths, the second does not smooth. Where `no_slip`,
+    values are velocities, and walls count as neighbours.
     """
-    result = np.empty((len(target.column), values.shape[1]))
-    number = source.numbers()
+    averaged, sampled = (np.empty((len(target.column), values.shape[1])) for _ in range(2))
+    number, wanted = source.numbers(), target.numbers()
     for layer in range(number.shape[1]):
-        members = np.flatnonzero(number[:, layer] >= 0)
         slope = gradients(source, values, number[:, layer], no_slip)
-        wanted = np.flatnonzero(target.layer == layer)
-        place = target.centre[target.column[wanted]]
-        nearest = members[cKDTree(source.centre[members]).query(place)[1]]
-        way = place - source.centre[nearest]
-        result[wanted] = values[number[nearest, layer]] + np.einsum("cd,cdn->cn", way, slope[nearest])
-    return result
+
+        def continued(
+            column: np.ndarray, place: np.ndarray, layer: int = layer, slope: np.ndarray = slope
+        ) -> np.ndarray:
+            way = place - source.centre[column]
+            return values[number[column, layer]] + np.einsum("cd,cdn->cn", way, slope[column])
+
+        members, columns = (np.flatnonzero(n[:, layer] >= 0) for n in (number, wanted))
+        cells = wanted[columns, layer]
+        nearest = cKDTree(source.centre[members]).query(target.centre[columns])[1]
+        sampled[cells] = continued(members[nearest], target.centre[columns])
+        part = (number[overlap.source, layer] >= 0) & (wanted[overlap.target, layer] >= 0)
+        part_cell = wanted[overlap.target[part], layer]
+        weight = overlap.area[part]
+        total = np.bincount(part_cell, weight, len(averaged))[cells]
+        share = weight[:, None] * continued(overlap.source[part], overlap.centre[part])
+        summed = np.stack([np.bincount(part_cell, column, len(averaged))[cells] for column in share.T], 1)
+        covered = total > 0.1 * target.area[columns]  # less: a sliver at a wall, whose chords differ
+        averaged[cells] = sampled[cells]
+        averaged[cells[covered]] = summed[covered] / total[covered, None]
+    return averaged, sampled
 
 
 def gradients(cells: SweptCells, values: np.ndarray, number: np.ndarray, no_slip: bool) -> np.ndarray:

@@ -13,6 +13,7 @@ from tests.conftest import ROOT, write_scene
 
 HERE = Path(__file__).parent
 WHOLE = Leg(0, 0.0, 0.42, 0)
+SECOND = Leg(1, 0.166, 0.64, 1)
 
 
 def tree(path: Path) -> object:
@@ -29,12 +30,20 @@ def tree(path: Path) -> object:
 
 
 @pytest.mark.parametrize(
-    "scene, level", [("single_finger", "smoke"), ("single_finger", "coarse"), ("single_deflate", "coarse")]
+    "scene, level, leg",
+    [
+        ("single_finger", "smoke", WHOLE),
+        ("single_finger", "coarse", WHOLE),
+        ("single_deflate", "coarse", WHOLE),
+        ("pinch", "smoke", SECOND),
+        ("pinch", "coarse", SECOND),
+        ("cycle", "coarse", Leg(0, 0.0, 1.2, 0)),
+    ],
 )
-def test_numbers_are_those_that_were_looked_at(tmp_path, scene, level):
+def test_numbers_are_those_that_were_looked_at(tmp_path, scene, level, leg):
     loaded = load_scene(ROOT / "cases" / scene, level)
     back = -loaded.finger.width if loaded.model.kind == "2d" else -loaded.tank.size[2] / 2
-    (tmp_path / "numbers").write_text(numbers_text(numbers(loaded, WHOLE, back)))
+    (tmp_path / "numbers").write_text(numbers_text(numbers(loaded, leg, back)))
     golden = HERE / f"numbers_{scene}_{level}.json"
     assert tree(tmp_path / "numbers") == json.loads(golden.read_text())
 
