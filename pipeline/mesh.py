@@ -17,6 +17,7 @@ from pipeline.bodies import Body, fixed_bodies
 from pipeline.errors import StageError
 from pipeline.family import Family, between, morph_family
 from pipeline.layers import graded_layers
+from pipeline.legs import run_in_steps
 from pipeline.mesh_stages import Part, deformation, divide
 from pipeline.morph import MorphError
 from pipeline.planform import Planform, build_planform, mirrored, mirrored_shapes
@@ -125,14 +126,14 @@ def choose_stages(setting: Setting, pressure: CubicSpline, quiet: bool) -> tuple
     step = scene.numerics.time_step
     time = step * np.arange(round(scene.motion.end_time / step) + 1)
     way = np.interp(pressure(time), setting.family.parameter, setting.way)
-    sampling = scene.numerics.sampling_steps(scene.sheet.rate_hz)
+    sampling, run_in = scene.numerics.sampling_steps(scene.sheet.rate_hz), run_in_steps(step)
     reason = ""
     for count in range(1, MOST_STAGES + 1):
-        parts = divide(way, count, sampling)
+        parts = divide(way, count, sampling, run_in)
         try:
             with tqdm(desc=f"mesh, {count} planforms", disable=quiet or None, unit="shape") as bar:
                 stages = [build_stage(setting, part, bar) for part in parts]
-            rows = quality_rows(stages, pressure(time), scene.mesh)
+            rows = quality_rows(stages, pressure(time), run_in, scene.mesh)
         except MorphError as error:
             reason = str(error)
             continue
@@ -149,8 +150,8 @@ def choose_stages(setting: Setting, pressure: CubicSpline, quiet: bool) -> tuple
     )
 
 
-def quality_rows(stages: list[Stage], parameter: np.ndarray, mesh: Mesh) -> list[tuple]:
-    """Rows of QUALITY_COLUMNS: each shape that a leg runs through; `parameter` (step + 1,) Pa is the motion's.
+def quality_rows(stages: list[Stage], parameter: np.ndarray, run_in: int, mesh: Mesh) -> list[tuple]:
+    """Rows of QUALITY_COLUMNS: each shape that a leg, or its run-in, takes; `parameter` (step + 1,) Pa is the motion's.
 
     Raises MorphError where a shape breaks the limit.
     """
@@ -162,10 +163,11 @@ def quality_rows(stages: list[Stage], parameter: np.ndarray, mesh: Mesh) -> list
     rows = []
     for number, ((first, last), k) in enumerate(legs):
         family = shapes[k][0]
-        run = parameter[first : last + (last == len(parameter) - 1)]
-        nearest = np.abs(run[:, None] - family.parameter).argmin(1)
-        share = np.bincount(nearest, minlength=len(family.parameter)) / len(parameter)
-        for at in range(nearest.min(), nearest.max() + 1):
+        begin = max(0, first - run_in)
+        taken = np.abs(parameter[begin : last + 1, None] - family.parameter).argmin(1)
+        own = taken[first - begin :] if last == len(parameter) - 1 else taken[first - begin : -1]
+        share = np.bincount(own, minlength=len(family.parameter)) / len(parameter)
+        for at in range(taken.min(), taken.max() + 1):
             found = quality[k][at]
             check_quality(found, family.bend[at], mesh)
             shape = float(np.degrees(family.bend[at])), float(family.parameter[at])

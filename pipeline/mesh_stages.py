@@ -10,9 +10,7 @@ import numpy as np
 GAP_FACTOR = 3.0  # change of a gap
 BEND_SCALE = np.radians(150.0)
 HYSTERESIS = 0.1  # of a part: a motion must turn back by as much before an earlier planform is taken again
-RUN_IN = 8  # time steps before its start from which a leg is computed beside the one before
 PADDING = 4  # time steps beyond a leg's end that its shapes cover
-LEAST_LEG = 2 * RUN_IN + 1  # time steps: a shorter one is left to the planform before
 
 
 def deformation(bend: np.ndarray, gap: np.ndarray) -> np.ndarray:
@@ -35,11 +33,12 @@ class Part:
         return 0.5 * (self.low + self.high)
 
 
-def divide(way: np.ndarray, count: int, sampling: int) -> list[Part]:
+def divide(way: np.ndarray, count: int, sampling: int, run_in: int) -> list[Part]:
     """Divide a motion into legs on at most `count` planforms, each for an equal part of the way.
 
-    `way` (step + 1,) is that of the motion's shape after each time step. Legs begin at multiples of `sampling` steps;
-    a planform that no leg needs is left out.
+    `way` (step + 1,) is that of the motion's shape after each time step. Legs begin at multiples of `sampling` steps and
+    are longer than two run-ins; the shapes of a planform cover those of its legs and of the `run_in` steps before each.
+    A planform that no leg needs is left out.
     """
     low, width = float(way.min()), float(np.ptp(way)) / count
     steps = len(way) - 1
@@ -52,23 +51,23 @@ def divide(way: np.ndarray, count: int, sampling: int) -> list[Part]:
         here = part_of(way[step])
         if not legs or here > legs[-1][0] or way[step] < low + width * (legs[-1][0] - HYSTERESIS):
             legs.append((here, step))
-    legs = _without_short_ones(legs, steps)
+    legs = _without_short_ones(legs, steps, 2 * run_in + 1)
     ends = [first for _, first in legs[1:]] + [steps]
     parts = []
     for part in sorted({part for part, _ in legs}):
         mine = tuple((first, end) for (number, first), end in zip(legs, ends, strict=True) if number == part)
-        reached = np.concatenate([way[max(0, first - RUN_IN) : end + PADDING + 1] for first, end in mine])
+        reached = np.concatenate([way[max(0, first - run_in) : end + PADDING + 1] for first, end in mine])
         parts.append(Part(float(reached.min()), float(reached.max()), mine))
     return parts
 
 
-def _without_short_ones(legs: list[tuple[int, int]], steps: int) -> list[tuple[int, int]]:
-    """Legs (part, first step) that last; time of those too short goes to the leg before, or else to the next."""
+def _without_short_ones(legs: list[tuple[int, int]], steps: int, least: int) -> list[tuple[int, int]]:
+    """Legs (part, first step) of at least `least` steps; time of shorter ones goes to the leg before, or else to the next."""
     kept: list[tuple[int, int]] = []
     for (part, first), end in zip(legs, [first for _, first in legs[1:]] + [steps], strict=True):
-        if kept and (kept[-1][0] == part or end - first < LEAST_LEG):
+        if kept and (kept[-1][0] == part or end - first < least):
             continue
-        if kept and first - kept[-1][1] < LEAST_LEG:  # only the first can be left short
+        if kept and first - kept[-1][1] < least:  # only the first can be left short
             first = kept.pop()[1]
         kept.append((part, first))
     return kept

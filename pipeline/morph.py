@@ -101,8 +101,8 @@ class Morph:
         mode[:, 0], mode[:, 1] = (along[:, :, None, k] * u[:, None, :, k] for k in (0, 1))
         one, other = along[:, :, None, 0] * u[:, None, :, 1], along[:, :, None, 1] * u[:, None, :, 0]
         mode[:, 2], mode[:, 3] = (one - other) / np.sqrt(2), (one + other) / np.sqrt(2)
-        mode = mode.reshape(len(s), 4, 6)
-        local = np.matmul((mode * value[:, :, None]).transpose(0, 2, 1), mode)
+        flat = mode.reshape(len(s), 4, 6)
+        local = np.matmul((flat * value[:, :, None]).transpose(0, 2, 1), flat)
         entries = np.bincount(self._place, local.ravel())
         return gradient, sp.csc_matrix((entries, self._rows, self._start), shape=(self.size, self.size))
 
