@@ -61,9 +61,7 @@ def level_tables(levels: Any, level: str, path: Path, children: tuple[str, ...] 
             f"{path}: levels.{level}.extends: {parent} extends this level in turn; break the circle"
         )
     if not isinstance(parent, str) or parent not in levels:
-        raise StageError(
-            f"{path}: levels.{level}.extends: give another level of this scene (got {parent!r})"
-        )
+        raise StageError(f"{path}: levels.{level}.extends: give another level of this scene (got {parent!r})")
     return merge(level_tables(levels, parent, path, chain), table)
 
 
