@@ -232,16 +232,22 @@ def history(table: pd.DataFrame) -> Figure:
 
 
 def mesh_quality(table: pd.DataFrame) -> Figure:
-    """Non-orthogonality and skewness over the bend angle."""
+    """Non-orthogonality and skewness over the bend angle, a line for every mesh of the stroke."""
     figure, axes = new_figure(8.6, 4.6, 2, 1, sharex=True)
-    axes[0].plot(table["bend_deg"], table["max_non_orthogonality_deg"], color=CFD, label="largest")
-    axes[0].plot(table["bend_deg"], table["mean_non_orthogonality_deg"], color=THIRD, label="mean")
+    curves = (
+        (axes[0], "max_non_orthogonality_deg", CFD, "largest"),
+        (axes[0], "mean_non_orthogonality_deg", THIRD, "mean"),
+        (axes[1], "max_skewness", CFD, "largest skewness"),
+        (axes[1], "min_area_ratio", PIV, "smallest area ratio"),
+    )
+    legs = [part for _, part in table.groupby("leg")] if "leg" in table else [table]
+    for ax, name, colour, label in curves:
+        for number, part in enumerate(legs):
+            ax.plot(part["bend_deg"], part[name], color=colour, label=label if number == 0 else None)
     axes[0].set(ylabel="non-orthogonality, °", ylim=(0, None), title="Mesh quality over the stroke")
-    axes[0].legend()
-    axes[1].plot(table["bend_deg"], table["max_skewness"], color=CFD, label="largest skewness")
-    axes[1].plot(table["bend_deg"], table["min_area_ratio"], color=PIV, label="smallest area ratio")
     axes[1].set(xlabel="bend angle, °", ylabel="1", ylim=(0, None))
-    axes[1].legend()
+    for ax in axes:
+        ax.legend()
     return figure
 
 
