@@ -123,6 +123,15 @@ def test_a_stroke_that_does_not_get_there_is_left_alone():
     assert "contact_time" not in closing_summary(t, np.full(61, 0.01), PINCH)
 
 
+def test_the_fingers_let_go_as_they_came():
+    free = stroke_law(0.0, [(20e3, 0.005, 0.4), (0.0, 0.6, 0.4)])
+    law = closing_law(free, lambda p: 0.036 - 2.2e-6 * p, 0.0, 40e3, PINCH, "scene")
+    t = np.linspace(0.59, 1.6, 400)
+    assert law(t[:1]) == pytest.approx([law.hold], abs=1e-9)
+    assert (np.diff(law(t)) <= 1e-9).all()
+    assert law(t[-1:]) == pytest.approx(free(t[-1:]), abs=1e-9)
+
+
 def test_contact_at_the_start_and_a_way_too_short_are_refused():
     free = stroke_law(0.0, [(20e3, 0.005, 0.4)])
     with pytest.raises(StageError, match=r"gap of 0\.40 mm to the plane.*raise pinch\.half_distance"):
