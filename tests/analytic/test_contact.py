@@ -8,8 +8,9 @@ from scipy.interpolate import CubicSpline
 
 from pipeline.contact import CLOSING_LAWS, ClosingLaw, closing_law, closing_summary, exponential, gap, ramp
 from pipeline.errors import StageError
-from pipeline.kinematics import kinematics_dataset, load_kinematics
+from pipeline.kinematics import kinematics_dataset
 from pipeline.motion_law import stroke_law
+from pipeline.moving_finger import load_kinematics
 from pipeline.scene_pinch import Pinch
 from tests.conftest import write_scene
 
