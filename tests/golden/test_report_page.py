@@ -201,7 +201,7 @@ def test_every_axis_of_every_series_names_its_unit(made):
         {s: read_vortices(made.out / f"vortices_{s}.csv") for s in ("cfd", "piv")}, 0, middle
     )
     drawn = [
-        draw_series.circulation(found, middle),
+        draw_series.circulation({s: [track] for s, track in found.items()}, middle),
         draw_series.agreement(pd.read_csv(made.out / "comparison.csv"), 0.4, middle),
         draw_series.forces(read_table(made.out / "run/forces.csv", figures.FORCE_COLUMNS)),
         draw_series.power(read_table(made.out / "run/power.csv", figures.POWER_COLUMNS)),
