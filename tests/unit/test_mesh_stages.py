@@ -16,7 +16,7 @@ from tests.conftest import write_scene
 def test_deformation_counts_bends_and_factors_of_the_gap_in_both_directions():
     gap = np.array([9e-3, 3e-3, 1e-3, 3e-3])
     assert deformation(np.zeros(4), gap) == pytest.approx([0, 1, 2, 3])
-    bend = np.radians([0, 75, 150, 75])
+    bend = np.radians([0, 55, 110, 55])
     assert deformation(bend, np.full(4, np.inf)) == pytest.approx([0, 0.5, 1, 1.5])
     assert deformation(bend[:2], gap[:2])[-1] == pytest.approx(np.hypot(1, 0.5))
 
