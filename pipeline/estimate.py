@@ -13,7 +13,7 @@ from pipeline.scene import Scene
 COARSE = {
     "kinematics": (5, 400), "mesh": (40, 500), "case": (10, 500), "run": (300, 600), "sheet": (60, 500),
     "images": (120, 600), "piv": (120, 800), "vortices_cfd": (60, 500), "vortices_piv": (60, 500), "fea": (300, 600),
-    "compare": (30, 600),
+    "compare": (30, 600), "report": (90, 900),
 }  # fmt: skip
 LEVELS = {"smoke": 0.15, "coarse": 1.0, "medium": 10.0, "fine": 80.0}  # of the cost of a run at coarse
 MARGIN = 2.0  # of time and memory, over what is expected
@@ -22,7 +22,7 @@ LEAST_MINUTES, LEAST_MB = 5, 500
 
 def estimates(scene: Scene, ranks: int, parent: Path) -> dict[str, dict[str, Any]]:
     """By stage: `minutes` and `memory_mb` to ask for, `source` (measured, or a guess from level coarse)."""
-    return {stage: _estimate(scene, stage, ranks, parent) for stage in (*FILES, "fea", "compare")}
+    return {stage: _estimate(scene, stage, ranks, parent) for stage in (*FILES, "fea", "compare", "report")}
 
 
 def _estimate(scene: Scene, stage: str, ranks: int, parent: Path) -> dict[str, Any]:
@@ -30,7 +30,11 @@ def _estimate(scene: Scene, stage: str, ranks: int, parent: Path) -> dict[str, A
     for out in (scene.out, parent / "out" / scene.level):
         cost = _read(out / "costs" / name)
         if cost is not None:
-            seconds, memory, source = cost.get("cpu_time", cost["wall_time"]), cost["peak_memory"] / 1e6, "measured"
+            seconds, memory, source = (
+                cost.get("cpu_time", cost["wall_time"]),
+                cost["peak_memory"] / 1e6,
+                "measured",
+            )
             break
     else:
         seconds, memory = COARSE[stage]

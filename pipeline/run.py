@@ -34,7 +34,7 @@ from pipeline.openfoam import (
     solver_command,
 )
 from pipeline.partition import partition_columns
-from pipeline.quality import cell_centres
+from pipeline.quality import cell_centres, neighbours, planform_edges
 from pipeline.results import collect_results
 from pipeline.scene import Scene
 from pipeline.stage import guarded, parser, read_dataset, timed, versions, write_text
@@ -112,11 +112,10 @@ def prepare(scene: Scene, ranks: int, quiet: bool) -> None:
 
 def _decompose(case: Path, sweep: xr.Dataset, planform: xr.Dataset, ranks: int) -> None:
     column = sweep["cell_column"].values
-    centres = cell_centres(
-        planform["points"].values[0], planform["triangles"].values, planform["quads"].values
-    )
+    triangles, quads = planform["triangles"].values, planform["quads"].values
+    centres = cell_centres(planform["points"].values[0], triangles, quads)
     load = np.bincount(column, minlength=len(centres)).astype(float)
-    rank = partition_columns(centres, load, ranks)[column]
+    rank = partition_columns(centres, load, ranks, neighbours(planform_edges(triangles, quads)))[column]
     write_list(case / "constant" / "cellDecomposition", "labelList", "constant", rank)
     set_number(case, "ranks", str(ranks))
     run_tool(["decomposePar", "-force", "-noFunctionObjects"], case, "log.decomposePar")

@@ -31,7 +31,7 @@ BEFORE = {
     "vortices_cfd": "sheet",
     "vortices_piv": "piv",
 }
-LAST = ("fea", *BEFORE, "vortices", "compare")
+LAST = ("fea", *BEFORE, "vortices", "compare", "report")
 OWN_COLUMNS = {"run", "level", "ranks", "until", "piv_chunks"}
 
 
@@ -57,7 +57,9 @@ def read_study(path: Path) -> list[Row]:
         ) from None
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     reader = csv.DictReader(lines, skipinitialspace=True)
-    unknown = [c for c in reader.fieldnames or () if c not in OWN_COLUMNS and not re.fullmatch(r"\w+(\.\w+)+", c)]
+    unknown = [
+        c for c in reader.fieldnames or () if c not in OWN_COLUMNS and not re.fullmatch(r"\w+(\.\w+)+", c)
+    ]
     if "run" not in (reader.fieldnames or ()) or unknown:
         raise StageError(
             f"{path}: column {(unknown or ['run'])[0]!r}: the header must be run, level, ranks, until, piv_chunks"
@@ -67,7 +69,9 @@ def read_study(path: Path) -> list[Row]:
     names = [row.run for row in rows]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice or not rows:
-        raise StageError(f"{path}: " + (f"run {twice!r} occurs twice; rename one" if twice else "no rows; add runs"))
+        raise StageError(
+            f"{path}: " + (f"run {twice!r} occurs twice; rename one" if twice else "no rows; add runs")
+        )
     return rows
 
 
@@ -84,11 +88,11 @@ def _row(path: Path, record: dict[str, str | None]) -> Row:
     until = given.get("until", "vortices")
     if until not in LAST:
         raise StageError(f"{path}: run {name}: until = {until!r}: give one of {', '.join(LAST)}")
-    overrides = {key: _value(text) for key, text in given.items() if key not in OWN_COLUMNS}
+    overrides = {key: parse_cell(text) for key, text in given.items() if key not in OWN_COLUMNS}
     return Row(name, given.get("level", "coarse"), until=until, overrides=overrides, **counts)
 
 
-def _value(text: str) -> Any:
+def parse_cell(text: str) -> Any:
     """A cell as JSON where it is (numbers, true, lists), as text otherwise."""
     try:
         return json.loads(text)
@@ -183,7 +187,9 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m pipeline.study", description=__doc__)
     parser.add_argument("table", type=Path, help="study table (.csv)")
-    parser.add_argument("--scene", type=Path, help="folder of the scene (default: the one that the table lies in)")
+    parser.add_argument(
+        "--scene", type=Path, help="folder of the scene (default: the one that the table lies in)"
+    )
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     args = parser.parse_args()
 

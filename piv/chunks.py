@@ -34,7 +34,9 @@ class Chunk:
         if not 1 <= number <= of:
             raise ValueError(f"chunk {number}/{of}: give k/n with k from 1 to n")
         if of > fields:
-            raise ValueError(f"chunk {number}/{of}: the recording gives only {fields} fields; ask for fewer chunks")
+            raise ValueError(
+                f"chunk {number}/{of}: the recording gives only {fields} fields; ask for fewer chunks"
+            )
         first, last = (fields * k // of for k in (number - 1, number))
         return cls(number, of, first, last - first, fields)
 
@@ -82,7 +84,9 @@ def parts_of(output: str | Path) -> list[Path]:
     of = int(divisions.pop().removesuffix(path.suffix))
     missing = [k for k in range(1, of + 1) if not chunk_path(path, k, of).exists()]
     if missing:
-        raise ValueError(f"{chunk_path(path, missing[0], of)}: missing, with {len(missing)} of {of} chunks; make it first")
+        raise ValueError(
+            f"{chunk_path(path, missing[0], of)}: missing, with {len(missing)} of {of} chunks; make it first"
+        )
     return found
 
 

@@ -78,7 +78,9 @@ class SeriesWriter:
             plain = name in ("valid", "flag", "correlation")
             self._label(name, ("time", "y", "x"), "1" if plain else units["u"])
         self._file.create_dataset("_done", data=np.zeros(self.count, np.uint8))
-        for name in sorted(attrs):  # h5py reads them in this order: a file joined of others is equal to the last byte
+        for name in sorted(
+            attrs
+        ):  # h5py reads them in this order: a file joined of others is equal to the last byte
             self._file.attrs[name] = attrs[name]
         self._file.attrs["format"] = FORMAT
         self._file.attrs["format_version"] = FORMAT_VERSION

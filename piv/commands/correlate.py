@@ -128,7 +128,9 @@ def share_out(args: argparse.Namespace) -> None:
     with ProcessPoolExecutor(args.processes, get_context("spawn")) as pool:
         waiting = [pool.submit(run, job) for job in jobs]
         try:
-            for future in tqdm(as_completed(waiting), "correlate", len(jobs), unit="chunk", disable=args.quiet):
+            for future in tqdm(
+                as_completed(waiting), "correlate", len(jobs), unit="chunk", disable=args.quiet
+            ):
                 future.result()
         except BaseException:
             pool.shutdown(cancel_futures=True)

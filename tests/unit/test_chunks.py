@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 import tracemalloc
+from itertools import pairwise
 from pathlib import Path
 
 import h5py
@@ -30,7 +31,13 @@ def recording_file(tmp_path_factory):
     """Twelve small frames with mask, scale and a finger, whose directions must stay unit vectors."""
     path = tmp_path_factory.mktemp("recording") / "images.h5"
     images = render(lambda x, y: (1.5 + 0 * x, 0 * y), shape=SHAPE, seed=4, frames=tuple(range(FRAMES)))
-    attrs = {"scale_m_per_px": 1e-4, "origin_x_px": 3.0, "origin_y_px": 0.0, "frame_rate_hz": 500.0, "bits": 8}
+    attrs = {
+        "scale_m_per_px": 1e-4,
+        "origin_x_px": 3.0,
+        "origin_y_px": 0.0,
+        "frame_rate_hz": 500.0,
+        "bits": 8,
+    }
     angle = np.linspace(0, 1, FRAMES)[:, None]
     with RecordingWriter(path, SHAPE, np.uint8, FRAMES, attrs, mask=True) as writer:
         for k, image in enumerate(images):
@@ -51,7 +58,10 @@ def serial(recording_file, tmp_path_factory):
 
 def chunked(recording_file, out: Path, of: int, *more: str) -> None:
     for k in range(1, of + 1):
-        assert main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--chunk", f"{k}/{of}", *more]) == 0
+        assert (
+            main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--chunk", f"{k}/{of}", *more])
+            == 0
+        )
 
 
 def test_chunks_joined_are_the_serial_file_to_the_last_byte(recording_file, serial, tmp_path):
@@ -76,7 +86,17 @@ def test_a_finished_chunk_is_kept_unless_settings_changed(recording_file, tmp_pa
     before = first.stat().st_mtime_ns
     chunked(recording_file, out, 2)
     assert first.stat().st_mtime_ns == before
-    arguments = ["correlate", str(recording_file), "-o", str(out), "--quiet", "--chunk", "1/2", "--window", "24"]
+    arguments = [
+        "correlate",
+        str(recording_file),
+        "-o",
+        str(out),
+        "--quiet",
+        "--chunk",
+        "1/2",
+        "--window",
+        "24",
+    ]
     assert main(arguments) == 0
     assert first.stat().st_mtime_ns > before
     assert main(["join", str(out)]) == 2  # one half has other windows
@@ -101,7 +121,7 @@ def test_bad_chunks_end_with_one_sentence(recording_file, tmp_path, capsys, extr
 def test_chunks_cover_every_field_once():
     parts = [Chunk.of_series(99_999, k, 64) for k in range(1, 65)]
     assert parts[0].first == 0
-    assert all(a.first + a.count == b.first for a, b in zip(parts, parts[1:], strict=False))
+    assert all(a.first + a.count == b.first for a, b in pairwise(parts))
     assert parts[-1].first + parts[-1].count == 99_999
     assert {part.count for part in parts} <= {1562, 1563}
 
