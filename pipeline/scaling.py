@@ -19,9 +19,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.errors import StageError
+from pipeline.legs import read_legs
 from pipeline.scene import Scene, load_scene
-from pipeline.stage import guarded, parser
+from pipeline.stage import guarded, parser, read_dataset
 
 DATA = Path(__file__).with_name("scaling.toml")
 
@@ -168,12 +171,9 @@ def _low(values: list[float]) -> float:
 
 
 def size(scene: Scene) -> tuple[int, int]:
-    """Cells and columns of a scene's mesh; StageError where it was not made."""
-    import numpy as np
-
-    from pipeline.stage import read_dataset
-
-    with read_dataset(scene.out / "sweep.h5", "sweep") as sweep:
+    """Cells and columns of a scene's mesh, of its longest leg; StageError where it was not made."""
+    leg = max(read_legs(scene.out), key=lambda leg: leg.end - leg.start)
+    with read_dataset(scene.out / "sweep.h5", "sweep", leg.name) as sweep:
         column = sweep["cell_column"].values
     return len(column), len(np.unique(column))
 
@@ -234,7 +234,10 @@ def main() -> None:
         cells, columns = size(scene)
         numerics = scene.numerics
         if args.measure:
-            step = measured(scene.out / "case", numerics.sampling_steps(scene.sheet.rate_hz))
+            step = measured(
+                scene.out / "case" / read_legs(scene.out)[0].name,
+                numerics.sampling_steps(scene.sheet.rate_hz),
+            )
             correctors = numerics.pressure_correctors * (1 + numerics.non_orthogonal_correctors)
             print(f"cells = {cells}\ncolumns = {columns}\ncorrectors = {correctors}")
             print("\n".join(f"{key} = {value:.5g}" for key, value in step.items()))
