@@ -192,6 +192,7 @@ class Piv(Section):
     spacing: Annotated[int, Field(ge=1)] = 8
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
     every: Annotated[int, Field(ge=1)] = 1
+    frames: Annotated[int, Field(ge=2)] = 2  # 3, 5, …: multi-frame sets
 
 
 class Vortices(Section):
