@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 import xarray as xr
 
-from pipeline import paper_model
+from pipeline import paper_model, rigid
 from pipeline.errors import StageError
 from pipeline.motion_law import PressureLaw, measured_law, stroke_law
 from pipeline.scene import Finger, Motion, Scene, digest
@@ -205,9 +205,11 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
 
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write kinematics.h5."""
-    dataset = kinematics_dataset(scene)
+    dataset = rigid.kinematics_dataset(scene) if scene.body else kinematics_dataset(scene)
     write_dataset(dataset, scene.out / "kinematics.h5")
-    if not quiet:
+    if not quiet and scene.body:
+        print(f"kinematics: a {scene.body.shape} in {dataset.sizes['shape_parameter']} places")
+    elif not quiet:
         bend = np.degrees(dataset["shape_bend"].values)
         print(f"kinematics: {bend.min():.1f}° … {bend.max():.1f}° of bend in {len(bend)} shapes")
 

@@ -149,7 +149,7 @@ def read_family(scene: Scene) -> Family:
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write planform.h5 and mesh_quality.csv."""
     family = read_family(scene)
-    built = middle_of_stroke(family.bend)
+    built = middle_of_stroke(family.parameter if scene.body else family.bend)
     planform = build_planform(
         family.outline[built], family.tip[built], 0.5 * scene.tank.size[0], scene.tank.water_depth, scene.mesh,
         family.tip,

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from pipeline.errors import StageError
+from pipeline.rigid_scene import Body, Law
 from pipeline.scene_file import merge, read_tables
 
 Positive = Annotated[float, Field(gt=0)]
@@ -78,16 +79,26 @@ class Segment(Section):
 class Motion(Section):
     """Where shapes and the pressure history come from."""
 
-    source: Literal["fea", "paper_equations"] = "paper_equations"
+    source: Literal["fea", "paper_equations", "rigid"] = "paper_equations"
     states: str | None = None
     start_pressure_kpa: float = 0.0
     strokes: tuple[Segment, ...] = ()
     pressure_csv: str | None = None
     end_time: Positive
     max_bend_step_deg: Positive = 5.0
+    displacement: Law | None = None  # of a rigid body, m
+    rotation: Law | None = None  # of a rigid body, deg
+    path_step: Positive | None = None  # way of a rigid body between two shapes of the mesh
 
     @model_validator(mode="after")
     def _one_history(self) -> Motion:
+        rigid = (self.displacement is not None) + (self.rotation is not None)
+        if rigid != (self.source == "rigid") or (rigid and (self.strokes or self.pressure_csv)):
+            raise ValueError(
+                "motion.source = 'rigid' takes either motion.displacement or motion.rotation and nothing else"
+            )
+        if rigid:
+            return self
         if bool(self.strokes) == bool(self.pressure_csv):
             raise ValueError("give either motion.strokes or motion.pressure_csv, not both and not neither")
         if self.pressure_csv and self.start_pressure_kpa != 0:
@@ -205,6 +216,7 @@ class Scene(Section):
     tank: Tank = Tank()
     fluid: Fluid = Fluid()
     finger: Finger
+    body: Body | None = None  # in the finger's place: validation against what is known of it
     motion: Motion
     model: Model = Model()
     mesh: Mesh
@@ -216,13 +228,42 @@ class Scene(Section):
     actuator: dict[str, Any] = {}
     fea: dict[str, Any] = {}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _body_for_finger(cls, table: Any) -> Any:
+        """A rigid body takes the finger's place: its centre is the root, its depth the width."""
+        body = table.get("body") if isinstance(table, dict) else None
+        if isinstance(body, dict) and "centre" in body:
+            if "finger" in table:
+                raise ValueError("give either finger or body")
+            table = {**table, "finger": {"root": body["centre"], "width": body.get("depth", 1.0)}}
+        return table
+
     @model_validator(mode="after")
     def _physical(self) -> Scene:
-        tank, finger = self.tank, self.finger
-        if tank.water_depth > tank.size[1]:
+        if (self.body is None) == (self.motion.source == "rigid"):
+            raise ValueError("body and motion.source = 'rigid' belong together; give both or neither")
+        if self.tank.water_depth > self.tank.size[1]:
             raise ValueError(
-                f"tank.water_depth = {tank.water_depth} m exceeds the tank's height {tank.size[1]} m"
+                f"tank.water_depth = {self.tank.water_depth} m exceeds the tank's height {self.tank.size[1]} m"
             )
+        if self.body is None:
+            self._check_finger()
+        self.numerics.sampling_steps(self.sheet.rate_hz)
+        steps = self.motion.end_time / self.numerics.time_step
+        if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
+            raise ValueError(
+                f"motion.end_time = {self.motion.end_time:g} s is no whole number of numerics.time_step ="
+                f" {self.numerics.time_step:g} s; give {max(1, round(steps)) * self.numerics.time_step:g}"
+            )
+        if abs(self.sheet.z) >= self.tank.size[2] / 2:
+            raise ValueError(f"sheet.z = {self.sheet.z} m lies outside the tank")
+        if self.model.kind != "full" and self.sheet.z != 0:
+            raise ValueError("sheet.z must be 0 unless model.kind = 'full': the sheet is the symmetry plane")
+        return self
+
+    def _check_finger(self) -> None:
+        tank, finger = self.tank, self.finger
         if finger.length > 1 or max(tank.size) > 20:
             raise ValueError("finger.length or tank.size looks like millimetres; give metres")
         if not abs(finger.root[0]) < tank.size[0] / 2 or not 0 < finger.root[1] < tank.water_depth:
@@ -237,18 +278,6 @@ class Scene(Section):
             )
         if finger.width >= tank.size[2]:
             raise ValueError(f"finger.width = {finger.width} m does not fit between the tank's walls")
-        self.numerics.sampling_steps(self.sheet.rate_hz)
-        steps = self.motion.end_time / self.numerics.time_step
-        if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
-            raise ValueError(
-                f"motion.end_time = {self.motion.end_time:g} s is no whole number of numerics.time_step ="
-                f" {self.numerics.time_step:g} s; give {max(1, round(steps)) * self.numerics.time_step:g}"
-            )
-        if abs(self.sheet.z) >= tank.size[2] / 2:
-            raise ValueError(f"sheet.z = {self.sheet.z} m lies outside the tank")
-        if self.model.kind != "full" and self.sheet.z != 0:
-            raise ValueError("sheet.z must be 0 unless model.kind = 'full': the sheet is the symmetry plane")
-        return self
 
     @property
     def out(self) -> Path:
@@ -272,7 +301,7 @@ class Scene(Section):
 
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
 STAGE_SECTIONS: dict[str, Any] = {
-    "kinematics": {"tank", "finger", "motion"},
+    "kinematics": {"tank", "finger", "body", "motion"},
     "mesh": {"mesh", "model"},
     # the solver needs no more of the sheet than this: a finer grid does not solve again
     "case": {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
