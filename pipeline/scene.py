@@ -10,20 +10,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from pipeline.errors import StageError
 from pipeline.rigid_scene import Body, Law
 from pipeline.scene_file import merge, read_tables
-
-Positive = Annotated[float, Field(gt=0)]
-Pair = tuple[float, float]
-
-
-class Section(BaseModel):
-    """A frozen table of numbers that refuses keys it does not know."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+from pipeline.scene_pinch import Pinch, Support, check_pinch, check_support
+from pipeline.scene_section import Pair, Positive, Section
 
 
 class Tank(Section):
@@ -56,7 +49,10 @@ class Tip(Section):
 
 
 class Finger(Section):
-    """Pose and envelope, m; `root` is the middle of the root in the tank frame."""
+    """Pose and envelope, m; `root` is the middle of the root in the tank frame.
+
+    Of a pinch it is finger 0, the left one: `root` in scene.toml says x = 0, the loaded scene -pinch.half_distance.
+    """
 
     root: Pair
     length: Positive = 0.070
@@ -86,6 +82,7 @@ class Motion(Section):
     pressure_csv: str | None = None
     end_time: Positive
     max_bend_step_deg: Positive = 5.0
+
     displacement: Law | None = None  # of a rigid body, m
     rotation: Law | None = None  # of a rigid body, deg
     path_step: Positive | None = None  # way of a rigid body between two shapes of the mesh
@@ -129,9 +126,13 @@ class Mesh(Section):
 
 
 class Model(Section):
-    """How much of the tank is computed: a plane, half of it (symmetry at the sheet), or all."""
+    """How much of the tank is computed: a plane, half of it (symmetry at the sheet), or all.
 
-    kind: Literal["2d", "half", "full"] = "half"
+    A pinch has a second symmetry plane, x = 0 between its fingers: a `quarter` uses both, and `2d` uses that one too;
+    `half` and `full` then hold both fingers.
+    """
+
+    kind: Literal["2d", "quarter", "half", "full"] = "half"
 
 
 class Numerics(Section):
@@ -217,6 +218,8 @@ class Scene(Section):
     fluid: Fluid = Fluid()
     finger: Finger
     body: Body | None = None  # in the finger's place: validation against what is known of it
+    pinch: Pinch | None = None
+    support: Support | None = None
     motion: Motion
     model: Model = Model()
     mesh: Mesh
@@ -225,8 +228,15 @@ class Scene(Section):
     camera: Camera
     piv: Piv = Piv()
     vortices: Vortices = Vortices()
-    actuator: dict[str, Any] = {}
-    fea: dict[str, Any] = {}
+    actuator: dict[str, Any] = Field(default_factory=dict)
+    fea: dict[str, Any] = Field(default_factory=dict)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _quarter_of_a_pinch(cls, table: Any) -> Any:
+        if isinstance(table, dict) and table.get("pinch") is not None and "model" not in table:
+            return table | {"model": {"kind": "quarter"}}
+        return table
 
     @model_validator(mode="before")
     @classmethod
@@ -240,31 +250,19 @@ class Scene(Section):
         return table
 
     @model_validator(mode="after")
-    def _physical(self) -> Scene:
+    def _one_body(self) -> Scene:
         if (self.body is None) == (self.motion.source == "rigid"):
             raise ValueError("body and motion.source = 'rigid' belong together; give both or neither")
-        if self.tank.water_depth > self.tank.size[1]:
-            raise ValueError(
-                f"tank.water_depth = {self.tank.water_depth} m exceeds the tank's height {self.tank.size[1]} m"
-            )
-        if self.body is None:
-            self._check_finger()
-        self.numerics.sampling_steps(self.sheet.rate_hz)
-        steps = self.motion.end_time / self.numerics.time_step
-        if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
-            raise ValueError(
-                f"motion.end_time = {self.motion.end_time:g} s is no whole number of numerics.time_step ="
-                f" {self.numerics.time_step:g} s; give {max(1, round(steps)) * self.numerics.time_step:g}"
-            )
-        if abs(self.sheet.z) >= self.tank.size[2] / 2:
-            raise ValueError(f"sheet.z = {self.sheet.z} m lies outside the tank")
-        if self.model.kind != "full" and self.sheet.z != 0:
-            raise ValueError("sheet.z must be 0 unless model.kind = 'full': the sheet is the symmetry plane")
         return self
 
-    def _check_finger(self) -> None:
+    @model_validator(mode="after")
+    def _physical(self) -> Scene:
         tank, finger = self.tank, self.finger
-        if finger.length > 1 or max(tank.size) > 20:
+        if tank.water_depth > tank.size[1]:
+            raise ValueError(
+                f"tank.water_depth = {tank.water_depth} m exceeds the tank's height {tank.size[1]} m"
+            )
+        if self.body is None and (finger.length > 1 or max(tank.size) > 20):
             raise ValueError("finger.length or tank.size looks like millimetres; give metres")
         if not abs(finger.root[0]) < tank.size[0] / 2 or not 0 < finger.root[1] < tank.water_depth:
             raise ValueError(
@@ -278,6 +276,33 @@ class Scene(Section):
             )
         if finger.width >= tank.size[2]:
             raise ValueError(f"finger.width = {finger.width} m does not fit between the tank's walls")
+        if self.pinch is not None:
+            check_pinch(self.pinch, finger, tank, self.motion.start_pressure_kpa)
+        elif self.model.kind == "quarter":
+            raise ValueError(
+                "model.kind = 'quarter' needs the second symmetry plane of [pinch]; give 'half' for a single finger"
+            )
+        if self.support is not None:
+            check_support(self.support, finger, tank)
+        self.numerics.sampling_steps(self.sheet.rate_hz)
+        steps = self.motion.end_time / self.numerics.time_step
+        if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
+            raise ValueError(
+                f"motion.end_time = {self.motion.end_time:g} s is no whole number of numerics.time_step ="
+                f" {self.numerics.time_step:g} s; give {max(1, round(steps)) * self.numerics.time_step:g}"
+            )
+        if abs(self.sheet.z) >= tank.size[2] / 2:
+            raise ValueError(f"sheet.z = {self.sheet.z} m lies outside the tank")
+        if self.model.kind != "full" and self.sheet.z != 0:
+            raise ValueError("sheet.z must be 0 unless model.kind = 'full': the sheet is the symmetry plane")
+        return self
+
+    def placed(self) -> Scene:
+        """The scene with the fingers of a pinch where it hangs them; itself without a pinch."""
+        if self.pinch is None:
+            return self
+        finger = self.finger.model_copy(update={"root": (-self.pinch.half_distance, self.finger.root[1])})
+        return self.model_copy(update={"finger": finger})
 
     @property
     def out(self) -> Path:
@@ -301,8 +326,8 @@ class Scene(Section):
 
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
 STAGE_SECTIONS: dict[str, Any] = {
-    "kinematics": {"tank", "finger", "body", "motion"},
-    "mesh": {"mesh", "model"},
+    "kinematics": {"tank", "finger", "body", "pinch", "motion"},
+    "mesh": {"mesh", "model", "support"},
     # the solver needs no more of the sheet than this: a finer grid does not solve again
     "case": {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
     "run": set(),
@@ -386,7 +411,7 @@ def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
         if key in table:
             raise StageError(f"{path}: {key}: this key is not known; check its spelling or remove it")
     try:
-        return Scene(**table, name=folder.name, level=level, folder=folder)
+        return Scene(**table, name=folder.name, level=level, folder=folder).placed()
     except ValidationError as error:
         raise StageError(f"{path}: {_sentence(error)}") from None
 
