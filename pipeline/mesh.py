@@ -33,6 +33,7 @@ class Family:
     outline: np.ndarray
     tip: np.ndarray
     bend: np.ndarray
+    edges: np.ndarray | None = None  # (knot, edge, 2) m: where the mesh is fine, if not at the tip alone
 
 
 def graded_layers(scene: Scene) -> np.ndarray:
@@ -142,7 +143,8 @@ def read_family(scene: Scene) -> Family:
     """The shapes of kinematics.h5."""
     with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
         return Family(
-            *(file[n].values for n in ("shape_parameter", "shape_outline", "shape_tip", "shape_bend"))
+            *(file[n].values for n in ("shape_parameter", "shape_outline", "shape_tip", "shape_bend")),
+            edges=file["shape_edges"].values if "shape_edges" in file else None,
         )
 
 
@@ -150,9 +152,10 @@ def run(scene: Scene, quiet: bool = False) -> None:
     """Write planform.h5 and mesh_quality.csv."""
     family = read_family(scene)
     built = middle_of_stroke(family.parameter if scene.body else family.bend)
+    fine = family.tip if family.edges is None else family.edges
     planform = build_planform(
-        family.outline[built], family.tip[built], 0.5 * scene.tank.size[0], scene.tank.water_depth, scene.mesh,
-        family.tip,
+        family.outline[built], fine[built], 0.5 * scene.tank.size[0], scene.tank.water_depth, scene.mesh,
+        fine.reshape(-1, 2),
     )  # fmt: skip
     frames = morph_family(planform, family, built, quiet)
     along, shapes = between(family, frames)

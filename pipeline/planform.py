@@ -38,13 +38,13 @@ def outline_at(outline: np.ndarray, material: np.ndarray) -> np.ndarray:
 
 
 def wall_nodes(outline: np.ndarray, tip: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """Fractional point indices along a closed outline, spaced `tip_cell` near the tip, `wall_cell` elsewhere."""
+    """Fractional point indices along a closed outline, spaced `tip_cell` near the tip or tips, `wall_cell` elsewhere."""
     closed = np.vstack([outline, outline[:1]])
     step = np.hypot(*np.diff(closed, axis=0).T)
     walk = np.concatenate([[0], np.cumsum(step)])
     fine = np.linspace(0, walk[-1], 20 * len(outline), endpoint=False)
     x, y = np.interp(fine, walk, closed[:, 0]), np.interp(fine, walk, closed[:, 1])
-    distance = np.hypot(x - tip[0], y - tip[1])
+    distance = np.min([np.hypot(x - a, y - b) for a, b in np.atleast_2d(tip)], axis=0)
     blend = np.clip((distance - 0.012) / 0.02, 0, 1)
     size = mesh.tip_cell + (mesh.wall_cell - mesh.tip_cell) * blend
     count_walk = np.concatenate([[0], np.cumsum((fine[1] - fine[0]) / size)])

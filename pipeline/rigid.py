@@ -71,6 +71,13 @@ def rest_outline(body: Body) -> np.ndarray:
     return turned(np.column_stack([sign * x, sign * y]), np.radians(body.angle_deg))
 
 
+def edges(body: Body) -> np.ndarray:
+    """Where the mesh must be fine (edge, 2), about the body's centre, m: a plate's ends, a circle's centre."""
+    half = 0.5 * body.size if body.shape == "plate" else 0.0
+    ends = np.array([[half, 0.0], [-half, 0.0]]) if half else np.zeros((1, 2))
+    return turned(ends, np.radians(body.angle_deg))
+
+
 def turned(points: np.ndarray, angle: float) -> np.ndarray:
     """Points (…, 2) rotated counter-clockwise by `angle` rad."""
     c, s = np.cos(angle), np.sin(angle)
@@ -91,16 +98,18 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
     way, speed = unit * path.way, unit * path.rate
     low, high = float(way.min()), float(way.max())
     if high - low < 1e-12:
-        raise StageError(f"{scene.folder / 'scene.toml'}: the body never moves; motion.end_time must exceed the law's start")
+        raise StageError(
+            f"{scene.folder / 'scene.toml'}: the body never moves; motion.end_time must exceed the law's start"
+        )
     step = motion.path_step or (np.radians(5.0) if motion.rotation else 0.1 * body.size)
     knots = np.linspace(low, high, max(5, int(np.ceil((high - low) / step)) + 1))
     outline, centre = rest_outline(body), np.asarray(body.centre)
     direction = turned(np.array([1.0, 0.0]), np.radians(law.direction_deg))
 
-    def placed(at: np.ndarray) -> np.ndarray:
+    def placed(at: np.ndarray, points: np.ndarray = outline) -> np.ndarray:
         if motion.rotation:
-            return np.array([turned(outline, q) for q in at]) + centre
-        return outline + centre + at[:, None, None] * direction
+            return np.array([turned(points, q) for q in at]) + centre
+        return points + centre + at[:, None, None] * direction
 
     def rates(at: np.ndarray) -> np.ndarray:
         if motion.rotation:
@@ -110,7 +119,9 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
     shapes = placed(knots)
     _check(shapes, scene)
     turn = knots if motion.rotation else np.zeros_like(knots)
-    middle = centre + np.zeros_like(knots)[:, None] if motion.rotation else centre + knots[:, None] * direction
+    middle = (
+        centre + np.zeros_like(knots)[:, None] if motion.rotation else centre + knots[:, None] * direction
+    )
     look = np.linspace(0, motion.end_time, 101)
     law_at = CubicSpline(path.time, way)
     at = law_at(look)
@@ -125,9 +136,14 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
             "pressure_rate": ("time", speed, {"units": f"{units}/s"}),
             "bend": ("look", bend, {"units": "rad", "long_name": "turn of the body"}),
             "outline": (("look", *point), placed(at), {"units": "m"}),
-            "outline_velocity": (("look", *point), rates(at) * law_at(look, 1)[:, None, None], {"units": "m/s"}),
+            "outline_velocity": (
+                ("look", *point),
+                rates(at) * law_at(look, 1)[:, None, None],
+                {"units": "m/s"},
+            ),
             "shape_outline": (("shape_parameter", *point), shapes, {"units": "m"}),
             "shape_outline_rate": (("shape_parameter", *point), rates(knots), {"units": f"m/{units}"}),
+            "shape_edges": (("shape_parameter", "edge", "axis"), placed(knots, edges(body)), {"units": "m"}),
             "shape_bend": ("shape_parameter", turn, {"units": "rad"}),
             "shape_tip": (("shape_parameter", "axis"), middle, {"units": "m"}),
             "shape_tip_direction": (("shape_parameter", "axis"), along, {"units": "1"}),

@@ -65,5 +65,7 @@ class Law(BaseModel):
         for kind, keys in wanted.items():
             for key in keys:
                 if (kind == self.kind) != (getattr(self, key) is not None):
-                    raise ValueError(f"kind = '{self.kind}' takes {' and '.join(wanted[self.kind])}, no more and no less")
+                    raise ValueError(
+                        f"kind = '{self.kind}' takes {' and '.join(wanted[self.kind])}, no more and no less"
+                    )
         return self
