@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from pipeline import paper_model
+from pipeline import paper_model, rigid
 from pipeline.contact import closing_sentence, closing_summary, gap
 from pipeline.moving_finger import Kinematics, law_times, load_kinematics
 from pipeline.scene import Scene, digest
@@ -148,9 +148,11 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
 
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write kinematics.h5."""
-    dataset = kinematics_dataset(scene)
+    dataset = rigid.kinematics_dataset(scene) if scene.body else kinematics_dataset(scene)
     write_dataset(dataset, scene.out / "kinematics.h5")
-    if not quiet:
+    if not quiet and scene.body:
+        print(f"kinematics: a {scene.body.shape} in {dataset.sizes['shape_parameter']} places")
+    elif not quiet:
         bend = np.degrees(dataset["shape_bend"].values)
         speed = dataset.attrs["peak_tip_speed"]
         print(
