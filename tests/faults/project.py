@@ -76,7 +76,7 @@ def out_of(project: Path) -> Path:
 
 def command(target: str) -> list[str]:
     """The make that a user would type, told that the set-up is there."""
-    return ["make", "--no-print-directory", f"LEVEL={LEVEL}", "NP=1", "QUIET=1", "READY=Makefile", target]
+    return [shutil.which("make") or "make", "--no-print-directory", f"LEVEL={LEVEL}", "NP=1", "QUIET=1", "READY=Makefile", target]
 
 
 def start(project: Path, target: str, log: Path, **env: str) -> subprocess.Popen:
