@@ -13,9 +13,15 @@ import numpy as np
 MAX_CONTINUITY = 1e-2  # sum of the local errors per step; a sound run has 1e-5 or less
 MAX_PRESSURE_ITERATIONS = 1000  # OpenFOAM's own limit for one solution
 UNSOLVED_STEPS = 5  # steps in a row whose pressure does not converge
-ENERGY_TOLERANCE = 0.05  # of the largest energy so far; sound runs: 0, and 0.001 where the flow changes meshes
-FLOOR = 1e-3  # of the energy that the finger's volume of water has at its peak speed: below it nothing is judged
-UNRESOLVED = 0.2  # part of the peak speed by which a wall may change within one time step for its work to be sampled
+ENERGY_TOLERANCE = (
+    0.05  # of the largest energy so far; sound runs: 0, and 0.001 where the flow changes meshes
+)
+FLOOR = (
+    1e-3  # of the energy that the finger's volume of water has at its peak speed: below it nothing is judged
+)
+UNRESOLVED = (
+    0.2  # part of the peak speed by which a wall may change within one time step for its work to be sampled
+)
 SILENCE = 900.0  # s without a line from the solver
 
 FINER = "lower numerics.time_step or refine the mesh"
@@ -79,6 +85,7 @@ class Budget:
     work: float = 0.0
     largest: float = 0.0
     least: float = 0.0
+    worst: float = 0.0  # energy from nothing so far, J
 
     def begin(self, time: float, power: float, kinetic: float) -> None:
         """Take what is there at the start."""
@@ -97,20 +104,30 @@ class Budget:
         self.least = balance if jumped else min(self.least, balance)
         self.largest = max(self.largest, kinetic, abs(self.work))
         excess = balance - self.least
+        self.worst = max(self.worst, excess)
         return excess if excess > ENERGY_TOLERANCE * self.largest + self.floor else None
+
+
+def energy_cause(kinetic: float, excess: float) -> str:
+    """What a budget's verdict means."""
+    if not np.isfinite(excess):
+        return "the water's energy is not a number"
+    return f"the water has {kinetic:.3g} J of kinetic energy, {excess:.3g} J more than the finger's work accounts for"
 
 
 @dataclass
 class EnergyGuard:
     """Follows the samples that the solver writes to `samples` (postProcessing), and holds the energy against the work.
 
-    `work_rate(path, density)`: power (W) of a sampled surface of the finger; `from_rest`: the water is at rest when the
+    `work_rate(path, density)`: power (W) of a sampled surface of the finger; `rule`: the budget before any sample, `budget`
+    that of the solver's present start; `from_rest`: the water is at rest when the
     solver starts, else the first sample is what the budget begins with.
     """
 
     samples: Path
     density: float
     work_rate: Callable[[Path, float], float]
+    rule: Budget  # as it is before the first sample
     budget: Budget
     from_rest: bool = True
     rows: int = 0
@@ -129,10 +146,7 @@ class EnergyGuard:
                 continue
             excess = self.budget.add(*sample)
             if excess is not None:
-                return (
-                    f"the water has {sample[2]:.2g} J of kinetic energy, {excess:.2g} J more than the finger's work"
-                    " accounts for"
-                )
+                return energy_cause(sample[2], excess)
         return None
 
     def _table(self) -> list[tuple[float, float]]:
@@ -159,7 +173,9 @@ def wall_steps(positions: np.ndarray, time_step: float) -> tuple[float, np.ndarr
     return peak, jump > UNRESOLVED * peak
 
 
-def energy_budget(positions: np.ndarray, start: float, time_step: float, depth: float, density: float) -> Budget:
+def energy_budget(
+    positions: np.ndarray, start: float, time_step: float, depth: float, density: float
+) -> Budget:
     """The budget of a run whose wall nodes, in order along the outline, take `positions` (step, node, 2) from `start` on.
 
     `depth` (m) is the finger's extent in z within the computed part.

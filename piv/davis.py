@@ -24,7 +24,11 @@ def read_buffer(path: Path, plane: int = 0) -> dict[str, Any]:
     global _worker
     if _worker is None or _worker.poll() is not None:
         _worker = subprocess.Popen(
-            [sys.executable, "-c", f"import sys; sys.path[:0] = {sys.path!r}; import piv.davis; piv.davis.serve()"],
+            [
+                sys.executable,
+                "-c",
+                f"import sys; sys.path[:0] = {sys.path!r}; import piv.davis; piv.davis.serve()",
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

@@ -35,7 +35,11 @@ def sentence(error: BaseException) -> str | None:
         file = found.group(1)
     if number is not None:
         advice = f"; {ADVICE[number]}" if number in ADVICE else ""
-        text = error.strerror if isinstance(error, OSError) and error.strerror and not named else os.strerror(number)
+        text = (
+            error.strerror
+            if isinstance(error, OSError) and error.strerror and not named
+            else os.strerror(number)
+        )
         return f"{file}: {text}{advice}" if file else f"{text}{advice}"
     if isinstance(error, MemoryError):
         return f"not enough memory ({one_line(error)}); close other programs or work in smaller parts"

@@ -24,7 +24,9 @@ def exclusive(target: Path, *, wait: bool = False) -> Iterator[None]:
         except OSError:
             os.close(descriptor)
             raise BlockingIOError(
-                errno.EWOULDBLOCK, "another make or command is writing it; wait for it or stop it", str(target)
+                errno.EWOULDBLOCK,
+                "another make or command is writing it; wait for it or stop it",
+                str(target),
             ) from None
         try:  # its last holder may have removed it between our opening and locking it
             if os.path.samestat(os.fstat(descriptor), os.stat(path)):

@@ -17,7 +17,15 @@ from piv.errors import one_line
 from piv.hdf5_check import check_walkable
 
 COLOURS = ("refuse", "luma", "green")
-HDF5_ERRORS = (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError, AttributeError)  # of damaged files
+HDF5_ERRORS = (
+    OSError,
+    RuntimeError,
+    KeyError,
+    ValueError,
+    TypeError,
+    MemoryError,
+    AttributeError,
+)  # of damaged files
 LARGEST_CHUNK = 2**28  # px that reading one frame may bring into memory
 RECENT_FRAMES = 8  # of a video, so that neighbouring pairs need no seeking
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # each failure becomes one sentence of ours
@@ -327,7 +335,9 @@ class RecordingFile(Recording):
             raise ValueError(f"format is {kind!r}, expected 'recording' with frames (time, row, column)")
         frames = self._file["frames"]
         if frames.ndim != 3 or 0 in frames.shape or frames.dtype not in (np.uint8, np.uint16):
-            raise ValueError(f"frames are {frames.shape} {frames.dtype}, expected (time, row, column) of uint8 or uint16")
+            raise ValueError(
+                f"frames are {frames.shape} {frames.dtype}, expected (time, row, column) of uint8 or uint16"
+            )
         if "mask" in self._file and (
             self._file["mask"].shape != frames.shape or self._file["mask"].dtype.kind not in "uib"
         ):

@@ -214,8 +214,18 @@ def _pivlab_mat(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], tuple[s
         check_walkable(path)
         try:
             data, units_text = _pivlab_hdf5(path, frame)
-        except (RuntimeError, KeyError, OSError, TypeError, AttributeError, OverflowError, MemoryError) as error:
-            raise ValueError(f"{path}: damaged, or not a .mat export of PIVlab ({one_line(error)})") from error
+        except (
+            RuntimeError,
+            KeyError,
+            OSError,
+            TypeError,
+            AttributeError,
+            OverflowError,
+            MemoryError,
+        ) as error:
+            raise ValueError(
+                f"{path}: damaged, or not a .mat export of PIVlab ({one_line(error)})"
+            ) from error
         return data, _two_units(units_text)
     try:
         mat: dict[str, Any] = loadmat(path)

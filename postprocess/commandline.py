@@ -31,7 +31,10 @@ def run_stage(
     args = parser.parse_args(argv)
     files = StageFiles(args.case, args.level)
     try:
-        with exclusive(files.out / stage) if files.out.is_dir() else nullcontext(), cost_recorded(files, stage):
+        with (
+            exclusive(files.out / stage) if files.out.is_dir() else nullcontext(),
+            cost_recorded(files, stage),
+        ):
             result = action(files)
     except Exception as error:
         message = sentence(error)

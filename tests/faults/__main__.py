@@ -39,9 +39,13 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=6, help="in each stage (default: %(default)s)")
     parser.add_argument("--stages", help="names with commas (default: all)")
     parser.add_argument("--only", choices=("kills", "conditions"), help="(default: both)")
-    parser.add_argument("--seed", type=int, default=0, help="of the times of the kills (default: %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of the times of the kills (default: %(default)s)"
+    )
     parser.add_argument("--tables", type=Path, default=Path("docs/stability"), help="folder of the tables")
-    parser.add_argument("--folder", type=Path, help="where the copy of the project is kept (default: temporary)")
+    parser.add_argument(
+        "--folder", type=Path, help="where the copy of the project is kept (default: temporary)"
+    )
     args = parser.parse_args()
     stages = args.stages.split(",") if args.stages else list(PRODUCTS)
     with tempfile.TemporaryDirectory() as temporary:
@@ -59,7 +63,10 @@ def main() -> int:
                     folder / "log",
                 )  # fmt: skip
                 rows.append(row)
-                print(f"kill -9 in {stage}: {row['kills']} times, {row['difference'] or 'as undisturbed'}", flush=True)
+                print(
+                    f"kill -9 in {stage}: {row['kills']} times, {row['difference'] or 'as undisturbed'}",
+                    flush=True,
+                )
                 failures += bool(row["difference"])
             print(f"{sum(int(str(row['kills'])) for row in rows)} kills, {failures} failures")
             write_table(args.tables / "kills.csv", KILL_COLUMNS, rows)

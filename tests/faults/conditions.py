@@ -49,7 +49,13 @@ def outcome(condition: str, stage: str, done: subprocess.CompletedProcess, folde
     else:
         ended, told = "wrong", [" | ".join((done.stderr + done.stdout).strip().splitlines()[-3:])]
     sentence = told[0].replace(str(folder), "…") if told else ""
-    return {"condition": condition, "stage": stage, "ended": ended, "sentence": sentence[:300], "afterwards": ""}
+    return {
+        "condition": condition,
+        "stage": stage,
+        "ended": ended,
+        "sentence": sentence[:300],
+        "afterwards": "",
+    }
 
 
 def afterwards(project: Path, wanted: Path, stage: str, target: str | None = None) -> str:
@@ -175,7 +181,11 @@ def odd_paths(wanted: Path, folder: Path) -> Iterator[Row]:
         row = outcome(condition, "sheet", make(project, f"{SCENE}.sheet"), folder)
         if row["ended"] == "completed":
             row["afterwards"] = next(
-                (d for s in ("kinematics", "mesh", "run", "sheet") if (d := compare_stage(s, wanted, out_of(project)))),
+                (
+                    d
+                    for s in ("kinematics", "mesh", "run", "sheet")
+                    if (d := compare_stage(s, wanted, out_of(project)))
+                ),
                 "as undisturbed",
             )
         if row["ended"] != ends:
@@ -206,11 +216,15 @@ def twice(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Itera
         codes = [process.wait() for process in makes]
         texts = [log.read_text(errors="replace") for log in logs]
         rows = [
-            outcome("two makes at once", stage, subprocess.CompletedProcess(command(target), c, t, ""), folder)
+            outcome(
+                "two makes at once", stage, subprocess.CompletedProcess(command(target), c, t, ""), folder
+            )
             for c, t in zip(codes, texts, strict=True)
         ]
         row = min(rows, key=lambda r: ["wrong", "refused", "completed"].index(str(r["ended"])))
-        if 0 not in codes:  # both may have met the other once; a third make must then find everything in order
+        if (
+            0 not in codes
+        ):  # both may have met the other once; a third make must then find everything in order
             row = row | {"ended": "wrong" if stage != "all" else row["ended"]}
         row["afterwards"] = afterwards(project, wanted, target)
         if stage == "all":

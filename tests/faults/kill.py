@@ -38,7 +38,7 @@ def undisturbed(project: Path, wanted: Path) -> dict[str, float]:
     done = make(project, f"{SCENE}.report")
     assert done.returncode == 0, done.stderr[-2000:]
     out, durations = out_of(project), {}
-    for stage, names in PRODUCTS.items():
+    for names in PRODUCTS.values():
         for name in names:
             (wanted / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(out / name, wanted / name)

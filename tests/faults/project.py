@@ -76,14 +76,27 @@ def out_of(project: Path) -> Path:
 
 def command(target: str) -> list[str]:
     """The make that a user would type, told that the set-up is there."""
-    return [shutil.which("make") or "make", "--no-print-directory", f"LEVEL={LEVEL}", "NP=1", "QUIET=1", "READY=Makefile", target]
+    return [
+        shutil.which("make") or "make",
+        "--no-print-directory",
+        f"LEVEL={LEVEL}",
+        "NP=1",
+        "QUIET=1",
+        "READY=Makefile",
+        target,
+    ]
 
 
 def start(project: Path, target: str, log: Path, **env: str) -> subprocess.Popen:
     """A make of `target` in a session of its own, its output added to `log`."""
     with log.open("a") as output:
         return subprocess.Popen(
-            command(target), cwd=project, stdout=output, stderr=output, start_new_session=True, env=os.environ | env
+            command(target),
+            cwd=project,
+            stdout=output,
+            stderr=output,
+            start_new_session=True,
+            env=os.environ | env,
         )
 
 
@@ -174,7 +187,9 @@ def _difference_table(one: Path, other: Path) -> str | None:
     a, b = (np.loadtxt(p, delimiter=",", skiprows=1) for p in (one, other))
     if a.shape != b.shape:
         return f"{one.name} has {b.shape} numbers, not {a.shape}"
-    used = slice(None, -2) if one.name == "history.csv" else slice(None)  # the clock and iterations are its own
+    used = (
+        slice(None, -2) if one.name == "history.csv" else slice(None)
+    )  # the clock and iterations are its own
     scale = np.maximum(np.abs(a[:, used]).max(axis=0), 1e-12)
     if one.name == "history.csv":
         scale[3:] = np.inf  # continuity errors are the pressure solver's last residual

@@ -177,7 +177,9 @@ def polygon_seeds(_: Path) -> list[bytes]:
 
 def use_vectors(path: Path) -> None:
     """Read vectors whole; what is read must keep the format's rules."""
-    options = {".csv": {}, ".h5": {}, ".nc": {}, ".dat": {"y_axis": "up"}, ".vc7": {"interval_s": 0.002}}.get(path.suffix, TOLD)
+    options = {".csv": {}, ".h5": {}, ".nc": {}, ".dat": {"y_axis": "up"}, ".vc7": {"interval_s": 0.002}}.get(
+        path.suffix, TOLD
+    )
     if path.name == "vectors.txt":
         options = METRES
     with read_vectors([path], **options) as plane:
@@ -365,9 +367,12 @@ def use_settings(path: Path) -> None:
     merged(Arguments, {"window", "spacing", "preset"})  # type: ignore[arg-type]
 
 
-CALIBRATION = b'{"format": "piv-calibration", "format_version": 1, "scale_m_per_px": 1e-4, "origin_x_px": 3.0,'
+CALIBRATION = (
+    b'{"format": "piv-calibration", "format_version": 1, "scale_m_per_px": 1e-4, "origin_x_px": 3.0,'
+)
 LENS = (
-    CALIBRATION + b' "origin_y_px": 2.0, "lens": {"size_px": [64, 48], "camera_matrix": [[80, 0, 32], [0, 80, 24],'
+    CALIBRATION
+    + b' "origin_y_px": 2.0, "lens": {"size_px": [64, 48], "camera_matrix": [[80, 0, 32], [0, 80, 24],'
     b' [0, 0, 1]], "distortion": [0.1, 0, 0, 0, 0], "to_sheet": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],'
     b' "reprojection_rms_px": 0.1, "views": 3}, "notes": {}}'
 )
