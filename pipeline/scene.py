@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from pipeline.errors import StageError
+from pipeline.limits import check_numbers
 from pipeline.rigid_scene import Body, Law
 from pipeline.scene_file import level_tables, merge, read_tables
 from pipeline.scene_pinch import Pinch, Support, check_pinch, check_support
@@ -292,6 +293,7 @@ class Scene(Section):
             )
         if self.support is not None:
             check_support(self.support, finger, tank)
+        check_numbers(self)
         self.numerics.sampling_steps(self.sheet.rate_hz)
         steps = self.motion.end_time / self.numerics.time_step
         if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:

@@ -17,6 +17,8 @@ import xarray as xr
 from pipeline.costs import record_cost
 from pipeline.errors import StageError
 from pipeline.scene import Scene, load_scene
+from piv.errors import sentence
+from piv.exclusive import exclusive
 
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "gmsh", "pyvista", "pydantic")
 
@@ -43,11 +45,11 @@ def guarded(stage: str, action: Callable[[], Any]) -> None:
     except StageError as error:
         print(f"{stage}: {error}", file=sys.stderr)
         sys.exit(2)
-    except OSError as error:
-        print(
-            f"{stage}: {error.filename or ''}: {error.strerror or error}; check disk and permissions",
-            file=sys.stderr,
-        )
+    except Exception as error:
+        message = sentence(error) if isinstance(error, OSError | RuntimeError | MemoryError) else None
+        if message is None:
+            raise
+        print(f"{stage}: {message}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         print(f"{stage}: interrupted; run make again to go on", file=sys.stderr)
@@ -59,7 +61,8 @@ def timed(stage: str, args: argparse.Namespace, run: Callable[[Scene, bool], Any
     scene = load_scene(args.scene, args.level)
     scene.out.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
-    earlier = run(scene, args.quiet) or 0.0  # seconds spent by a run that this one resumed
+    with exclusive(scene.out / stage):
+        earlier = run(scene, args.quiet) or 0.0  # seconds spent by a run that this one resumed
     record_cost(scene.out / "costs" / f"{stage}.json", stage, time.monotonic() - begin + earlier)
 
 
