@@ -144,7 +144,11 @@ def oblique_flow(
         else:
             region = valid & ((y < height) & (y > height - 2 * width))[:, None] & (np.abs(x) <= width)
         vertical = sign * field[1][region]
-        total, along, points = total + vertical.sum(), along + int((vertical > 0).sum()), points + vertical.size
+        total, along, points = (
+            total + vertical.sum(),
+            along + int((vertical > 0).sum()),
+            points + vertical.size,
+        )
         across, upright = across + np.abs(field[0][region]).sum(), upright + np.abs(vertical).sum()
     if points == 0:
         raise ValueError(

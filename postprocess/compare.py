@@ -17,6 +17,7 @@ from postprocess.commandline import run_stage
 from postprocess.evidence import Evidence
 from postprocess.findings import Finding, Measured, is_met, read_findings
 from postprocess.loading import load_evidence, read_clock
+from postprocess.pinch_summary import pinch_summary
 from postprocess.quantities import QUANTITIES
 from postprocess.series import series_table, summary
 from postprocess.stagefiles import StageFiles, read_json, sha256, write_text
@@ -111,6 +112,10 @@ def provenance(files: StageFiles, planes: dict[str, xr.Dataset]) -> dict[str, An
     }
 
 
+def _pinch(evidence: Evidence, clock: Clock) -> dict[str, Any]:
+    return {"pinch": pinch_summary(evidence, clock)} if evidence.pairs else {}
+
+
 def compare(files: StageFiles) -> dict[str, Any]:
     """Run the comparison of one scene at one level and write its two files; returns what comparison.json holds."""
     if not files.findings.exists():
@@ -130,7 +135,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
         "middle_of_stroke_s": middle,
         "verdict": verdict(checks),
         "checks": checks,
-        "summary": summary(evidence, middle),
+        "summary": summary(evidence, middle) | _pinch(evidence, clock),
         "provenance": provenance(files, evidence.planes),
     }
     write_text(files.out / "comparison.json", json.dumps(result, indent=1, allow_nan=False, default=float))

@@ -19,7 +19,7 @@ class Evidence:
 
     `sums` holds postprocess.fields.field_sums by pair ("piv-cfd": PIV against the CFD). Of two fingers by source: `pairs`
     (postprocess.pairs), `lines` (postprocess.centreline), and `single`, the vortices of the single finger with its `bend`
-    (rad) at each; `single_absent` says what to run where that is missing.
+    (rad) at each; `single_absent` says what to run where that is missing. `starts`: when the motion's strokes begin (s).
     """
 
     planes: dict[str, xr.Dataset]
@@ -30,6 +30,7 @@ class Evidence:
     lines: dict[str, pd.DataFrame] = field(default_factory=dict)
     single: dict[str, pd.DataFrame] = field(default_factory=dict)
     single_absent: str = ""
+    starts: tuple[float, ...] = ()
 
     def has(self, of: str) -> bool:
         """Whether every source that `of` names was run."""

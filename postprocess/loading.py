@@ -39,8 +39,9 @@ def load_evidence(files: StageFiles, single_level: str | None = None) -> Evidenc
         )
     scale, _ = peak_tip_speed(planes["cfd"]["time"].values, planes["cfd"]["tip"].values)
     sums = {"piv-cfd": fields.field_sums(planes["cfd"], planes["piv"])} if piv is not None else {}
+    starts = read_clock(files, planes["cfd"]).starts
     if planes["cfd"].sizes["finger"] < 2:
-        return Evidence(planes, vortices, scale, sums)
+        return Evidence(planes, vortices, scale, sums, starts=starts)
     single, absent = single_finger(files, single_level or files.level)
     return Evidence(
         planes,
@@ -51,6 +52,7 @@ def load_evidence(files: StageFiles, single_level: str | None = None) -> Evidenc
         lines={source: centreline(plane, scale) for source, plane in planes.items()},
         single=single,
         single_absent=absent,
+        starts=starts,
     )
 
 
@@ -67,9 +69,7 @@ def single_finger(files: StageFiles, level: str) -> tuple[dict[str, pd.DataFrame
             with read_plane(sheet) as plane:
                 bend = np.interp(table["time"], plane["time"].values, plane["bend"].values[:, 0])
             found[source] = table.assign(bend=bend)
-    absent = (
-        f"the single finger at level {level} was not run, so nothing is compared with it: make {beside.scene} LEVEL={level}"
-    )
+    absent = f"the single finger at level {level} was not run, so nothing is compared with it: make {beside.scene} LEVEL={level}"
     return found, absent
 
 

@@ -8,21 +8,17 @@ import pandas as pd
 from postprocess.tracks import REACH
 
 KEPT = ("track", "x", "y", "circulation", "core_radius", "side", "tip_distance", "along_tip", "across_tip")
-COLUMNS = (
-    "time",
-    *(f"{name}_{finger}" for finger in (0, 1) for name in KEPT),
-    "imbalance",
-    "mirror_distance",
-)
+ERRORS = ("x_std", "y_std", "circulation_std", "core_radius_std")  # kept where the table has them
 
 
 def pair_vortices(table: pd.DataFrame, reach: float = REACH) -> pd.DataFrame:
-    """One row per instant at which both tips have a vortex (columns `COLUMNS`; lengths in m).
+    """One row per instant at which both tips have a vortex: time, `KEPT` and `ERRORS` of either with _0 and _1, and two measures.
 
     The strongest vortex within `reach` tip widths of either tip, and of the other finger's the one nearest to its mirror
     image in x = 0. `imbalance` = |Γ0 + Γ1| over the mean of |Γ0| and |Γ1|: 0 for equal and opposite vortices, 2 for equal
     vortices of one sense. `mirror_distance`: of one centre from the mirror image of the other. Left finger 0, right 1.
     """
+    kept = [*KEPT, *(name for name in ERRORS if name in table)]
     rows = []
     near = table[(table["tip_distance"] <= reach) & table["finger"].isin([0, 1])]
     for time, now in near.groupby("time"):
@@ -37,16 +33,16 @@ def pair_vortices(table: pd.DataFrame, reach: float = REACH) -> pd.DataFrame:
         left, right = (one, other) if first == 0 else (other, one)
         total = abs(left["circulation"]) + abs(right["circulation"])
         imbalance = abs(left["circulation"] + right["circulation"]) / (0.5 * total)
-        values = [v[name] for v in (left, right) for name in KEPT]
+        values = [v[name] for v in (left, right) for name in kept]
         rows.append([time, *values, imbalance, float(apart.min())])
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    named = [f"{name}_{finger}" for finger in (0, 1) for name in kept]
+    return pd.DataFrame(rows, columns=["time", *named, "imbalance", "mirror_distance"])
 
 
 def of_finger(pairs: pd.DataFrame, finger: int) -> pd.DataFrame:
     """One finger's vortex of every pair, with the columns of a vortex table."""
-    return pairs[["time", *(f"{name}_{finger}" for name in KEPT)]].rename(
-        columns={f"{name}_{finger}": name for name in KEPT}
-    )
+    names = {f"{name}_{finger}": name for name in (*KEPT, *ERRORS) if f"{name}_{finger}" in pairs}
+    return pairs[["time", *names]].rename(columns=names)
 
 
 def within(pairs: pd.DataFrame, window: tuple[float, float]) -> pd.DataFrame:
@@ -66,7 +62,7 @@ def both_sides(rows: pd.DataFrame) -> str:
 
 
 def senses(rows: pd.DataFrame) -> str:
-    """"opposite" where the fingers' mean circulations differ in sign, else "equal"."""
+    """ "opposite" where the fingers' mean circulations differ in sign, else "equal"."""
     return "opposite" if rows["circulation_0"].mean() * rows["circulation_1"].mean() < 0 else "equal"
 
 

@@ -105,9 +105,7 @@ def _jet_peak(evidence: Evidence, source: str, window: Window, finger: int) -> f
 
 
 def _oblique(evidence: Evidence, source: str, window: Window, above: bool) -> tuple[float, float, float]:
-    return centreline.oblique_flow(
-        evidence.planes[source], _lines(evidence, source, window), window, above
-    )
+    return centreline.oblique_flow(evidence.planes[source], _lines(evidence, source, window), window, above)
 
 
 def _rise_share(evidence: Evidence, source: str, window: Window, finger: int) -> float:
@@ -147,22 +145,30 @@ PINCH_QUANTITIES: dict[str, Quantity] = {
         _forward_shift, "m", "mean shift along the tip's direction against the single finger at the same bend"
     ),
     "vortex_descent": Quantity(
-        _descent, "m", "how far the finger's strongest vortex sinks from the window's first to its last instant"
+        _descent,
+        "m",
+        "how far the finger's strongest vortex sinks from the window's first to its last instant",
     ),
     "dorsal_drift": Quantity(
         _dorsal_drift, "m", "how far that vortex moves towards the dorsal side, as seen from the tip"
     ),
     "parting_share": Quantity(
-        _parting_share, "fraction", "share of instants at which the flow between the fingers parts into up and down"
+        _parting_share,
+        "fraction",
+        "share of instants at which the flow between the fingers parts into up and down",
     ),
     "jet_peak": Quantity(
         _jet_peak, "fraction", "peak downward speed between and below the tips, over the peak tip speed"
     ),
     "rise_share": Quantity(
-        _rise_share, "fraction", "share of the area between the fingers above the parting line in which water rises"
+        _rise_share,
+        "fraction",
+        "share of the area between the fingers above the parting line in which water rises",
     ),
     "rise_speed": Quantity(
-        _rise_speed, "fraction", "mean upward velocity between the fingers above the parting line, over the peak tip speed"
+        _rise_speed,
+        "fraction",
+        "mean upward velocity between the fingers above the parting line, over the peak tip speed",
     ),
     "rise_angle": Quantity(_rise_angle, "rad", "angle from the vertical of the flow above the parting line"),
     "fall_share": Quantity(

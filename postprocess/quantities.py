@@ -69,12 +69,17 @@ def _velocity_correlation(evidence: Evidence, pair: str, window: Window, finger:
     return fields.correlation(sums[sums["time"].between(*window)])
 
 
+def _trace(evidence: Evidence, source: str, window: Window, finger: int) -> tuple[float, float]:
+    since = max((start for start in evidence.starts if start <= window[0]), default=0.0)
+    return traces.trace_velocity(evidence.planes[source], window, finger, since)
+
+
 def _trace_upward(evidence: Evidence, source: str, window: Window, finger: int) -> float:
-    return traces.trace_velocity(evidence.planes[source], window, finger)[0] / evidence.scale
+    return _trace(evidence, source, window, finger)[0] / evidence.scale
 
 
 def _trace_upward_share(evidence: Evidence, source: str, window: Window, finger: int) -> float:
-    return traces.trace_velocity(evidence.planes[source], window, finger)[1]
+    return _trace(evidence, source, window, finger)[1]
 
 
 QUANTITIES: dict[str, Quantity] = {

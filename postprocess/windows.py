@@ -10,9 +10,7 @@ import numpy as np
 from postprocess.strokes import stroke_window
 
 CONTACT = 1e-4  # m above the residual gap: nearer, the tips count as in contact
-FORMS = (
-    "[a, b], { gap = [a, b] }, { contact = [a, b] }, { stroke = k, part = [a, b] } or { stroke = k, after = [a, b] }"
-)
+FORMS = "[a, b], { gap = [a, b] }, { contact = [a, b] }, { stroke = k, part = [a, b] } or { stroke = k, after = [a, b] }"
 
 
 @dataclass(frozen=True)
@@ -50,6 +48,27 @@ class Clock:
     residual_gap: float = 0.0
     starts: tuple[float, ...] = ()
 
+    def gaps(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (s) and gaps (m); ValueError where there is no second finger."""
+        if self.gap is None or self.gap_time is None:
+            raise ValueError(
+                "the scene has one finger, so there is no gap to count from; kinematics.h5 has none"
+            )
+        return self.gap_time, self.gap
+
+    def gap_at(self, time: np.ndarray) -> np.ndarray:
+        """The gap (m) at other times (s)."""
+        return np.interp(time, *self.gaps())
+
+    def met(self) -> float | None:
+        """When the tips meet, s: the gap has come within `CONTACT` of the residual gap; None where it never does."""
+        _, gap = self.gaps()
+        return (
+            gap_reached(self, self.residual_gap + CONTACT)
+            if gap.min() <= self.residual_gap + CONTACT
+            else None
+        )
+
 
 def read_window(value: Any, where: str) -> Window:
     """The window that a finding gives; ValueError names the place where it is none of the forms."""
@@ -66,9 +85,7 @@ def read_window(value: Any, where: str) -> Window:
         raise ValueError(f"{where}: window = {value!r} needs two edges")
     a, b = (float(edge) for edge in edges)
     if kind in ("bend", "part") and not 0 <= a < b <= 1:
-        raise ValueError(
-            f"{where}: window = {value!r} must be two fractions of the stroke, rising, in 0…1"
-        )
+        raise ValueError(f"{where}: window = {value!r} must be two fractions of the stroke, rising, in 0…1")
     if kind == "gap" and not a > b >= 0:
         raise ValueError(f"{where}: window = {value!r} must be two gaps in m, falling, as the fingers close")
     if kind in ("contact", "after") and not a < b:
@@ -87,7 +104,7 @@ def interval(window: Window, clock: Clock) -> tuple[float, float]:
     if window.kind == "gap":
         return gap_reached(clock, a), gap_reached(clock, b)
     if window.kind == "contact":
-        at = contact(clock)
+        at = gap_reached(clock, clock.residual_gap + CONTACT)
         return at + a, at + b
     if window.stroke >= len(clock.starts):
         raise ValueError(
@@ -102,22 +119,16 @@ def interval(window: Window, clock: Clock) -> tuple[float, float]:
 
 
 def gap_reached(clock: Clock, gap: float) -> float:
-    """When the gap first falls to `gap` m, s; ValueError where it never does, or there is no second finger."""
-    if clock.gap is None or clock.gap_time is None:
-        raise ValueError("the scene has one finger, so there is no gap to count from; kinematics.h5 has none")
-    below = np.flatnonzero(clock.gap <= gap)
+    """When the gap first falls to `gap` (m), in s; ValueError where it never does, or there is no second finger."""
+    times, gaps = clock.gaps()
+    below = np.flatnonzero(gaps <= gap)
     if below.size == 0:
         raise ValueError(
             f"the fingers never come within {gap * 1e3:.3g} mm of the plane between them;"
-            f" the least gap is {clock.gap.min() * 1e3:.3g} mm"
+            f" the least gap is {gaps.min() * 1e3:.3g} mm"
         )
     k = int(below[0])
     if k == 0:
-        return float(clock.gap_time[0])
+        return float(times[0])
     pair = slice(k - 1, k + 1)
-    return float(np.interp(-gap, -clock.gap[pair], clock.gap_time[pair]))
-
-
-def contact(clock: Clock) -> float:
-    """When the tips meet, s: the gap has come within `CONTACT` of the residual gap."""
-    return gap_reached(clock, clock.residual_gap + CONTACT)
+    return float(np.interp(-gap, -gaps[pair], times[pair]))
