@@ -88,9 +88,12 @@ fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/k
 bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/piv.md
 	$(PY) tests/benchmarks/piv_bench.py --docs
 
-docs: single_finger.report single_deflate.report ## pages and pictures of the docs that come from runs
+docs: single_finger.report single_deflate.report cycle.report ## pages and pictures of the docs that come from runs
 	$(PY) -m postprocess.summary cases/single_finger --level $(LEVEL)
 	$(PY) -m postprocess.summary cases/single_deflate --level $(LEVEL)
+	$(PY) -m postprocess.summary cases/cycle --level $(LEVEL)
+	$(MAKE) --no-print-directory pinch.report
+	$(PY) -m postprocess.summary cases/pinch --level $(LEVEL)
 	$(PY) -m tests.pictures.vortices docs/vortices.png
 	$(PY) -m tests.pictures.synthetic docs/synthetic.png
 

@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
+from postprocess.pairs import broken
 from postprocess.style import CFD, COLOURS, GREY, MM, NAMES, PIV, THIRD, new_figure
 
 BAND = 1.96  # standard deviations to either side: a 95 % band
@@ -45,6 +46,7 @@ def finger_name(source: str, finger: int, fingers: int) -> str:
 
 def _banded(ax, track: pd.DataFrame, name: str, unit: float, source: str, finger: int, fingers: int) -> None:
     colour, label = COLOURS[source], finger_name(source, finger, fingers)
+    track = broken(track)
     ax.plot(track["time"], track[name] * unit, color=colour, linestyle=STYLES[finger], label=label)
     std = track.get(f"{name}_std")
     if std is not None and np.any(std.to_numpy(float) > 0):
@@ -87,9 +89,10 @@ def paths(tracks: Tracks, plane: xr.Dataset, middle: tuple[float, float]) -> Fig
 
 
 def _path(ax, track: pd.DataFrame, middle: tuple[float, float], source: str, label: str | None) -> None:
+    drawn = broken(track)
     ax.plot(
-        track["x"] * MM,
-        track["y"] * MM,
+        drawn["x"] * MM,
+        drawn["y"] * MM,
         color=COLOURS[source],
         marker=".",
         markersize=4,

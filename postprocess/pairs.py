@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from postprocess.tracks import REACH
-
+REACH = (
+    5.0  # tip widths: the pair is followed where it is shed, farther than a vortex counts as the tip's own
+)
 KEPT = ("track", "x", "y", "circulation", "core_radius", "side", "tip_distance", "along_tip", "across_tip")
 ERRORS = ("x_std", "y_std", "circulation_std", "core_radius_std")  # kept where the table has them
 
@@ -43,6 +44,16 @@ def of_finger(pairs: pd.DataFrame, finger: int) -> pd.DataFrame:
     """One finger's vortex of every pair, with the columns of a vortex table."""
     names = {f"{name}_{finger}": name for name in (*KEPT, *ERRORS) if f"{name}_{finger}" in pairs}
     return pairs[["time", *names]].rename(columns=names)
+
+
+def broken(table: pd.DataFrame, track: str = "track") -> pd.DataFrame:
+    """A table for drawing: an empty row wherever another vortex takes over, so that no line joins the two."""
+    new = (table[track] != table[track].shift()).cumsum()
+    numbers = [name for name in table if pd.api.types.is_numeric_dtype(table[name])]
+    parts = []
+    for _, part in table.groupby(new):
+        parts += [part, pd.DataFrame({name: [np.nan] for name in numbers})]
+    return pd.concat(parts[:-1], ignore_index=True) if len(parts) > 1 else table
 
 
 def within(pairs: pd.DataFrame, window: tuple[float, float]) -> pd.DataFrame:
