@@ -65,9 +65,8 @@ def read_setting(scene: Scene, levels: np.ndarray) -> Setting:
     """The shapes of kinematics.h5 and what surrounds them. Raises StageError where the finger meets the support."""
     step = scene.numerics.time_step
     with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
-        family = Family(
-            *(file[n].values for n in ("shape_parameter", "shape_outline", "shape_tip", "shape_bend"))
-        )
+        fine = "shape_edges" if "shape_edges" in file else "shape_tip"
+        family = Family(*(file[n].values for n in ("shape_parameter", "shape_outline", fine, "shape_bend")))
         time = step * np.arange(round(scene.motion.end_time / step) + 1)
         motion = CubicSpline(file["time"].values, file["pressure"].values)(time)
     mirror = scene.pinch is not None
@@ -80,7 +79,7 @@ def read_setting(scene: Scene, levels: np.ndarray) -> Setting:
                 f"{scene.folder / 'scene.toml'}: support.bottom = {scene.support.bottom:g} m leaves {clear * 1e3:.2g} mm"
                 f" above the finger, too little to mesh; raise it by {(LEAST_CLEARANCE - clear) * 1e3:.2g} mm"
             )
-    gap, path = np.full(len(family.bend), np.inf), family.tip
+    gap, path = np.full(len(family.bend), np.inf), family.tip.reshape(-1, 2)
     if mirror:
         plane = shapely.LineString([(0.0, 0.0), (0.0, scene.tank.water_depth)])
         facing = shapely.union_all([plane, *(body.polygon for body in bodies if body.name == "object")])
@@ -90,7 +89,9 @@ def read_setting(scene: Scene, levels: np.ndarray) -> Setting:
         count = int(np.ceil(2 * scene.mesh.jet_reach / scene.mesh.near_cell)) + 1
         jet = height + np.linspace(-scene.mesh.jet_reach, scene.mesh.jet_reach, count)
         path = np.vstack([path, np.column_stack([np.zeros(count), jet])])
-    return Setting(scene, family, deformation(family.bend, gap), path, bodies, motion)
+    # a body that is only moved does not bend: its way is the measure
+    way = family.parameter - family.parameter[0] if scene.body else deformation(family.bend, gap)
+    return Setting(scene, family, way, path, bodies, motion)
 
 
 def build_stage(setting: Setting, part: Part, bar: tqdm) -> Stage:

@@ -8,8 +8,9 @@ from scipy.interpolate import CubicSpline
 
 from pipeline.contact import CLOSING_LAWS, ClosingLaw, closing_law, closing_summary, exponential, gap, ramp
 from pipeline.errors import StageError
-from pipeline.kinematics import kinematics_dataset, load_kinematics
+from pipeline.kinematics import kinematics_dataset
 from pipeline.motion_law import stroke_law
+from pipeline.moving_finger import load_kinematics
 from pipeline.scene_pinch import Pinch
 from tests.conftest import write_scene
 
@@ -121,6 +122,15 @@ def test_a_stroke_that_does_not_get_there_is_left_alone():
     never = closing_law(free, lambda p: 0.036 - 1e-7 * p, 0.0, 40e3, PINCH, "scene")
     assert never is free
     assert "contact_time" not in closing_summary(t, np.full(61, 0.01), PINCH)
+
+
+def test_the_fingers_let_go_as_they_came():
+    free = stroke_law(0.0, [(20e3, 0.005, 0.4), (0.0, 0.6, 0.4)])
+    law = closing_law(free, lambda p: 0.036 - 2.2e-6 * p, 0.0, 40e3, PINCH, "scene")
+    t = np.linspace(0.59, 1.6, 400)
+    assert law(t[:1]) == pytest.approx([law.hold], abs=1e-9)
+    assert (np.diff(law(t)) <= 1e-9).all()
+    assert law(t[-1:]) == pytest.approx(free(t[-1:]), abs=1e-9)
 
 
 def test_contact_at_the_start_and_a_way_too_short_are_refused():

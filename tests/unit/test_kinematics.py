@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import StageError
-from pipeline.kinematics import kinematics_dataset, load_kinematics
+from pipeline.kinematics import kinematics_dataset
 from pipeline.motion_law import measured_law
+from pipeline.moving_finger import load_kinematics
 from pipeline.states import read_states
 from tests.conftest import write_scene
 
