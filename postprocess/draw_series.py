@@ -232,22 +232,22 @@ def history(table: pd.DataFrame) -> Figure:
 
 
 def mesh_quality(table: pd.DataFrame) -> Figure:
-    """Non-orthogonality and skewness over the bend angle, a line for every mesh of the stroke."""
+    """Non-orthogonality and skewness over the bend angle; a line for each leg of the run."""
     figure, axes = new_figure(8.6, 4.6, 2, 1, sharex=True)
-    curves = (
+    first = table["leg"].iloc[0]
+    lines = (
         (axes[0], "max_non_orthogonality_deg", CFD, "largest"),
         (axes[0], "mean_non_orthogonality_deg", THIRD, "mean"),
         (axes[1], "max_skewness", CFD, "largest skewness"),
         (axes[1], "min_area_ratio", PIV, "smallest area ratio"),
     )
-    legs = [part for _, part in table.groupby("leg")] if "leg" in table else [table]
-    for ax, name, colour, label in curves:
-        for number, part in enumerate(legs):
-            ax.plot(part["bend_deg"], part[name], color=colour, label=label if number == 0 else None)
+    for ax, column, colour, label in lines:
+        for leg, part in table.groupby("leg"):
+            ax.plot(part["bend_deg"], part[column], color=colour, label=label if leg == first else None)
     axes[0].set(ylabel="non-orthogonality, °", ylim=(0, None), title="Mesh quality over the stroke")
+    axes[0].legend()
     axes[1].set(xlabel="bend angle, °", ylabel="1", ylim=(0, None))
-    for ax in axes:
-        ax.legend()
+    axes[1].legend()
     return figure
 
 
