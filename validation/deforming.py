@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 
 import numpy as np
 
@@ -83,7 +84,7 @@ def time_differences(
     scenes = [with_outer(load_scene(CASES / NAME, level), outer, f"o{outer}") for level in levels]
     cells = [vortex_cells(scene, again) for scene in scenes]
     step = np.array([scene.numerics.time_step for scene in scenes])
-    gaps = [rms(a.velocity - b.velocity, a.areas) for a, b in zip(cells, cells[1:], strict=False)]
+    gaps = [rms(a.velocity - b.velocity, a.areas) for a, b in pairwise(cells)]
     return step[:-1], np.array(gaps)
 
 
