@@ -206,9 +206,12 @@ def run(scene: Scene, quiet: bool = False) -> None:
     groups = {f"stage_{k}": stage_dataset(stage, setting, levels) for k, stage in enumerate(stages)}
     write_dataset(legs_dataset(stages, scene), scene.out / "planform.h5", groups)
     if not quiet:
-        worst = max(row[5] for row in rows)
         cells = ", ".join(str(len(s.planform.triangles) + len(s.planform.quads)) for s in stages)
-        print(f"mesh: planform of {cells} cells, {len(levels) - 1} layers, non-orthogonality ≤ {worst:.1f}°")
+        usual = scene.mesh.usual_non_orthogonality_deg
+        print(
+            f"mesh: planform of {cells} cells, {len(levels) - 1} layers, non-orthogonality ≤"
+            f" {max(row[5] for row in rows):.1f}°, {usual:g}° for {sum(r[2] for r in rows if r[5] <= usual):.1%} of the time"
+        )
 
 
 def legs_dataset(stages: list[Stage], scene: Scene) -> xr.Dataset:

@@ -232,14 +232,20 @@ def history(table: pd.DataFrame) -> Figure:
 
 
 def mesh_quality(table: pd.DataFrame) -> Figure:
-    """Non-orthogonality and skewness over the bend angle."""
+    """Non-orthogonality and skewness over the bend angle; a line for each leg of the run."""
     figure, axes = new_figure(8.6, 4.6, 2, 1, sharex=True)
-    axes[0].plot(table["bend_deg"], table["max_non_orthogonality_deg"], color=CFD, label="largest")
-    axes[0].plot(table["bend_deg"], table["mean_non_orthogonality_deg"], color=THIRD, label="mean")
+    first = table["leg"].iloc[0]
+    lines = (
+        (axes[0], "max_non_orthogonality_deg", CFD, "largest"),
+        (axes[0], "mean_non_orthogonality_deg", THIRD, "mean"),
+        (axes[1], "max_skewness", CFD, "largest skewness"),
+        (axes[1], "min_area_ratio", PIV, "smallest area ratio"),
+    )
+    for ax, column, colour, label in lines:
+        for leg, part in table.groupby("leg"):
+            ax.plot(part["bend_deg"], part[column], color=colour, label=label if leg == first else None)
     axes[0].set(ylabel="non-orthogonality, °", ylim=(0, None), title="Mesh quality over the stroke")
     axes[0].legend()
-    axes[1].plot(table["bend_deg"], table["max_skewness"], color=CFD, label="largest skewness")
-    axes[1].plot(table["bend_deg"], table["min_area_ratio"], color=PIV, label="smallest area ratio")
     axes[1].set(xlabel="bend angle, °", ylabel="1", ylim=(0, None))
     axes[1].legend()
     return figure

@@ -16,7 +16,8 @@ def pair_vortices(table: pd.DataFrame, reach: float = REACH) -> pd.DataFrame:
     """One row per instant at which both tips have a vortex: time, `KEPT` and `ERRORS` of either with _0 and _1, and two measures.
 
     The strongest vortex within `reach` tip widths of either tip, and of the other finger's the one nearest to its mirror
-    image in x = 0. `imbalance` = |Γ0 + Γ1| over the mean of |Γ0| and |Γ1|: 0 for equal and opposite vortices, 2 for equal
+    image in x = 0; an instant at which the two centres are closer than a core radius is left out: where cores of opposite sense
+    overlap, the flow tells their dipole and not the circulation of either. `imbalance` = |Γ0 + Γ1| over the mean of |Γ0| and |Γ1|: 0 for equal and opposite vortices, 2 for equal
     vortices of one sense. `mirror_distance`: of one centre from the mirror image of the other. Left finger 0, right 1.
     """
     kept = [*KEPT, *(name for name in ERRORS if name in table)]
@@ -29,13 +30,16 @@ def pair_vortices(table: pd.DataFrame, reach: float = REACH) -> pd.DataFrame:
         first = int(now.loc[now["circulation"].abs().idxmax(), "finger"])
         one = sides[first].loc[sides[first]["circulation"].abs().idxmax()]
         others = sides[1 - first]
-        apart = np.hypot(others["x"] + one["x"], others["y"] - one["y"])
-        other = others.loc[apart.idxmin()]
+        off = np.hypot(others["x"] + one["x"], others["y"] - one["y"])  # from the mirror image
+        other = others.loc[off.idxmin()]
+        apart = float(np.hypot(other["x"] - one["x"], other["y"] - one["y"]))
+        if apart < 0.5 * (one["core_radius"] + other["core_radius"]):
+            continue
         left, right = (one, other) if first == 0 else (other, one)
         total = abs(left["circulation"]) + abs(right["circulation"])
         imbalance = abs(left["circulation"] + right["circulation"]) / (0.5 * total)
         values = [v[name] for v in (left, right) for name in kept]
-        rows.append([time, *values, imbalance, float(apart.min())])
+        rows.append([time, *values, imbalance, float(off.min())])
     named = [f"{name}_{finger}" for finger in (0, 1) for name in kept]
     return pd.DataFrame(rows, columns=["time", *named, "imbalance", "mirror_distance"])
 

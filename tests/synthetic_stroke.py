@@ -280,6 +280,9 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
     bend = np.linspace(0, np.degrees(bend_end), 20)
     pd.DataFrame(
         {
+            "leg": 0,
+            "stage": 0,
+            "time_share": 1 / 20,
             "bend_deg": bend,
             "shape_parameter": 200 * bend,
             "max_non_orthogonality_deg": 40 + 0.1 * np.abs(bend - 50),

@@ -36,6 +36,15 @@ def test_a_mirrored_pair_is_exact_and_known_errors_come_out():
     assert pairs.both_sides(found) == "dorsal"
 
 
+def test_cores_that_overlap_are_no_pair():
+    rows = [
+        vortex(t, f, s * x, 0.17, s * 1e-2)
+        for t, x in ((0.1, 2.1e-3), (0.2, 1.9e-3))
+        for f, s in ((0, -1), (1, 1))
+    ]
+    assert pairs.pair_vortices(pd.DataFrame(rows))["time"].tolist() == [0.1]  # core radius 4 mm
+
+
 def test_the_partner_is_the_mirror_image_not_the_strongest():
     rows = [vortex(0.1, 0, -0.02, 0.17, -1e-2), vortex(0.1, 1, 0.02, 0.17, 0.9e-2)]
     rows += [vortex(0.1, 1, 0.01, 0.20, -0.95e-2, track=5)]
