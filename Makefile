@@ -10,6 +10,9 @@ MAKEFLAGS += -j$(NP)
 SHELL  := /bin/sh
 PY     := .venv/bin/python
 SCENES := $(patsubst cases/%/scene.toml,%,$(wildcard cases/*/scene.toml))
+# scenes that a comparison with a laboratory made: runs beside the nominal one
+RUNS   := $(patsubst cases/%/scene.toml,%,$(wildcard cases/*/out/*/inputs/*/scene.toml cases/*/out/*/virtual/*/scene.toml \
+            cases/*/out/*/lab/*/measured/scene.toml cases/*/out/*/lab/*/measured/out/*/inputs/*/scene.toml))
 STAGES := kinematics mesh case run sheet images piv vortices compare report
 READY  := .venv/.ready
 FLAGS  := $(if $(QUIET),--quiet)
@@ -17,7 +20,7 @@ FLAGS  := $(if $(QUIET),--quiet)
 .SUFFIXES:
 .DELETE_ON_ERROR:
 .SECONDARY:
-.PHONY: help setup test lint unit fea fea-studies docs clean clean-all bench-piv $(SCENES) $(foreach s,$(SCENES),$(addprefix $(s).,$(STAGES)))
+.PHONY: help setup test lint unit fea fea-studies docs clean clean-all bench-piv compare compare-measured virtual-lab lab-sheets $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES)))
 
 help: ## this list
 	@echo "make setup                     Python environment and OpenFOAM, where missing"
@@ -49,7 +52,7 @@ $(1).vortices: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv
 $(1).compare: $(2)/comparison.json
 $(1).report: $(2)/report.html
 
-$(2)/settings/.stamp: $(wildcard cases/*/scene.toml cases/*/*.csv cases/*/kinematics/*) | $(READY)
+$(2)/settings/.stamp: $(wildcard cases/*/scene.toml cases/*/*.csv cases/*/kinematics/*) cases/$(1)/scene.toml | $(READY)
 	@$(PY) -m pipeline.settings cases/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/settings/%.json: $(2)/settings/.stamp
 	@:
@@ -77,7 +80,53 @@ $(2)/report.html: $(2)/comparison.json $(2)/settings/report.json
 	$(PY) -m postprocess.figures cases/$(1) --level $(LEVEL) $(FLAGS)
 	$(PY) -m postprocess.report cases/$(1) --level $(LEVEL) $(FLAGS)
 endef
-$(foreach s,$(SCENES),$(eval $(call scene_rules,$(s),cases/$(s)/out/$(LEVEL))))
+$(foreach s,$(SCENES) $(RUNS),$(eval $(call scene_rules,$(s),cases/$(s)/out/$(LEVEL))))
+
+# Comparison with a laboratory (docs/comparison.md). Its runs beside the nominal one are scenes of their own, written when it
+# is known what they are: each step is a make of its own. INPUTS= (empty) leaves those runs out.
+SCENE  ?= single_finger
+INPUTS ?= yes
+SUB     = $(MAKE) --no-print-directory LEVEL=$(LEVEL) NP=$(NP) QUIET=$(QUIET)
+CASE    = cases/$(SCENE)
+LABOUT  = $(CASE)/out/$(LEVEL)
+LABNAME = $(notdir $(patsubst %/,%,$(patsubst %/dpiv.toml,%,$(DPIV))))
+LAB     = $(PY) -m postprocess.lab
+OFLAB   = $(CASE) --level $(LEVEL) --dpiv $(DPIV) $(FLAGS)
+
+compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=single_finger DPIV=folder [LEVEL=..]
+	@test -n "$(DPIV)" || { echo "give DPIV=folder, where the laboratory's dpiv.toml is (docs/comparison.md)" >&2; exit 2; }
+	@$(SUB) $(SCENE).run
+	$(if $(INPUTS),@$(LAB) runs $(CASE) --level $(LEVEL) $(FLAGS))
+	$(LAB) register $(OFLAB)
+	@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS=$(INPUTS) lab-sheets
+	$(LAB) compare $(OFLAB) --threads $(NP)
+	$(LAB) report $(OFLAB)
+
+VARIATIONS = $(if $(INPUTS),$(notdir $(patsubst %/scene.toml,%,$(wildcard $(LABOUT)/inputs/*/scene.toml))))
+lab-sheets: $(LABOUT)/lab/$(LABNAME)/sheet.h5 $(patsubst %,$(LABOUT)/lab/$(LABNAME)/inputs/%.h5,$(VARIATIONS))
+$(LABOUT)/lab/$(LABNAME)/sheet.h5: $(LABOUT)/run/run.json $(LABOUT)/lab/$(LABNAME)/view.txt
+	$(PY) -m pipeline.sheets $(CASE) --level $(LEVEL) --view $$(cat $(@D)/view.txt) -o $@ $(FLAGS)
+define variation_rule
+$(LABOUT)/lab/$(LABNAME)/inputs/$(1).h5: $(LABOUT)/inputs/$(1)/out/$(LEVEL)/run/run.json $(LABOUT)/lab/$(LABNAME)/view.txt
+	$(PY) -m pipeline.sheets $(LABOUT)/inputs/$(1) --level $(LEVEL) --view $$$$(cat $(LABOUT)/lab/$(LABNAME)/view.txt) -o $$@ $(FLAGS)
+endef
+$(foreach v,$(VARIATIONS),$(eval $(call variation_rule,$(v))))
+
+compare-measured: | $(READY) ## the same with the simulation driven by the motion that the recording shows
+	@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS= compare
+	$(LAB) motion $(OFLAB)
+	@$(SUB) SCENE=$(SCENE)/out/$(LEVEL)/lab/$(LABNAME)/measured DPIV=$(abspath $(DPIV)) INPUTS=$(INPUTS) compare
+
+# A stand-in for a laboratory: pictures of a run at PRESSURE kPa, with errors of set-up that its dpiv.toml does not know.
+PRESSURE ?= 21
+VIRTUAL   = $(LABOUT)/virtual/$(PRESSURE)kpa
+virtual-lab: | $(READY) ## a stand-in recording to try compare on, where no laboratory is at hand
+	@$(SUB) $(SCENE).kinematics
+	$(LAB) virtual $(CASE) --level $(LEVEL) --pressure-kpa $(PRESSURE) $(FLAGS)
+	@$(SUB) $(patsubst cases/%,%,$(VIRTUAL)).run
+	$(PY) -m pipeline.sheets $(VIRTUAL) --level $(LEVEL) --view -0.075 0.12 0.115 0.275 -o $(VIRTUAL)/view.h5 $(FLAGS)
+	$(PY) -m postprocess.lab.stand_in $(VIRTUAL) --level $(LEVEL) --sheet $(VIRTUAL)/view.h5 -o $(VIRTUAL)/recording --pairs-hz 100
+	@echo "now: make compare SCENE=$(SCENE) LEVEL=$(LEVEL) DPIV=$(VIRTUAL)/recording"
 
 fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/kinematics/states.h5
 	$(PY) -m pipeline.fea cases/single_finger
