@@ -26,7 +26,11 @@ def _open(path: Path) -> xr.Dataset:
         raise StageError(f"{path}: not a readable HDF5 file ({error}); write it again") from None
     if dataset.attrs.get("format") != FORMAT:
         raise StageError(f"{path}: format is {dataset.attrs.get('format')!r}, expected {FORMAT!r}")
-    missing = [n for n in ("time", "pressure", "state_pressure", "profile_x", "profile_y", "thickness") if n not in dataset.variables]
+    missing = [
+        n
+        for n in ("time", "pressure", "state_pressure", "profile_x", "profile_y", "thickness")
+        if n not in dataset.variables
+    ]
     if missing:
         raise StageError(f"{path}: variable {missing[0]!r} is missing; write the file again")
     return dataset
@@ -37,7 +41,9 @@ def recorded_law(path: Path, factor: float) -> PressureLaw:
     with _open(path) as file:
         time, pressure = (file[name].values.astype(float) for name in ("time", "pressure"))
     if time.size < 3 or not (np.isfinite(time).all() and np.isfinite(pressure).all()):
-        raise StageError(f"{path}: needs at least three instants of finite time and pressure; write the file again")
+        raise StageError(
+            f"{path}: needs at least three instants of finite time and pressure; write the file again"
+        )
     if not np.all(np.diff(time) > 0):
         raise StageError(f"{path}: times must increase; write the file again")
     return history_law(time, pressure[0] + factor * (pressure - pressure[0]))

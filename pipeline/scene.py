@@ -98,7 +98,9 @@ class Motion(Section):
                 )
             return self
         if self.recording or self.recording_factor != 1:
-            raise ValueError("motion.recording and recording_factor belong to motion.source = 'recording'; remove them")
+            raise ValueError(
+                "motion.recording and recording_factor belong to motion.source = 'recording'; remove them"
+            )
         if bool(self.strokes) == bool(self.pressure_csv):
             raise ValueError("give either motion.strokes or motion.pressure_csv, not both and not neither")
         if self.pressure_csv and self.start_pressure_kpa != 0:

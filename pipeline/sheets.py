@@ -73,7 +73,9 @@ def view_axes(view: View, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     half, depth, spacing = scene.tank.size[0] / 2, scene.tank.water_depth, scene.sheet.spacing
     low, high = np.maximum(view[::2], (-half, 0.0)), np.minimum(view[1::2], (half, depth))
     if np.any(high - low < 2 * spacing):
-        raise StageError(f"--view {view} m shows no water of {scene.folder}; give x0 x1 y0 y1 in the tank frame")
+        raise StageError(
+            f"--view {view} m shows no water of {scene.folder}; give x0 x1 y0 y1 in the tank frame"
+        )
     first, last = np.ceil(low / spacing - 1e-6), np.floor(high / spacing + 1e-6)
     x, y = (spacing * np.arange(a, b + 1) for a, b in zip(first, last, strict=True))
     return x, y
@@ -195,7 +197,9 @@ def _create(file: h5netcdf.File, fields: dict[str, np.ndarray]) -> None:
 def main() -> None:
     """Command line: the scene's own sheet, or another view of it for a laboratory's camera."""
     arguments = parser("sheets", __doc__)
-    arguments.add_argument("--view", nargs=4, type=float, metavar=("X0", "X1", "Y0", "Y1"), help="m; needs -o")
+    arguments.add_argument(
+        "--view", nargs=4, type=float, metavar=("X0", "X1", "Y0", "Y1"), help="m; needs -o"
+    )
     arguments.add_argument("-o", "--output", type=Path, help="file to write in place of sheet.h5")
     args = arguments.parse_args()
     if (args.view is None) != (args.output is None):

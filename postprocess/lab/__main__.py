@@ -16,7 +16,10 @@ def parser() -> argparse.ArgumentParser:
     result = argparse.ArgumentParser(prog="python -m postprocess.lab", description=__doc__)
     steps = result.add_subparsers(dest="step", required=True, metavar="step")
     for name, text in (
-        ("runs", "write the scenes of the runs beside the nominal one (reference/inputs.toml); prints their names"),
+        (
+            "runs",
+            "write the scenes of the runs beside the nominal one (reference/inputs.toml); prints their names",
+        ),
         ("virtual", "write the scene of a virtual laboratory: the same finger under another pressure"),
         ("register", "find the finger in the data: pose, scale, time, motion"),
         ("compare", "evaluate both sides alike and judge every quantity"),
@@ -30,7 +33,9 @@ def parser() -> argparse.ArgumentParser:
         if name == "virtual":
             step.add_argument("--pressure-kpa", type=float, required=True, help="of the last stroke")
         elif name != "runs":
-            step.add_argument("--dpiv", type=Path, required=True, help="folder of dpiv.toml and the data, or the file")
+            step.add_argument(
+                "--dpiv", type=Path, required=True, help="folder of dpiv.toml and the data, or the file"
+            )
         if name in ("register", "compare"):
             step.add_argument("--seed", type=int, default=1, help="of all random numbers (default 1)")
         if name == "compare":
@@ -56,12 +61,16 @@ def run(args: argparse.Namespace) -> None:
         registration = run_registration(files, dpiv, args.seed)
         if not args.quiet:
             law = registration.law
-            print(f"register: delay {law.delay * 1e3:.1f} ± {law.std('delay') * 1e3:.1f} ms, factor {law.values[0]:.3f}")
+            print(
+                f"register: delay {law.delay * 1e3:.1f} ± {law.std('delay') * 1e3:.1f} ms, factor {law.values[0]:.3f}"
+            )
     elif args.step == "compare":
         result = run_comparison(files, dpiv, seed=args.seed, threads=args.threads, quiet=args.quiet)
         if not args.quiet:
             for q in result["quantities"]:
-                print(f"{q['name']:16s} {q['verdict']:14s} |E|/u_val = {q['significance']:.2f}, mostly {q['dominant']}")
+                print(
+                    f"{q['name']:16s} {q['verdict']:14s} |E|/u_val = {q['significance']:.2f}, mostly {q['dominant']}"
+                )
             print(f"verdict: {result['verdict']}")
     elif args.step == "motion":
         from postprocess.lab.measured import run_motion

@@ -117,7 +117,12 @@ class FieldComparison:
 
     def parts(self) -> dict[str, tuple[str, float]]:
         """RMS over the field of each source, m/s: the modes and the vectors' own."""
-        rms = lambda a: float(np.sqrt(np.nanmean(np.sum(np.where(np.isfinite(self.error), a, np.nan) ** 2, axis=1))))  # noqa: E731
+
+        def rms(a):
+            return float(
+                np.sqrt(np.nanmean(np.sum(np.where(np.isfinite(self.error), a, np.nan) ** 2, axis=1)))
+            )
+
         found = {name: (kind, rms(mode)) for name, (kind, mode) in self.modes.items()}
         return found | {"vectors": ("data", rms(self.noise))}
 

@@ -22,11 +22,10 @@ from postprocess.lab.errors import (
     Effect,
     common_rows,
     field_comparison,
-    final_bend,
     flow_quantities,
     means,
+    motion_of_run,
     motion_quantities,
-    stroke_duration,
     tables,
 )
 from postprocess.lab.family import Family, read_family
@@ -61,12 +60,16 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
         try:
             stated, scale_std = stated_pose(dpiv, recording, family.root)
             assert recording.times is not None
-            registration = register(recording, recording.times, family, stated, stated_delay, scale_std=scale_std, seed=seed)
+            registration = register(
+                recording, recording.times, family, stated, stated_delay, scale_std=scale_std, seed=seed
+            )
             size = (float(recording.shape[1]), float(recording.shape[0]))
         finally:
             recording.close()
     view = registration.pose.view(size, VIEW_MARGIN)
-    write_registration(registration, files.registration, dpiv_sha256=sha256(dpiv.folder / NAME), seed=seed, view=view)
+    write_registration(
+        registration, files.registration, dpiv_sha256=sha256(dpiv.folder / NAME), seed=seed, view=view
+    )
     text = " ".join(f"{v:.3f}" for v in view) + "\n"
     if not files.view.exists() or files.view.read_text(encoding="utf-8") != text:
         write_text(files.view, text)  # the sheets depend on it
@@ -76,9 +79,15 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
 def _stated_registration(dpiv: Dpiv, family: Family) -> Registration:
     """Of vectors: what dpiv.toml states, with the uncertainties that it states. The picture's unit is the stated metre."""
     axes, start = dpiv.axes, dpiv.start
-    assert isinstance(start, Start) and axes.root_mm and axes.root_std_mm and dpiv.scale.std_percent
+    assert isinstance(start, Start)
+    assert axes.root_mm
+    assert axes.root_std_mm
+    assert dpiv.scale.std_percent
     x, y = np.array(axes.root_mm) * 1e-3
-    at = (-x if axes.x == "left" else x, -y if axes.y == "down" and not (dpiv.vectors and dpiv.vectors.image_rows) else y)
+    at = (
+        -x if axes.x == "left" else x,
+        -y if axes.y == "down" and not (dpiv.vectors and dpiv.vectors.image_rows) else y,
+    )
     scale = dpiv.scale.std_percent / 100
     turn = axes.root_std_mm * 1e-3 / family.length  # a root so uncertain over the finger's length
     covariance = np.diag([axes.root_std_mm * 1e-3, axes.root_std_mm * 1e-3, turn, scale]) ** 2
@@ -105,10 +114,14 @@ def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]
             plane = camera_series(sheet.load(), pose, x, y, times)
         table = measure(plane, pose, case.vortices, case.window, one.name)
         family = read_family(run_folder(files.stage, one.name) / "out" / files.stage.level / "kinematics.h5")
-        nominal = np.array([1.0, 0.0, 1.0])
+        bend, duration = motion_of_run(case.family, family)
         is_input = hasattr(one, "key")
         per_std = one.std / abs(one.step) if is_input else one.per_difference
-        how = f"run with {one.key} {one.step:+g}" if is_input else f"run finer by {one.ratio:g}, grid-convergence index"
+        how = (
+            f"run with {one.key} {one.step:+g}"
+            if is_input
+            else f"run finer by {one.ratio:g}, grid-convergence index"
+        )
         rows = np.isfinite(table["circulation"].to_numpy()) & table["time"].between(*case.window).to_numpy()
         found.append(
             Effect(
@@ -118,14 +131,16 @@ def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]
                 float(per_std),
                 means(table, rows),
                 np.stack([plane["u"].values, plane["v"].values], axis=1).astype(float),
-                final_bend(family, times, nominal) - final_bend(case.family, times, nominal),
-                stroke_duration(family) - stroke_duration(case.family),
+                bend,
+                duration,
             )
         )
     return found
 
 
-def run_comparison(files: LabFiles, dpiv: Dpiv, *, seed: int = 1, threads: int = 1, quiet: bool = True) -> dict[str, Any]:
+def run_comparison(
+    files: LabFiles, dpiv: Dpiv, *, seed: int = 1, threads: int = 1, quiet: bool = True
+) -> dict[str, Any]:
     """Evaluate both sides alike, compare, and write comparison.json, comparison.csv, series.csv and fields.h5."""
     family = read_family(files.stage.required("kinematics.h5", "kinematics"))
     inputs = read_inputs(files.stage.case / "reference" / "inputs.toml")
@@ -166,9 +181,20 @@ def make_case(
             f"{files.stage.out / 'kinematics.h5'}: carries no bend_std, so the bands of the FEA are not known; run make fea, or state"
             ' finger_geometry = "measured" in dpiv.toml'
         )
-    window_m = dpiv.piv.window / (registration.pose.px_per_m if dpiv.kind == "pictures" else 1e3 / dpiv.scale.mm_per_px)  # type: ignore[operator]
+    window_m = dpiv.piv.window / (
+        registration.pose.px_per_m if dpiv.kind == "pictures" else 1e3 / dpiv.scale.mm_per_px
+    )  # type: ignore[operator]
     case = Case(
-        family, registration, sides.data, sides.virtual, sides.direct, window, VortexSettings(**settings), window_m, geometry, bend_std
+        family,
+        registration,
+        sides.data,
+        sides.virtual,
+        sides.direct,
+        window,
+        VortexSettings(**settings),
+        window_m,
+        geometry,
+        bend_std,
     )
     case.effects.extend(effects_of_runs(files, inputs, case))
     return case
@@ -229,19 +255,30 @@ def _told(source: Source) -> dict[str, Any]:
     return {"name": source.name, "kind": source.kind, "std": source.std, "how": source.how}
 
 
-def _judged_field(field: FieldComparison, case: Case, rows: np.ndarray, too_uncertain: float, joint: float) -> dict[str, Any]:
+def _judged_field(
+    field: FieldComparison, case: Case, rows: np.ndarray, too_uncertain: float, joint: float
+) -> dict[str, Any]:
     parts = field.parts()
     rms = field.rms()
-    size = lambda plane: float(np.sqrt(np.nanmean(plane["u"].values[rows] ** 2 + plane["v"].values[rows] ** 2)))  # noqa: E731
+
+    def size(plane):
+        return float(np.sqrt(np.nanmean(plane["u"].values[rows] ** 2 + plane["v"].values[rows] ** 2)))
+
     sides = {"data": case.data, "direct": case.direct, "simulation": case.virtual or case.direct} if case.virtual is None else {
         "data": case.data, "direct": case.direct, "simulation": case.virtual}  # fmt: skip
     values = {name: np.array([size(plane)]) for name, plane in sides.items()}
-    kinds = {kind: np.array([np.sqrt(sum(v**2 for k, v in parts.values() if k == kind))]) for kind in budget.KINDS}
+    kinds = {
+        kind: np.array([np.sqrt(sum(v**2 for k, v in parts.values() if k == kind))]) for kind in budget.KINDS
+    }
     direct = np.stack([case.direct["u"].values, case.direct["v"].values], 1)[rows]
     measured = np.stack([case.data["u"].values, case.data["v"].values], 1)[rows]
     allowed = {level: field.allowed_rms(level) for level in (budget.LEVEL, joint)}
     word = lambda level: (  # noqa: E731
-        budget.ERROR if rms > allowed[level] else budget.UNCERTAIN if allowed[level] > too_uncertain * values["data"][0] else budget.AGREES
+        budget.ERROR
+        if rms > allowed[level]
+        else budget.UNCERTAIN
+        if allowed[level] > too_uncertain * values["data"][0]
+        else budget.AGREES
     )
     u_val = np.array([np.sqrt(sum(v**2 for _, v in parts.values()))])
     return {
@@ -261,7 +298,10 @@ def _judged_field(field: FieldComparison, case: Case, rows: np.ndarray, too_unce
         "verdict": word(budget.LEVEL),
         "joint_verdict": word(joint),
         "dominant": max(parts, key=lambda n: parts[n][1]),
-        "sources": [{"name": n, "kind": k, "std": np.array([v]), "how": "RMS over the field"} for n, (k, v) in parts.items()],
+        "sources": [
+            {"name": n, "kind": k, "std": np.array([v]), "how": "RMS over the field"}
+            for n, (k, v) in parts.items()
+        ],
         "model_error_rms": float(np.sqrt(max(rms**2 - float(u_val[0]) ** 2, 0.0))),
     }
 
@@ -317,7 +357,19 @@ def quantity_table(result: dict[str, Any]) -> pd.DataFrame:
                     "quantity": q["name"],
                     "component": axis,
                     "unit": q["unit"],
-                    **{name: q[name][k] for name in ("simulation", "direct", "data", "error", "u_num", "u_input", "u_D", "u_val")},
+                    **{
+                        name: q[name][k]
+                        for name in (
+                            "simulation",
+                            "direct",
+                            "data",
+                            "error",
+                            "u_num",
+                            "u_input",
+                            "u_D",
+                            "u_val",
+                        )
+                    },
                     "k": q["k"],
                     "verdict": q["verdict"],
                     "dominant_source": q["dominant"],
@@ -326,7 +378,9 @@ def quantity_table(result: dict[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _write_fields(path: Path, case: Case, field: FieldComparison, rows: np.ndarray, picture: np.ndarray | None) -> None:
+def _write_fields(
+    path: Path, case: Case, field: FieldComparison, rows: np.ndarray, picture: np.ndarray | None
+) -> None:
     part = path.with_name(path.name + ".part")
     with h5py.File(part, "w") as file:
         file.attrs.update(format="lab-fields", format_version=1)
@@ -346,7 +400,9 @@ def _provenance(files: LabFiles, dpiv: Dpiv, seed: int) -> dict[str, Any]:
     run = read_json(files.stage.required("run/run.json", "run"))
     names = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
     return {
-        "versions": {"python": platform.python_version()} | {n: version(n) for n in names} | run.get("versions", {}),
+        "versions": {"python": platform.python_version()}
+        | {n: version(n) for n in names}
+        | run.get("versions", {}),
         "scene_hash": str(run.get("scene_hash", "")),
         "dpiv_sha256": sha256(dpiv.folder / NAME),
         "seed": seed,

@@ -15,13 +15,13 @@ HINTS = {
     "files": 'files = "frames/*.tif", a path beside dpiv.toml, or a list of them',
     "frame_rate_hz": "frame_rate_hz, the pictures (of pairs: the pairs) per second",
     "start": 'start = { at_s = …, std_s = … }, the time at which the first picture is taken after the motion\'s zero, or start = "from motion"',
-    "scale": "scale = { mm_per_px = …, std_percent = … }, { calibration = \"file.json\", std_percent = … } or { from_finger = true }",
+    "scale": 'scale = { mm_per_px = …, std_percent = … }, { calibration = "file.json", std_percent = … } or { from_finger = true }',
     "axes": 'axes = { y = "up" or "down", x = "right" or "left", root_px = [x, y] }, with the position of the root\'s middle in px, y counted as stated',
     "finger_geometry": 'finger_geometry = "measured" (it is the one of the scene\'s states) or "nominal" (then the bands of the FEA count)',
     "piv": "piv = { window = …, spacing = … }, the settings of the evaluation in px",
     "sheet_thickness_mm": "sheet_thickness_mm, the full width of the light sheet at 1/e²",
     "vectors": 'vectors = { length_unit = "mm", velocity_unit = "mm/s", std_px = … }: what the vector files do not state themselves, and the standard uncertainty of a displacement',
-    "camera": "camera = { columns = …, rows = …, density_ppp = …, diameter_px = …, background = …, read_noise = …, peak = … }: without pictures these cannot be measured; or camera = \"none\" to leave the virtual experiment out",
+    "camera": 'camera = { columns = …, rows = …, density_ppp = …, diameter_px = …, background = …, read_noise = …, peak = … }: without pictures these cannot be measured; or camera = "none" to leave the virtual experiment out',
 }
 
 
@@ -136,22 +136,34 @@ class Dpiv(Table):
     @model_validator(mode="after")
     def _whole(self) -> Dpiv:
         if self.kind == "pictures" and (self.vectors or self.camera):
-            raise ValueError("tables [vectors] and [camera] belong to kind = \"vectors\"; of pictures they are measured")
+            raise ValueError(
+                'tables [vectors] and [camera] belong to kind = "vectors"; of pictures they are measured'
+            )
         if self.kind == "vectors":
             if self.vectors is None:
                 raise ValueError(f"vectors is missing: give {HINTS['vectors']}")
             if self.camera is None:
                 raise ValueError(f"camera is missing: give {HINTS['camera']}")
             if self.start == "from motion":
-                raise ValueError(f"start cannot come from the motion without pictures: give {HINTS['start'].split(', or')[0]}")
+                raise ValueError(
+                    f"start cannot come from the motion without pictures: give {HINTS['start'].split(', or')[0]}"
+                )
             if self.scale.from_finger or self.scale.calibration:
-                raise ValueError("scale of vectors without pictures: give scale = { mm_per_px = …, std_percent = … }")
+                raise ValueError(
+                    "scale of vectors without pictures: give scale = { mm_per_px = …, std_percent = … }"
+                )
         if self.kind == "vectors" and (self.axes.root_mm is None or self.axes.root_std_mm is None):
-            raise ValueError("axes.root_mm or root_std_mm is missing: vectors do not show the finger; give the position of the middle of its root and how well it is known, mm")
+            raise ValueError(
+                "axes.root_mm or root_std_mm is missing: vectors do not show the finger; give the position of the middle of its root and how well it is known, mm"
+            )
         if self.kind == "pictures" and self.axes.root_px is None and not self.scale.from_finger:
-            raise ValueError("axes.root_px is missing: give the position of the root's middle in px, or scale = { from_finger = true }")
+            raise ValueError(
+                "axes.root_px is missing: give the position of the root's middle in px, or scale = { from_finger = true }"
+            )
         if self.scale.from_finger and not self.root_visible:
-            raise ValueError("scale cannot come from a finger whose root is hidden (root_visible = false): give a calibration")
+            raise ValueError(
+                "scale cannot come from a finger whose root is hidden (root_visible = false): give a calibration"
+            )
         return self
 
     @property

@@ -13,7 +13,7 @@ from postprocess.lab.budget import FieldComparison, Quantity, Source
 from postprocess.lab.family import Family
 from postprocess.lab.inputs import Inputs
 from postprocess.lab.measures import measure, scatter
-from postprocess.lab.registration import LAW, Registration, law_pressure
+from postprocess.lab.registration import Registration, fit_law
 
 VORTEX = {  # quantity: columns, unit, label
     "circulation": (("circulation",), "m²/s", "circulation of the tip vortex"),
@@ -21,7 +21,6 @@ VORTEX = {  # quantity: columns, unit, label
     "core_radius": (("core_radius",), "m", "core radius of the tip vortex"),
     "jet_speed": (("jet_speed",), "m/s", "jet speed at the tip"),
 }
-END = 0.25  # last part of the common time, over which the final bend angle is taken
 PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
 
 
@@ -63,7 +62,9 @@ def tables(case: Case) -> dict[str, pd.DataFrame]:
     """`measure` of every side."""
     pose = case.registration.pose
     sides = {"data": case.data, "virtual": case.virtual, "direct": case.direct}
-    return {name: measure(p, pose, case.vortices, case.window, name) for name, p in sides.items() if p is not None}
+    return {
+        name: measure(p, pose, case.vortices, case.window, name) for name, p in sides.items() if p is not None
+    }
 
 
 def common_rows(found: dict[str, pd.DataFrame], window: tuple[float, float]) -> np.ndarray:
@@ -71,7 +72,7 @@ def common_rows(found: dict[str, pd.DataFrame], window: tuple[float, float]) -> 
     first = next(iter(found.values()))
     ok = first["time"].between(*window).to_numpy()
     for table in found.values():
-        ok &= np.isfinite(table["circulation"].to_numpy())
+        ok = ok & np.isfinite(table["circulation"].to_numpy())
     if ok.sum() < 3:
         raise ValueError(
             f"the tip vortex exists on all sides at only {ok.sum()} instants between {window[0]:.3f} and {window[1]:.3f} s;"
@@ -101,7 +102,9 @@ def flow_quantities(case: Case, found: dict[str, pd.DataFrame], rows: np.ndarray
     count = int(rows.sum())
     pose = case.registration.pose
     own = {
-        name: scatter(getattr(case, name), found[name].where(rows), pose, case.vortices, case.window_m)
+        name: scatter(
+            getattr(case, name), found[name], np.flatnonzero(rows), pose, case.vortices, case.window_m
+        )
         for name in ("data", "virtual")
         if name in found
     }
@@ -113,13 +116,25 @@ def flow_quantities(case: Case, found: dict[str, pd.DataFrame], rows: np.ndarray
         sources += geometry_sources(case, base["direct"], columns)
         for side, std in own.items():
             part = take(std) / np.sqrt(count)
-            told = "Monte Carlo over the vectors' uncertainty" + ("" if side == "data" else " of the virtual experiment")
+            told = "Monte Carlo over the vectors' uncertainty" + (
+                "" if side == "data" else " of the virtual experiment"
+            )
             sources.append(Source("vectors" if side == "data" else "virtual vectors", "data", part, told))
         sources += registration_sources(case, name, take(base["data"]), np.array([rates[c] for c in columns]))
         scale = _scale(name, base["data"], case.family)
         explained = explained_by_motion(case, base["direct"], columns)
         out.append(
-            Quantity(name, label, unit, take(simulation), take(base["direct"]), take(base["data"]), scale, sources, explained)
+            Quantity(
+                name,
+                label,
+                unit,
+                take(simulation),
+                take(base["direct"]),
+                take(base["data"]),
+                scale,
+                sources,
+                explained,
+            )
         )
     return out
 
@@ -141,7 +156,9 @@ def registration_sources(case: Case, name: str, value: np.ndarray, rate: np.ndar
     px_per_m = registration.pose.px_per_m
     power = {"circulation": 2.0, "core_radius": 1.0, "jet_speed": 1.0, "centre": 0.0}[name]
     sources = [Source("scale", "data", np.abs(value) * power * std[3], "posterior of the registration")]
-    sources.append(Source("time", "data", np.abs(rate) * registration.law.std("delay"), "fit of the finger's motion"))
+    sources.append(
+        Source("time", "data", np.abs(rate) * registration.law.std("delay"), "fit of the finger's motion")
+    )
     if name == "centre":
         arm = value - np.asarray(registration.pose.anchor)
         # x_tank = R⁻¹ (px − at)/k + anchor: shift, turn and scale of the pose, each with its covariance
@@ -158,7 +175,14 @@ def geometry_sources(case: Case, base: pd.Series, columns: tuple[str, ...]) -> l
         return []
     change = np.array([effect.means[c] - base[c] for c in columns])
     per_bend = case.bend_std / abs(effect.bend)
-    return [Source("geometry and material", "input", np.abs(change) * per_bend, "FEA's band, scaled from the run of the pressure")]
+    return [
+        Source(
+            "geometry and material",
+            "input",
+            np.abs(change) * per_bend,
+            "FEA's band, scaled from the run of the pressure",
+        )
+    ]
 
 
 def _effect(case: Case, name: str) -> Effect | None:
@@ -172,7 +196,10 @@ def explained_by_motion(case: Case, base: pd.Series, columns: tuple[str, ...]) -
         return None
     bend, length = motion_values(case)
     total = np.zeros(len(columns))
-    for effect, (simulated, seen), own in ((pressure, bend, pressure.bend), (duration, length, duration.duration)):
+    for effect, (simulated, seen), own in (
+        (pressure, bend, pressure.bend),
+        (duration, length, duration.duration),
+    ):
         change = np.array([effect.means[c] - base[c] for c in columns])
         total += change * (simulated - seen) / own if abs(own) > 1e-12 else 0.0
     return total
@@ -180,17 +207,25 @@ def explained_by_motion(case: Case, base: pd.Series, columns: tuple[str, ...]) -
 
 def motion_values(case: Case) -> tuple[tuple[float, float], tuple[float, float]]:
     """(simulation, recording) of the final bend angle (rad) and of the stroke's duration (s)."""
-    law = case.registration.law.values
-    nominal = np.array([1.0, 0.0, 1.0])
-    ours, theirs = (final_bend(case.family, case.direct["time"].values, v * np.array([1, 0, 1])) for v in (nominal, law))
+    factor, _, stretch = case.registration.law.values
     length = stroke_duration(case.family)
-    return (ours, theirs), (length, length * float(law[2]))
+    return (final_bend(case.family, 1.0), final_bend(case.family, factor)), (length, length * float(stretch))
 
 
-def final_bend(family: Family, times: np.ndarray, values: np.ndarray) -> float:
-    """Mean bend angle (rad) over the last part of the times, for a law (factor, delay, stretch)."""
-    late = times[times >= times[-1] - END * (times[-1] - times[0])]
-    return float(np.mean(family.bend(law_pressure(family, late, values))))
+def final_bend(family: Family, factor: float) -> float:
+    """Bend angle (rad) at the end of the simulation's law, its change multiplied by a factor."""
+    start, end = (float(family.law(t)) for t in family.time)
+    return float(family.shape("bend", start + factor * (end - start)))
+
+
+def motion_of_run(nominal: Family, run: Family) -> tuple[float, float]:
+    """Final bend (rad) and duration (s) by which a run's motion differs from the nominal one, in terms of its law."""
+    times = np.linspace(*nominal.time, 201)
+    values, _, _ = fit_law(nominal, times, run.law(times), np.array([1.0, 0.0, 1.0]))
+    return (
+        final_bend(nominal, float(values[0])) - final_bend(nominal, 1.0),
+        stroke_duration(nominal) * (float(values[2]) - 1),
+    )
 
 
 def stroke_duration(family: Family) -> float:
@@ -206,26 +241,29 @@ def motion_quantities(case: Case, inputs: Inputs) -> list[Quantity]:
     """Final bend angle and duration of the stroke: does the simulation's finger move as the recording's?"""
     registration, family = case.registration, case.family
     bend, length = motion_values(case)
-    times = case.direct["time"].values
     law = registration.law
-    step = np.array([0.01, 1e-3, 0.01])
-    slope = np.array(
-        [
-            (final_bend(family, times, law.values * [1, 0, 1] + step * one) - bend[1]) / step[k]
-            for k, one in enumerate(np.eye(len(LAW)))
-        ]
-    )
-    slope[1] = 0.0  # the two are compared at equal times after the start
-    seen = float(np.sqrt(slope @ law.covariance @ slope))
+    slope = (final_bend(family, law.values[0] + 0.01) - bend[1]) / 0.01
+    seen = abs(slope) * law.std("factor")
     sources = {
         "final_bend": [Source("silhouette", "data", np.array([seen]), "posterior of the registration")],
-        "duration": [Source("silhouette", "data", np.array([length[0] * law.std("stretch")]), "posterior of the registration")],
+        "duration": [
+            Source(
+                "silhouette",
+                "data",
+                np.array([length[0] * law.std("stretch")]),
+                "posterior of the registration",
+            )
+        ],
     }
     for effect in (e for e in case.effects if e.kind == "input"):
         for key, change in (("final_bend", effect.bend), ("duration", effect.duration)):
-            sources[key].append(Source(effect.name, "input", np.array([abs(change) * effect.per_std]), effect.how))
+            sources[key].append(
+                Source(effect.name, "input", np.array([abs(change) * effect.per_std]), effect.how)
+            )
     if case.geometry:
-        sources["final_bend"].append(Source("geometry and material", "input", np.array([case.bend_std]), "FEA's band"))
+        sources["final_bend"].append(
+            Source("geometry and material", "input", np.array([case.bend_std]), "FEA's band")
+        )
     one = lambda v: np.array([v])  # noqa: E731
     return [
         Quantity("final_bend", "bend angle at the end", "rad", one(bend[0]), one(bend[0]), one(bend[1]), abs(bend[1]), sources["final_bend"]),
@@ -249,12 +287,17 @@ def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
         modes[effect.name] = (effect.kind, (effect.field[rows] - direct) * effect.per_std)
     pressure = _effect(case, "pressure")
     if case.geometry and pressure is not None:
-        modes["geometry and material"] = ("input", (pressure.field[rows] - direct) * case.bend_std / abs(pressure.bend))
+        modes["geometry and material"] = (
+            "input",
+            (pressure.field[rows] - direct) * case.bend_std / abs(pressure.bend),
+        )
     modes |= registration_modes(case, rows, direct)
     noise2 = np.zeros_like(error)
     for plane in (case.data, case.virtual):
         if plane is not None:
-            noise2 += np.stack([plane["u_std"].values, plane["v_std"].values], axis=1)[rows].astype(float) ** 2
+            noise2 += (
+                np.stack([plane["u_std"].values, plane["v_std"].values], axis=1)[rows].astype(float) ** 2
+            )
     return FieldComparison(error, modes, np.sqrt(noise2))
 
 

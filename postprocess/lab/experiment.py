@@ -9,13 +9,13 @@ import numpy as np
 import xarray as xr
 
 from piv.camera import Camera, Seeding
+from piv.images import open_recording
 from piv.options import Options
 from piv.plane import read_plane
 from piv.readers import Recording
 from piv.recorder import Recorder
 from piv.recording import RecordingWriter
 from piv.sequence import SequenceOptions, correlate_recording
-from piv.images import open_recording
 from postprocess.lab.dpiv import Evaluation
 from postprocess.lab.pictures import MaskedRecording
 from postprocess.lab.pose import Pose, camera_series
@@ -58,7 +58,9 @@ def virtual_recording(
     parts = times.reshape(-1, 2) if paired else [times]
     path.parent.mkdir(parents=True, exist_ok=True)
     path.with_name(path.name + ".part").unlink(missing_ok=True)  # of another sheet, perhaps
-    with RecordingWriter(path, (camera.height_px, camera.width_px), dtype, times.size, attrs, times=times) as writer:
+    with RecordingWriter(
+        path, (camera.height_px, camera.width_px), dtype, times.size, attrs, times=times
+    ) as writer:
         number = 0
         for k, part in enumerate(parts):
             series = camera_series(sheet, pose, *axes, part)
@@ -76,9 +78,24 @@ def virtual_experiment(
 ) -> xr.Dataset:  # fmt: skip
     """PIV of the simulation, taken with the laboratory's camera, seeding and settings: a plane series in the camera frame."""
     path = virtual_recording(
-        sheet, pose, camera, seeding, times, folder / "virtual_recording.h5", paired=piv.pairing == "1-2,3-4", seed=seed
+        sheet,
+        pose,
+        camera,
+        seeding,
+        times,
+        folder / "virtual_recording.h5",
+        paired=piv.pairing == "1-2,3-4",
+        seed=seed,
     )
     with open_recording(str(path)) as recording:
         return evaluate(
-            recording, np.arange(times.size), times, outlines, pose, piv, folder / "virtual_piv.h5", threads=threads, quiet=quiet
+            recording,
+            np.arange(times.size),
+            times,
+            outlines,
+            pose,
+            piv,
+            folder / "virtual_piv.h5",
+            threads=threads,
+            quiet=quiet,
         )

@@ -63,7 +63,9 @@ def read_family(path: Path) -> Family:
             finger = json.loads(file.attrs["settings"])["finger"]
             width, tip_width = (float(np.ravel(file.attrs[n])[0]) for n in ("finger_width", "tip_thickness"))
     except (OSError, KeyError) as error:
-        raise ValueError(f"{path}: not a readable kinematics file ({error}); run the stage 'kinematics'") from None
+        raise ValueError(
+            f"{path}: not a readable kinematics file ({error}); run the stage 'kinematics'"
+        ) from None
     if not np.array_equal(counter_clockwise(arrays["outline"][0]), arrays["outline"][0]):
         arrays["outline"] = arrays["outline"][:, ::-1]
     splines = {name: CubicSpline(knots, values) for name, values in arrays.items()}
@@ -79,4 +81,3 @@ def read_family(path: Path) -> Family:
         tip_width,
         (float(time[0]), float(time[-1])),
     )
-

@@ -83,4 +83,6 @@ def read_registration(path: Path) -> Registration:
 
 
 def _pose(values: dict[str, Any]) -> Pose:
-    return Pose(float(values["px_per_m"]), float(values["angle"]), tuple(values["anchor"]), tuple(values["at_px"]))
+    return Pose(
+        float(values["px_per_m"]), float(values["angle"]), tuple(values["anchor"]), tuple(values["at_px"])
+    )

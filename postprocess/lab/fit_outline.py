@@ -7,6 +7,7 @@ could be; and their scatter is the uncertainty.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numba
@@ -55,7 +56,7 @@ def moved(pose: Pose, change: np.ndarray) -> Pose:
 def prepare(images: list[np.ndarray], times: np.ndarray, evidence: Evidence) -> Frames:
     """Running sums of frames (row 0 at the top) taken at `times` (s)."""
     found = [evidence.image(image) for image in images]
-    near = [np.corrcoef(a.ravel()[::3], b.ravel()[::3])[0, 1] for a, b in zip(found, found[1:], strict=False)]
+    near = [np.corrcoef(a.ravel()[::3], b.ravel()[::3])[0, 1] for a, b in itertools.pairwise(found)]
     common = float(np.clip(np.mean(near), 0, 0.99)) if near else 0.0
     sums = np.stack([running_sums(f).astype(np.float32) for f in found])
     return Frames(sums, np.asarray(times, float), (1 - common) / (1 + common))
@@ -80,7 +81,7 @@ def frame_score(sums, outlines, normals, at, angle, px_per_m, anchor, edge, plac
     w = place - t
     n = outlines.shape[1]
     total = 0.0
-    px = py = fx = fy = 0.0
+    px = py = 0.0
     for k in range(n + 1):
         m = k if k < n else 0
         x = (1 - w) * outlines[t, m, 0] + w * outlines[t + 1, m, 0] - anchor[0]
@@ -111,9 +112,24 @@ def _all(sums, outlines, normals, at, angle, px_per_m, anchor, edge, places):
 
 
 @numba.njit(cache=True)
-def _sample(sums, outlines, normals, first, anchor, places, spread, place_step, prior, law, law_std, temper, burn, keep, seed):
+def _sample(
+    sums,
+    outlines,
+    normals,
+    first,
+    anchor,
+    places,
+    spread,
+    place_step,
+    prior,
+    law,
+    law_std,
+    temper,
+    burn,
+    keep,
+    rng,
+):
     """Samples of the pose's change and of the places; `first` at_x, at_y, angle, px_per_m."""
-    np.random.seed(seed)
     frames, size = places.size, spread.size
     rise = (places - places.min()) / max(places.max() - places.min(), 1.0)
     change = np.zeros(size)
@@ -125,34 +141,45 @@ def _sample(sums, outlines, normals, first, anchor, places, spread, place_step, 
     steps = np.full(frames, place_step)
     size_of_step, taken = 0.6, 0
     for sweep in range(burn + keep):
-        new = change + size_of_step * factor @ np.random.standard_normal(size)
-        heat = temper * min(1.0, 0.05 + 0.95 * sweep / (0.5 * burn))  # annealed: the landscape has a bump per particle
+        new = change + size_of_step * factor @ rng.standard_normal(size)
+        heat = temper * min(
+            1.0, 0.05 + 0.95 * sweep / (0.5 * burn)
+        )  # annealed: the landscape has a bump per particle
         new_places = places + (new[5] - change[5]) + (new[6] - change[6]) * rise
         if new_places.min() < 0 or new_places.max() > outlines.shape[0] - 1:
             new_places = places.copy()
             new[5:] = change[5:]
         at = np.array([first[0] + new[0], first[1] + new[1]])
         tried = _all(
-            sums, outlines, normals, at, first[2] + new[2], first[3] * np.exp(new[3]), anchor, new[4], new_places
+            sums,
+            outlines,
+            normals,
+            at,
+            first[2] + new[2],
+            first[3] * np.exp(new[3]),
+            anchor,
+            new[4],
+            new_places,
         )
         gain = heat * (tried.sum() - scores.sum()) - 0.5 * np.sum(prior * (new**2 - change**2))
         gain -= 0.5 * np.sum(((new_places - law) ** 2 - (places - law) ** 2) / law_std**2)
-        accept = np.log(np.random.random()) < gain
+        accept = np.log(rng.random()) < gain
         if accept:
             change, scores, places = new, tried, new_places
         at = np.array([first[0] + change[0], first[1] + change[1]])
         scale = first[3] * np.exp(change[3])
         for f in range(frames):
-            place = places[f] + steps[f] * np.random.standard_normal()
+            place = places[f] + steps[f] * rng.standard_normal()
             if place < 0 or place > outlines.shape[0] - 1:
                 continue
             s = frame_score(
                 sums[f], outlines, normals, at, first[2] + change[2], scale, anchor, change[4], place
             )
-            gain = heat * (s - scores[f]) - 0.5 * (
-                (place - law[f]) ** 2 - (places[f] - law[f]) ** 2
-            ) / law_std[f] ** 2
-            better = np.log(np.random.random()) < gain
+            gain = (
+                heat * (s - scores[f])
+                - 0.5 * ((place - law[f]) ** 2 - (places[f] - law[f]) ** 2) / law_std[f] ** 2
+            )
+            better = np.log(rng.random()) < gain
             if better:
                 places[f], scores[f] = place, s
             if sweep < burn:
@@ -200,6 +227,6 @@ def fit_outline(
     start = np.array([*first.at_px, first.angle, first.px_per_m])
     poses, found, accepted = _sample(
         frames.sums, outlines, normals, start, np.asarray(first.anchor), places.copy(), spread, 0.3, prior,
-        places, known / step, frames.independent, burn, keep, seed,
+        places, known / step, frames.independent, burn, keep, np.random.default_rng(seed),
     )  # fmt: skip
     return OutlineFit(first, poses, table[0] + step * found, frames.times, float(accepted))

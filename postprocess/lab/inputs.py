@@ -61,7 +61,7 @@ class Inputs(Table):
     @property
     def names(self) -> list[str]:
         """Names of all runs beside the nominal one."""
-        return [one.name for one in (*self.input, *self.numerics)]
+        return [*(one.name for one in self.input), *(one.name for one in self.numerics)]
 
 
 def read_inputs(path: Path) -> Inputs:
@@ -96,7 +96,9 @@ def write_runs(files: StageFiles, inputs: Inputs) -> list[Path]:
         section = changed(numbers[root], rest, one.step, one.key)
         folders.append(_write(files, run_folder(files, one.name), {root: {rest[0]: section[rest[0]]}}))
     for finer in inputs.numerics:
-        folders.append(_write(files, run_folder(files, finer.name), {"levels": {files.level: _finer(numbers, finer)}}))
+        folders.append(
+            _write(files, run_folder(files, finer.name), {"levels": {files.level: _finer(numbers, finer)}})
+        )
     return folders
 
 
@@ -105,7 +107,9 @@ def write_virtual(files: StageFiles, pressure_kpa: float) -> Path:
     with h5py.File(files.required("kinematics.h5", "kinematics"), "r") as file:
         motion = json.loads(file.attrs["settings"])["motion"]
     if not motion["strokes"]:
-        raise ValueError(f"{files.case / 'scene.toml'}: motion.strokes is empty; a virtual laboratory changes the last of them")
+        raise ValueError(
+            f"{files.case / 'scene.toml'}: motion.strokes is empty; a virtual laboratory changes the last of them"
+        )
     strokes = [*motion["strokes"][:-1], motion["strokes"][-1] | {"pressure_kpa": pressure_kpa}]
     folder = files.out / "virtual" / f"{pressure_kpa:g}kpa"
     return _write(files, folder, {"motion": {"strokes": strokes}})
@@ -134,7 +138,10 @@ def _finer(numbers: dict[str, Any], finer: Numerics) -> dict[str, Any]:
 
 
 def _write(files: StageFiles, folder: Path, tables: dict[str, Any]) -> Path:
-    lines = [f"# Written by postprocess.lab: {folder.name}, beside the nominal run.", 'extends = "../../../.."']
+    lines = [
+        f"# Written by postprocess.lab: {folder.name}, beside the nominal run.",
+        'extends = "../../../.."',
+    ]
     for key, table in tables.items():
         lines += _toml(key, table)
     text = "\n".join(lines) + "\n"

@@ -44,7 +44,9 @@ reason = "Uncertainty of the bending as the silhouette shows it, √3 standard d
 def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
     """Measure the lower layer in every frame that is used, write motion.h5 and the scene; returns the scene's folder."""
     if dpiv.kind != "pictures":
-        raise ValueError(f"{dpiv.folder / NAME}: vectors do not show the finger; its motion can be measured from pictures only")
+        raise ValueError(
+            f"{dpiv.folder / NAME}: vectors do not show the finger; its motion can be measured from pictures only"
+        )
     family = read_family(files.stage.required("kinematics.h5", "kinematics"))
     registration = read_registration(files.registration)
     law, pose = registration.law, registration.pose
@@ -54,7 +56,9 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
         assert recording.times is not None
         at = recording.times - law.delay
         inside = np.flatnonzero((at >= family.time[0] - 0.02) & (at <= family.time[1]))
-        chosen = inside[np.unique(np.linspace(0, inside.size - 1, min(MAX_FRAMES, inside.size)).round().astype(int))]
+        chosen = inside[
+            np.unique(np.linspace(0, inside.size - 1, min(MAX_FRAMES, inside.size)).round().astype(int))
+        ]
         images = [recording.frame(int(i)) for i in chosen]
     finally:
         recording.close()
@@ -63,7 +67,14 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
     guesses = np.interp(frames.times, registration.times - law.delay, registration.pressures)
     shapes = np.array(
         [
-            fit_profile(sums.astype(np.float64), strip, pose, registration.edge_px, float(family.shape("bend", p)), frames.independent)
+            fit_profile(
+                sums.astype(np.float64),
+                strip,
+                pose,
+                registration.edge_px,
+                float(family.shape("bend", p)),
+                frames.independent,
+            )
             for sums, p in zip(frames.sums, np.where(frames.times <= 0, start, guesses), strict=True)
         ]
     )
@@ -79,12 +90,18 @@ def _write_scene(files: LabFiles, dpiv: Dpiv, factor_std: float) -> Path:
     folder = files.folder / "measured"
     inputs = read_inputs(files.stage.case / "reference" / "inputs.toml")
     numerics = "".join(
-        f'\n[[numerics]]\nname = "{n.name}"\nratio = {n.ratio!r}\norder = {n.order!r}\nsafety = {n.safety!r}\n' for n in inputs.numerics
+        f'\n[[numerics]]\nname = "{n.name}"\nratio = {n.ratio!r}\norder = {n.order!r}\nsafety = {n.safety!r}\n'
+        for n in inputs.numerics
     )
-    title = f"{scene_numbers(files.stage).get('title', files.stage.scene)}, moved as in the recording {dpiv.name}"
+    title = (
+        f"{scene_numbers(files.stage).get('title', files.stage.scene)}, moved as in the recording {dpiv.name}"
+    )
     write_text(folder / "scene.toml", SCENE.format(name=dpiv.name, title=title))
     limit = round(3**0.5 * factor_std, 6)
-    write_text(folder / "reference" / "inputs.toml", INPUTS.format(too_uncertain=inputs.too_uncertain, limit=limit, numerics=numerics))
+    write_text(
+        folder / "reference" / "inputs.toml",
+        INPUTS.format(too_uncertain=inputs.too_uncertain, limit=limit, numerics=numerics),
+    )
     findings = files.stage.findings
     if findings.exists():
         write_text(folder / "reference" / "findings.toml", findings.read_text(encoding="utf-8"))

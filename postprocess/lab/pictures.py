@@ -45,23 +45,35 @@ class LabRecording(Recording):
         self._source.close()
 
 
-def stated_pose(dpiv: Dpiv, recording: LabRecording, root: tuple[float, float]) -> tuple[Pose | None, float | None]:
+def stated_pose(
+    dpiv: Dpiv, recording: LabRecording, root: tuple[float, float]
+) -> tuple[Pose | None, float | None]:
     """The pose that dpiv.toml states and the relative standard uncertainty of its scale; None where the finger gives it."""
     if dpiv.scale.from_finger:
         return None, None
-    assert dpiv.axes.root_px is not None and dpiv.scale.std_percent is not None  # the schema's own checks
+    assert dpiv.axes.root_px is not None
+    assert dpiv.scale.std_percent is not None
     calibration = recording.calibration
     mm_per_px = dpiv.scale.mm_per_px or calibration.scale_m_per_px * 1e3  # type: ignore[union-attr]
     rows, columns = recording.shape
     x, y = dpiv.axes.root_px
     at = (columns - 1 - x if dpiv.axes.x == "left" else x, rows - 1 - y if dpiv.axes.y == "down" else y)
-    return Pose(1e3 / mm_per_px, float(np.radians(dpiv.axes.turn_deg)), root, at), dpiv.scale.std_percent / 100
+    return Pose(
+        1e3 / mm_per_px, float(np.radians(dpiv.axes.turn_deg)), root, at
+    ), dpiv.scale.std_percent / 100
 
 
 class MaskedRecording(Recording):
     """Some frames of a recording, on the simulation's clock, with an outline in px for each as mask."""
 
-    def __init__(self, source: Recording, indices: np.ndarray, times: np.ndarray, outlines: list[np.ndarray], scale: float) -> None:
+    def __init__(
+        self,
+        source: Recording,
+        indices: np.ndarray,
+        times: np.ndarray,
+        outlines: list[np.ndarray],
+        scale: float,
+    ) -> None:
         super().__init__(source.name, len(indices), None)
         self._source, self._indices, self._outlines = source, indices, outlines
         self.times = np.asarray(times, float)

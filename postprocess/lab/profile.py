@@ -21,7 +21,9 @@ from postprocess.lab.silhouette import counter_clockwise, inside_sum
 POINTS = 141  # of a profile
 STATES = 15
 KNOTS_PER_S = 40.0  # of the spline over time: 25 ms, a sixteenth of a stroke
-UNEVEN_STD = 0.15  # rad: a₂ and a₃ are weakly expected to be small, so that a gap between particles bends no finger
+UNEVEN_STD = (
+    0.15  # rad: a₂ and a₃ are weakly expected to be small, so that a gap between particles bends no finger
+)
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,9 @@ def bent_outline(strip: Strip, a: np.ndarray) -> np.ndarray:
     return strip.ventral_root + x[:, None] * strip.along - y[:, None] * strip.dorsal
 
 
-def fit_profile(sums: np.ndarray, strip: Strip, pose: Pose, edge_px: float, first_bend: float, weight: float) -> np.ndarray:
+def fit_profile(
+    sums: np.ndarray, strip: Strip, pose: Pose, edge_px: float, first_bend: float, weight: float
+) -> np.ndarray:
     """a₁, a₂, a₃ of one frame (running sums of its evidence). `weight`: share of the evidence that is independent."""
 
     def loss(a: np.ndarray) -> float:
@@ -92,7 +96,9 @@ def fit_profile(sums: np.ndarray, strip: Strip, pose: Pose, edge_px: float, firs
     a = np.array([first_bend, 0.0, 0.0])
     for size in (0.06, 0.02):
         simplex = np.vstack([a, a + size * np.eye(3)])
-        a = minimize(loss, a, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-3}).x
+        a = minimize(
+            loss, a, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-3}
+        ).x
     return a
 
 
@@ -129,7 +135,9 @@ def motion_dataset(
     margin = 0.03 * (high - low) + 1.0
     states = np.linspace(low - margin, high + margin, STATES)
     bends = family.bend(states)
-    uneven = np.polynomial.polynomial.polyval(np.clip(bends, shapes[:, 0].min(), shapes[:, 0].max()), spread).T
+    uneven = np.polynomial.polynomial.polyval(
+        np.clip(bends, shapes[:, 0].min(), shapes[:, 0].max()), spread
+    ).T
     lines = np.array([profile(strip, np.array([b, *a])) for b, a in zip(bends, uneven, strict=True)])
     seen = np.array([circle(profile(strip, a)) for a in shapes])
     return xr.Dataset(

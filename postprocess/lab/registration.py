@@ -79,7 +79,9 @@ def law_pressure(family: Family, times: np.ndarray, values: np.ndarray) -> np.nd
     return start + factor * (family.law(at) - start)
 
 
-def fit_law(family: Family, times: np.ndarray, pressures: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def fit_law(
+    family: Family, times: np.ndarray, pressures: np.ndarray, first: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Least-squares (factor, delay, stretch), their covariance from the residuals, and the rms residual (Pa)."""
     noise = 0.005 * (family.high - family.low)
     fit = least_squares(
@@ -114,14 +116,25 @@ def search_delay(frames: Frames, family: Family, pose: Pose, stated: float | Non
     """Delay (s) at which the simulation's motion fits the frames best: a correlation over time of the finger's picture."""
     table, outlines, normals = outline_table(family)
     span = frames.times[-1] - frames.times[0]
-    around = np.arange(-0.04, 0.0401, 0.004) if stated is not None else np.arange(-span - 0.1, span + 0.1, 0.006)
+    around = (
+        np.arange(-0.04, 0.0401, 0.004) if stated is not None else np.arange(-span - 0.1, span + 0.1, 0.006)
+    )
     scores = []
     for delay in around + (stated or 0.0):
         pressures = law_pressure(family, frames.times, np.array([1.0, delay, 1.0]))
         places = (pressures - table[0]) / (table[1] - table[0])
         scores.append(
-            _all(frames.sums, outlines, normals, np.asarray(pose.at_px), pose.angle, pose.px_per_m,
-                 np.asarray(pose.anchor), -1.0, places).sum()  # fmt: skip
+            _all(
+                frames.sums,
+                outlines,
+                normals,
+                np.asarray(pose.at_px),
+                pose.angle,
+                pose.px_per_m,
+                np.asarray(pose.anchor),
+                -1.0,
+                places,
+            ).sum()
         )
     return float(around[int(np.argmax(scores))] + (stated or 0.0))
 
@@ -141,7 +154,9 @@ def register(
     `stated`: the pose that the laboratory states, or None: from root and tip in the first frame. `stated_delay`: likewise the
     clock's, None: from the motion alone.
     """
-    chosen = np.unique(np.linspace(0, len(recording) - 1, min(MAX_FRAMES, len(recording))).round().astype(int))
+    chosen = np.unique(
+        np.linspace(0, len(recording) - 1, min(MAX_FRAMES, len(recording))).round().astype(int)
+    )
     images = [recording.frame(int(i)) for i in chosen]
     evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
     frames = prepare(images, times[chosen], evidence)
@@ -149,7 +164,14 @@ def register(
     delay = search_delay(frames, family, pose, stated_delay)
     first = np.array([1.0, delay, 1.0])
     rough = fit_outline(
-        frames, family, pose, law_pressure(family, frames.times, first), scale_std=scale_std, seed=seed, burn=1500, keep=800
+        frames,
+        family,
+        pose,
+        law_pressure(family, frames.times, first),
+        scale_std=scale_std,
+        seed=seed,
+        burn=1500,
+        keep=800,
     )
     values, _, _ = fit_law(family, frames.times, rough.parameter.mean(axis=0), first)
     span, start = family.high - family.low, float(family.law(family.time[0]))
@@ -158,12 +180,20 @@ def register(
     guess = np.where(at_rest, start, rough.parameter.mean(axis=0))
     known = np.where(at_rest, REST_STD * span, np.inf)
     fine = fit_outline(
-        frames, family, replace(rough.mean_pose(), px_per_m=pose.px_per_m), guess, scale_std=scale_std, law_std=known, seed=seed + 1
+        frames,
+        family,
+        replace(rough.mean_pose(), px_per_m=pose.px_per_m),
+        guess,
+        scale_std=scale_std,
+        law_std=known,
+        seed=seed + 1,
     )
     return _registration(frames, family, fine, values, stated)
 
 
-def _registration(frames: Frames, family: Family, fit: OutlineFit, first: np.ndarray, stated: Pose | None) -> Registration:
+def _registration(
+    frames: Frames, family: Family, fit: OutlineFit, first: np.ndarray, stated: Pose | None
+) -> Registration:
     mean = fit.parameter.mean(axis=0)
     values, covariance, misfit = fit_law(family, frames.times, mean, first)
     step = max(1, len(fit.pose) // THIN)

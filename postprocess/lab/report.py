@@ -30,7 +30,9 @@ def make_report(files: LabFiles) -> Path:
     if not files.comparison.exists():
         raise FileNotFoundError(f"{files.comparison} is missing; run python -m postprocess.lab compare first")
     result = read_json(files.comparison)
-    pictures = {name: (_saved(files, name, figure), alt) for name, (figure, alt) in figures(files, result).items()}
+    pictures = {
+        name: (_saved(files, name, figure), alt) for name, (figure, alt) in figures(files, result).items()
+    }
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -73,21 +75,32 @@ def figures(files: LabFiles, result: dict[str, Any]) -> dict[str, tuple[Figure, 
     by_name = {q["name"]: q for q in result["quantities"]}
     window = tuple(result["window_s"])
     sides = {name: read_plane(files.side(name)) for name in ("data", "direct")}
-    sides["virtual"] = read_plane(files.side("virtual")) if files.side("virtual").exists() else sides["direct"]
+    sides["virtual"] = (
+        read_plane(files.side("virtual")) if files.side("virtual").exists() else sides["direct"]
+    )
     rows = result["rows"]
     with h5py.File(files.folder / "fields.h5", "r") as file:
         error, significance = file["error"][...], file["significance"][...]
         picture = file["picture"][...] if "picture" in file else None
         picture_time = float(file["picture"].attrs["time"]) if picture is not None else 0.0
     found: dict[str, tuple[Figure, str]] = {
-        "verdicts": (draw.verdicts(result["quantities"]), "Difference of every quantity over its uncertainty, as bars with the limit of 95 %"),
-        "budgets": (draw.budgets(result["quantities"]), "Share of every source in the uncertainty of each quantity, as stacked bars"),
+        "verdicts": (
+            draw.verdicts(result["quantities"]),
+            "Difference of every quantity over its uncertainty, as bars with the limit of 95 %",
+        ),
+        "budgets": (
+            draw.budgets(result["quantities"]),
+            "Share of every source in the uncertainty of each quantity, as stacked bars",
+        ),
     }
     for part, word in ((0.25, "early"), (0.75, "late")):
         k = int(part * (len(rows) - 1))
         figure = draw.fields(sides["data"], sides["virtual"], rows[k], error[k], significance[k], 2.45)
         time = float(sides["data"]["time"].values[rows[k]])
-        found[f"field_{word}"] = (figure, f"Velocity of laboratory and simulation, their difference and its significance at {time:.3f} s")
+        found[f"field_{word}"] = (
+            figure,
+            f"Velocity of laboratory and simulation, their difference and its significance at {time:.3f} s",
+        )
     found["series"] = (
         draw.series(series, by_name, window),
         "Circulation, core radius and jet speed over time, laboratory and simulation, with 95 % bands",
@@ -99,14 +112,24 @@ def figures(files: LabFiles, result: dict[str, Any]) -> dict[str, tuple[Figure, 
     bends = None
     if registration.times.size:
         bends = (registration.times - registration.law.delay, family.bend(registration.pressures))
-    found["motion"] = (draw.motion(series, result["registration"], bends), "Bend angle over time, simulation and recording")
+    found["motion"] = (
+        draw.motion(series, result["registration"], bends),
+        "Bend angle over time, simulation and recording",
+    )
     if picture is not None:
         pressures = {
-            "recording, fitted": law_pressure(family, np.array([picture_time + registration.law.delay]), registration.law.values)[0],
+            "recording, fitted": law_pressure(
+                family, np.array([picture_time + registration.law.delay]), registration.law.values
+            )[0],
             "simulation": float(family.law(picture_time)),
         }
-        outlines = {name: registration.pose.to_px(family.shape("outline", p)) for name, p in pressures.items()}
-        found["picture"] = (draw.overlay(picture, outlines), "A picture of the recording with the finger's outline as fitted and as simulated")
+        outlines = {
+            name: registration.pose.to_px(family.shape("outline", p)) for name, p in pressures.items()
+        }
+        found["picture"] = (
+            draw.overlay(picture, outlines),
+            "A picture of the recording with the finger's outline as fitted and as simulated",
+        )
     for plane in sides.values():
         plane.close()
     return found

@@ -38,7 +38,14 @@ class Sides:
 
 
 def simulation_sides(
-    files: LabFiles, dpiv: Dpiv, family: Family, registration: Registration, *, seed: int, threads: int, quiet: bool
+    files: LabFiles,
+    dpiv: Dpiv,
+    family: Family,
+    registration: Registration,
+    *,
+    seed: int,
+    threads: int,
+    quiet: bool,
 ) -> Sides:
     """Evaluate the laboratory's data and the simulation alike; writes data.h5, virtual_piv.h5 and direct.h5."""
     with read_plane(files.sheet) as sheet:
@@ -49,11 +56,15 @@ def simulation_sides(
     direct = camera_series(sheet, pose, data["x"].values, data["y"].values, times)
     for name, plane in (("data", data), ("virtual", virtual), ("direct", direct)):
         if plane is not None:
-            write_plane(plane, files.side(name), source={"data": "lab", "virtual": "piv", "direct": "cfd"}[name])
+            write_plane(
+                plane, files.side(name), source={"data": "lab", "virtual": "piv", "direct": "cfd"}[name]
+            )
     return Sides(data, virtual, direct, picture, seen)
 
 
-def used_frames(dpiv: Dpiv, times: np.ndarray, delay: float, span: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+def used_frames(
+    dpiv: Dpiv, times: np.ndarray, delay: float, span: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
     """Frames whose instants the simulation covers, whole pairs only: indices and times (s of the simulation)."""
     at = times - delay
     ok = (at >= span[0] - 1e-9) & (at <= span[1] + 1e-9)
@@ -83,7 +94,14 @@ def with_finger(plane: xr.Dataset, family: Family, pose: Pose, pressures: np.nda
     grids.pop("valid")
     u, v = grids.pop("u"), grids.pop("v")
     out = make_plane(
-        plane["x"].values, plane["y"].values, u, v, time=plane["time"].values, valid=plane["valid"].values, **grids, **found
+        plane["x"].values,
+        plane["y"].values,
+        u,
+        v,
+        time=plane["time"].values,
+        valid=plane["valid"].values,
+        **grids,
+        **found,
     )
     return out.assign_attrs(plane.attrs | {"tip_width": family.tip_width})
 
@@ -102,9 +120,19 @@ def _of_pictures(files, dpiv, family, registration, sheet, seed, threads, quiet)
         theirs = law_pressure(family, times + law.delay, law.values)
         shapes = outlines_px(family, pose, theirs)
         piv = evaluate(
-            recording, index, times, shapes, pose, dpiv.piv, files.folder / "data_piv.h5", threads=threads, quiet=quiet
+            recording,
+            index,
+            times,
+            shapes,
+            pose,
+            dpiv.piv,
+            files.folder / "data_piv.h5",
+            threads=threads,
+            quiet=quiet,
         )
-        data = with_finger(piv, family, pose, law_pressure(family, piv["time"].values + law.delay, law.values))
+        data = with_finger(
+            piv, family, pose, law_pressure(family, piv["time"].values + law.delay, law.values)
+        )
         look = np.unique(np.linspace(0, index.size - 1, LOOK_AT).round().astype(int))
         images = [recording.frame(int(index[k])) for k in look]
         masks = [outline_mask(shapes[k], recording.shape) for k in look]
@@ -126,7 +154,9 @@ def _of_pictures(files, dpiv, family, registration, sheet, seed, threads, quiet)
 def appearance_of(images: list[np.ndarray], masks: list[np.ndarray]) -> Appearance:
     """Seeding and noise of pictures in which the body is masked."""
     evidence = learn(images, masks)
-    core = np.concatenate([image[_core(mask)] for image, mask in zip(images, masks, strict=True)]).astype(float)
+    core = np.concatenate([image[_core(mask)] for image, mask in zip(images, masks, strict=True)]).astype(
+        float
+    )
     middle = core[np.abs(core - evidence.body_level) < 5 * evidence.body_std]
     return measure_appearance(images, masks, float(middle.mean()), float(middle.std()))
 
@@ -139,7 +169,13 @@ def _core(mask: np.ndarray) -> np.ndarray:
 
 def _camera(columns: int, rows: int, bits: int, seen: Appearance, rate: float) -> Camera:
     return Camera(
-        columns, rows, frame_rate_hz=rate, bits=bits, background=seen.background, read_noise=seen.read_noise, electrons_per_level=0.0
+        columns,
+        rows,
+        frame_rate_hz=rate,
+        bits=bits,
+        background=seen.background,
+        read_noise=seen.read_noise,
+        electrons_per_level=0.0,
     )
 
 
@@ -187,7 +223,8 @@ def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):
 
 def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     """Exported vectors as a plane series in stated metres, y up, with their uncertainty; times from the first instant."""
-    assert dpiv.vectors is not None and dpiv.scale.mm_per_px is not None  # the schema's own checks
+    assert dpiv.vectors is not None
+    assert dpiv.scale.mm_per_px is not None
     told = dpiv.vectors
     paths = sorted_paths(dpiv)
     scale = dpiv.scale.mm_per_px * 1e-3
@@ -201,7 +238,11 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
         raise ValueError(f"{paths[0]}: one instant is no motion; give the files of a series")
     plane = plane.load()
     if dpiv.axes.x == "left":
-        plane = plane.isel(x=slice(None, None, -1)).assign_coords(x=-plane["x"].values[::-1]).assign(u=-plane["u"][..., ::-1])
+        plane = (
+            plane.isel(x=slice(None, None, -1))
+            .assign_coords(x=-plane["x"].values[::-1])
+            .assign(u=-plane["u"][..., ::-1])
+        )
     if "u_std" not in plane:
         if told.std_px is None:
             raise ValueError(

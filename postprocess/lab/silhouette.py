@@ -16,7 +16,9 @@ import numpy as np
 
 from piv.masks import dark_body
 
-COST = 4.0  # no particle counts more than this against an outline: a reflection on the body must not push it off
+COST = (
+    4.0  # no particle counts more than this against an outline: a reflection on the body must not push it off
+)
 BLUR_PX = 1.5  # of a particle's place: with less, every particle at rest beside the body is a barrier that samples do not pass
 NOISE = 6.0  # standard deviations of the body's grey level: what is above is a particle
 CORE_PX, CLEAR_PX = 9, 15  # away from the first guess of the body's edge: surely inside, surely outside

@@ -22,6 +22,7 @@ from postprocess.lab.family import read_family
 from postprocess.lab.pose import Pose
 from postprocess.stagefiles import write_text
 
+
 @dataclass(frozen=True)
 class SetUp:
     """The laboratory as it is, where its dpiv.toml says otherwise: SI but for the names that say so.
@@ -50,7 +51,9 @@ class SetUp:
         )
 
 
-def make_recording(sheet: xr.Dataset, set_up: SetUp, root: tuple[float, float], folder: Path, pairs_hz: float | None = None) -> Path:
+def make_recording(
+    sheet: xr.Dataset, set_up: SetUp, root: tuple[float, float], folder: Path, pairs_hz: float | None = None
+) -> Path:
     """Write recording.h5 (frames only, as from a camera) and truth.json; returns the recording.
 
     `pairs_hz`: pairs of frames at this rate, each pair's two frames one interval of the camera apart; None: all frames.
@@ -65,7 +68,14 @@ def make_recording(sheet: xr.Dataset, set_up: SetUp, root: tuple[float, float], 
         times = np.column_stack([begin, begin + interval]).ravel()
     pose = set_up.pose(root)
     path = virtual_recording(
-        sheet, pose, set_up.camera, set_up.seeding, times, folder / "recording.h5", paired=pairs_hz is not None, seed=set_up.seed
+        sheet,
+        pose,
+        set_up.camera,
+        set_up.seeding,
+        times,
+        folder / "recording.h5",
+        paired=pairs_hz is not None,
+        seed=set_up.seed,
     )
     truth = asdict(set_up) | {"pose": asdict(pose), "first_frame_s": first}
     write_text(folder / "truth.json", json.dumps(truth, indent=1, default=str))
@@ -98,7 +108,16 @@ spacing = {spacing}
 {pairing}"""
 
 
-def write_dpiv(set_up: SetUp, root: tuple[float, float], folder: Path, run: str, window: int, spacing: int, pairs_hz: float | None, every: int) -> None:
+def write_dpiv(
+    set_up: SetUp,
+    root: tuple[float, float],
+    folder: Path,
+    run: str,
+    window: int,
+    spacing: int,
+    pairs_hz: float | None,
+    every: int,
+) -> None:
     """The dpiv.toml that the laboratory would write."""
     stated = set_up.camera.scale_m_per_px
     x, y = np.asarray(set_up.camera.origin_px) + np.asarray(root) / stated
@@ -122,32 +141,57 @@ def camera_for(root: tuple[float, float], columns: int, mm_per_px: float, rate: 
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns 0 good, 2 bad input."""
     parser = argparse.ArgumentParser(prog="python -m postprocess.lab.stand_in", description=__doc__)
-    parser.add_argument("case", type=Path, help="scene whose run is taken for the water, such as cases/single_finger")
+    parser.add_argument(
+        "case", type=Path, help="scene whose run is taken for the water, such as cases/single_finger"
+    )
     parser.add_argument("--level", default="smoke")
-    parser.add_argument("--sheet", type=Path, required=True, help="its sheet over a view larger than the camera's")
+    parser.add_argument(
+        "--sheet", type=Path, required=True, help="its sheet over a view larger than the camera's"
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder to write")
     parser.add_argument("--shift-mm", nargs=2, type=float, default=(1.0, 0.5), metavar=("X", "Y"))
     parser.add_argument("--turn-deg", type=float, default=2.0)
     parser.add_argument("--scale-error", type=float, default=0.01)
-    parser.add_argument("--start", type=float, default=0.007, help="s of the run at which the first picture is taken")
+    parser.add_argument(
+        "--start", type=float, default=0.007, help="s of the run at which the first picture is taken"
+    )
     parser.add_argument("--columns", type=int, default=640)
     parser.add_argument("--mm-per-px", type=float, default=0.25)
     parser.add_argument("--density-ppp", type=float, default=0.05)
     parser.add_argument("--window", type=int, default=24)
     parser.add_argument("--spacing", type=int, default=8)
-    parser.add_argument("--pairs-hz", type=float, help="take pairs of pictures at this rate in place of all pictures")
-    parser.add_argument("--every", type=int, default=5, help="every how manieth pair of pictures is to be correlated")
+    parser.add_argument(
+        "--pairs-hz", type=float, help="take pairs of pictures at this rate in place of all pictures"
+    )
+    parser.add_argument(
+        "--every", type=int, default=5, help="every how manieth pair of pictures is to be correlated"
+    )
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args(argv)
     try:
         family = read_family(args.case / "out" / args.level / "kinematics.h5")
         camera = camera_for(family.root, args.columns, args.mm_per_px, 500.0)
         set_up = SetUp(
-            camera, Seeding(density_ppp=args.density_ppp), tuple(args.shift_mm), args.turn_deg, args.scale_error, args.start, seed=args.seed
+            camera,
+            Seeding(density_ppp=args.density_ppp),
+            tuple(args.shift_mm),
+            args.turn_deg,
+            args.scale_error,
+            args.start,
+            seed=args.seed,
         )
         with read_plane(args.sheet) as sheet:
             make_recording(sheet.load(), set_up, family.root, args.output, args.pairs_hz)
-        write_dpiv(set_up, family.root, args.output, args.case.name, args.window, args.spacing, args.pairs_hz, args.every)
+        write_dpiv(
+            set_up,
+            family.root,
+            args.output,
+            args.case.name,
+            args.window,
+            args.spacing,
+            args.pairs_hz,
+            args.every,
+        )
     except (ValueError, OSError) as error:
         print(f"stand_in: {error}", file=sys.stderr)
         return 2

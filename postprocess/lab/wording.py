@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 
 NBSP = "\u00a0"
-UNITS = {"m²/s": (1e4, "cm²/s"), "m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "rad": (180 / np.pi, "°"), "s": (1e3, "ms")}
+UNITS = {
+    "m²/s": (1e4, "cm²/s"),
+    "m": (1e3, "mm"),
+    "m/s": (1e3, "mm/s"),
+    "rad": (180 / np.pi, "°"),
+    "s": (1e3, "ms"),
+}
 BLAME = {
     "numerical": "mesh or time step",
     "input": "the inputs (pressure, time, geometry, material)",
@@ -27,7 +33,11 @@ def pair(values: Any, unit: str) -> str:
     """One number, or the two coordinates of a place."""
     factor, name = UNITS[unit]
     values = np.atleast_1d(np.asarray(values, float)) * factor
-    return f"({values[0]:.2f}, {values[1]:.2f}){NBSP}{name}" if values.size == 2 else f"{values[0]:.4g}{NBSP}{name}"
+    return (
+        f"({values[0]:.2f}, {values[1]:.2f}){NBSP}{name}"
+        if values.size == 2
+        else f"{values[0]:.4g}{NBSP}{name}"
+    )
 
 
 def verdict_sentence(q: dict[str, Any]) -> str:
@@ -52,7 +62,10 @@ def answer(result: dict[str, Any]) -> str:
         )
         return text + _width(result)
     if result["verdict"] == "too uncertain":
-        return "It cannot be said: for most quantities the measurement or the simulation is too uncertain." + _width(result)
+        return (
+            "It cannot be said: for most quantities the measurement or the simulation is too uncertain."
+            + _width(result)
+        )
     wrong = [by_name[name] for name in result["wrong"]]
     return "No: " + "; ".join(f"{q['label']}: {verdict_sentence(q)}" for q in wrong) + ". " + blame(result)
 
@@ -78,10 +91,14 @@ def blame(result: dict[str, Any]) -> str:
     rest = [q for q in flow if q["explained_by_motion"] is not None and _beyond_motion(q)]
     wrong_flow = [q for q in flow if q["name"] in result["wrong"]]
     if moves and not rest:
-        text.append("What the flow differs by follows from that motion within u_val: drive the simulation with the measured one.")
+        text.append(
+            "What the flow differs by follows from that motion within u_val: drive the simulation with the measured one."
+        )
     elif rest:
         text.append(
-            "Beyond the motion the flow itself differs (" + ", ".join(q["label"] for q in rest) + "): physics or what the model leaves out."
+            "Beyond the motion the flow itself differs ("
+            + ", ".join(q["label"] for q in rest)
+            + "): physics or what the model leaves out."
         )
     elif wrong_flow and not moves:
         text.append("The finger moves as simulated, so the flow model is to blame, not the motion.")
@@ -116,7 +133,9 @@ def rows(result: dict[str, Any]) -> list[dict[str, Any]]:
                 "verdict": q["verdict"],
                 "sentence": verdict_sentence(q),
                 "dominant": f"{q['dominant']} ({BLAME[source['kind']]})",
-                "sources": [(s["name"], s["kind"], size(np.asarray(s["std"]), unit), s["how"]) for s in q["sources"]],
+                "sources": [
+                    (s["name"], s["kind"], size(np.asarray(s["std"]), unit), s["how"]) for s in q["sources"]
+                ],
             }
         )
     return out
@@ -131,9 +150,19 @@ def tiles(result: dict[str, Any]) -> list[tuple[str, str, str]]:
         if q["name"] in ("final_bend", "circulation", "centre", "velocity_field")
     ]
     out = [
-        (size(q["error"], q["unit"]), f"E of the {label}", f"{q['verdict']}; u_val {size(q['u_val'], q['unit'])}, mostly {q['dominant']}")
+        (
+            size(q["error"], q["unit"]),
+            f"E of the {label}",
+            f"{q['verdict']}; u_val {size(q['u_val'], q['unit'])}, mostly {q['dominant']}",
+        )
         for label, q in found
     ]
-    out.append((f"{r['delay_ms']:.1f}{NBSP}ms", "delay of the recording's clock", f"± {1.96 * r['delay_std_ms']:.1f} ms"))
+    out.append(
+        (
+            f"{r['delay_ms']:.1f}{NBSP}ms",
+            "delay of the recording's clock",
+            f"± {1.96 * r['delay_std_ms']:.1f} ms",
+        )
+    )
     out.append((f"{r['scale_mm_per_px']:.4f}", "scale, mm/px", f"± {1.96 * r['scale_std_percent']:.2f} %"))
     return out
