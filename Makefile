@@ -20,7 +20,7 @@ FLAGS  := $(if $(QUIET),--quiet)
 .SUFFIXES:
 .DELETE_ON_ERROR:
 .SECONDARY:
-.PHONY: help setup test lint unit fea fea-studies docs clean clean-all bench-piv compare compare-measured virtual-lab lab-sheets $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES)))
+.PHONY: help setup test lint unit fea fea-studies docs clean clean-all bench-piv compare compare-measured virtual-lab virtual-lab-study lab-sheets study-sheets $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES)))
 
 help: ## this list
 	@echo "make setup                     Python environment and OpenFOAM, where missing"
@@ -127,6 +127,22 @@ virtual-lab: | $(READY) ## a stand-in recording to try compare on, where no labo
 	$(PY) -m pipeline.sheets $(VIRTUAL) --level $(LEVEL) --view -0.075 0.12 0.115 0.275 -o $(VIRTUAL)/view.h5 $(FLAGS)
 	$(PY) -m postprocess.lab.stand_in $(VIRTUAL) --level $(LEVEL) --sheet $(VIRTUAL)/view.h5 -o $(VIRTUAL)/recording --pairs-hz 100
 	@echo "now: make compare SCENE=$(SCENE) LEVEL=$(LEVEL) DPIV=$(VIRTUAL)/recording"
+
+STUDY = $(LABOUT)/virtual/study
+virtual-lab-study: | $(READY) ## registration, verdicts and coverage over 20 seeds; tables into docs/comparison.md (an hour)
+	@$(SUB) $(SCENE).vortices
+	@$(LAB) runs $(CASE) --level $(LEVEL) --quiet
+	$(LAB) virtual $(CASE) --level $(LEVEL) --pressure-kpa 21 --quiet
+	@$(SUB) SCENE=$(SCENE) study-sheets
+	$(PY) -m tests.benchmarks.virtual_lab --case $(CASE) --level $(LEVEL) --seeds 20 -o $(STUDY)/trials.csv --docs docs/comparison.md
+study-sheets: $(STUDY)/nominal.h5 $(STUDY)/21kpa.h5 $(patsubst %,$(STUDY)/%.h5,$(VARIATIONS))
+STUDY_SHEET = $(PY) -m pipeline.sheets $(patsubst %/out/$(LEVEL)/run/run.json,%,$<) --level $(LEVEL) --view -0.08 0.12 0.10 0.28 -o $@ $(FLAGS)
+$(STUDY)/nominal.h5: $(LABOUT)/run/run.json
+	$(STUDY_SHEET)
+$(STUDY)/21kpa.h5: $(LABOUT)/virtual/21kpa/out/$(LEVEL)/run/run.json
+	$(STUDY_SHEET)
+$(STUDY)/%.h5: $(LABOUT)/inputs/%/out/$(LEVEL)/run/run.json
+	$(STUDY_SHEET)
 
 fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/kinematics/states.h5
 	$(PY) -m pipeline.fea cases/single_finger

@@ -48,6 +48,10 @@ def simulation_sides(
     quiet: bool,
 ) -> Sides:
     """Evaluate the laboratory's data and the simulation alike; writes data.h5, virtual_piv.h5 and direct.h5."""
+    if not files.sheet.exists():
+        raise FileNotFoundError(
+            f"{files.sheet} is missing; make compare writes it: python -m pipeline.sheets CASE --view $(cat {files.view}) -o {files.sheet}"
+        )
     with read_plane(files.sheet) as sheet:
         sheet = sheet.load()
     make = _of_pictures if dpiv.kind == "pictures" else _of_vectors
