@@ -20,7 +20,7 @@ FLAGS  := $(if $(QUIET),--quiet)
 .SUFFIXES:
 .DELETE_ON_ERROR:
 .SECONDARY:
-.PHONY: help setup test lint unit fea fea-studies docs clean clean-all bench-piv compare compare-measured virtual-lab virtual-lab-study lab-sheets study-sheets $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES)))
+.PHONY: help setup test lint unit fea fea-studies pinch-studies docs clean clean-all bench-piv compare compare-measured virtual-lab virtual-lab-study lab-sheets study-sheets $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
 
 help: ## this list
 	@echo "make setup                     Python environment and OpenFOAM, where missing"
@@ -48,6 +48,7 @@ $(1).run: $(2)/run/run.json
 $(1).sheet: $(2)/sheet.h5
 $(1).images: $(2)/images.h5
 $(1).piv: $(2)/piv.h5
+$(1).cfd: $(2)/vortices_cfd.csv
 $(1).vortices: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv
 $(1).compare: $(2)/comparison.json
 $(1).report: $(2)/report.html
@@ -74,13 +75,15 @@ $(2)/vortices_cfd.csv: $(2)/sheet.h5 $(2)/settings/vortices.json
 	$(PY) -m piv vortices $$< -o $$@ --threads $(NP) --settings $(2)/settings/vortices.json $(FLAGS)
 $(2)/vortices_piv.csv: $(2)/piv.h5 $(2)/settings/vortices.json
 	$(PY) -m piv vortices $$< -o $$@ --threads $(NP) --settings $(2)/settings/vortices.json $(FLAGS)
-$(2)/comparison.json: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv $(wildcard cases/$(1)/reference/*)
+$(2)/comparison.json: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv $(wildcard cases/$(1)/reference/*) $(3)
 	$(PY) -m postprocess.compare cases/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/report.html: $(2)/comparison.json $(2)/settings/report.json
 	$(PY) -m postprocess.figures cases/$(1) --level $(LEVEL) $(FLAGS)
 	$(PY) -m postprocess.report cases/$(1) --level $(LEVEL) $(FLAGS)
 endef
-$(foreach s,$(SCENES) $(RUNS),$(eval $(call scene_rules,$(s),cases/$(s)/out/$(LEVEL))))
+# A pinch is compared with the single finger at the same level, where that was run; make single_finger first.
+SINGLE := $(wildcard cases/single_finger/out/$(LEVEL)/vortices_*.csv)
+$(foreach s,$(SCENES) $(RUNS),$(eval $(call scene_rules,$(s),cases/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
 
 # Comparison with a laboratory (docs/comparison.md). Its runs beside the nominal one are scenes of their own, written when it
 # is known what they are: each step is a make of its own. INPUTS= (empty) leaves those runs out.
@@ -155,6 +158,11 @@ docs: single_finger.report single_deflate.report ## pages and pictures of the do
 	$(PY) -m postprocess.summary cases/single_deflate --level $(LEVEL)
 	$(PY) -m tests.pictures.vortices docs/vortices.png
 	$(PY) -m tests.pictures.synthetic docs/synthetic.png
+
+STUDIES ?= smoke coarse $(shell sed -n 's/^\[levels\.\([a-z0-9_]*\)\].*/\1/p' cases/pinch_studies/scene.toml)
+pinch-studies: $(READY) ## studies of the pinch (STUDIES="gap1 gap2": only some): docs/pinch_studies.md
+	@for level in $(STUDIES); do $(MAKE) --no-print-directory pinch_studies.cfd LEVEL=$$level || exit 1; done
+	$(PY) -m postprocess.studies cases/pinch_studies
 
 fea-studies: $(READY) ## studies over wedge, width and materials: docs/fea
 	$(PY) -m pipeline.fea.studies

@@ -1,4 +1,4 @@
-"""Stage case: the OpenFOAM case — the base case, one file of numbers, the swept mesh in its first shape."""
+"""Stage case: an OpenFOAM case for each leg — the base case, one file of numbers, the swept mesh in its first shape."""
 
 from __future__ import annotations
 
@@ -10,18 +10,24 @@ import numpy as np
 import xarray as xr
 
 from pipeline.errors import StageError
+from pipeline.frames import time_name
+from pipeline.legs import Leg, read_legs, read_stage
+from pipeline.lock import LOCK, only_one
 from pipeline.motion import read_motion
-from pipeline.polymesh import OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
+from pipeline.polymesh import BODY_PATCHES, OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
 from pipeline.quality import planform_edges
 from pipeline.scene import Scene, digest
-from pipeline.stage import read_dataset, run_stage, write_dataset, write_text
+from pipeline.stage import run_stage, write_dataset, write_text
 
 BASE = Path(__file__).resolve().parent.parent / "cases" / "_base"
 SYMMETRIC = ("half", "quarter")
 
 
-def numbers(scene: Scene, back: float) -> dict[str, str]:
-    """The entries of system/numbers for a scene; `back` is the z of the mesh's back wall, m."""
+def numbers(scene: Scene, leg: Leg, back: float) -> dict[str, str]:
+    """The entries of system/numbers for one leg of a scene; `back` is the z of the mesh's back wall, m.
+
+    `startTime` and `writeInterval` change where the run stage resumes.
+    """
     kind = scene.model.kind
     flat, n = kind == "2d", scene.numerics
     sampling = n.sampling_steps(scene.sheet.rate_hz)
@@ -32,9 +38,9 @@ def numbers(scene: Scene, back: float) -> dict[str, str]:
 
     return {
         "timeStep": f"{n.time_step:.10g}",
-        "startTime": "0",
-        "endTime": f"{scene.motion.end_time:.10g}",
-        "writeInterval": str(write_steps(scene.motion.end_time, n.time_step, n.write_interval)),
+        "startTime": time_name(leg.begin(n.time_step)),
+        "endTime": f"{leg.end:.10g}",
+        "writeInterval": f"{n.write_interval:.10g}",
         "sampleInterval": str(sampling),
         "timeScheme": n.time_scheme,
         "convectionScheme": n.convection,
@@ -54,22 +60,6 @@ def numbers(scene: Scene, back: float) -> dict[str, str]:
         "sheetSampling": "patch" if kind in SYMMETRIC else "cuttingPlane",
         "sheetPoint": point(0, 0, sheet_z),
     }
-
-
-def write_steps(end_time: float, time_step: float, interval: float) -> int:
-    """Time steps between checkpoints: the divisor of all steps nearest to `interval` s, so that the end is saved.
-
-    Raises StageError where no divisor comes within a factor of three, as for a prime number of steps.
-    """
-    steps, wanted = round(end_time / time_step), interval / time_step
-    divisors = [n for n in range(1, steps + 1) if steps % n == 0]
-    best = min(divisors, key=lambda n: abs(np.log(n / wanted)))
-    if not 1 / 3 <= best / min(wanted, steps) <= 3:
-        raise StageError(
-            f"motion.end_time is {steps} steps, which checkpoints every numerics.write_interval = {interval:g} s do not"
-            f" divide; give an end_time of {round(steps / wanted) * interval or interval:g} s"
-        )
-    return best
 
 
 def numbers_text(entries: dict[str, str]) -> str:
@@ -100,7 +90,7 @@ def sides(planform: xr.Dataset) -> np.ndarray:
     tolerance = 1e-9
     side = np.zeros(len(middle), int)
     side[np.abs(middle[:, 1] - top) < tolerance] = OUTER_PATCHES.index("top")
-    mirrored = planform.attrs["model"] == "quarter"
+    mirrored = bool(planform.attrs["mirror"])
     for x in (left, right):
         wall = np.flatnonzero(np.abs(middle[:, 0] - x) < tolerance)
         if x == right and mirrored:
@@ -111,13 +101,14 @@ def sides(planform: xr.Dataset) -> np.ndarray:
 
 
 def build_mesh(planform: xr.Dataset) -> PolyMesh:
-    """Sweep the planform of `planform.h5`."""
+    """Sweep one stage of `planform.h5`."""
     sweep = Sweep(
         planform["triangles"].values,
         planform["quads"].values,
-        planform["inside"].values,
+        planform["body"].values,
+        tuple(planform["body_name"].values[1:]),
+        tuple(planform["body_half_width"].values[1:]),
         planform["levels"].values,
-        0.5 * float(planform.attrs["finger_width"]),
         str(planform.attrs["model"]),
     )
     return sweep_mesh(sweep, sides(planform))
@@ -126,8 +117,7 @@ def build_mesh(planform: xr.Dataset) -> PolyMesh:
 def patch_types(kind: str) -> dict[str, str]:
     """OpenFOAM's type of each patch."""
     flat = kind == "2d"
-    return {
-        "finger": "wall",
+    return dict.fromkeys(BODY_PATCHES, "wall") | {
         "tank": "wall",
         "top": "patch",
         "mirror": "symmetryPlane",
@@ -151,41 +141,55 @@ def zones(
     return faces | {"frontZone": span["front"]}, {"behindSheet": cells[behind], "beforeSheet": cells[~behind]}
 
 
-def run(scene: Scene, quiet: bool = False) -> None:
-    """Write the folder `case/` and `sweep.h5` (the columns of the mesh)."""
-    folder = scene.out / "case"
-    with read_dataset(scene.out / "planform.h5", "planform") as planform:
-        planform.load()
-    levels, kind = planform["levels"].values, scene.model.kind
-    if not BASE.is_dir():
-        raise StageError(f"{BASE}: the base case is missing; restore it with git checkout cases/_base")
-    shutil.rmtree(folder, ignore_errors=True)
+def write_leg(scene: Scene, leg: Leg, planform: xr.Dataset, mesh: PolyMesh) -> xr.Dataset:
+    """Write the OpenFOAM case of one leg, its mesh in its first shape; returns the columns of the mesh."""
+    folder, kind, levels = scene.out / "case" / leg.name, scene.model.kind, planform["levels"].values
     shutil.copytree(BASE, folder)
-    write_text(folder / "system" / "numbers", numbers_text(numbers(scene, float(levels[0]))))
+    if leg.index:
+        (folder / "0").rename(folder / "0.orig")  # filled in with the flow of the leg before
+    write_text(folder / "system" / "numbers", numbers_text(numbers(scene, leg, float(levels[0]))))
     write_text(folder / "system" / "regions", regions_text(kind))
-    mesh = build_mesh(planform)
-    points = mesh.points(read_motion(scene.out).nodes(0.0), levels)
+    points = mesh.points(read_motion(scene.out, leg.stage).nodes(leg.begin(scene.numerics.time_step)), levels)
     faces, cells = zones(mesh, levels, kind)
     write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
     write_text(folder / "case.foam", "")
-    write_dataset(
-        xr.Dataset(
-            {
-                "node": ("point", mesh.node),
-                "level": ("point", mesh.level),
-                "cell_column": ("cell", mesh.cell_column),
-            },
-            attrs={
-                "format": "sweep",
-                "format_version": 1,
-                "scene_hash": digest(scene.settings("case")),
-                "settings": json.dumps(scene.settings("case")),
-            },
-        ),
-        scene.out / "sweep.h5",
+    return xr.Dataset(
+        {
+            "node": ("point", mesh.node),
+            "level": ("point", mesh.level),
+            "cell_column": ("cell", mesh.cell_column),
+            "cell_layer": ("cell", mesh.cell_layer),
+        }
     )
+
+
+def run(scene: Scene, quiet: bool = False) -> None:
+    """Write the folders `case/leg_<k>` and `sweep.h5` (the columns of their meshes)."""
+    folder = scene.out / "case"
+    if not BASE.is_dir():
+        raise StageError(f"{BASE}: the base case is missing; restore it with git checkout cases/_base")
+    legs = read_legs(scene.out)
+    planforms = {stage: read_stage(scene.out, stage) for stage in {leg.stage for leg in legs}}
+    meshes = {stage: build_mesh(planform) for stage, planform in planforms.items()}
+    folder.mkdir(exist_ok=True)
+    with only_one(folder):  # not under the feet of a run
+        for old in folder.iterdir():
+            if old.name != LOCK:
+                shutil.rmtree(old) if old.is_dir() else old.unlink()
+        columns = {leg.name: write_leg(scene, leg, planforms[leg.stage], meshes[leg.stage]) for leg in legs}
+    settings = scene.settings("case")
+    root = xr.Dataset(
+        attrs={
+            "format": "sweep",
+            "format_version": 2,
+            "scene_hash": digest(settings),
+            "settings": json.dumps(settings),
+        }
+    )
+    write_dataset(root, scene.out / "sweep.h5", columns)
     if not quiet:
-        print(f"case: {len(mesh.cell_column)} cells, {len(points)} points in {folder}")
+        cells = [columns[leg.name].sizes["cell"] for leg in legs]
+        print(f"case: {' + '.join(map(str, cells))} cells in {folder}")
 
 
 if __name__ == "__main__":

@@ -38,10 +38,10 @@ def sampled_until(case: Path) -> float:
 
     OpenFOAM writes the fields of a time before its samples: those are whole when the forces of the step after are there.
     """
-    legs = _legs(case / "postProcessing" / "forces")
-    if not legs:
+    parts = _parts(case / "postProcessing" / "forces")
+    if not parts:
         return 0.0
-    start, folder = legs[-1]
+    start, folder = parts[-1]
     times = [
         _number(line.split()[0])
         for path in folder.glob("force*.dat")
@@ -52,20 +52,20 @@ def sampled_until(case: Path) -> float:
     return max(start, rows[-2]) if len(rows) > 1 else start
 
 
-def drop_legs(case: Path, start: float) -> None:
-    """Remove the tables of legs that began at `start` (s) or later.
+def drop_tables(case: Path, start: float) -> None:
+    """Remove the tables that a run (re)started at `start` (s) or later has written.
 
-    OpenFOAM would not overwrite them but write `<name>_<time>.dat` beside them, and a leg that began at a later, damaged
+    OpenFOAM would not overwrite them but write `<name>_<time>.dat` beside them, and what began at a later, damaged
     checkpoint must not replace what is computed anew.
     """
     for recorder in (case / "postProcessing").glob("*"):
-        for time, folder in _legs(recorder):
+        for time, folder in _parts(recorder):
             if time >= start - 1e-9:
                 for path in folder.glob("*.dat"):
                     path.unlink()
 
 
-def _legs(recorder: Path) -> list[tuple[float, Path]]:
+def _parts(recorder: Path) -> list[tuple[float, Path]]:
     """Folders of a function object that hold tables, by the time at which the run began, ascending."""
     folders = recorder.iterdir() if recorder.is_dir() else ()
     timed = [(_number(folder.name), folder) for folder in folders if any(folder.glob("*.dat"))]

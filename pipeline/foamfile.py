@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import gzip
 import os
+import re
 from pathlib import Path
 
 import numpy as np
+
+from pipeline.errors import StageError
 
 ARCH = "LSB;label=32;scalar=64"
 END = b"\n\n// ************************************************************************* //\n"
@@ -70,3 +73,30 @@ def is_complete(path: Path) -> bool:
         file.seek(0, os.SEEK_END)
         file.seek(max(0, file.tell() - 200))
         return file.read().rstrip().endswith(b"* //")
+
+
+def read_field(path: Path, cells: int) -> np.ndarray:
+    """Internal values (cell,) or (cell, 3) of a binary volScalarField or volVectorField."""
+    content = path.read_bytes()
+    found = re.search(
+        rb"\ninternalField\s+(uniform ([^;]+);|nonuniform List<(scalar|vector)>\s*(\d+)\s*\()", content
+    )
+    if found is None:
+        raise StageError(f"{path}: no field of OpenFOAM's; delete the case folder and run make again")
+    if found.group(2):
+        value = np.array(found.group(2).replace(b"(", b" ").replace(b")", b" ").split(), float)
+        return np.tile(value, (cells, 1)) if len(value) > 1 else np.full(cells, value[0])
+    size = 3 if found.group(3) == b"vector" else 1
+    values = np.frombuffer(content, "<f8", size * int(found.group(4)), found.end())
+    return values.reshape(-1, 3) if size == 3 else values
+
+
+def write_field(path: Path, template: Path, values: np.ndarray) -> None:
+    """Write `template`, a field given as text, with internal values (cell,) or (cell, 3) instead of its own."""
+    kind, name = ("vector", "volVectorField") if values.ndim == 2 else ("scalar", "volScalarField")
+    body = template.read_bytes().split(b"}", 1)[1]
+    field = b"internalField nonuniform List<%s> " % kind.encode() + binary_list(values) + b";"
+    head, count = re.subn(rb"internalField[^;]*;", lambda _: field, body, count=1)
+    if count != 1:
+        raise StageError(f"{template}: no internalField; run the case stage again")
+    write_bytes(path, header(name, path.parent.name, path.name, binary=True) + head + END)

@@ -15,11 +15,11 @@ PADDING = 3  # frames beyond the last time step
 BOUNDARY = b"""
 boundaryField
 {
+    ".*"                { type calculated; }
+    "proc.*"            { type processor; }
     sheet               { type %s; }
     back                { type %s; }
     mirror              { type symmetryPlane; }
-    "(finger|tank|top|gap|front)" { type calculated; }
-    "proc.*"           { type processor; }
 }
 """
 
@@ -29,9 +29,14 @@ def time_name(time: float) -> str:
     return f"{time:.8g}"
 
 
-def steps_of(end_time: float, time_step: float) -> int:
-    """Number of time steps of a run."""
-    return round(end_time / time_step)
+def steps_of(time: float, time_step: float) -> int:
+    """Number of time steps in `time` s."""
+    return round(time / time_step)
+
+
+def checkpoint_interval(duration: float, wanted: float) -> float:
+    """Interval (s) near `wanted` that divides `duration`, so that its end is saved; no whole number of steps is needed."""
+    return duration / max(1, round(duration / wanted)) if duration > 1e-9 else wanted
 
 
 def frame_content(displacement: np.ndarray, flat: bool) -> bytes:
@@ -42,16 +47,17 @@ def frame_content(displacement: np.ndarray, flat: bool) -> bytes:
     return head + field + binary_list(displacement) + b";\n" + BOUNDARY % kinds + END
 
 
-def write_frames(case: Path, motion: NodeMotion, node: np.ndarray, driving: np.ndarray, time_step: float, steps: int,
-                 flat: bool) -> None:  # fmt: skip
-    """Lay `<time>/wantedDisplacement` for every step into `case` (or one processor's folder).
+def write_frames(case: Path, motion: NodeMotion, node: np.ndarray, driving: np.ndarray, time_step: float,
+                 first: int, last: int, flat: bool) -> None:  # fmt: skip
+    """Lay `<time>/wantedDisplacement` for the steps `first` to `last` into `case` (or one processor's folder).
 
-    `node` (point,) maps mesh points to planform nodes; only `driving` points (on walls that drive a column) carry
-    values, the others stay zero so that the files compress to almost nothing.
+    Displacements are relative to the shape at `first`. `node` (point,) maps mesh points to planform nodes; only
+    `driving` points (on walls that drive a column) carry values, the others stay zero so that the files compress to
+    almost nothing.
     """
-    start = motion.nodes(0.0)
+    start = motion.nodes(first * time_step)
     moved = node[driving]
-    for step in range(steps + PADDING + 1):
+    for step in range(first, last + PADDING + 1):
         displacement = np.zeros((len(node), 3))
         displacement[driving, :2] = (motion.nodes(step * time_step) - start)[moved]
         write_bytes(

@@ -3,32 +3,41 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import shapely
 import xarray as xr
+from scipy.interpolate import CubicSpline
 
 from pipeline import paper_model
+from pipeline.contact import closing_law, closing_sentence, closing_summary, gap
 from pipeline.errors import StageError
 from pipeline.motion_law import PressureLaw, measured_law, stroke_law
 from pipeline.recorded import recorded_law, recorded_states
 from pipeline.scene import Finger, Motion, Scene, digest
+from pipeline.scene_pinch import Pinch
+from pipeline.shape_checks import check_shapes
 from pipeline.shapes import ShapeFamily, States, add_tip, circular_states, rounded_strip
 from pipeline.stage import run_stage, write_dataset
 from pipeline.states import read_states
 
 PAPER_LOWEST_PRESSURE = paper_model.LOWEST_VALID_PRESSURE
 LAW_SAMPLES_PER_SECOND = 4000
+GAP_STEP = 0.2  # of the logarithm of the gap from shape to shape: the mesh between the tips shrinks with it
 LENGTH_TOLERANCE = 0.02  # of finger.length against that of its states: digitised profiles are no better
 
 
 @dataclass(frozen=True)
 class Kinematics:
-    """A pressure law and the shapes it runs through, with the placement in the tank."""
+    """A pressure law and the shapes it runs through, with the placement in the tank.
+
+    `law` is that of the shapes: in a pinch the fingers stop where they meet, while the chambers' own pressure,
+    `free_law`, goes on.
+    """
 
     law: PressureLaw
+    free_law: PressureLaw
     family: ShapeFamily
     finger: Finger
     states: States
@@ -36,6 +45,10 @@ class Kinematics:
     def to_tank(self, points: np.ndarray) -> np.ndarray:
         """Points (…, 2) from the actuator's frame (origin at the middle of the root) to the tank's."""
         return self.turn(points) + np.asarray(self.finger.root)
+
+    def outline(self, pressure: float) -> np.ndarray:
+        """Closed outline (point, 2) of finger 0 in the tank frame at a pressure of the shape in Pa."""
+        return self.to_tank(self.family.outline(pressure))
 
     def turn(self, vectors: np.ndarray) -> np.ndarray:
         """Vectors (…, 2) from the actuator's axes to the tank's."""
@@ -70,7 +83,19 @@ def load_kinematics(scene: Scene) -> Kinematics:
     strip = rounded_strip(
         s[-1], states.thickness[rest], s, finger.root_corner_radius, finger.tip.corner_radius
     )
-    return Kinematics(law, ShapeFamily(states, strip), finger, states)
+    free = Kinematics(law, law, ShapeFamily(states, strip), finger, states)
+    pinch = scene.pinch
+    if pinch is None:
+        return free
+    closed = closing_law(
+        law,
+        lambda p: float(gap(free.outline(p), pinch)),
+        float(law(np.zeros(1))[0]),
+        float(high),
+        pinch,
+        str(scene.folder / "scene.toml"),
+    )
+    return replace(free, law=closed)
 
 
 def law_times(end_time: float) -> np.ndarray:
@@ -105,31 +130,24 @@ def _states(motion: Motion, finger: Finger, folder: Path, lowest: float, highest
     return circular_states(pressure, bend, finger.length, finger.thickness)
 
 
-def shape_knots(kinematics: Kinematics, lowest: float, highest: float, step: float) -> np.ndarray:
-    """Pressures (Pa) from `lowest` to `highest` at equal steps of at most `step` rad of bend; at least five."""
+def shape_knots(
+    kinematics: Kinematics, lowest: float, highest: float, step: float, pinch: Pinch | None = None
+) -> np.ndarray:
+    """Pressures (Pa) from `lowest` to `highest` at even steps of at most `step` rad of bend; at least five.
+
+    In a pinch a step closes or opens the gap by no more than GAP_STEP of itself either, so that the last shapes lie close
+    together.
+    """
     fine = np.linspace(lowest, highest, 2001)
-    bend = np.array([kinematics.family.bend(p) for p in fine])
-    walk = np.concatenate([[0], np.cumsum(np.abs(np.diff(bend)))])
-    count = max(5, int(np.ceil(walk[-1] / step)) + 1)
+    steps = np.abs(np.diff([kinematics.family.bend(p) for p in fine])) / step
+    if pinch is not None:
+        gaps = gap(np.array([kinematics.outline(p) for p in fine]), pinch)
+        steps = np.maximum(
+            steps, np.abs(np.diff(np.log(np.maximum(gaps, 0.5 * pinch.residual_gap)))) / GAP_STEP
+        )
+    walk = np.concatenate([[0], np.cumsum(steps)])
+    count = max(5, int(np.ceil(walk[-1])) + 1)
     return np.interp(np.linspace(0, walk[-1], count), walk, fine)
-
-
-def check_shapes(outlines: np.ndarray, bends: np.ndarray, scene: Scene) -> None:
-    """StageError where an outline (knot, point, 2) crosses itself, or leaves the water or the tank."""
-    half, depth = scene.tank.size[0] / 2, scene.tank.water_depth
-    where = scene.folder / "scene.toml"
-    for outline, bend in zip(outlines, np.degrees(bends), strict=True):
-        if not shapely.Polygon(outline).is_valid:
-            raise StageError(
-                f"{where}: the finger's outline crosses itself at {bend:.1f}° of bend; bend it less"
-            )
-        if outline[:, 1].max() >= depth:
-            raise StageError(
-                f"{where}: the finger leaves the water at {bend:.1f}° of bend (it reaches y = {outline[:, 1].max():.3f} m,"
-                f" the surface is at {depth:g} m); lower finger.root"
-            )
-        if np.abs(outline[:, 0]).max() >= half or outline[:, 1].min() <= 0:
-            raise StageError(f"{where}: the finger touches the tank at {bend:.1f}° of bend; move finger.root")
 
 
 def input_uncertainty(
@@ -154,6 +172,27 @@ def input_uncertainty(
     return found
 
 
+def contact_variables(
+    kinematics: Kinematics, time: np.ndarray, knots: np.ndarray, outlines: np.ndarray, pinch: Pinch | None
+) -> tuple[dict[str, tuple[str, np.ndarray, dict[str, str]]], dict[str, float]]:
+    """What a pinch adds to the file: the gap over time and over the shapes, the chambers' own pressure; and attributes.
+
+    The gap over time is that of the spline through the shapes, which is what the mesh follows.
+    """
+    if pinch is None:
+        return {}, {}
+    shapes, pressure = CubicSpline(knots, outlines), kinematics.law(time)
+    gaps = np.concatenate(
+        [gap(shapes(part), pinch) for part in np.array_split(pressure, len(time) // 200 + 1)]
+    )
+    variables = {
+        "free_pressure": ("time", kinematics.free_law(time), {"units": "Pa", "long_name": "in the chambers"}),
+        "gap": ("time", gaps, {"units": "m"}),
+        "shape_gap": ("shape_parameter", gap(outlines, pinch), {"units": "m"}),
+    }
+    return variables, {"mirror": 1} | closing_summary(time, gaps, pinch)
+
+
 def kinematics_dataset(scene: Scene) -> xr.Dataset:
     """Everything of docs/formats.md, Kinematics, as a dataset."""
     kinematics = load_kinematics(scene)
@@ -162,13 +201,16 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
     low, high = float(pressure.min()), float(pressure.max())
     if high - low < 1e-9:
         high = low + 1.0
-    knots = shape_knots(kinematics, low, high, np.radians(scene.motion.max_bend_step_deg) / 2)
+    knots = shape_knots(kinematics, low, high, np.radians(scene.motion.max_bend_step_deg) / 2, scene.pinch)
     family = kinematics.family
     bends = np.array([family.bend(p) for p in knots])
-    outlines = kinematics.to_tank(np.array([family.outline(p) for p in knots]))
+    outlines = np.array([kinematics.outline(p) for p in knots])
     check_shapes(outlines, bends, scene)
     rates = kinematics.turn(np.array([family.outline_rate(p) for p in knots]))
     tips = np.array([family.tip(p) for p in knots])
+    tip = kinematics.to_tank(tips[:, 0])
+    rate = kinematics.law(time, 1)
+    contact, summary = contact_variables(kinematics, time, knots, outlines, scene.pinch)
     look = np.linspace(0, scene.motion.end_time, 101)
     at = kinematics.law(look)
     moving = np.array([family.outline_rate(p) for p in at]) * kinematics.law(look, 1)[:, None, None]
@@ -177,15 +219,16 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
     return xr.Dataset(
         {
             "pressure": ("time", pressure, {"units": "Pa"}),
-            "pressure_rate": ("time", kinematics.law(time, 1), {"units": "Pa/s"}),
+            "pressure_rate": ("time", rate, {"units": "Pa/s"}),
             "bend": ("look", np.array([family.bend(p) for p in at]), {"units": "rad"}),
             "outline": (("look", *point), shown, {"units": "m"}),
             "outline_velocity": (("look", *point), kinematics.turn(moving), {"units": "m/s"}),
+            **contact,
             **input_uncertainty(kinematics, at),
             "shape_outline": (("shape_parameter", *point), outlines, {"units": "m"}),
             "shape_outline_rate": (("shape_parameter", *point), rates, {"units": "m/Pa"}),
             "shape_bend": ("shape_parameter", bends, {"units": "rad"}),
-            "shape_tip": (("shape_parameter", "axis"), kinematics.to_tank(tips[:, 0]), {"units": "m"}),
+            "shape_tip": (("shape_parameter", "axis"), tip, {"units": "m"}),
             "shape_tip_direction": (("shape_parameter", "axis"), kinematics.turn(tips[:, 1]), {"units": "1"}),
             "shape_dorsal_direction": (
                 ("shape_parameter", "axis"),
@@ -204,6 +247,10 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
             "source": scene.motion.source,
             "finger_width": scene.finger.width,
             "tip_thickness": family.tip_thickness,
+            "peak_tip_speed": float(
+                np.hypot(*(CubicSpline(knots, tip)(pressure, 1) * rate[:, None]).T).max()
+            ),
+            **summary,
             "scene_hash": digest(scene.settings("kinematics")),
             "settings": json.dumps(scene.settings("kinematics")),
         },
@@ -216,7 +263,12 @@ def run(scene: Scene, quiet: bool = False) -> None:
     write_dataset(dataset, scene.out / "kinematics.h5")
     if not quiet:
         bend = np.degrees(dataset["shape_bend"].values)
-        print(f"kinematics: {bend.min():.1f}° … {bend.max():.1f}° of bend in {len(bend)} shapes")
+        speed = dataset.attrs["peak_tip_speed"]
+        print(
+            f"kinematics: {bend.min():.1f}° … {bend.max():.1f}° of bend in {len(bend)} shapes, tip ≤ {speed:.3f} m/s"
+        )
+        if scene.pinch is not None:
+            print(f"kinematics: {closing_sentence(dataset.attrs)}")
 
 
 if __name__ == "__main__":

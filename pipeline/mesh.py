@@ -1,4 +1,4 @@
-"""Stage mesh: the planform, its shape at every bend of the stroke, the layers of the sweep, and their quality."""
+"""Stage mesh: planforms and the parts of the motion they serve, their shapes, the layers of the sweep, and their quality."""
 
 from __future__ import annotations
 
@@ -8,187 +8,245 @@ import json
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 import xarray as xr
 from scipy.interpolate import CubicSpline
 from tqdm import tqdm
 
+from pipeline.bodies import Body, fixed_bodies
 from pipeline.errors import StageError
-from pipeline.morph import Morph, MorphError, corner_triangles
-from pipeline.planform import Planform, build_planform, outline_at
-from pipeline.quality import cell_areas, face_measures, planform_edges
+from pipeline.family import Family, between, morph_family
+from pipeline.layers import graded_layers
+from pipeline.legs import run_in_steps
+from pipeline.mesh_stages import Part, deformation, divide
+from pipeline.morph import MorphError
+from pipeline.planform import Planform, build_planform, mirrored, mirrored_shapes
+from pipeline.quality import Quality, shape_quality
 from pipeline.scene import Mesh, Scene, digest
 from pipeline.stage import read_dataset, run_stage, write_dataset, write_text
 
 QUALITY_COLUMNS = (
-    "bend_deg", "shape_parameter", "max_non_orthogonality_deg", "mean_non_orthogonality_deg", "max_skewness",
-    "min_area_ratio",
+    "leg", "stage", "time_share", "bend_deg", "shape_parameter", "max_non_orthogonality_deg",
+    "mean_non_orthogonality_deg", "max_skewness", "min_area_ratio",
 )  # fmt: skip
+MOST_STAGES = 6
+USUAL_SHARE = 0.95  # of the time in which mesh.usual_non_orthogonality_deg is not exceeded
+LEAST_CLEARANCE = 0.001  # m between the finger and the support
 
 
 @dataclass(frozen=True)
-class Family:
-    """Outlines (knot, point, 2), tips (knot, 2) and bends (knot, rad) of the finger over the shape parameter."""
+class Setting:
+    """What all planforms of a scene share: where nodes are wanted, and what is around the finger."""
 
-    parameter: np.ndarray
-    outline: np.ndarray
-    tip: np.ndarray
-    bend: np.ndarray
+    scene: Scene
+    family: Family
+    way: np.ndarray  # of each shape of the family: pipeline.mesh_stages.deformation
+    path: np.ndarray  # points (n, 2) near which cells stay small
+    bodies: tuple[Body, ...]
 
-
-def graded_layers(scene: Scene) -> np.ndarray:
-    """z of the sweep's levels (m), from the back wall to the sheet; even over the finger, growing beyond."""
-    mesh, half = scene.mesh, 0.5 * scene.tank.size[2]
-    if scene.model.kind == "2d":
-        return np.array([-scene.finger.width, 0.0])
-    on = np.linspace(0.0, 0.5 * scene.finger.width, mesh.layers_on_finger + 1)
-    beyond = _growing(half - on[-1], on[1], mesh.layers_beyond)
-    back = -np.concatenate([on, on[-1] + beyond])[::-1]
-    return back if scene.model.kind == "half" else np.concatenate([back, -back[-2::-1]])
+    @property
+    def mirror(self) -> bool:
+        """Whether the planform ends at the plane between two fingers."""
+        return self.scene.pinch is not None
 
 
-def _growing(span: float, first: float, count: int) -> np.ndarray:
-    """`count` cumulated steps that grow geometrically from about `first` and fill `span`."""
-    low, high = 1.0, 5.0
-    for _ in range(80):
-        ratio = 0.5 * (low + high)
-        low, high = (
-            (ratio, high) if first * sum(ratio**k for k in range(1, count + 1)) < span else (low, ratio)
-        )
-    steps = np.cumsum(ratio ** np.arange(1, count + 1))
-    return span * steps / steps[-1]
+@dataclass(frozen=True)
+class Stage:
+    """A planform, its shapes (knot, node, 2) over a part of the family, and the part of the motion it serves."""
+
+    part: Part
+    planform: Planform
+    family: Family
+    frames: np.ndarray
 
 
-def middle_of_stroke(bend: np.ndarray) -> int:
-    """Index of the shape nearest to half-way: a mesh built there has the least way to go."""
-    return int(np.argmin(np.abs(bend - 0.5 * (bend.min() + bend.max()))))
-
-
-def morph_family(planform: Planform, family: Family, built: int, quiet: bool = True) -> np.ndarray:
-    """Node positions (knot, node, 2) of a planform built at knot `built`, for every knot."""
-    fixed = np.zeros((len(planform.nodes), 2), bool)
-    fixed[planform.wall] = fixed[planform.outer] = True
-    morph = Morph(planform.nodes, corner_triangles(planform.triangles, planform.quads), fixed)
-    closed = np.arange(len(family.parameter), dtype=float)
-
-    def boundary(knot: float) -> np.ndarray:
-        low = min(int(knot), len(closed) - 2)
-        part = knot - low
-        outline = family.outline[low] * (1 - part) + family.outline[low + 1] * part
-        nodes = planform.nodes.copy()
-        nodes[planform.wall] = outline_at(outline, planform.material)
-        return nodes
-
-    frames = np.empty((len(closed), *planform.nodes.shape))
-    frames[built] = morph.relax(planform.nodes)
-    ways = [range(built + 1, len(closed)), range(built - 1, -1, -1)]
-    with tqdm(total=len(closed) - 1, desc="mesh shapes", disable=quiet or None, unit="shape") as bar:
-        for way in ways:
-            at = built
-            for knot in way:
-                try:
-                    frames[knot] = morph.follow(frames[at], boundary, at, knot)
-                except MorphError as error:
-                    reached, wanted = np.degrees(family.bend[[at, knot]])
-                    raise StageError(
-                        f"mesh: {error} than {reached:.1f}° of bend on the way to {wanted:.1f}°;"
-                        " shorten the stroke or coarsen mesh.wall_cell"
-                    ) from None
-                at = knot
-                bar.update()
-    return frames
-
-
-def quality_table(planform: Planform, frames: np.ndarray, family: Family) -> list[tuple[float, ...]]:
-    """One row of QUALITY_COLUMNS per shape."""
-    edges = planform_edges(planform.triangles, planform.quads)
-    area0 = cell_areas(planform.nodes, planform.triangles, planform.quads)
-    rows: list[tuple[float, ...]] = []
-    for parameter, bend, nodes in zip(family.parameter, family.bend, frames, strict=True):
-        angle, skewness = face_measures(nodes, planform, edges)
-        ratio = (cell_areas(nodes, planform.triangles, planform.quads) / area0).min()
-        rows.append(
-            (float(np.degrees(bend)), float(parameter), angle.max(), angle.mean(), skewness.max(), ratio)
-        )
-    return rows
-
-
-def between(family: Family, frames: np.ndarray, parts: int = 3) -> tuple[Family, np.ndarray]:
-    """The shapes as the motion runs through them: `parts` to each interval of the family, by the same cubic spline."""
-    index = np.arange(len(family.parameter), dtype=float)
-    fine = np.linspace(0, index[-1], parts * (len(index) - 1) + 1)
-    parameter = np.interp(fine, index, family.parameter)
-
-    def spline(values: np.ndarray) -> np.ndarray:
-        return CubicSpline(family.parameter, values)(parameter)
-
-    return Family(parameter, spline(family.outline), spline(family.tip), spline(family.bend)), spline(frames)
-
-
-def check_quality(rows: list[tuple[float, ...]], mesh: Mesh) -> None:
-    """StageError where a shape breaks mesh.max_non_orthogonality_deg, naming the bend at which it does."""
-    bad = [row for row in rows if row[2] > mesh.max_non_orthogonality_deg or row[5] <= 0]
-    if bad:
-        first = min(bad, key=lambda row: abs(row[0]))
-        good = [row[0] for row in rows if row[2] <= mesh.max_non_orthogonality_deg]
-        span = f"{min(good):.0f}…{max(good):.0f}°" if good else "no bend"
-        raise StageError(
-            f"mesh: non-orthogonality reaches {first[2]:.1f}° at {first[0]:.1f}° of bend, more than"
-            f" mesh.max_non_orthogonality_deg = {mesh.max_non_orthogonality_deg:g}; it holds over {span}:"
-            " shorten the stroke or raise the limit"
-        )
-
-
-def read_family(scene: Scene) -> Family:
-    """The shapes of kinematics.h5."""
+def read_setting(scene: Scene, levels: np.ndarray) -> Setting:
+    """The shapes of kinematics.h5 and what surrounds them. Raises StageError where the finger meets the support."""
     with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
-        return Family(
+        family = Family(
             *(file[n].values for n in ("shape_parameter", "shape_outline", "shape_tip", "shape_bend"))
         )
+    mirror = scene.pinch is not None
+    bodies = fixed_bodies(scene, levels, mirror)
+    outlines = shapely.linearrings(family.outline)
+    for body in bodies:
+        clear = float(shapely.distance(outlines, body.polygon).min())
+        if scene.support is not None and body.name == "support" and clear < LEAST_CLEARANCE:
+            raise StageError(
+                f"{scene.folder / 'scene.toml'}: support.bottom = {scene.support.bottom:g} m leaves {clear * 1e3:.2g} mm"
+                f" above the finger, too little to mesh; raise it by {(LEAST_CLEARANCE - clear) * 1e3:.2g} mm"
+            )
+    gap, path = np.full(len(family.bend), np.inf), family.tip
+    if mirror:
+        plane = shapely.LineString([(0.0, 0.0), (0.0, scene.tank.water_depth)])
+        facing = shapely.union_all([plane, *(body.polygon for body in bodies if body.name == "object")])
+        gap = shapely.distance(outlines, facing)
+        nearest = shapely.shortest_line(facing, outlines[int(np.argmin(gap))])
+        height = shapely.get_coordinates(nearest)[0, 1]
+        count = int(np.ceil(2 * scene.mesh.jet_reach / scene.mesh.near_cell)) + 1
+        jet = height + np.linspace(-scene.mesh.jet_reach, scene.mesh.jet_reach, count)
+        path = np.vstack([path, np.column_stack([np.zeros(count), jet])])
+    return Setting(scene, family, deformation(family.bend, gap), path, bodies)
+
+
+def build_stage(setting: Setting, part: Part, bar: tqdm) -> Stage:
+    """The planform of a part of the motion and all its shapes; MorphError where one of them is of no use."""
+    mesh, family = setting.scene.mesh, setting.family
+    low, high, middle = np.interp([part.low, part.high, part.middle], setting.way, family.parameter)
+    family = family.within(low, high)
+    built = int(np.argmin(np.abs(family.parameter - middle)))
+    tank = 0.5 * setting.scene.tank.size[0], setting.scene.tank.water_depth
+    planform = build_planform(
+        family.outline[built], family.tip[built], *tank, mesh, setting.path, setting.mirror, setting.bodies
+    )
+
+    def look(knot: int, nodes: np.ndarray) -> None:
+        bar.update()
+        check_quality(shape_quality(planform, nodes), family.bend[knot], mesh)
+
+    return Stage(part, planform, family, morph_family(planform, family, built, look))
+
+
+def check_quality(quality: Quality, bend: float, mesh: Mesh) -> None:
+    """MorphError where a shape breaks mesh.max_non_orthogonality_deg, naming the bend at which it does."""
+    worst = quality.max_non_orthogonality_deg
+    if worst > mesh.max_non_orthogonality_deg or quality.min_area_ratio <= 0:
+        raise MorphError(
+            f"non-orthogonality reaches {worst:.1f}° at {np.degrees(bend):.1f}° of bend, more than"
+            f" mesh.max_non_orthogonality_deg = {mesh.max_non_orthogonality_deg:g}"
+        )
+
+
+def choose_stages(setting: Setting, pressure: CubicSpline, quiet: bool) -> tuple[list[Stage], list[tuple]]:
+    """As few stages as keep the limits of mesh quality over the motion, and the rows of mesh_quality.csv.
+
+    Raises StageError where MOST_STAGES do not.
+    """
+    scene = setting.scene
+    step = scene.numerics.time_step
+    time = step * np.arange(round(scene.motion.end_time / step) + 1)
+    way = np.interp(pressure(time), setting.family.parameter, setting.way)
+    sampling, run_in = scene.numerics.sampling_steps(scene.sheet.rate_hz), run_in_steps(step)
+    reason = ""
+    for count in range(1, MOST_STAGES + 1):
+        parts = divide(way, count, sampling, run_in)
+        try:
+            with tqdm(desc=f"mesh, {count} planforms", disable=quiet or None, unit="shape") as bar:
+                stages = [build_stage(setting, part, bar) for part in parts]
+            rows = quality_rows(stages, pressure(time), run_in, scene.mesh)
+        except MorphError as error:
+            reason = str(error)
+            continue
+        usual = scene.mesh.usual_non_orthogonality_deg
+        share = sum(row[2] for row in rows if row[5] <= usual)
+        if share >= USUAL_SHARE:
+            return stages, rows
+        reason = (
+            f"non-orthogonality is at most mesh.usual_non_orthogonality_deg = {usual:g}° for {share:.1%} of the"
+            f" time, less than {USUAL_SHARE:.0%}"
+        )
+    raise StageError(
+        f"mesh: with {MOST_STAGES} planforms {reason}: shorten the stroke, change mesh.wall_cell, or raise the limit"
+    )
+
+
+def quality_rows(stages: list[Stage], parameter: np.ndarray, run_in: int, mesh: Mesh) -> list[tuple]:
+    """Rows of QUALITY_COLUMNS: each shape that a leg, or its run-in, takes; `parameter` (step + 1,) Pa is the motion's.
+
+    Raises MorphError where a shape breaks the limit.
+    """
+    legs = sorted((leg, k) for k, stage in enumerate(stages) for leg in stage.part.legs)
+    shapes = [between(stage.family, stage.frames) for stage in stages]
+    quality = [
+        [shape_quality(s.planform, x) for x in fine[1]] for s, fine in zip(stages, shapes, strict=True)
+    ]
+    rows = []
+    for number, ((first, last), k) in enumerate(legs):
+        family = shapes[k][0]
+        begin = max(0, first - run_in)
+        taken = np.abs(parameter[begin : last + 1, None] - family.parameter).argmin(1)
+        own = taken[first - begin :] if last == len(parameter) - 1 else taken[first - begin : -1]
+        share = np.bincount(own, minlength=len(family.parameter)) / len(parameter)
+        for at in range(taken.min(), taken.max() + 1):
+            found = quality[k][at]
+            check_quality(found, family.bend[at], mesh)
+            shape = float(np.degrees(family.bend[at])), float(family.parameter[at])
+            rows.append((number, k, share[at], *shape, *found.values()))
+    return rows
 
 
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write planform.h5 and mesh_quality.csv."""
-    family = read_family(scene)
-    built = middle_of_stroke(family.bend)
-    planform = build_planform(
-        family.outline[built], family.tip[built], 0.5 * scene.tank.size[0], scene.tank.water_depth, scene.mesh,
-        family.tip,
-    )  # fmt: skip
-    frames = morph_family(planform, family, built, quiet)
-    along, shapes = between(family, frames)
-    rows = quality_table(planform, shapes, along)
+    levels = graded_layers(scene)
+    setting = read_setting(scene, levels)
+    with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
+        pressure = CubicSpline(file["time"].values, file["pressure"].values)
+    stages, rows = choose_stages(setting, pressure, quiet)
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(QUALITY_COLUMNS)
     writer.writerows([[f"{value:.6g}" for value in row] for row in rows])
     write_text(scene.out / "mesh_quality.csv", table.getvalue())
-    check_quality(rows, scene.mesh)
-    levels = graded_layers(scene)
-    write_dataset(planform_dataset(planform, frames, family, levels, scene), scene.out / "planform.h5")
+    groups = {f"stage_{k}": stage_dataset(stage, setting, levels) for k, stage in enumerate(stages)}
+    write_dataset(legs_dataset(stages, scene), scene.out / "planform.h5", groups)
     if not quiet:
-        worst = max(row[2] for row in rows)
-        cells = len(planform.triangles) + len(planform.quads)
-        print(
-            f"mesh: {cells} cells in the planform, {len(levels) - 1} layers, non-orthogonality ≤ {worst:.1f}°"
-        )
+        worst = max(row[5] for row in rows)
+        cells = ", ".join(str(len(s.planform.triangles) + len(s.planform.quads)) for s in stages)
+        print(f"mesh: planform of {cells} cells, {len(levels) - 1} layers, non-orthogonality ≤ {worst:.1f}°")
 
 
-def planform_dataset(
-    planform: Planform, frames: np.ndarray, family: Family, levels: np.ndarray, scene: Scene
-) -> xr.Dataset:
-    """planform.h5 of docs/formats.md."""
+def legs_dataset(stages: list[Stage], scene: Scene) -> xr.Dataset:
+    """The root of planform.h5: which stage serves from when to when (s), and what all stages share."""
+    legs = sorted((leg, k) for k, stage in enumerate(stages) for leg in stage.part.legs)
+    step = scene.numerics.time_step
+    return xr.Dataset(
+        {
+            "leg_start": ("leg", np.array([step * leg[0] for leg, _ in legs]), {"units": "s"}),
+            "leg_end": ("leg", np.array([step * leg[1] for leg, _ in legs]), {"units": "s"}),
+            "leg_stage": ("leg", np.array([k for _, k in legs]), {"long_name": "stage of the mesh"}),
+        },
+        attrs={
+            "format": "planform",
+            "format_version": 2,
+            "finger_width": scene.finger.width,
+            "model": scene.model.kind,
+            "mirror": int(scene.pinch is not None and not _both_fingers(scene)),
+            "scene_hash": digest(scene.settings("mesh")),
+            "settings": json.dumps(scene.settings("mesh")),
+        },
+    )
+
+
+def _both_fingers(scene: Scene) -> bool:
+    """Whether the mesh holds both fingers of a pinch."""
+    return scene.pinch is not None and scene.model.kind in ("half", "full")
+
+
+def stage_dataset(stage: Stage, setting: Setting, levels: np.ndarray) -> xr.Dataset:
+    """A stage's group of planform.h5 (docs/formats.md)."""
+    planform, frames, family = stage.planform, stage.frames, stage.family
+    names = ["water", "finger", *(body.name for body in setting.bodies)]
+    half = 0.5 * setting.scene.finger.width
+    reach = [0.0, half, *(body.half_width for body in setting.bodies)]
+    if _both_fingers(setting.scene):
+        frames = mirrored_shapes(frames, planform)
+        planform = mirrored(planform, len(names))
+        names.append("mirrored_finger")
+        reach.append(half)
     return xr.Dataset(
         {
             "points": (("shape_parameter", "node", "axis"), frames, {"units": "m"}),
             "bend": ("shape_parameter", family.bend, {"units": "rad"}),
             "triangles": (("triangle", "corner3"), planform.triangles),
             "quads": (("quad", "corner4"), planform.quads),
-            "inside": (
+            "body": (
                 "triangle",
-                planform.inside.astype(np.uint8),
-                {"long_name": "1 in the finger's footprint"},
+                planform.body.astype(np.uint8),
+                {"long_name": "number of the body in whose footprint it lies, 0 in the water"},
             ),
-            "wall": ("wall_node", planform.wall, {"long_name": "nodes of the outline, counter-clockwise"}),
+            "body_name": ("number", np.array(names, object)),
+            "body_half_width": ("number", np.array(reach), {"units": "m", "long_name": "reach in |z|"}),
+            "wall": ("wall_node", planform.wall),
             "material": (
                 "wall_node",
                 planform.material,
@@ -198,15 +256,7 @@ def planform_dataset(
             "levels": ("level", levels, {"units": "m", "long_name": "z of the sweep"}),
         },
         coords={"shape_parameter": ("shape_parameter", family.parameter, {"units": "Pa"})},
-        attrs={
-            "format": "planform",
-            "format_version": 1,
-            "corners": np.array(planform.corners).ravel(),
-            "finger_width": scene.finger.width,
-            "model": scene.model.kind,
-            "scene_hash": digest(scene.settings("mesh")),
-            "settings": json.dumps(scene.settings("mesh")),
-        },
+        attrs={"corners": np.array(planform.corners).ravel()},
     )
 
 

@@ -1,8 +1,8 @@
 """Moving the planform: nodes that minimise the symmetric Dirichlet energy for given boundary positions.
 
 The energy grows without bound as a cell flattens, so that no cell can invert (Smith & Schaefer 2015; Rabinovich et al. 2017, SLIM).
-It is minimised by Newton's method with the Hessian of each triangle made positive (analytic eigensystem of an
-isotropic 2-D energy; Smith, de Goes & Kim 2019).
+It is minimised by Newton's method; where its own step does not descend, with the Hessian of each triangle made positive
+(analytic eigensystem of an isotropic 2-D energy; Smith, de Goes & Kim 2019).
 """
 
 from __future__ import annotations
@@ -47,19 +47,26 @@ class Morph:
         scale = area ** (1 - weight_power)
         self.weight = scale / scale.mean()
         # dF/dx as a (triangle, 3 corners, 2) gradient: F_ij = sum_a x_a,i g_a,j
-        g12 = inverse.transpose(0, 2, 1)[..., :]
+        g12 = inverse.transpose(0, 2, 1)
         self.gradient = np.stack([-g12[..., 0] - g12[..., 1], g12[..., 0], g12[..., 1]], axis=1)
         self.free = ~fixed.ravel()
         self.size = rest.size
         dof = (2 * triangles[:, :, None] + np.arange(2)).reshape(len(triangles), 6)
-        self._rows = np.repeat(dof, 6, axis=1).ravel()
-        self._columns = np.tile(dof, (1, 6)).ravel()
         self._dof = dof
+        # the Hessian's pattern is always the same: where each triangle's entries go, and which are of free coordinates
+        key = np.tile(dof, (1, 6)).ravel() * self.size + np.repeat(dof, 6, axis=1).ravel()
+        key, self._place = np.unique(key, return_inverse=True)
+        self._columns, self._rows = np.divmod(key, self.size)
+        self._start = np.searchsorted(self._columns, np.arange(self.size + 1))
+        self._of_free = self.free[self._rows] & self.free[self._columns]
+        number = np.cumsum(self.free) - 1
+        self._free_rows, columns = (number[k[self._of_free]] for k in (self._rows, self._columns))
+        self._free_start = np.searchsorted(columns, np.arange(self.free.sum() + 1))
         self.length = float(np.sqrt(np.median(area)))
 
     def deformation(self, nodes: np.ndarray) -> np.ndarray:
         """Deformation gradient F (triangle, 2, 2)."""
-        return np.einsum("tai,taj->tij", nodes[self.triangles], self.gradient)
+        return np.matmul(nodes[self.triangles].transpose(0, 2, 1), self.gradient)
 
     def is_valid(self, nodes: np.ndarray) -> bool:
         """True where no triangle is flat or turned over."""
@@ -74,50 +81,62 @@ class Morph:
         square = (deformation**2).sum((1, 2))
         return float((self.weight * 0.5 * square * (1 + 1 / det**2)).sum())
 
-    def derivatives(self, nodes: np.ndarray) -> tuple[np.ndarray, sp.csc_matrix]:
-        """Gradient (2·node,) and positive semi-definite Hessian of the energy."""
+    def derivatives(self, nodes: np.ndarray, exact: bool = False) -> tuple[np.ndarray, sp.csc_matrix]:
+        """Gradient (2·node,) and Hessian of the energy: the `exact` one, or made positive semi-definite."""
         u, s, v = _svd(self.deformation(nodes))
         s1, s2 = s[:, 0], s[:, 1]
         first = s - 1 / s**3
-        stress = np.einsum("tik,tk,tjk->tij", u, self.weight[:, None] * first, v)
-        force = np.einsum("tij,taj->tai", stress, self.gradient)
+        stress = np.matmul(u * (self.weight[:, None] * first)[:, None, :], v.transpose(0, 2, 1))
+        force = np.matmul(self.gradient, stress.transpose(0, 2, 1))
         gradient = np.bincount(self._dof.ravel(), force.reshape(len(s), 6).ravel(), self.size)
         stretch = 1 + 3 / s**4
         product = (s1 * s2) ** 3
-        twist = np.maximum(1 - (s1**2 - s1 * s2 + s2**2) / product, 0)
+        twist = 1 - (s1**2 - s1 * s2 + s2**2) / product
+        if not exact:
+            twist = np.maximum(twist, 0)
         flip = 1 + (s1**2 + s1 * s2 + s2**2) / product
-        q = np.empty((len(s), 4, 2, 2))
-        outer = np.einsum("tik,tjl->tklij", u, v)
-        q[:, 0], q[:, 1] = outer[:, 0, 0], outer[:, 1, 1]
-        q[:, 2] = (outer[:, 1, 0] - outer[:, 0, 1]) / np.sqrt(2)
-        q[:, 3] = (outer[:, 1, 0] + outer[:, 0, 1]) / np.sqrt(2)
         value = self.weight[:, None] * np.column_stack([stretch[:, 0], stretch[:, 1], twist, flip])
-        mode = np.einsum("tmij,taj->tmai", q, self.gradient).reshape(len(s), 4, 6)
-        local = np.matmul((mode * value[:, :, None]).transpose(0, 2, 1), mode)
-        hessian = sp.coo_matrix(
-            (local.ravel(), (self._rows, self._columns)), shape=(self.size, self.size)
-        ).tocsc()
-        return gradient, hessian
+        along = np.matmul(self.gradient, v)  # (triangle, corner, singular direction)
+        mode = np.empty((len(s), 4, 3, 2))  # dF of unit size in each eigenmode, as a change of the corners
+        mode[:, 0], mode[:, 1] = (along[:, :, None, k] * u[:, None, :, k] for k in (0, 1))
+        one, other = along[:, :, None, 0] * u[:, None, :, 1], along[:, :, None, 1] * u[:, None, :, 0]
+        mode[:, 2], mode[:, 3] = (one - other) / np.sqrt(2), (one + other) / np.sqrt(2)
+        flat = mode.reshape(len(s), 4, 6)
+        local = np.matmul((flat * value[:, :, None]).transpose(0, 2, 1), flat)
+        entries = np.bincount(self._place, local.ravel())
+        return gradient, sp.csc_matrix((entries, self._rows, self._start), shape=(self.size, self.size))
+
+    def _solve(self, hessian: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
+        """Free coordinates x of H x = right, the prescribed ones being 0."""
+        count = len(self._free_start) - 1
+        matrix = sp.csc_matrix(
+            (hessian.data[self._of_free], self._free_rows, self._free_start), shape=(count, count)
+        )
+        return splu(
+            matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0
+        ).solve(right)
 
     def relax(self, nodes: np.ndarray) -> np.ndarray:
         """Nodes of least energy with the fixed coordinates as in `nodes`, which must be valid."""
-        nodes = nodes.copy()
+        nodes, exact = nodes.copy(), True
         energy = self.energy(nodes)
         for _ in range(MAX_ITERATIONS):
-            gradient, hessian = self.derivatives(nodes)
+            gradient, hessian = self.derivatives(nodes, exact)
             step = np.zeros(self.size)
-            free = self.free
-            step[free] = -_solve(hessian[free][:, free], gradient[free])
+            step[self.free] = -self._solve(hessian, gradient[self.free])
             slope = gradient @ step
             move = step.reshape(-1, 2)
-            if -slope < GRADIENT_TOLERANCE**2 * max(energy, 1.0):
+            if 0 <= -slope < GRADIENT_TOLERANCE**2 * max(energy, 1.0):
                 return nodes + move  # Newton's last step squares the error that is left
+            if exact and not self.energy(nodes + move) <= energy + 1e-4 * slope < energy:
+                exact = False  # too far from the minimum for Newton's own step
+                continue
             scale = 1.0
             while (trial := self.energy(nodes + scale * move)) > energy + 1e-4 * scale * slope:
                 scale *= 0.5
                 if scale < 1e-8:
                     return nodes  # rounding: no lower energy along a descent direction
-            nodes, energy = nodes + scale * move, trial
+            nodes, energy, exact = nodes + scale * move, trial, True
         return nodes
 
     def follow(
@@ -141,19 +160,13 @@ class Morph:
 
     def _predict(self, nodes: np.ndarray, target: np.ndarray) -> np.ndarray | None:
         """First guess for moved boundaries: the linear response of the relaxed mesh; None where it inverts."""
-        _, hessian = self.derivatives(nodes)
+        _, hessian = self.derivatives(nodes, exact=True)
         free, move = self.free, (target - nodes).ravel()
         move[free] = 0.0
-        move[free] = -_solve(hessian[free][:, free], (hessian[free] @ move))
+        move[free] = -self._solve(hessian, (hessian @ move)[free])
         trial = nodes + move.reshape(-1, 2)
         shrink = _determinant(self.deformation(trial)) / _determinant(self.deformation(nodes))
         return trial if shrink.min() > 0.1 else None
-
-
-def _solve(matrix: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
-    return splu(
-        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0
-    ).solve(right)
 
 
 def _edges(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:

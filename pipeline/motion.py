@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from pipeline.legs import read_stage
 from pipeline.stage import read_dataset
 
 
@@ -29,10 +30,9 @@ class NodeMotion:
         return self.shape(float(self.pressure(time)), 1) * float(self.pressure(time, 1))
 
 
-def read_motion(out: Path) -> NodeMotion:
-    """Motion from `kinematics.h5` and `planform.h5` of a level's folder."""
+def read_motion(out: Path, stage: int = 0) -> NodeMotion:
+    """Motion of the nodes of one stage's planform, from `kinematics.h5` and `planform.h5` of a level's folder."""
     with read_dataset(out / "kinematics.h5", "kinematics") as file:
         pressure = CubicSpline(file["time"].values, file["pressure"].values)
-    with read_dataset(out / "planform.h5", "planform") as file:
-        shape = CubicSpline(file["shape_parameter"].values, file["points"].values)
-    return NodeMotion(pressure, shape)
+    planform = read_stage(out, stage)
+    return NodeMotion(pressure, CubicSpline(planform["shape_parameter"].values, planform["points"].values))

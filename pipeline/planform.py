@@ -1,15 +1,17 @@
-"""The planform: a 2-D mesh of tank and finger, quads along the wall and triangles elsewhere."""
+"""The planform: a 2-D mesh of tank, finger and fixed bodies, quads along the finger's wall and triangles elsewhere."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
-import gmsh
 import numpy as np
+import shapely
 
-from pipeline.errors import StageError
+from pipeline.bodies import Body
+from pipeline.ring import GAP_CELL, Clearance, nothing_near, outline_at, ring_layers, spread, wall_nodes
 from pipeline.scene import Mesh
+from pipeline.triangulate import triangulate
 
 
 @dataclass(frozen=True)
@@ -22,170 +24,124 @@ class Planform:
     nodes: np.ndarray
     triangles: np.ndarray
     quads: np.ndarray
-    inside: np.ndarray  # per triangle: 1 within the finger's footprint
+    body: (
+        np.ndarray
+    )  # per triangle: number of the body in whose footprint it lies; 0 in the water, 1 in the finger
     wall: np.ndarray  # nodes of the finger's outline, counter-clockwise
     material: np.ndarray
     outer: np.ndarray  # nodes of the tank's outline, counter-clockwise from the lower left
-    corners: tuple[tuple[float, float], tuple[float, float]] = field(default=((0, 0), (0, 0)))
-
-
-def outline_at(outline: np.ndarray, material: np.ndarray) -> np.ndarray:
-    """Points (…, node, 2) of closed outlines (…, point, 2) at fractional point indices."""
-    closed = np.concatenate([outline, outline[..., :1, :]], axis=-2)
-    index = np.minimum(material.astype(int), outline.shape[-2] - 1)
-    part = (material - index)[:, None]
-    return closed[..., index, :] * (1 - part) + closed[..., index + 1, :] * part
-
-
-def wall_nodes(outline: np.ndarray, tip: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """Fractional point indices along a closed outline, spaced `tip_cell` near the tip, `wall_cell` elsewhere."""
-    closed = np.vstack([outline, outline[:1]])
-    step = np.hypot(*np.diff(closed, axis=0).T)
-    walk = np.concatenate([[0], np.cumsum(step)])
-    fine = np.linspace(0, walk[-1], 20 * len(outline), endpoint=False)
-    x, y = np.interp(fine, walk, closed[:, 0]), np.interp(fine, walk, closed[:, 1])
-    distance = np.hypot(x - tip[0], y - tip[1])
-    blend = np.clip((distance - 0.012) / 0.02, 0, 1)
-    size = mesh.tip_cell + (mesh.wall_cell - mesh.tip_cell) * blend
-    count_walk = np.concatenate([[0], np.cumsum((fine[1] - fine[0]) / size)])
-    count = max(24, round(count_walk[-1]))
-    at = np.interp(
-        np.linspace(0, count_walk[-1], count, endpoint=False), count_walk, np.append(fine, walk[-1])
-    )
-    return np.interp(at, walk, np.arange(len(walk)))
-
-
-def ring_layers(wall: np.ndarray, mesh: Mesh) -> list[np.ndarray]:
-    """Closed polygons from the wall outwards; smoothed normals keep neighbouring spokes from crossing."""
-    ahead, behind = np.roll(wall, -1, axis=0), np.roll(wall, 1, axis=0)
-    edge = ahead - behind
-    normal = np.column_stack([edge[:, 1], -edge[:, 0]])  # outwards of a counter-clockwise polygon
-    normal /= np.hypot(*normal.T)[:, None]
-    layers, height = [wall], mesh.wall_first_layer
-    for _ in range(mesh.wall_layers):
-        normal = normal + 0.5 * (np.roll(normal, 1, axis=0) + np.roll(normal, -1, axis=0))
-        normal /= np.hypot(*normal.T)[:, None]
-        layers.append(layers[-1] + height * normal)
-        height *= mesh.wall_growth
-    return layers
+    fixed: np.ndarray  # (node, 2) True for coordinates that are prescribed when the finger moves
+    corners: tuple[tuple[float, float], tuple[float, float]] = ((0, 0), (0, 0))
 
 
 def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, depth: float, mesh: Mesh,
-                   path: np.ndarray, left: float | None = None, right: float | None = None) -> Planform:  # fmt: skip
+                   path: np.ndarray, mirror: bool = False, bodies: tuple[Body, ...] = ()) -> Planform:  # fmt: skip
     """Mesh the water around (and the footprint of) a finger given by its closed `outline` (point, 2).
 
     `path` (n, 2) holds points that the tip passes: cells stay small within `near_distance` of them. The tank spans
-    ±`half_width` unless `left` or `right` moves a side (a symmetry plane), and 0…`depth`.
+    ±`half_width` and 0…`depth`; where `mirror`, its right side is the plane x = 0, on which nodes may slide. `bodies`
+    are numbered from 2 in their order.
     """
-    left, right = -half_width if left is None else left, half_width if right is None else right
+    box = (-half_width, 0.0 if mirror else half_width, depth)
+    near: list[shapely.Geometry] = [shapely.LinearRing(np.vstack(body.pieces)) for body in bodies]
+    if mirror:
+        near.append(shapely.LineString([(0, 0), (0, depth)]))
+    clearance = distance_to(near)
     area = 0.5 * np.sum(
         outline[:, 0] * np.roll(outline[:, 1], -1) - np.roll(outline[:, 0], -1) * outline[:, 1]
     )
-    material = wall_nodes(outline, tip, mesh)
+    material = wall_nodes(outline, tip, mesh, clearance)
     if area < 0:
         material = material[::-1]
-    layers = ring_layers(outline_at(outline, material), mesh)
+    layers = ring_layers(outline_at(outline, material), mesh, clearance)
     count = len(material)
-    rim = layers[-1]
-    nodes, triangles, inside, outer = _triangulate(layers[0], rim, (left, right, depth), mesh, path)
+    to_finger = distance_to([shapely.LinearRing(outline)])
+    lines = _body_lines(bodies, to_finger, mesh)
+    crowded = np.vstack([layers[0], layers[-1], *lines])
+    size = GAP_CELL * np.concatenate([np.tile(clearance(layers[0]), 2), *(to_finger(line) for line in lines)])
+    narrow = size < mesh.tip_cell
+    found = triangulate(layers[0], layers[-1], box, mesh, path, lines, (crowded[narrow], size[narrow]))
     # gmsh numbers: outer rim first, then the wall, then its own; put the ring's inner polygons behind them
     middle = np.vstack(layers[1:-1]) if len(layers) > 2 else np.empty((0, 2))
-    first_middle = len(nodes)
-    nodes = np.vstack([nodes, middle])
+    first_middle = len(found.nodes)
+    nodes = np.vstack([found.nodes, middle])
     row = [np.arange(count) + count]
     row += [first_middle + k * count + np.arange(count) for k in range(len(layers) - 2)]
     row += [np.arange(count)]
     quads = np.vstack([np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)]) for a, b in pairwise(row)])
-    return Planform(nodes, triangles, quads, inside, row[0], material, outer, ((left, 0.0), (right, depth)))
+    body = found.inside.astype(int)
+    centre = nodes[found.triangles].mean(1)
+    for number, thing in enumerate(bodies, 2):
+        body[shapely.contains_xy(thing.polygon, *centre.T)] = number
+    fixed = np.zeros((len(nodes), 2), bool)
+    fixed[row[0]] = fixed[found.outer] = True
+    if mirror:
+        x, y = nodes[found.outer].T
+        fixed[found.outer[(x == 0) & (y > 0) & (y < depth)], 1] = False
+    fixed[found.on_bodies] = True
+    return Planform(
+        nodes, found.triangles, quads, body, row[0], material, found.outer, fixed, ((box[0], 0.0), box[1:])
+    )
 
 
-def _triangulate(wall: np.ndarray, rim: np.ndarray, box: tuple[float, float, float], mesh: Mesh,
-                 path: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """Triangles of the footprint and of the water beyond the ring; nodes start with the rim's, then the wall's."""
-    left, right, depth = box
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.Algorithm", 6)
-        gmsh.option.setNumber("Mesh.RandomSeed", 1)
-        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-        gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
-        geo = gmsh.model.geo
-
-        def polygon(points: np.ndarray) -> tuple[list[int], list[int]]:
-            tags = [geo.addPoint(x, y, 0) for x, y in points]
-            return tags, [geo.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1], strict=True)]
-
-        _, rim_lines = polygon(rim)
-        _, wall_lines = polygon(wall)
-        corner_tags, box_lines = polygon(np.array([[left, 0], [right, 0], [right, depth], [left, depth]]))
-        rim_loop, wall_loop, box_loop = (geo.addCurveLoop(x) for x in (rim_lines, wall_lines, box_lines))
-        water = geo.addPlaneSurface([box_loop, rim_loop])
-        body = geo.addPlaneSurface([wall_loop])
-        track = [geo.addPoint(x, y, 0) for x, y in path]
-        geo.synchronize()
-        for line in rim_lines + wall_lines:
-            gmsh.model.mesh.setTransfiniteCurve(line, 2)
-        _size_field(rim_lines, wall_lines, track, mesh)
-        gmsh.model.mesh.generate(2)
-        tags, xyz, _ = gmsh.model.mesh.getNodes()
-        position = dict(zip(tags.tolist(), range(len(tags)), strict=True))
-        xy = xyz.reshape(-1, 3)[:, :2]
-        cells = []
-        for surface in (water, body):
-            kinds, _, members = gmsh.model.mesh.getElements(2, surface)
-            if list(kinds) != [2]:
-                raise StageError(
-                    "the planform could not be meshed; make mesh.wall_cell or mesh.near_cell smaller"
-                )
-            cells.append(np.array([position[t] for t in members[0].tolist()]).reshape(-1, 3))
-        rim_nodes = [position[int(gmsh.model.mesh.getNodes(0, int(p))[0][0])] for p in _starts(rim_lines)]
-        wall_nodes_ = [position[int(gmsh.model.mesh.getNodes(0, int(p))[0][0])] for p in _starts(wall_lines)]
-        outer = []
-        for line, corner in zip(box_lines, corner_tags, strict=True):
-            outer.append(position[int(gmsh.model.mesh.getNodes(0, corner)[0][0])])
-            line_tags, _, parameter = gmsh.model.mesh.getNodes(1, line)
-            outer += [position[int(t)] for t in line_tags[np.argsort(parameter)]]
-    finally:
-        gmsh.finalize()
-    first = np.array(rim_nodes + wall_nodes_)
-    used = np.unique(np.concatenate([*(c.ravel() for c in cells)]))
-    rest = np.setdiff1d(used, first)
-    order = np.concatenate([first, rest])
-    new = np.full(len(xy), -1)
-    new[order] = np.arange(len(order))
-    triangles = new[np.vstack(cells)]
-    inside = np.repeat([0, 1], [len(cells[0]), len(cells[1])])
-    nodes = xy[order]
-    a, b, c = (nodes[triangles[:, k]] for k in range(3))
-    flipped = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
-    triangles[flipped] = triangles[flipped][:, ::-1]
-    return nodes, triangles, inside, new[np.array(outer)]
+def distance_to(things: list[shapely.Geometry]) -> Clearance:
+    """Function of points (n, 2): distance (m) to the nearest of `things`, infinite where there are none."""
+    if not things:
+        return nothing_near
+    together = shapely.GeometryCollection(things)
+    shapely.prepare(together)
+    return lambda points: shapely.distance(together, shapely.points(points))
 
 
-def _starts(lines: list[int]) -> list[int]:
-    return [gmsh.model.getAdjacencies(1, line)[1][0] for line in lines]
+def _body_lines(bodies: tuple[Body, ...], to_finger: Clearance, mesh: Mesh) -> list[np.ndarray]:
+    """Nodes (node, 2) along the outline of each body; a closed one ends where it starts."""
+
+    def size(points: np.ndarray) -> np.ndarray:
+        return np.clip(GAP_CELL * to_finger(points), None, mesh.wall_cell)
+
+    lines = []
+    for body in bodies:
+        pieces = [outline_at(piece, spread(piece, size, 4)) for piece in body.pieces]
+        lines.append(np.vstack([pieces[0], *(piece[1:] for piece in pieces[1:])]))
+    return lines
 
 
-def _size_field(rim: list[int], wall: list[int], track: list[int], mesh: Mesh) -> None:
-    """Cell size growing from the rim, and from the tip's path, to that of the far water."""
-    fields = gmsh.model.mesh.field
+def mirror_nodes(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For a planform whose right side is x = 0: nodes (…, node, 2) off that plane, and each node's image (node,).
 
-    def graded(kind: str, members: list[int], size: float, near: float, far: float) -> int:
-        distance = fields.add("Distance")
-        fields.setNumbers(distance, kind, members)
-        fields.setNumber(distance, "Sampling", 2)
-        threshold = fields.add("Threshold")
-        fields.setNumber(threshold, "InField", distance)
-        fields.setNumber(threshold, "SizeMin", size)
-        fields.setNumber(threshold, "SizeMax", mesh.far_cell)
-        fields.setNumber(threshold, "DistMin", near)
-        fields.setNumber(threshold, "DistMax", far)
-        return threshold
+    Images of nodes off the plane follow the nodes themselves, in their order.
+    """
+    off = np.flatnonzero(nodes[:, 0] != 0)
+    image = np.arange(len(nodes))
+    image[off] = len(nodes) + np.arange(len(off))
+    return off, image
 
-    reach = mesh.near_distance + 5 * mesh.far_cell
-    parts = [graded("CurvesList", rim + wall, 1.1 * mesh.wall_cell, 0.002, reach)]
-    parts.append(graded("PointsList", track, mesh.near_cell, mesh.near_distance, reach))
-    least = fields.add("Min")
-    fields.setNumbers(least, "FieldsList", parts)
-    fields.setAsBackgroundMesh(least)
+
+def mirrored(planform: Planform, mirrored_finger: int) -> Planform:
+    """A planform and its image in x = 0 as one; the image of the finger's footprint has a body number of its own."""
+    off, image = mirror_nodes(planform.nodes)
+    flip = np.array([-1.0, 1.0])
+    left, right = planform.outer, image[planform.outer]
+    (x0, _), (_, depth) = planform.corners
+    low = int(np.flatnonzero((planform.nodes[left] == [0.0, 0.0]).all(1))[0])
+    high = int(np.flatnonzero((planform.nodes[left] == [0.0, depth]).all(1))[0])
+    outer = np.concatenate([left[: low + 1], right[:low][::-1], right[high + 1 :][::-1], left[high:]])
+    other = np.where(planform.body == 1, mirrored_finger, planform.body)
+    fixed = np.vstack([planform.fixed, planform.fixed[off]])
+    return Planform(
+        np.vstack([planform.nodes, planform.nodes[off] * flip]),
+        np.vstack([planform.triangles, image[planform.triangles][:, ::-1]]),
+        np.vstack([planform.quads, image[planform.quads][:, ::-1]]),
+        np.concatenate([planform.body, other]),
+        planform.wall,
+        planform.material,
+        outer,
+        fixed,
+        ((x0, 0.0), (-x0, depth)),
+    )
+
+
+def mirrored_shapes(shapes: np.ndarray, planform: Planform) -> np.ndarray:
+    """Shapes (…, node, 2) of a planform, with those of its image added as `mirrored` orders nodes."""
+    off, _ = mirror_nodes(planform.nodes)
+    return np.concatenate([shapes, shapes[..., off, :] * np.array([-1.0, 1.0])], axis=-2)

@@ -15,13 +15,18 @@ from pipeline.quality import planform_edges
 
 @dataclass(frozen=True)
 class Sweep:
-    """A planform and the levels it is swept through; cells of the footprint are left out inside the finger."""
+    """A planform and the levels it is swept through; cells of a body's footprint are left out inside the body.
+
+    Bodies are numbered from 1 (0 is water): `body_patch` names the patch of each one's walls, `body_half_width` how
+    far it reaches in |z|.
+    """
 
     triangles: np.ndarray
     quads: np.ndarray
-    inside: np.ndarray  # (triangle,) 1 in the footprint
+    body: np.ndarray  # (triangle,) number of the body in whose footprint it lies, 0 in the water
+    body_patch: tuple[str, ...]  # of bodies 1, 2 …, out of BODY_PATCHES
+    body_half_width: tuple[float, ...]  # m
     levels: np.ndarray  # (level,) z from the back to the front, m
-    finger_half_width: float
     model: str  # 2d, half, quarter or full
 
 
@@ -47,14 +52,18 @@ class PolyMesh:
 def sweep_mesh(sweep: Sweep, side_of_edge: np.ndarray) -> PolyMesh:
     """Build the swept mesh.
 
-    `side_of_edge` (edge,) names, for edges of the planform with one cell only, the index into OUTER_PATCHES.
+    `side_of_edge` (edge,) gives, for edges of the planform with one cell only, the index into OUTER_PATCHES.
     """
     columns = len(sweep.triangles) + len(sweep.quads)
     layers = len(sweep.levels) - 1
     middle = 0.5 * (sweep.levels[1:] + sweep.levels[:-1])
-    in_finger = np.ones(layers, bool) if sweep.model == "2d" else np.abs(middle) < sweep.finger_half_width
-    footprint = np.concatenate([sweep.inside.astype(bool), np.zeros(len(sweep.quads), bool)])
-    exists = ~(footprint[:, None] & in_finger[None, :])
+    reach = np.array([-1.0, *sweep.body_half_width])
+    filled = np.abs(middle)[None, :] < reach[:, None]  # (body, layer)
+    if sweep.model == "2d":
+        filled[1:] = True
+    body = np.concatenate([sweep.body, np.zeros(len(sweep.quads), int)])
+    exists = ~filled[body]
+    patch_of = np.array([-1, *(PATCHES.index(name) for name in sweep.body_patch)])[body]
     edges = planform_edges(sweep.triangles, sweep.quads)
     number = _cell_numbers(exists, edges.left, edges.right, columns)
 
@@ -69,8 +78,8 @@ def sweep_mesh(sweep: Sweep, side_of_edge: np.ndarray) -> PolyMesh:
     point = np.full(used.shape, -1)
     point[used] = np.arange(used.sum())  # node by node: a column's points lie together
     faces = [
-        *_lateral(edges, exists, number, point, side_of_edge),
-        *_across(nodes_of, exists, number, point, sweep.model),
+        *_lateral(edges, exists, number, point, patch_of, side_of_edge),
+        *_across(nodes_of, exists, number, point, patch_of, sweep.model),
     ]
     corner = np.concatenate([f[0] for f in faces])
     own = np.concatenate([f[1] for f in faces])
@@ -104,7 +113,8 @@ def sweep_mesh(sweep: Sweep, side_of_edge: np.ndarray) -> PolyMesh:
 # Walls and bottom; free surface; symmetry plane between two fingers; gap at the waterline that takes up the volume
 # by which a finger swells: the rigid lid cannot rise.
 OUTER_PATCHES = ("tank", "top", "mirror", "gap")
-PATCHES = ("finger", *OUTER_PATCHES, "back", "sheet", "front")
+BODY_PATCHES = ("finger", "mirrored_finger", "object", "support")
+PATCHES = (*BODY_PATCHES, *OUTER_PATCHES, "back", "sheet", "front")
 
 
 def _cell_numbers(exists: np.ndarray, left: np.ndarray, right: np.ndarray, columns: int) -> np.ndarray:
@@ -120,7 +130,7 @@ def _cell_numbers(exists: np.ndarray, left: np.ndarray, right: np.ndarray, colum
     return number
 
 
-def _lateral(edges, exists, number, point, side_of_edge):
+def _lateral(edges, exists, number, point, patch_of, side_of_edge):
     """Faces standing on planform edges: corners, owner, neighbour (-1 at a boundary), patch."""
     for k in range(exists.shape[1]):
         left = exists[edges.left, k]
@@ -132,14 +142,14 @@ def _lateral(edges, exists, number, point, side_of_edge):
         none = np.full(len(a), -1)
         yield quad[both], own[both], other[both], none[both]
         alone = left & ~right
-        patch = np.where(edges.right >= 0, PATCHES.index("finger"), 1 + side_of_edge)
+        patch = np.where(edges.right >= 0, patch_of[edges.right], len(BODY_PATCHES) + side_of_edge)
         yield quad[alone], own[alone], none[alone], patch[alone]
         alone = right & ~left
-        yield _reversed(quad[alone]), other[alone], none[alone], np.zeros(alone.sum(), int)
+        yield _reversed(quad[alone]), other[alone], none[alone], patch_of[edges.left[alone]]
 
 
-def _across(nodes_of, exists, number, point, model):
-    """Faces that lie in the levels: between layers, at both ends, and the ends of the finger."""
+def _across(nodes_of, exists, number, point, patch_of, model):
+    """Faces that lie in the levels: between layers, at both ends, and the ends of the bodies."""
     layers = exists.shape[1]
     blank = nodes_of < 0
     for k in range(layers + 1):
@@ -151,12 +161,12 @@ def _across(nodes_of, exists, number, point, model):
         if both.any():
             yield corner[both], number[both, k - 1], number[both, k], none[both]
         ends = {0: "back", layers: "front" if model == "full" else "sheet"}
-        end = PATCHES.index(ends.get(k, "finger"))
+        end = np.full(len(exists), PATCHES.index(ends[k])) if k in ends else patch_of
         up, down = below & ~above, above & ~below
         if up.any():
-            yield corner[up], number[up, k - 1], none[up], np.full(up.sum(), end)
+            yield corner[up], number[up, k - 1], none[up], end[up]
         if down.any():
-            yield _reversed(corner[down]), number[down, k], none[down], np.full(down.sum(), end)
+            yield _reversed(corner[down]), number[down, k], none[down], end[down]
 
 
 def _reversed(corner: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -78,3 +78,26 @@ def face_measures(nodes: np.ndarray, planform: Planform, edges: Edges) -> tuple[
     crossing = own + span * (((middle - own) * normal).sum(1) / (span * normal).sum(1))[:, None]
     offset = np.hypot(*(middle - crossing).T)
     return angle, offset / np.maximum(0.2 * np.hypot(*span.T), 0.5 * np.hypot(*edge.T))
+
+
+@dataclass(frozen=True)
+class Quality:
+    """The measures of one shape of a planform; `min_area_ratio` is that of a cell to its area as built."""
+
+    max_non_orthogonality_deg: float
+    mean_non_orthogonality_deg: float
+    max_skewness: float
+    min_area_ratio: float
+
+    def values(self) -> tuple[float, ...]:
+        """In the order of the columns of mesh_quality.csv."""
+        return astuple(self)
+
+
+def shape_quality(planform: Planform, nodes: np.ndarray) -> Quality:
+    """Quality of a planform whose nodes are at `nodes` (node, 2)."""
+    edges = planform_edges(planform.triangles, planform.quads)
+    angle, skewness = face_measures(nodes, planform, edges)
+    cells = planform.triangles, planform.quads
+    ratio = cell_areas(nodes, *cells) / cell_areas(planform.nodes, *cells)
+    return Quality(float(angle.max()), float(angle.mean()), float(skewness.max()), float(ratio.min()))

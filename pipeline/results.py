@@ -6,17 +6,22 @@ import csv
 import io
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyvista as pv
+import xarray as xr
 
 from pipeline.errors import StageError
+from pipeline.legs import Leg, read_stage
 from pipeline.scene import Scene
+from pipeline.solver import LOG
 from pipeline.stage import write_text
+from pipeline.switches import switches
 
-COPIES = {"2d": 1, "half": 2, "quarter": 4, "full": 1}  # whole tanks per computed part
+PER_FINGER = {"2d": 1, "half": 2, "quarter": 2, "full": 1}  # fingers per computed part of one
 FORCE_COLUMNS = ("time", "fx", "fy", "fz", "fx_pressure", "fy_pressure", "fx_viscous", "fy_viscous")
 POWER_COLUMNS = ("time", "finger_power", "kinetic_energy", "dissipation")
 HISTORY_COLUMNS = (
@@ -43,10 +48,9 @@ def read_function_object(folder: Path, name: str) -> np.ndarray:
     return joined
 
 
-def forces(case: Path, copies: int) -> np.ndarray:
-    """Columns FORCE_COLUMNS: force of the water on one whole finger, N."""
+def forces(case: Path, per_finger: int) -> np.ndarray:
+    """Columns FORCE_COLUMNS: force of the water on one whole finger (the left of two), N."""
     raw = read_function_object(case / "postProcessing" / "forces", "force.dat")
-    per_finger = copies if copies < 4 else 2  # a quarter holds half a finger
     table = raw[:, [0, 1, 2, 3, 4, 5, 7, 8]].copy()
     table[:, 1:] *= per_finger
     if per_finger > 1:
@@ -69,7 +73,7 @@ def finger_power(path: Path, density: float) -> float:
 
 
 def power(case: Path, density: float, viscosity: float, copies: int) -> np.ndarray:
-    """Columns POWER_COLUMNS for the whole tank (all fingers)."""
+    """Columns POWER_COLUMNS for the whole tank (all fingers), which holds `copies` of the computed part."""
     raw = read_function_object(case / "postProcessing" / "volumes", "volFieldValue.dat")
     times, square, gradient, half_vorticity = raw.T
     surfaces = case / "postProcessing" / "fingerSurface"
@@ -120,7 +124,7 @@ def history(log: Path) -> np.ndarray:
 
 @dataclass
 class _Step:
-    """What the log has said of the present time step, and the clock over all legs of the run."""
+    """What the log has said of the present time step, and the clock over all parts of a resumed run."""
 
     time: float = np.nan
     courant: tuple[float, float] = (np.nan, np.nan)
@@ -142,7 +146,7 @@ class _Step:
             self.continuity = float(found[0]), float(found[1])
         elif line.startswith("ExecutionTime"):
             clock = float(line.split("ClockTime =")[1].split()[0])
-            if clock < self.clock:  # a new leg: its clock starts again
+            if clock < self.clock:  # resumed: its clock starts again
                 self.earlier += self.clock
             self.clock = clock
 
@@ -169,20 +173,46 @@ def mesh_quality(path: Path) -> dict[str, float]:
     return {name: pick(float(row[name]) for row in rows) for name, pick in worst.items()}
 
 
-def collect_results(scene: Scene, case: Path, out: Path) -> dict[str, Any]:
-    """Write forces.csv, power.csv and history.csv; returns what run.json says of them."""
-    copies = COPIES[scene.model.kind]
-    log = history(case / "log.pimpleFoam")
-    energy = power(case, scene.fluid.density, scene.fluid.kinematic_viscosity, copies)
-    write_text(out / "forces.csv", table_text(FORCE_COLUMNS, forces(case, copies)))
-    write_text(out / "power.csv", table_text(POWER_COLUMNS, energy))
-    write_text(out / "history.csv", table_text(HISTORY_COLUMNS, log))
+def copies_of(planform: xr.Dataset) -> int:
+    """Computed parts in the whole tank."""
+    return PER_FINGER[str(planform.attrs["model"])] * (2 if planform.attrs["mirror"] else 1)
+
+
+def joined(legs: tuple[Leg, ...], tables: list[np.ndarray]) -> np.ndarray:
+    """One table of those of all legs, whose first column is the time: what a leg's run-in repeats is left out."""
+    return np.vstack([table[table[:, 0] > leg.start + 1e-9] for leg, table in zip(legs, tables, strict=True)])
+
+
+def cell_count(case: Path) -> int | None:
+    """Cells of a case's mesh, as its header says."""
     owner = (case / "constant" / "polyMesh" / "owner").read_bytes()[:2000]
     found = re.search(rb"nCells: ?(\d+)", owner)
+    return int(found.group(1)) if found else None
+
+
+def collect_results(scene: Scene, legs: tuple[Leg, ...], out: Path) -> dict[str, Any]:
+    """Write forces.csv, power.csv and history.csv of all legs joined; returns what run.json says of them."""
+    cases = [scene.out / "case" / leg.name for leg in legs]
+    copies, fluid = copies_of(read_stage(scene.out, legs[0].stage)), scene.fluid
+    logs = [history(case / LOG) for case in cases]
+    for earlier, later in pairwise(logs):
+        later[:, -1] += earlier[-1, -1]  # the clock goes on
+    log = joined(legs, logs)
+    force = [forces(case, PER_FINGER[scene.model.kind]) for case in cases]
+    parts = [power(case, fluid.density, fluid.kinematic_viscosity, copies) for case in cases]
+    energy = joined(legs, parts)
+    write_text(out / "forces.csv", table_text(FORCE_COLUMNS, joined(legs, force)))
+    write_text(out / "power.csv", table_text(POWER_COLUMNS, energy))
+    write_text(out / "history.csv", table_text(HISTORY_COLUMNS, log))
     return {
-        "cells": int(found.group(1)) if found else None,
+        "cells": cell_count(cases[0]),
         "courant_max": float(np.nanmax(log[:, 2])),
         "continuity_max": float(np.nanmax(np.abs(log[:, 3]))),
         "mesh_quality": mesh_quality(scene.out / "mesh_quality.csv"),
         "power_balance": power_balance(energy),
+        "legs": [
+            {"start": leg.start, "end": leg.end, "stage": leg.stage, "cells": cell_count(case)}
+            for leg, case in zip(legs, cases, strict=True)
+        ],
+        "switches": switches(legs, cases, force, [part[:, [0, 2]] for part in parts]),
     }

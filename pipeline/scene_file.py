@@ -47,6 +47,28 @@ def read_tables(path: Path, children: tuple[Path, ...] = ()) -> dict[str, Any]:
     return merge(_moved(read_tables(base, chain), parent), table)
 
 
+def level_tables(levels: Any, level: str, path: Path, children: tuple[str, ...] = ()) -> dict[str, Any]:
+    """What `[levels.<level>]` says, on top of the level of the same scene that it extends, if any. Raises StageError."""
+    if not isinstance(levels, dict) or not isinstance(levels.get(level, {}), dict):
+        raise StageError(f"{path}: levels: give tables, as [levels.coarse]")
+    if level not in levels:
+        raise StageError(
+            f"{path}: no level {level!r}; the levels are {', '.join(sorted(levels)) or 'missing'}"
+        )
+    table = dict(levels[level])
+    parent = table.pop("extends", None)
+    if parent is None:
+        return table
+    chain = (*children, level)
+    if parent in chain:
+        raise StageError(
+            f"{path}: levels.{level}.extends: {parent} extends this level in turn; break the circle"
+        )
+    if not isinstance(parent, str) or parent not in levels:
+        raise StageError(f"{path}: levels.{level}.extends: give another level of this scene (got {parent!r})")
+    return merge(level_tables(levels, parent, path, chain), table)
+
+
 def _moved(table: dict[str, Any], folder: str) -> dict[str, Any]:
     """A parent's table whose file names, given relative to its own `folder`, hold for the scene that extends it."""
     motions = [t.get("motion") for t in (table, *_tables(table.get("levels")))]

@@ -16,30 +16,41 @@ from scipy.interpolate import CubicSpline
 from tqdm import tqdm
 
 from pipeline.errors import StageError
+from pipeline.legs import Leg, read_legs, read_stage
 from pipeline.scene import Camera, Scene, digest, load_scene
 from pipeline.stage import guarded, parser, read_dataset, timed, versions
 from piv.plane import FORMAT, FORMAT_VERSION, UNITS
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
+ODD = ("u",)  # across the plane x = 0 between two fingers; the other fields are even
 MARGIN = 0.006  # m beyond the camera's view, so that particles that enter it have come from somewhere
+INSET = 1e-7  # m: points of the mirror plane are sampled this much inside the mesh
 
 
 @dataclass(frozen=True)
 class FingerTrack:
-    """The finger's outline and tip over time, from the kinematics."""
+    """The left (or only) finger's outline and tip over time, from the kinematics; `mirror` where there is a right one."""
 
     pressure: CubicSpline
     splines: dict[str, CubicSpline]
     tip_width: float
+    mirror: bool
 
     def at(self, time: float) -> dict[str, np.ndarray]:
-        """Outline and its velocity, tip, tip_direction, dorsal_direction and bend of the one finger at `time` s."""
+        """Per finger, at `time` s: outline and its velocity, tip, tip_direction, dorsal_direction and bend."""
         p = float(self.pressure(time))
         found = {name: spline(p) for name, spline in self.splines.items()}
         found["outline_velocity"] = self.splines["outline"](p, 1) * float(self.pressure(time, 1))
         for name in ("tip_direction", "dorsal_direction"):
             found[name] = found[name] / np.hypot(*found[name])
-        return found
+        if not self.mirror:
+            return {name: values[None] for name, values in found.items()}
+        return {name: np.stack([values, mirrored_finger(name, values)]) for name, values in found.items()}
+
+
+def mirrored_finger(name: str, values: np.ndarray) -> np.ndarray:
+    """What belongs to the right finger: vectors and points mirrored in x = 0, the bend towards the ventral side as it is."""
+    return values if name == "bend" else values * np.array([-1.0, 1.0])
 
 
 def read_track(out: Path) -> FingerTrack:
@@ -55,14 +66,17 @@ def read_track(out: Path) -> FingerTrack:
         }
         splines = {name: CubicSpline(parameter, file[stored].values) for name, stored in names.items()}
         pressure = CubicSpline(file["time"].values, file["pressure"].values)
-        return FingerTrack(pressure, splines, float(file.attrs["tip_thickness"]))
+        width, mirror = float(file.attrs["tip_thickness"]), bool(file.attrs.get("mirror", 0))
+        return FingerTrack(pressure, splines, width, mirror)
 
 
-def sheet_axes(camera: Camera, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Grid axes (m) that cover the camera's view and a margin."""
-    axes = []
+def sheet_axes(camera: Camera, spacing: float, symmetric: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Grid axes (m) that cover the camera's view and a margin; x about 0 where `symmetric`."""
+    axes: list[np.ndarray] = []
     for middle, pixels in zip(camera.centre, (camera.columns, camera.rows), strict=True):
         half = 0.5 * pixels * camera.scale_mm_per_px * 1e-3 + MARGIN
+        if symmetric and not axes:
+            middle, half = 0.0, abs(middle) + half
         count = int(np.ceil(half / spacing))
         axes.append(middle + spacing * np.arange(-count, count + 1))
     return axes[0], axes[1]
@@ -81,23 +95,26 @@ def view_axes(view: View, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return x, y
 
 
-def sampled_planes(case: Path) -> list[tuple[float, Path]]:
-    """Times and files of the sheet's pictures, ascending; StageError where there is none."""
-    folder = case / "postProcessing" / "sheetSurface"
-    found = sorted((float(f.name), f / "sheet.vtk") for f in folder.glob("*") if (f / "sheet.vtk").exists())
-    if not found:
-        raise StageError(f"{folder}: the solver wrote no sheet; run python -m pipeline.run first")
+def sampled_planes(case: Path, legs: tuple[Leg, ...]) -> list[tuple[float, Path]]:
+    """Times and files of the sheet's pictures over all legs, ascending; StageError where there is none."""
+    found = []
+    for leg in legs:
+        folder = case / leg.name / "postProcessing" / "sheetSurface"
+        times = sorted(
+            (float(f.name), f / "sheet.vtk") for f in folder.glob("*") if (f / "sheet.vtk").exists()
+        )
+        if not times:
+            raise StageError(f"{folder}: the solver wrote no sheet; run python -m pipeline.run first")
+        found += [
+            (time, path) for time, path in times if time > leg.start + 1e-9
+        ]  # not what its run-in repeats
     return found
 
 
 def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
     """FIELDS on the grid (y, x), kinematic pressure; NaN outside the water."""
     plane = pv.read(path)
-    grid = pv.ImageData(
-        dimensions=(len(x), len(y), 1),
-        spacing=(x[1] - x[0], y[1] - y[0], 1.0),
-        origin=(x[0], y[0], float(plane.points[0, 2])),
-    )
+    grid = pv.RectilinearGrid(x, y, plane.points[:1, 2])
     sampled = grid.sample(plane)
     shape = (len(y), len(x))
     outside = np.asarray(sampled["vtkValidPointMask"]).reshape(shape) == 0
@@ -112,21 +129,40 @@ def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[s
     return {name: np.where(outside, np.nan, field).astype(np.float32) for name, field in fields.items()}
 
 
+def sample_mirrored(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
+    """FIELDS on a grid about x = 0 from a plane that holds x <= 0 only: nothing flows through the plane of symmetry."""
+    left = x[: len(x) // 2 + 1].copy()
+    left[-1] -= INSET
+    fields = sample_plane(path, left, y, flat)
+    fields["u"][:, -1] *= 0.0  # NaN stays NaN
+    return {name: whole_picture(name, field) for name, field in fields.items()}
+
+
+def whole_picture(name: str, left: np.ndarray) -> np.ndarray:
+    """A field (y, x) of x <= 0, its last column on the plane of symmetry, with its mirror image on the right."""
+    sign = left.dtype.type(-1 if name in ODD else 1)
+    return np.concatenate([left, sign * left[:, -2::-1]], axis=1)
+
+
 def frames(
     scene: Scene, track: FingerTrack, x: np.ndarray, y: np.ndarray
 ) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
-    """Time and variables of each picture of the sheet; absent inside the finger."""
+    """Time and variables of each picture of the sheet; absent inside the fingers."""
     mesh_x, mesh_y = np.meshgrid(x, y)
     flat = scene.model.kind == "2d"
-    for time, path in sampled_planes(scene.out / "case"):
-        fields = sample_plane(path, x, y, flat)
+    legs = read_legs(scene.out)
+    sample = sample_mirrored if read_stage(scene.out, legs[0].stage).attrs["mirror"] else sample_plane
+    for time, path in sampled_planes(scene.out / "case", legs):
+        fields = sample(path, x, y, flat)
         fields["p"] = fields["p"] * np.float32(scene.fluid.density)
-        finger = track.at(time)
-        inside = shapely.contains_xy(shapely.Polygon(finger["outline"]), mesh_x, mesh_y)
+        fingers = track.at(time)
+        inside = shapely.contains_xy(shapely.Polygon(fingers["outline"][0]), mesh_x, mesh_y)
+        if track.mirror:
+            inside |= inside[:, ::-1]
         valid = ~inside & np.isfinite(fields["u"])
         for name in FIELDS:
             fields[name][~valid] = np.nan
-        yield time, fields | {"valid": valid.astype(np.uint8)} | {k: v[None] for k, v in finger.items()}
+        yield time, fields | {"valid": valid.astype(np.uint8)} | fingers
 
 
 View = tuple[float, float, float, float]
@@ -134,14 +170,19 @@ View = tuple[float, float, float, float]
 
 def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path | None = None) -> None:
     """Write sheet.h5 frame by frame; `view` (m) in place of the camera's, to another file `path`."""
-    x, y = sheet_axes(scene.camera, scene.sheet.spacing) if view is None else view_axes(view, scene)
     track = read_track(scene.out)
-    count = len(sampled_planes(scene.out / "case"))
+    if view is None:
+        x, y = sheet_axes(scene.camera, scene.sheet.spacing, symmetric=track.mirror)
+    else:
+        reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet has as much on either side
+        x, y = view_axes((-reach, reach, *view[2:]) if track.mirror else view, scene)
+    count = len(sampled_planes(scene.out / "case", read_legs(scene.out)))
     path = path or scene.out / "sheet.h5"
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + ".part")
     with h5netcdf.File(part, "w") as file:
-        file.dimensions = {"time": count, "y": len(y), "x": len(x), "finger": 1, "axis": 2}
+        fingers = 2 if track.mirror else 1
+        file.dimensions = {"time": count, "y": len(y), "x": len(x), "finger": fingers, "axis": 2}
         for name, values in (("x", x), ("y", y), ("time", np.zeros(count))):
             _variable(file, name, (name,), np.float64)[...] = values
         for k, (time, fields) in enumerate(

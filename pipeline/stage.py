@@ -8,7 +8,7 @@ import os
 import resource
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -89,16 +89,21 @@ def write_text(path: Path, text: str) -> None:
     os.replace(part, path)
 
 
-def write_dataset(dataset: xr.Dataset, path: Path) -> None:
-    """Write an HDF5 file whole or not at all, with the versions that made it."""
+def write_dataset(dataset: xr.Dataset, path: Path, groups: Mapping[str, xr.Dataset] | None = None) -> None:
+    """Write an HDF5 file, and its groups, whole or not at all, with the versions that made it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + ".part")
     dataset.assign_attrs(versions=json.dumps(versions())).to_netcdf(part, engine="h5netcdf")
+    for name, group in (groups or {}).items():
+        group.to_netcdf(part, engine="h5netcdf", mode="a", group=name)
     os.replace(part, path)
 
 
-def read_dataset(path: Path, file_format: str) -> xr.Dataset:
-    """Open one of this project's HDF5 files; StageError where it is missing, damaged or another one."""
+def read_dataset(path: Path, file_format: str, group: str | None = None) -> xr.Dataset:
+    """Open one of this project's HDF5 files, or a group of it, which then has the file's attributes as well.
+
+    Raises StageError where the file is missing, damaged or another one, or has no such group.
+    """
     if not path.exists():
         raise StageError(f"{path}: missing; run the stage that writes it first, or make")
     try:
@@ -109,4 +114,12 @@ def read_dataset(path: Path, file_format: str) -> xr.Dataset:
         ) from None
     if dataset.attrs.get("format") != file_format:
         raise StageError(f"{path}: format is {dataset.attrs.get('format')!r}, expected {file_format!r}")
-    return dataset
+    if group is None:
+        return dataset
+    attributes = dataset.attrs
+    dataset.close()
+    try:
+        dataset = xr.open_dataset(path, engine="h5netcdf", group=group)
+    except (OSError, KeyError):
+        raise StageError(f"{path}: no group {group!r}; delete it and run make again") from None
+    return dataset.assign_attrs(attributes | dataset.attrs)

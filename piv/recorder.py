@@ -12,6 +12,7 @@ import xarray as xr
 
 from piv.camera import Camera, Seeding
 from piv.particles import Box, advance, exact_displacement, reach, seed_particles
+from piv.plane import FINGER_VARIABLES
 from piv.planefield import PlaneField
 from piv.render import (
     SLAB_HALF_WIDTH,
@@ -45,6 +46,8 @@ class Recorder:
     """
 
     def __init__(self, series: xr.Dataset, camera: Camera, seeding: Seeding, seed: int = 0) -> None:
+        # read once: opening a variable costs more than drawing an outline
+        series = series.assign({n: series[n].load() for n in FINGER_VARIABLES if n in series})
         self.field = PlaneField(series)
         self.series, self.camera, self.seeding, self.seed = series, camera, seeding, seed
         self.origin_px = camera.origin_px or _centred(self.field, camera)

@@ -16,7 +16,7 @@ import pandas as pd
 import xarray as xr
 from tqdm import tqdm
 
-from piv.plane import provenance
+from piv.plane import FINGER_VARIABLES, provenance
 from piv.tip_frame import place_at_tip
 from piv.tracking import Tracker, TrackingSettings
 from piv.vortices import Vortex, VortexSettings, find_vortices
@@ -84,6 +84,8 @@ def _found(
 ) -> Iterator[tuple[xr.Dataset, list[Vortex]]]:
     """Each plane of the series, in order, with its vortices."""
     series = series[[name for name in USED if name in series]]
+    # read once: opening a variable costs more than finding the vortices of a small plane
+    series = series.assign({n: series[n].load() for n in FINGER_VARIABLES if n in series})
     single = "time" not in series["u"].dims
     steps: list[int | None] = [None] if single else list(range(series.sizes["time"]))
     bar = tqdm(steps, unit="plane", desc="vortices", disable=quiet or None)

@@ -14,15 +14,17 @@ from typing import Any
 
 import xarray as xr
 
-from piv.plane import read_plane
-from postprocess import fields, tracks
 from postprocess.commandline import run_stage
+from postprocess.evidence import Evidence
 from postprocess.findings import Finding, Measured, is_met, read_findings
 from postprocess.lab.__main__ import main as compare_with_laboratory
-from postprocess.quantities import QUANTITIES, Evidence
+from postprocess.loading import load_evidence, read_clock
+from postprocess.pinch_summary import pinch_summary
+from postprocess.quantities import QUANTITIES
 from postprocess.series import series_table, summary
 from postprocess.stagefiles import StageFiles, read_json, sha256, write_text
-from postprocess.strokes import peak_tip_speed, stroke_window
+from postprocess.strokes import stroke_window
+from postprocess.windows import Clock, interval
 
 MIDDLE = (0.25, 0.75)  # the middle of the stroke, as fractions of its bend
 INPUTS = (
@@ -36,39 +38,29 @@ INPUTS = (
 )
 
 
-def load_evidence(files: StageFiles) -> Evidence:
-    """Open what was run: the CFD (required) and the PIV (optional); sums over their common region."""
-    planes = {"cfd": read_plane(files.required("sheet.h5", "sheet"))}
-    vortices = {"cfd": tracks.read_vortices(files.required("vortices_cfd.csv", "vortices"))}
-    piv = files.optional("piv.h5")
-    if piv is not None:
-        planes["piv"] = read_plane(piv)
-        vortices["piv"] = tracks.read_vortices(files.required("vortices_piv.csv", "vortices"))
-    missing = [name for name in ("tip", "bend", "outline") if name not in planes["cfd"]]
-    if missing:
-        raise ValueError(
-            f"{files.out / 'sheet.h5'}: variable {missing[0]!r} is missing; run the stage 'sheet' again"
-        )
-    scale, _ = peak_tip_speed(planes["cfd"]["time"].values, planes["cfd"]["tip"].values)
-    sums = {"piv-cfd": fields.field_sums(planes["cfd"], planes["piv"])} if piv is not None else {}
-    return Evidence(planes, vortices, scale, sums)
-
-
-def judge(finding: Finding, evidence: Evidence, window: tuple[float, float]) -> dict[str, Any]:
-    """One check: what each source measures, and whether the finding is met (None where a source was not run)."""
-    measured: dict[str, Measured | None] = {}
+def judge(finding: Finding, evidence: Evidence, clock: Clock) -> dict[str, Any]:
+    """One check: what each source measures, and whether the finding is met (None where something was not run)."""
+    measured: dict[str, Measured | None] = dict.fromkeys(finding.of)
     notes: dict[str, str] = {}
+    absent = {of for of in finding.of if not evidence.has(of)}
+    window = None
+    try:
+        window = interval(finding.window, clock)
+    except ValueError as error:  # what never happens is a finding not met, and says why
+        notes["window"] = str(error)
     for of in finding.of:
-        if not evidence.has(of):
-            measured[of] = None
+        if of in absent or window is None:
             continue
         try:
             measured[of] = QUANTITIES[finding.quantity].measure(evidence, of, window, finding.finger)
         except ValueError as error:  # what cannot be measured is a finding not met, and says why
-            measured[of], notes[of] = None, str(error)
+            notes[of] = str(error)
+        except FileNotFoundError as error:  # what was not run is not judged
+            notes[of] = str(error)
+            absent.add(of)
     judged = {of: is_met(finding, value) for of, value in measured.items() if value is not None}
-    failed = any(evidence.has(of) and measured[of] is None for of in finding.of)
-    missing = any(not evidence.has(of) for of in finding.of)
+    failed = any(of not in absent and measured[of] is None for of in finding.of)
+    missing = bool(absent)
     met = False if failed or not all(judged.values()) else None if missing else True
     return {
         **{
@@ -80,12 +72,12 @@ def judge(finding: Finding, evidence: Evidence, window: tuple[float, float]) -> 
         "value": finding.value,
         "tolerance": finding.tolerance,
         "reason": finding.reason,
-        "window": finding.window,
+        "window": finding.window.words(),
         "window_s": window,
         "measured": measured,
         "met_by": judged,
         "met": met,
-        "notes": list(notes.values()),
+        "notes": list(dict.fromkeys(notes.values())),
     }
 
 
@@ -122,15 +114,19 @@ def provenance(files: StageFiles, planes: dict[str, xr.Dataset]) -> dict[str, An
     }
 
 
+def _pinch(evidence: Evidence, clock: Clock) -> dict[str, Any]:
+    return {"pinch": pinch_summary(evidence, clock)} if evidence.pairs else {}
+
+
 def compare(files: StageFiles) -> dict[str, Any]:
     """Run the comparison of one scene at one level and write its two files; returns what comparison.json holds."""
     if not files.findings.exists():
         raise FileNotFoundError(f"{files.findings} is missing; a scene needs its findings to be judged by")
     findings = read_findings(files.findings, frozenset(QUANTITIES))
     evidence = load_evidence(files)
-    time, bend = evidence.planes["cfd"]["time"].values, evidence.planes["cfd"]["bend"].values
-    checks = [judge(f, evidence, stroke_window(time, bend[:, f.finger], f.window)) for f in findings]
-    middle = stroke_window(time, bend[:, 0], MIDDLE)
+    clock = read_clock(files, evidence.planes["cfd"])
+    checks = [judge(finding, evidence, clock) for finding in findings]
+    middle = stroke_window(clock.time, clock.bend, MIDDLE)
     result = {
         "format": "comparison",
         "format_version": 1,
@@ -141,11 +137,14 @@ def compare(files: StageFiles) -> dict[str, Any]:
         "middle_of_stroke_s": middle,
         "verdict": verdict(checks),
         "checks": checks,
-        "summary": summary(evidence, middle),
+        "summary": summary(evidence, middle) | _pinch(evidence, clock),
         "provenance": provenance(files, evidence.planes),
     }
     write_text(files.out / "comparison.json", json.dumps(result, indent=1, allow_nan=False, default=float))
     write_text(files.out / "comparison.csv", series_table(evidence, middle).to_csv(index=False))
+    for source, table in evidence.pairs.items():
+        write_text(files.out / f"pairs_{source}.csv", table.to_csv(index=False))
+        write_text(files.out / f"centreline_{source}.csv", evidence.lines[source].to_csv(index=False))
     for plane in evidence.planes.values():
         plane.close()
     return result

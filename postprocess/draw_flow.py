@@ -62,7 +62,7 @@ def vortex_mark(x: float, y: float, radius: float, circulation: float) -> tuple[
 
 def flow_figure(
     planes: dict[str, xr.Dataset],
-    tracks: dict[str, pd.DataFrame],
+    vortices: dict[str, list[pd.DataFrame]],
     scale: float,
     limit: float,
     *,
@@ -70,7 +70,8 @@ def flow_figure(
 ) -> tuple[Figure, Callable[[float], None]]:
     """A figure with one panel per source, and the function that shows an instant (s) in it.
 
-    `tracks` holds each source's dominant vortex, `scale` the velocity scale (m/s), `limit` the vorticity limit (1/s).
+    `vortices` holds each source's tip vortex of every finger over time, `scale` the velocity scale (m/s), `limit` the
+    vorticity limit (1/s).
     """
     x0, x1, y0, y1 = view_limits(planes)
     panel = 5.0
@@ -81,7 +82,7 @@ def flow_figure(
     updates = []
     shade = None
     for ax, (source, plane) in zip(axes[0], planes.items(), strict=True):
-        shade, update = _panel(ax, plane, tracks.get(source), scale, limit)
+        shade, update = _panel(ax, plane, vortices.get(source, []), scale, limit)
         ax.set(xlim=(x0 * MM, x1 * MM), ylim=(y0 * MM, y1 * MM), aspect="equal", xlabel="x, mm")
         ax.set_title(NAMES[source])
         ax.grid(False)
@@ -109,7 +110,7 @@ def _bend(plane: xr.Dataset, time: float) -> float | None:
     return float(np.degrees(plane["bend"].values[nearest(plane, time), 0]))
 
 
-def _panel(ax, plane: xr.Dataset, track: pd.DataFrame | None, scale: float, limit: float):
+def _panel(ax, plane: xr.Dataset, vortices: list[pd.DataFrame], scale: float, limit: float):
     x, y = plane["x"].values, plane["y"].values
     dx, dy = x[1] - x[0], y[1] - y[0]
     every = max(1, round(ARROW_EVERY / dx))
@@ -155,7 +156,9 @@ def _panel(ax, plane: xr.Dataset, track: pd.DataFrame | None, scale: float, limi
         fontproperties={"size": 9},
     )
     bodies = [ax.fill([], [], color="black", zorder=3)[0] for _ in range(plane.sizes.get("finger", 0))]
-    (mark,) = ax.plot([], [], color="#0a7d2c", linewidth=2.0, zorder=4, path_effects=HALO)
+    marks = [
+        ax.plot([], [], color="#0a7d2c", linewidth=2.0, zorder=4, path_effects=HALO)[0] for _ in vortices
+    ]
 
     def update(time: float) -> None:
         index = nearest(plane, time)
@@ -169,15 +172,22 @@ def _panel(ax, plane: xr.Dataset, track: pd.DataFrame | None, scale: float, limi
             body.set_xy(
                 plane["outline"].values[index, number] * MM if "outline" in plane else np.empty((0, 2))
             )
-        mark.set_data(*_mark_at(track, time))
+        for mark, vortex in zip(marks, vortices, strict=True):
+            mark.set_data(*_mark_at(vortex, time))
 
     return shade, update
 
 
-def _mark_at(track: pd.DataFrame | None, time: float) -> tuple[np.ndarray, np.ndarray]:
-    if track is None or not track["time"].iloc[0] - 2e-3 <= time <= track["time"].iloc[-1] + 2e-3:
+def _mark_at(vortex: pd.DataFrame, time: float) -> tuple[np.ndarray, np.ndarray]:
+    """The mark between the two rows around `time`; none outside them, or where they are of two vortices."""
+    times = vortex["time"].to_numpy()
+    after = int(np.clip(np.searchsorted(times, time), 1, max(times.size - 1, 1)))
+    if times.size < 2 or not times[after - 1] - 2e-3 <= time <= times[after] + 2e-3:
         return np.empty(0), np.empty(0)
+    rows = vortex.iloc[after - 1 : after + 1]
+    if rows["track"].nunique() > 1:
+        rows = rows.iloc[[int(np.argmin(np.abs(rows["time"].to_numpy() - time)))] * 2]
     value = {
-        n: float(np.interp(time, track["time"], track[n])) for n in ("x", "y", "core_radius", "circulation")
+        n: float(np.interp(time, rows["time"], rows[n])) for n in ("x", "y", "core_radius", "circulation")
     }
     return vortex_mark(value["x"] * MM, value["y"] * MM, value["core_radius"] * MM, value["circulation"])

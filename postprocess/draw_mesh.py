@@ -25,12 +25,12 @@ def edges(cells: list[np.ndarray]) -> np.ndarray:
 
 
 def planform(
-    shapes: np.ndarray, bend_deg: np.ndarray, lines: np.ndarray, limits: tuple[float, ...]
+    shapes: list[np.ndarray], bend_deg: np.ndarray, lines: list[np.ndarray], limits: tuple[float, ...]
 ) -> Figure:
-    """The planform (shape, node, axis) around the finger at three shapes; limits are x from, x to, y from, y to (m)."""
+    """The planform (node, axis) and its edges at three shapes around the body; limits are x from, x to, y from, y to (m)."""
     figure, axes = new_figure(12.0, 4.3, 1, len(shapes), dpi=150, sharey=True)
-    for ax, points, bend, name in zip(axes, shapes, bend_deg, NAMES, strict=True):
-        ends = points[lines] * MM
+    for ax, points, joined, bend, name in zip(axes, shapes, lines, bend_deg, NAMES, strict=True):
+        ends = points[joined] * MM
         near = (ends.max(axis=1) > np.array(limits[::2]) * MM).all(axis=1)
         near &= (ends.min(axis=1) < np.array(limits[1::2]) * MM).all(axis=1)
         ax.add_collection(LineCollection(ends[near], colors="#27405c", linewidths=0.25, rasterized=True))
@@ -63,7 +63,7 @@ def view_in_space(source: Path, target: Path) -> str:
 def matplotlib_view(
     points: np.ndarray, lines: np.ndarray, outline: np.ndarray, width: float, tank: np.ndarray
 ) -> Figure:
-    """The same view without any GL library: tank edges, planform on the sheet, and the finger as a prism."""
+    """The same view without any GL library: tank edges, planform on the sheet, and every finger (finger, point, axis) as a prism."""
     figure, ax = new_figure(8.0, 5.4, dpi=130, subplot_kw={"projection": "3d"})
     length, height, depth = tank * MM
     corners = np.array(
@@ -76,12 +76,13 @@ def matplotlib_view(
     sheet = np.zeros((*lines.shape, 3))
     sheet[..., [0, 2]] = points[lines] * MM
     ax.add_collection3d(Line3DCollection(sheet, colors=CFD, linewidths=0.15))
-    ring = np.zeros((2, len(outline), 3))
-    ring[..., [0, 2]] = outline * MM
-    ring[0, :, 1], ring[1, :, 1] = -width / 2 * MM, width / 2 * MM
-    after = np.roll(ring, -1, axis=1)
-    sides = np.stack([ring[0], after[0], after[1], ring[1]], axis=1)
-    ax.add_collection3d(Poly3DCollection([*sides, *ring], facecolor="#30343b", edgecolor="none"))
+    for body in outline:
+        ring = np.zeros((2, len(body), 3))
+        ring[..., [0, 2]] = body * MM
+        ring[0, :, 1], ring[1, :, 1] = -width / 2 * MM, width / 2 * MM
+        after = np.roll(ring, -1, axis=1)
+        sides = np.stack([ring[0], after[0], after[1], ring[1]], axis=1)
+        ax.add_collection3d(Poly3DCollection([*sides, *ring], facecolor="#30343b", edgecolor="none"))
     ax.set(xlim=(-length / 2, length / 2), ylim=(-depth / 2, depth / 2), zlim=(0, height))
     ax.set(xlabel="x, mm", ylabel="z, mm", zlabel="y, mm")
     ax.set_box_aspect((length, depth, height))

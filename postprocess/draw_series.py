@@ -15,16 +15,21 @@ BAND = 1.96  # standard deviations to either side: a 95 % band
 BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}  # curves fill these pictures
 
 
-def circulation(tracks: dict[str, pd.DataFrame], middle: tuple[float, float]) -> Figure:
-    """Circulation and core radius of the tip vortex over time with 95 % bands; the middle of the stroke is shaded."""
+Tracks = dict[str, list[pd.DataFrame]]  # by source, of every finger the tip's vortex over time
+STYLES = ("-", "--")  # of the left or only finger, and of the right one
+
+
+def circulation(tracks: Tracks, middle: tuple[float, float]) -> Figure:
+    """Circulation and core radius of every tip's vortex over time with 95 % bands; the middle of the stroke is shaded."""
     figure, axes = new_figure(8.6, 5.6, 2, 1, sharex=True, height_ratios=(2, 1))
     for ax, (name, unit, label) in zip(
         axes,
         (("circulation", 1e4, "circulation, cm²/s"), ("core_radius", MM, "core radius, mm")),
         strict=True,
     ):
-        for source, track in tracks.items():
-            _banded(ax, track, name, unit, source)
+        for source, fingers in tracks.items():
+            for finger, track in enumerate(fingers):
+                _banded(ax, track, name, unit, source, finger, len(fingers))
         ax.axvspan(*middle, color="#f0e9d8", zorder=0, label="middle of the stroke")
         ax.set_ylabel(label)
     axes[0].set_title("Tip vortex over time (counter-clockwise positive)")
@@ -33,9 +38,14 @@ def circulation(tracks: dict[str, pd.DataFrame], middle: tuple[float, float]) ->
     return figure
 
 
-def _banded(ax, track: pd.DataFrame, name: str, unit: float, source: str) -> None:
-    colour = COLOURS[source]
-    ax.plot(track["time"], track[name] * unit, color=colour, label=NAMES[source])
+def finger_name(source: str, finger: int, fingers: int) -> str:
+    """A legend's entry: the source, and which finger where there are two."""
+    return NAMES[source] + (f", {('left', 'right')[finger]} finger" if fingers > 1 else "")
+
+
+def _banded(ax, track: pd.DataFrame, name: str, unit: float, source: str, finger: int, fingers: int) -> None:
+    colour, label = COLOURS[source], finger_name(source, finger, fingers)
+    ax.plot(track["time"], track[name] * unit, color=colour, linestyle=STYLES[finger], label=label)
     std = track.get(f"{name}_std")
     if std is not None and np.any(std.to_numpy(float) > 0):
         half = BAND * std.to_numpy(float)
@@ -49,16 +59,16 @@ def _banded(ax, track: pd.DataFrame, name: str, unit: float, source: str) -> Non
         )
 
 
-def has_band(tracks: dict[str, pd.DataFrame]) -> list[str]:
+def has_band(tracks: Tracks) -> list[str]:
     """Sources whose vortex table carries an uncertainty of the circulation."""
     return [
         s
-        for s, t in tracks.items()
+        for s, (t, *_) in tracks.items()
         if "circulation_std" in t and np.any(t["circulation_std"].to_numpy(float) > 0)
     ]
 
 
-def paths(tracks: dict[str, pd.DataFrame], plane: xr.Dataset, middle: tuple[float, float]) -> Figure:
+def paths(tracks: Tracks, plane: xr.Dataset, middle: tuple[float, float]) -> Figure:
     """Paths of the vortex centres and of the tip over the finger's outline at first, middle and last instant."""
     figure, ax = new_figure(6.6, 5.6)
     times = plane["time"].values
@@ -66,34 +76,38 @@ def paths(tracks: dict[str, pd.DataFrame], plane: xr.Dataset, middle: tuple[floa
     for number in range(plane.sizes["finger"]):
         for index, tone in zip(instants, ("0.85", "0.6", "0.15"), strict=True):
             ax.fill(*(plane["outline"].values[index, number].T * MM), facecolor=tone, edgecolor="none")
-        ax.plot(
-            *(plane["tip"].values[:, number].T * MM), color=GREY, linestyle="--", linewidth=1.2, label="tip"
-        )
-    for source, track in tracks.items():
-        ax.plot(
-            track["x"] * MM,
-            track["y"] * MM,
-            color=COLOURS[source],
-            marker=".",
-            markersize=4,
-            linewidth=1.2,
-            label=f"vortex, {NAMES[source]}",
-        )
-        inside = track[track["time"].between(*middle)]
-        if {"x_std", "y_std"} <= set(track):
-            some = inside.iloc[:: max(1, len(inside) // 8)]
-            ax.errorbar(
-                some["x"] * MM,
-                some["y"] * MM,
-                BAND * some["y_std"] * MM,
-                BAND * some["x_std"] * MM,
-                fmt="none",
-                ecolor=COLOURS[source],
-                alpha=0.7,
-            )
+        label = "tip" if number == 0 else None
+        ax.plot(*(plane["tip"].values[:, number].T * MM), color=GREY, ls="--", linewidth=1.2, label=label)
+    for source, fingers in tracks.items():
+        for finger, track in enumerate(fingers):
+            _path(ax, track, middle, source, f"vortex, {NAMES[source]}" if finger == 0 else None)
     ax.set(aspect="equal", xlabel="x, mm", ylabel="y, mm", title="Where the vortex goes")
     ax.legend(loc="best")
     return figure
+
+
+def _path(ax, track: pd.DataFrame, middle: tuple[float, float], source: str, label: str | None) -> None:
+    ax.plot(
+        track["x"] * MM,
+        track["y"] * MM,
+        color=COLOURS[source],
+        marker=".",
+        markersize=4,
+        linewidth=1.2,
+        label=label,
+    )
+    inside = track[track["time"].between(*middle)]
+    if {"x_std", "y_std"} <= set(track):
+        some = inside.iloc[:: max(1, len(inside) // 8)]
+        ax.errorbar(
+            some["x"] * MM,
+            some["y"] * MM,
+            BAND * some["y_std"] * MM,
+            BAND * some["x_std"] * MM,
+            fmt="none",
+            ecolor=COLOURS[source],
+            alpha=0.7,
+        )
 
 
 def agreement(series: pd.DataFrame, scale: float, middle: tuple[float, float]) -> Figure:

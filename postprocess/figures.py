@@ -20,21 +20,27 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from piv.plane import read_plane
-from postprocess import animation, draw_flow, draw_mesh, draw_series, tracks
+from postprocess import animation, draw_flow, draw_mesh, draw_series, pairs, tracks
+from postprocess.album import Album
 from postprocess.commandline import run_stage
+from postprocess.draw_series import Tracks
+from postprocess.loading import read_clock
+from postprocess.pinch_figures import pinch_figures
 from postprocess.stagefiles import (
     StageFiles,
     read_arrays,
     read_json,
+    read_stages,
     read_table,
     scene_numbers,
     write_text,
 )
 from postprocess.strokes import peak_tip_speed, stroke_window, tip_speed
-from postprocess.style import NAMES, save
+from postprocess.style import NAMES
+from postprocess.windows import Clock
 
 INSTANTS = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the stroke's bend; the last instant is added
-Tracks = dict[str, pd.DataFrame]
+AFTER_CONTACT = (0.0, 0.05, 0.15)  # s: instants shown of a pinch
 DOCS_FEA = Path(__file__).resolve().parent.parent / "docs" / "fea"
 STUDIES = {
     "theta": "wedge angles of 0 to 30°",
@@ -69,21 +75,6 @@ QUALITY_COLUMNS = (
 )
 
 
-class Album:
-    """Pictures as they are made: writes each file and remembers its title, alternative text and caption."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.entries: list[dict[str, Any]] = []
-        folder.mkdir(parents=True, exist_ok=True)
-
-    def add(self, figure: Figure | None, name: str, section: str, alt: str, caption: str = "") -> None:
-        """Save a figure (None: the file is there already) and list it under a section of the report."""
-        if figure is not None:
-            save(figure, self.folder / name)
-        self.entries.append({"file": name, "section": section, "alt": alt, "caption": caption})
-
-
 def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     """Draw everything for one scene and level; returns the index that figures.json holds."""
     for name, stage in REQUIRED:  # before minutes of drawing, not after
@@ -96,10 +87,13 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     if files.optional("piv.h5") is not None:
         planes["piv"] = read_plane(files.out / "piv.h5")
         tables["piv"] = tracks.read_vortices(files.required("vortices_piv.csv", "vortices"))
-    dominant = tracks.dominant_tracks(tables, 0, middle)
+    clock = read_clock(files, planes["cfd"])
+    dominant = tip_vortices(planes["cfd"], tables, middle)
     album = Album(files.figures)
-    _flow(album, planes, dominant, comparison["scale"]["value"])
+    _flow(album, planes, dominant, comparison["scale"]["value"], clock)
     _vortex(album, files, planes["cfd"], dominant, middle, comparison["scale"]["value"])
+    if planes["cfd"].sizes["finger"] > 1:
+        pinch_figures(album, files, planes["cfd"], clock, comparison["summary"]["pinch"])
     _motion(album, files, planes["cfd"])
     _bending(album, files)
     _studies(album)
@@ -112,20 +106,37 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     return album.entries
 
 
-def _flow(album: Album, planes: dict[str, xr.Dataset], dominant: Tracks, scale: float) -> None:
+def tip_vortices(plane: xr.Dataset, tables: dict[str, pd.DataFrame], middle: tuple[float, float]) -> Tracks:
+    """By source, of every finger the vortex that is drawn: the dominant one of the stroke's middle, or of a pinch the paired ones."""
+    if plane.sizes["finger"] < 2:
+        return {source: [track] for source, track in tracks.dominant_tracks(tables, 0, middle).items()}
+    paired = {source: pairs.pair_vortices(table) for source, table in tables.items()}
+    return {s: [pairs.of_finger(p, finger) for finger in (0, 1)] for s, p in paired.items() if len(p)}
+
+
+def _instants(clock: Clock, last: float) -> np.ndarray:
+    """When the flow is shown, s: through the stroke, of a pinch at contact and after it, and at the end."""
+    at = [stroke_window(clock.time, clock.bend, (part, 0.999))[0] for part in INSTANTS]
+    met = clock.met() if clock.gap is not None else None
+    if met is not None:
+        at = [t for t in at if t < met - 0.01] + [t for a in AFTER_CONTACT if (t := met + a) < last - 0.01]
+    return np.array([*at, last])
+
+
+def _flow(album: Album, planes: dict[str, xr.Dataset], dominant: Tracks, scale: float, clock: Clock) -> None:
     stroke, bends = planes["cfd"]["time"].values, planes["cfd"]["bend"].values[:, 0]
     last = min(float(p["time"][-1]) for p in planes.values())
     first = max(float(p["time"][0]) for p in planes.values())
-    at = lambda part: stroke_window(stroke, bends, (part, 0.999))[0]  # noqa: E731
-    instants = np.array([*(at(part) for part in INSTANTS), last])
+    instants = _instants(clock, last)
+    body = "finger" if len(next(iter(dominant.values()), [0])) == 1 else "fingers"
     limit = draw_flow.vorticity_limit(planes["cfd"], instants)
     sides = " and ".join(NAMES[source] for source in planes)
     figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=120)
     for number, time in enumerate(instants):
         show(time)
         bend = np.degrees(np.interp(time, stroke, bends))
-        told = [_vortex_words(source, track, time) for source, track in dominant.items()]
-        alt = f"Velocity vectors around the black finger at {time:.3f} s, bent by {bend:.0f} degrees, {sides}. {' '.join(told)}"
+        told = [_vortex_words(source, fingers, time) for source, fingers in dominant.items()]
+        alt = f"Velocity vectors around the black {body} at {time:.3f} s, bent by {bend:.0f} degrees, {sides}. {' '.join(told)}"
         _save_fixed(figure, album.folder / f"flow_{number}.png")
         album.add(None, f"flow_{number}.png", "flow", alt, f"{time:.3f} s, bent by {bend:.0f}°")
     figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=88)
@@ -141,24 +152,32 @@ def _flow(album: Album, planes: dict[str, xr.Dataset], dominant: Tracks, scale: 
     )
     slower = ((FRAMES - 1) / FILM_HZ) / (last - first)
     caption = f"The whole stroke, slowed down {slower:.0f} times."
-    album.add(None, "stroke.mp4", "film", f"Film of the flow around the bending finger, {sides}", caption)
+    album.add(None, "stroke.mp4", "film", f"Film of the flow around the bending {body}, {sides}", caption)
     album.entries.append(
         {
             "file": "frames",
             "section": "slider",
-            "alt": f"Flow around the finger, {sides}",
+            "alt": f"Flow around the {body}, {sides}",
             "caption": "",
             "times": times.tolist(),
         }
     )
 
 
-def _vortex_words(source: str, track: pd.DataFrame, time: float) -> str:
-    if not track["time"].iloc[0] <= time <= track["time"].iloc[-1]:
-        return f"{NAMES[source]}: no tip vortex yet or any more."
-    now = track.iloc[int(np.argmin(np.abs(track["time"].to_numpy() - time)))]
-    sense = "counter-clockwise" if now["circulation"] > 0 else "clockwise"
-    return f"{NAMES[source]}: tip vortex {sense} on the {now['side'] or 'undecided'} side, {abs(now['circulation']) * 1e4:.0f} cm²/s."
+def _vortex_words(source: str, fingers: list[pd.DataFrame], time: float) -> str:
+    said = []
+    for finger, track in enumerate(fingers):
+        name = draw_series.finger_name(source, finger, len(fingers))
+        if not track["time"].iloc[0] <= time <= track["time"].iloc[-1]:
+            said.append(f"{name}: no tip vortex yet or any more.")
+            continue
+        now = track.iloc[int(np.argmin(np.abs(track["time"].to_numpy() - time)))]
+        sense = "counter-clockwise" if now["circulation"] > 0 else "clockwise"
+        strength = abs(now["circulation"]) * 1e4
+        said.append(
+            f"{name}: tip vortex {sense} on the {now['side'] or 'undecided'} side, {strength:.0f} cm²/s."
+        )
+    return " ".join(said)
 
 
 def _save_fixed(figure: Figure, path: Path) -> None:
@@ -286,26 +305,25 @@ def _solver(album: Album, files: StageFiles) -> None:
 
 
 def _mesh(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
-    mesh = read_arrays(files.out / "planform.h5", ("points", "bend", "triangles", "quads", "inside"))
+    stages = read_stages(files.out / "planform.h5")
     outline, bend = plane["outline"].values, plane["bend"].values[:, 0]
     low, high = outline.min(axis=(0, 1, 2)) - 0.02, outline.max(axis=(0, 1, 2)) + 0.02
     limits = (low[0], high[0], low[1], high[1])
     end = bend[np.argmax(np.abs(bend - bend[0]))]
-    wanted = np.array([bend[0], 0.5 * (bend[0] + end), end])
-    knots = [int(np.argmin(np.abs(mesh["bend"] - b))) for b in wanted]
-    shapes, at = mesh["points"][knots], np.degrees(mesh["bend"][knots])
-    cells = [mesh["triangles"][mesh["inside"] == 0], mesh["quads"]]
-    lines = draw_mesh.edges(cells)
+    drawn = [_nearest_shape(stages, b) for b in (bend[0], 0.5 * (bend[0] + end), end)]
+    shapes = [stage["points"][knot] for stage, knot in drawn]
+    at = np.degrees([stage["bend"][knot] for stage, knot in drawn])
+    lines = [draw_mesh.edges([stage["triangles"][stage["body"] == 0], stage["quads"]]) for stage, _ in drawn]
     alt = "The planform of the mesh around the finger at the start, middle and end of the stroke."
     album.add(draw_mesh.planform(shapes, at, lines, limits), "planform.png", "mesh", alt)
     scene = scene_numbers(files)
-    body = outline[int(np.argmin(np.abs(bend - mesh["bend"][knots[1]]))), 0]
+    bodies = outline[int(np.argmin(np.abs(np.degrees(bend) - at[1])))]
     data = files.figures / "view3d.npz"
     np.savez(
         data,
         points=shapes[1],
-        lines=lines,
-        outline=body,
+        lines=lines[1],
+        outline=bodies,
         width=scene["finger"]["width"],
         tank=np.array(scene["tank"]["size"]),
     )
@@ -313,6 +331,12 @@ def _mesh(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
     data.unlink()
     alt = "The finger and the mesh on the laser sheet inside the tank, seen in space."
     album.add(None, "view3d.png", "mesh", alt, f"Half-way through the stroke (drawn by {drawn_by}).")
+
+
+def _nearest_shape(stages: list[dict[str, np.ndarray]], bend: float) -> tuple[dict[str, np.ndarray], int]:
+    """The stage and its knot whose bend (rad) is nearest."""
+    found = [(stage, int(np.argmin(np.abs(stage["bend"] - bend)))) for stage in stages]
+    return min(found, key=lambda pair: abs(pair[0]["bend"][pair[1]] - bend))
 
 
 def _camera(album: Album, files: StageFiles, time: float) -> None:

@@ -14,8 +14,12 @@ comparison = "equals"               # "<=", ">=", "in range" (value = [low, high
 value = "dorsal"                    # number (SI), [low, high] or word
 tolerance = 0.0                     # SI, added on the generous side; numbers only
 reason = "…"                        # why this value and tolerance
-window = [0.25, 0.75]               # part of the stroke, as fractions of the change of bend angle
-finger = 0                          # optional, which finger
+window = [0.25, 0.75]               # fractions of the change of bend angle; or one of:
+# window = { gap = [0.02, 0.005] }            from one gap between tip and plane to the next, m, as the fingers close
+# window = { contact = [-0.02, 0.1] }         s from contact (the gap has come within 0.1 mm of the residual gap)
+# window = { stroke = 1, part = [0.25, 1.0] } fractions of the change of bend within one stroke, counted from 0
+# window = { stroke = 1, after = [0.1, 0.3] } s from the start of one stroke
+finger = 0                          # optional, which finger (quantities of a pair take both)
 """
 
 from __future__ import annotations
@@ -24,6 +28,8 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from postprocess.windows import Window, read_window
 
 COMPARISONS = ("<=", ">=", "in range", "equals")
 KINDS = ("paper", "agreement")
@@ -47,7 +53,7 @@ class Finding:
     comparison: str
     value: Value
     reason: str
-    window: tuple[float, float]
+    window: Window
     tolerance: float = 0.0
     finger: int = 0
 
@@ -101,11 +107,7 @@ def _finding(entry: dict[str, Any], path: Path, quantities: frozenset[str]) -> F
         raise ValueError(f"{where}: of = {wrong!r} is not one of {', '.join(SOURCES)}")
     if not str(entry["reason"]).strip():
         raise ValueError(f"{where}: reason is empty; say why the value and its tolerance are what they are")
-    window = tuple(float(edge) for edge in entry["window"])
-    if len(window) != 2 or not 0 <= window[0] < window[1] <= 1:
-        raise ValueError(
-            f"{where}: window = {list(window)} must be two fractions of the stroke, rising, in 0…1"
-        )
+    window = read_window(entry["window"], where)
     value = _value(entry["value"], entry["comparison"], where)
     tolerance = float(entry.get("tolerance", 0.0))
     if tolerance < 0:

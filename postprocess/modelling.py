@@ -25,8 +25,16 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
     parts = {
         "2d": "A plane without depth is computed: no water passes round the finger's sides, so its forces and vortices are too strong.",
         "half": "Half of the tank is computed; the laser sheet is its plane of symmetry, so no water crosses the sheet.",
+        "quarter": "A quarter of the tank is computed; the laser sheet and the plane between the fingers are its planes of symmetry, so no water crosses them and the fingers' vortices are exact mirror images.",
         "full": "The whole tank is computed.",
     }
+    if scene.get("pinch") and kind == "2d":
+        parts["2d"] += " The plane between the fingers is a plane of symmetry."
+    held = (
+        f"A block of {' × '.join(f'{1e3 * side:.0f}' for side in scene['support']['size'])} mm above the roots."
+        if scene.get("support")
+        else "The hardware that holds the finger is not in the water of the simulation."
+    )
     return [
         (
             "Motion",
@@ -39,10 +47,30 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
         ),
         ("Turbulence", flow),
         ("Model", parts.get(kind, f"Model: {kind}.")),
-        ("Support", "The hardware that holds the finger is not in the water of the simulation."),
+        ("Support", held),
+        *_contact(scene.get("pinch")),
         (
             "PIV",
             "The recording is synthetic: particles are moved by the simulated flow and photographed by a virtual camera. It tells the"
             " error of the measurement, not yet that of the simulation; that needs a laboratory's recording.",
         ),
+    ]
+
+
+def _contact(pinch: dict[str, Any] | None) -> list[tuple[str, str]]:
+    """What stands for the contact of two fingers."""
+    if not pinch:
+        return []
+    thing = pinch.get("object")
+    between = (
+        f"a fixed {thing['shape']} of {1e3 * thing['diameter']:g} mm"
+        if thing
+        else "the plane between the fingers"
+    )
+    return [
+        (
+            "Contact",
+            f"A mesh cannot close: the tips are slowed down over {1e3 * pinch['slowing_distance']:g} mm and stop"
+            f" {1e3 * pinch['residual_gap']:g} mm before {between}. Real tips touch, and give way.",
+        )
     ]

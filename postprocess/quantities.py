@@ -2,42 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-
 import pandas as pd
-import xarray as xr
 
 from postprocess import fields, traces, tracks
-from postprocess.findings import Measured
-
-Window = tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What is compared: planes and vortex tables by source ("cfd", "piv", "lab"), and the velocity scale (m/s).
-
-    `sums` holds postprocess.fields.field_sums by pair ("piv-cfd": PIV against the CFD).
-    """
-
-    planes: dict[str, xr.Dataset]
-    vortices: dict[str, pd.DataFrame]
-    scale: float
-    sums: dict[str, pd.DataFrame] = field(default_factory=dict)
-
-    def has(self, of: str) -> bool:
-        """Whether every source that `of` names was run."""
-        return all(source in self.planes for source in of.split("-"))
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """How a quantity is measured, its unit (SI; "fraction" is shown in per cent, "1" as it is, "" a word) and what it is in words."""
-
-    measure: Callable[[Evidence, str, Window, int], Measured]
-    unit: str
-    label: str
+from postprocess.evidence import Evidence, Quantity, Window
+from postprocess.pinch_quantities import PINCH_QUANTITIES
 
 
 def _track(evidence: Evidence, source: str, window: Window, finger: int) -> pd.DataFrame:
@@ -100,12 +69,17 @@ def _velocity_correlation(evidence: Evidence, pair: str, window: Window, finger:
     return fields.correlation(sums[sums["time"].between(*window)])
 
 
+def _trace(evidence: Evidence, source: str, window: Window, finger: int) -> tuple[float, float]:
+    since = max((start for start in evidence.starts if start <= window[0]), default=0.0)
+    return traces.trace_velocity(evidence.planes[source], window, finger, since)
+
+
 def _trace_upward(evidence: Evidence, source: str, window: Window, finger: int) -> float:
-    return traces.trace_velocity(evidence.planes[source], window, finger)[0] / evidence.scale
+    return _trace(evidence, source, window, finger)[0] / evidence.scale
 
 
 def _trace_upward_share(evidence: Evidence, source: str, window: Window, finger: int) -> float:
-    return traces.trace_velocity(evidence.planes[source], window, finger)[1]
+    return _trace(evidence, source, window, finger)[1]
 
 
 QUANTITIES: dict[str, Quantity] = {
@@ -134,4 +108,5 @@ QUANTITIES: dict[str, Quantity] = {
     "trace_upward_share": Quantity(
         _trace_upward_share, "fraction", "share of the area where the finger has passed in which water rises"
     ),
+    **PINCH_QUANTITIES,
 }

@@ -18,6 +18,7 @@ from postprocess import wording
 from postprocess.commandline import run_stage
 from postprocess.draw_series import costs as draw_costs
 from postprocess.modelling import statements
+from postprocess.pinch_wording import pinch_table
 from postprocess.stagefiles import (
     StageFiles,
     read_json,
@@ -121,6 +122,8 @@ def render(files: StageFiles) -> str:
         save(draw_costs(stages), files.figures / "costs.svg")
     scene = scene_numbers(files)
     slider = sections.get("slider", [None])[0]
+    pinch = comparison["summary"].get("pinch")
+    pinch_columns, pinch_rows = pinch_table(pinch) if pinch else ([], [])
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -138,6 +141,9 @@ def render(files: StageFiles) -> str:
         rows=wording.rows(comparison),
         middle=comparison["middle_of_stroke_s"],
         sections=sections,
+        pinch=pinch,
+        pinch_columns=pinch_columns,
+        pinch_rows=pinch_rows,
         slider=slider,
         slider_data=json.dumps({"times": slider["times"], "frames": slider["frames"]}) if slider else "",
         notes=absences(files, sections, comparison),

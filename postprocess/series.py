@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from postprocess import fields, tracks
-from postprocess.quantities import Evidence, paired
+from postprocess.evidence import Evidence
+from postprocess.quantities import paired
 
 Window = tuple[float, float]
 REST = 0.01  # of the scale; slower than this on average is rest, where a correlation says nothing

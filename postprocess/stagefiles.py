@@ -92,6 +92,15 @@ def read_arrays(path: Path, names: tuple[str, ...], optional: tuple[str, ...] = 
         raise ValueError(f"{path}: not a readable HDF5 file ({error})") from error
 
 
+def read_stages(path: Path) -> list[dict[str, np.ndarray]]:
+    """The planforms of planform.h5 in their order; ValueError where there is none."""
+    with h5py.File(path, "r") as file:
+        names = sorted((name for name in file if name.startswith("stage_")), key=lambda n: int(n[6:]))
+        if not names:
+            raise ValueError(f"{path}: no group 'stage_0'; run the stage 'mesh' again")
+        return [{name: np.asarray(values) for name, values in file[stage].items()} for stage in names]
+
+
 def scene_numbers(files: StageFiles) -> dict[str, Any]:
     """The scene's sections (tank, finger, motion, model, fluid …) as the stages that used them recorded them."""
     numbers: dict[str, Any] = {}

@@ -15,10 +15,12 @@ def inside(outline: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return Polygon(outline).contains_points(np.c_[gx.ravel(), gy.ravel()]).reshape(gx.shape)
 
 
-def trace_velocity(plane: xr.Dataset, window: tuple[float, float], finger: int) -> tuple[float, float]:
+def trace_velocity(
+    plane: xr.Dataset, window: tuple[float, float], finger: int, since: float = 0.0
+) -> tuple[float, float]:
     """Mean upward velocity (m/s) and share of rising points on the trace, over the instants of a window (s).
 
-    The trace is every grid point that was inside the finger at an earlier instant of the series and is measured now.
+    The trace is every grid point that was inside the finger at an earlier instant, from `since` (s) on, and is measured now.
     ValueError where the plane has no outline or the trace is empty.
     """
     if "outline" not in plane:
@@ -26,7 +28,7 @@ def trace_velocity(plane: xr.Dataset, window: tuple[float, float], finger: int) 
     x, y, times = plane["x"].values, plane["y"].values, plane["time"].values
     passed = np.zeros((y.size, x.size), bool)
     total, rising, points = 0.0, 0, 0
-    for index in np.flatnonzero(times <= window[1]):
+    for index in np.flatnonzero((times >= since) & (times <= window[1])):
         if times[index] >= window[0]:
             field, valid = frame(plane, int(index))
             upward = field[1][passed & valid]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 WORDS = {True: "met", False: "not met", None: "not judged"}
@@ -28,6 +29,8 @@ def quantity(value: float | str | None, unit: str) -> str:
         return f"{value * 1e3:.2f}{NBSP}mm"
     if unit == "fraction":
         return f"{value * 100:.1f}{NBSP}%"
+    if unit == "rad":
+        return f"{math.degrees(value):.1f}°"
     return f"{value:.3g}" + (NBSP + unit.replace(" ", NBSP) if unit not in ("", "1") else "")
 
 
@@ -93,13 +96,15 @@ def rows(comparison: dict[str, Any]) -> list[dict[str, Any]]:
             "met": check["met"],
             "word": WORDS[check["met"]],
             "reason": check["reason"],
-            "window": "{:.0f} to {:.0f} % of the bend, {:.3f} to {:.3f} s".format(
-                *(100 * w for w in check["window"]), *check["window_s"]
-            ),
+            "window": check["window"] + _seconds(check["window_s"]),
             "notes": check["notes"],
         }
         for check in comparison["checks"]
     ]
+
+
+def _seconds(window: list[float] | None) -> str:
+    return "" if window is None else ", {:.3f} to {:.3f} s".format(*window)
 
 
 def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from pipeline.errors import StageError
-from pipeline.mesh import Family, check_quality, graded_layers, morph_family, quality_table
+from pipeline.family import Family, morph_family
+from pipeline.layers import graded_layers
+from pipeline.mesh import check_quality
 from pipeline.morph import Morph, MorphError, _svd, corner_triangles
-from pipeline.planform import build_planform, outline_at
+from pipeline.planform import build_planform
+from pipeline.quality import shape_quality
+from pipeline.ring import outline_at
 from pipeline.scene import Mesh
 from tests.conftest import write_scene
 
@@ -55,6 +58,7 @@ def test_gradient_and_hessian_are_those_of_the_energy(planform):
     x = 1.3 * planform.nodes + rng.normal(size=planform.nodes.shape) * 2e-5
     d = rng.normal(size=x.shape) * 1e-5
     gradient, hessian = morph.derivatives(x)
+    assert (hessian != morph.derivatives(x, exact=True)[1]).nnz == 0
     h = 1e-3
     numeric = (morph.energy(x + h * d) - morph.energy(x - h * d)) / (2 * h)
     assert numeric == pytest.approx(gradient @ d.ravel(), rel=1e-6)  # cancellation in an energy of ~1e3
@@ -111,15 +115,33 @@ def test_the_shape_does_not_depend_on_the_way(planform):
     assert np.abs(once - often).max() < 1e-6 * morph.length
 
 
+def test_the_exact_hessian_is_the_derivative_of_the_gradient_where_triangles_are_squeezed(planform):
+    """Squeezed to 0.8, triangles are not convex: the made-positive Hessian is another, only the exact one follows."""
+    morph, rng = morph_of(planform), np.random.default_rng(3)
+    x = 0.8 * planform.nodes + rng.normal(size=planform.nodes.shape) * 2e-5
+    d = rng.normal(size=x.shape) * 1e-5
+    h = 1e-3
+    ahead, behind = (morph.derivatives(x + k * h * d)[0] for k in (1, -1))
+    curve = d.ravel() @ (ahead - behind) / (2 * h)
+    exact, positive = (d.ravel() @ morph.derivatives(x, exact=e)[1] @ d.ravel() for e in (True, False))
+    assert curve == pytest.approx(exact, rel=1e-5)
+    assert positive > exact * (1 + 1e-3)
+
+
 def test_a_stroke_that_breaks_the_mesh_is_refused_with_the_bend_at_which_it_does(planform):
     outlines = np.array([slab(a) for a in np.linspace(0, 2.0, 9)])
-    family = Family(np.arange(9.0), outlines, np.tile([0.0, 0.12], (9, 1)), np.linspace(0, 2, 9))
-    rows = quality_table(planform, morph_family(planform, family, 0), family)
-    assert [r[0] for r in rows] == pytest.approx(np.degrees(np.linspace(0, 2, 9)))
-    worst = max(r[2] for r in rows)
-    check_quality(rows, MESH.model_copy(update={"max_non_orthogonality_deg": worst + 1}))
-    with pytest.raises(StageError, match=r"non-orthogonality reaches .*° of bend"):
-        check_quality(rows, MESH.model_copy(update={"max_non_orthogonality_deg": rows[0][2] + 0.5}))
+    bends = np.linspace(0, 2, 9)
+    family = Family(np.arange(9.0), outlines, np.tile([0.0, 0.12], (9, 1)), bends)
+    quality = [shape_quality(planform, nodes) for nodes in morph_family(planform, family, 0)]
+    angles = [q.max_non_orthogonality_deg for q in quality]
+    assert angles[-1] > angles[0] + 1
+    loose = MESH.model_copy(update={"max_non_orthogonality_deg": max(angles) + 1})
+    tight = MESH.model_copy(update={"max_non_orthogonality_deg": max(angles) - 0.5})
+    for measured, bend in zip(quality, bends, strict=True):
+        check_quality(measured, bend, loose)
+    worst = int(np.argmax(angles))
+    with pytest.raises(MorphError, match=rf"reaches .*° at {np.degrees(bends[worst]):.1f}° of bend"):
+        check_quality(quality[worst], bends[worst], tight)
 
 
 @pytest.mark.parametrize("kind, count", [("2d", 2), ("half", 6), ("full", 11)])

@@ -7,10 +7,13 @@ import pytest
 from foamlib import FoamFile
 
 from pipeline.case import numbers, numbers_text, regions_text
+from pipeline.legs import Leg
 from pipeline.scene import load_scene
 from tests.conftest import ROOT, write_scene
 
 HERE = Path(__file__).parent
+WHOLE = Leg(0, 0.0, 0.42, 0)
+SECOND = Leg(1, 0.166, 0.64, 1)
 
 
 def tree(path: Path) -> object:
@@ -27,12 +30,20 @@ def tree(path: Path) -> object:
 
 
 @pytest.mark.parametrize(
-    "scene, level", [("single_finger", "smoke"), ("single_finger", "coarse"), ("single_deflate", "coarse")]
+    "scene, level, leg",
+    [
+        ("single_finger", "smoke", WHOLE),
+        ("single_finger", "coarse", WHOLE),
+        ("single_deflate", "coarse", WHOLE),
+        ("pinch", "smoke", SECOND),
+        ("pinch", "coarse", SECOND),
+        ("cycle", "coarse", Leg(0, 0.0, 1.2, 0)),
+    ],
 )
-def test_numbers_are_those_that_were_looked_at(tmp_path, scene, level):
+def test_numbers_are_those_that_were_looked_at(tmp_path, scene, level, leg):
     loaded = load_scene(ROOT / "cases" / scene, level)
     back = -loaded.finger.width if loaded.model.kind == "2d" else -loaded.tank.size[2] / 2
-    (tmp_path / "numbers").write_text(numbers_text(numbers(loaded, back)))
+    (tmp_path / "numbers").write_text(numbers_text(numbers(loaded, leg, back)))
     golden = HERE / f"numbers_{scene}_{level}.json"
     assert tree(tmp_path / "numbers") == json.loads(golden.read_text())
 
@@ -48,7 +59,7 @@ def test_the_base_case_uses_every_number_and_no_other(tmp_path):
     base = ROOT / "cases" / "_base"
     files = [p for p in base.rglob("*") if p.is_file() and p.name != "numbers"]
     text = "\n".join(p.read_text() for p in files)
-    entries = numbers(write_scene(tmp_path / "s"), -0.028)
+    entries = numbers(write_scene(tmp_path / "s"), WHOLE, -0.028)
     for key in entries:
         assert f"${key}" in text, key
     shipped = tree(base / "system" / "numbers")
@@ -58,10 +69,16 @@ def test_the_base_case_uses_every_number_and_no_other(tmp_path):
 def test_scene_keys_reach_the_numbers(tmp_path):
     more = '[fluid]\ndensity = 1025.0\nkinematic_viscosity = 2e-6\nturbulence = "WALE"'
     scene = write_scene(tmp_path / "s", "half", more, ', time_scheme = "Euler", outer_correctors = 3')
-    entries = numbers(scene, -0.15)
+    entries = numbers(scene, WHOLE, -0.15)
     assert entries["density"] == "1025"
     assert entries["viscosity"] == "2e-06"
     assert entries["simulationType"] == "LES"
     assert entries["timeScheme"] == "Euler"
     assert entries["outerCorrectors"] == "3"
     assert entries["sheetType"] == "symmetryPlane"
+    second = numbers(scene, Leg(1, 0.2, 0.35, 1), -0.15)
+    # started 8 time steps of 1 ms before it takes over
+    assert {k: second[k] for k in second if second[k] != entries[k]} == {
+        "startTime": "0.192",
+        "endTime": "0.35",
+    }

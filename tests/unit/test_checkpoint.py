@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.checkpoint import FIELDS, drop_legs, last_checkpoint, sampled_until
+from pipeline.checkpoint import FIELDS, drop_tables, last_checkpoint, sampled_until
 from pipeline.foamfile import END, write_bytes
 from pipeline.results import history
 
@@ -48,15 +48,15 @@ def test_all_ranks_must_have_written_it(tmp_path):
     assert last_checkpoint(tmp_path, 1) is None
 
 
-def test_a_leg_stands_for_the_time_it_began_at_and_later_legs_are_dropped(tmp_path):
+def test_a_resumed_part_stands_for_the_time_it_began_at_and_later_ones_are_dropped(tmp_path):
     first = record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04, 0.05])
     second = record(tmp_path, "0.03", [])
     assert sampled_until(tmp_path) == 0.03
-    drop_legs(tmp_path, 0.03)
+    drop_tables(tmp_path, 0.03)
     assert first.exists()
     assert not second.exists()
-    assert sampled_until(tmp_path) == 0.03  # what the first leg shows: all but its last two rows
-    drop_legs(tmp_path, 0.0)
+    assert sampled_until(tmp_path) == 0.03  # what the first part shows: all but its last two rows
+    drop_tables(tmp_path, 0.0)
     assert sampled_until(tmp_path) == 0.0
 
 

@@ -1,0 +1,92 @@
+"""What a leg's case needs before the solver: ranks, the flow it starts from, and the frames of the motion."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from tqdm import tqdm
+
+from pipeline.errors import StageError
+from pipeline.foamfile import read_labels, write_list
+from pipeline.frames import steps_of, time_name, write_frames
+from pipeline.legs import Leg, read_stage
+from pipeline.motion import read_motion
+from pipeline.openfoam import run_tool
+from pipeline.partition import partition_columns
+from pipeline.quality import cell_centres
+from pipeline.scene import Scene
+from pipeline.solver import PROGRESS, set_number
+from pipeline.stage import read_dataset, write_text
+from pipeline.switch import carry_over
+
+STATE = "state.json"  # what the frames and the decomposition in a leg's folder were made for
+
+
+def case_state(case: Path, ranks: int) -> dict[str, int]:
+    """What frames, decomposition and fields in `case` belong to."""
+    points = case / "constant" / "polyMesh" / "points"
+    if not points.exists():
+        raise StageError(f"{case}: no mesh; run the case stage first")
+    return {"ranks": ranks, "mesh": points.stat().st_mtime_ns}
+
+
+def prepared_for(case: Path) -> dict[str, int]:
+    """What `case` was last prepared for; empty where it never was."""
+    return json.loads((case / STATE).read_text()) if (case / STATE).exists() else {}
+
+
+def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: int, quiet: bool) -> None:
+    """Decompose a leg's case, carry the flow over and lay the frames, unless that was done for the same mesh and ranks."""
+    case = scene.out / "case" / leg.name
+    wanted = case_state(case, ranks)
+    if prepared_for(case) == wanted:
+        return
+    for later in reversed(
+        legs[leg.index :]
+    ):  # what is interrupted from here on must begin anew, and so what follows
+        for stale in (STATE, PROGRESS):
+            (scene.out / "case" / later.name / stale).unlink(missing_ok=True)
+    begin, step = leg.begin(scene.numerics.time_step), scene.numerics.time_step
+    first = time_name(begin)
+    for folder in case.glob("processor*"):
+        shutil.rmtree(folder)
+    for folder in case.iterdir():
+        if folder.is_dir() and re.fullmatch(r"[0-9.e-]+", folder.name) and folder.name != "0":
+            shutil.rmtree(folder)
+    shutil.rmtree(case / "postProcessing", ignore_errors=True)
+    set_number(case, "startTime", first)
+    if leg.index:
+        carry_over(scene, legs[leg.index - 1], leg, ranks)
+    with read_dataset(scene.out / "sweep.h5", "sweep", leg.name) as sweep:
+        sweep.load()
+    planform = read_stage(scene.out, leg.stage)
+    node, level = sweep["node"].values, sweep["level"].values
+    kind, top = scene.model.kind, planform.sizes["level"] - 1
+    driving = (level == 0) | ((level == top) if kind == "full" else False)
+    folders = [(case, np.arange(len(node)))]
+    if ranks > 1:
+        _decompose(case, sweep, planform, ranks)
+        processors = [case / f"processor{rank}" for rank in range(ranks)]
+        folders = [(f, read_labels(f / "constant" / "polyMesh" / "pointProcAddressing")) for f in processors]
+    motion = read_motion(scene.out, leg.stage)
+    span = steps_of(begin, step), steps_of(leg.end, step)
+    for folder, points in tqdm(folders, desc="frames", unit="rank", disable=quiet or None):
+        write_frames(folder, motion, node[points], driving[points], step, *span, flat=kind == "2d")
+    write_text(case / STATE, json.dumps(wanted))
+
+
+def _decompose(case: Path, sweep: xr.Dataset, planform: xr.Dataset, ranks: int) -> None:
+    column = sweep["cell_column"].values
+    centres = cell_centres(
+        planform["points"].values[0], planform["triangles"].values, planform["quads"].values
+    )
+    load = np.bincount(column, minlength=len(centres)).astype(float)
+    rank = partition_columns(centres, load, ranks)[column]
+    write_list(case / "constant" / "cellDecomposition", "labelList", "constant", rank)
+    set_number(case, "ranks", str(ranks))
+    run_tool(["decomposePar", "-force", "-noFunctionObjects"], case, "log.decomposePar")

@@ -1,0 +1,91 @@
+"""The tip vortices of two fingers, paired instant by instant: how equal, how opposite, how exactly mirrored."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from postprocess.tracks import REACH
+
+KEPT = ("track", "x", "y", "circulation", "core_radius", "side", "tip_distance", "along_tip", "across_tip")
+ERRORS = ("x_std", "y_std", "circulation_std", "core_radius_std")  # kept where the table has them
+
+
+def pair_vortices(table: pd.DataFrame, reach: float = REACH) -> pd.DataFrame:
+    """One row per instant at which both tips have a vortex: time, `KEPT` and `ERRORS` of either with _0 and _1, and two measures.
+
+    The strongest vortex within `reach` tip widths of either tip, and of the other finger's the one nearest to its mirror
+    image in x = 0. `imbalance` = |Γ0 + Γ1| over the mean of |Γ0| and |Γ1|: 0 for equal and opposite vortices, 2 for equal
+    vortices of one sense. `mirror_distance`: of one centre from the mirror image of the other. Left finger 0, right 1.
+    """
+    kept = [*KEPT, *(name for name in ERRORS if name in table)]
+    rows = []
+    near = table[(table["tip_distance"] <= reach) & table["finger"].isin([0, 1])]
+    for time, now in near.groupby("time"):
+        sides = [now[now["finger"] == finger] for finger in (0, 1)]
+        if any(side.empty for side in sides):
+            continue
+        first = int(now.loc[now["circulation"].abs().idxmax(), "finger"])
+        one = sides[first].loc[sides[first]["circulation"].abs().idxmax()]
+        others = sides[1 - first]
+        apart = np.hypot(others["x"] + one["x"], others["y"] - one["y"])
+        other = others.loc[apart.idxmin()]
+        left, right = (one, other) if first == 0 else (other, one)
+        total = abs(left["circulation"]) + abs(right["circulation"])
+        imbalance = abs(left["circulation"] + right["circulation"]) / (0.5 * total)
+        values = [v[name] for v in (left, right) for name in kept]
+        rows.append([time, *values, imbalance, float(apart.min())])
+    named = [f"{name}_{finger}" for finger in (0, 1) for name in kept]
+    return pd.DataFrame(rows, columns=["time", *named, "imbalance", "mirror_distance"])
+
+
+def of_finger(pairs: pd.DataFrame, finger: int) -> pd.DataFrame:
+    """One finger's vortex of every pair, with the columns of a vortex table."""
+    names = {f"{name}_{finger}": name for name in (*KEPT, *ERRORS) if f"{name}_{finger}" in pairs}
+    return pairs[["time", *names]].rename(columns=names)
+
+
+def within(pairs: pd.DataFrame, window: tuple[float, float]) -> pd.DataFrame:
+    """The pairs of a window (s); ValueError where there is none."""
+    rows = pairs[pairs["time"].between(*window)]
+    if rows.empty:
+        raise ValueError(
+            f"the two tips never have a vortex each between {window[0]:.3f} and {window[1]:.3f} s"
+        )
+    return rows
+
+
+def both_sides(rows: pd.DataFrame) -> str:
+    """The side of the tip on which most vortices of both fingers lie: "dorsal", "ventral", or "different"."""
+    sides = [rows[f"side_{finger}"].mode().iloc[0] for finger in (0, 1)]
+    return str(sides[0]) if sides[0] == sides[1] else "different"
+
+
+def senses(rows: pd.DataFrame) -> str:
+    """ "opposite" where the fingers' mean circulations differ in sign, else "equal"."""
+    return "opposite" if rows["circulation_0"].mean() * rows["circulation_1"].mean() < 0 else "equal"
+
+
+def rms(values: pd.Series) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt((values.astype(float) ** 2).mean()))
+
+
+def shift_at_equal_bend(
+    pair: pd.DataFrame, pair_bend: np.ndarray, single: pd.DataFrame, single_bend: np.ndarray, name: str
+) -> float:
+    """Mean of `name` (m) of both fingers' vortices less that of the single finger's vortex at the same bend angle.
+
+    `pair` rows of a pairing with their bends (rad), `single` rows of one track with theirs. ValueError where the single
+    finger's vortex does not exist at any of the pair's bends.
+    """
+    order = np.argsort(single_bend)
+    bends, values = single_bend[order], single[name].to_numpy(float)[order]
+    common = (pair_bend >= bends[0]) & (pair_bend <= bends[-1])
+    if not common.any():
+        raise ValueError(
+            f"the single finger's vortex exists from {np.degrees(bends[0]):.0f}° to {np.degrees(bends[-1]):.0f}° of bend,"
+            f" the pair's from {np.degrees(pair_bend.min()):.0f}° to {np.degrees(pair_bend.max()):.0f}°: no common bend"
+        )
+    both = 0.5 * (pair[f"{name}_0"] + pair[f"{name}_1"]).to_numpy(float)
+    return float((both - np.interp(pair_bend, bends, values))[common].mean())

@@ -1,0 +1,88 @@
+"""Dividing a motion among planforms: legs that cover the time exactly, one planform where one suffices."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline import kinematics, mesh
+from pipeline.legs import read_legs
+from pipeline.mesh_stages import HYSTERESIS, PADDING, deformation, divide
+from tests.conftest import write_scene
+
+
+def test_deformation_counts_bends_and_factors_of_the_gap_in_both_directions():
+    gap = np.array([9e-3, 3e-3, 1e-3, 3e-3])
+    assert deformation(np.zeros(4), gap) == pytest.approx([0, 1, 2, 3])
+    bend = np.radians([0, 75, 150, 75])
+    assert deformation(bend, np.full(4, np.inf)) == pytest.approx([0, 0.5, 1, 1.5])
+    assert deformation(bend[:2], gap[:2])[-1] == pytest.approx(np.hypot(1, 0.5))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.floats(0, 10), min_size=2, max_size=8),
+    st.integers(1, 6),
+    st.sampled_from([1, 2, 4, 5]),
+    st.integers(3, 60),
+    st.sampled_from([4, 8]),
+)
+def test_legs_cover_the_time_exactly_and_shapes_cover_the_legs(knots, count, sampling, stride, run_in):
+    way = np.interp(
+        np.arange(stride * (len(knots) - 1) * sampling + 1), np.arange(len(knots)) * stride * sampling, knots
+    )
+    parts = divide(way, count, sampling, run_in)
+    assert 1 <= len(parts) <= count
+    legs = sorted(leg for part in parts for leg in part.legs)
+    assert legs[0][0] == 0
+    assert legs[-1][1] == len(way) - 1
+    assert all(a[1] == b[0] for a, b in pairwise(legs))
+    if len(legs) > 1:
+        assert min(b - a for a, b in legs) > 2 * run_in
+    assert all(first % sampling == 0 for first, _ in legs)
+    for part in parts:
+        for first, end in part.legs:
+            used = way[max(0, first - run_in) : end + PADDING + 1]
+            assert part.low <= used.min()
+            assert used.max() <= part.high
+
+
+def test_there_and_back_takes_the_first_planform_again_once():
+    way = np.interp(np.arange(801), [0, 400, 800], [0.0, 1.0, 0.0])
+    parts = divide(way, 2, 4, 8)
+    assert [len(part.legs) for part in parts] == [2, 1]
+    (_, there), (back, _) = parts[0].legs
+    assert there == 200  # at the middle of the way
+    assert way[back] == pytest.approx(
+        0.5 - 0.5 * HYSTERESIS, abs=4 / 400
+    )  # and after turning back by the hysteresis
+
+
+def test_a_motion_that_chatters_at_a_boundary_is_not_cut_to_pieces():
+    step = np.arange(1001)
+    way = step / 1000 + 0.02 * np.sin(step / 3)  # swings by 4 % of its range 300 times
+    parts = divide(way, 2, 4, 8)
+    assert [len(part.legs) for part in parts] == [1, 1]
+
+
+def test_one_planform_suffices_for_the_single_finger_and_a_long_stroke_takes_several(tmp_path):
+    scene = write_scene(tmp_path / "single", "2d")
+    cycle = (
+        "[motion]\nend_time = 0.5\nmax_bend_step_deg = 12.0\n"
+        "strokes = [{ pressure_kpa = 39.0, start = 0.005, duration = 0.15 },"
+        " { pressure_kpa = -39.0, start = 0.2, duration = 0.25 }]\n"
+    )
+    far = write_scene(tmp_path / "far", "2d", cycle)
+    for each in (scene, far):
+        kinematics.run(each, quiet=True)
+        mesh.run(each, quiet=True)
+    assert [(leg.start, leg.end, leg.stage) for leg in read_legs(scene.out)] == [(0.0, 0.42, 0)]
+    legs = read_legs(far.out)
+    assert len({leg.stage for leg in legs}) > 1
+    assert len(legs) > len({leg.stage for leg in legs})  # it comes back to planforms it had left
+    worst = np.loadtxt(far.out / "mesh_quality.csv", delimiter=",", skiprows=1)
+    assert worst[:, 5].max() <= far.mesh.max_non_orthogonality_deg
+    assert worst[:, 2].sum() == pytest.approx(1.0, abs=1e-4)  # shares of the time, to the digits written
+    assert {int(leg) for leg in worst[:, 0]} == {leg.index for leg in legs}
