@@ -84,10 +84,10 @@ def _stated_registration(dpiv: Dpiv, family: Family) -> Registration:
     assert axes.root_std_mm
     assert dpiv.scale.std_percent
     x, y = np.array(axes.root_mm) * 1e-3
-    at = (
-        -x if axes.x == "left" else x,
-        -y if axes.y == "down" and not (dpiv.vectors and dpiv.vectors.image_rows) else y,
-    )
+    if axes.y == "down":  # counted from the top of the picture where the vectors are in px
+        rows = dpiv.vectors.image_rows if dpiv.vectors else None
+        y = -y if rows is None else (rows - 1) * (dpiv.scale.mm_per_px or 0.0) * 1e-3 - y
+    at = (-x if axes.x == "left" else x, y)
     scale = dpiv.scale.std_percent / 100
     turn = axes.root_std_mm * 1e-3 / family.length  # a root so uncertain over the finger's length
     covariance = np.diag([axes.root_std_mm * 1e-3, axes.root_std_mm * 1e-3, turn, scale]) ** 2

@@ -48,10 +48,10 @@ def virtual_recording(
     """
     step = float(sheet["x"][1] - sheet["x"][0])
     scale = 1 / pose.px_per_m
-    axes = [
+    x, y = (
         np.arange(-RENDER_MARGIN, size * scale + RENDER_MARGIN + step, step)
         for size in (camera.width_px, camera.height_px)
-    ]
+    )
     seen = replace(camera, scale_m_per_px=scale, origin_px=(0.0, 0.0))
     dtype = np.uint8 if camera.bits <= 8 else np.uint16
     attrs = {"bits": camera.bits, "seed": seed, "frame_rate_hz": camera.frame_rate_hz}
@@ -63,7 +63,7 @@ def virtual_recording(
     ) as writer:
         number = 0
         for k, part in enumerate(parts):
-            series = camera_series(sheet, pose, *axes, part)
+            series = camera_series(sheet, pose, x, y, part)
             taken = replace(seen, frame_rate_hz=float(1 / np.mean(np.diff(part))))
             for frame in Recorder(series, taken, seeding, seed + 7919 * k).frames():
                 writer.write(number, frame.image)

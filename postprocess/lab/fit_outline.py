@@ -191,7 +191,7 @@ def _sample(
             mean += share * off
             second = (1 - share) * second + share * np.outer(off, off)
             if sweep % 100 == 99:
-                factor = np.linalg.cholesky(second + np.diag((0.02 * spread) ** 2))
+                factor[:] = np.linalg.cholesky(second + np.diag((0.02 * spread) ** 2))
         else:
             taken += accept
             out[sweep - burn], out_places[sweep - burn] = change, places

@@ -59,10 +59,10 @@ def _saved(files: LabFiles, name: str, figure: Figure) -> str:
     """The figure on disk as SVG and PDF, and as an address for the page (a bitmap where it holds a picture)."""
     folder = files.folder / "figures"
     folder.mkdir(parents=True, exist_ok=True)
-    svg = save(figure, folder / f"{name}.svg")
-    save(figure, folder / f"{name}.pdf")
+    svg = save(figure, folder / f"{name}.svg", bbox_inches="tight")
+    save(figure, folder / f"{name}.pdf", bbox_inches="tight")
     if name.startswith(("field", "picture")):
-        svg = save(figure, folder / f"{name}.png", dpi=FIELD_DPI)
+        svg = save(figure, folder / f"{name}.png", dpi=FIELD_DPI, bbox_inches="tight")
     kind = "svg+xml" if svg.suffix == ".svg" else "png"
     return f"data:image/{kind};base64,{base64.b64encode(svg.read_bytes()).decode()}"
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import glob
+import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import xarray as xr
 
 from piv.camera import Camera
 from piv.exchange import read_vectors
+from piv.images import natural_key
 from piv.plane import make_plane, read_plane, write_plane
 from postprocess.lab.dpiv import Dpiv, LabCamera
 from postprocess.lab.experiment import evaluate, virtual_experiment
@@ -166,8 +170,6 @@ def appearance_of(images: list[np.ndarray], masks: list[np.ndarray]) -> Appearan
 
 
 def _core(mask: np.ndarray) -> np.ndarray:
-    import cv2
-
     return cv2.erode(mask.astype(np.uint8), np.ones((2 * CORE_PX + 1,) * 2, np.uint8)).astype(bool)
 
 
@@ -232,21 +234,22 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     told = dpiv.vectors
     paths = sorted_paths(dpiv)
     scale = dpiv.scale.mm_per_px * 1e-3
-    plane = read_vectors(
-        paths, kind=told.kind, frame_rate_hz=dpiv.frame_rate_hz, keep_replaced=told.keep_replaced,
-        zero_is_absent=told.zero_is_absent, length_unit=told.length_unit, velocity_unit=told.velocity_unit,
-        y_axis=None if told.kind == "davis" else dpiv.axes.y, scale_m_per_px=scale, interval_s=told.interval_s,
-        image_rows=told.image_rows,
-    )  # fmt: skip
+    try:
+        plane = read_vectors(
+            paths, kind=told.kind, frame_rate_hz=dpiv.frame_rate_hz, keep_replaced=told.keep_replaced,
+            zero_is_absent=told.zero_is_absent, length_unit=told.length_unit, velocity_unit=told.velocity_unit,
+            y_axis=None if told.kind == "davis" else dpiv.axes.y, scale_m_per_px=scale, interval_s=told.interval_s,
+            image_rows=told.image_rows,
+        )  # fmt: skip
+    except ValueError as error:  # piv asks by the names of its options
+        raise ValueError(re.sub(r"--([a-z-]+)", _key_of_option, str(error))) from None
     if "time" not in plane.dims:
         raise ValueError(f"{paths[0]}: one instant is no motion; give the files of a series")
     plane = plane.load()
     if dpiv.axes.x == "left":
-        plane = (
-            plane.isel(x=slice(None, None, -1))
-            .assign_coords(x=-plane["x"].values[::-1])
-            .assign(u=-plane["u"][..., ::-1])
-        )
+        mirrored = -plane["u"].values[..., ::-1]
+        plane = plane.isel(x=slice(None, None, -1)).assign_coords(x=-plane["x"].values[::-1])
+        plane = plane.assign(u=(plane["u"].dims, mirrored))
     if "u_std" not in plane:
         if told.std_px is None:
             raise ValueError(
@@ -259,12 +262,16 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     return plane.assign_coords(time=plane["time"].values - float(plane["time"][0]))
 
 
+def _key_of_option(option: re.Match[str]) -> str:
+    """The key of dpiv.toml that an option of `piv convert` is."""
+    name = option.group(1).replace("-", "_")
+    return {"y_axis": "axes.y", "frame_rate": "frame_rate_hz", "from": "vectors.kind"}.get(
+        name, f"vectors.{name}"
+    )
+
+
 def sorted_paths(dpiv: Dpiv) -> list[Path]:
     """Vector files of a dpiv.toml; FileNotFoundError where a pattern matches none."""
-    import glob
-
-    from piv.images import natural_key
-
     names = dpiv.sources()
     patterns = [names] if isinstance(names, str) else names
     found = [Path(p) for pattern in patterns for p in glob.glob(pattern)]
