@@ -21,10 +21,9 @@ from postprocess.lab.errors import (
     Case,
     Effect,
     common_rows,
+    effect_of,
     field_comparison,
     flow_quantities,
-    means,
-    motion_of_run,
     motion_quantities,
     tables,
 )
@@ -61,7 +60,14 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
             stated, scale_std = stated_pose(dpiv, recording, family.root)
             assert recording.times is not None
             registration = register(
-                recording, recording.times, family, stated, stated_delay, scale_std=scale_std, seed=seed
+                recording,
+                recording.times,
+                family,
+                stated,
+                stated_delay,
+                scale_std=scale_std,
+                paired=dpiv.piv.pairing == "1-2,3-4",
+                seed=seed,
             )
             size = (float(recording.shape[1]), float(recording.shape[0]))
         finally:
@@ -105,6 +111,7 @@ def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]
     """What each run beside the nominal one changes; runs that were not made are left out."""
     pose = case.registration.pose
     x, y, times = (case.direct[name].values for name in ("x", "y", "time"))
+    nominal = measure(case.direct, pose, case.vortices, case.window, "direct")
     found = []
     for one in (*inputs.input, *inputs.numerics):
         sheet_path = files.run_sheet(one.name)
@@ -112,29 +119,8 @@ def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]
             continue
         with read_plane(sheet_path) as sheet:
             plane = camera_series(sheet.load(), pose, x, y, times)
-        table = measure(plane, pose, case.vortices, case.window, one.name)
-        family = read_family(run_folder(files.stage, one.name) / "out" / files.stage.level / "kinematics.h5")
-        bend, duration = motion_of_run(case.family, family)
-        is_input = hasattr(one, "key")
-        per_std = one.std / abs(one.step) if is_input else one.per_difference
-        how = (
-            f"run with {one.key} {one.step:+g}"
-            if is_input
-            else f"run finer by {one.ratio:g}, grid-convergence index"
-        )
-        rows = np.isfinite(table["circulation"].to_numpy()) & table["time"].between(*case.window).to_numpy()
-        found.append(
-            Effect(
-                one.name,
-                "input" if is_input else "numerical",
-                how,
-                float(per_std),
-                means(table, rows),
-                np.stack([plane["u"].values, plane["v"].values], axis=1).astype(float),
-                bend,
-                duration,
-            )
-        )
+        run = read_family(run_folder(files.stage, one.name) / "out" / files.stage.level / "kinematics.h5")
+        found.append(effect_of(one, plane, run, case, nominal))
     return found
 
 

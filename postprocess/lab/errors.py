@@ -11,7 +11,7 @@ import xarray as xr
 from piv.vortices import VortexSettings
 from postprocess.lab.budget import FieldComparison, Quantity, Source
 from postprocess.lab.family import Family
-from postprocess.lab.inputs import Inputs
+from postprocess.lab.inputs import Input, Inputs, Numerics
 from postprocess.lab.measures import measure, scatter
 from postprocess.lab.registration import Registration, fit_law
 
@@ -26,7 +26,8 @@ PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
 
 @dataclass(frozen=True)
 class Effect:
-    """What one run beside the nominal one changes: means of `measures` over the window, the field, final bend and duration.
+    """What one run beside the nominal one changes: means of `measures` over the window, the field (time, 2, y, x; of all
+    instants), final bend (rad) and duration (s).
 
     `per_std`: its part that counts as one standard uncertainty (of the step for inputs, of the difference for numerics).
     """
@@ -35,7 +36,7 @@ class Effect:
     kind: str
     how: str
     per_std: float
-    means: pd.Series
+    change: pd.Series
     field: np.ndarray
     bend: float
     duration: float
@@ -81,6 +82,22 @@ def common_rows(found: dict[str, pd.DataFrame], window: tuple[float, float]) -> 
     return ok
 
 
+def effect_of(
+    one: Input | Numerics, plane: xr.Dataset, run: Family, case: Case, nominal: pd.DataFrame
+) -> Effect:
+    """The effect of a run: its `plane` against the nominal `case.direct` (measured: `nominal`), its motion against the family's."""
+    table = measure(plane, case.registration.pose, case.vortices, case.window, one.name)
+    rows = common_rows({"nominal": nominal, one.name: table}, case.window)
+    if isinstance(one, Input):
+        kind, per_std, how = "input", one.std / abs(one.step), f"run with {one.key} {one.step:+g}"
+    else:
+        kind, per_std = "numerical", one.per_difference
+        how = f"run finer by {one.ratio:g}, grid-convergence index"
+    change = means(table, rows) - means(nominal, rows)
+    field = np.stack([plane[n].values - case.direct[n].values for n in ("u", "v")], axis=1).astype(float)
+    return Effect(one.name, kind, how, float(per_std), change, field, *motion_of_run(case.family, run))
+
+
 def means(table: pd.DataFrame, rows: np.ndarray) -> pd.Series:
     """Means over the chosen instants."""
     return table.loc[rows].drop(columns="time").mean()
@@ -90,7 +107,7 @@ def numerical_and_input(effects: list[Effect], base: pd.Series, columns: tuple[s
     """Sources that runs beside the nominal one measured."""
     found = []
     for effect in effects:
-        change = np.array([effect.means[c] - base[c] for c in columns])
+        change = effect.change[list(columns)].to_numpy(float)
         found.append(Source(effect.name, effect.kind, np.abs(change) * effect.per_std, effect.how))
     return found
 
@@ -112,8 +129,8 @@ def flow_quantities(case: Case, found: dict[str, pd.DataFrame], rows: np.ndarray
     out = []
     for name, (columns, unit, label) in VORTEX.items():
         take = lambda s, columns=columns: np.array([float(s[c]) for c in columns])  # noqa: E731
-        sources = numerical_and_input(case.effects, base["direct"], columns)
-        sources += geometry_sources(case, base["direct"], columns)
+        sources = numerical_and_input(case.effects, columns)
+        sources += geometry_sources(case, columns)
         for side, std in own.items():
             part = take(std) / np.sqrt(count)
             told = "Monte Carlo over the vectors' uncertainty" + (
@@ -122,7 +139,7 @@ def flow_quantities(case: Case, found: dict[str, pd.DataFrame], rows: np.ndarray
             sources.append(Source("vectors" if side == "data" else "virtual vectors", "data", part, told))
         sources += registration_sources(case, name, take(base["data"]), np.array([rates[c] for c in columns]))
         scale = _scale(name, base["data"], case.family)
-        explained = explained_by_motion(case, base["direct"], columns)
+        explained = explained_by_motion(case, columns)
         out.append(
             Quantity(
                 name,
@@ -168,12 +185,12 @@ def registration_sources(case: Case, name: str, value: np.ndarray, rate: np.ndar
     return sources
 
 
-def geometry_sources(case: Case, base: pd.Series, columns: tuple[str, ...]) -> list[Source]:
+def geometry_sources(case: Case, columns: tuple[str, ...]) -> list[Source]:
     """The FEA's band of the bend angle as the pressure that would bend as much (scaled from the pressure's run)."""
     effect = _effect(case, "pressure")
     if not case.geometry or effect is None:
         return []
-    change = np.array([effect.means[c] - base[c] for c in columns])
+    change = effect.change[list(columns)].to_numpy(float)
     per_bend = case.bend_std / abs(effect.bend)
     return [
         Source(
@@ -189,7 +206,7 @@ def _effect(case: Case, name: str) -> Effect | None:
     return next((e for e in case.effects if e.name == name), None)
 
 
-def explained_by_motion(case: Case, base: pd.Series, columns: tuple[str, ...]) -> np.ndarray | None:
+def explained_by_motion(case: Case, columns: tuple[str, ...]) -> np.ndarray | None:
     """Part of E that follows from the recording's finger moving otherwise: its bend and duration times the runs' effects."""
     pressure, duration = _effect(case, "pressure"), _effect(case, "duration")
     if pressure is None or duration is None:
@@ -200,7 +217,7 @@ def explained_by_motion(case: Case, base: pd.Series, columns: tuple[str, ...]) -
         (pressure, bend, pressure.bend),
         (duration, length, duration.duration),
     ):
-        change = np.array([effect.means[c] - base[c] for c in columns])
+        change = effect.change[list(columns)].to_numpy(float)
         total += change * (simulated - seen) / own if abs(own) > 1e-12 else 0.0
     return total
 
@@ -284,12 +301,12 @@ def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
     direct = velocity["direct"]
     modes: dict[str, tuple[str, np.ndarray]] = {}
     for effect in case.effects:
-        modes[effect.name] = (effect.kind, (effect.field[rows] - direct) * effect.per_std)
+        modes[effect.name] = (effect.kind, effect.field[rows] * effect.per_std)
     pressure = _effect(case, "pressure")
     if case.geometry and pressure is not None:
         modes["geometry and material"] = (
             "input",
-            (pressure.field[rows] - direct) * case.bend_std / abs(pressure.bend),
+            pressure.field[rows] * case.bend_std / abs(pressure.bend),
         )
     modes |= registration_modes(case, rows, direct)
     noise2 = np.zeros_like(error)

@@ -18,7 +18,6 @@ from postprocess.lab.pose import Pose
 from postprocess.lab.silhouette import Evidence, running_sums
 
 TABLE = 241  # shapes in the table that outlines are interpolated from
-BURN, KEEP = 2500, 3000  # sweeps
 REACH = 0.15  # of the family's range: how far a recording may bend beyond the simulation
 POSE = ("at_x_px", "at_y_px", "angle", "log_scale", "edge_px")
 
@@ -207,8 +206,8 @@ def fit_outline(
     scale_std: float | None,
     law_std: np.ndarray | None = None,
     seed: int = 1,
-    burn: int = BURN,
-    keep: int = KEEP,
+    burn: int,
+    keep: int,
 ) -> OutlineFit:
     """Fit pose and pressure (Pa, one per frame) from a first guess of both.
 

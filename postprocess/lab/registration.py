@@ -33,6 +33,7 @@ REST = 0.003  # of the range of pressure: nearer to its start the finger is at r
 REST_STD = 0.002  # of the range: how well the shape at rest is that of the simulation
 DELAYS = np.arange(-0.3, 0.3001, 0.004)  # s: searched around the stated start
 LAW = ("factor", "delay", "stretch")
+SWEEPS = (1500, 800, 2500, 3000)
 THIN = 40  # samples of the pose to which the law is fitted
 
 
@@ -147,16 +148,19 @@ def register(
     stated_delay: float | None,
     *,
     scale_std: float | None,
+    paired: bool = False,
+    sweeps: tuple[int, int, int, int] = SWEEPS,
     seed: int = 1,
 ) -> Registration:
     """Register a recording (frame times in s of its clock) to the simulation's finger.
 
     `stated`: the pose that the laboratory states, or None: from root and tip in the first frame. `stated_delay`: likewise the
-    clock's, None: from the motion alone.
+    clock's, None: from the motion alone. `paired`: frames 1-2, 3-4 … are taken close together, so only the first of each is used.
+    `sweeps`: of the sampler, to be dropped and kept, in the rough and in the final fit.
     """
-    chosen = np.unique(
-        np.linspace(0, len(recording) - 1, min(MAX_FRAMES, len(recording))).round().astype(int)
-    )
+    frames_used = np.arange(0, len(recording), 2 if paired else 1)
+    count = min(MAX_FRAMES, frames_used.size)
+    chosen = frames_used[np.unique(np.linspace(0, frames_used.size - 1, count).round().astype(int))]
     images = [recording.frame(int(i)) for i in chosen]
     evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
     frames = prepare(images, times[chosen], evidence)
@@ -170,8 +174,8 @@ def register(
         law_pressure(family, frames.times, first),
         scale_std=scale_std,
         seed=seed,
-        burn=1500,
-        keep=800,
+        burn=sweeps[0],
+        keep=sweeps[1],
     )
     values, _, _ = fit_law(family, frames.times, rough.parameter.mean(axis=0), first)
     span, start = family.high - family.low, float(family.law(family.time[0]))
@@ -187,6 +191,8 @@ def register(
         scale_std=scale_std,
         law_std=known,
         seed=seed + 1,
+        burn=sweeps[2],
+        keep=sweeps[3],
     )
     return _registration(frames, family, fine, values, stated)
 

@@ -15,7 +15,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
 from piv.camera import Seeding
 from piv.images import open_recording
@@ -23,7 +22,7 @@ from piv.plane import read_plane
 from piv.vortices import VortexSettings
 from postprocess.lab.compare import compare
 from postprocess.lab.dpiv import Evaluation
-from postprocess.lab.errors import Case, Effect, means, motion_of_run
+from postprocess.lab.errors import Case, Effect, effect_of
 from postprocess.lab.experiment import evaluate, virtual_experiment
 from postprocess.lab.family import Family, read_family
 from postprocess.lab.inputs import Inputs, read_inputs
@@ -41,6 +40,7 @@ WINDOW, SPACING = 24, 8
 COLUMNS, MM_PER_PX, PPP = 640, 0.25, 0.05
 SETS = ("noise", "pressure", "level")
 BAND = 1.96
+INSTANTS = 5  # of every trial: the stroke's middle holds five or six
 
 
 class Laboratory:
@@ -63,25 +63,27 @@ class Laboratory:
         times = self.sheet["time"].values
         bend = self.sheet["bend"].values[:, 0]
         self.window = stroke_window(times, bend, (0.25, 0.75))
-        self._runs = {one.name: (one, read_plane(folder / f"{one.name}.h5").load(), read_family(out / "inputs" / one.name / "out" / level / "kinematics.h5"))
-                      for one in (*self.inputs.input, *self.inputs.numerics)}  # fmt: skip
-
-    def effects(self, direct: xr.Dataset, pose: Pose) -> list[Effect]:
-        """Effects of the runs at one trial's instants, pose and grid."""
-        found = []
-        for name, (one, sheet, family) in self._runs.items():
-            plane = camera_series(sheet, pose, direct["x"].values, direct["y"].values, direct["time"].values)
-            table = measure(plane, pose, self.settings, self.window, name)
-            rows = (
-                np.isfinite(table["circulation"].to_numpy()) & table["time"].between(*self.window).to_numpy()
+        self._effects: list[Effect] = []
+        self._runs = [
+            (
+                one,
+                read_plane(folder / f"{one.name}.h5").load(),
+                read_family(out / "inputs" / one.name / "out" / level / "kinematics.h5"),
             )
-            is_input = hasattr(one, "key")
-            per_std = one.std / abs(one.step) if is_input else one.per_difference
-            field = np.stack([plane["u"].values, plane["v"].values], axis=1).astype(float)
-            kind = "input" if is_input else "numerical"
-            motion = motion_of_run(self.family, family)
-            found.append(Effect(name, kind, "run", per_std, means(table, rows), field, *motion))
-        return found
+            for one in (*self.inputs.input, *self.inputs.numerics)
+        ]
+
+    def effects(self, case: Case) -> list[Effect]:
+        """Effects of the runs, found at the first trial's pose and instants and used for all: they are differences."""
+        if not self._effects:
+            direct, pose = case.direct, case.registration.pose
+            nominal = measure(direct, pose, self.settings, case.window, "direct")
+            for one, sheet, family in self._runs:
+                plane = camera_series(
+                    sheet, pose, direct["x"].values, direct["y"].values, direct["time"].values
+                )
+                self._effects.append(effect_of(one, plane, family, case, nominal))
+        return self._effects
 
 
 def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, object]:
@@ -106,10 +108,21 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
                 np.asarray(set_up.camera.origin_px) + np.asarray(family.root) / set_up.camera.scale_m_per_px
             ),
         )
-        found = register(recording, times, family, stated, None, scale_std=0.01, seed=seed)
+        found = register(
+            recording,
+            times,
+            family,
+            stated,
+            None,
+            scale_std=0.01,
+            paired=True,
+            sweeps=(1200, 500, 2000, 2000),
+            seed=seed,
+        )
         pose, law = found.pose, found.law
         middle = times[::2] + INTERVAL / 2 - law.delay
         wanted = np.flatnonzero((middle >= lab.window[0]) & (middle <= lab.window[1]))
+        wanted = wanted[:INSTANTS]
         index = np.column_stack([2 * wanted, 2 * wanted + 1]).ravel()
         clock = times[index] - law.delay
         shapes = outlines_px(family, pose, law_pressure(family, times[index], law.values))
@@ -136,8 +149,8 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
         WINDOW * 1e-3 * MM_PER_PX,
         False,
         0.0,
-        lab.effects(direct, pose),
     )
+    case.effects.extend(lab.effects(case))
     result, _, _ = compare(case, lab.inputs)
     # the truth: the water itself, at the true instants, through the true camera, without any measurement
     offset = law.delay + set_up.start

@@ -63,7 +63,8 @@ def davis(plane, folder: Path) -> None:
     step = x[1] - x[0]
     for k in range(3):
         values = np.zeros((y.size, x.size), dtype=lv.vec2c)
-        values["u"], values["v"] = (np.nan_to_num(plane[n].values[k][::-1]) for n in ("u", "v"))
+        values["u"], down = (np.nan_to_num(plane[n].values[k][::-1]) for n in ("u", "v"))
+        values["v"] = -down  # DaVis counts v along its rows
         buffer = lv.arrays_to_buffer([np.ma.array(values, mask=plane["valid"].values[k][::-1] == 0)])
         frame = buffer[0]
         frame.scales.x = lv.Scale(step / 8, x[0] - step / 2, "mm", "x")
