@@ -85,7 +85,7 @@ def test_recorded_motion_drives_the_kinematics(tmp_path):
     times = np.linspace(0.0, 0.42, 60)
     bend = 1.05 * family.bend(family.law(times))
     motion = motion_dataset(
-        family, strip_at_rest(family), times, np.column_stack([bend, 0 * bend, 0 * bend]), 0.42
+        family, strip_at_rest(family), times, np.column_stack([bend, 0 * bend, 0 * bend, 0 * bend]), 0.42
     )
     write_motion(motion, tmp_path / "motion.h5")
     folder = tmp_path / "measured"
