@@ -137,6 +137,7 @@ virtual-lab-study: | $(READY) ## registration, verdicts and coverage over 20 see
 	@$(LAB) runs $(CASE) --level $(LEVEL) --quiet
 	$(LAB) virtual $(CASE) --level $(LEVEL) --pressure-kpa 21 --quiet
 	@$(SUB) SCENE=$(SCENE) study-sheets
+	$(PY) -m tests.benchmarks.registration --seeds 20 -o $(STUDY)/registration.csv --docs docs/comparison.md
 	$(PY) -m tests.benchmarks.virtual_lab --case $(CASE) --level $(LEVEL) --seeds 20 -o $(STUDY)/trials.csv --docs docs/comparison.md
 study-sheets: $(STUDY)/nominal.h5 $(STUDY)/21kpa.h5 $(patsubst %,$(STUDY)/%.h5,$(VARIATIONS))
 STUDY_SHEET = $(PY) -m pipeline.sheets $(patsubst %/out/$(LEVEL)/run/run.json,%,$<) --level $(LEVEL) --view -0.08 0.12 0.10 0.28 -o $@ $(FLAGS)

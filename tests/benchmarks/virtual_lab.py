@@ -34,6 +34,8 @@ from postprocess.lab.seeding import seeding_like
 from postprocess.lab.sides import appearance_of, outlines_px, with_finger
 from postprocess.lab.stand_in import SetUp, camera_for, make_recording
 from postprocess.strokes import stroke_window
+from tests.benchmarks.registration import summary as registration_summary
+from tests.benchmarks.registration import write_between
 
 PAIRS_HZ, INTERVAL = 50.0, 0.002
 WINDOW, SPACING = 24, 8
@@ -199,23 +201,8 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
 
 def summary(trials: pd.DataFrame) -> str:
     """The tables of docs/comparison.md."""
-    lines = [
-        "| registration | target | RMS | largest of all | coverage of the 95 % band |",
-        "|---|---|---|---|---|",
-    ]
-    for name, label, target in (("root_x_mm", "root x, mm", 0.3), ("root_y_mm", "root y, mm", 0.3), ("turn_deg", "turn, °", 0.5),
-                                ("delay_ms", "time, ms", 1.0), ("scale_percent", "scale, %", 0.3)):  # fmt: skip
-        e, s = trials[name].astype(float), trials[f"{name}_std"].astype(float)
-        lines.append(
-            f"| {label} | {target:g} | {np.sqrt((e**2).mean()):.2g} | {e.abs().max():.2g} | {(e.abs() <= BAND * s).mean():.0%} |"
-        )
-    for name, label in (("factor", "pressure factor"), ("stretch", "duration factor")):
-        e, s = trials[name].astype(float), trials[f"{name}_std"].astype(float)
-        lines.append(
-            f"| {label} | | {np.sqrt((e**2).mean()):.2g} | {e.abs().max():.2g} | {(e.abs() <= BAND * s).mean():.0%} |"
-        )
+    lines = [registration_summary(trials), ""]
     lines += [
-        "",
         "| quantity | RMS error of E | mean u_D | coverage of 95 % by u_D | coverage by u_val |",
         "|---|---|---|---|---|",
     ]
@@ -271,10 +258,7 @@ def main() -> None:
     text = summary(done)
     print(text)
     if args.docs:
-        page = args.docs.read_text(encoding="utf-8")
-        head, rest = page.split("<!-- study -->\n")
-        _, tail = rest.split("<!-- end of study -->")
-        args.docs.write_text(f"{head}<!-- study -->\n{text}\n<!-- end of study -->{tail}", encoding="utf-8")
+        write_between(args.docs, "study", text)
 
 
 if __name__ == "__main__":
