@@ -113,7 +113,7 @@ def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]
     x, y, times = (case.direct[name].values for name in ("x", "y", "time"))
     nominal = measure(case.direct, pose, case.vortices, case.window, "direct")
     found = []
-    for one in (*inputs.input, *inputs.numerics):
+    for one in inputs.all:
         sheet_path = files.run_sheet(one.name)
         if not sheet_path.exists():
             continue
@@ -160,16 +160,18 @@ def make_case(
     times = sides.direct["time"].values
     window = stroke_window(times, sides.direct["bend"].values[:, 0].astype(float), MIDDLE)
     with h5py.File(files.stage.out / "kinematics.h5", "r") as file:
+        source = str(np.ravel(file.attrs["source"])[0])
         bend_std = float(file["bend_std"][-1]) if "bend_std" in file else 0.0
-    geometry = dpiv.finger_geometry == "nominal"
+    geometry = dpiv.finger_geometry == "nominal" and source != "recording"  # a measured motion holds both
     if geometry and bend_std == 0:
         raise ValueError(
             f"{files.stage.out / 'kinematics.h5'}: carries no bend_std, so the bands of the FEA are not known; run make fea, or state"
             ' finger_geometry = "measured" in dpiv.toml'
         )
-    window_m = dpiv.piv.window / (
-        registration.pose.px_per_m if dpiv.kind == "pictures" else 1e3 / dpiv.scale.mm_per_px
-    )  # type: ignore[operator]
+    px = 1 / registration.pose.px_per_m  # m; of vectors the picture's unit is the stated metre
+    if dpiv.kind == "vectors":
+        px *= (dpiv.scale.mm_per_px or 0.0) * 1e-3
+    window_m = dpiv.piv.window * px
     case = Case(
         family,
         registration,

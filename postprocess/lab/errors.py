@@ -103,7 +103,7 @@ def means(table: pd.DataFrame, rows: np.ndarray) -> pd.Series:
     return table.loc[rows].drop(columns="time").mean()
 
 
-def numerical_and_input(effects: list[Effect], base: pd.Series, columns: tuple[str, ...]) -> list[Source]:
+def numerical_and_input(effects: list[Effect], columns: tuple[str, ...]) -> list[Source]:
     """Sources that runs beside the nominal one measured."""
     found = []
     for effect in effects:

@@ -77,7 +77,9 @@ def read_registration(path: Path) -> Registration:
         np.array(whole["covariance"]),
         float(whole["edge_px"]),
         Law(np.array(law["values"]), np.array(law["covariance"]), float(law["misfit"])),
-        *(np.array(whole[name]) for name in ("times", "pressures", "pressures_std")),
+        np.array(whole["times"]),
+        np.array(whole["pressures"]),
+        np.array(whole["pressures_std"]),
         _pose(whole["stated"]) if whole["stated"] else None,
     )
 

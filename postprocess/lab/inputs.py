@@ -59,9 +59,14 @@ class Inputs(Table):
     numerics: tuple[Numerics, ...] = ()
 
     @property
+    def all(self) -> list[Input | Numerics]:
+        """Every run beside the nominal one."""
+        return [*self.input, *self.numerics]
+
+    @property
     def names(self) -> list[str]:
         """Names of all runs beside the nominal one."""
-        return [*(one.name for one in self.input), *(one.name for one in self.numerics)]
+        return [one.name for one in self.all]
 
 
 def read_inputs(path: Path) -> Inputs:

@@ -123,6 +123,7 @@ def _of_pictures(files, dpiv, family, registration, sheet, seed, threads, quiet)
     recording = LabRecording(dpiv)
     try:
         law, pose = registration.law, registration.pose
+        assert recording.times is not None
         span = float(sheet["time"][0]), float(sheet["time"][-1])
         index, times = used_frames(dpiv, recording.times, law.delay, span)
         theirs = law_pressure(family, times + law.delay, law.values)

@@ -72,7 +72,7 @@ class Laboratory:
                 read_plane(folder / f"{one.name}.h5").load(),
                 read_family(out / "inputs" / one.name / "out" / level / "kinematics.h5"),
             )
-            for one in (*self.inputs.input, *self.inputs.numerics)
+            for one in self.inputs.all
         ]
 
     def effects(self, case: Case) -> list[Effect]:
