@@ -17,7 +17,7 @@ FLAGS  := $(if $(QUIET),--quiet)
 .SUFFIXES:
 .DELETE_ON_ERROR:
 .SECONDARY:
-.PHONY: help setup test lint unit fea fea-studies pinch-studies docs clean clean-all bench-piv $(SCENES) $(foreach s,$(SCENES),$(addprefix $(s).,$(STAGES) cfd))
+.PHONY: help setup test lint unit fea fea-studies pinch-studies docs clean clean-all bench-piv stability faults fuzz $(SCENES) $(foreach s,$(SCENES),$(addprefix $(s).,$(STAGES) cfd))
 
 help: ## this list
 	@echo "make setup                     Python environment and OpenFOAM, where missing"
@@ -87,6 +87,17 @@ fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/k
 
 bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/piv.md
 	$(PY) tests/benchmarks/piv_bench.py --docs
+
+stability: $(READY) ## runs and images at the extremes: docs/stability.md
+	$(PY) -m tests.stability
+
+faults: $(READY) ## kills, full disks, damaged files, two makes at once: docs/stability
+	$(PY) -m tests.faults
+	$(PY) -m tests.stability.page
+
+fuzz: $(READY) ## damaged files for every reader, with atheris where it is installed: docs/stability
+	$(PY) -m tests.fuzz --table docs/stability/fuzz.csv
+	$(PY) -m tests.stability.page
 
 docs: single_finger.report single_deflate.report ## pages and pictures of the docs that come from runs
 	$(PY) -m postprocess.summary cases/single_finger --level $(LEVEL)
