@@ -27,7 +27,7 @@ FLAGS  := $(if $(QUIET),--quiet)
 .SUFFIXES:
 .DELETE_ON_ERROR:
 .SECONDARY:
-.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-sheets study-sheets validate convergence clean clean-all bench-piv $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
+.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-sheets study-sheets validate convergence clean clean-all bench-piv stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
 
 help: ## this list
 	@echo "make setup                     Python environment and OpenFOAM, where missing"
@@ -118,6 +118,17 @@ validate: $(READY) ## flows of known answer through the project's own stages: do
 
 convergence: $(READY) ## the finger on several grids and time steps: rows of docs/verification.md
 	nice $(PY) -m validation finger_2d finger $(FLAGS)
+
+stability: $(READY) ## runs and images at the extremes: docs/stability.md
+	$(PY) -m tests.stability
+
+faults: $(READY) ## kills, full disks, damaged files, two makes at once: docs/stability
+	$(PY) -m tests.faults
+	$(PY) -m tests.stability.page
+
+fuzz: $(READY) ## damaged files for every reader, with atheris where it is installed: docs/stability
+	$(PY) -m tests.fuzz --table docs/stability/fuzz.csv
+	$(PY) -m tests.stability.page
 
 docs: single_finger.report single_deflate.report cycle.report ## pages and pictures of the docs that come from runs
 	$(PY) -m postprocess.summary cases/single_finger --level $(LEVEL)
