@@ -62,7 +62,8 @@ PLAIN = """
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked of the cluster: ranks, nodes (None: Slurm's choice), wall time (minutes), partition and account."""
+    """What is asked of the cluster: ranks, nodes (None: Slurm's choice), wall time (minutes), partition and account; and
+    for the jobs before and after the solver a few cores of one node."""
 
     ranks: int
     minutes: int
@@ -70,6 +71,7 @@ class Request:
     nodes: int | None = None
     partition: str | None = None
     account: str | None = None
+    serial_cores: int = SERIAL_TASKS
     restarts: int = RESTARTS
     warning: int = WARNING
 
@@ -83,6 +85,7 @@ def slurm_time(minutes: int) -> str:
 def scripts(scene: Scene, request: Request, make: str, python: str) -> dict[str, str]:
     """The texts of before.sbatch, run.sbatch and after.sbatch; they run in the project's folder."""
     name, level, slurm = scene.name, scene.level, scene.out / "slurm"
+    cpus = request.serial_cores
     more = "".join(
         f"#SBATCH --{key}={value}\n"
         for key, value in (("partition", request.partition), ("account", request.account))
@@ -99,13 +102,12 @@ def scripts(scene: Scene, request: Request, make: str, python: str) -> dict[str,
 
     solver = f"{python} -m pipeline.run {scene.folder} --level {level} --ranks {request.ranks} --quiet"
     serial = {
-        "before": f"{make} {name}.case LEVEL={level} NP={SERIAL_TASKS} QUIET=1",
-        "after": f"{make} {name} LEVEL={level} NP={SERIAL_TASKS} QUIET=1",
+        "before": f"{make} {name}.case LEVEL={level} NP={cpus} QUIET=1",
+        "after": f"{make} {name} LEVEL={level} NP={cpus} QUIET=1",
     }
     per_rank = max(500, math.ceil(request.memory_mb / request.ranks))
     texts = {
-        step: head(step, 1, SERIAL_TASKS, 1, 2000, 240) + PLAIN.format(line=line)
-        for step, line in serial.items()
+        step: head(step, 1, cpus, 1, 2000, 240) + PLAIN.format(line=line) for step, line in serial.items()
     }
     texts["run"] = head("run", request.ranks, 1, request.nodes, per_rank, request.minutes) + SOLVER.format(
         line=solver, restarts=request.restarts, warning=request.warning
@@ -155,7 +157,8 @@ def asked(scene: Scene, args: argparse.Namespace) -> Request:
     cores = node_cores()
     nodes = args.nodes or (math.ceil(args.ranks / cores) if cores else None)
     minutes = args.minutes or max(60, expected["minutes"])
-    return Request(args.ranks, minutes, expected["memory_mb"], nodes, args.partition, args.account)
+    serial = min(SERIAL_TASKS, cores or SERIAL_TASKS)
+    return Request(args.ranks, minutes, expected["memory_mb"], nodes, args.partition, args.account, serial)
 
 
 def main() -> None:

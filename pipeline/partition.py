@@ -46,7 +46,7 @@ def whole_pieces(rank: np.ndarray, load: np.ndarray, pairs: np.ndarray) -> np.nd
     for _ in range(REPAIRS):
         piece = pieces(rank, load, pairs)
         size = np.bincount(piece[piece >= 0], load[piece >= 0])
-        kept = {}  # the largest piece of each rank stays
+        kept: dict[int, int] = {}  # the largest piece of each rank stays
         for name in np.unique(piece[piece >= 0]):
             owner = int(rank[np.argmax(piece == name)])
             if owner not in kept or size[name] > size[kept[owner]]:

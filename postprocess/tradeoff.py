@@ -133,8 +133,8 @@ def predictions(table: pd.DataFrame, planes: pd.Series, whole: pd.Series) -> pd.
     return out
 
 
-def picture(files: StageFiles, steps: float, end: float) -> dict[str, float]:
-    """Size of a run's picture, its PIV fields, and how often the scene's own sheet is sampled against the study's."""
+def picture(files: StageFiles) -> dict[str, float]:
+    """Pixels of a run's picture, its rate, and each how-many-th pair PIV takes."""
     camera = read_json(files.out / "settings" / "images.json")
     piv = read_json(files.out / "settings" / "piv.json")
     return {
@@ -144,11 +144,22 @@ def picture(files: StageFiles, steps: float, end: float) -> dict[str, float]:
     }
 
 
+def finished(row: dict[str, Any]) -> bool:
+    """Whether what the errors of a run need is there."""
+    names = ["run/run.json", "sheet.h5", "vortices_cfd.csv"] + (
+        ["vortices_piv.csv"] if row["until"] == "vortices" else []
+    )
+    return all((files_of(row).out / name).exists() for name in names)
+
+
 def evaluate(plan: dict[str, Any], best: str) -> pd.DataFrame:
     """The study's table with errors, the front, and the predicted cost of each setting to the report."""
+    plan = plan | {"runs": [row for row in plan["runs"] if finished(row)]}
     rows = {row["run"]: files_of(row) for row in plan["runs"]}
     if best not in rows:
-        raise ValueError(f"the study has no run {best!r} to judge the others by; name one with --best")
+        raise ValueError(
+            f"the study has no finished run {best!r} to judge the others by; name one with --best"
+        )
     table = study_table(plan).set_index("run", drop=False)
     if table["until"].eq("report").any():
         for stage in ("compare", "figures", "report"):
@@ -167,7 +178,7 @@ def evaluate(plan: dict[str, Any], best: str) -> pd.DataFrame:
             if run == best
             else flow_errors(rows[best], files)
         )
-        for name, value in (found | picture(files, 0, 0)).items():
+        for name, value in (found | picture(files)).items():
             table.loc[run, name] = value
     flow = ~is_piv
     native = table.groupby("level")["rate_hz"].transform("max")
@@ -204,7 +215,9 @@ def main(argv: list[str] | None = None) -> int:
     try:
         plan = read_plan(args.plan)
         probe = read_json(args.plan.with_name("probe.json"))
-        write_results(plan["scene"], evaluate(plan, args.best), args.best, probe, args.docs)
+        table = evaluate(plan, args.best)
+        missing = [row["run"] for row in plan["runs"] if row["run"] not in set(table["run"])]
+        write_results(plan["scene"], table, args.best, probe, args.docs, missing)
     except (ValueError, OSError, json.JSONDecodeError) as error:
         print(f"tradeoff: {error}", file=sys.stderr)
         return 2

@@ -101,7 +101,7 @@ def markdown_table(rows: pd.DataFrame, columns: dict[str, str]) -> str:
     return "\n".join(lines)
 
 
-def page(scene: str, table: pd.DataFrame, best: str) -> str:
+def page(scene: str, table: pd.DataFrame, best: str, missing: list[str]) -> str:
     """docs/tradeoff.md."""
     flow, piv = table[table["kind"] == "flow"].copy(), table[table["kind"] == "piv"].copy()
     flow["cells"] = flow["cells"].astype(int).astype(str)
@@ -126,6 +126,8 @@ Written by `make tradeoff SCENE={scene}` from the study `cases/{scene}/studies/t
 numbers are in [`tradeoff/{scene}.csv`](tradeoff/{scene}.csv) with versions and date. OpenFOAM {reference["openfoam"]}.
 
 ![Error against CPU time, the front of those that nothing beats](tradeoff/{scene}.svg)
+
+{"Not run yet, and so not below: " + ", ".join(missing) + "." if missing else "Every run of the study is below."}
 
 ## The flow
 
@@ -190,8 +192,10 @@ def _panel(axis: Axes, rows: pd.DataFrame, cost: str, colour: str) -> None:
         )
 
 
-def write_results(scene: str, table: pd.DataFrame, best: str, probe: dict[str, float], docs: Path) -> None:
+def write_results(
+    scene: str, table: pd.DataFrame, best: str, probe: dict[str, float], docs: Path, missing: list[str]
+) -> None:
     """Write docs/tradeoff/<scene>.csv and .svg and docs/tradeoff.md."""
     write_text(docs / "tradeoff" / f"{scene}.csv", results_text(table, best, probe))
     draw(table, docs / "tradeoff" / f"{scene}.svg")
-    write_text(docs / "tradeoff.md", page(scene, table, best))
+    write_text(docs / "tradeoff.md", page(scene, table, best, missing))

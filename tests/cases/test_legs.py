@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline import case as case_stage
 from pipeline import prepare as preparing
 from pipeline import run as run_stage
 from pipeline import sheets
+from pipeline.errors import StageError
 from pipeline.legs import read_legs
 from pipeline.lock import only_one
 from pipeline.scene import Scene, load_scene
@@ -162,8 +164,8 @@ def test_a_run_killed_in_its_second_leg_and_while_carrying_ends_with_the_same_fo
     while len(list(second.glob("0.*/uniform/time"))) < 3 and time.monotonic() < deadline:
         assert process.poll() is None
         time.sleep(0.005)
-    with pytest.raises(Exception, match="another run is at work"), only_one(scene.out / "case"):
-        pass
+    with pytest.raises(StageError, match="another run is at work"):
+        run_stage.run(scene, quiet=True)
     process.send_signal(signal.SIGKILL)
     process.wait()
     time.sleep(0.5)  # the solver notices by itself that its parent is gone
@@ -174,6 +176,16 @@ def test_a_run_killed_in_its_second_leg_and_while_carrying_ends_with_the_same_fo
     straight, resumed = table(solved, "forces.csv"), table(scene, "forces.csv")
     assert straight[:, 0] == pytest.approx(resumed[:, 0])
     assert np.abs(straight[:, 1:3] - resumed[:, 1:3]).max() < 1e-6 * np.abs(straight[:, 1:3]).max()
+
+
+def test_the_case_of_a_run_at_work_is_not_written_anew(meshed):
+    legs = sorted((meshed.out / "case").iterdir())
+    with (
+        only_one(meshed.out / "case"),
+        pytest.raises(StageError, match="another run is at work"),
+    ):
+        case_stage.run(meshed, quiet=True)
+    assert sorted((meshed.out / "case").iterdir()) == sorted({*legs, meshed.out / "case" / ".lock"})
 
 
 def test_quarter_and_half_models_agree(tmp_path):
