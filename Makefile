@@ -24,7 +24,7 @@ FLAGS  := $(if $(QUIET),--quiet)
 .SUFFIXES:
 .DELETE_ON_ERROR:
 .SECONDARY:
-.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs clean clean-all bench-piv $(SCENES) $(foreach s,$(SCENES),$(addprefix $(s).,$(STAGES) cfd))
+.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs validate convergence clean clean-all bench-piv $(SCENES) $(foreach s,$(SCENES),$(addprefix $(s).,$(STAGES) cfd))
 
 help: ## this list
 	@echo "make setup                     Python environment and OpenFOAM, where missing"
@@ -107,6 +107,12 @@ fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/k
 
 bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/piv.md
 	$(PY) tests/benchmarks/piv_bench.py --docs
+
+validate: $(READY) ## flows of known answer through the project's own stages: docs/verification.md
+	nice $(PY) -m validation $(FLAGS)
+
+convergence: $(READY) ## the finger on several grids and time steps: rows of docs/verification.md
+	nice $(PY) -m validation finger_2d finger $(FLAGS)
 
 docs: single_finger.report single_deflate.report cycle.report ## pages and pictures of the docs that come from runs
 	$(PY) -m postprocess.summary cases/single_finger --level $(LEVEL)

@@ -88,7 +88,7 @@ def measure_planes() -> list[Check]:
         Check("planes.lamb.centre", "Lamb-Oseen: distance of the centre", gap, 0.01, "at most", noiseless, None, EXACT, "px"),
     ]  # fmt: skip
     for name, field, centre in (("Rankine", rankine, CENTRE), ("Taylor-Green", taylor_green, TG_CENTRE)):
-        found = nearest(find_vortices(plane_of(field, step), rotation_prior=np.inf), centre)
+        found = nearest(find_vortices(plane_of(field, step)), centre)
         gap = float(np.hypot(found.x - centre[0], found.y - centre[1]))
         exact = disc_circulation(field, (found.x, found.y), found.contour_radius)
         key = name.lower()

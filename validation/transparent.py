@@ -8,13 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
 from pipeline import case, kinematics, mesh
-from pipeline import run as run_stage
+from pipeline.errors import StageError
 from pipeline.foamfile import END, binary_list, header, write_bytes
+from pipeline.guards import Guard
+from pipeline.legs import read_legs, read_stage
 from pipeline.motion import read_motion
+from pipeline.prepare import prepare
 from pipeline.quality import cell_areas, cell_centres
 from pipeline.scene import Scene
+from pipeline.solver import solve
 from pipeline.stage import read_dataset, write_dataset
 
 Field = Callable[[np.ndarray, float], np.ndarray]  # positions (n, 2) m, time s -> velocities (n, 2) m/s
@@ -39,12 +44,18 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
     kinematics.run(scene, quiet)
     mesh.run(scene, quiet)
     path = scene.out / "planform.h5"
+    legs = read_legs(scene.out)
+    if len(legs) > 1:
+        raise StageError(
+            f"{path}: {len(legs)} planforms; a flow of known order must stay on one: refine or move less"
+        )
     with read_dataset(path, "planform") as file:
-        planform = file.load()
-    planform["inside"] = planform["inside"] * 0
-    write_dataset(planform, path)
+        root = file.load()
+    stage = read_stage(scene.out, 0)
+    stage["body"] = stage["body"] * 0
+    write_dataset(root, path, {"stage_0": stage})
     case.run(scene, quiet)
-    folder = scene.out / "case"
+    folder = scene.out / "case" / legs[0].name
     first = cells(scene, 0.0, None)
     _write_velocity(folder / "0" / "U", initial(first.centres, 0.0), boundary)
     pressure = (folder / "0" / "p").read_text()
@@ -59,15 +70,25 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
     )
     (folder / "system" / "fvSolution").write_text(solution)
     (folder / "system" / "functions").write_text("// no body, no forces\n")
-    run_stage.prepare(scene, 1, quiet)
-    run_stage.solve(scene, 1, None, quiet)
+    prepare(scene, legs, legs[0], 1, quiet)
+    with tqdm(disable=True) as bar:
+        solve(
+            folder,
+            legs[0],
+            scene.motion.end_time,
+            scene.numerics,
+            1,
+            None,
+            bar,
+            Guard(scene.numerics.max_courant),
+        )
 
 
 def cells(scene: Scene, time: float, folder: Path | None) -> Cells:
     """Cells at `time`; the velocity is read from `folder`, or zero without one."""
-    with read_dataset(scene.out / "planform.h5", "planform") as file:
-        triangles, quads = file["triangles"].values, file["quads"].values
-    with read_dataset(scene.out / "sweep.h5", "sweep") as file:
+    stage = read_stage(scene.out, 0)
+    triangles, quads = stage["triangles"].values, stage["quads"].values
+    with read_dataset(scene.out / "sweep.h5", "sweep", "leg_0") as file:
         column = file["cell_column"].values
     nodes = read_motion(scene.out).nodes(time)
     centres = cell_centres(nodes, triangles, quads)[column]
@@ -79,7 +100,7 @@ def cells(scene: Scene, time: float, folder: Path | None) -> Cells:
 def at_end(scene: Scene) -> Cells:
     """Cells at the run's end."""
     time = scene.motion.end_time
-    return cells(scene, time, scene.out / "case" / f"{time:.8g}")
+    return cells(scene, time, scene.out / "case" / "leg_0" / f"{time:.8g}")
 
 
 def read_vectors(path: Path) -> np.ndarray:
