@@ -21,7 +21,7 @@ LAWS = sorted(CLOSING_LAWS)
 def closed(pressure=20e3, pinch=PINCH, rate=2.2e-6, start=0.0):
     """A finger whose gap shrinks by `rate` m/Pa from 36 mm; its free law and the one that stops."""
     free = stroke_law(start, [(pressure, 0.005, 0.4)])
-    return free, closing_law(free, lambda p: 0.036 - rate * (p - start), start, start + 40e3, pinch, "scene")
+    return free, closing_law(free, lambda p: 0.036 - rate * (p - start), start, start + 80e3, pinch, "scene")
 
 
 def square(left, bottom, side):
@@ -203,10 +203,10 @@ def test_the_fingers_stop_at_an_object_between_the_tips(tmp_path, shape):
 
 
 def test_a_tapered_tip_meets_sooner_and_as_exactly(tmp_path):
-    tip = "[finger.tip]\nlength = 0.008\nthickness = 0.006\ncorner_radius = 0.001\n"
+    tip = "[finger.tip]\nlength = 0.008\nthickness = 0.007\ncorner_radius = 0.001\n"
     data = kinematics_dataset(pinch_scene(tmp_path / "s", tip))
     assert data["shape_gap"].values[-1] == pytest.approx(0.5e-3, abs=1e-9)
-    assert data.attrs["tip_thickness"] == pytest.approx(0.006)
+    assert data.attrs["tip_thickness"] == pytest.approx(0.007)
     assert np.radians(50) < data["shape_bend"].values[-1] < np.radians(62)  # 74° without
 
 
