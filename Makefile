@@ -17,6 +17,9 @@ SHELL  := /bin/sh
 PY     := .venv/bin/python
 SCENES := $(patsubst $(CASES)/%/scene.toml,%,$(wildcard $(CASES)/*/scene.toml))
 SCENE  ?= single_finger
+# scenes that a comparison with a laboratory made: runs beside the nominal one
+RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(wildcard $(addprefix $(CASES)/*/out/*/,inputs/*/scene.toml virtual/*/scene.toml \
+            lab/*/measured/scene.toml lab/*/measured/out/*/inputs/*/scene.toml)))
 STAGES := kinematics mesh case run sheet images piv vortices compare report
 READY  := .venv/.ready
 FLAGS  := $(if $(QUIET),--quiet)
@@ -24,7 +27,7 @@ FLAGS  := $(if $(QUIET),--quiet)
 .SUFFIXES:
 .DELETE_ON_ERROR:
 .SECONDARY:
-.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs validate convergence clean clean-all bench-piv $(SCENES) $(foreach s,$(SCENES),$(addprefix $(s).,$(STAGES) cfd))
+.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-sheets study-sheets validate convergence clean clean-all bench-piv stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
 
 help: ## this list
 	@echo "make setup                     Python environment and OpenFOAM, where missing"
@@ -34,7 +37,7 @@ help: ## this list
 	@echo "make SCENE ACCURACY=5%         the cheapest measured setting within 5 %; BUDGET=10min: the most accurate within it"
 	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]; or HOSTS=hosts.txt"
 	@echo "make SCENE.STAGE               up to one stage: $(STAGES)"
-	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
 
 setup: $(READY) ## only the set-up
 $(READY): requirements.lock pipeline/setup.sh
@@ -100,7 +103,9 @@ $(2)/report.html: $(2)/comparison.json $(2)/settings/report.json
 endef
 # A pinch is compared with the single finger at the same level, where that was run; make single_finger first.
 SINGLE := $(wildcard cases/single_finger/out/$(LEVEL)/vortices_*.csv)
-$(foreach s,$(SCENES),$(eval $(call scene_rules,$(s),$(CASES)/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
+$(foreach s,$(SCENES) $(RUNS),$(eval $(call scene_rules,$(s),$(CASES)/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
+
+include postprocess/lab/compare.mk
 
 fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/kinematics/states.h5
 	$(PY) -m pipeline.fea cases/single_finger
@@ -113,6 +118,17 @@ validate: $(READY) ## flows of known answer through the project's own stages: do
 
 convergence: $(READY) ## the finger on several grids and time steps: rows of docs/verification.md
 	nice $(PY) -m validation finger_2d finger $(FLAGS)
+
+stability: $(READY) ## runs and images at the extremes: docs/stability.md
+	$(PY) -m tests.stability
+
+faults: $(READY) ## kills, full disks, damaged files, two makes at once: docs/stability
+	$(PY) -m tests.faults
+	$(PY) -m tests.stability.page
+
+fuzz: $(READY) ## damaged files for every reader, with atheris where it is installed: docs/stability
+	$(PY) -m tests.fuzz --table docs/stability/fuzz.csv
+	$(PY) -m tests.stability.page
 
 docs: single_finger.report single_deflate.report cycle.report ## pages and pictures of the docs that come from runs
 	$(PY) -m postprocess.summary cases/single_finger --level $(LEVEL)

@@ -11,6 +11,7 @@ from pipeline import paper_model
 from pipeline.contact import closing_law, gap
 from pipeline.errors import StageError
 from pipeline.motion_law import PressureLaw, measured_law, stroke_law
+from pipeline.recorded import recorded_law, recorded_states
 from pipeline.scene import Finger, Motion, Scene
 from pipeline.shapes import ShapeFamily, States, add_tip, circular_states, rounded_strip
 from pipeline.states import read_states
@@ -96,6 +97,9 @@ def law_times(end_time: float) -> np.ndarray:
 
 
 def _pressure_law(motion: Motion, folder: Path) -> PressureLaw:
+    if motion.source == "recording":
+        assert motion.recording is not None  # the scene's own check
+        return recorded_law(folder / motion.recording, motion.recording_factor)
     if motion.pressure_csv:
         return measured_law(folder / motion.pressure_csv)
     strokes = [(s.pressure_kpa * 1e3, s.start, s.duration) for s in motion.strokes]
@@ -103,6 +107,9 @@ def _pressure_law(motion: Motion, folder: Path) -> PressureLaw:
 
 
 def _states(motion: Motion, finger: Finger, folder: Path, lowest: float, highest: float) -> States:
+    if motion.source == "recording":
+        assert motion.recording is not None  # the scene's own check
+        return recorded_states(folder / motion.recording)
     if motion.source == "fea":
         assert motion.states is not None  # the scene's own check
         return read_states(folder / motion.states, finger.thickness)

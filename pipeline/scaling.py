@@ -15,7 +15,7 @@ import argparse
 import json
 import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,6 +26,8 @@ from pipeline.legs import read_legs
 from pipeline.scene import Scene, load_scene
 from pipeline.stage import guarded, parser, read_dataset
 
+LEAST_CELLS = 5000  # of a rank; pipeline.run uses fewer ranks rather than less
+WEAK_CELLS = 20000  # of a rank, in the weak-scaling column
 DATA = Path(__file__).with_name("scaling.toml")
 
 
@@ -101,10 +103,13 @@ def step_time(cells: float, ranks: int, columns: float, solver: Solver, network:
     return work + serial + messages + sums
 
 
-def useful_ranks(cells: float, columns: float, solver: Solver, network: Network, gain: float = 0.1) -> int:
-    """Most ranks (a power of two) that still pay: twice as many would save less than `gain` of the time."""
+def useful_ranks(cells: float, columns: float, solver: Solver, network: Network, gain: float = 0.25) -> int:
+    """Most ranks (a power of two) that still pay: twice as many would save less than `gain` of the time, or be refused.
+
+    The run stage gives no rank fewer than LEAST_CELLS.
+    """
     ranks = 1
-    while ranks < 4096 and 2 * ranks <= columns:
+    while 2 * ranks * LEAST_CELLS <= cells:
         now = step_time(cells, ranks, columns, solver, network)
         if step_time(cells, 2 * ranks, columns, solver, network) > (1 - gain) * now:
             return ranks
@@ -113,9 +118,10 @@ def useful_ranks(cells: float, columns: float, solver: Solver, network: Network,
 
 
 def fit(one: dict[str, float], two: dict[str, float] | None, network: Network) -> Solver:
-    """The solver's constants from a run on one rank and one on two: `cells`, `columns`, `step_s`, `cycles` each.
+    """The solver's constants: from a run on one rank `cells`, `columns`, `step_s`, `cycles` and, of its step, `serial_s`;
+    from a mesh run on two as well `cells`, `columns`, `alone_s` and `step_s`, seconds of a step on one rank and on two.
 
-    `serial_s` of the first is what of its step one rank would do for all. Raises ValueError where the runs do not fit.
+    Raises ValueError where the numbers do not fit each other.
     """
     serial = one.get("serial_s", 0.0)
     if not 0 <= serial < one["step_s"]:
@@ -123,17 +129,18 @@ def fit(one: dict[str, float], two: dict[str, float] | None, network: Network) -
     solver = Solver((one["step_s"] - serial) / one["cells"], 1.0, serial / one["cells"], one["cycles"])
     if two is None:
         return solver
-    ideal = step_time(two["cells"], 2, two["columns"], solver, network)
-    work = solver.seconds_per_cell * two["cells"] / 2 * imbalance(two["cells"], 2, two["columns"])
-    return Solver(solver.seconds_per_cell, max(1.0, 1.0 + (two["step_s"] - ideal) / work),
-                  solver.serial_seconds_per_cell, one["cycles"])  # fmt: skip
+    alone = replace(solver, seconds_per_cell=two["alone_s"] / two["cells"], serial_seconds_per_cell=0.0)
+    ideal = step_time(two["cells"], 2, two["columns"], alone, network)
+    work = two["alone_s"] / 2 * imbalance(two["cells"], 2, two["columns"])
+    return replace(solver, pair_slowdown=max(1.0, 1.0 + (two["step_s"] - ideal) / work))
 
 
 def read_data(path: Path = DATA) -> tuple[dict[str, float], dict[str, float] | None, Network]:
     """The measured runs and the network of scaling.toml."""
     table = tomllib.loads(path.read_text(encoding="utf-8"))
     network = {key: value for key, value in table["network"].items() if key != "source"}
-    return table["one_rank"], table.get("two_ranks"), Network(**network)
+    two = {key: value for key, value in table.get("two_ranks", {}).items() if key != "source"}
+    return table["one_rank"], two or None, Network(**network)
 
 
 def measured(case: Path, sampling: int) -> dict[str, float]:
@@ -178,6 +185,10 @@ def size(scene: Scene) -> tuple[int, int]:
     return len(column), len(np.unique(column))
 
 
+def _duration(hours: float) -> str:
+    return f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.0f} min"
+
+
 def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
     """The prediction as text, with its assumptions."""
     one, two, network = read_data()
@@ -185,6 +196,7 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
     steps = round(scene.motion.end_time / scene.numerics.time_step)
     correctors = scene.numerics.pressure_correctors * (1 + scene.numerics.non_orthogonal_correctors)
     factor = correctors / one.get("correctors", correctors)
+    ranks = [n for n in ranks if n == 1 or n * LEAST_CELLS <= cells]
     hours = {n: factor * steps * step_time(cells, n, columns, solver, network) / 3600 for n in ranks}
     pays = useful_ranks(cells, columns, solver, network)
     best = factor * steps * step_time(cells, pays, columns, solver, network) / 3600
@@ -193,16 +205,15 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
         "",
         "ranks   hours   speed-up   efficiency   weak efficiency",
     ]
-    alone = hours.get(1) or factor * steps * step_time(cells, 1, columns, solver, network) / 3600
+    alone = factor * steps * step_time(cells, 1, columns, solver, network) / 3600
+    base, per_cell = step_time(WEAK_CELLS, 1, 1, solver, network), columns / cells
     for n, time in hours.items():
-        weak = step_time(
-            cells / max(ranks) * 1, 1, max(1.0, columns / max(ranks)), solver, network
-        ) / step_time(cells / max(ranks) * n, n, max(1.0, columns / max(ranks)) * n, solver, network)
-        lines.append(f"{n:5d} {time:7.2f} {alone / time:10.1f} {alone / time / n:11.0%} {weak:16.0%}")
+        weak = base / step_time(WEAK_CELLS * n, n, WEAK_CELLS * n * per_cell, solver, network)
+        lines.append(f"{n:5d} {time:7.3g} {alone / time:10.1f} {alone / time / n:11.0%} {weak:16.0%}")
     lines += [
         "",
-        f"{scene.level} {scene.name}: about {best:.1f} h on {pays} ranks; more than {pays} ranks no longer pay"
-        " (twice as many would save less than a tenth).",
+        f"{scene.level} {scene.name}: about {_duration(best)} on {pays} ranks; more than {pays} ranks no longer pay"
+        f" (twice as many would save less than a quarter, or have less than {LEAST_CELLS} cells each).",
         "",
         "Assumptions:",
         f"- one rank: {1e6 * solver.seconds_per_cell:.2f} µs per cell and step (measured, {int(one['cells'])} cells,"

@@ -76,8 +76,10 @@ class Segment(Section):
 class Motion(Section):
     """Where shapes and the pressure history come from."""
 
-    source: Literal["fea", "paper_equations", "rigid"] = "paper_equations"
+    source: Literal["fea", "paper_equations", "recording", "rigid"] = "paper_equations"
     states: str | None = None
+    recording: str | None = None  # of source "recording": motion as a camera saw it (docs/formats.md)
+    recording_factor: Positive = 1.0  # on its bending, to measure what an error of it does
     start_pressure_kpa: float = 0.0
     strokes: tuple[Segment, ...] = ()
     pressure_csv: str | None = None
@@ -97,6 +99,17 @@ class Motion(Section):
             )
         if rigid:
             return self
+        if self.source == "recording":
+            if not self.recording or self.strokes or self.pressure_csv:
+                raise ValueError(
+                    "motion.source = 'recording' needs motion.recording, the path of a motion.h5, and no strokes (strokes = [])"
+                    " and no pressure_csv beside it"
+                )
+            return self
+        if self.recording or self.recording_factor != 1:
+            raise ValueError(
+                "motion.recording and recording_factor belong to motion.source = 'recording'; remove them"
+            )
         if bool(self.strokes) == bool(self.pressure_csv):
             raise ValueError("give either motion.strokes or motion.pressure_csv, not both and not neither")
         if self.pressure_csv and self.start_pressure_kpa != 0:
@@ -329,7 +342,7 @@ class Scene(Section):
             return FLAT_SETTINGS[stage](self)
         settings = self.model_dump(mode="json", include=STAGE_SECTIONS[stage])
         if stage == "kinematics":
-            named = [self.motion.states, self.motion.pressure_csv]
+            named = [self.motion.states, self.motion.pressure_csv, self.motion.recording]
             settings["files"] = {name: _file_digest(self.folder / name) for name in named if name}
         return settings
 

@@ -31,7 +31,7 @@ def sentence(error: BaseException) -> str | None:
     if number is None and named:
         number = int(named.group(1))
     file = error.filename if isinstance(error, OSError) and error.filename else None
-    if file is None and (found := re.search(r"filename = '([^']*)'", str(error))):
+    if file is None and (found := re.search(r"name = '([^']*)'", str(error))):
         file = found.group(1)
     if number is not None:
         advice = f"; {ADVICE[number]}" if number in ADVICE else ""

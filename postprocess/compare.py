@@ -1,6 +1,7 @@
 """Comparison of CFD and PIV, judged by a scene's findings: comparison.json and comparison.csv.
 
 Command: python -m postprocess.compare cases/single_finger --level coarse
+With --dpiv FOLDER: comparison with a laboratory's data instead (postprocess.lab, docs/comparison.md; make compare).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import xarray as xr
 from postprocess.commandline import run_stage
 from postprocess.evidence import Evidence
 from postprocess.findings import Finding, Measured, is_met, read_findings
+from postprocess.lab.__main__ import main as compare_with_laboratory
 from postprocess.loading import load_evidence, read_clock
 from postprocess.pinch_summary import pinch_summary
 from postprocess.quantities import QUANTITIES
@@ -158,6 +160,10 @@ def _tell(files: StageFiles, result: dict[str, Any]) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns 0 good, 2 bad input."""
+    arguments = sys.argv[1:] if argv is None else argv
+    if any(a.split("=")[0] == "--dpiv" for a in arguments):  # a laboratory's data in place of the virtual PIV
+        steps = ("register", "compare", "report")
+        return next((code for step in steps if (code := compare_with_laboratory([step, *arguments]))), 0)
     return run_stage("compare", __doc__, compare, _tell, argv)
 
 

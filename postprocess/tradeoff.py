@@ -71,7 +71,7 @@ def flow_errors(best: StageFiles, files: StageFiles) -> dict[str, float]:
         window = stroke_window(wanted["time"].values, wanted["bend"].values[:, 0], MIDDLE)
         scale, _ = peak_tip_speed(wanted["time"].values, wanted["tip"].values)
         width = float(wanted.attrs["tip_width"])
-        found = {"error_velocity": velocity_error(wanted, got, window) / scale}
+        found = {"error_velocity": velocity_error(wanted, got, window) / scale, "tip_width_mm": width * 1e3}
     tables = [tracks.read_vortices(f.required("vortices_cfd.csv", "vortices")) for f in (best, files)]
     found |= vortex_errors(tables[0], tables[1], window, width)
     forces = [read_table(f.required("run/forces.csv", "run"), ("time", "fx", "fy")) for f in (best, files)]
@@ -181,7 +181,9 @@ def evaluate(plan: dict[str, Any], best: str) -> pd.DataFrame:
         for name, value in (found | picture(files)).items():
             table.loc[run, name] = value
     flow = ~is_piv
-    native = table.groupby("level")["rate_hz"].transform("max")
+    native = pd.Series(
+        table["rate_hz"].max(), table.index
+    )  # the scene's own: the study only ever samples less
     table["piv_fields"] = native * table["end_time_s"] / table["every"]
     whole = table[flow & table.get("cpu_report_s", pd.Series(np.nan, table.index)).notna()]
     if len(whole):

@@ -134,7 +134,7 @@ numbers are in [`tradeoff/{scene}.csv`](tradeoff/{scene}.csv) with versions and 
 The others are judged by `{best}` ({int(float(reference["cells"]))} cells, {reference["time_step_s"] * 1e3:g} ms,
 {reference["cpu_run_s"] / 60:.0f} CPU minutes of solver). It is the finest run, not the truth: an error below the difference between it
 and a finer one means nothing (docs/verification.md has the orders). Errors are over the middle half of the stroke (by bend; the force: over the
-whole stroke): circulation of the tip vortex, RMS over its RMS; distance of its centre, RMS, of which 14.5 mm, a tip's width, are 100 %;
+whole stroke): circulation of the tip vortex, RMS over its RMS; distance of its centre, RMS, of which {flow["tip_width_mm"].max():.1f} mm, a tip's width, are 100 %;
 velocity on the sheet, RMS over the largest speed of the tip; force on the finger, RMS over its RMS. `worst` is the largest of
 the four and what `ACCURACY=` asks for. Bold: nothing is both cheaper and more accurate. CPU time is user and system time of
 kinematics, mesh, case and solver on a machine shared with other work.

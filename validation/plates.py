@@ -13,7 +13,8 @@ from pipeline.scene import Scene
 from validation.checks import Check, Result
 from validation.solve import provenance, reference
 
-REACH = 0.5  # chords around the edge within which its vortex is looked for
+REACH = 4.0  # distances of the core from the edge within which its vortex is looked for
+CORE_PART = 0.3  # of that distance: radius in which the least pressure is fitted
 LEAST_VORTICITY = (
     0.5  # mean speed so far / chord: below it lies what the coarse far mesh makes of a potential flow
 )
@@ -54,6 +55,23 @@ def reattachment(surface: pv.DataSet, half_chord: float, centre_y: float) -> flo
     return float(x[begin[longest]])
 
 
+def lowest(points: np.ndarray, pressure: np.ndarray, edge: np.ndarray) -> np.ndarray:
+    """Place (2,) of least pressure: that of a paraboloid through the points (n, 2) around the lowest one."""
+    first = points[np.argmin(pressure)]
+    radius = CORE_PART * np.hypot(*(first - edge))
+    x, y = (points - first).T
+    near = np.hypot(x, y) < radius
+    if near.sum() < 12:
+        return first
+    x, y = x[near], y[near]
+    matrix = np.column_stack([np.ones_like(x), x, y, x**2, x * y, y**2])
+    _, b, c, d, e, f = np.linalg.lstsq(matrix, pressure[near], rcond=None)[0]
+    if 4 * d * f <= e**2:
+        return first
+    step = np.linalg.solve([[2 * d, e], [e, 2 * f]], [-b, -c])
+    return first + step if np.hypot(*step) < radius else first
+
+
 def shed(scene: Scene, time: float, way: float, sheet: Path, wall: Path) -> Shed:
     """Vorticity of the right edge's sign behind the plate, outboard of where the flow reattaches."""
     body = scene.body
@@ -63,16 +81,17 @@ def shed(scene: Scene, time: float, way: float, sheet: Path, wall: Path) -> Shed
     half, y = 0.5 * body.chord, body.centre[1] + way
     centres, area, omega, pressure = cell_vorticity(pv.read(sheet))
     inner = reattachment(pv.read(wall), half, y)
-    near = (np.abs(centres[:, 0] - half) < REACH * body.chord) & (
-        np.abs(centres[:, 1] - y) < REACH * body.chord
-    )
+    edge = np.array([half, y])
+    distance = np.hypot(*(centres[:, :2] - edge).T)
+    behind = centres[:, 1] < y
+    away = behind & (centres[:, 0] > 0) & (y - centres[:, 1] > 2 * body.thickness) & (omega < 0)
+    core = lowest(centres[away, :2], pressure[away], edge)
+    reach = REACH * float(np.hypot(*(core - edge)))
     least = LEAST_VORTICITY * way / (time * body.chord)
-    mine = near & (centres[:, 0] > inner) & (centres[:, 1] < y) & (omega < -least)
+    mine = behind & (distance < reach) & (centres[:, 0] > inner) & (omega < -least)
     strength = omega[mine] * area[mine]
     total = float(strength.sum())
     middle = strength @ centres[mine, :2] / total
-    away = (centres[:, 0] > 0) & (centres[:, 1] < y - 2 * body.thickness) & (omega < 0)
-    core = centres[away][np.argmin(pressure[away])]
     return Shed(time, way, -total, (half - middle[0], y - middle[1]), (half - core[0], y - core[1]), inner)
 
 

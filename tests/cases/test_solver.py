@@ -126,7 +126,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
     command = [sys.executable, "-m", "pipeline.run", str(killed.folder), "--level", "tiny", "--quiet"]
     process = subprocess.Popen(command, cwd=ROOT)
     checkpoint = killed.out / "case" / "leg_0" / "0.03" / "uniform" / "time"
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 600
     while not checkpoint.exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.005)
     process.send_signal(signal.SIGKILL)  # the solver must notice by itself that its parent is gone

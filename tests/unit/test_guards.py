@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import StageError
@@ -213,6 +213,7 @@ def test_the_courant_number_is_foreseen_from_the_walls_speed():
     assert "0.3 m/s along cells of 0.001 m" in str(caught.value)
 
 
+@settings(deadline=None)  # of the machine, not of the code
 @given(st.floats(1e-4, 10.0), st.floats(0.1, 100.0))
 def test_what_the_refusal_offers_is_not_refused(scale, limit):
     positions = scale * (square()[None] + np.stack([0.3 * np.arange(5), np.zeros(5)], -1)[:, None])

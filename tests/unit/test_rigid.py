@@ -73,7 +73,7 @@ def test_rate_is_the_derivative_of_the_way(kind):
     more = {"amplitude": 0.7, "period": 0.8} if kind == "sine" else {"rate": 1.3, "exponent": 1.5}
     path = travelled(Law(kind=kind, smoothing=0.2, start=0.1, **more), 1.5)
     assert CubicSpline(path.time, path.way)(path.time, 1) == pytest.approx(path.rate, abs=1e-5)
-    assert (path.way[path.time <= 0.1] == 0).all()
+    assert np.abs(path.way[path.time <= 0.1]).max() < 1e-12  # rounding of the spline's integral
 
 
 @pytest.mark.parametrize("angle", [0.0, 30.0])

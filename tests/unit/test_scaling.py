@@ -4,11 +4,26 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.scaling import Network, Solver, fit, imbalance, measured, read_data, step_time, useful_ranks
+from pipeline.run import CELLS_PER_RANK
+from pipeline.scaling import (
+    LEAST_CELLS,
+    Network,
+    Solver,
+    fit,
+    imbalance,
+    measured,
+    read_data,
+    step_time,
+    useful_ranks,
+)
 
 NETWORK = Network(latency=2e-6, bandwidth=1e9, ranks_per_node=64, saturated=2.0)
 SOLVER = Solver(seconds_per_cell=4e-6, pair_slowdown=1.1, serial_seconds_per_cell=0.0, pressure_cycles=6.0)
 FREE = Network(latency=0.0, bandwidth=1e30, ranks_per_node=10**6, saturated=1.0)
+
+
+def test_no_more_ranks_are_predicted_than_the_run_stage_uses():
+    assert LEAST_CELLS == CELLS_PER_RANK
 
 
 def test_one_rank_costs_its_cells():
@@ -24,7 +39,7 @@ def test_without_communication_only_imbalance_is_lost():
 
 def test_fit_recovers_the_solver_that_made_the_measurements():
     one = {"cells": 6e4, "columns": 4.9e3, "step_s": step_time(6e4, 1, 4.9e3, SOLVER, NETWORK), "cycles": 6.0}
-    two = one | {"step_s": step_time(6e4, 2, 4.9e3, SOLVER, NETWORK)}
+    two = one | {"alone_s": one["step_s"], "step_s": step_time(6e4, 2, 4.9e3, SOLVER, NETWORK)}
     found = fit(one, two, NETWORK)
     assert found.seconds_per_cell == pytest.approx(4e-6)
     assert found.pair_slowdown == pytest.approx(1.1, rel=1e-6)
@@ -35,6 +50,7 @@ def test_larger_meshes_and_faster_networks_pay_for_more_ranks():
     slow = useful_ranks(3e6, 2.5e5, SOLVER, Network(5e-5, 1e8, 64, 2.0))
     assert small < large
     assert slow < large
+    assert large * 5000 <= 3e6  # no rank has too little to do
 
 
 def test_a_serial_part_bounds_the_speed_up():
