@@ -17,7 +17,6 @@ import xarray as xr
 from postprocess.commandline import run_stage
 from postprocess.evidence import Evidence
 from postprocess.findings import Finding, Measured, is_met, read_findings
-from postprocess.lab.__main__ import main as compare_with_laboratory
 from postprocess.loading import load_evidence, read_clock
 from postprocess.pinch_summary import pinch_summary
 from postprocess.quantities import QUANTITIES
@@ -162,6 +161,8 @@ def main(argv: list[str] | None = None) -> int:
     """Command line; returns 0 good, 2 bad input."""
     arguments = sys.argv[1:] if argv is None else argv
     if any(a.split("=")[0] == "--dpiv" for a in arguments):  # a laboratory's data in place of the virtual PIV
+        from postprocess.lab.__main__ import main as compare_with_laboratory  # loads what PIV needs
+
         steps = ("register", "compare", "report")
         return next((code for step in steps if (code := compare_with_laboratory([step, *arguments]))), 0)
     return run_stage("compare", __doc__, compare, _tell, argv)

@@ -173,7 +173,7 @@ def paths(
         label="95 % of u_val",
     )
     ax.set(aspect="equal", xlabel="x, mm", ylabel="y, mm", title="Paths of the vortex centre")
-    ax.legend(loc="best")
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 

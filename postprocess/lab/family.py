@@ -28,6 +28,14 @@ class Family:
     finger_width: float
     tip_width: float
     time: tuple[float, float]
+    mirror: bool = False  # a second finger, the mirror image in x = 0
+
+    def fingers(self, name: str, pressure: float) -> np.ndarray:
+        """`shape` of every finger, (finger, …): the family's own, and its mirror image where there is one."""
+        own = np.asarray(self.shape(name, pressure))
+        if not self.mirror:
+            return own[None]
+        return np.stack([own, own if name == "bend" else own * np.array([-1.0, 1.0])])
 
     def shape(self, name: str, pressure: float) -> np.ndarray:
         """`outline` (point, 2), `tip`, `tip_direction`, `dorsal_direction` (2,) or `bend` at a pressure.
@@ -61,6 +69,7 @@ def read_family(path: Path) -> Family:
             arrays = {name: file[f"shape_{name}"][...] for name in NAMES}
             time, pressure = file["time"][...], file["pressure"][...]
             finger = json.loads(file.attrs["settings"])["finger"]
+            mirror = bool(np.ravel(file.attrs.get("mirror", 0))[0])
             width, tip_width = (float(np.ravel(file.attrs[n])[0]) for n in ("finger_width", "tip_thickness"))
     except (OSError, KeyError) as error:
         raise ValueError(
@@ -80,4 +89,5 @@ def read_family(path: Path) -> Family:
         width,
         tip_width,
         (float(time[0]), float(time[-1])),
+        mirror,
     )

@@ -64,7 +64,7 @@ def stated_pose(
 
 
 class MaskedRecording(Recording):
-    """Some frames of a recording, on the simulation's clock, with an outline in px for each as mask."""
+    """Some frames of a recording, on the simulation's clock, with outlines (…, point, 2) in px for each as mask."""
 
     def __init__(
         self,
@@ -87,11 +87,11 @@ class MaskedRecording(Recording):
         return outline_mask(self._outlines[i], self.shape)
 
 
-def outline_mask(outline_px: np.ndarray, shape: tuple[int, int], grow_px: float = GROW_PX) -> np.ndarray:
-    """True inside an outline (point, 2; px, y up) grown by `grow_px`, row 0 at the top."""
-    corners = np.column_stack([outline_px[:, 0], shape[0] - 1 - outline_px[:, 1]])
+def outline_mask(outlines_px: np.ndarray, shape: tuple[int, int], grow_px: float = GROW_PX) -> np.ndarray:
+    """True inside outlines (…, point, 2; px, y up) grown by `grow_px`, row 0 at the top."""
     mask = np.zeros(shape, np.uint8)
-    fixed = np.round(corners * 16).astype(np.int32)
-    cv2.fillPoly(mask, [fixed], 1, shift=4)
+    for outline in outlines_px.reshape(-1, *outlines_px.shape[-2:]):
+        corners = np.column_stack([outline[:, 0], shape[0] - 1 - outline[:, 1]])
+        cv2.fillPoly(mask, [np.round(corners * 16).astype(np.int32)], 1, shift=4)
     size = 2 * round(grow_px) + 1
     return cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))).astype(bool)

@@ -107,6 +107,8 @@ def fit_profile(
 def circle(line: np.ndarray) -> tuple[float, float]:
     """Radius (m, positive towards the ventral side, infinite where straight) and rms residual of the least-squares circle."""
     x, y = line.T
+    if np.ptp(y) < 1e-6 * np.ptp(x):
+        return float("inf"), float(np.std(y))
     solution, *_ = np.linalg.lstsq(np.column_stack([x, y, np.ones_like(x)]), x**2 + y**2, rcond=None)
     cx, cy = solution[:2] / 2
     radius = float(np.sqrt(solution[2] + cx**2 + cy**2))

@@ -90,7 +90,7 @@ def used_frames(
 
 def with_finger(plane: xr.Dataset, family: Family, pose: Pose, pressures: np.ndarray) -> xr.Dataset:
     """A plane series in the camera frame with the finger's shape at each instant's pressure (Pa)."""
-    shapes = {name: np.array([family.shape(name, p) for p in pressures])[:, None] for name in family.splines}
+    shapes = {name: np.array([family.fingers(name, p) for p in pressures]) for name in family.splines}
     found = {
         "outline": pose.to_camera(shapes["outline"]),
         "tip": pose.to_camera(shapes["tip"]),
@@ -115,8 +115,8 @@ def with_finger(plane: xr.Dataset, family: Family, pose: Pose, pressures: np.nda
 
 
 def outlines_px(family: Family, pose: Pose, pressures: np.ndarray) -> list[np.ndarray]:
-    """The finger's outline in the picture at pressures (Pa)."""
-    return [pose.to_px(family.shape("outline", p)) for p in pressures]
+    """The outlines (finger, point, 2) in the picture at pressures (Pa)."""
+    return [pose.to_px(family.fingers("outline", p)) for p in pressures]
 
 
 def _of_pictures(files, dpiv, family, registration, sheet, seed, threads, quiet):

@@ -1,5 +1,7 @@
 """The finger is found where it was drawn: pose, scale, bend and time from pictures; seeding; the lower layer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,7 +41,11 @@ def found(family):
     lab = set_up(family)
     stills = Stills(family, lab)
     stated = stated_pose(family, lab.camera)
-    return lab, stills, register(stills, stills.times, family, stated, None, scale_std=0.01)
+    return (
+        lab,
+        stills,
+        register(stills, stills.times, family, stated, None, scale_std=0.01, sweeps=(800, 300, 1200, 1200)),
+    )
 
 
 def test_inside_sum_is_the_area(family):
@@ -136,6 +142,25 @@ def test_camera_planes_turn_positions_and_vectors(family):
     assert inside.sum() > 200
     assert np.nanpercentile(np.abs(error), 95) < 0.01 * np.nanmax(np.abs(exact))
     assert np.allclose(plane["tip"].values[0], pose.to_camera(series["tip"].values[2, 0]))
+
+
+def test_a_second_finger_is_the_mirror_image(family):
+    pair = replace(family, mirror=True)
+    outlines, bends = pair.fingers("outline", 1e4), pair.fingers("bend", 1e4)
+    assert np.allclose(outlines[1], outlines[0] * [-1, 1])
+    assert bends[0] == bends[1]
+    pose = Pose(2500.0, 0.0, (0.0, 0.245), (250.0, 300.0))
+    apart = replace(
+        pair,
+        splines=family.splines
+        | {
+            "outline": lambda p, d=0: (
+                family.splines["outline"](p, d) + (0.04 if d == 0 else 0.0) * np.array([1.0, 0.0])
+            )
+        },
+    )
+    mask = outline_mask(pose.to_px(apart.fingers("outline", 0.0)), (320, 500))
+    assert np.abs(mask[:, :250].sum() - mask[:, 251:].sum()) < 0.02 * mask.sum()
 
 
 def test_pose_there_and_back():

@@ -239,7 +239,7 @@ def test_a_made_up_pinch_is_judged_by_its_pair(pinched):
     assert imbalance["piv"] == pytest.approx(2 * (1 - GAIN) / (1 + GAIN), rel=1e-3)
     assert checks["pair-mirrored"]["measured"]["piv"] == pytest.approx(SHIFT, rel=1e-3)
     assert checks["pair-ventral"]["met"] is False  # made on the dorsal side
-    assert checks["contact-dorsal"]["window"] == "+0.05 to +0.15 s from contact"
+    assert checks["contact-dorsal"]["window"] == "-0.005 to +0.02 s from contact"
 
 
 def test_what_needs_the_single_finger_is_not_judged_without_it(pinched):

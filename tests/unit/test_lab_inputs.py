@@ -6,8 +6,10 @@ import h5py
 import numpy as np
 import pytest
 
+from pipeline.errors import StageError
 from pipeline.kinematics import load_kinematics
 from pipeline.scene import load_scene
+from pipeline.sheets import view_axes
 from postprocess.lab.inputs import read_inputs, write_runs, write_virtual
 from postprocess.lab.profile import motion_dataset, strip_at_rest, write_motion
 from postprocess.stagefiles import StageFiles
@@ -108,10 +110,26 @@ def test_recorded_motion_drives_the_kinematics(tmp_path):
 
 
 def test_recording_and_strokes_exclude_each_other(tmp_path):
-    from pipeline.errors import StageError
-
     (tmp_path / "scene.toml").write_text(
         f'extends = "{CASE}"\n[motion]\nsource = "recording"\nrecording = "m.h5"\n'
     )
     with pytest.raises(StageError, match=r"no strokes \(strokes = \[\]\)"):
         load_scene(tmp_path, "smoke")
+
+
+def test_view_of_a_laboratory_camera_stays_in_the_water():
+    scene = load_scene(CASE, "smoke")
+    x, y = view_axes((-0.08, 0.12, 0.10, 0.40), scene)
+    spacing = scene.sheet.spacing
+    assert x[0] == pytest.approx(-0.08, abs=spacing)
+    assert y[-1] == pytest.approx(scene.tank.water_depth, abs=spacing)
+    assert np.allclose(np.diff(x), spacing)
+    with pytest.raises(StageError, match="shows no water"):
+        view_axes((0.5, 0.6, 0.1, 0.2), scene)
+
+
+def test_command_asks_for_the_sheet(tmp_path, capsys):
+    from postprocess.compare import main
+
+    assert main([str(tmp_path), "--dpiv", str(tmp_path)]) == 2
+    assert "dpiv.toml: missing" in capsys.readouterr().err
