@@ -11,7 +11,7 @@ OFLAB   = $(CASE) --level $(LEVEL) --dpiv $(DPIV) $(FLAGS)
 compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=single_finger DPIV=folder [LEVEL=..]
 	@test -n "$(DPIV)" || { echo "give DPIV=folder, where the laboratory's dpiv.toml is (docs/comparison.md)" >&2; exit 2; }
 	@$(SUB) $(SCENE).run
-	$(if $(INPUTS),@$(LAB) runs $(CASE) --level $(LEVEL) $(FLAGS))
+	$(if $(INPUTS),@$(LAB) runs $(CASE) --level $(LEVEL) $(FLAGS),@rm -rf $(LABOUT)/lab/$(LABNAME)/inputs)
 	$(LAB) register $(OFLAB)
 	@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS=$(INPUTS) lab-sheets
 	$(LAB) compare $(OFLAB) --threads $(NP)
@@ -40,8 +40,8 @@ virtual-lab: | $(READY) ## a stand-in recording to try compare on, where no labo
 	$(LAB) virtual $(CASE) --level $(LEVEL) --pressure-kpa $(PRESSURE) $(FLAGS)
 	@$(SUB) $(patsubst $(CASES)/%,%,$(VIRTUAL)).run
 	$(PY) -m pipeline.sheets $(VIRTUAL) --level $(LEVEL) --view -0.075 0.12 0.115 0.275 -o $(VIRTUAL)/view.h5 $(FLAGS)
-	$(PY) -m postprocess.lab.stand_in $(VIRTUAL) --level $(LEVEL) --sheet $(VIRTUAL)/view.h5 -o $(VIRTUAL)/recording --pairs-hz 100
-	@echo "now: make compare SCENE=$(SCENE) LEVEL=$(LEVEL) DPIV=$(VIRTUAL)/recording"
+	$(PY) -m postprocess.lab.stand_in $(VIRTUAL) --level $(LEVEL) --sheet $(VIRTUAL)/view.h5 -o $(VIRTUAL)/virtual_$(PRESSURE)kpa --pairs-hz 100
+	@echo "now: make compare SCENE=$(SCENE) LEVEL=$(LEVEL) DPIV=$(VIRTUAL)/virtual_$(PRESSURE)kpa"
 
 LAB_STUDY = $(LABOUT)/virtual/study
 virtual-lab-study: | $(READY) ## registration, verdicts and coverage over 20 seeds; tables into docs/comparison.md (an hour)
