@@ -13,6 +13,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from pipeline.errors import StageError
+from pipeline.limits import check_numbers
+from pipeline.rigid_scene import Body, Law
 from pipeline.scene_file import level_tables, merge, read_tables
 from pipeline.scene_pinch import Pinch, Support, check_pinch, check_support
 from pipeline.scene_section import Pair, Positive, Section
@@ -74,7 +76,7 @@ class Segment(Section):
 class Motion(Section):
     """Where shapes and the pressure history come from."""
 
-    source: Literal["fea", "paper_equations", "recording"] = "paper_equations"
+    source: Literal["fea", "paper_equations", "recording", "rigid"] = "paper_equations"
     states: str | None = None
     recording: str | None = None  # of source "recording": motion as a camera saw it (docs/formats.md)
     recording_factor: Positive = 1.0  # on its bending, to measure what an error of it does
@@ -84,8 +86,19 @@ class Motion(Section):
     end_time: Positive
     max_bend_step_deg: Positive = 5.0
 
+    displacement: Law | None = None  # of a rigid body, m
+    rotation: Law | None = None  # of a rigid body, deg
+    path_step: Positive | None = None  # way of a rigid body between two shapes of the mesh
+
     @model_validator(mode="after")
     def _one_history(self) -> Motion:
+        rigid = (self.displacement is not None) + (self.rotation is not None)
+        if rigid != (self.source == "rigid") or (rigid and (self.strokes or self.pressure_csv)):
+            raise ValueError(
+                "motion.source = 'rigid' takes either motion.displacement or motion.rotation and nothing else"
+            )
+        if rigid:
+            return self
         if self.source == "recording":
             if not self.recording or self.strokes or self.pressure_csv:
                 raise ValueError(
@@ -205,6 +218,7 @@ class Piv(Section):
     spacing: Annotated[int, Field(ge=1)] = 8
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
     every: Annotated[int, Field(ge=1)] = 1
+    frames: Annotated[int, Field(ge=2)] = 2  # 3, 5, …: multi-frame sets
 
 
 class Vortices(Section):
@@ -225,6 +239,7 @@ class Scene(Section):
     tank: Tank = Tank()
     fluid: Fluid = Fluid()
     finger: Finger
+    body: Body | None = None  # in the finger's place: validation against what is known of it
     pinch: Pinch | None = None
     support: Support | None = None
     motion: Motion
@@ -245,6 +260,23 @@ class Scene(Section):
             return table | {"model": {"kind": "quarter"}}
         return table
 
+    @model_validator(mode="before")
+    @classmethod
+    def _body_for_finger(cls, table: Any) -> Any:
+        """A rigid body takes the finger's place: its centre is the root, its depth the width."""
+        body = table.get("body") if isinstance(table, dict) else None
+        if isinstance(body, dict) and "centre" in body:
+            if "finger" in table:
+                raise ValueError("give either finger or body")
+            table = {**table, "finger": {"root": body["centre"], "width": body.get("depth", 1.0)}}
+        return table
+
+    @model_validator(mode="after")
+    def _one_body(self) -> Scene:
+        if (self.body is None) == (self.motion.source == "rigid"):
+            raise ValueError("body and motion.source = 'rigid' belong together; give both or neither")
+        return self
+
     @model_validator(mode="after")
     def _physical(self) -> Scene:
         tank, finger = self.tank, self.finger
@@ -252,7 +284,7 @@ class Scene(Section):
             raise ValueError(
                 f"tank.water_depth = {tank.water_depth} m exceeds the tank's height {tank.size[1]} m"
             )
-        if finger.length > 1 or max(tank.size) > 20:
+        if self.body is None and (finger.length > 1 or max(tank.size) > 20):
             raise ValueError("finger.length or tank.size looks like millimetres; give metres")
         if not abs(finger.root[0]) < tank.size[0] / 2 or not 0 < finger.root[1] < tank.water_depth:
             raise ValueError(
@@ -274,6 +306,7 @@ class Scene(Section):
             )
         if self.support is not None:
             check_support(self.support, finger, tank)
+        check_numbers(self)
         self.numerics.sampling_steps(self.sheet.rate_hz)
         steps = self.motion.end_time / self.numerics.time_step
         if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
@@ -316,7 +349,7 @@ class Scene(Section):
 
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
 STAGE_SECTIONS: dict[str, Any] = {
-    "kinematics": {"tank", "finger", "pinch", "support", "motion"},
+    "kinematics": {"tank", "finger", "body", "pinch", "support", "motion"},
     "mesh": {"mesh", "model", "support"},
     # the solver needs no more of the sheet than this: a finer grid does not solve again
     "case": {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},

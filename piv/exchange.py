@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from piv.errors import one_line
+from piv.hdf5_check import check_walkable
 from piv.images import natural_key
 from piv.plane import FORMAT, check_plane, make_plane, read_plane, write_plane
 from piv.vector_files import (
@@ -157,12 +159,13 @@ def read_vectors(
 def _read_nc_or_plane(path: Path) -> xr.Dataset:
     if path.suffix.lower() != ".nc":
         return read_plane(path)
+    check_walkable(path)
     try:
         data = xr.open_dataset(path, engine="h5netcdf")
     except FileNotFoundError:
         raise
     except Exception as error:
-        raise ValueError(f"{path}: not a readable netCDF-4 file ({str(error)[:80]})") from error
+        raise ValueError(f"{path}: not a readable netCDF-4 file ({one_line(error)})") from error
     if data.attrs.get("format") == FORMAT and "t" in data.dims:
         back = data.rename(t="time").transpose("time", "y", "x").rename(chc="valid")
         check_plane(back)
@@ -259,13 +262,19 @@ def read_csv(path: Path) -> xr.Dataset:
         x, y, time = (np.unique(table[n]) for n in ("x", "y", "time"))
         table = table.sort_values(["time", "y", "x"])
         shape = (time.size, y.size, x.size)
-        fields = {n: table[n].to_numpy().reshape(shape) for n in table.columns if n not in ("time", "x", "y")}
+        names = [n for n in table.columns if n not in ("time", "x", "y")]
+        fields = {n: table[n].to_numpy(float).reshape(shape) for n in names}
+        if missing := [n for n in ("u", "v", "valid") if n not in names]:
+            raise ValueError(f"column {missing[0]!r} is missing")
+        for n in ("valid", "flag"):
+            if n in names and not np.isin(fields[n], range(256)).all():
+                raise ValueError(f"column {n!r} holds other than whole numbers from 0 to 255")
         units = head["length_unit"], head["velocity_unit"]
     except FileNotFoundError:
         raise
     except Exception as error:
         raise ValueError(
-            f"{path}: not a CSV of vectors as this program writes ({str(error)[:80]})"
+            f"{path}: not a CSV of vectors as this program writes ({one_line(error)})"
         ) from error
     for n in ("valid", "flag"):
         if n in fields:

@@ -139,11 +139,12 @@ def compare(files: StageFiles) -> dict[str, Any]:
         "summary": summary(evidence, middle) | _pinch(evidence, clock),
         "provenance": provenance(files, evidence.planes),
     }
-    write_text(files.out / "comparison.json", json.dumps(result, indent=1, allow_nan=False, default=float))
     write_text(files.out / "comparison.csv", series_table(evidence, middle).to_csv(index=False))
     for source, table in evidence.pairs.items():
         write_text(files.out / f"pairs_{source}.csv", table.to_csv(index=False))
         write_text(files.out / f"centreline_{source}.csv", evidence.lines[source].to_csv(index=False))
+    # last: make takes it for the whole stage
+    write_text(files.out / "comparison.json", json.dumps(result, indent=1, allow_nan=False, default=float))
     for plane in evidence.planes.values():
         plane.close()
     return result
