@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from pipeline.errors import StageError
+from pipeline.limits import check_numbers
 from pipeline.rigid_scene import Body, Law
 from pipeline.scene_file import level_tables, merge, read_tables
 from pipeline.scene_pinch import Pinch, Support, check_pinch, check_support
@@ -75,8 +76,10 @@ class Segment(Section):
 class Motion(Section):
     """Where shapes and the pressure history come from."""
 
-    source: Literal["fea", "paper_equations", "rigid"] = "paper_equations"
+    source: Literal["fea", "paper_equations", "recording", "rigid"] = "paper_equations"
     states: str | None = None
+    recording: str | None = None  # of source "recording": motion as a camera saw it (docs/formats.md)
+    recording_factor: Positive = 1.0  # on its bending, to measure what an error of it does
     start_pressure_kpa: float = 0.0
     strokes: tuple[Segment, ...] = ()
     pressure_csv: str | None = None
@@ -96,6 +99,17 @@ class Motion(Section):
             )
         if rigid:
             return self
+        if self.source == "recording":
+            if not self.recording or self.strokes or self.pressure_csv:
+                raise ValueError(
+                    "motion.source = 'recording' needs motion.recording, the path of a motion.h5, and no strokes (strokes = [])"
+                    " and no pressure_csv beside it"
+                )
+            return self
+        if self.recording or self.recording_factor != 1:
+            raise ValueError(
+                "motion.recording and recording_factor belong to motion.source = 'recording'; remove them"
+            )
         if bool(self.strokes) == bool(self.pressure_csv):
             raise ValueError("give either motion.strokes or motion.pressure_csv, not both and not neither")
         if self.pressure_csv and self.start_pressure_kpa != 0:
@@ -204,6 +218,7 @@ class Piv(Section):
     spacing: Annotated[int, Field(ge=1)] = 8
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
     every: Annotated[int, Field(ge=1)] = 1
+    frames: Annotated[int, Field(ge=2)] = 2  # 3, 5, …: multi-frame sets
 
 
 class Vortices(Section):
@@ -291,6 +306,7 @@ class Scene(Section):
             )
         if self.support is not None:
             check_support(self.support, finger, tank)
+        check_numbers(self)
         self.numerics.sampling_steps(self.sheet.rate_hz)
         steps = self.motion.end_time / self.numerics.time_step
         if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
@@ -326,7 +342,7 @@ class Scene(Section):
             return FLAT_SETTINGS[stage](self)
         settings = self.model_dump(mode="json", include=STAGE_SECTIONS[stage])
         if stage == "kinematics":
-            named = [self.motion.states, self.motion.pressure_csv]
+            named = [self.motion.states, self.motion.pressure_csv, self.motion.recording]
             settings["files"] = {name: _file_digest(self.folder / name) for name in named if name}
         return settings
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from pipeline.scene import Scene, write_settings
 from pipeline.stage import guarded, parser
+from piv.exclusive import exclusive
 
 
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write settings/*.json and touch settings/.stamp."""
-    changed = write_settings(scene)
-    (scene.out / "settings" / ".stamp").touch()
+    folder = scene.out / "settings"
+    folder.mkdir(parents=True, exist_ok=True)
+    with exclusive(folder, wait=True):
+        changed = write_settings(scene)
+        (folder / ".stamp").touch()
     if changed and not quiet:
         print(f"settings: {', '.join(changed)} changed in {scene.folder} at level {scene.level}")
 

@@ -5,19 +5,20 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import sys
 import time
 from collections.abc import Callable, Mapping
-from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
+from pipeline.costs import record_cost
 from pipeline.errors import StageError
 from pipeline.scene import Scene, load_scene
+from piv.errors import sentence
+from piv.exclusive import exclusive
 
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "gmsh", "pyvista", "pydantic")
 
@@ -44,11 +45,11 @@ def guarded(stage: str, action: Callable[[], Any]) -> None:
     except StageError as error:
         print(f"{stage}: {error}", file=sys.stderr)
         sys.exit(2)
-    except OSError as error:
-        print(
-            f"{stage}: {error.filename or ''}: {error.strerror or error}; check disk and permissions",
-            file=sys.stderr,
-        )
+    except Exception as error:
+        message = sentence(error) if isinstance(error, OSError | RuntimeError | MemoryError) else None
+        if message is None:
+            raise
+        print(f"{stage}: {message}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         print(f"{stage}: interrupted; run make again to go on", file=sys.stderr)
@@ -60,20 +61,9 @@ def timed(stage: str, args: argparse.Namespace, run: Callable[[Scene, bool], Any
     scene = load_scene(args.scene, args.level)
     scene.out.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
-    earlier = run(scene, args.quiet) or 0.0  # seconds spent by a run that this one resumed
-    record_cost(scene.out, stage, time.monotonic() - begin + earlier)
-
-
-def record_cost(out: Path, stage: str, wall_time: float) -> None:
-    """Write costs/<stage>.json: wall time (s) and peak memory (bytes) of this process and its children."""
-    peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    cost = {
-        "stage": stage,
-        "wall_time": round(wall_time, 3),
-        "peak_memory": peak * 1024,
-        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-    write_text(out / "costs" / f"{stage}.json", json.dumps(cost, indent=1) + "\n")
+    with exclusive(scene.out / stage):
+        earlier = run(scene, args.quiet) or 0.0  # seconds spent by a run that this one resumed
+    record_cost(scene.out / "costs" / f"{stage}.json", stage, time.monotonic() - begin + earlier)
 
 
 def versions() -> dict[str, str]:

@@ -1,13 +1,19 @@
-"""Command line: python -m piv correlate|render|vortices|calibrate|mask|plot|animate|convert."""
+"""Command line: python -m piv correlate|join|render|vortices|calibrate|mask|plot|animate|convert."""
 
 from __future__ import annotations
 
 import argparse
 import importlib
 import sys
+from contextlib import nullcontext
+from pathlib import Path
+
+from piv.errors import sentence
+from piv.exclusive import exclusive
 
 COMMANDS = {
     "correlate": "image pairs or a recording to a vector plane series",
+    "join": "the chunks of a recording to one vector plane series",
     "render": "a plane series to a synthetic recording",
     "vortices": "a plane series to a table of vortices and their tracks",
     "calibrate": "scale, origin and lens distortion from points or a target",
@@ -29,10 +35,14 @@ def main(argv: list[str] | None = None) -> int:
         if name == wanted:  # import only what runs: the others' libraries are slow to load
             importlib.import_module(f"piv.commands.{name}").add_arguments(sub)
     args = parser.parse_args(arguments)
+    output = getattr(args, "output", None)
     try:
-        importlib.import_module(f"piv.commands.{args.command}").run(args)
-    except (ValueError, OSError, KeyError) as error:
-        message = error.args[0] if isinstance(error, KeyError) and error.args else error
+        with exclusive(Path(output)) if output else nullcontext():
+            importlib.import_module(f"piv.commands.{args.command}").run(args)
+    except Exception as error:
+        message = sentence(error)
+        if message is None:
+            raise
         print(f"piv {args.command}: {message}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

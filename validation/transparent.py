@@ -13,6 +13,7 @@ from tqdm import tqdm
 from pipeline import case, kinematics, mesh
 from pipeline.errors import StageError
 from pipeline.foamfile import END, binary_list, header, write_bytes
+from pipeline.guards import Guard
 from pipeline.legs import read_legs, read_stage
 from pipeline.motion import read_motion
 from pipeline.prepare import prepare
@@ -71,7 +72,16 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
     (folder / "system" / "functions").write_text("// no body, no forces\n")
     prepare(scene, legs, legs[0], 1, quiet)
     with tqdm(disable=True) as bar:
-        solve(folder, legs[0], scene.motion.end_time, scene.numerics, 1, None, bar)
+        solve(
+            folder,
+            legs[0],
+            scene.motion.end_time,
+            scene.numerics,
+            1,
+            None,
+            bar,
+            Guard(scene.numerics.max_courant),
+        )
 
 
 def cells(scene: Scene, time: float, folder: Path | None) -> Cells:
