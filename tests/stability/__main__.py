@@ -39,7 +39,10 @@ def write_table(path: Path, columns: tuple[str, ...], rows: Iterable[dict[str, A
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + ".part")
     with part.open("w", encoding="utf-8", newline="") as file:
-        made = {"date": datetime.now(UTC).date().isoformat(), "versions": {"OpenFOAM": openfoam()} | versions()}
+        made = {
+            "date": datetime.now(UTC).date().isoformat(),
+            "versions": {"OpenFOAM": openfoam()} | versions(),
+        }
         file.write("# " + json.dumps(made) + "\n")
         writer = csv.DictWriter(file, columns, extrasaction="ignore", restval="", lineterminator="\n")
         writer.writeheader()

@@ -75,7 +75,11 @@ def save(figure: plt.Figure, path: Path) -> None:
 
 def tiles(lines: list[tuple[str, list[tuple[str, str]]]], width: int) -> plt.Figure:
     """A map: a line of tiles per axis, each with its value, in the colour of how it ended."""
-    rows = [(name, part) for name, all_ in lines for part in (all_[k : k + width] for k in range(0, len(all_), width))]
+    rows = [
+        (name, part)
+        for name, all_ in lines
+        for part in (all_[k : k + width] for k in range(0, len(all_), width))
+    ]
     figure, axes = plt.subplots(figsize=(11, 0.42 * len(rows) + 0.9))
     seen = []
     for y, (name, values) in enumerate(rows):
@@ -89,7 +93,9 @@ def tiles(lines: list[tuple[str, list[tuple[str, str]]]], width: int) -> plt.Fig
     axes.set(xlim=(-2.4, width), ylim=(len(rows) - 0.4, -0.6))
     axes.axis("off")
     handles = [Patch(color=COLOURS[key], label=MEANS[key]) for key in COLOURS if key in seen]
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncol=4, frameon=False, fontsize=8)
+    axes.legend(
+        handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncol=4, frameon=False, fontsize=8
+    )
     return figure
 
 
@@ -111,7 +117,10 @@ def _number(item: tuple[str, str]) -> float:
 def markdown(columns: list[str], rows: list[list[Any]]) -> str:
     """A table."""
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
-    return "\n".join(lines + ["| " + " | ".join(str(c).replace("|", "¦") for c in row) + " |" for row in rows]) + "\n"
+    return (
+        "\n".join(lines + ["| " + " | ".join(str(c).replace("|", "¦") for c in row) + " |" for row in rows])
+        + "\n"
+    )
 
 
 def counts(rows: list[dict[str, str]]) -> str:
@@ -129,7 +138,7 @@ def runs_part(rows: list[dict[str, str]]) -> list[str]:
     done = [row for row in rows if row["ended"] == "completed"]
     worst = max((float(row["from_nothing_fraction"]) for row in done), default=0.0)
     closure = sorted(float(row["closure_fraction"]) for row in done)
-    text = [
+    return [
         "## Runs\n",
         "![How each run ended, by axis and value](stability/runs.svg)\n",
         f"{len(rows)} runs: {counts(rows)}. Base: the single finger in 2-D at level smoke, 0 → 20 kPa in 0.15 s, time step 1 ms;"
@@ -152,7 +161,6 @@ def runs_part(rows: list[dict[str, str]]) -> list[str]:
             [[AXES.get(r["axis"], r["axis"]), r["value"], r["ended"], r["reason"]] for r in rows if r["ended"] != "completed"],
         ),
     ]  # fmt: skip
-    return text
 
 
 def images_part(rows: list[dict[str, str]]) -> list[str]:
@@ -166,7 +174,18 @@ def images_part(rows: list[dict[str, str]]) -> list[str]:
         " no vector can be right, all that are called valid). More than 5 % wrong counts as a plausible wrong answer.\n",
         markdown(
             ["axis", "value", "preset", "ended", "valid", "rms px", "wrong"],
-            [[r["axis"], r["value"], r["preset"], r["ended"], r["valid"], r["rms_px"], r["wrong_unflagged"]] for r in rows],
+            [
+                [
+                    r["axis"],
+                    r["value"],
+                    r["preset"],
+                    r["ended"],
+                    r["valid"],
+                    r["rms_px"],
+                    r["wrong_unflagged"],
+                ]
+                for r in rows
+            ],
         ),
     ]
 

@@ -10,7 +10,6 @@ import shutil
 import signal
 import time
 import traceback
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,10 @@ from tests.stability.table import Row, scene_text
 
 HANG = 7200.0  # s; the longest run takes minutes on an idle machine
 LEAST_CLOSURE = -0.02  # of the work: below it energy has come from nothing
-FORCE_RANGE = (0.005, 2.0)  # of the added mass and drag of a plate as long as the finger: beyond it a force is no finger's
+FORCE_RANGE = (
+    0.005,
+    2.0,
+)  # of the added mass and drag of a plate as long as the finger: beyond it a force is no finger's
 STAGES = {"kinematics": kinematics.run, "mesh": mesh.run, "case": case.run, "run": run_stage.run}
 
 
@@ -80,7 +82,11 @@ def _in_child(row: Row) -> dict[str, Any]:
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     if not answer.exists():
-        return {"ended": "CRASH", "reason": f"the process ended with status {done[1]}", "cpu_s": round(spent, 1)}
+        return {
+            "ended": "CRASH",
+            "reason": f"the process ended with status {done[1]}",
+            "cpu_s": round(spent, 1),
+        }
     result = json.loads(answer.read_text())
     answer.unlink()
     return result | {"cpu_s": round(spent, 1)}
@@ -170,5 +176,8 @@ def _judged(scene: Scene) -> dict[str, Any]:
         wrong.append("energy from nothing")
     if not FORCE_RANGE[0] < peak / plate < FORCE_RANGE[1]:
         wrong.append(f"a force of {peak / plate:.2g} of a plate's")
-    return {"ended": "WRONG" if wrong else "completed", "stage": "run", "reason": "; ".join(wrong)} | motion | numbers
-
+    return (
+        {"ended": "WRONG" if wrong else "completed", "stage": "run", "reason": "; ".join(wrong)}
+        | motion
+        | numbers
+    )

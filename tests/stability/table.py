@@ -42,7 +42,9 @@ class Row:
 
 def read_table(path: Path) -> list[Row]:
     """The runs of `cases/<scene>/studies/<study>.csv`."""
-    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip() and line[0] != "#"]
+    lines = [
+        line for line in path.read_text(encoding="utf-8").splitlines() if line.strip() and line[0] != "#"
+    ]
     rows = []
     for record in csv.DictReader(lines):
         given = {key: text for key, text in record.items() if text}
