@@ -15,7 +15,6 @@ READY  := .venv/.ready
 FLAGS  := $(if $(QUIET),--quiet)
 
 .SUFFIXES:
-.DELETE_ON_ERROR:
 .SECONDARY:
 .PHONY: help setup test lint unit fea fea-studies pinch-studies docs clean clean-all bench-piv stability faults fuzz $(SCENES) $(foreach s,$(SCENES),$(addprefix $(s).,$(STAGES) cfd))
 
@@ -35,7 +34,10 @@ $(READY): requirements.lock pipeline/setup.sh
 # One set of rules per scene. Every stage depends on the files of the stages before it and on its own settings, which are
 # rewritten only when their content changes: touching one number redoes only what follows from it. Python files are no
 # prerequisites: editing them does not solve again (make clean does).
+# Every stage gives its files their names when they are whole: make need not, and after a kill or beside a second make must
+# not, delete them.
 define scene_rules
+.PRECIOUS: $(addprefix $(2)/,kinematics.h5 planform.h5 sweep.h5 run/run.json sheet.h5 images.h5 piv.h5 vortices_cfd.csv vortices_piv.csv comparison.json report.html)
 $(1): $(1).report
 	@echo "report: $$(abspath cases/$(1)/out/$(LEVEL)/report.html)"
 $(1).kinematics: $(2)/kinematics.h5

@@ -178,9 +178,13 @@ def polygon_seeds(_: Path) -> list[bytes]:
 
 def use_vectors(path: Path) -> None:
     """Read vectors whole; what is read must keep the format's rules."""
-    options = {".csv": {}, ".h5": {}, ".nc": {}, ".dat": {"y_axis": "up"}, ".vc7": {"interval_s": 0.002}}.get(
-        path.suffix, TOLD
-    )
+    options = {
+        ".csv": {},
+        ".h5": {},
+        ".nc": {},
+        ".dat": {"y_axis": "up"},
+        ".vc7": {k: TOLD[k] for k in ("interval_s", "scale_m_per_px", "image_rows")},
+    }.get(path.suffix, TOLD)
     if path.name == "vectors.txt":
         options = METRES
     with read_vectors([path], **options) as plane:
