@@ -12,6 +12,7 @@ import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pipeline.errors import StageError
 from pipeline.probe import probe
@@ -41,7 +42,7 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, float]]:
             f"{path}: no measured settings for this scene; make them with make tradeoff SCENE={path.stem}"
         )
     lines = path.read_text(encoding="utf-8").splitlines()
-    head = next((json.loads(line[1:]) for line in lines if line.startswith("#")), {})
+    head: dict[str, Any] = next((json.loads(line[1:]) for line in lines if line.startswith("#")), {})
     settings = []
     for record in csv.DictReader(line for line in lines if not line.startswith("#")):
         seconds = {k[8:-2]: float(v) for k, v in record.items() if k.startswith("predict_") and v}

@@ -81,7 +81,8 @@ def scene():
 
 
 def note(title: str, text: str) -> None:
-    """Add to the log, and show."""
+    """Add to the log, without the paths of this machine, and show."""
+    text = text.replace(f"{ROOT}/", "")
     with LOG.open("a", encoding="utf-8") as file:
         file.write(f"\n== {title}\n{text.rstrip()}\n")
     print(f"\n== {title}\n{text}")
