@@ -54,7 +54,7 @@ ifneq ($(ACCURACY)$(BUDGET),)
 # the cheapest setting that was measured to reach it (docs/tradeoff.md), in a folder of its own
 $(1): $(READY)
 	@set -e; found=$$$$($(PY) -m pipeline.choose cases/$(1) $(if $(ACCURACY),--accuracy "$(ACCURACY)",--budget "$(BUDGET)")); \
-	set -- $$$$found; $(MAKE) CASES=cases/$(1)/out/studies/asked LEVEL=$$$$2 NP=$$$$3 ACCURACY= BUDGET= $$$$1; \
+	set -- $$$$found; $$(MAKE) --no-print-directory CASES=cases/$(1)/out/studies/asked LEVEL=$$$$2 NP=$$$$3 ACCURACY= BUDGET= $$$$1; \
 	$(PY) -m pipeline.choose cases/$(1) --after
 else ifneq ($(SLURM),)
 $(1): $(READY)
