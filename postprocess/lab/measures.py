@@ -101,8 +101,7 @@ def scatter(
             spread = np.std(found[1:], axis=0, ddof=1)
             for name, value in zip(COLUMNS[:4], spread, strict=True):
                 moved[name].append(float(value))
-        near = now["u_std"].values[now["valid"].values != 0]
-        moved["jet_speed"].append(float(np.median(near)))
+        moved["jet_speed"].append(_jet_scatter(plane.isel(time=[k]), smooth, rng))
     if not moved["circulation"]:
         raise ValueError(
             "the tip vortex cannot be fitted again with the vectors' uncertainty; is it too large?"
@@ -110,13 +109,24 @@ def scatter(
     return {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in moved.items()}
 
 
+def _jet_scatter(plane: xr.Dataset, smooth: float, rng: np.random.Generator) -> float:
+    """Standard deviation of the jet speed of a series of one instant under the vectors' uncertainty."""
+    reach = 1.2 * JET_REACH * float(plane.attrs["tip_width"])
+    tips = plane["tip"].values[0]
+    (x0, y0), (x1, y1) = tips.min(axis=0) - reach, tips.max(axis=0) + reach
+    box = plane.sel(x=slice(x0, x1), y=slice(y0, y1))
+    speeds = [jet_speed(_shaken(box, smooth, rng), 0) for _ in range(REPLICAS)]
+    return float(np.std(speeds, ddof=1))
+
+
 def _shaken(box: xr.Dataset, smooth: float, rng: np.random.Generator) -> xr.Dataset:
     out = box.copy()
+    *lead, rows, columns = box["u"].shape
     for name in ("u", "v"):
-        noise = gaussian_filter(rng.standard_normal(box[name].shape), smooth, mode="reflect")
-        size = np.sqrt(np.mean(gaussian_filter(_impulse(box[name].shape), smooth) ** 2) * noise.size)
+        noise = gaussian_filter(rng.standard_normal((rows, columns)), smooth, mode="reflect")
+        size = np.sqrt(np.sum(gaussian_filter(_impulse((rows, columns)), smooth) ** 2))
         std = np.nan_to_num(box[f"{name}_std"].values)
-        out[name] = box[name] + std * noise / max(size, 1e-12)
+        out[name] = box[name] + std * (noise / max(size, 1e-12)).reshape(*[1] * len(lead), rows, columns)
     return out
 
 

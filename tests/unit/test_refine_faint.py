@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from piv.refine import newton_step
+from piv.refine import MOMENTS, newton_step
 
 
 def test_faint_texture_takes_no_step():
-    sums = np.full((8, 2, 3), 1e-25, np.float32)
+    sums = np.full((MOMENTS, 2, 3), 1e-25, np.float32)
     step_x, step_y, _ = newton_step(sums, 1.0)
     assert not step_x.any()
     assert not step_y.any()
