@@ -1,30 +1,42 @@
 # Soft finger in water: from kinematics to the report. `make help` lists what there is.
 LEVEL ?= coarse
-NP    ?= $(shell n=$$(nproc 2>/dev/null || echo 1); [ $$n -gt 4 ] && n=4; echo $$n)
+CORES := $(shell nproc 2>/dev/null || echo 1)
+NP    ?= $(shell n=$(CORES); [ $$n -gt 4 ] && n=4; echo $$n)
+JOBS  := $(shell n=$(NP); [ $$n -gt $(CORES) ] && n=$(CORES); echo $$n)
 HOSTS ?=
 QUIET ?=
+CASES ?= cases
+SLURM ?=
+ACCURACY ?=
+BUDGET ?=
 
 # The sheet's vortices are found while its images are still rendered.
-MAKEFLAGS += -j$(NP)
+MAKEFLAGS += -j$(JOBS)
 
 SHELL  := /bin/sh
 PY     := .venv/bin/python
-SCENES := $(patsubst cases/%/scene.toml,%,$(wildcard cases/*/scene.toml))
+SCENES := $(patsubst $(CASES)/%/scene.toml,%,$(wildcard $(CASES)/*/scene.toml))
+SCENE  ?= single_finger
+# scenes that a comparison with a laboratory made: runs beside the nominal one
+RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(wildcard $(addprefix $(CASES)/*/out/*/,inputs/*/scene.toml virtual/*/scene.toml \
+            lab/*/measured/scene.toml lab/*/measured/out/*/inputs/*/scene.toml)))
 STAGES := kinematics mesh case run sheet images piv vortices compare report
 READY  := .venv/.ready
 FLAGS  := $(if $(QUIET),--quiet)
 
 .SUFFIXES:
 .SECONDARY:
-.PHONY: help setup test lint unit fea fea-studies pinch-studies docs clean clean-all bench-piv stability faults fuzz $(SCENES) $(foreach s,$(SCENES),$(addprefix $(s).,$(STAGES) cfd))
+.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-sheets study-sheets validate convergence clean clean-all bench-piv stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
 
 help: ## this list
 	@echo "make setup                     Python environment and OpenFOAM, where missing"
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"
 	@echo "    SCENE: $(SCENES)"
 	@echo "    LEVEL: smoke (2-D, seconds), coarse (default), medium, fine;  NP: MPI ranks, now $(NP)"
+	@echo "make SCENE ACCURACY=5%         the cheapest measured setting within 5 %; BUDGET=10min: the most accurate within it"
+	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]; or HOSTS=hosts.txt"
 	@echo "make SCENE.STAGE               up to one stage: $(STAGES)"
-	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
 
 setup: $(READY) ## only the set-up
 $(READY): requirements.lock pipeline/setup.sh
@@ -38,8 +50,19 @@ $(READY): requirements.lock pipeline/setup.sh
 # not, delete them.
 define scene_rules
 .PRECIOUS: $(addprefix $(2)/,kinematics.h5 planform.h5 sweep.h5 run/run.json sheet.h5 images.h5 piv.h5 vortices_cfd.csv vortices_piv.csv comparison.json report.html)
+ifneq ($(ACCURACY)$(BUDGET),)
+# the cheapest setting that was measured to reach it (docs/tradeoff.md), in a folder of its own
+$(1): $(READY)
+	@set -e; found=$$$$($(PY) -m pipeline.choose cases/$(1) $(if $(ACCURACY),--accuracy "$(ACCURACY)",--budget "$(BUDGET)")); \
+	set -- $$$$found; $(MAKE) CASES=cases/$(1)/out/studies/asked LEVEL=$$$$2 NP=$$$$3 ACCURACY= BUDGET= $$$$1; \
+	$(PY) -m pipeline.choose cases/$(1) --after
+else ifneq ($(SLURM),)
+$(1): $(READY)
+	@$(PY) -m pipeline.batch $(CASES)/$(1) --level $(LEVEL) --ranks $(NP) --submit $(if $(MINUTES),--minutes $(MINUTES)) $(if $(NODES),--nodes $(NODES)) $(if $(PARTITION),--partition $(PARTITION)) $(if $(ACCOUNT),--account $(ACCOUNT)) $(FLAGS)
+else
 $(1): $(1).report
-	@echo "report: $$(abspath cases/$(1)/out/$(LEVEL)/report.html)"
+	@echo "report: $$(abspath $(CASES)/$(1)/out/$(LEVEL)/report.html)"
+endif
 $(1).kinematics: $(2)/kinematics.h5
 $(1).mesh: $(2)/planform.h5
 $(1).case: $(2)/sweep.h5
@@ -52,43 +75,51 @@ $(1).vortices: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv
 $(1).compare: $(2)/comparison.json
 $(1).report: $(2)/report.html
 
-$(2)/settings/.stamp: $(wildcard cases/*/scene.toml cases/*/*.csv cases/*/kinematics/*) | $(READY)
-	@$(PY) -m pipeline.settings cases/$(1) --level $(LEVEL) $(FLAGS)
+$(2)/settings/.stamp: $(wildcard cases/*/scene.toml cases/*/*.csv cases/*/kinematics/* $(CASES)/$(1)/scene.toml) | $(READY)
+	@$(PY) -m pipeline.settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/settings/%.json: $(2)/settings/.stamp
 	@:
 $(2)/kinematics.h5: $(2)/settings/kinematics.json
-	$(PY) -m pipeline.kinematics cases/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m pipeline.kinematics $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/planform.h5: $(2)/kinematics.h5 $(2)/settings/mesh.json
-	$(PY) -m pipeline.mesh cases/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m pipeline.mesh $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/sweep.h5: $(2)/planform.h5 $(2)/settings/case.json
-	$(PY) -m pipeline.case cases/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m pipeline.case $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/run/run.json: $(2)/sweep.h5
-	$(PY) -m pipeline.run cases/$(1) --level $(LEVEL) --ranks $(NP) $(if $(HOSTS),--hosts $(HOSTS)) $(FLAGS)
+	$(PY) -m pipeline.run $(CASES)/$(1) --level $(LEVEL) --ranks $(NP) $(if $(HOSTS),--hosts $(HOSTS)) $(FLAGS)
 $(2)/sheet.h5: $(2)/run/run.json $(2)/settings/sheet.json
-	$(PY) -m pipeline.sheets cases/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m pipeline.sheets $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/images.h5: $(2)/sheet.h5 $(2)/settings/images.json
-	$(PY) -m piv render $$< -o $$@ --settings $(2)/settings/images.json $(FLAGS)
+	$(PY) -m pipeline.costs $(2)/costs/images.json -- $(PY) -m piv render $$< -o $$@ --settings $(2)/settings/images.json $(FLAGS)
 $(2)/piv.h5: $(2)/images.h5 $(2)/settings/piv.json
-	$(PY) -m piv correlate $$< -o $$@ --threads $(NP) --settings $(2)/settings/piv.json $(FLAGS)
+	$(PY) -m pipeline.costs $(2)/costs/piv.json -- $(PY) -m piv correlate $$< -o $$@ --threads $(JOBS) --settings $(2)/settings/piv.json $(FLAGS)
 $(2)/vortices_cfd.csv: $(2)/sheet.h5 $(2)/settings/vortices.json
-	$(PY) -m piv vortices $$< -o $$@ --threads $(NP) --settings $(2)/settings/vortices.json $(FLAGS)
+	$(PY) -m pipeline.costs $(2)/costs/vortices_cfd.json -- $(PY) -m piv vortices $$< -o $$@ --threads $(JOBS) --settings $(2)/settings/vortices.json $(FLAGS)
 $(2)/vortices_piv.csv: $(2)/piv.h5 $(2)/settings/vortices.json
-	$(PY) -m piv vortices $$< -o $$@ --threads $(NP) --settings $(2)/settings/vortices.json $(FLAGS)
-$(2)/comparison.json: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv $(wildcard cases/$(1)/reference/*) $(3)
-	$(PY) -m postprocess.compare cases/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m pipeline.costs $(2)/costs/vortices_piv.json -- $(PY) -m piv vortices $$< -o $$@ --threads $(JOBS) --settings $(2)/settings/vortices.json $(FLAGS)
+$(2)/comparison.json: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv $(wildcard $(CASES)/$(1)/reference/*) $(3)
+	$(PY) -m postprocess.compare $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/report.html: $(2)/comparison.json $(2)/settings/report.json
-	$(PY) -m postprocess.figures cases/$(1) --level $(LEVEL) $(FLAGS)
-	$(PY) -m postprocess.report cases/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m postprocess.figures $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m postprocess.report $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 endef
 # A pinch is compared with the single finger at the same level, where that was run; make single_finger first.
 SINGLE := $(wildcard cases/single_finger/out/$(LEVEL)/vortices_*.csv)
-$(foreach s,$(SCENES),$(eval $(call scene_rules,$(s),cases/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
+$(foreach s,$(SCENES) $(RUNS),$(eval $(call scene_rules,$(s),$(CASES)/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
+
+include postprocess/lab/compare.mk
 
 fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/kinematics/states.h5
 	$(PY) -m pipeline.fea cases/single_finger
 
 bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/piv.md
 	$(PY) tests/benchmarks/piv_bench.py --docs
+
+validate: $(READY) ## flows of known answer through the project's own stages: docs/verification.md
+	nice $(PY) -m validation $(FLAGS)
+
+convergence: $(READY) ## the finger on several grids and time steps: rows of docs/verification.md
+	nice $(PY) -m validation finger_2d finger $(FLAGS)
 
 stability: $(READY) ## runs and images at the extremes: docs/stability.md
 	$(PY) -m tests.stability
@@ -101,9 +132,12 @@ fuzz: $(READY) ## damaged files for every reader, with atheris where it is insta
 	$(PY) -m tests.fuzz --table docs/stability/fuzz.csv
 	$(PY) -m tests.stability.page
 
-docs: single_finger.report single_deflate.report ## pages and pictures of the docs that come from runs
+docs: single_finger.report single_deflate.report cycle.report ## pages and pictures of the docs that come from runs
 	$(PY) -m postprocess.summary cases/single_finger --level $(LEVEL)
 	$(PY) -m postprocess.summary cases/single_deflate --level $(LEVEL)
+	$(PY) -m postprocess.summary cases/cycle --level $(LEVEL)
+	$(MAKE) --no-print-directory pinch.report
+	$(PY) -m postprocess.summary cases/pinch --level $(LEVEL)
 	$(PY) -m tests.pictures.vortices docs/vortices.png
 	$(PY) -m tests.pictures.synthetic docs/synthetic.png
 
@@ -114,6 +148,29 @@ pinch-studies: $(READY) ## studies of the pinch (STUDIES="gap1 gap2": only some)
 
 fea-studies: $(READY) ## studies over wedge, width and materials: docs/fea
 	$(PY) -m pipeline.fea.studies
+
+# Studies: many runs by Snakemake, in an environment of its own; everything that computes stays in .venv.
+STUDY_READY := .venv-study/.ready
+SNAKEMAKE   := .venv-study/bin/snakemake -s pipeline/Snakefile
+EXECUTOR    := $(if $(SLURM),--executor slurm -j100,-j$(JOBS))
+
+$(STUDY_READY): requirements-study.lock | $(READY)
+	.venv/bin/python -m venv .venv-study
+	.venv-study/bin/python -m pip install -q --disable-pip-version-check -r requirements-study.lock
+	@touch $@
+
+study: $(STUDY_READY) ## the runs of a table: make study STUDY=cases/single_finger/studies/tradeoff.csv [SCENE=..] [SLURM=1]
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=$(STUDY) $(if $(filter command line,$(origin SCENE)),scene=cases/$(SCENE))
+
+tradeoff: $(STUDY_READY) ## what accuracy costs: the study of SCENE (single_finger), docs/tradeoff.md and docs/tradeoff/
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/$(SCENE)/studies/tradeoff.csv
+	$(PY) -m postprocess.tradeoff cases/$(SCENE)/out/studies/tradeoff/plan.json
+
+predict: cases/$(SCENE)/out/$(LEVEL)/sweep.h5 ## hours of SCENE at LEVEL on 1 to 256 ranks, and how many ranks pay
+	@$(PY) -m pipeline.scaling cases/$(SCENE) --level $(LEVEL)
+
+test-slurm: $(STUDY_READY) ## a real Slurm of one node, started and stopped by the test (slurm-wlm, root); log in docs/cluster.md
+	$(PY) -m pytest tests/slurm -p no:cacheprovider -s
 
 lint: $(READY) ## ruff, mypy and the import rules
 	$(PY) -m ruff check .
@@ -131,4 +188,4 @@ clean: ## everything generated by runs (all scenes and levels)
 	rm -rf cases/*/out cases/*/*/out
 
 clean-all: clean ## that, and the Python environment
-	rm -rf .venv
+	rm -rf .venv .venv-study

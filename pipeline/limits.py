@@ -21,8 +21,9 @@ COURANT_OF_FLOW = (2.5, 4.0)
 
 def check_numbers(scene: Any) -> None:
     """Units, sizes and counts of a scene."""
-    _check_fluid(scene.fluid)
-    _check_mesh(scene)
+    if scene.body is None:  # a rigid body's scene is in units of its own
+        _check_fluid(scene.fluid)
+        _check_mesh(scene)
     steps = scene.motion.end_time / scene.numerics.time_step
     if steps > MAX_STEPS:
         raise ValueError(

@@ -94,20 +94,13 @@ def last_lines(path: Path, count: int = 25) -> str:
 
 
 def solver_command(ranks: int, hosts: Path | None = None) -> list[str]:
-    """pimpleFoam, through MPI where `ranks` > 1."""
+    """pimpleFoam, through MPI where `ranks` > 1; in a Slurm job on the cores that it was given."""
     if ranks == 1:
         return ["pimpleFoam"]
-    mpi = [
-        "mpirun",
-        "--mca",
-        "mpi_yield_when_idle",
-        "1",
-        "--bind-to",
-        "none",
-        "--oversubscribe",
-        "-np",
-        str(ranks),
-    ]
+    mpi = ["mpirun", "-np", str(ranks)]
+    if hosts is not None or "SLURM_JOB_ID" not in os.environ:
+        # a machine that is shared with others: ranks yield, move, and may be more than its cores
+        mpi += ["--mca", "mpi_yield_when_idle", "1", "--bind-to", "none", "--oversubscribe"]
     if hosts is not None:
         mpi += ["--hostfile", str(hosts)]
     if hasattr(os, "geteuid") and os.geteuid() == 0:

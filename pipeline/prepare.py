@@ -18,7 +18,7 @@ from pipeline.legs import Leg, read_stage
 from pipeline.motion import read_motion
 from pipeline.openfoam import run_tool
 from pipeline.partition import partition_columns
-from pipeline.quality import cell_centres
+from pipeline.quality import cell_centres, neighbours, planform_edges
 from pipeline.scene import Scene
 from pipeline.solver import PROGRESS, set_number
 from pipeline.stage import read_dataset, write_text
@@ -46,9 +46,8 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: int, quiet: bo
     wanted = case_state(case, ranks)
     if prepared_for(case) == wanted:
         return
-    for later in reversed(
-        legs[leg.index :]
-    ):  # what is interrupted from here on must begin anew, and so what follows
+    # what is interrupted from here on must begin anew, and so what follows
+    for later in reversed(legs[leg.index :]):
         for stale in (STATE, PROGRESS):
             (scene.out / "case" / later.name / stale).unlink(missing_ok=True)
     begin, step = leg.begin(scene.numerics.time_step), scene.numerics.time_step
@@ -82,11 +81,10 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: int, quiet: bo
 
 def _decompose(case: Path, sweep: xr.Dataset, planform: xr.Dataset, ranks: int) -> None:
     column = sweep["cell_column"].values
-    centres = cell_centres(
-        planform["points"].values[0], planform["triangles"].values, planform["quads"].values
-    )
+    triangles, quads = planform["triangles"].values, planform["quads"].values
+    centres = cell_centres(planform["points"].values[0], triangles, quads)
     load = np.bincount(column, minlength=len(centres)).astype(float)
-    rank = partition_columns(centres, load, ranks)[column]
+    rank = partition_columns(centres, load, ranks, neighbours(planform_edges(triangles, quads)))[column]
     write_list(case / "constant" / "cellDecomposition", "labelList", "constant", rank)
     set_number(case, "ranks", str(ranks))
     run_tool(["decomposePar", "-force", "-noFunctionObjects"], case, "log.decomposePar")

@@ -38,6 +38,12 @@ def planform_edges(triangles: np.ndarray, quads: np.ndarray) -> Edges:
     return Edges(directed[start], owner[start], right)
 
 
+def neighbours(edges: Edges) -> np.ndarray:
+    """Pairs (inner edge, 2) of planform cells that share an edge."""
+    inner = edges.right >= 0
+    return np.column_stack([edges.left[inner], edges.right[inner]])
+
+
 def cell_centres(nodes: np.ndarray, triangles: np.ndarray, quads: np.ndarray) -> np.ndarray:
     """Area centroids of triangles, then quads."""
     centre3 = nodes[triangles].mean(1)

@@ -121,7 +121,7 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: int,
         raise stopped(f"the solver has said nothing for {SILENCE / 60:g} minutes")
     if code != 0:
         raise failed(case, guard)
-    if cause := guard.energy and guard.energy.look(ended=True):
+    if guard.energy is not None and (cause := guard.energy.look(ended=True)):
         raise stopped(cause)
     note(ended=True)
 

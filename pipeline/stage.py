@@ -5,17 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import sys
 import time
 from collections.abc import Callable, Mapping
-from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
+from pipeline.costs import record_cost
 from pipeline.errors import StageError
 from pipeline.scene import Scene, load_scene
 from piv.errors import one_line, sentence
@@ -65,19 +64,7 @@ def timed(stage: str, args: argparse.Namespace, run: Callable[[Scene, bool], Any
     begin = time.monotonic()
     with exclusive(scene.out / stage):
         earlier = run(scene, args.quiet) or 0.0  # seconds spent by a run that this one resumed
-    record_cost(scene.out, stage, time.monotonic() - begin + earlier)
-
-
-def record_cost(out: Path, stage: str, wall_time: float) -> None:
-    """Write costs/<stage>.json: wall time (s) and peak memory (bytes) of this process and its children."""
-    peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    cost = {
-        "stage": stage,
-        "wall_time": round(wall_time, 3),
-        "peak_memory": peak * 1024,
-        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-    write_text(out / "costs" / f"{stage}.json", json.dumps(cost, indent=1) + "\n")
+    record_cost(scene.out / "costs" / f"{stage}.json", stage, time.monotonic() - begin + earlier)
 
 
 def versions() -> dict[str, str]:

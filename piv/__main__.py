@@ -1,4 +1,4 @@
-"""Command line: python -m piv correlate|render|vortices|calibrate|mask|plot|animate|convert."""
+"""Command line: python -m piv correlate|join|render|vortices|calibrate|mask|plot|animate|convert."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from piv.exclusive import exclusive
 
 COMMANDS = {
     "correlate": "image pairs or a recording to a vector plane series",
+    "join": "the chunks of a recording to one vector plane series",
     "render": "a plane series to a synthetic recording",
     "vortices": "a plane series to a table of vortices and their tracks",
     "calibrate": "scale, origin and lens distortion from points or a target",

@@ -18,6 +18,7 @@ from piv.plane import FORMAT, check_plane, make_plane, read_plane, write_plane
 from piv.vector_files import (
     Vectors,
     guess_format,
+    pivlab_frames,
     read_davis,
     read_openpiv,
     read_pivlab,
@@ -122,14 +123,21 @@ def read_vectors(
         "openpiv": read_openpiv,
         "tecplot": read_tecplot,
         "davis": read_davis,
-        "pivlab": lambda p: read_pivlab(p, keep_replaced=keep_replaced),
     }
-    if kind not in readers:
-        raise ValueError(f"unknown format {kind!r}; known are {', '.join([*readers, 'csv', 'plane'])}")
+    if kind not in (*readers, "pivlab"):
+        raise ValueError(
+            f"unknown format {kind!r}; known are {', '.join([*readers, 'pivlab', 'csv', 'plane'])}"
+        )
     files.sort(key=natural_key)
+    sources = [(path, 0) for path in files]
+    if kind == "pivlab" and len(files) == 1:  # a .mat holds all instants of a session
+        sources = [(files[0], frame) for frame in range(pivlab_frames(files[0]))]
     planes = []
-    for path in files:
-        found = readers[kind](path)
+    for path, instant in sources:
+        if kind == "pivlab":
+            found = read_pivlab(path, frame=instant, keep_replaced=keep_replaced)
+        else:
+            found = readers[kind](path)
         if zero_is_absent:
             found.flag[(found.u == 0) & (found.v == 0)] = 2
         planes.append(to_plane(found, str(path), **units))  # type: ignore[arg-type]
@@ -137,9 +145,9 @@ def read_vectors(
     if len(planes) == 1:
         return planes[0].assign_attrs(attrs)
     if frame_rate_hz is None or not frame_rate_hz > 0:
-        raise ValueError(f"{len(files)} files are a series in time; give --frame-rate")
+        raise ValueError(f"{len(planes)} instants are a series in time; give --frame-rate")
     first = planes[0]
-    for path, plane in zip(files, planes, strict=True):
+    for (path, _), plane in zip(sources, planes, strict=True):
         for axis in ("x", "y"):
             if plane[axis].shape != first[axis].shape or not np.allclose(plane[axis], first[axis]):
                 raise ValueError(f"{path}: its grid differs from that of {files[0].name}")

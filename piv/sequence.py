@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
+from piv.chunks import BLOCK, Chunk, is_chunk, series_key
 from piv.correlate import correlate_pair, vector_axes
 from piv.images import pairs
 from piv.multiframe import correlate_frames
@@ -71,6 +72,7 @@ def correlate_recording(
     *,
     mask: np.ndarray | None = None,
     finger: xr.Dataset | None = None,
+    chunk: tuple[int, int] | None = None,
     quiet: bool = True,
 ) -> Path:
     """Correlate a recording into the plane series `output` (docs/formats.md).
@@ -78,9 +80,13 @@ def correlate_recording(
     SI where the recording knows its scale and its times, else px, with time in frames. mask: static, true = body,
     together with the recording's own; finger: dataset whose finger variables (one per frame) are passed on. Finished
     fields survive an interruption in `<output>.part` and are not computed again; the result does not depend on
-    that nor on the number of threads.
+    that nor on the number of threads. chunk: (k, n) computes only the k-th of n parts of the fields, which
+    piv.chunks.join puts together again.
     """
     sets = frame_sets(len(recording), sequence)
+    part = Chunk.of_series(len(sets), *chunk) if chunk else None
+    if part is not None:
+        sets = sets[part.first : part.first + part.count]
     clean = Preprocessor([s for s in sequence.preprocess.split(",") if s], recording)
 
     def load(indices: tuple[int, ...]) -> tuple[list[np.ndarray], list[Any]]:
@@ -95,13 +101,13 @@ def correlate_recording(
     settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps}
     settings.pop("threads")
     attrs = {"source": "piv", **provenance(**settings), **carried(recording, finger)}
-    identity = [
-        recording.name,
-        len(recording),
-        list(recording.shape),
-        settings,
-        float(np.mean(recording.frame(0))),
-    ]
+    first_mean = float(np.mean(recording.frame(0)))
+    identity = series_key([recording.name, len(recording), list(recording.shape), settings, first_mean])
+    if part is not None:
+        attrs["chunk"] = part.to_json(identity)
+        if is_chunk(output, attrs["chunk"]):
+            return Path(output)
+        identity = attrs["chunk"]
     writer = SeriesWriter(output, x, y, calibration.time, calibration.units, attrs, identity)
     threads_before = cv2.getNumThreads()
     cv2.setNumThreads(1)  # fields are the unit of parallel work
@@ -115,7 +121,9 @@ def correlate_recording(
         if finger is not None:
             for name in FINGER_VARIABLES:
                 if name in finger:
-                    writer.add(name, tuple(map(str, finger[name].dims)), finger_in_sets(finger[name], sets))
+                    variable = finger[name]
+                    shape = (len(sets), *variable.shape[1:])
+                    writer.add(name, tuple(map(str, variable.dims)), shape, finger_in_sets(variable, sets))
         return writer.finish()
     finally:
         cv2.setNumThreads(threads_before)
@@ -186,10 +194,13 @@ def carried(recording: Recording, finger: xr.Dataset | None) -> dict[str, Any]:
     return out
 
 
-def finger_in_sets(variable: xr.DataArray, sets: list[tuple[int, ...]]) -> np.ndarray:
-    """A finger variable at the middle of each set; directions stay unit vectors."""
-    values = variable.values
-    middle = np.stack([0.5 * (values[s[0]] + values[s[-1]]) for s in sets])
-    if str(variable.name).endswith("_direction"):
-        middle /= np.linalg.norm(middle, axis=-1, keepdims=True)
-    return middle
+def finger_in_sets(variable: xr.DataArray, sets: list[tuple[int, ...]]) -> Iterator[np.ndarray]:
+    """A finger variable at the middle of each set, block by block; directions stay unit vectors."""
+    for begin in range(0, len(sets), BLOCK):
+        block = sets[begin : begin + BLOCK]
+        first = block[0][0]
+        values = variable[first : block[-1][-1] + 1].values
+        middle = np.stack([0.5 * (values[s[0] - first] + values[s[-1] - first]) for s in block])
+        if str(variable.name).endswith("_direction"):
+            middle /= np.linalg.norm(middle, axis=-1, keepdims=True)
+        yield middle

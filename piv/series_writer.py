@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -70,14 +71,17 @@ class SeriesWriter:
         early.set_chunk((1, *size[1:]))
         early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
         early.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+        early.set_obj_track_times(False)  # equal fields give equal files
         for name, kind in FIELDS.items():
             space = h5py.h5s.create_simple(size)
             h5py.h5d.create(self._file.id, name.encode(), h5py.h5t.py_create(np.dtype(kind)), space, early)
             plain = name in ("valid", "flag", "correlation")
             self._label(name, ("time", "y", "x"), "1" if plain else units["u"])
         self._file.create_dataset("_done", data=np.zeros(self.count, np.uint8))
-        for name, value in attrs.items():
-            self._file.attrs[name] = value
+        for name in sorted(
+            attrs
+        ):  # h5py reads them in this order: a file joined of others is equal to the last byte
+            self._file.attrs[name] = attrs[name]
         self._file.attrs["format"] = FORMAT
         self._file.attrs["format_version"] = FORMAT_VERSION
         self._file.attrs["_identity"] = self._identity
@@ -96,14 +100,20 @@ class SeriesWriter:
         self._file["_done"][index] = 1
         self._file.flush()
 
-    def add(self, name: str, dims: tuple[str, ...], values: np.ndarray) -> None:
-        """A further variable of docs/formats.md, whole; dimensions that are new are numbered."""
+    def add(
+        self, name: str, dims: tuple[str, ...], shape: tuple[int, ...], blocks: Iterable[np.ndarray]
+    ) -> None:
+        """A further variable of docs/formats.md, float64, in blocks along its first axis; new dimensions are numbered."""
         if name in self._file:
             del self._file[name]
-        for dim, size in zip(dims, values.shape, strict=True):
+        for dim, size in zip(dims, shape, strict=True):
             if dim not in self._file:
                 self._file.create_dataset(dim, data=np.arange(size, dtype=np.int32)).make_scale(dim)
-        self._file.create_dataset(name, data=values)
+        variable = self._file.create_dataset(name, shape, "f8")
+        begin = 0
+        for values in blocks:
+            variable[begin : begin + len(values)] = values
+            begin += len(values)
         self._label(name, dims, UNITS.get(name, "1"))
 
     def finish(self) -> Path:

@@ -193,6 +193,22 @@ def read_pivlab(path: Path, *, frame: int = 0, keep_replaced: bool = False) -> V
     return Vectors(*_grid(path, x, y, u, v, flag), length, velocity, "down" if length == "px" else None)
 
 
+def pivlab_frames(path: Path) -> int:
+    """Number of instants in a PIVlab export: those of a .mat, 1 of ASCII."""
+    if path.suffix.lower() != ".mat":
+        return 1
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such file")
+    try:
+        if h5py.is_hdf5(path):
+            with h5py.File(path, "r") as file:
+                return file["x"].size if file["x"].dtype == h5py.ref_dtype else 1
+        x = loadmat(path)["x"]
+    except Exception as error:  # scipy's reader raises whatever its parts raise on foreign bytes
+        raise ValueError(f"{path}: not a .mat export of PIVlab ({error})") from error
+    return x.size if x.dtype == object else 1
+
+
 def _pivlab_ascii(path: Path) -> tuple[tuple[np.ndarray, ...], tuple[str, str] | None]:
     lines = _head(path, 1 << 16).splitlines()
     start = next((k for k, ln in enumerate(lines) if re.match(r"\s*[-+]?\d|\s*nan", ln, re.I)), None)

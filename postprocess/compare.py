@@ -1,6 +1,7 @@
 """Comparison of CFD and PIV, judged by a scene's findings: comparison.json and comparison.csv.
 
 Command: python -m postprocess.compare cases/single_finger --level coarse
+With --dpiv FOLDER: comparison with a laboratory's data instead (postprocess.lab, docs/comparison.md; make compare).
 """
 
 from __future__ import annotations
@@ -158,6 +159,12 @@ def _tell(files: StageFiles, result: dict[str, Any]) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns 0 good, 2 bad input."""
+    arguments = sys.argv[1:] if argv is None else argv
+    if any(a.split("=")[0] == "--dpiv" for a in arguments):  # a laboratory's data in place of the virtual PIV
+        from postprocess.lab.__main__ import main as compare_with_laboratory  # loads what PIV needs
+
+        steps = ("register", "compare", "report")
+        return next((code for step in steps if (code := compare_with_laboratory([step, *arguments]))), 0)
     return run_stage("compare", __doc__, compare, _tell, argv)
 
 

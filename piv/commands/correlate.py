@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import fields
+from multiprocessing import get_context
 from pathlib import Path
 
 import xarray as xr
+from tqdm import tqdm
 
+from piv.chunks import chunk_path, join, parse, parts_of
 from piv.ensemble import correlate_ensemble_to
 from piv.images import open_recording
 from piv.masks import read_mask
@@ -39,6 +43,7 @@ SEQUENCE_HELPS = {
     "preprocess": "steps of piv.preprocess with commas, such as background=min,cap=3",
     "threads": "fields computed at a time",
 }
+CHUNKS_PER_PROCESS = 4  # so that no process waits long for the last
 CAMERA = ("scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz")
 
 
@@ -58,6 +63,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action=argparse.BooleanOptionalAction,
         default=argparse.SUPPRESS,
         help="one mean field from the summed correlations of all pairs (default no)",
+    )
+    parser.add_argument(
+        "--chunk",
+        metavar="K/N",
+        help="only the K-th of N parts, into a file beside the output; then: piv join OUTPUT",
+    )
+    parser.add_argument(
+        "--processes",
+        type=int,
+        default=1,
+        help="share the recording out over so many processes, and join their parts (default 1)",
     )
     for name, text in zip(
         CAMERA,
@@ -88,6 +104,45 @@ def run(args: argparse.Namespace) -> None:
     """Correlate and write."""
     known = {f.name for kind in (Options, SequenceOptions) for f in fields(kind)}
     given = merged(args, known | set(CAMERA) | {"ensemble", "colour"})
+    chunk = parse(args.chunk) if args.chunk else None
+    if args.processes < 1:
+        raise ValueError(f"processes must be at least 1, got {args.processes}")
+    if (chunk or args.processes > 1) and given.get("ensemble"):
+        raise ValueError("an ensemble is one field of all pairs: it cannot be made in chunks or by processes")
+    if chunk and args.processes > 1:
+        raise ValueError("give either --chunk or --processes")
+    if args.processes > 1:
+        share_out(args)
+        path = Path(args.output)
+    else:
+        path = correlate(args, given, chunk)
+    if not args.quiet:
+        print(path)
+
+
+def share_out(args: argparse.Namespace) -> None:
+    """The chunks of a recording by several processes, joined; finished fields survive an interruption."""
+    of = args.processes * CHUNKS_PER_PROCESS
+    alone = argparse.Namespace(**vars(args) | {"processes": 1, "quiet": True})
+    jobs = [argparse.Namespace(**vars(alone) | {"chunk": f"{k}/{of}"}) for k in range(1, of + 1)]
+    with ProcessPoolExecutor(args.processes, get_context("spawn")) as pool:
+        waiting = [pool.submit(run, job) for job in jobs]
+        try:
+            for future in tqdm(
+                as_completed(waiting), "correlate", len(jobs), unit="chunk", disable=args.quiet
+            ):
+                future.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    parts = parts_of(args.output)
+    join(parts, args.output)
+    for part in parts:
+        part.unlink()
+
+
+def correlate(args: argparse.Namespace, given: dict, chunk: tuple[int, int] | None) -> Path:
+    """The whole recording, or one chunk of it."""
     options, sequence = build(Options, given), build(SequenceOptions, given)
     source = args.source[0] if len(args.source) == 1 else args.source
     with open_recording(
@@ -98,18 +153,17 @@ def run(args: argparse.Namespace) -> None:
         recording.attrs |= {name: float(given[name]) for name in CAMERA[:3] if name in given}
         mask = read_mask(args.mask, recording.shape) if args.mask else None
         if given.get("ensemble"):
-            path = correlate_ensemble_to(
+            return correlate_ensemble_to(
                 recording, args.output, options, sequence, mask=mask, quiet=args.quiet
             )
-        else:
-            finger = finger_of(args.source)
-            path = correlate_recording(
-                recording, args.output, options, sequence, mask=mask, finger=finger, quiet=args.quiet
-            )
-            if finger is not None:
-                finger.close()
-    if not args.quiet:
-        print(path)
+        output = chunk_path(args.output, *chunk) if chunk else args.output
+        finger = finger_of(args.source)
+        path = correlate_recording(
+            recording, output, options, sequence, mask=mask, finger=finger, chunk=chunk, quiet=args.quiet
+        )
+        if finger is not None:
+            finger.close()
+        return path
 
 
 def finger_of(sources: list[str]) -> xr.Dataset | None:

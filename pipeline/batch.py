@@ -1,0 +1,197 @@
+"""Slurm batch scripts for one scene at one level: what comes before the solver, the solver on many ranks, what comes after.
+
+Command: python -m pipeline.batch cases/pinch --level fine --ranks 64 --submit (make pinch LEVEL=fine NP=64 SLURM=1)
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import StageError
+from pipeline.estimate import estimates
+from pipeline.scene import Scene, load_scene
+from pipeline.stage import guarded, parser, write_text
+
+RESTARTS = 50  # a job that does not end in so many legs has another fault than too little time
+WARNING = (
+    120  # s before the limit at which the job is told, to stop the solver and put itself back in the queue
+)
+SERIAL_TASKS = 4  # cores of the jobs before and after the solver
+
+HEAD = """#!/bin/bash
+# Written by: {command}
+#SBATCH --job-name={name}
+{nodes}#SBATCH --ntasks={tasks}
+#SBATCH --cpus-per-task={cpus}
+#SBATCH --mem-per-cpu={memory}M
+#SBATCH --time={time}
+{more}#SBATCH --requeue
+#SBATCH --open-mode=append
+#SBATCH --output={log}
+"""
+
+SOLVER = """#SBATCH --signal=B:USR1@{warning}
+
+# The limit comes near: stop the solver and queue again. It goes on from its last checkpoint; what was computed since
+# then (at most numerics.write_interval) is computed again.
+again() {{
+    echo "$(date -Is) time limit near: leg $(( ${{SLURM_RESTART_COUNT:-0}} + 1 )) ends"
+    kill -TERM "$stage" 2>/dev/null
+    wait "$stage"
+    if [ "${{SLURM_RESTART_COUNT:-0}}" -lt {restarts} ]; then scontrol requeue "$SLURM_JOB_ID"; fi
+    exit 1
+}}
+trap again USR1
+
+echo "$(date -Is) leg $(( ${{SLURM_RESTART_COUNT:-0}} + 1 )) on $SLURM_JOB_NODELIST"
+{line} &
+stage=$!
+wait "$stage"
+"""
+
+PLAIN = """
+{line}
+"""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of the cluster: ranks, nodes (None: Slurm's choice), wall time (minutes), partition and account; and
+    for the jobs before and after the solver a few cores of one node."""
+
+    ranks: int
+    minutes: int
+    memory_mb: int
+    nodes: int | None = None
+    partition: str | None = None
+    account: str | None = None
+    serial_cores: int = SERIAL_TASKS
+    restarts: int = RESTARTS
+    warning: int = WARNING
+
+
+def slurm_time(minutes: int) -> str:
+    """Minutes as Slurm writes them, days-hours:minutes:seconds."""
+    days, rest = divmod(minutes, 24 * 60)
+    return f"{days}-{rest // 60:02d}:{rest % 60:02d}:00"
+
+
+def scripts(scene: Scene, request: Request, make: str, python: str) -> dict[str, str]:
+    """The texts of before.sbatch, run.sbatch and after.sbatch; they run in the project's folder."""
+    name, level, slurm = scene.name, scene.level, scene.out / "slurm"
+    cpus = request.serial_cores
+    more = "".join(
+        f"#SBATCH --{key}={value}\n"
+        for key, value in (("partition", request.partition), ("account", request.account))
+        if value
+    )
+    command = f"make {name} LEVEL={level} NP={request.ranks} SLURM=1"
+
+    def head(step: str, tasks: int, cpus: int, nodes: int | None, memory: int, minutes: int) -> str:
+        return HEAD.format(
+            command=command, name=f"{name}.{level}.{step}", tasks=tasks, cpus=cpus, memory=memory, more=more,
+            nodes="" if nodes is None else f"#SBATCH --nodes={nodes}\n", time=slurm_time(minutes),
+            log=slurm / f"{step}.log",
+        )  # fmt: skip
+
+    solver = f"{python} -m pipeline.run {scene.folder} --level {level} --ranks {request.ranks} --quiet"
+    serial = {
+        "before": f"{make} {name}.case LEVEL={level} NP={cpus} QUIET=1",
+        "after": f"{make} {name} LEVEL={level} NP={cpus} QUIET=1",
+    }
+    per_rank = max(500, math.ceil(request.memory_mb / request.ranks))
+    texts = {
+        step: head(step, 1, cpus, 1, 2000, 240) + PLAIN.format(line=line) for step, line in serial.items()
+    }
+    texts["run"] = head("run", request.ranks, 1, request.nodes, per_rank, request.minutes) + SOLVER.format(
+        line=solver, restarts=request.restarts, warning=request.warning
+    )
+    return texts
+
+
+def write_scripts(scene: Scene, texts: dict[str, str]) -> dict[str, Path]:
+    """Write them to out/<level>/slurm/; returns their paths."""
+    paths = {step: scene.out / "slurm" / f"{step}.sbatch" for step in texts}
+    for step, text in texts.items():
+        write_text(paths[step], text)
+    return paths
+
+
+def submit(paths: dict[str, Path]) -> dict[str, str]:
+    """Queue the three jobs, each after the one before it has ended well; returns their numbers."""
+    if shutil.which("sbatch") is None:
+        raise StageError(
+            f"Slurm is not here (no sbatch on the path); submit {paths['run'].parent}/*.sbatch where it is"
+        )
+    jobs: dict[str, str] = {}
+    previous: str | None = None
+    for step in ("before", "run", "after"):
+        after = [f"--dependency=afterok:{previous}", "--kill-on-invalid-dep=yes"] if previous else []
+        done = subprocess.run(
+            ["sbatch", "--parsable", *after, str(paths[step])], capture_output=True, text=True
+        )
+        if done.returncode != 0:
+            raise StageError(f"sbatch refused {paths[step]}: {done.stderr.strip()}")
+        previous = jobs[step] = done.stdout.strip().split(";")[0]
+    return jobs
+
+
+def node_cores() -> int | None:
+    """Cores of this cluster's largest node, where Slurm can be asked."""
+    if shutil.which("sinfo") is None:
+        return None
+    done = subprocess.run(["sinfo", "--noheader", "--format=%c"], capture_output=True, text=True)
+    cores = [int(n) for n in re.findall(r"\d+", done.stdout)]
+    return max(cores) if done.returncode == 0 and cores else None
+
+
+def asked(scene: Scene, args: argparse.Namespace) -> Request:
+    """What the command line asks for, completed from measured costs and from what Slurm says of its nodes."""
+    expected = estimates(scene, args.ranks, scene.folder)["run"]
+    cores = node_cores()
+    nodes = args.nodes or (math.ceil(args.ranks / cores) if cores else None)
+    minutes = args.minutes or max(60, expected["minutes"])
+    serial = min(SERIAL_TASKS, cores or SERIAL_TASKS)
+    return Request(args.ranks, minutes, expected["memory_mb"], nodes, args.partition, args.account, serial)
+
+
+def main() -> None:
+    """Command line."""
+    arguments = parser("batch", __doc__)
+    arguments.add_argument("--ranks", type=int, required=True, help="MPI ranks")
+    arguments.add_argument("--nodes", type=int, help="nodes (default: as many as the ranks fill)")
+    arguments.add_argument(
+        "--minutes", type=int, help="wall time of one leg (default: from measured costs, 60 at least)"
+    )
+    arguments.add_argument("--partition", help="Slurm partition (default: the cluster's)")
+    arguments.add_argument("--account", help="Slurm account (default: yours)")
+    arguments.add_argument("--submit", action="store_true", help="submit the scripts, not only write them")
+    args = arguments.parse_args()
+
+    def action() -> None:
+        if args.ranks < 1:
+            raise StageError(f"--ranks {args.ranks}: give 1 or more")
+        scene = load_scene(args.scene, args.level)
+        paths = write_scripts(scene, scripts(scene, asked(scene, args), "make", ".venv/bin/python"))
+        if not args.quiet:
+            print(f"batch: {', '.join(map(str, paths.values()))}")
+        if args.submit:
+            jobs = submit(paths)
+            if not args.quiet:
+                print(
+                    "batch: jobs "
+                    + ", ".join(f"{number} ({step})" for step, number in jobs.items())
+                    + "; squeue shows them"
+                )
+
+    guarded("batch", action)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""What a stage cost, in costs/<stage>.json; also as a command around one that keeps no account of its own.
+
+Command: python -m pipeline.costs cases/single_finger/out/coarse/costs/piv.json -- python -m piv correlate …
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+
+def record_cost(path: Path, stage: str, wall_time: float) -> None:
+    """Write wall time (s), and CPU time (user + system, s) and peak memory (bytes) of this process and its children."""
+    usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    cost = {
+        "stage": stage,
+        "wall_time": round(wall_time, 3),
+        "cpu_time": round(sum(usage.ru_utime + usage.ru_stime for usage in usages), 3),
+        "peak_memory": max(usage.ru_maxrss for usage in usages) * 1024,
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    part.write_text(json.dumps(cost, indent=1) + "\n", encoding="utf-8")
+    os.replace(part, path)
+
+
+def main(argv: list[str]) -> int:
+    """Run the command after `--`; its exit code is passed on, and a cost is recorded of what ended well."""
+    if len(argv) < 3 or argv[1] != "--":
+        print("usage: python -m pipeline.costs PATH.json -- COMMAND …", file=sys.stderr)
+        return 2
+    begin = time.monotonic()
+    code = subprocess.run(argv[2:]).returncode
+    if code == 0:
+        path = Path(argv[0])
+        record_cost(path, path.stem, time.monotonic() - begin)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

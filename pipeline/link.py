@@ -1,0 +1,49 @@
+"""Take over a stage's results from another run of a study that has the same settings up to that stage.
+
+Command: python -m pipeline.link cases/…/out/coarse cases/…/other/out/coarse mesh
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from pathlib import Path
+
+# What each stage leaves behind, its name in costs/ included; a run's case folder goes with it.
+FILES = {
+    "kinematics": ("kinematics.h5",),
+    "mesh": ("planform.h5", "mesh_quality.csv"),
+    "case": ("sweep.h5",),
+    "run": ("case", "run"),
+    "sheet": ("sheet.h5",),
+    "images": ("images.h5", "images_truth.h5"),
+    "piv": ("piv.h5",),
+    "vortices_cfd": ("vortices_cfd.csv",),
+    "vortices_piv": ("vortices_piv.csv",),
+}
+COSTS = {"sheet": "sheets"}  # stages whose cost goes by another name
+
+
+def link(source: Path, target: Path, stage: str) -> None:
+    """Link a stage's files from one level's folder to another's: files hard (a copy where that cannot be), folders by name."""
+    for name in (*FILES[stage], f"costs/{COSTS.get(stage, stage)}.json"):
+        old, new = source / name, target / name
+        if not old.exists():
+            continue
+        new.parent.mkdir(parents=True, exist_ok=True)
+        if new.is_symlink() or new.is_file():
+            new.unlink()
+        elif new.is_dir():
+            shutil.rmtree(new)
+        if old.is_dir():
+            new.symlink_to(os.path.relpath(old.resolve(), new.parent.resolve()))
+            continue
+        try:
+            os.link(old, new)
+        except OSError:
+            shutil.copy2(old, new)
+
+
+if __name__ == "__main__":
+    link(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3])

@@ -1,0 +1,25 @@
+"""python -m piv join piv.h5: the chunks of a recording (piv correlate --chunk k/n) to one plane series."""
+
+from __future__ import annotations
+
+import argparse
+
+from piv.chunks import join, parts_of
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Flags of the subcommand."""
+    parser.add_argument("output", help="plane series to write (.h5); its chunks lie beside it")
+    parser.add_argument("--keep", action="store_true", help="do not remove the chunks afterwards")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Join, then remove the chunks."""
+    parts = parts_of(args.output)
+    path = join(parts, args.output)
+    if not args.keep:
+        for part in parts:
+            part.unlink()
+    if not args.quiet:
+        print(path)

@@ -1,0 +1,135 @@
+"""A study's runs as one tidy table: a row per run, the unit at the end of each column's name.
+
+Command: python -m postprocess.study_table cases/single_finger/out/studies/tradeoff/plan.json -o table.csv
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from postprocess import tracks
+from postprocess.stagefiles import StageFiles, read_json, read_table, write_text
+from postprocess.strokes import stroke_window
+
+MIDDLE = (0.25, 0.75)  # the middle of the stroke, as fractions of its bend
+STAGES = ("kinematics", "mesh", "case", "run", "sheets", "images", "piv", "vortices_cfd", "vortices_piv")
+SOURCES = {"cfd": "vortices_cfd.csv", "piv": "vortices_piv.csv"}
+MB = 1e-6
+
+
+def read_plan(path: Path) -> dict[str, Any]:
+    """plan.json of a study (docs/formats.md)."""
+    if not path.exists():
+        raise FileNotFoundError(
+            f"{path} is missing; run the study with snakemake -s pipeline/Snakefile first"
+        )
+    plan = read_json(path)
+    if plan.get("format") != "study-plan":
+        raise ValueError(f"{path}: format is {plan.get('format')!r}, expected 'study-plan'")
+    return plan
+
+
+def files_of(row: dict[str, Any]) -> StageFiles:
+    """Where the results of one run of a plan lie."""
+    return StageFiles(Path(row["folder"]), row["level"])
+
+
+def costs(files: StageFiles) -> dict[str, float]:
+    """CPU seconds of each stage, and of all, and the largest memory (MB); stages that were not run are left out."""
+    found: dict[str, float] = {}
+    memory = 0.0
+    for stage in STAGES:
+        path = files.out / "costs" / f"{stage}.json"
+        if path.exists():
+            cost = read_json(path)
+            found[f"cpu_{stage}_s"] = float(cost.get("cpu_time", cost["wall_time"]))
+            memory = max(memory, cost["peak_memory"] * MB)
+    return found | {"cpu_total_s": sum(found.values()), "peak_memory_MB": memory}
+
+
+def solver(files: StageFiles) -> dict[str, Any]:
+    """What run/ says: size, steps, power balance, the largest force and the impulse until the end."""
+    path = files.optional("run/run.json")
+    if path is None:
+        return {}
+    run = read_json(path)
+    force = read_table(files.required("run/forces.csv", "run"), ("time", "fx", "fy"))
+    size = np.hypot(force["fx"], force["fy"])
+    keys = ("scene_hash", "model", "ranks", "cells", "steps", "courant_max")
+    return {key: run[key] for key in keys} | {
+        "time_step_s": run["time_step"],
+        "end_time_s": run["end_time"],
+        "wall_run_s": run["wall_time"],
+        "peak_force_N": float(size.max()),
+        "impulse_x_Ns": float(np.trapezoid(force["fx"], force["time"])),
+        "impulse_y_Ns": float(np.trapezoid(force["fy"], force["time"])),
+        "work_J": run["power_balance"]["work"],
+        "closure_fraction": run["power_balance"]["closure_fraction"],
+        "openfoam": run["versions"].get("OpenFOAM", ""),
+    }
+
+
+def middle_of_stroke(files: StageFiles) -> tuple[float, float]:
+    """Instants (s) between which the finger does the middle half of its bend."""
+    import h5py
+
+    with h5py.File(files.required("kinematics.h5", "kinematics")) as file:
+        return stroke_window(
+            file["look"][...], np.asarray(file["bend"][...]).reshape(len(file["look"]), -1)[:, 0], MIDDLE
+        )
+
+
+def vortex(files: StageFiles) -> dict[str, Any]:
+    """Mean circulation, centre and core radius of the tip's vortex over the middle of the stroke, by source."""
+    numbers: dict[str, Any] = {}
+    window = (
+        middle_of_stroke(files) if any((files.out / n).exists() for n in SOURCES.values()) else (0.0, 0.0)
+    )
+    for source, name in SOURCES.items():
+        if files.optional(name) is None:
+            continue
+        table = tracks.read_vortices(files.out / name)
+        try:
+            track = tracks.dominant_track(table, 0, window, name)
+        except ValueError:
+            continue  # no vortex near the tip: the cells stay empty
+        track = track[track["time"].between(*window)]
+        for column, unit in (("circulation", "m2_per_s"), ("x", "m"), ("y", "m"), ("core_radius", "m")):
+            numbers[f"{column}_{source}_{unit}"] = float(track[column].mean())
+    return numbers
+
+
+def study_table(plan: dict[str, Any]) -> pd.DataFrame:
+    """One row per run of the plan: what was varied, what it cost, what it gave."""
+    rows = []
+    for row in plan["runs"]:
+        files = files_of(row)
+        varied = {key: json.dumps(v) if isinstance(v, list) else v for key, v in row["overrides"].items()}
+        head = {"run": row["run"], "level": row["level"], "until": row["until"]}
+        rows.append(head | varied | solver(files) | vortex(files) | costs(files))
+    return pd.DataFrame(rows)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns 0 good, 2 bad input."""
+    parser = argparse.ArgumentParser(prog="python -m postprocess.study_table", description=__doc__)
+    parser.add_argument("plan", type=Path, help="plan.json of the study")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="table to write (.csv)")
+    args = parser.parse_args(argv)
+    try:
+        write_text(args.output, study_table(read_plan(args.plan)).to_csv(index=False))
+    except (ValueError, OSError) as error:
+        print(f"study_table: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

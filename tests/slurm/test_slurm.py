@@ -1,0 +1,197 @@
+"""A real Slurm of one node, started here: a case by its batch scripts, cut off and queued again; a study of four runs.
+
+Opt-in: make test-slurm (Debian's slurm-wlm, root). The log goes to docs/cluster_log.txt.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pipeline.batch import Request, scripts, submit, write_scripts
+from pipeline.scene import load_scene
+from tests.conftest import ROOT, TINY
+
+pytestmark = [
+    pytest.mark.slurm,
+    pytest.mark.skipif(shutil.which("slurmctld") is None, reason="slurm-wlm is not installed"),
+    pytest.mark.skipif(os.geteuid() != 0, reason="slurmd starts jobs as root only"),
+]
+
+CONTROL = Path(__file__).with_name("slurmctl.sh")
+LOG = ROOT / "docs" / "cluster_log.txt"
+# A short stroke in 2-D with many small steps and checkpoints: long enough to be cut off.
+SHORT = "[motion]\nstrokes = [{ pressure_kpa = 6.0, start = 0.002, duration = 0.2 }]\nend_time = 0.1\n"
+STUDY = """run, level, until, ranks, numerics.time_step, fluid.turbulence, motion.end_time
+base, tiny, vortices_cfd, 1, 0.5e-3, ,
+les, tiny, run, 1, 1e-3, WALE,
+one_rank, draft, run, 1, , , 0.02
+two_ranks, draft, run, 2, , , 0.02
+"""
+FOLDER = ROOT / "cases" / "slurm_test"
+
+
+@pytest.fixture(scope="module")
+def slurm(tmp_path_factory):
+    """Start a Slurm and stop it again; SLURM_CONF is set meanwhile."""
+    folder = tmp_path_factory.mktemp("slurm")
+    done = subprocess.run(["sh", CONTROL, "start", folder], capture_output=True, text=True)
+    if done.returncode:
+        pytest.skip(f"Slurm does not start here: {done.stderr.strip()}")
+    os.environ["SLURM_CONF"] = done.stdout.strip()
+    LOG.write_text(
+        f"{datetime.now(UTC):%Y-%m-%d} {subprocess.getoutput('sinfo --version')}, one node of {os.cpu_count()} cores\n"
+    )
+    yield folder
+    subprocess.run(["sh", CONTROL, "stop", folder], check=False)
+    del os.environ["SLURM_CONF"]
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """A case in the project's tree, where jobs on other nodes would find it."""
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    FOLDER.mkdir(parents=True)
+    text = TINY.format(parent="../single_finger", kind="2d", more=SHORT, numerics="")
+    text = text.replace(
+        "time_step = 1e-3, write_interval = 0.01", "time_step = 0.25e-3, write_interval = 0.005"
+    )
+    (FOLDER / "scene.toml").write_text(text, encoding="utf-8")
+    (FOLDER / "kinematics").symlink_to("../single_finger/kinematics")
+    yield load_scene(Path("cases/slurm_test"), "tiny")
+    shutil.rmtree(FOLDER)
+
+
+def note(title: str, text: str) -> None:
+    """Add to the log, and show."""
+    with LOG.open("a", encoding="utf-8") as file:
+        file.write(f"\n== {title}\n{text.rstrip()}\n")
+    print(f"\n== {title}\n{text}")
+
+
+def wait_for(jobs: list[str], seconds: float) -> str:
+    """Until Slurm has none of the jobs in its queue any more; the states that were seen, a line for each change."""
+    seen, last, deadline = [], "", time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        shown = subprocess.run(
+            ["squeue", "--noheader", "--states=all", "--format=%i %j %T %M %r", "--sort=i"],
+            capture_output=True,
+            text=True,
+        ).stdout
+        states = {
+            line.split()[0]: " ".join(line.split()[1:3])
+            for line in shown.splitlines()
+            if line.split()[0] in jobs
+        }
+        now = ", ".join(f"{job}: {state}" for job, state in states.items())
+        if now != last:
+            seen.append(f"{datetime.now(UTC):%H:%M:%S} {now}")
+            last = now
+        if all(
+            state.split()[1] in ("COMPLETED", "FAILED", "CANCELLED", "TIMEOUT") for state in states.values()
+        ):
+            break
+        time.sleep(1)
+    return "\n".join(seen)
+
+
+def state_of(job: str) -> str:
+    """Slurm's word for the state of a job."""
+    shown = subprocess.run(
+        ["squeue", "--noheader", "--states=all", "--format=%T", f"--jobs={job}"],
+        capture_output=True,
+        text=True,
+    )
+    return shown.stdout.strip()
+
+
+def minutes_run(job: str) -> int:
+    """Whole minutes for which a job has run."""
+    shown = subprocess.run(
+        ["squeue", "--noheader", "--format=%M", f"--jobs={job}"], capture_output=True, text=True, check=True
+    )
+    parts = [int(part) for part in re.split("[-:]", shown.stdout.strip())]
+    return ([0, 0, *parts][-3] * 60) + parts[-2]
+
+
+def wait_until(what: Callable[[], bool], seconds: float) -> None:
+    """Look every half second; AssertionError where it does not happen."""
+    deadline = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < deadline, "it took too long"
+        time.sleep(0.5)
+
+
+def test_a_case_cut_off_by_its_limit_is_queued_again_and_ends(slurm, scene):
+    """Three jobs; once the solver's has a checkpoint its limit is set to two minutes from now: Slurm tells it, it queues again and resumes."""
+    request = Request(1, 60, 600, 1, serial_cores=1, warning=120)
+    texts = scripts(scene, request, "make", ".venv/bin/python")
+    texts["after"] = texts["after"].replace("make slurm_test ", "make slurm_test.sheet ")
+    jobs = submit(write_scripts(scene, texts))
+    solver = jobs["run"]
+    wait_until(lambda: (scene.out / "case" / "leg_0" / "0.01" / "uniform" / "time").exists(), 900)
+    near = minutes_run(solver) + 2  # less than two minutes are left: it is told at once
+    subprocess.run(["scontrol", "update", f"JobId={solver}", f"TimeLimit={near}"], check=True)
+    wait_until(lambda: state_of(solver) == "PENDING", 240)
+    told = f"{datetime.now(UTC):%H:%M:%S} job {solver}: cut off at its limit, PENDING again\n"
+    subprocess.run(["scontrol", "update", f"JobId={solver}", "TimeLimit=60", "StartTime=now"], check=True)
+    told += wait_for(list(jobs.values()), 1200)
+    log = (scene.out / "slurm" / "run.log").read_text()
+    record = json.loads((scene.out / "run" / "run.json").read_text())
+    note("a case: jobs before, solver and after; the queue", told)
+    note("its run.log", log)
+    note(
+        "its run.json",
+        json.dumps({k: record[k] for k in ("cells", "steps", "ranks", "resumed", "wall_time")}),
+    )
+    assert "time limit near: leg 1 ends" in log
+    assert "leg 2 on" in log
+    assert record["resumed"], "the solver began anew instead of resuming"
+    assert (scene.out / "sheet.h5").exists()
+
+
+def test_a_study_of_four_runs(slurm, scene):
+    """Snakemake's Slurm executor, one job a rule; the table has a row for each run."""
+    table = FOLDER / "studies" / "four.csv"
+    table.parent.mkdir()
+    table.write_text(STUDY)
+    command = [
+        str(ROOT / ".venv-study" / "bin" / "snakemake"), "-s", "pipeline/Snakefile", "--executor", "slurm", "-j4",
+        "--config", "study=cases/slurm_test/studies/four.csv", "--latency-wait", "30",
+        "--slurm-status-command", "squeue", "--slurm-init-seconds-before-status-checks", "10",
+    ]  # fmt: skip
+    begin = time.monotonic()
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=2400)
+    lines = [
+        line
+        for line in done.stderr.splitlines()
+        if "submitted" in line or "steps (" in line or "rror" in line
+    ]
+    note(f"a study of four runs ({time.monotonic() - begin:.0f} s)", "\n".join(lines))
+    assert done.returncode == 0, done.stderr[-3000:]
+    result = pd.read_csv(FOLDER / "out" / "studies" / "four" / "table.csv").set_index("run")
+    note(
+        "its table",
+        result[["ranks", "time_step_s", "cells", "steps", "peak_force_N", "cpu_run_s"]].to_string(),
+    )
+    assert len(result) == 4
+    assert result["peak_force_N"].notna().all()
+    # the same run on two ranks: what is left of stopping the pressure's iterations early
+    assert result.loc["two_ranks", "peak_force_N"] == pytest.approx(
+        result.loc["base", "peak_force_N"], rel=1e-3
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(pytest.main([__file__, "-s"]))

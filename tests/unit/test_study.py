@@ -1,0 +1,124 @@
+"""A study's table to scenes: overrides, owners of equal stages, linked results, one sentence for what is wrong."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import StageError
+from pipeline.link import link
+from pipeline.scene import load_scene
+from pipeline.study import Row, plan, read_study, scene_text
+from postprocess.study_table import read_plan, study_table
+from tests.conftest import ROOT, write_scene
+
+HEADER = "run, level, until, ranks, numerics.time_step, model.kind, piv.window, camera.centre\n"
+
+
+def study(folder: Path, rows: str) -> Path:
+    (folder / "studies").mkdir(parents=True, exist_ok=True)
+    path = folder / "studies" / "trial.csv"
+    path.write_text("# a comment\n" + HEADER + rows, encoding="utf-8")
+    return path
+
+
+def test_rows_become_scenes_that_differ_in_what_the_table_says(tmp_path):
+    scene = write_scene(tmp_path / "small")
+    table = study(
+        scene.folder, 'fine, tiny, run, 2, 5e-4, , , \nwide, tiny, vortices, , , half, 48, "[0.01, 0.2]"\n'
+    )
+    found = json.loads(plan(table).read_text())
+    assert found["scene"] == "small"
+    assert [row["ranks"] for row in found["runs"]] == [2, 1]
+    fine, wide = (load_scene(row["folder"], "tiny") for row in found["runs"])
+    assert fine.numerics.time_step == 5e-4
+    assert (wide.model.kind, wide.piv.window, wide.camera.centre) == ("half", 48, (0.01, 0.2))
+    assert wide.numerics == scene.numerics
+    assert fine.mesh == wide.mesh == scene.mesh
+    assert len({scene.digest(), fine.digest(), wide.digest()}) == 3
+    assert (wide.out / "settings" / "piv.json").exists()
+    assert (wide.folder / wide.motion.states).exists()  # the parent's path, seen from the new folder
+
+
+def test_equal_stages_are_computed_once(tmp_path):
+    scene = write_scene(tmp_path / "small")
+    table = study(
+        scene.folder,
+        "a, tiny, run, 1, , , , \nb, tiny, run, 2, , , , \nc, tiny, run, 1, 5e-4, , , \nd, tiny, vortices, 1, , , 48, \n",
+    )
+    owners = {row["run"]: row["owners"] for row in json.loads(plan(table).read_text())["runs"]}
+    assert {o["mesh"] for o in owners.values()} == {"a"}
+    assert [owners[r]["run"] for r in "abcd"] == ["a", "b", "c", "a"]  # other ranks and steps are other runs
+    assert owners["d"]["images"] == "a"
+    assert owners["d"]["piv"] == "d"
+
+
+def test_scene_text_is_toml_that_says_only_what_differs():
+    row = Row(
+        "r", "coarse", overrides={"fluid.turbulence": "WALE", "sheet.rate_hz": 100, "actuator.width": 0.02}
+    )
+    table = tomllib.loads(scene_text("../..", row))
+    assert table["extends"] == "../.."
+    level = table["levels"]["coarse"]
+    assert level["fluid"] == {"turbulence": "WALE"}
+    assert level["actuator"] == {"width": 0.02}
+    assert level["motion"] == {
+        "source": "fea",
+        "states": "kinematics/states.h5",
+    }  # another actuator bends otherwise
+
+
+@pytest.mark.parametrize(
+    "rows, said",
+    [("a, tiny, run, 0, , , , \n", "ranks = '0'"), ("a, tiny, dance, 1, , , , \n", "until = 'dance'"),
+     ("../a, tiny, run, 1, , , , \n", "run = '../a'"), ("a, tiny, run, 1, , , , \na, tiny, run, 1, , , , \n", "occurs twice"),
+     ("", "no rows"), ("a, tiny, run, 1, , 4d, , \n", "run a: "), ("a, tiny, run, 1, 3e-4, , , \n", "numerics.time_step")],
+)  # fmt: skip
+def test_a_bad_table_ends_with_one_sentence(tmp_path, rows, said):
+    scene = write_scene(tmp_path / "small")
+    with pytest.raises(StageError, match=r".") as error:
+        plan(study(scene.folder, rows))
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_unknown_columns_are_refused(tmp_path):
+    path = tmp_path / "s.csv"
+    path.write_text("run, level, colour\na, tiny, red\n")
+    with pytest.raises(StageError, match="'colour'"):
+        read_study(path)
+
+
+def test_results_are_taken_over(tmp_path):
+    a, b = tmp_path / "a", tmp_path / "b"
+    (a / "run").mkdir(parents=True)
+    (a / "costs").mkdir()
+    (a / "case").mkdir()
+    (a / "run" / "run.json").write_text("{}")
+    (a / "costs" / "run.json").write_text('{"stage": "run"}')
+    link(a, b, "run")
+    link(a, b, "run")  # again, over what is there
+    assert (b / "run" / "run.json").read_text() == "{}"
+    assert (b / "costs" / "run.json").exists()
+    assert (b / "case").resolve() == a / "case"
+
+
+def test_a_study_that_was_not_run_gives_a_table_of_what_was_asked(tmp_path):
+    scene = write_scene(tmp_path / "small")
+    path = plan(study(scene.folder, "a, tiny, run, 1, 5e-4, , , \n"))
+    table = study_table(read_plan(path))
+    assert list(table["run"]) == ["a"]
+    assert table["numerics.time_step"][0] == 5e-4
+    assert table["cpu_total_s"][0] == 0
+
+
+def test_the_shipped_study_is_sound():
+    """Every row of the study of the trade loads, and its runs are named by their level or as PIV."""
+    rows = read_study(ROOT / "cases" / "single_finger" / "studies" / "tradeoff.csv")
+    with open(ROOT / "cases" / "single_finger" / "scene.toml", "rb") as file:
+        levels = tomllib.load(file)["levels"]
+    assert {row.level for row in rows} <= set(levels)
+    assert "medium" in {row.run for row in rows}
