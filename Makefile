@@ -25,7 +25,6 @@ READY  := .venv/.ready
 FLAGS  := $(if $(QUIET),--quiet)
 
 .SUFFIXES:
-.DELETE_ON_ERROR:
 .SECONDARY:
 .PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-sheets study-sheets validate convergence clean clean-all bench-piv stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
 
@@ -47,12 +46,15 @@ $(READY): requirements.lock pipeline/setup.sh
 # One set of rules per scene. Every stage depends on the files of the stages before it and on its own settings, which are
 # rewritten only when their content changes: touching one number redoes only what follows from it. Python files are no
 # prerequisites: editing them does not solve again (make clean does).
+# Every stage gives its files their names when they are whole: make need not, and after a kill or beside a second make must
+# not, delete them.
 define scene_rules
+.PRECIOUS: $(addprefix $(2)/,kinematics.h5 planform.h5 sweep.h5 run/run.json sheet.h5 images.h5 piv.h5 vortices_cfd.csv vortices_piv.csv comparison.json report.html)
 ifneq ($(ACCURACY)$(BUDGET),)
 # the cheapest setting that was measured to reach it (docs/tradeoff.md), in a folder of its own
 $(1): $(READY)
 	@set -e; found=$$$$($(PY) -m pipeline.choose cases/$(1) $(if $(ACCURACY),--accuracy "$(ACCURACY)",--budget "$(BUDGET)")); \
-	set -- $$$$found; $(MAKE) CASES=cases/$(1)/out/studies/asked LEVEL=$$$$2 NP=$$$$3 ACCURACY= BUDGET= $$$$1; \
+	set -- $$$$found; $$(MAKE) --no-print-directory CASES=cases/$(1)/out/studies/asked LEVEL=$$$$2 NP=$$$$3 ACCURACY= BUDGET= $$$$1; \
 	$(PY) -m pipeline.choose cases/$(1) --after
 else ifneq ($(SLURM),)
 $(1): $(READY)
@@ -114,10 +116,10 @@ bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/
 	$(PY) tests/benchmarks/piv_bench.py --docs
 
 validate: $(READY) ## flows of known answer through the project's own stages: docs/verification.md
-	nice $(PY) -m validation $(FLAGS)
+	nice $(PY) -m tests.validation $(FLAGS)
 
 convergence: $(READY) ## the finger on several grids and time steps: rows of docs/verification.md
-	nice $(PY) -m validation finger_2d finger $(FLAGS)
+	nice $(PY) -m tests.validation finger_2d finger $(FLAGS)
 
 stability: $(READY) ## runs and images at the extremes: docs/stability.md
 	$(PY) -m tests.stability

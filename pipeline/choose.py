@@ -45,11 +45,11 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, float]]:
     head: dict[str, Any] = next((json.loads(line[1:]) for line in lines if line.startswith("#")), {})
     settings = []
     for record in csv.DictReader(line for line in lines if not line.startswith("#")):
-        if not record["error"] or record["kind"] != "flow":
+        seconds = {k[8:-2]: float(v) for k, v in record.items() if k.startswith("predict_") and v}
+        if not record["error"] or record["kind"] != "flow" or not seconds:
             continue
         overrides = {k: parse_cell(v) for k, v in record.items() if "." in k and v and k not in OF_THE_STUDY}
         row = Row(record["run"], record["level"], int(float(record["ranks"])), overrides=overrides)
-        seconds = {k[8:-2]: float(v) for k, v in record.items() if k.startswith("predict_") and v}
         settings.append(Setting(row, float(record["error"]), seconds))
     if "probe" not in head or not settings:
         raise StageError(

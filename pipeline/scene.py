@@ -391,19 +391,27 @@ FLAT_SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
 }
 
 
-def write_settings(scene: Scene) -> list[str]:
-    """Write `settings/<stage>.json` where its content changed; returns the names of the stages that changed."""
-    changed = []
+def changed_settings(scene: Scene) -> dict[str, str]:
+    """Text of `settings/<stage>.json` for each stage whose file is missing or says otherwise."""
+    found = {}
     for stage in STAGE_SECTIONS:
         path = scene.out / "settings" / f"{stage}.json"
         text = json.dumps(scene.settings(stage), indent=1, sort_keys=True) + "\n"
         if not path.exists() or path.read_text(encoding="utf-8") != text:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            part = path.with_name(path.name + ".part")
-            part.write_text(text, encoding="utf-8")
-            os.replace(part, path)
-            changed.append(stage)
-    return changed
+            found[stage] = text
+    return found
+
+
+def write_settings(scene: Scene) -> list[str]:
+    """Write `settings/<stage>.json` where its content changed; returns the names of the stages that changed."""
+    changed = changed_settings(scene)
+    for stage, text in changed.items():
+        path = scene.out / "settings" / f"{stage}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_name(path.name + ".part")
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)
+    return list(changed)
 
 
 def _file_digest(path: Path) -> str:

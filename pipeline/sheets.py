@@ -19,6 +19,7 @@ from pipeline.errors import StageError
 from pipeline.legs import Leg, read_legs, read_stage
 from pipeline.scene import Camera, Scene, digest, load_scene
 from pipeline.stage import guarded, parser, read_dataset, timed, versions
+from piv.errors import one_line
 from piv.plane import FORMAT, FORMAT_VERSION, UNITS
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
@@ -54,20 +55,24 @@ def mirrored_finger(name: str, values: np.ndarray) -> np.ndarray:
 
 
 def read_track(out: Path) -> FingerTrack:
-    """The finger's track from kinematics.h5."""
-    with read_dataset(out / "kinematics.h5", "kinematics") as file:
-        parameter = file["shape_parameter"].values
-        names = {
-            "outline": "shape_outline",
-            "tip": "shape_tip",
-            "tip_direction": "shape_tip_direction",
-            "dorsal_direction": "shape_dorsal_direction",
-            "bend": "shape_bend",
-        }
-        splines = {name: CubicSpline(parameter, file[stored].values) for name, stored in names.items()}
-        pressure = CubicSpline(file["time"].values, file["pressure"].values)
-        width, mirror = float(file.attrs["tip_thickness"]), bool(file.attrs.get("mirror", 0))
-        return FingerTrack(pressure, splines, width, mirror)
+    """The finger's track from kinematics.h5. Raises StageError where its numbers make none."""
+    path = out / "kinematics.h5"
+    names = {
+        "outline": "shape_outline",
+        "tip": "shape_tip",
+        "tip_direction": "shape_tip_direction",
+        "dorsal_direction": "shape_dorsal_direction",
+        "bend": "shape_bend",
+    }
+    with read_dataset(path, "kinematics") as file:
+        try:
+            parameter = file["shape_parameter"].values
+            splines = {name: CubicSpline(parameter, file[stored].values) for name, stored in names.items()}
+            pressure = CubicSpline(file["time"].values, file["pressure"].values)
+            width, mirror = float(file.attrs["tip_thickness"]), bool(file.attrs.get("mirror", 0))
+        except (KeyError, ValueError, TypeError, IndexError) as error:
+            raise StageError(f"{path}: damaged ({one_line(error)}); delete it and run make again") from None
+    return FingerTrack(pressure, splines, width, mirror)
 
 
 def sheet_axes(camera: Camera, spacing: float, symmetric: bool = False) -> tuple[np.ndarray, np.ndarray]:

@@ -17,8 +17,9 @@ import xarray as xr
 from pipeline.costs import record_cost
 from pipeline.errors import StageError
 from pipeline.scene import Scene, load_scene
-from piv.errors import sentence
+from piv.errors import one_line, sentence
 from piv.exclusive import exclusive
+from piv.hdf5_check import check_walkable
 
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "gmsh", "pyvista", "pydantic")
 
@@ -97,10 +98,13 @@ def read_dataset(path: Path, file_format: str, group: str | None = None) -> xr.D
     if not path.exists():
         raise StageError(f"{path}: missing; run the stage that writes it first, or make")
     try:
-        dataset = xr.open_dataset(path, engine="h5netcdf")
+        check_walkable(path)
+        dataset = xr.open_dataset(
+            path, engine="h5netcdf"
+        ).load()  # damage shows here, not in the middle of a stage
     except Exception as error:
         raise StageError(
-            f"{path}: not a readable HDF5 file ({error}); delete it and run make again"
+            f"{path}: not a readable HDF5 file ({one_line(error)}); delete it and run make again"
         ) from None
     if dataset.attrs.get("format") != file_format:
         raise StageError(f"{path}: format is {dataset.attrs.get('format')!r}, expected {file_format!r}")
@@ -109,7 +113,7 @@ def read_dataset(path: Path, file_format: str, group: str | None = None) -> xr.D
     attributes = dataset.attrs
     dataset.close()
     try:
-        dataset = xr.open_dataset(path, engine="h5netcdf", group=group)
+        dataset = xr.open_dataset(path, engine="h5netcdf", group=group).load()
     except (OSError, KeyError):
         raise StageError(f"{path}: no group {group!r}; delete it and run make again") from None
     return dataset.assign_attrs(attributes | dataset.attrs)

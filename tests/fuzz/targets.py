@@ -20,7 +20,6 @@ import xarray as xr
 from scipy.io import savemat
 
 from pipeline.errors import StageError
-from pipeline.mesh import read_family
 from pipeline.motion_law import measured_law
 from pipeline.scene import load_scene
 from pipeline.sheets import read_track
@@ -33,7 +32,8 @@ from piv.plane import make_plane, read_plane
 from piv.recording import RecordingWriter
 from piv.settings import merged
 
-REFUSALS = (ValueError, OSError, StageError)  # what a command turns into one sentence and exit code 2
+REFUSALS = (ValueError, OSError)  # what a command of piv turns into one sentence and exit code 2
+STAGE = (StageError, OSError)  # and one of the pipeline
 LONGEST = 600  # characters of a sentence
 ROWS, COLUMNS = 24, 32
 TOLD = {
@@ -54,6 +54,7 @@ class Target:
     name: str
     read: Callable[[Path], Any]
     seeds: Callable[[Path], list[bytes]]
+    refusals: tuple[type[Exception], ...] = REFUSALS
     beside: dict[str, bytes] = field(default_factory=dict)  # further files that the reader wants to find
     costs: int = 1  # gets so many times fewer inputs
 
@@ -69,7 +70,7 @@ def check(target: Target, content: bytes, folder: Path) -> str | None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             target.read(path)
-    except REFUSALS as error:
+    except target.refusals as error:
         sentence = str(error.args[0] if isinstance(error, KeyError) and error.args else error)
         if "\n" in sentence or not sentence.strip() or len(sentence) > LONGEST + 2 * len(str(folder)):
             raise Fault(f"{target.name}: no clear sentence: {sentence[:LONGEST]!r}") from error
@@ -177,9 +178,13 @@ def polygon_seeds(_: Path) -> list[bytes]:
 
 def use_vectors(path: Path) -> None:
     """Read vectors whole; what is read must keep the format's rules."""
-    options = {".csv": {}, ".h5": {}, ".nc": {}, ".dat": {"y_axis": "up"}, ".vc7": {"interval_s": 0.002}}.get(
-        path.suffix, TOLD
-    )
+    options = {
+        ".csv": {},
+        ".h5": {},
+        ".nc": {},
+        ".dat": {"y_axis": "up"},
+        ".vc7": {k: TOLD[k] for k in ("interval_s", "scale_m_per_px", "image_rows")},
+    }.get(path.suffix, TOLD)
     if path.name == "vectors.txt":
         options = METRES
     with read_vectors([path], **options) as plane:
@@ -330,13 +335,9 @@ def use_pressure(path: Path) -> None:
 
 
 def use_kinematics(path: Path) -> None:
-    """Read kinematics.h5 as the mesh and the sheet stages do."""
-
-    class Folder:
-        out = path.parent
-
-    read_family(Folder)  # type: ignore[arg-type]
-    read_track(path.parent).at(0.1)
+    """Read kinematics.h5 as the stages do."""
+    track = read_track(path.parent)
+    track.pressure(0.1)
 
 
 def kinematics_seeds(folder: Path) -> list[bytes]:
@@ -392,7 +393,7 @@ TARGETS = [
     Target("stack.tif", use_recording, stack_seeds),
     *(Target("image" + s, use_recording, partial(encoded, s)) for s in (".png", ".bmp", ".jpg", ".pgm")),
     Target("film.avi", use_recording, video_seeds),
-    Target("camera.cih", use_recording, header_seeds, {"camera.mraw": bytes(range(256)) * 12}),
+    Target("camera.cih", use_recording, header_seeds, beside={"camera.mraw": bytes(range(256)) * 12}),
     Target("images.h5", use_recording, recording_seeds),
     Target("mask.csv", _is_mask, polygon_seeds),
     Target("mask.png", _is_mask, partial(encoded, ".png")),
@@ -401,11 +402,11 @@ TARGETS = [
     Target("pivlab.mat", use_vectors, mat_seeds),
     Target("davis.vc7", use_vectors, davis_seeds, costs=20),
     Target("plane.h5", lambda p: use_plane(read_plane(p).load(), p), partial(written, ".h5")),
-    Target("scene.toml", lambda p: load_scene(p.parent), lambda _: [SCENE.encode()]),
-    Target("states.h5", use_states, states_seeds),
-    Target("states.csv", use_states, states_csv_seeds),
-    Target("pressure.csv", use_pressure, lambda _: [b"t,p\n0,0\n0.1,5000\n0.2,20000\n0.4,2e4\n"]),
-    Target("kinematics.h5", use_kinematics, kinematics_seeds),
+    Target("scene.toml", lambda p: load_scene(p.parent), lambda _: [SCENE.encode()], STAGE),
+    Target("states.h5", use_states, states_seeds, STAGE),
+    Target("states.csv", use_states, states_csv_seeds, STAGE),
+    Target("pressure.csv", use_pressure, lambda _: [b"t,p\n0,0\n0.1,5000\n0.2,20000\n0.4,2e4\n"], STAGE),
+    Target("kinematics.h5", use_kinematics, kinematics_seeds, STAGE),
     Target("settings.json", use_settings, lambda _: [b'{"window": 32, "spacing": 8, "preset": "fast"}']),
     Target("calibration.json", use_calibration, lambda _: [LENS, CALIBRATION + b' "origin_y_px": 2.0}']),
 ]  # fmt: skip

@@ -50,6 +50,13 @@ def slurm(tmp_path_factory):
     if done.returncode:
         pytest.skip(f"Slurm does not start here: {done.stderr.strip()}")
     os.environ["SLURM_CONF"] = done.stdout.strip()
+    # Snakemake's jobs lose SLURM_CONF, and no /etc/slurm names this cluster: the programs are told by what stands before them
+    (folder / "bin").mkdir()
+    for name in ("srun", "sbatch", "squeue", "scancel", "scontrol", "sinfo"):
+        program = folder / "bin" / name
+        program.write_text(f'#!/bin/sh\nSLURM_CONF={done.stdout.strip()} exec {shutil.which(name)} "$@"\n')
+        program.chmod(0o755)
+    os.environ["PATH"] = f"{folder / 'bin'}:{os.environ['PATH']}"
     LOG.write_text(
         f"{datetime.now(UTC):%Y-%m-%d} {subprocess.getoutput('sinfo --version')}, one node of {os.cpu_count()} cores\n"
     )
@@ -74,7 +81,8 @@ def scene():
 
 
 def note(title: str, text: str) -> None:
-    """Add to the log, and show."""
+    """Add to the log, without the paths of this machine, and show."""
+    text = text.replace(f"{ROOT}/", "")
     with LOG.open("a", encoding="utf-8") as file:
         file.write(f"\n== {title}\n{text.rstrip()}\n")
     print(f"\n== {title}\n{text}")

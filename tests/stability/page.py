@@ -138,7 +138,7 @@ def runs_part(rows: list[dict[str, str]]) -> list[str]:
     done = [row for row in rows if row["ended"] == "completed"]
     worst = max((float(row["from_nothing_fraction"]) for row in done), default=0.0)
     closure = sorted(float(row["closure_fraction"]) for row in done)
-    text = [
+    return [
         "## Runs\n",
         "![How each run ended, by axis and value](stability/runs.svg)\n",
         f"{len(rows)} runs: {counts(rows)}. Base: the single finger in 2-D at level smoke, 0 → 20 kPa in 0.15 s, time step 1 ms;"
@@ -161,7 +161,6 @@ def runs_part(rows: list[dict[str, str]]) -> list[str]:
             [[AXES.get(r["axis"], r["axis"]), r["value"], r["ended"], r["reason"]] for r in rows if r["ended"] != "completed"],
         ),
     ]  # fmt: skip
-    return text
 
 
 def images_part(rows: list[dict[str, str]]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any, Literal
 from pipeline.stage import versions, write_text
 
 FORMAT, FORMAT_VERSION = "checks", 1
+NUMBERS = r"\[[-+\d.eE,\s]+\]"  # lists of numbers are written in one line
 How = Literal["relative", "absolute", "at most", "at least"]
 
 
@@ -88,9 +90,8 @@ def result_json(result: Result) -> dict[str, Any]:
 
 def write_result(result: Result, path: Path) -> None:
     """Write a results file whole or not at all; numbers to seven digits."""
-    write_text(
-        path, json.dumps(_rounded(result_json(result)), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    )
+    text = json.dumps(_rounded(result_json(result)), indent=1, ensure_ascii=False, allow_nan=False)
+    write_text(path, re.sub(NUMBERS, lambda found: " ".join(found.group().split()), text) + "\n")
 
 
 def _rounded(value: Any) -> Any:
