@@ -107,9 +107,17 @@ def scene_text(parent: str, row: Row) -> str:
         overrides.setdefault("motion.source", "fea")
         overrides["motion.states"] = "kinematics/states.h5"
     lines = [f"extends = {json.dumps(parent)}", "", f"[levels.{row.level}]"]
-    # JSON's text, numbers, lists and truth values are TOML's as well
-    lines += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in sorted(overrides.items())]
+    lines += [f"{key} = {toml(value)}" for key, value in sorted(overrides.items())]
     return "\n".join(lines) + "\n"
+
+
+def toml(value: Any) -> str:
+    """A cell's value as TOML: JSON's text, but for tables (a stroke), which take = for a colon."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def needs_fea(row: Row) -> bool:

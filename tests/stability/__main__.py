@@ -21,7 +21,7 @@ from tqdm import tqdm
 from pipeline.stage import versions
 from tests.stability import images, page
 from tests.stability.solver import attempt, openfoam
-from tests.stability.table import Row, read_table
+from tests.stability.table import Run, read_table
 
 STUDIES = (Path("cases/single_finger/studies/stability.csv"), Path("cases/pinch/studies/stability.csv"))
 PRESETS = ("fast", "balanced", "accurate")
@@ -50,7 +50,7 @@ def write_table(path: Path, columns: tuple[str, ...], rows: Iterable[dict[str, A
     os.replace(part, path)
 
 
-def chosen(rows: list[Row], only: str | None) -> list[Row]:
+def chosen(rows: list[Run], only: str | None) -> list[Run]:
     """The rows whose axis is named, all where none is."""
     return [row for row in rows if only is None or row.axis in only.split(",")]
 
@@ -68,7 +68,7 @@ def main() -> int:
         results = []
         for row in tqdm(rows, "runs", unit="run", disable=None):
             results.append(attempt(row))
-            tqdm.write(f"{row.run:40s} {results[-1]['ended']:10s} {results[-1].get('reason', '')[:120]}")
+            tqdm.write(f"{row.row.run:40s} {results[-1]['ended']:10s} {results[-1].get('reason', '')[:120]}")
             sys.stdout.flush()
         ended += results
         if args.axes is None:

@@ -21,7 +21,7 @@ from pipeline.errors import StageError
 from pipeline.openfoam import foam_version as openfoam
 from pipeline.scene import Scene, digest, load_scene
 from pipeline.stage import read_dataset, versions
-from tests.stability.table import Row, scene_text
+from tests.stability.table import Run
 
 HANG = 7200.0  # s; the longest run takes minutes on an idle machine
 LEAST_CLOSURE = -0.02  # of the work: below it energy has come from nothing
@@ -32,44 +32,44 @@ FORCE_RANGE = (
 STAGES = {"kinematics": kinematics.run, "mesh": mesh.run, "case": case.run, "run": run_stage.run}
 
 
-def attempt(row: Row) -> dict[str, Any]:
+def attempt(run: Run) -> dict[str, Any]:
     """Run a row, or take what it ended with before, where neither scene nor libraries have changed."""
-    row.folder.mkdir(parents=True, exist_ok=True)
-    path, text = row.folder / "scene.toml", scene_text(row)
+    run.folder.mkdir(parents=True, exist_ok=True)
+    path, text = run.folder / "scene.toml", run.text
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         path.write_text(text, encoding="utf-8")
-    key = digest([text, _resolved(row), versions(), openfoam()])
-    kept = row.folder / "result.json"
+    key = digest([text, _resolved(run), versions(), openfoam()])
+    kept = run.folder / "result.json"
     if kept.exists() and (found := json.loads(kept.read_text())).get("key") == key:
         return found
-    shutil.rmtree(row.folder / "out", ignore_errors=True)
-    result = {"run": row.run, "scene": row.scene.name, "axis": row.axis, "value": row.value, "level": row.level,
-              "ranks": row.ranks, "key": key} | _in_child(row)  # fmt: skip
+    shutil.rmtree(run.folder / "out", ignore_errors=True)
+    result = {"run": run.row.run, "scene": run.scene.name, "axis": run.axis, "value": run.value, "level": run.row.level,
+              "ranks": run.row.ranks, "key": key} | _in_child(run)  # fmt: skip
     part = kept.with_name("result.json.part")
     part.write_text(json.dumps(result, indent=1) + "\n")
     os.replace(part, kept)
-    shutil.rmtree(row.folder / "out" / row.level / "case", ignore_errors=True)
+    shutil.rmtree(run.folder / "out" / run.row.level / "case", ignore_errors=True)
     return result
 
 
-def _resolved(row: Row) -> str:
+def _resolved(run: Run) -> str:
     """The scene with all that it inherits, or why there is none."""
     try:
-        return load_scene(row.folder, row.level).digest()
+        return load_scene(run.folder, run.row.level).digest()
     except StageError as error:
         return str(error)
 
 
-def _in_child(row: Row) -> dict[str, Any]:
+def _in_child(run: Run) -> dict[str, Any]:
     """Fork, run the stages there, and read how they ended; a crash or a hang is an ending as well."""
-    answer = row.folder / "answer.json"
+    answer = run.folder / "answer.json"
     answer.unlink(missing_ok=True)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     child = os.fork()
     if child == 0:
         os.setsid()
         try:
-            answer.write_text(json.dumps(_stages(row)))
+            answer.write_text(json.dumps(_stages(run)))
         finally:
             os._exit(0)
     deadline = time.monotonic() + HANG
@@ -92,37 +92,37 @@ def _in_child(row: Row) -> dict[str, Any]:
     return result | {"cpu_s": round(spent, 1)}
 
 
-def _stages(row: Row) -> dict[str, Any]:
+def _stages(run: Run) -> dict[str, Any]:
     """Run the stages; how they ended."""
     stage = "scene"
     try:
-        scene = load_scene(row.folder, row.level)
+        scene = load_scene(run.folder, run.row.level)
         scene.out.mkdir(parents=True, exist_ok=True)
         for stage, action in STAGES.items():
             if stage == "run":
-                action(scene, quiet=True, ranks=row.ranks)
+                action(scene, quiet=True, ranks=run.row.ranks)
             else:
                 action(scene, quiet=True)
     except StageError as error:
         text = " ".join(str(error).split())
         stopped = re.search(r"stopped at ([-+\d.e]+) s", text)
         ended = "stopped" if stopped else "FAILED" if "failed at" in text else "refused"
-        found: dict[str, Any] = {"ended": ended, "stage": stage, "reason": _without_paths(text, row)}
-        return found | ({"stopped_at_s": float(stopped.group(1))} if stopped else {}) | _motion(row)
+        found: dict[str, Any] = {"ended": ended, "stage": stage, "reason": _without_paths(text, run)}
+        return found | ({"stopped_at_s": float(stopped.group(1))} if stopped else {}) | _motion(run)
     except (Exception, SystemExit):
         return {"ended": "CRASH", "stage": stage, "reason": traceback.format_exc().splitlines()[-1][:300]}
     return _judged(scene)
 
 
-def _without_paths(text: str, row: Row) -> str:
-    for folder in (row.folder.resolve(), row.folder):
+def _without_paths(text: str, run: Run) -> str:
+    for folder in (run.folder.resolve(), run.folder):
         text = text.replace(f"{folder}/", "")
     return text[:400]
 
 
-def _motion(row: Row) -> dict[str, Any]:
+def _motion(run: Run) -> dict[str, Any]:
     try:
-        return motion_numbers(load_scene(row.folder, row.level))
+        return motion_numbers(load_scene(run.folder, run.row.level))
     except StageError:
         return {}
 
