@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import os
 import pickle
 import struct
 import subprocess
@@ -49,8 +50,9 @@ def read_buffer(path: Path, plane: int = 0) -> dict[str, Any]:
 
 def serve() -> None:
     """The process' loop: paths in, buffers or error texts out, until the other side closes."""
-    answers = sys.stdout.buffer
-    sys.stdout = sys.stderr  # the library's own talk must not get between the answers
+    # the library's own talk, also that of its C++ part, must not get between the answers
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
     import lvpyio
 
     while True:

@@ -236,7 +236,7 @@ def test_strokes_of_150_degrees_run(tmp_path, sign):
 
 
 def test_a_guard_stops_the_run_and_keeps_the_files(tmp_path):
-    scene = short_scene(tmp_path / "fast", numerics=", max_courant = 0.2")
+    scene = short_scene(tmp_path / "fast", numerics=", max_courant = 1.55")
     with pytest.raises(StageError, match=r"stopped at .* by a guard: Courant number"):
         run_stage.run(scene, quiet=True)
     assert (scene.out / "case" / "leg_0" / "log.pimpleFoam").stat().st_size > 0

@@ -10,11 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 SAFETY = 1.25  # of three grids or more whose order is sound
 SAFETY_DOUBTFUL = 3.0
 SOUND = (0.5, 2.1)  # orders that Eça & Hoekstra take as they come
+LEAST_ORDER, LARGEST_ORDER = 1e-3, 40.0
 
 
 @dataclass(frozen=True)
@@ -45,19 +46,18 @@ def three_grids(size: np.ndarray, value: np.ndarray) -> Estimate:
     if fine == 0 or coarse / fine <= 0:
         raise ValueError(f"the values {f.tolist()} do not converge monotonically")
     r_fine, r_coarse = h[1] / h[0], h[2] / h[1]
-    power = np.log(coarse / fine) / np.log(r_fine)
-    for _ in range(200):
-        correction = np.log((r_fine**power - 1) / (r_coarse**power - 1))
-        new = (np.log(coarse / fine) + correction) / np.log(r_fine)
-        if abs(new - power) < 1e-12:
-            break
-        power = new
-    if not np.isfinite(power) or power <= 0:
+    ratio = np.log(coarse / fine)
+
+    def excess(power: float) -> float:  # grows with the order; a fixed point of it need not converge for unequal ratios
+        return float(np.log((r_coarse**power - 1) / (r_fine**power - 1)) + power * np.log(r_fine) - ratio)
+
+    if excess(LEAST_ORDER) > 0 or excess(LARGEST_ORDER) < 0:
         raise ValueError(
             f"the values {f.tolist()} do not converge: their differences do not shrink as the cells do"
         )
+    power = float(brentq(excess, LEAST_ORDER, LARGEST_ORDER, xtol=1e-13))
     limit = f[0] - fine / (r_fine**power - 1)
-    return Estimate(float(limit), float(power), SAFETY * np.abs(value - limit), 0.0, "three grids")
+    return Estimate(float(limit), power, SAFETY * np.abs(value - limit), 0.0, "three grids")
 
 
 def least_squares(size: np.ndarray, value: np.ndarray) -> Estimate:
