@@ -116,10 +116,10 @@ bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/
 	$(PY) tests/benchmarks/piv_bench.py --docs
 
 validate: $(READY) ## flows of known answer through the project's own stages: docs/verification.md
-	nice $(PY) -m validation $(FLAGS)
+	nice $(PY) -m tests.validation $(FLAGS)
 
 convergence: $(READY) ## the finger on several grids and time steps: rows of docs/verification.md
-	nice $(PY) -m validation finger_2d finger $(FLAGS)
+	nice $(PY) -m tests.validation finger_2d finger $(FLAGS)
 
 stability: $(READY) ## runs and images at the extremes: docs/stability.md
 	$(PY) -m tests.stability

@@ -180,6 +180,9 @@ def draw(table: pd.DataFrame, path: Path) -> Path:
 
 
 def _panel(axis: Axes, rows: pd.DataFrame, cost: str, colour: str) -> None:
+    if rows.empty:
+        axis.text(0.5, 0.5, "not run yet", transform=axis.transAxes, ha="center")
+        return
     ahead = rows[rows["front"]].sort_values(cost)
     axis.plot(ahead[cost], 100 * ahead["error"], color=colour, lw=1.2, zorder=1)
     axis.scatter(

@@ -197,6 +197,19 @@ def register(
     return _registration(frames, family, fine, values, stated)
 
 
+def end_covariance(family: Family, pose: Pose) -> np.ndarray:
+    """Covariance (x px, y px, angle, ln scale) of what the samples do not know: where, within a pixel, the finger's ends are.
+
+    The two ends are short edges, nearly along the rows of the picture: each is seen to 1/√12 px at best, and scatters alike in
+    all frames, so more frames do not help. Along the finger only; its sides run across many pixels.
+    """
+    along = pose.rotation @ family.shape("tip_direction", float(family.law(family.time[0])))
+    out = np.zeros((4, 4))
+    out[:2, :2] = np.outer(along, along) / 12
+    out[3, 3] = 2 / 12 / (family.length * pose.px_per_m) ** 2
+    return out
+
+
 def _registration(
     frames: Frames, family: Family, fit: OutlineFit, first: np.ndarray, stated: Pose | None
 ) -> Registration:
@@ -206,7 +219,7 @@ def _registration(
     some = np.array([fit_law(family, frames.times, p, values)[0] for p in fit.parameter[::step]])
     return Registration(
         fit.mean_pose(),
-        np.cov(fit.pose[:, :4].T),
+        np.cov(fit.pose[:, :4].T) + end_covariance(family, fit.mean_pose()),
         float(fit.pose[:, 4].mean()),
         Law(values, covariance + np.cov(some.T), misfit),
         frames.times,

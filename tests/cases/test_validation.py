@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.legs import read_legs
-from validation import cylinders, deforming
-from validation.solve import CASES, solved
+from tests.validation import cylinders, deforming
+from tests.validation.solve import CASES, solved
 
 pytestmark = [
     pytest.mark.openfoam,

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from pipeline.errors import StageError
-from validation.checks import Check, Result, write_result
-from validation.cylinders import cycle_of, history_integral, morison
-from validation.exact_fields import circulation_orders, disc_circulation, rankine
-from validation.figures import FIGURES
-from validation.ledger import ORDER, read_results, write_ledger
+from tests.validation.checks import Check, Result, write_result
+from tests.validation.cylinders import cycle_of, history_integral, morison
+from tests.validation.exact_fields import circulation_orders, disc_circulation, rankine
+from tests.validation.figures import FIGURES
+from tests.validation.ledger import ORDER, read_results, write_ledger
 
 
 def check(result, how="relative", reference=2.0, tolerance=0.1, **more):

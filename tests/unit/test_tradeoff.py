@@ -112,6 +112,9 @@ def test_page_figure_and_results_that_can_be_chosen_from(tmp_path):
     assert "**draft_2d**" in text
     assert "Not run yet, and so not below: coarse." in text
     assert draw(table, tmp_path / "front.svg").stat().st_size > 5000
+    assert draw(
+        table[table["kind"] == "flow"].drop(columns="cpu_piv_per_field_s"), tmp_path / "flow.svg"
+    ).exists()
     path = tmp_path / "single_finger.csv"
     path.write_text(results_text(table, "medium", {"solver": 0.5, "images": 0.2}))
     settings, probe = read_results(path)

@@ -8,10 +8,10 @@ from typing import Any
 
 from pipeline.errors import StageError
 from pipeline.stage import write_text
-from validation.checks import FORMAT
-from validation.figures import FIGURES
+from tests.validation.checks import FORMAT
+from tests.validation.figures import FIGURES
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 ORDER = (
     "oscillating_cylinder", "impulsive_cylinder", "accelerating_cylinder", "plate_impulsive", "plate_accelerating",
     "deforming_mesh", "exact_fields", "finger_2d", "finger",

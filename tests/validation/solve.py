@@ -15,7 +15,7 @@ import numpy as np
 from pipeline import case, kinematics, mesh, run, sheets
 from pipeline.scene import Scene, load_scene
 
-CASES = Path(__file__).resolve().parent.parent / "cases" / "validation"
+CASES = Path(__file__).resolve().parents[2] / "cases" / "validation"
 Prepare = Callable[[Scene], None]
 
 

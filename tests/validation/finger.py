@@ -12,9 +12,9 @@ import xarray as xr
 from pipeline.scene import Scene, load_scene
 from pipeline.stage import read_dataset
 from piv.vortices import Vortex, find_vortices
-from validation.checks import Check, Result
-from validation.convergence import Estimate, estimate
-from validation.solve import CASES, solved
+from tests.validation.checks import Check, Result
+from tests.validation.convergence import Estimate, estimate
+from tests.validation.solve import CASES, solved
 
 GRIDS = ("g141", "g100", "g071", "g050")
 STEPS = ("dt200", "g100", "dt050", "dt025")

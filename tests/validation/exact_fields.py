@@ -14,7 +14,7 @@ from piv.plane import make_plane
 from piv.synthetic import render_pair
 from piv.vortex_fit import PEAK_SWIRL, lamb_oseen
 from piv.vortices import Vortex, find_vortices
-from validation.checks import Check, Result
+from tests.validation.checks import Check, Result
 
 Field = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
 

@@ -11,9 +11,9 @@ import numpy as np
 from pipeline.openfoam import foam_version
 from pipeline.scene import Scene, load_scene
 from pipeline.stage import write_text
-from validation.checks import Check, Result
-from validation.solve import CASES, cpu_seconds
-from validation.transparent import Cells, at_end, solve_transparent
+from tests.validation.checks import Check, Result
+from tests.validation.solve import CASES, cpu_seconds
+from tests.validation.transparent import Cells, at_end, solve_transparent
 
 NAME = "deforming_mesh"
 SPACE = ("h16", "h24", "h32", "h48")

@@ -6,8 +6,8 @@ import numpy as np
 
 from pipeline.rigid import smooth_step, travelled
 from pipeline.scene import Scene
-from validation.checks import Check, Result
-from validation.solve import forces, provenance, reference
+from tests.validation.checks import Check, Result
+from tests.validation.solve import forces, provenance, reference
 
 FIGURE_POINTS = 400
 

@@ -10,8 +10,8 @@ import pyvista as pv
 
 from pipeline.rigid import travelled
 from pipeline.scene import Scene
-from validation.checks import Check, Result
-from validation.solve import provenance, reference
+from tests.validation.checks import Check, Result
+from tests.validation.solve import provenance, reference
 
 REACH = 4.0  # distances of the core from the edge within which its vortex is looked for
 CORE_PART = 0.3  # of that distance: radius in which the least pressure is fitted

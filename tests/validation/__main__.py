@@ -1,4 +1,4 @@
-"""`python -m validation`: run the checks of docs/verification.md, write their results and the page."""
+"""`python -m tests.validation`: run the checks of docs/verification.md, write their results and the page."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 from pipeline.errors import StageError
 from pipeline.scene import Scene
 from pipeline.stage import guarded
-from validation import cylinders, deforming, exact_fields, finger, plates
-from validation.checks import Result, write_result
-from validation.ledger import DOCS, ORDER, write_ledger
-from validation.solve import solved
+from tests.validation import cylinders, deforming, exact_fields, finger, plates
+from tests.validation.checks import Result, write_result
+from tests.validation.ledger import DOCS, ORDER, write_ledger
+from tests.validation.solve import solved
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 FLOWS: dict[str, Callable[[Scene], Result]] = {
     "oscillating_cylinder": cylinders.oscillating,
     "impulsive_cylinder": cylinders.impulsive,
@@ -58,7 +58,7 @@ def run(names: list[str], quiet: bool, again: bool) -> None:
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(prog="python -m validation", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.validation", description=__doc__)
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"checks to run (default: all): {', '.join(ORDER)}"
     )
