@@ -17,14 +17,16 @@ SHELL  := /bin/sh
 PY     := .venv/bin/python
 SCENES := $(patsubst $(CASES)/%/scene.toml,%,$(wildcard $(CASES)/*/scene.toml))
 SCENE  ?= single_finger
+# scenes that a comparison with a laboratory made: runs beside the nominal one
+RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(wildcard $(addprefix $(CASES)/*/out/*/,inputs/*/scene.toml virtual/*/scene.toml \
+            lab/*/measured/scene.toml lab/*/measured/out/*/inputs/*/scene.toml)))
 STAGES := kinematics mesh case run sheet images piv vortices compare report
 READY  := .venv/.ready
 FLAGS  := $(if $(QUIET),--quiet)
 
 .SUFFIXES:
-.DELETE_ON_ERROR:
 .SECONDARY:
-.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs clean clean-all bench-piv $(SCENES) $(foreach s,$(SCENES),$(addprefix $(s).,$(STAGES) cfd))
+.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-sheets study-sheets validate convergence clean clean-all bench-piv stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
 
 help: ## this list
 	@echo "make setup                     Python environment and OpenFOAM, where missing"
@@ -34,7 +36,7 @@ help: ## this list
 	@echo "make SCENE ACCURACY=5%         the cheapest measured setting within 5 %; BUDGET=10min: the most accurate within it"
 	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]; or HOSTS=hosts.txt"
 	@echo "make SCENE.STAGE               up to one stage: $(STAGES)"
-	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
 
 setup: $(READY) ## only the set-up
 $(READY): requirements.lock pipeline/setup.sh
@@ -44,7 +46,10 @@ $(READY): requirements.lock pipeline/setup.sh
 # One set of rules per scene. Every stage depends on the files of the stages before it and on its own settings, which are
 # rewritten only when their content changes: touching one number redoes only what follows from it. Python files are no
 # prerequisites: editing them does not solve again (make clean does).
+# Every stage gives its files their names when they are whole: make need not, and after a kill or beside a second make must
+# not, delete them.
 define scene_rules
+.PRECIOUS: $(addprefix $(2)/,kinematics.h5 planform.h5 sweep.h5 run/run.json sheet.h5 images.h5 piv.h5 vortices_cfd.csv vortices_piv.csv comparison.json report.html)
 ifneq ($(ACCURACY)$(BUDGET),)
 # the cheapest setting that was measured to reach it (docs/tradeoff.md), in a folder of its own
 $(1): $(READY)
@@ -100,7 +105,9 @@ $(2)/report.html: $(2)/comparison.json $(2)/settings/report.json
 endef
 # A pinch is compared with the single finger at the same level, where that was run; make single_finger first.
 SINGLE := $(wildcard cases/single_finger/out/$(LEVEL)/vortices_*.csv)
-$(foreach s,$(SCENES),$(eval $(call scene_rules,$(s),$(CASES)/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
+$(foreach s,$(SCENES) $(RUNS),$(eval $(call scene_rules,$(s),$(CASES)/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
+
+include postprocess/lab/compare.mk
 
 fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/kinematics/states.h5
 	$(PY) -m pipeline.fea cases/single_finger
@@ -108,9 +115,29 @@ fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/k
 bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/piv.md
 	$(PY) tests/benchmarks/piv_bench.py --docs
 
-docs: single_finger.report single_deflate.report ## pages and pictures of the docs that come from runs
+validate: $(READY) ## flows of known answer through the project's own stages: docs/verification.md
+	nice $(PY) -m tests.validation $(FLAGS)
+
+convergence: $(READY) ## the finger on several grids and time steps: rows of docs/verification.md
+	nice $(PY) -m tests.validation finger_2d finger $(FLAGS)
+
+stability: $(READY) ## runs and images at the extremes: docs/stability.md
+	$(PY) -m tests.stability
+
+faults: $(READY) ## kills, full disks, damaged files, two makes at once: docs/stability
+	$(PY) -m tests.faults
+	$(PY) -m tests.stability.page
+
+fuzz: $(READY) ## damaged files for every reader, with atheris where it is installed: docs/stability
+	$(PY) -m tests.fuzz --table docs/stability/fuzz.csv
+	$(PY) -m tests.stability.page
+
+docs: single_finger.report single_deflate.report cycle.report ## pages and pictures of the docs that come from runs
 	$(PY) -m postprocess.summary cases/single_finger --level $(LEVEL)
 	$(PY) -m postprocess.summary cases/single_deflate --level $(LEVEL)
+	$(PY) -m postprocess.summary cases/cycle --level $(LEVEL)
+	$(MAKE) --no-print-directory pinch.report
+	$(PY) -m postprocess.summary cases/pinch --level $(LEVEL)
 	$(PY) -m tests.pictures.vortices docs/vortices.png
 	$(PY) -m tests.pictures.synthetic docs/synthetic.png
 

@@ -17,7 +17,7 @@ NEAR_KNOT = 0.3  # of the distance between knots: one nearer to an end of a part
 
 @dataclass(frozen=True)
 class Family:
-    """Outlines (knot, point, 2), tips (knot, 2) and bends (knot, rad) of the finger over the shape parameter (Pa)."""
+    """Outlines (knot, point, 2), tips (knot, 2; or several: knot, edge, 2) and bends (knot, rad) of the finger over the shape parameter (Pa)."""
 
     parameter: np.ndarray
     outline: np.ndarray

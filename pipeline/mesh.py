@@ -43,6 +43,7 @@ class Setting:
     way: np.ndarray  # of each shape of the family: pipeline.mesh_stages.deformation
     path: np.ndarray  # points (n, 2) near which cells stay small
     bodies: tuple[Body, ...]
+    motion: np.ndarray  # shape parameter after each time step, Pa
 
     @property
     def mirror(self) -> bool:
@@ -62,10 +63,12 @@ class Stage:
 
 def read_setting(scene: Scene, levels: np.ndarray) -> Setting:
     """The shapes of kinematics.h5 and what surrounds them. Raises StageError where the finger meets the support."""
+    step = scene.numerics.time_step
     with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
-        family = Family(
-            *(file[n].values for n in ("shape_parameter", "shape_outline", "shape_tip", "shape_bend"))
-        )
+        fine = "shape_edges" if "shape_edges" in file else "shape_tip"
+        family = Family(*(file[n].values for n in ("shape_parameter", "shape_outline", fine, "shape_bend")))
+        time = step * np.arange(round(scene.motion.end_time / step) + 1)
+        motion = CubicSpline(file["time"].values, file["pressure"].values)(time)
     mirror = scene.pinch is not None
     bodies = fixed_bodies(scene, levels, mirror)
     outlines = shapely.linearrings(family.outline)
@@ -76,7 +79,7 @@ def read_setting(scene: Scene, levels: np.ndarray) -> Setting:
                 f"{scene.folder / 'scene.toml'}: support.bottom = {scene.support.bottom:g} m leaves {clear * 1e3:.2g} mm"
                 f" above the finger, too little to mesh; raise it by {(LEAST_CLEARANCE - clear) * 1e3:.2g} mm"
             )
-    gap, path = np.full(len(family.bend), np.inf), family.tip
+    gap, path = np.full(len(family.bend), np.inf), family.tip.reshape(-1, 2)
     if mirror:
         plane = shapely.LineString([(0.0, 0.0), (0.0, scene.tank.water_depth)])
         facing = shapely.union_all([plane, *(body.polygon for body in bodies if body.name == "object")])
@@ -86,7 +89,9 @@ def read_setting(scene: Scene, levels: np.ndarray) -> Setting:
         count = int(np.ceil(2 * scene.mesh.jet_reach / scene.mesh.near_cell)) + 1
         jet = height + np.linspace(-scene.mesh.jet_reach, scene.mesh.jet_reach, count)
         path = np.vstack([path, np.column_stack([np.zeros(count), jet])])
-    return Setting(scene, family, deformation(family.bend, gap), path, bodies)
+    # a body that is only moved does not bend: its way is the measure
+    way = family.parameter - family.parameter[0] if scene.body else deformation(family.bend, gap)
+    return Setting(scene, family, way, path, bodies, motion)
 
 
 def build_stage(setting: Setting, part: Part, bar: tqdm) -> Stage:
@@ -100,9 +105,19 @@ def build_stage(setting: Setting, part: Part, bar: tqdm) -> Stage:
         family.outline[built], family.tip[built], *tank, mesh, setting.path, setting.mirror, setting.bodies
     )
 
+    share = np.zeros(len(family.parameter))  # of the time, by the nearest knot
+    for first, end in part.legs:
+        nearest = np.abs(setting.motion[first:end, None] - family.parameter).argmin(1)
+        share += np.bincount(nearest, minlength=len(share)) / len(setting.motion)
+    unusual = 0.0
+
     def look(knot: int, nodes: np.ndarray) -> None:
+        nonlocal unusual
         bar.update()
-        check_quality(shape_quality(planform, nodes), family.bend[knot], mesh)
+        quality = shape_quality(planform, nodes)
+        check_quality(quality, family.bend[knot], mesh)
+        unusual += share[knot] * (quality.max_non_orthogonality_deg > mesh.usual_non_orthogonality_deg)
+        check_share(unusual, mesh)
 
     return Stage(part, planform, family, morph_family(planform, family, built, look))
 
@@ -117,34 +132,37 @@ def check_quality(quality: Quality, bend: float, mesh: Mesh) -> None:
         )
 
 
-def choose_stages(setting: Setting, pressure: CubicSpline, quiet: bool) -> tuple[list[Stage], list[tuple]]:
+def check_share(unusual: float, mesh: Mesh) -> None:
+    """MorphError where mesh.usual_non_orthogonality_deg is exceeded for too great a share of the time."""
+    if unusual > 1 - USUAL_SHARE:
+        raise MorphError(
+            f"non-orthogonality exceeds mesh.usual_non_orthogonality_deg = {mesh.usual_non_orthogonality_deg:g}°"
+            f" for {unusual:.1%} of the time, more than {1 - USUAL_SHARE:.0%}"
+        )
+
+
+def choose_stages(setting: Setting, quiet: bool) -> tuple[list[Stage], list[tuple]]:
     """As few stages as keep the limits of mesh quality over the motion, and the rows of mesh_quality.csv.
 
     Raises StageError where MOST_STAGES do not.
     """
     scene = setting.scene
-    step = scene.numerics.time_step
-    time = step * np.arange(round(scene.motion.end_time / step) + 1)
-    way = np.interp(pressure(time), setting.family.parameter, setting.way)
-    sampling, run_in = scene.numerics.sampling_steps(scene.sheet.rate_hz), run_in_steps(step)
+    way = np.interp(setting.motion, setting.family.parameter, setting.way)
+    sampling = scene.numerics.sampling_steps(scene.sheet.rate_hz)
+    run_in = run_in_steps(scene.numerics.time_step)
     reason = ""
     for count in range(1, MOST_STAGES + 1):
-        parts = divide(way, count, sampling, run_in)
         try:
             with tqdm(desc=f"mesh, {count} planforms", disable=quiet or None, unit="shape") as bar:
-                stages = [build_stage(setting, part, bar) for part in parts]
-            rows = quality_rows(stages, pressure(time), run_in, scene.mesh)
+                stages = [build_stage(setting, part, bar) for part in divide(way, count, sampling, run_in)]
+            rows = quality_rows(stages, setting.motion, run_in, scene.mesh)
+            check_share(
+                sum(row[2] for row in rows if row[5] > scene.mesh.usual_non_orthogonality_deg), scene.mesh
+            )
         except MorphError as error:
             reason = str(error)
-            continue
-        usual = scene.mesh.usual_non_orthogonality_deg
-        share = sum(row[2] for row in rows if row[5] <= usual)
-        if share >= USUAL_SHARE:
+        else:
             return stages, rows
-        reason = (
-            f"non-orthogonality is at most mesh.usual_non_orthogonality_deg = {usual:g}° for {share:.1%} of the"
-            f" time, less than {USUAL_SHARE:.0%}"
-        )
     raise StageError(
         f"mesh: with {MOST_STAGES} planforms {reason}: shorten the stroke, change mesh.wall_cell, or raise the limit"
     )
@@ -179,9 +197,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     """Write planform.h5 and mesh_quality.csv."""
     levels = graded_layers(scene)
     setting = read_setting(scene, levels)
-    with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
-        pressure = CubicSpline(file["time"].values, file["pressure"].values)
-    stages, rows = choose_stages(setting, pressure, quiet)
+    stages, rows = choose_stages(setting, quiet)
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(QUALITY_COLUMNS)
@@ -190,9 +206,12 @@ def run(scene: Scene, quiet: bool = False) -> None:
     groups = {f"stage_{k}": stage_dataset(stage, setting, levels) for k, stage in enumerate(stages)}
     write_dataset(legs_dataset(stages, scene), scene.out / "planform.h5", groups)
     if not quiet:
-        worst = max(row[5] for row in rows)
         cells = ", ".join(str(len(s.planform.triangles) + len(s.planform.quads)) for s in stages)
-        print(f"mesh: planform of {cells} cells, {len(levels) - 1} layers, non-orthogonality ≤ {worst:.1f}°")
+        usual = scene.mesh.usual_non_orthogonality_deg
+        print(
+            f"mesh: planform of {cells} cells, {len(levels) - 1} layers, non-orthogonality ≤"
+            f" {max(row[5] for row in rows):.1f}°, {usual:g}° for {sum(r[2] for r in rows if r[5] <= usual):.1%} of the time"
+        )
 
 
 def legs_dataset(stages: list[Stage], scene: Scene) -> xr.Dataset:

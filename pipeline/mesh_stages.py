@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# About what takes a good planform to 70° of non-orthogonality: measured on the pinch at level coarse (docs/pinch_mesh.md)
+# About what takes a good planform to 70° of non-orthogonality: measured on the pinch at level coarse (docs/mesh.md)
 GAP_FACTOR = 3.0  # change of a gap
-BEND_SCALE = np.radians(150.0)
+BEND_SCALE = np.radians(110.0)
 HYSTERESIS = 0.1  # of a part: a motion must turn back by as much before an earlier planform is taken again
 PADDING = 4  # time steps beyond a leg's end that its shapes cover
 

@@ -65,6 +65,11 @@ def measured_law(path: Path) -> PressureLaw:
         )
     if np.ptp(pressure) < 200:
         raise StageError(f"{path}: pressures span {np.ptp(pressure):.3g}, which looks like kPa; give Pa")
+    return history_law(times, pressure)
+
+
+def history_law(times: np.ndarray, pressure: np.ndarray) -> PressureLaw:
+    """Cubic spline through a history (s, Pa), held constant before and after; twice continuously differentiable."""
     step = np.min(np.diff(times))
     rest = step * np.arange(1, 5)
     spline = CubicSpline(  # constant knots at both ends let the spline settle: C2 there too

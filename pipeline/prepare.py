@@ -46,9 +46,8 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: int, quiet: bo
     wanted = case_state(case, ranks)
     if prepared_for(case) == wanted:
         return
-    for later in reversed(
-        legs[leg.index :]
-    ):  # what is interrupted from here on must begin anew, and so what follows
+    # what is interrupted from here on must begin anew, and so what follows
+    for later in reversed(legs[leg.index :]):
         for stale in (STATE, PROGRESS):
             (scene.out / "case" / later.name / stale).unlink(missing_ok=True)
     begin, step = leg.begin(scene.numerics.time_step), scene.numerics.time_step

@@ -45,10 +45,11 @@ def spread(line: np.ndarray, size: Callable[[np.ndarray], np.ndarray], least: in
 
 
 def wall_nodes(outline: np.ndarray, tip: np.ndarray, mesh: Mesh, clearance: Clearance) -> np.ndarray:
-    """Fractional point indices along a closed outline: `tip_cell` apart near the tip, `wall_cell` elsewhere, less in gaps."""
+    """Fractional point indices along a closed outline: `tip_cell` apart near the tip (or tips), `wall_cell` elsewhere, less in gaps."""
 
     def size(points: np.ndarray) -> np.ndarray:
-        blend = np.clip((np.hypot(*(points - tip).T) - 0.012) / 0.02, 0, 1)
+        distance = np.min([np.hypot(*(points - end).T) for end in np.atleast_2d(tip)], axis=0)
+        blend = np.clip((distance - 0.012) / 0.02, 0, 1)
         wanted = mesh.tip_cell + (mesh.wall_cell - mesh.tip_cell) * blend
         return np.minimum(wanted, GAP_CELL * clearance(points))
 

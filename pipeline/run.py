@@ -8,19 +8,21 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from pipeline.checkpoint import last_checkpoint
 from pipeline.errors import StageError
 from pipeline.frames import remove_frames, steps_of
-from pipeline.legs import Leg, read_legs
+from pipeline.legs import Leg, read_legs, read_stage
 from pipeline.lock import only_one
 from pipeline.openfoam import foam_version
 from pipeline.prepare import case_state, prepare, prepared_for
-from pipeline.results import collect_results
+from pipeline.results import collect_results, copies_of
 from pipeline.scene import Scene
 from pipeline.solver import BAR, read_progress, solve
 from pipeline.stage import guarded, parser, read_dataset, timed, versions, write_text
+from pipeline.supervise import energy_from_nothing, guards_of
 
 CELLS_PER_RANK = 5000  # fewer, and ranks wait for each other longer than they work
 
@@ -60,13 +62,15 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     version = foam_version()
     case, end, step = scene.out / "case", scene.motion.end_time, scene.numerics.time_step
     legs = read_legs(scene.out)
+    guards = guards_of(scene, legs)
     with only_one(case):
         ranks = begun_ranks(case / legs[0].name, useful_ranks(scene, legs, ranks, quiet), quiet)
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver", bar_format=BAR) as bar:
-            for leg, handover in zip(legs, [*(leg.begin(step) for leg in legs[1:]), end], strict=True):
+            handovers = [*(leg.begin(step) for leg in legs[1:]), end]
+            for leg, handover, guard in zip(legs, handovers, guards, strict=True):
                 folder = case / leg.name
                 prepare(scene, legs, leg, ranks, quiet)
-                solve(folder, leg, handover, scene.numerics, ranks, hosts, bar)
+                solve(folder, leg, handover, scene.numerics, ranks, hosts, bar, guard)
                 for place in (folder, *folder.glob("processor*")):
                     remove_frames(place)
                 bar.update(leg.end - bar.n)
@@ -76,6 +80,9 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
             "resumed": [at for s in spent for at in s["resumed"]],
         }
         summary = collect_results(scene, legs, scene.out / "run")
+        power = np.loadtxt(scene.out / "run" / "power.csv", delimiter=",", skiprows=1, ndmin=2)
+        copies = copies_of(read_stage(scene.out, legs[0].stage))
+        summary["power_balance"]["from_nothing_fraction"] = energy_from_nothing(power, guards, copies)
     write_text(
         scene.out / "run" / "run.json",
         json.dumps(

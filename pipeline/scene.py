@@ -13,6 +13,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from pipeline.errors import StageError
+from pipeline.limits import check_numbers
+from pipeline.rigid_scene import Body, Law
 from pipeline.scene_file import level_tables, merge, read_tables
 from pipeline.scene_pinch import Pinch, Support, check_pinch, check_support
 from pipeline.scene_section import Pair, Positive, Section
@@ -74,16 +76,40 @@ class Segment(Section):
 class Motion(Section):
     """Where shapes and the pressure history come from."""
 
-    source: Literal["fea", "paper_equations"] = "paper_equations"
+    source: Literal["fea", "paper_equations", "recording", "rigid"] = "paper_equations"
     states: str | None = None
+    recording: str | None = None  # of source "recording": motion as a camera saw it (docs/formats.md)
+    recording_factor: Positive = 1.0  # on its bending, to measure what an error of it does
     start_pressure_kpa: float = 0.0
     strokes: tuple[Segment, ...] = ()
     pressure_csv: str | None = None
     end_time: Positive
     max_bend_step_deg: Positive = 5.0
 
+    displacement: Law | None = None  # of a rigid body, m
+    rotation: Law | None = None  # of a rigid body, deg
+    path_step: Positive | None = None  # way of a rigid body between two shapes of the mesh
+
     @model_validator(mode="after")
     def _one_history(self) -> Motion:
+        rigid = (self.displacement is not None) + (self.rotation is not None)
+        if rigid != (self.source == "rigid") or (rigid and (self.strokes or self.pressure_csv)):
+            raise ValueError(
+                "motion.source = 'rigid' takes either motion.displacement or motion.rotation and nothing else"
+            )
+        if rigid:
+            return self
+        if self.source == "recording":
+            if not self.recording or self.strokes or self.pressure_csv:
+                raise ValueError(
+                    "motion.source = 'recording' needs motion.recording, the path of a motion.h5, and no strokes (strokes = [])"
+                    " and no pressure_csv beside it"
+                )
+            return self
+        if self.recording or self.recording_factor != 1:
+            raise ValueError(
+                "motion.recording and recording_factor belong to motion.source = 'recording'; remove them"
+            )
         if bool(self.strokes) == bool(self.pressure_csv):
             raise ValueError("give either motion.strokes or motion.pressure_csv, not both and not neither")
         if self.pressure_csv and self.start_pressure_kpa != 0:
@@ -213,6 +239,7 @@ class Scene(Section):
     tank: Tank = Tank()
     fluid: Fluid = Fluid()
     finger: Finger
+    body: Body | None = None  # in the finger's place: validation against what is known of it
     pinch: Pinch | None = None
     support: Support | None = None
     motion: Motion
@@ -233,6 +260,23 @@ class Scene(Section):
             return table | {"model": {"kind": "quarter"}}
         return table
 
+    @model_validator(mode="before")
+    @classmethod
+    def _body_for_finger(cls, table: Any) -> Any:
+        """A rigid body takes the finger's place: its centre is the root, its depth the width."""
+        body = table.get("body") if isinstance(table, dict) else None
+        if isinstance(body, dict) and "centre" in body:
+            if "finger" in table:
+                raise ValueError("give either finger or body")
+            table = {**table, "finger": {"root": body["centre"], "width": body.get("depth", 1.0)}}
+        return table
+
+    @model_validator(mode="after")
+    def _one_body(self) -> Scene:
+        if (self.body is None) == (self.motion.source == "rigid"):
+            raise ValueError("body and motion.source = 'rigid' belong together; give both or neither")
+        return self
+
     @model_validator(mode="after")
     def _physical(self) -> Scene:
         tank, finger = self.tank, self.finger
@@ -240,7 +284,7 @@ class Scene(Section):
             raise ValueError(
                 f"tank.water_depth = {tank.water_depth} m exceeds the tank's height {tank.size[1]} m"
             )
-        if finger.length > 1 or max(tank.size) > 20:
+        if self.body is None and (finger.length > 1 or max(tank.size) > 20):
             raise ValueError("finger.length or tank.size looks like millimetres; give metres")
         if not abs(finger.root[0]) < tank.size[0] / 2 or not 0 < finger.root[1] < tank.water_depth:
             raise ValueError(
@@ -262,6 +306,7 @@ class Scene(Section):
             )
         if self.support is not None:
             check_support(self.support, finger, tank)
+        check_numbers(self)
         self.numerics.sampling_steps(self.sheet.rate_hz)
         steps = self.motion.end_time / self.numerics.time_step
         if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
@@ -297,14 +342,14 @@ class Scene(Section):
             return FLAT_SETTINGS[stage](self)
         settings = self.model_dump(mode="json", include=STAGE_SECTIONS[stage])
         if stage == "kinematics":
-            named = [self.motion.states, self.motion.pressure_csv]
+            named = [self.motion.states, self.motion.pressure_csv, self.motion.recording]
             settings["files"] = {name: _file_digest(self.folder / name) for name in named if name}
         return settings
 
 
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
 STAGE_SECTIONS: dict[str, Any] = {
-    "kinematics": {"tank", "finger", "pinch", "support", "motion"},
+    "kinematics": {"tank", "finger", "body", "pinch", "support", "motion"},
     "mesh": {"mesh", "model", "support"},
     # the solver needs no more of the sheet than this: a finer grid does not solve again
     "case": {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
@@ -346,19 +391,27 @@ FLAT_SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
 }
 
 
-def write_settings(scene: Scene) -> list[str]:
-    """Write `settings/<stage>.json` where its content changed; returns the names of the stages that changed."""
-    changed = []
+def changed_settings(scene: Scene) -> dict[str, str]:
+    """Text of `settings/<stage>.json` for each stage whose file is missing or says otherwise."""
+    found = {}
     for stage in STAGE_SECTIONS:
         path = scene.out / "settings" / f"{stage}.json"
         text = json.dumps(scene.settings(stage), indent=1, sort_keys=True) + "\n"
         if not path.exists() or path.read_text(encoding="utf-8") != text:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            part = path.with_name(path.name + ".part")
-            part.write_text(text, encoding="utf-8")
-            os.replace(part, path)
-            changed.append(stage)
-    return changed
+            found[stage] = text
+    return found
+
+
+def write_settings(scene: Scene) -> list[str]:
+    """Write `settings/<stage>.json` where its content changed; returns the names of the stages that changed."""
+    changed = changed_settings(scene)
+    for stage, text in changed.items():
+        path = scene.out / "settings" / f"{stage}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_name(path.name + ".part")
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)
+    return list(changed)
 
 
 def _file_digest(path: Path) -> str:

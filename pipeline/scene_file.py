@@ -9,7 +9,11 @@ from typing import Any
 
 from pipeline.errors import StageError
 
-FILE_KEYS = {"states", "pressure_csv"}  # of [motion]: paths relative to the scene that gives them
+FILE_KEYS = {
+    "states",
+    "pressure_csv",
+    "recording",
+}  # of [motion]: paths relative to the scene that gives them
 
 
 def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:

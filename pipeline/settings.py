@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from pipeline.scene import Scene, write_settings
+from pipeline.errors import StageError
+from pipeline.scene import Scene, changed_settings, write_settings
 from pipeline.stage import guarded, parser
+from piv.exclusive import exclusive, held
 
 
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write settings/*.json and touch settings/.stamp."""
-    changed = write_settings(scene)
-    (scene.out / "settings" / ".stamp").touch()
+    folder = scene.out / "settings"
+    folder.mkdir(parents=True, exist_ok=True)
+    with exclusive(folder / ".stamp", wait=True):
+        # a stage that began with the old numbers would otherwise end later than the new ones, and pass for made of them
+        if changed_settings(scene) and (stage := held(scene.out)):
+            raise StageError(
+                f"{scene.out}: the scene has changed while another make is at work here ({stage}); wait for it or stop it"
+            )
+        changed = write_settings(scene)
+        (folder / ".stamp").touch()
     if changed and not quiet:
         print(f"settings: {', '.join(changed)} changed in {scene.folder} at level {scene.level}")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import h5netcdf
@@ -16,8 +17,9 @@ from tqdm import tqdm
 
 from pipeline.errors import StageError
 from pipeline.legs import Leg, read_legs, read_stage
-from pipeline.scene import Camera, Scene, digest
-from pipeline.stage import read_dataset, run_stage, versions
+from pipeline.scene import Camera, Scene, digest, load_scene
+from pipeline.stage import guarded, parser, read_dataset, timed, versions
+from piv.errors import one_line
 from piv.plane import FORMAT, FORMAT_VERSION, UNITS
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
@@ -53,20 +55,24 @@ def mirrored_finger(name: str, values: np.ndarray) -> np.ndarray:
 
 
 def read_track(out: Path) -> FingerTrack:
-    """The finger's track from kinematics.h5."""
-    with read_dataset(out / "kinematics.h5", "kinematics") as file:
-        parameter = file["shape_parameter"].values
-        names = {
-            "outline": "shape_outline",
-            "tip": "shape_tip",
-            "tip_direction": "shape_tip_direction",
-            "dorsal_direction": "shape_dorsal_direction",
-            "bend": "shape_bend",
-        }
-        splines = {name: CubicSpline(parameter, file[stored].values) for name, stored in names.items()}
-        pressure = CubicSpline(file["time"].values, file["pressure"].values)
-        width, mirror = float(file.attrs["tip_thickness"]), bool(file.attrs.get("mirror", 0))
-        return FingerTrack(pressure, splines, width, mirror)
+    """The finger's track from kinematics.h5. Raises StageError where its numbers make none."""
+    path = out / "kinematics.h5"
+    names = {
+        "outline": "shape_outline",
+        "tip": "shape_tip",
+        "tip_direction": "shape_tip_direction",
+        "dorsal_direction": "shape_dorsal_direction",
+        "bend": "shape_bend",
+    }
+    with read_dataset(path, "kinematics") as file:
+        try:
+            parameter = file["shape_parameter"].values
+            splines = {name: CubicSpline(parameter, file[stored].values) for name, stored in names.items()}
+            pressure = CubicSpline(file["time"].values, file["pressure"].values)
+            width, mirror = float(file.attrs["tip_thickness"]), bool(file.attrs.get("mirror", 0))
+        except (KeyError, ValueError, TypeError, IndexError) as error:
+            raise StageError(f"{path}: damaged ({one_line(error)}); delete it and run make again") from None
+    return FingerTrack(pressure, splines, width, mirror)
 
 
 def sheet_axes(camera: Camera, spacing: float, symmetric: bool = False) -> tuple[np.ndarray, np.ndarray]:
@@ -79,6 +85,19 @@ def sheet_axes(camera: Camera, spacing: float, symmetric: bool = False) -> tuple
         count = int(np.ceil(half / spacing))
         axes.append(middle + spacing * np.arange(-count, count + 1))
     return axes[0], axes[1]
+
+
+def view_axes(view: View, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Grid axes (m) that cover x0 … x1, y0 … y1 as far as there is water. StageError where there is none."""
+    half, depth, spacing = scene.tank.size[0] / 2, scene.tank.water_depth, scene.sheet.spacing
+    low, high = np.maximum(view[::2], (-half, 0.0)), np.minimum(view[1::2], (half, depth))
+    if np.any(high - low < 2 * spacing):
+        raise StageError(
+            f"--view {view} m shows no water of {scene.folder}; give x0 x1 y0 y1 in the tank frame"
+        )
+    first, last = np.ceil(low / spacing - 1e-6), np.floor(high / spacing + 1e-6)
+    x, y = (spacing * np.arange(a, b + 1) for a, b in zip(first, last, strict=True))
+    return x, y
 
 
 def sampled_planes(case: Path, legs: tuple[Leg, ...]) -> list[tuple[float, Path]]:
@@ -151,12 +170,20 @@ def frames(
         yield time, fields | {"valid": valid.astype(np.uint8)} | fingers
 
 
-def run(scene: Scene, quiet: bool = False) -> None:
-    """Write sheet.h5 frame by frame."""
+View = tuple[float, float, float, float]
+
+
+def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path | None = None) -> None:
+    """Write sheet.h5 frame by frame; `view` (m) in place of the camera's, to another file `path`."""
     track = read_track(scene.out)
-    x, y = sheet_axes(scene.camera, scene.sheet.spacing, symmetric=track.mirror)
+    if view is None:
+        x, y = sheet_axes(scene.camera, scene.sheet.spacing, symmetric=track.mirror)
+    else:
+        reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet has as much on either side
+        x, y = view_axes((-reach, reach, *view[2:]) if track.mirror else view, scene)
     count = len(sampled_planes(scene.out / "case", read_legs(scene.out)))
-    path = scene.out / "sheet.h5"
+    path = path or scene.out / "sheet.h5"
+    path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + ".part")
     with h5netcdf.File(part, "w") as file:
         fingers = 2 if track.mirror else 1
@@ -213,5 +240,22 @@ def _create(file: h5netcdf.File, fields: dict[str, np.ndarray]) -> None:
         _variable(file, name, ("time", "finger", *axes), np.float64)
 
 
+def main() -> None:
+    """Command line: the scene's own sheet, or another view of it for a laboratory's camera."""
+    arguments = parser("sheets", __doc__)
+    arguments.add_argument(
+        "--view", nargs=4, type=float, metavar=("X0", "X1", "Y0", "Y1"), help="m; needs -o"
+    )
+    arguments.add_argument("-o", "--output", type=Path, help="file to write in place of sheet.h5")
+    args = arguments.parse_args()
+    if (args.view is None) != (args.output is None):
+        arguments.error("--view and --output belong together: another view goes to another file")
+    if args.view is None:
+        guarded("sheets", lambda: timed("sheets", args, run))
+    else:
+        scene_run = partial(run, view=tuple(args.view), path=args.output)
+        guarded("sheets", lambda: scene_run(load_scene(args.scene, args.level), args.quiet))
+
+
 if __name__ == "__main__":
-    run_stage("sheets", __doc__, run)
+    main()

@@ -17,6 +17,7 @@ from pipeline.checkpoint import drop_tables, last_checkpoint
 from pipeline.errors import StageError
 from pipeline.foamfile import END, write_bytes
 from pipeline.frames import checkpoint_interval, time_name
+from pipeline.guards import FINER, SILENCE, Guard, Watchdog
 from pipeline.legs import Leg
 from pipeline.openfoam import die_with_parent, environment_in, last_lines, solver_command
 from pipeline.scene import Numerics
@@ -26,28 +27,6 @@ LOG = "log.pimpleFoam"
 PROGRESS = "progress.json"  # what the leg has cost so far, and whether it has ended
 NOTE_EVERY = 10.0  # s between notes of the time spent, for a run that is killed
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
-
-
-class Guard:
-    """Watches the solver's log and says when a run has gone wrong."""
-
-    def __init__(self, max_courant: float) -> None:
-        self.max_courant = max_courant
-        self.time = 0.0
-
-    def verdict(self, line: str) -> str | None:
-        """None while all is well, else the cause in a few words."""
-        if line.startswith("Time = "):
-            self.time = float(line.split("=")[1])
-        elif line.startswith("Courant Number"):
-            courant = float(line.split()[-1])
-            if not courant <= self.max_courant:
-                return f"Courant number {courant:.3g} exceeds numerics.max_courant = {self.max_courant:g}"
-        elif line.startswith("time step continuity errors"):
-            local = float(re.split(r"[=,]", line)[1])
-            if not local < 1e-2:
-                return f"continuity error {local:.3g}"
-        return None
 
 
 def read_progress(case: Path) -> dict[str, Any]:
@@ -66,10 +45,11 @@ def set_number(case: Path, key: str, value: str) -> None:
 
 
 def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: int, hosts: Path | None,
-          bar: tqdm) -> None:  # fmt: skip
+          bar: tqdm, guard: Guard) -> None:  # fmt: skip
     """Run the solver to the end of a leg from its last whole checkpoint, unless it has got there before.
 
-    `handover` is the time (s) whose fields the next leg needs: that of the last checkpoint.
+    `handover` is the time (s) whose fields the next leg needs: that of the last checkpoint. StageError where `guard`
+    stops it, or it fails by itself; its files are kept.
     """
     record = read_progress(case)
     if record.get("ended"):
@@ -93,7 +73,15 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: int,
         spent = float(record["wall_time"]) + time.monotonic() - clock
         write_text(case / PROGRESS, json.dumps({**record, "wall_time": spent, "ended": ended}))
 
-    guard, log = Guard(numerics.max_courant), case / LOG
+    if guard.energy and (leg.index or checkpoint):
+        guard.energy.from_rest = False
+    log = case / LOG
+
+    def stopped(cause: str) -> StageError:
+        return StageError(
+            f"stopped at {guard.time:g} s by a guard: {cause}; the fields are kept in {case}: {guard.remedy}"
+        )
+
     # line by line: what a kill leaves in the log is whole lines
     with open(log, "a" if checkpoint else "w", buffering=1, encoding="utf-8") as output:
         output.write("\n")  # the run before may have ended within a line
@@ -109,30 +97,44 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: int,
             start_new_session=True,
         )
         assert process.stdout is not None
-        try:
-            for line in process.stdout:
-                output.write(line)
-                cause = guard.verdict(line)
-                if cause:
-                    raise StageError(
-                        f"stopped at {guard.time:g} s by a guard: {cause}; the fields are kept in {case}:"
-                        " lower numerics.time_step or refine the mesh"
-                    )
-                if line.startswith("Time = "):
-                    if time.monotonic() - noted > NOTE_EVERY:
-                        noted = time.monotonic()
-                        note()
-                    bar.update(min(guard.time, leg.end) - bar.n)
-        except BaseException:
-            _stop(process)
-            raise
-        finally:
-            note()
-    if process.wait() != 0:
-        raise StageError(
-            f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{last_lines(log)}"
-        )
+        with Watchdog(SILENCE, lambda: _stop(process)) as watchdog:
+            try:
+                for line in process.stdout:
+                    output.write(line)
+                    watchdog.fed()
+                    cause = guard.verdict(line)
+                    if cause:
+                        raise stopped(cause)
+                    if line.startswith("Time = "):
+                        if time.monotonic() - noted > NOTE_EVERY:
+                            noted = time.monotonic()
+                            note()
+                        bar.update(min(guard.time, leg.end) - bar.n)
+            except BaseException:
+                _stop(process)
+                raise
+            finally:
+                note()
+    code = process.wait()
+    if watchdog.barked:
+        guard.remedy = "look at the machine, then run make again to go on"
+        raise stopped(f"the solver has said nothing for {SILENCE / 60:g} minutes")
+    if code != 0:
+        raise failed(case, guard)
+    if guard.energy is not None and (cause := guard.energy.look(ended=True)):
+        raise stopped(cause)
     note(ended=True)
+
+
+def failed(case: Path, guard: Guard) -> StageError:
+    """What to say of a solver that ended by itself: numbers that overflowed are a run gone wrong, not a defect."""
+    log = case / LOG
+    tail = last_lines(log)
+    if re.search(r"Floating point exception|sigFpe|SIGFPE|signal 8", tail):
+        return StageError(
+            f"stopped at {guard.time:g} s: the solver's numbers overflowed; the fields are kept in {case}: {FINER}"
+        )
+    return StageError(f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{tail}")
 
 
 def reset_displacement(folders: list[Path], first: str, resumed: str) -> None:

@@ -17,6 +17,9 @@ import xarray as xr
 from pipeline.costs import record_cost
 from pipeline.errors import StageError
 from pipeline.scene import Scene, load_scene
+from piv.errors import one_line, sentence
+from piv.exclusive import exclusive
+from piv.hdf5_check import check_walkable
 
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "gmsh", "pyvista", "pydantic")
 
@@ -43,11 +46,11 @@ def guarded(stage: str, action: Callable[[], Any]) -> None:
     except StageError as error:
         print(f"{stage}: {error}", file=sys.stderr)
         sys.exit(2)
-    except OSError as error:
-        print(
-            f"{stage}: {error.filename or ''}: {error.strerror or error}; check disk and permissions",
-            file=sys.stderr,
-        )
+    except Exception as error:
+        message = sentence(error) if isinstance(error, OSError | RuntimeError | MemoryError) else None
+        if message is None:
+            raise
+        print(f"{stage}: {message}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         print(f"{stage}: interrupted; run make again to go on", file=sys.stderr)
@@ -59,7 +62,8 @@ def timed(stage: str, args: argparse.Namespace, run: Callable[[Scene, bool], Any
     scene = load_scene(args.scene, args.level)
     scene.out.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
-    earlier = run(scene, args.quiet) or 0.0  # seconds spent by a run that this one resumed
+    with exclusive(scene.out / stage):
+        earlier = run(scene, args.quiet) or 0.0  # seconds spent by a run that this one resumed
     record_cost(scene.out / "costs" / f"{stage}.json", stage, time.monotonic() - begin + earlier)
 
 
@@ -94,10 +98,13 @@ def read_dataset(path: Path, file_format: str, group: str | None = None) -> xr.D
     if not path.exists():
         raise StageError(f"{path}: missing; run the stage that writes it first, or make")
     try:
-        dataset = xr.open_dataset(path, engine="h5netcdf")
+        check_walkable(path)
+        dataset = xr.open_dataset(
+            path, engine="h5netcdf"
+        ).load()  # damage shows here, not in the middle of a stage
     except Exception as error:
         raise StageError(
-            f"{path}: not a readable HDF5 file ({error}); delete it and run make again"
+            f"{path}: not a readable HDF5 file ({one_line(error)}); delete it and run make again"
         ) from None
     if dataset.attrs.get("format") != file_format:
         raise StageError(f"{path}: format is {dataset.attrs.get('format')!r}, expected {file_format!r}")
@@ -106,7 +113,7 @@ def read_dataset(path: Path, file_format: str, group: str | None = None) -> xr.D
     attributes = dataset.attrs
     dataset.close()
     try:
-        dataset = xr.open_dataset(path, engine="h5netcdf", group=group)
+        dataset = xr.open_dataset(path, engine="h5netcdf", group=group).load()
     except (OSError, KeyError):
         raise StageError(f"{path}: no group {group!r}; delete it and run make again") from None
     return dataset.assign_attrs(attributes | dataset.attrs)

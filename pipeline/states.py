@@ -10,6 +10,8 @@ from scipy.interpolate import CubicSpline
 
 from pipeline.errors import StageError
 from pipeline.shapes import States
+from piv.errors import one_line
+from piv.hdf5_check import check_walkable
 
 
 def read_states(path: Path, thickness: float) -> States:
@@ -25,6 +27,7 @@ def read_states(path: Path, thickness: float) -> States:
 
 def _read_hdf5(path: Path) -> States:
     try:
+        check_walkable(path)
         with xr.open_dataset(path, engine="h5netcdf") as file:
             if file.attrs.get("format") != "bending-states":
                 raise StageError(f"{path}: format is {file.attrs.get('format')!r}, expected 'bending-states'")
@@ -35,9 +38,11 @@ def _read_hdf5(path: Path) -> States:
                 file["thickness"].values.astype(float),
                 _curvature_std(file),
             )
-    except (OSError, KeyError, ValueError) as error:
+    except StageError:
+        raise
+    except Exception as error:  # HDF5 raises many kinds on damaged files
         raise StageError(
-            f"{path}: not a readable states file ({error}); write it with python -m pipeline.fea"
+            f"{path}: not a readable states file ({one_line(error)}); write it with python -m pipeline.fea"
         ) from None
     if converged is not None and not converged.all():
         bad = states.pressure[~converged] / 1000

@@ -5,6 +5,11 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
+from contextlib import nullcontext
+from pathlib import Path
+
+from piv.errors import sentence
+from piv.exclusive import exclusive
 
 COMMANDS = {
     "correlate": "image pairs or a recording to a vector plane series",
@@ -30,10 +35,14 @@ def main(argv: list[str] | None = None) -> int:
         if name == wanted:  # import only what runs: the others' libraries are slow to load
             importlib.import_module(f"piv.commands.{name}").add_arguments(sub)
     args = parser.parse_args(arguments)
+    output = getattr(args, "output", None)
     try:
-        importlib.import_module(f"piv.commands.{args.command}").run(args)
-    except (ValueError, OSError, KeyError) as error:
-        message = error.args[0] if isinstance(error, KeyError) and error.args else error
+        with exclusive(Path(output)) if output else nullcontext():
+            importlib.import_module(f"piv.commands.{args.command}").run(args)
+    except Exception as error:
+        message = sentence(error)
+        if message is None:
+            raise
         print(f"piv {args.command}: {message}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

@@ -11,11 +11,14 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from piv.errors import one_line
+from piv.hdf5_check import check_walkable
 from piv.images import natural_key
 from piv.plane import FORMAT, check_plane, make_plane, read_plane, write_plane
 from piv.vector_files import (
     Vectors,
     guess_format,
+    pivlab_frames,
     read_davis,
     read_openpiv,
     read_pivlab,
@@ -120,14 +123,21 @@ def read_vectors(
         "openpiv": read_openpiv,
         "tecplot": read_tecplot,
         "davis": read_davis,
-        "pivlab": lambda p: read_pivlab(p, keep_replaced=keep_replaced),
     }
-    if kind not in readers:
-        raise ValueError(f"unknown format {kind!r}; known are {', '.join([*readers, 'csv', 'plane'])}")
+    if kind not in (*readers, "pivlab"):
+        raise ValueError(
+            f"unknown format {kind!r}; known are {', '.join([*readers, 'pivlab', 'csv', 'plane'])}"
+        )
     files.sort(key=natural_key)
+    sources = [(path, 0) for path in files]
+    if kind == "pivlab" and len(files) == 1:  # a .mat holds all instants of a session
+        sources = [(files[0], frame) for frame in range(pivlab_frames(files[0]))]
     planes = []
-    for path in files:
-        found = readers[kind](path)
+    for path, instant in sources:
+        if kind == "pivlab":
+            found = read_pivlab(path, frame=instant, keep_replaced=keep_replaced)
+        else:
+            found = readers[kind](path)
         if zero_is_absent:
             found.flag[(found.u == 0) & (found.v == 0)] = 2
         planes.append(to_plane(found, str(path), **units))  # type: ignore[arg-type]
@@ -135,9 +145,9 @@ def read_vectors(
     if len(planes) == 1:
         return planes[0].assign_attrs(attrs)
     if frame_rate_hz is None or not frame_rate_hz > 0:
-        raise ValueError(f"{len(files)} files are a series in time; give --frame-rate")
+        raise ValueError(f"{len(planes)} instants are a series in time; give --frame-rate")
     first = planes[0]
-    for path, plane in zip(files, planes, strict=True):
+    for (path, _), plane in zip(sources, planes, strict=True):
         for axis in ("x", "y"):
             if plane[axis].shape != first[axis].shape or not np.allclose(plane[axis], first[axis]):
                 raise ValueError(f"{path}: its grid differs from that of {files[0].name}")
@@ -149,12 +159,13 @@ def read_vectors(
 def _read_nc_or_plane(path: Path) -> xr.Dataset:
     if path.suffix.lower() != ".nc":
         return read_plane(path)
+    check_walkable(path)
     try:
         data = xr.open_dataset(path, engine="h5netcdf")
     except FileNotFoundError:
         raise
     except Exception as error:
-        raise ValueError(f"{path}: not a readable netCDF-4 file ({str(error)[:80]})") from error
+        raise ValueError(f"{path}: not a readable netCDF-4 file ({one_line(error)})") from error
     if data.attrs.get("format") == FORMAT and "t" in data.dims:
         back = data.rename(t="time").transpose("time", "y", "x").rename(chc="valid")
         check_plane(back)
@@ -251,13 +262,19 @@ def read_csv(path: Path) -> xr.Dataset:
         x, y, time = (np.unique(table[n]) for n in ("x", "y", "time"))
         table = table.sort_values(["time", "y", "x"])
         shape = (time.size, y.size, x.size)
-        fields = {n: table[n].to_numpy().reshape(shape) for n in table.columns if n not in ("time", "x", "y")}
+        names = [n for n in table.columns if n not in ("time", "x", "y")]
+        fields = {n: table[n].to_numpy(float).reshape(shape) for n in names}
+        if missing := [n for n in ("u", "v", "valid") if n not in names]:
+            raise ValueError(f"column {missing[0]!r} is missing")
+        for n in ("valid", "flag"):
+            if n in names and not np.isin(fields[n], range(256)).all():
+                raise ValueError(f"column {n!r} holds other than whole numbers from 0 to 255")
         units = head["length_unit"], head["velocity_unit"]
     except FileNotFoundError:
         raise
     except Exception as error:
         raise ValueError(
-            f"{path}: not a CSV of vectors as this program writes ({str(error)[:80]})"
+            f"{path}: not a CSV of vectors as this program writes ({one_line(error)})"
         ) from error
     for n in ("valid", "flag"):
         if n in fields:

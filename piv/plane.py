@@ -11,6 +11,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from piv.errors import one_line
+from piv.hdf5_check import check_walkable
+
 FORMAT = "plane-series"
 FORMAT_VERSION = 1
 UNITS = {
@@ -122,12 +125,13 @@ def write_plane(plane: xr.Dataset, path: str | Path, **attrs: Any) -> None:
 
 def read_plane(path: str | Path) -> xr.Dataset:
     """Open a plane series lazily; ValueError where the file is another one or damaged."""
+    check_walkable(path)
     try:
         plane = xr.open_dataset(path, engine="h5netcdf")
     except FileNotFoundError:
         raise
     except Exception as error:
-        raise ValueError(f"{path}: not a readable HDF5 plane series ({error})") from error
+        raise ValueError(f"{path}: not a readable HDF5 plane series ({one_line(error)})") from error
     if plane.attrs.get("format") != FORMAT:
         raise ValueError(f"{path}: format is {plane.attrs.get('format')!r}, expected {FORMAT!r}")
     if int(plane.attrs.get("format_version", 0)) > FORMAT_VERSION:

@@ -20,7 +20,9 @@ class PlaneField:
 
     Only a few planes are in memory at once. Where the plane has no vectors (bodies, rejected) the field is continued for
     interpolation only: with the velocity of a body's surface where the plane gives it (`outline_velocity`; the water
-    sticks to it), else from its neighbours (`extend`). Outside the plane the border value holds.
+    sticks to it), else from its neighbours (`extend`). Outside the plane the border value holds. Where nothing crosses the
+    sheet (w is given, and zero everywhere) dwdz is what continuity demands of u and v as they are interpolated: any other value
+    would thin particles out, or heap them up, wherever they stay long, as in a vortex' core.
     """
 
     def __init__(self, series: xr.Dataset) -> None:
@@ -54,6 +56,11 @@ class PlaneField:
                     out[..., k] = np.pad(
                         ndimage.spline_filter(filled, order=3, mode="mirror"), 1, mode="reflect"
                     )
+            if "w" in now and not np.any(now["w"].values[valid]):
+                outward = np.where(valid, divergence(out[..., 0], out[..., 1], self.dx, self.dy), 0.0)
+                out[..., 3] = np.pad(
+                    ndimage.spline_filter(-outward, order=3, mode="mirror"), 1, mode="reflect"
+                )
             self._cache[i] = out
             if len(self._cache) > CACHED_PLANES:
                 self._cache.popitem(last=False)
@@ -108,6 +115,17 @@ def _slope(time: np.ndarray, i: int) -> list[tuple[int, float]]:
         return [(j, -1 / h), (j + 1, 1 / h)]
     a, b = time[i] - time[i - 1], time[i + 1] - time[i]
     return [(i - 1, -b / (a * (a + b))), (i, (b - a) / (a * b)), (i + 1, a / (b * (a + b)))]
+
+
+def divergence(u: np.ndarray, v: np.ndarray, dx: float, dy: float) -> np.ndarray:
+    """∂u/∂x + ∂v/∂y at the nodes (y, x) of two cubic B-splines given by their coefficients with one node more on every side."""
+    across = (u[:, 2:] - u[:, :-2]) / (2 * dx)
+    upward = (v[2:] - v[:-2]) / (2 * dy)
+    mean = (1 / 6, 2 / 3, 1 / 6)
+    return (
+        mean[0] * across[:-2] + mean[1] * across[1:-1] + mean[2] * across[2:]
+        + mean[0] * upward[:, :-2] + mean[1] * upward[:, 1:-1] + mean[2] * upward[:, 2:]
+    )  # fmt: skip
 
 
 def extend(values: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -13,7 +13,20 @@ import cv2
 import h5py
 import numpy as np
 
+from piv.errors import one_line
+from piv.hdf5_check import check_walkable
+
 COLOURS = ("refuse", "luma", "green")
+HDF5_ERRORS = (
+    OSError,
+    RuntimeError,
+    KeyError,
+    ValueError,
+    TypeError,
+    MemoryError,
+    AttributeError,
+)  # of damaged files
+LARGEST_CHUNK = 2**28  # px that reading one frame may bring into memory
 RECENT_FRAMES = 8  # of a video, so that neighbouring pairs need no seeking
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # each failure becomes one sentence of ours
 ATTRIBUTES = ("bits", "scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz", "camera", "seed")
@@ -254,7 +267,7 @@ class Photron(Recording):
             count, self.bits = int(cih["Total Frame"]), int(cih["Color Bit"])
             rate = float(cih["Record Rate(fps)"])
         except Exception as error:  # the parser raises whatever its parts raise
-            raise ValueError(f"{header}: not a readable Photron header ({error!r})") from error
+            raise ValueError(f"{header}: not a readable Photron header ({one_line(error)})") from error
         if str(cih.get("File Format", "MRaw")).lower() != "mraw" or self.bits not in (8, 12, 16):
             raise ValueError(
                 f"{header}: {cih.get('File Format')} of {self.bits} bit; only MRaw of 8, 12 or 16 bit can be read"
@@ -297,34 +310,68 @@ class RecordingFile(Recording):
     """The project's own `images.h5` (docs/formats.md)."""
 
     def __init__(self, path: Path, *, frame_rate_hz: float | None = None) -> None:
+        check_walkable(path)
         try:
             self._file = h5py.File(path, "r")
         except FileNotFoundError:
             raise FileNotFoundError(f"{path}: no such file") from None
         except OSError as error:
-            raise ValueError(f"{path}: not a readable HDF5 file ({str(error)[:80]})") from error
-        kind = self._file.attrs.get("format")
-        if kind != "recording" or "frames" not in self._file or self._file["frames"].ndim != 3:
+            raise ValueError(f"{path}: not a readable HDF5 file ({one_line(error)})") from error
+        try:
+            count = self._checked()
+            super().__init__(str(path), count, frame_rate_hz)
+            self.attrs = {k: _scalar(v) for k, v in self._file.attrs.items() if k in ATTRIBUTES} | self.attrs
+            self._check_attributes()
+            if frame_rate_hz is None and "time" in self._file:
+                self.times = self._numbers("time", (count,))
+        except HDF5_ERRORS as error:
             self._file.close()
+            raise ValueError(f"{path}: damaged, or not a recording ({one_line(error, 200)})") from error
+
+    def _checked(self) -> int:
+        """Number of frames; ValueError where the file holds no recording."""
+        kind = self._file.attrs.get("format")
+        if kind != "recording" or "frames" not in self._file:
+            raise ValueError(f"format is {kind!r}, expected 'recording' with frames (time, row, column)")
+        frames = self._file["frames"]
+        if frames.ndim != 3 or 0 in frames.shape or frames.dtype not in (np.uint8, np.uint16):
             raise ValueError(
-                f"{path}: format is {kind!r}, expected 'recording' with frames (time, row, column)"
+                f"frames are {frames.shape} {frames.dtype}, expected (time, row, column) of uint8 or uint16"
             )
-        super().__init__(str(path), self._file["frames"].shape[0], frame_rate_hz)
-        if self.count == 0:
-            raise ValueError(f"{path}: the recording holds no frame")
-        self.attrs = {k: _scalar(v) for k, v in self._file.attrs.items() if k in ATTRIBUTES} | self.attrs
-        if frame_rate_hz is None and "time" in self._file:
-            self.times = self._file["time"][...]
+        if "mask" in self._file and (
+            self._file["mask"].shape != frames.shape or self._file["mask"].dtype.kind not in "uib"
+        ):
+            raise ValueError(f"the masks are {self._file['mask'].shape}, the frames {frames.shape}")
+        if frames.chunks is not None and np.prod(frames.chunks) > LARGEST_CHUNK:
+            raise ValueError(f"chunks of {frames.chunks} are too large to read frame by frame")
+        return int(frames.shape[0])
+
+    def _check_attributes(self) -> None:
+        for key in ("scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz"):
+            value = self.attrs.get(key, 1.0)
+            if not isinstance(value, int | float) or not np.isfinite(value):
+                raise ValueError(f"attribute {key} is {value!r}, expected a number")
+            if key in ("scale_m_per_px", "frame_rate_hz") and not value > 0:
+                raise ValueError(f"attribute {key} is {value!r}, expected a positive number")
+
+    def _numbers(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
+        values = np.asarray(self._file[name][...], float)
+        if values.shape != shape or not np.isfinite(values).all():
+            raise ValueError(f"{name} has shape {values.shape}, expected {shape} finite numbers")
+        return values
 
     def _read(self, i: int) -> np.ndarray:
-        try:
-            return self._file["frames"][i]
-        except OSError as error:
-            raise ValueError(f"{self._frame_name(i)}: cannot be read ({str(error)[:80]})") from error
+        return self._part("frames", i)
 
     def mask(self, i: int) -> np.ndarray | None:
         """The stored mask of frame `i`, True = body, or None."""
-        return self._file["mask"][i].astype(bool) if "mask" in self._file else None
+        return self._part("mask", i).astype(bool) if "mask" in self._file else None
+
+    def _part(self, name: str, i: int) -> np.ndarray:
+        try:
+            return self._file[name][i]
+        except HDF5_ERRORS as error:
+            raise ValueError(f"{self._frame_name(i)}: cannot be read ({one_line(error)})") from error
 
     def variable(self, name: str) -> np.ndarray | None:
         """A further variable, such as `outline` or `tip`, whole; None where the file has none."""

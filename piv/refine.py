@@ -123,6 +123,8 @@ def _solve(sums, limit, step_x, step_y, correlation):
             bound = np.float32(0.8) * np.sqrt(hxx * hyy)
             hxy = min(max(sums[3, j, i], -bound), bound)
             det = hxx * hyy - hxy * hxy
+            if not det > 0:  # texture so faint that its square underflows
+                continue
             sx = (hyy * gx - hxy * gy) / det
             sy = (hxx * gy - hxy * gx) / det
             length = np.sqrt(sx * sx + sy * sy)

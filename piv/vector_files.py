@@ -15,6 +15,10 @@ import h5py
 import numpy as np
 from scipy.io import loadmat
 
+from piv.davis import read_buffer
+from piv.errors import one_line
+from piv.hdf5_check import check_walkable
+
 READERS = ("openpiv", "pivlab", "tecplot", "davis", "csv", "plane")
 
 
@@ -189,6 +193,22 @@ def read_pivlab(path: Path, *, frame: int = 0, keep_replaced: bool = False) -> V
     return Vectors(*_grid(path, x, y, u, v, flag), length, velocity, "down" if length == "px" else None)
 
 
+def pivlab_frames(path: Path) -> int:
+    """Number of instants in a PIVlab export: those of a .mat, 1 of ASCII."""
+    if path.suffix.lower() != ".mat":
+        return 1
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such file")
+    try:
+        if h5py.is_hdf5(path):
+            with h5py.File(path, "r") as file:
+                return file["x"].size if file["x"].dtype == h5py.ref_dtype else 1
+        x = loadmat(path)["x"]
+    except Exception as error:  # scipy's reader raises whatever its parts raise on foreign bytes
+        raise ValueError(f"{path}: not a .mat export of PIVlab ({error})") from error
+    return x.size if x.dtype == object else 1
+
+
 def _pivlab_ascii(path: Path) -> tuple[tuple[np.ndarray, ...], tuple[str, str] | None]:
     lines = _head(path, 1 << 16).splitlines()
     start = next((k for k, ln in enumerate(lines) if re.match(r"\s*[-+]?\d|\s*nan", ln, re.I)), None)
@@ -207,7 +227,21 @@ def _pivlab_mat(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], tuple[s
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
     if h5py.is_hdf5(path):  # version 7.3
-        data, units_text = _pivlab_hdf5(path, frame)
+        check_walkable(path)
+        try:
+            data, units_text = _pivlab_hdf5(path, frame)
+        except (
+            RuntimeError,
+            KeyError,
+            OSError,
+            TypeError,
+            AttributeError,
+            OverflowError,
+            MemoryError,
+        ) as error:
+            raise ValueError(
+                f"{path}: damaged, or not a .mat export of PIVlab ({one_line(error)})"
+            ) from error
         return data, _two_units(units_text)
     try:
         mat: dict[str, Any] = loadmat(path)
@@ -222,7 +256,7 @@ def _pivlab_mat(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], tuple[s
     except IndexError:
         raise ValueError(f"{path}: no frame {frame} in it") from None
     except Exception as error:  # scipy's reader raises whatever its parts raise on foreign bytes
-        raise ValueError(f"{path}: not a .mat export of PIVlab ({error})") from error
+        raise ValueError(f"{path}: not a .mat export of PIVlab ({one_line(error)})") from error
     return data, _two_units(units_text)
 
 
@@ -258,30 +292,24 @@ def read_davis(path: Path, *, plane: int = 0) -> Vectors:
     DaVis scaled, so y is "up" where DaVis' scale has been set (unit not pixel), else "down".
     """
     _head(path, 16)
-    import lvpyio  # its libraries load slowly
-
     try:
-        buffer = lvpyio.read_buffer(str(path))
-        frame = buffer[0]
-        values = frame.as_masked_array(plane)
-        scales, grid = frame.scales, frame.grid
-    except Exception as error:  # the library raises its own kinds
-        raise ValueError(f"{path}: not a readable DaVis vector buffer ({str(error)[:80]})") from error
-    if values.dtype.names is None or "u" not in values.dtype.names:
-        raise ValueError(f"{path}: the DaVis buffer holds an image, not vectors")
-    rows, columns = values.shape
-    x = (np.arange(columns) + 0.5) * grid.x * scales.x.slope + scales.x.offset
-    y = (np.arange(rows) + 0.5) * grid.y * scales.y.slope + scales.y.offset
-    absent = np.ma.getmaskarray(values)["u"]
-    u, v = (np.where(absent, np.nan, values[n].data) for n in ("u", "v"))
+        found = read_buffer(path, plane)
+    except ValueError as error:
+        raise ValueError(f"{path}: not a readable DaVis vector buffer ({error})") from error
+    absent = found["absent"]
+    (slope_x, offset_x, unit_x), (slope_y, offset_y, _) = found["x"], found["y"]
+    rows, columns = absent.shape
+    x = (np.arange(columns) + 0.5) * found["grid"][0] * slope_x + offset_x
+    y = (np.arange(rows) + 0.5) * found["grid"][1] * slope_y + offset_y
+    u, v = (np.where(absent, np.nan, found[n]) for n in ("u", "v"))
     flag = np.where(absent, 2, 0)
-    if _spelled(scales.x.unit) == "px":  # DaVis counts from the edge of the first pixel, we from its centre
+    if _spelled(unit_x) == "px":  # DaVis counts from the edge of the first pixel, we from its centre
         x, y = x - 0.5, y - 0.5
     xx, yy = np.meshgrid(x, y)
-    length, velocity = _spelled(scales.x.unit), _spelled(scales.i.unit)
+    length, velocity = _spelled(unit_x), _spelled(found["i"][2])
     if velocity == "px":
         velocity = "px/frame"
-    down = length == "px" and scales.y.slope > 0
+    down = length == "px" and slope_y > 0
     return Vectors(
         *_grid(path, xx, yy, u, v, flag), length or None, velocity or None, "down" if down else "up"
     )

@@ -106,7 +106,7 @@ SWEEPS = 3  # passes of the fit over all vortices: neighbours and fit discs sett
 
 
 def find_vortices(
-    plane: xr.Dataset, settings: VortexSettings | None = None, **options: float
+    plane: xr.Dataset, settings: VortexSettings | None = None, **options: float | str
 ) -> list[Vortex]:
     """Vortices of one plane (dimensions y, x; variables u, v, valid, optional u_std, v_std), strongest first.
 
@@ -165,7 +165,7 @@ def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> np.nd
     return np.array(keep).reshape(-1, 4)
 
 
-def _settings(settings: VortexSettings | None, options: dict[str, float]) -> VortexSettings:
+def _settings(settings: VortexSettings | None, options: dict[str, float | str]) -> VortexSettings:
     base = settings or VortexSettings()
     unknown = sorted(set(options) - set(vars(base)))
     if unknown:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TypeVar
 
+from piv.errors import sentence
+from piv.exclusive import exclusive
 from postprocess.stagefiles import StageFiles, cost_recorded
 
 Result = TypeVar("Result")
@@ -28,10 +31,16 @@ def run_stage(
     args = parser.parse_args(argv)
     files = StageFiles(args.case, args.level)
     try:
-        with cost_recorded(files, stage):
+        with (
+            exclusive(files.out / stage) if files.out.is_dir() else nullcontext(),
+            cost_recorded(files, stage),
+        ):
             result = action(files)
-    except (ValueError, OSError) as error:
-        print(f"{stage}: {error}", file=sys.stderr)
+    except Exception as error:
+        message = sentence(error)
+        if message is None:
+            raise
+        print(f"{stage}: {message}", file=sys.stderr)
         return 2
     if not args.quiet:
         tell(files, result)

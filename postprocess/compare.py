@@ -1,6 +1,7 @@
 """Comparison of CFD and PIV, judged by a scene's findings: comparison.json and comparison.csv.
 
 Command: python -m postprocess.compare cases/single_finger --level coarse
+With --dpiv FOLDER: comparison with a laboratory's data instead (postprocess.lab, docs/comparison.md; make compare).
 """
 
 from __future__ import annotations
@@ -138,11 +139,12 @@ def compare(files: StageFiles) -> dict[str, Any]:
         "summary": summary(evidence, middle) | _pinch(evidence, clock),
         "provenance": provenance(files, evidence.planes),
     }
-    write_text(files.out / "comparison.json", json.dumps(result, indent=1, allow_nan=False, default=float))
     write_text(files.out / "comparison.csv", series_table(evidence, middle).to_csv(index=False))
     for source, table in evidence.pairs.items():
         write_text(files.out / f"pairs_{source}.csv", table.to_csv(index=False))
         write_text(files.out / f"centreline_{source}.csv", evidence.lines[source].to_csv(index=False))
+    # last: make takes it for the whole stage
+    write_text(files.out / "comparison.json", json.dumps(result, indent=1, allow_nan=False, default=float))
     for plane in evidence.planes.values():
         plane.close()
     return result
@@ -157,6 +159,12 @@ def _tell(files: StageFiles, result: dict[str, Any]) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns 0 good, 2 bad input."""
+    arguments = sys.argv[1:] if argv is None else argv
+    if any(a.split("=")[0] == "--dpiv" for a in arguments):  # a laboratory's data in place of the virtual PIV
+        from postprocess.lab.__main__ import main as compare_with_laboratory  # loads what PIV needs
+
+        steps = ("register", "compare", "report")
+        return next((code for step in steps if (code := compare_with_laboratory([step, *arguments]))), 0)
     return run_stage("compare", __doc__, compare, _tell, argv)
 
 

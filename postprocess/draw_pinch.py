@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from postprocess.pairs import broken
 from postprocess.style import CFD, COLOURS, GREY, MM, NAMES, PIV, THIRD, new_figure
 
 
@@ -18,7 +19,8 @@ def _contact(axes, met: float | None) -> None:
 def pair(pairs: dict[str, pd.DataFrame], met: float | None) -> Figure:
     """Imbalance of circulation, mirror distance of the centres and place as seen from the tips over time; `met`: contact, s."""
     figure, axes = new_figure(8.6, 7.4, 4, 1, sharex=True)
-    for source, table in pairs.items():
+    for source, whole in pairs.items():
+        table = broken(whole, "track_0")
         more = {"color": COLOURS[source], "label": NAMES[source]}
         axes[0].plot(table["time"], table["imbalance"] * 100, **more)
         axes[1].plot(table["time"], table["mirror_distance"] * MM, **more)
@@ -37,8 +39,8 @@ def pair(pairs: dict[str, pd.DataFrame], met: float | None) -> Figure:
     axes[2].set(ylabel="along the\ntip, mm")
     axes[3].set(ylabel="to the dorsal\nside, mm", xlabel="time, s")
     _contact(axes, met)
-    axes[0].legend(loc="upper right")
-    axes[2].legend(loc="upper right", ncols=2)
+    for ax in (axes[0], axes[2]):
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
+from postprocess.pairs import broken
 from postprocess.style import CFD, COLOURS, GREY, MM, NAMES, PIV, THIRD, new_figure
 
 BAND = 1.96  # standard deviations to either side: a 95 % band
@@ -45,6 +46,7 @@ def finger_name(source: str, finger: int, fingers: int) -> str:
 
 def _banded(ax, track: pd.DataFrame, name: str, unit: float, source: str, finger: int, fingers: int) -> None:
     colour, label = COLOURS[source], finger_name(source, finger, fingers)
+    track = broken(track)
     ax.plot(track["time"], track[name] * unit, color=colour, linestyle=STYLES[finger], label=label)
     std = track.get(f"{name}_std")
     if std is not None and np.any(std.to_numpy(float) > 0):
@@ -87,9 +89,10 @@ def paths(tracks: Tracks, plane: xr.Dataset, middle: tuple[float, float]) -> Fig
 
 
 def _path(ax, track: pd.DataFrame, middle: tuple[float, float], source: str, label: str | None) -> None:
+    drawn = broken(track)
     ax.plot(
-        track["x"] * MM,
-        track["y"] * MM,
+        drawn["x"] * MM,
+        drawn["y"] * MM,
         color=COLOURS[source],
         marker=".",
         markersize=4,
@@ -229,14 +232,20 @@ def history(table: pd.DataFrame) -> Figure:
 
 
 def mesh_quality(table: pd.DataFrame) -> Figure:
-    """Non-orthogonality and skewness over the bend angle."""
+    """Non-orthogonality and skewness over the bend angle; a line for each leg of the run."""
     figure, axes = new_figure(8.6, 4.6, 2, 1, sharex=True)
-    axes[0].plot(table["bend_deg"], table["max_non_orthogonality_deg"], color=CFD, label="largest")
-    axes[0].plot(table["bend_deg"], table["mean_non_orthogonality_deg"], color=THIRD, label="mean")
+    first = table["leg"].iloc[0]
+    lines = (
+        (axes[0], "max_non_orthogonality_deg", CFD, "largest"),
+        (axes[0], "mean_non_orthogonality_deg", THIRD, "mean"),
+        (axes[1], "max_skewness", CFD, "largest skewness"),
+        (axes[1], "min_area_ratio", PIV, "smallest area ratio"),
+    )
+    for ax, column, colour, label in lines:
+        for leg, part in table.groupby("leg"):
+            ax.plot(part["bend_deg"], part[column], color=colour, label=label if leg == first else None)
     axes[0].set(ylabel="non-orthogonality, °", ylim=(0, None), title="Mesh quality over the stroke")
     axes[0].legend()
-    axes[1].plot(table["bend_deg"], table["max_skewness"], color=CFD, label="largest skewness")
-    axes[1].plot(table["bend_deg"], table["min_area_ratio"], color=PIV, label="smallest area ratio")
     axes[1].set(xlabel="bend angle, °", ylabel="1", ylim=(0, None))
     axes[1].legend()
     return figure

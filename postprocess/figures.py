@@ -67,6 +67,7 @@ FORCE_COLUMNS = ("time", "fx", "fy", "fx_viscous", "fy_viscous")
 POWER_COLUMNS = ("time", "finger_power", "kinetic_energy", "dissipation")
 HISTORY_COLUMNS = ("time", "courant_mean", "courant_max", "continuity_local", "continuity_global")
 QUALITY_COLUMNS = (
+    "leg",
     "bend_deg",
     "max_non_orthogonality_deg",
     "mean_non_orthogonality_deg",

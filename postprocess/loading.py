@@ -88,5 +88,5 @@ def read_clock(files: StageFiles, plane: xr.Dataset, finger: int = 0) -> Clock:
         starts = tuple(float(stroke["start"]) for stroke in strokes)
         if "gap" not in file:
             return Clock(time, bend, starts=starts)
-        residual = float(file.attrs["residual_gap"])
+        residual = float(np.ravel(file.attrs["residual_gap"])[0])
         return Clock(time, bend, file["time"][:], file["gap"][:], residual, starts)

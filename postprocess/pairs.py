@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from postprocess.tracks import REACH
-
+REACH = (
+    5.0  # tip widths: the pair is followed where it is shed, farther than a vortex counts as the tip's own
+)
 KEPT = ("track", "x", "y", "circulation", "core_radius", "side", "tip_distance", "along_tip", "across_tip")
 ERRORS = ("x_std", "y_std", "circulation_std", "core_radius_std")  # kept where the table has them
 
@@ -15,7 +16,8 @@ def pair_vortices(table: pd.DataFrame, reach: float = REACH) -> pd.DataFrame:
     """One row per instant at which both tips have a vortex: time, `KEPT` and `ERRORS` of either with _0 and _1, and two measures.
 
     The strongest vortex within `reach` tip widths of either tip, and of the other finger's the one nearest to its mirror
-    image in x = 0. `imbalance` = |Γ0 + Γ1| over the mean of |Γ0| and |Γ1|: 0 for equal and opposite vortices, 2 for equal
+    image in x = 0; an instant at which the two centres are closer than a core radius is left out: where cores of opposite sense
+    overlap, the flow tells their dipole and not the circulation of either. `imbalance` = |Γ0 + Γ1| over the mean of |Γ0| and |Γ1|: 0 for equal and opposite vortices, 2 for equal
     vortices of one sense. `mirror_distance`: of one centre from the mirror image of the other. Left finger 0, right 1.
     """
     kept = [*KEPT, *(name for name in ERRORS if name in table)]
@@ -28,13 +30,16 @@ def pair_vortices(table: pd.DataFrame, reach: float = REACH) -> pd.DataFrame:
         first = int(now.loc[now["circulation"].abs().idxmax(), "finger"])
         one = sides[first].loc[sides[first]["circulation"].abs().idxmax()]
         others = sides[1 - first]
-        apart = np.hypot(others["x"] + one["x"], others["y"] - one["y"])
-        other = others.loc[apart.idxmin()]
+        off = np.hypot(others["x"] + one["x"], others["y"] - one["y"])  # from the mirror image
+        other = others.loc[off.idxmin()]
+        apart = float(np.hypot(other["x"] - one["x"], other["y"] - one["y"]))
+        if apart < 0.5 * (one["core_radius"] + other["core_radius"]):
+            continue
         left, right = (one, other) if first == 0 else (other, one)
         total = abs(left["circulation"]) + abs(right["circulation"])
         imbalance = abs(left["circulation"] + right["circulation"]) / (0.5 * total)
         values = [v[name] for v in (left, right) for name in kept]
-        rows.append([time, *values, imbalance, float(apart.min())])
+        rows.append([time, *values, imbalance, float(off.min())])
     named = [f"{name}_{finger}" for finger in (0, 1) for name in kept]
     return pd.DataFrame(rows, columns=["time", *named, "imbalance", "mirror_distance"])
 
@@ -43,6 +48,16 @@ def of_finger(pairs: pd.DataFrame, finger: int) -> pd.DataFrame:
     """One finger's vortex of every pair, with the columns of a vortex table."""
     names = {f"{name}_{finger}": name for name in (*KEPT, *ERRORS) if f"{name}_{finger}" in pairs}
     return pairs[["time", *names]].rename(columns=names)
+
+
+def broken(table: pd.DataFrame, track: str = "track") -> pd.DataFrame:
+    """A table for drawing: an empty row wherever another vortex takes over, so that no line joins the two."""
+    new = (table[track] != table[track].shift()).cumsum()
+    numbers = [name for name in table if pd.api.types.is_numeric_dtype(table[name])]
+    parts = []
+    for _, part in table.groupby(new):
+        parts += [part, pd.DataFrame({name: [np.nan] for name in numbers})]
+    return pd.concat(parts[:-1], ignore_index=True) if len(parts) > 1 else table
 
 
 def within(pairs: pd.DataFrame, window: tuple[float, float]) -> pd.DataFrame:

@@ -232,11 +232,12 @@ def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
             quads.append([a, b, b + n, a + n])
     with h5py.File(out / "planform.h5", "w") as file:
         file.attrs.update(
-            format="planform", format_version=1, settings=json.dumps({"model": {"kind": "half"}})
+            format="planform", format_version=2, settings=json.dumps({"model": {"kind": "half"}})
         )
-        file["points"], file["bend"], file["quads"] = np.stack(points), bends, np.array(quads)
-        file["triangles"] = np.array([[0, 1, n - 1]])
-        file["inside"] = np.array([1], np.uint8)
+        stage = file.create_group("stage_0")
+        stage["points"], stage["bend"], stage["quads"] = np.stack(points), bends, np.array(quads)
+        stage["triangles"] = np.array([[0, 1, n - 1]])
+        stage["body"] = np.array([1], np.uint8)
     fluid = {"density": 998.2, "kinematic_viscosity": 1.004e-6, "turbulence": "laminar"}
     with h5py.File(out / "sweep.h5", "w") as file:
         file.attrs.update(format="sweep", format_version=1, settings=json.dumps({"fluid": fluid}))
@@ -279,6 +280,9 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
     bend = np.linspace(0, np.degrees(bend_end), 20)
     pd.DataFrame(
         {
+            "leg": 0,
+            "stage": 0,
+            "time_share": 1 / 20,
             "bend_deg": bend,
             "shape_parameter": 200 * bend,
             "max_non_orthogonality_deg": 40 + 0.1 * np.abs(bend - 50),

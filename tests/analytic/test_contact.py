@@ -8,8 +8,9 @@ from scipy.interpolate import CubicSpline
 
 from pipeline.contact import CLOSING_LAWS, ClosingLaw, closing_law, closing_summary, exponential, gap, ramp
 from pipeline.errors import StageError
-from pipeline.kinematics import kinematics_dataset, load_kinematics
+from pipeline.kinematics import kinematics_dataset
 from pipeline.motion_law import stroke_law
+from pipeline.moving_finger import load_kinematics
 from pipeline.scene_pinch import Pinch
 from tests.conftest import write_scene
 
@@ -20,7 +21,7 @@ LAWS = sorted(CLOSING_LAWS)
 def closed(pressure=20e3, pinch=PINCH, rate=2.2e-6, start=0.0):
     """A finger whose gap shrinks by `rate` m/Pa from 36 mm; its free law and the one that stops."""
     free = stroke_law(start, [(pressure, 0.005, 0.4)])
-    return free, closing_law(free, lambda p: 0.036 - rate * (p - start), start, start + 40e3, pinch, "scene")
+    return free, closing_law(free, lambda p: 0.036 - rate * (p - start), start, start + 80e3, pinch, "scene")
 
 
 def square(left, bottom, side):
@@ -123,6 +124,15 @@ def test_a_stroke_that_does_not_get_there_is_left_alone():
     assert "contact_time" not in closing_summary(t, np.full(61, 0.01), PINCH)
 
 
+def test_the_fingers_let_go_as_they_came():
+    free = stroke_law(0.0, [(20e3, 0.005, 0.4), (0.0, 0.6, 0.4)])
+    law = closing_law(free, lambda p: 0.036 - 2.2e-6 * p, 0.0, 40e3, PINCH, "scene")
+    t = np.linspace(0.59, 1.6, 400)
+    assert law(t[:1]) == pytest.approx([law.hold], abs=1e-9)
+    assert (np.diff(law(t)) <= 1e-9).all()
+    assert law(t[-1:]) == pytest.approx(free(t[-1:]), abs=1e-9)
+
+
 def test_contact_at_the_start_and_a_way_too_short_are_refused():
     free = stroke_law(0.0, [(20e3, 0.005, 0.4)])
     with pytest.raises(StageError, match=r"gap of 0\.40 mm to the plane.*raise pinch\.half_distance"):
@@ -193,10 +203,10 @@ def test_the_fingers_stop_at_an_object_between_the_tips(tmp_path, shape):
 
 
 def test_a_tapered_tip_meets_sooner_and_as_exactly(tmp_path):
-    tip = "[finger.tip]\nlength = 0.008\nthickness = 0.006\ncorner_radius = 0.001\n"
+    tip = "[finger.tip]\nlength = 0.008\nthickness = 0.007\ncorner_radius = 0.001\n"
     data = kinematics_dataset(pinch_scene(tmp_path / "s", tip))
     assert data["shape_gap"].values[-1] == pytest.approx(0.5e-3, abs=1e-9)
-    assert data.attrs["tip_thickness"] == pytest.approx(0.006)
+    assert data.attrs["tip_thickness"] == pytest.approx(0.007)
     assert np.radians(50) < data["shape_bend"].values[-1] < np.radians(62)  # 74° without
 
 

@@ -14,14 +14,15 @@ from PIL import Image
 
 from postprocess import compare, draw_mesh, draw_series, figures, report, wording
 from postprocess.stagefiles import StageFiles
+from tests.synthetic_pinch import GAIN, SHIFT, write_pinch
 from tests.synthetic_stroke import copy_findings, write_case
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
 
 
-def build(root, **options):
+def build(root, write=write_case, **options):
     """A made-up case taken through compare, figures and report with few frames."""
-    files = StageFiles(copy_findings(write_case(root, spacing=0.004, frames=21, **options)), "coarse")
+    files = StageFiles(copy_findings(write(root, spacing=0.004, frames=21, **options)), "coarse")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figures, "FRAMES", 3)
         for stage in (compare, figures, report):
@@ -37,6 +38,11 @@ def made(tmp_path_factory):
 @pytest.fixture(scope="module")
 def without_piv(tmp_path_factory):
     return build(tmp_path_factory.mktemp("without"), with_piv=False)
+
+
+@pytest.fixture(scope="module")
+def pinched(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("pinched"), write_pinch)
 
 
 def result(files):
@@ -201,7 +207,7 @@ def test_every_axis_of_every_series_names_its_unit(made):
         {s: read_vortices(made.out / f"vortices_{s}.csv") for s in ("cfd", "piv")}, 0, middle
     )
     drawn = [
-        draw_series.circulation(found, middle),
+        draw_series.circulation({s: [track] for s, track in found.items()}, middle),
         draw_series.agreement(pd.read_csv(made.out / "comparison.csv"), 0.4, middle),
         draw_series.forces(read_table(made.out / "run/forces.csv", figures.FORCE_COLUMNS)),
         draw_series.power(read_table(made.out / "run/power.csv", figures.POWER_COLUMNS)),
@@ -223,3 +229,48 @@ def test_the_view_in_space_is_drawn_without_gl_too(made, tmp_path, monkeypatch):
     assert draw_mesh.view_in_space(tmp_path / "view.npz", tmp_path / "view.png") == "matplotlib"
     picture = np.asarray(Image.open(tmp_path / "view.png").convert("L"))
     assert (picture < 128).sum() > 500  # the dark finger is there, not an empty canvas
+
+
+def test_a_made_up_pinch_is_judged_by_its_pair(pinched):
+    checks = {c["id"]: c for c in result(pinched)["checks"]}
+    assert checks["pair-opposite"]["measured"] == {"cfd": "opposite", "piv": "opposite"}
+    imbalance = checks["pair-equal"]["measured"]
+    assert imbalance["cfd"] == pytest.approx(0.0, abs=1e-9)
+    assert imbalance["piv"] == pytest.approx(2 * (1 - GAIN) / (1 + GAIN), rel=1e-3)
+    assert checks["pair-mirrored"]["measured"]["piv"] == pytest.approx(SHIFT, rel=1e-3)
+    assert checks["pair-ventral"]["met"] is False  # made on the dorsal side
+    assert checks["contact-dorsal"]["window"] == "-0.005 to +0.02 s from contact"
+
+
+def test_what_needs_the_single_finger_is_not_judged_without_it(pinched):
+    check = next(c for c in result(pinched)["checks"] if c["id"] == "pair-forward")
+    assert check["met"] is None
+    assert check["notes"] == [
+        "the single finger at level coarse was not run, so nothing is compared with it: make single_finger LEVEL=coarse"
+    ]
+
+
+def test_the_page_of_a_pinch_shows_both_fingers(pinched):
+    text = (pinched.out / "report.html").read_text()
+    page = Page(text)
+    assert page.errors == []
+    assert "pinch" in {attrs.get("id") for tag, attrs in page.elements if tag == "section"}
+    for told in ("stop 0.5", "imbalance of the pair", "make single_finger LEVEL=coarse", "left finger"):
+        assert told in text, told
+    for source in ("cfd", "piv"):
+        pairs = pd.read_csv(pinched.out / f"pairs_{source}.csv")
+        assert (pairs["circulation_0"] < 0).all()
+        lines = pd.read_csv(pinched.out / f"centreline_{source}.csv")
+        assert len(lines) > 10
+
+
+def test_the_single_finger_beside_is_compared_at_equal_bend(pinched, tmp_path):
+    """The made-up single finger is the left finger itself: no shift but that of the PIV's errors."""
+    shutil.copytree(pinched.case.parent, tmp_path / "cases")
+    write_case(tmp_path, "single_finger", bend_end=np.radians(80), spacing=0.004, frames=21)
+    (tmp_path / "cases" / "pinch" / "scene.toml").write_text('extends = "../single_finger"\ntitle = "t"\n')
+    assert compare.main([str(tmp_path / "cases" / "pinch"), "--level", "coarse", "--quiet"]) == 0
+    files = StageFiles(tmp_path / "cases" / "pinch", "coarse")
+    check = next(c for c in result(files)["checks"] if c["id"] == "pair-forward")
+    assert check["measured"]["cfd"] == pytest.approx(0.0, abs=1e-9)
+    assert check["met"] is False

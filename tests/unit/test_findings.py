@@ -8,6 +8,7 @@ import pytest
 
 from postprocess.findings import Finding, is_met, read_findings
 from postprocess.quantities import QUANTITIES
+from postprocess.windows import Window
 
 ROOT = Path(__file__).parents[2]
 GOOD = """
@@ -34,7 +35,13 @@ def write(tmp_path, text):
 
 
 def finding(comparison, value, tolerance=0.0):
-    more = {"figure": "", "quantity": "q", "of": ("cfd",), "reason": "r", "window": (0.0, 1.0)}
+    more = {
+        "figure": "",
+        "quantity": "q",
+        "of": ("cfd",),
+        "reason": "r",
+        "window": Window("bend", (0.0, 1.0)),
+    }
     return Finding("a", "paper", "f", comparison=comparison, value=value, tolerance=tolerance, **more)
 
 

@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import StageError
-from pipeline.kinematics import kinematics_dataset, load_kinematics
+from pipeline.kinematics import kinematics_dataset
 from pipeline.motion_law import measured_law
+from pipeline.moving_finger import load_kinematics
 from pipeline.states import read_states
 from tests.conftest import write_scene
 
@@ -108,7 +109,7 @@ def test_a_length_that_the_states_contradict_is_refused(tmp_path):
 def test_a_stroke_beyond_the_states_or_out_of_the_water_is_refused(tmp_path):
     with pytest.raises(StageError, match="states cover"):
         load_kinematics(write_scene(tmp_path / "a", more=STROKE.format(p=60, more="")))
-    tall = STROKE.format(p=39, more="") + "[tank]\nwater_depth = 0.246\n[finger.tip]\nlength = 0.02\n"
+    tall = STROKE.format(p=39, more="") + "[tank]\nwater_depth = 0.252\n[finger.tip]\nlength = 0.04\n"
     with pytest.raises(StageError, match="leaves the water"):
         kinematics_dataset(write_scene(tmp_path / "b", more=tall))
     with pytest.raises(StageError, match=r"set motion\.source"):

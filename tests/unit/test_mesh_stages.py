@@ -10,13 +10,15 @@ from hypothesis import strategies as st
 from pipeline import kinematics, mesh
 from pipeline.legs import read_legs
 from pipeline.mesh_stages import HYSTERESIS, PADDING, deformation, divide
+from pipeline.scene import load_scene
+from pipeline.stage import read_dataset
 from tests.conftest import write_scene
 
 
 def test_deformation_counts_bends_and_factors_of_the_gap_in_both_directions():
     gap = np.array([9e-3, 3e-3, 1e-3, 3e-3])
     assert deformation(np.zeros(4), gap) == pytest.approx([0, 1, 2, 3])
-    bend = np.radians([0, 75, 150, 75])
+    bend = np.radians([0, 55, 110, 55])
     assert deformation(bend, np.full(4, np.inf)) == pytest.approx([0, 0.5, 1, 1.5])
     assert deformation(bend[:2], gap[:2])[-1] == pytest.approx(np.hypot(1, 0.5))
 
@@ -86,3 +88,23 @@ def test_one_planform_suffices_for_the_single_finger_and_a_long_stroke_takes_sev
     assert worst[:, 5].max() <= far.mesh.max_non_orthogonality_deg
     assert worst[:, 2].sum() == pytest.approx(1.0, abs=1e-4)  # shares of the time, to the digits written
     assert {int(leg) for leg in worst[:, 0]} == {leg.index for leg in legs}
+
+
+def test_the_pinch_as_shipped_keeps_the_issues_limits(tmp_path):
+    """At level coarse, down to a gap of 0.5 mm: at most 80° at any instant, at most 70° for 95 % of time and stroke."""
+    scene = write_scene(tmp_path / "pinch", "quarter", parent="pinch")
+    scene = load_scene(scene.folder, "coarse")
+    kinematics.run(scene, quiet=True)
+    mesh.run(scene, quiet=True)
+    table = np.loadtxt(scene.out / "mesh_quality.csv", delimiter=",", skiprows=1)
+    share, angle = table[:, 2], table[:, 5]
+    assert angle.max() <= 80.0
+    assert share[angle <= 70.0].sum() >= 0.95
+    assert (
+        angle <= 70.0
+    ).mean() >= 0.95  # of the shapes, which follow each other at equal steps of bend and gap
+    legs = read_legs(scene.out)
+    assert [leg.stage for leg in legs] == list(range(len(legs)))  # it closes once: no planform is taken twice
+    assert 2 <= len(legs) <= 3
+    with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
+        assert float(file["shape_gap"].min()) == pytest.approx(0.5e-3, abs=1e-6)

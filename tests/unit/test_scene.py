@@ -60,7 +60,7 @@ def test_nonsense_is_refused_with_key_and_remedy(tmp_path, more, words):
 def test_missing_scene_and_level_name_what_there_is(tmp_path):
     with pytest.raises(StageError, match="no such scene"):
         load_scene(tmp_path / "nowhere")
-    with pytest.raises(StageError, match="coarse, fine, medium, smoke"):
+    with pytest.raises(StageError, match="coarse, draft, fine, medium, smoke"):
         load_scene(ROOT / "cases" / "single_finger", "huge")
 
 

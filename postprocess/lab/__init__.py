@@ -1,0 +1,1 @@
+"""Comparison with a laboratory's DPIV: registration, virtual experiment, uncertainty, verdict, report."""

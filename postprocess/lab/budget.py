@@ -1,0 +1,142 @@
+"""Validation in the manner of ASME V&V 20: comparison error E = S − D against its uncertainty u_val, source by source.
+
+E estimates the model's error within ± k u_val, u_val² = Σ u²: numerical, of the inputs, of the data. Where |E| > k u_val the
+model errs by about E; else simulation and data agree within k u_val, unless that band is too wide to say anything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import chi2
+
+LEVEL = 0.95
+DRAWS = 20_000
+KINDS = {"numerical": "u_num", "input": "u_input", "data": "u_D"}
+AGREES, ERROR, UNCERTAIN = "agrees", "model error", "too uncertain"
+
+
+@dataclass(frozen=True)
+class Source:
+    """One source of uncertainty: `kind` of `KINDS`, `std` (component,) in the quantity's unit, `how` it was found."""
+
+    name: str
+    kind: str
+    std: np.ndarray
+    how: str
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity: simulation (like with like and direct) and data, (component,), in SI, and its sources of uncertainty.
+
+    `scale`: what too wide a band is measured by (SI). `explained`: part of E that the motion's difference explains.
+    """
+
+    name: str
+    label: str
+    unit: str
+    simulation: np.ndarray
+    direct: np.ndarray
+    data: np.ndarray
+    scale: float
+    sources: list[Source] = field(default_factory=list)
+    explained: np.ndarray | None = None
+
+    @property
+    def error(self) -> np.ndarray:
+        """E, (component,)."""
+        return self.simulation - self.data
+
+    @property
+    def measurement_part(self) -> np.ndarray:
+        """Part of direct S − D that the measurement causes: what PIV makes of the simulation, taken off."""
+        return self.direct - self.simulation
+
+    @property
+    def u_val(self) -> np.ndarray:
+        """Standard validation uncertainty, (component,)."""
+        return np.sqrt(sum(s.std**2 for s in self.sources))
+
+    def u_kind(self, kind: str) -> np.ndarray:
+        """Standard uncertainty of one kind of source, (component,)."""
+        parts = [s.std**2 for s in self.sources if s.kind == kind]
+        return np.sqrt(sum(parts)) if parts else np.zeros_like(self.error)
+
+    @property
+    def dominant(self) -> Source:
+        """The source with the largest part of u_val²."""
+        return max(self.sources, key=lambda s: float(np.sum(s.std**2)))
+
+    def verdict(self, too_uncertain: float, level: float = LEVEL) -> str:
+        """One of `AGREES`, `ERROR`, `UNCERTAIN`."""
+        if self.significance() > coverage_factor(self.error.size, level):
+            return ERROR
+        band = coverage_factor(1, level) * float(np.sqrt(np.mean(self.u_val**2)))
+        return UNCERTAIN if band > too_uncertain * self.scale else AGREES
+
+    def significance(self) -> float:
+        """|E|/u_val, over all components."""
+        return float(np.sqrt(np.sum((self.error / self.u_val) ** 2)))
+
+
+def coverage_factor(components: int, level: float = LEVEL) -> float:
+    """k of the confidence `level` for a Gaussian of so many components (1: 1.96)."""
+    return float(np.sqrt(chi2.ppf(level, components)))
+
+
+def joint_level(quantities: int, level: float = LEVEL) -> float:
+    """Level of each of so many tests at which all hold with probability `level` (Šidák)."""
+    return level ** (1 / quantities)
+
+
+@dataclass(frozen=True)
+class FieldComparison:
+    """The velocity field: E (time, 2, y, x; NaN where not common), what moves it coherently, and the vectors' own std.
+
+    `modes`: standard displacement of the field by each coherent source, {name: (kind, (time, 2, y, x))}; `noise`: standard
+    uncertainty of each vector of both sides together (time, 2, y, x).
+    """
+
+    error: np.ndarray
+    modes: dict[str, tuple[str, np.ndarray]]
+    noise: np.ndarray
+
+    def u_val(self) -> np.ndarray:
+        """Standard uncertainty of each vector's E, (time, 2, y, x)."""
+        return np.sqrt(self.noise**2 + sum(np.nan_to_num(m) ** 2 for _, m in self.modes.values()))
+
+    def significance(self) -> np.ndarray:
+        """|E|/u_val of each vector, (time, y, x)."""
+        return np.sqrt(np.sum((self.error / self.u_val()) ** 2, axis=1))
+
+    def rms(self) -> float:
+        """RMS of |E| over all common vectors, m/s."""
+        return float(np.sqrt(np.nanmean(np.sum(self.error**2, axis=1))))
+
+    def parts(self) -> dict[str, tuple[str, float]]:
+        """RMS over the field of each source, m/s: the modes and the vectors' own."""
+
+        def rms(a):
+            return float(
+                np.sqrt(np.nanmean(np.sum(np.where(np.isfinite(self.error), a, np.nan) ** 2, axis=1)))
+            )
+
+        found = {name: (kind, rms(mode)) for name, (kind, mode) in self.modes.items()}
+        return found | {"vectors": ("data", rms(self.noise))}
+
+    def allowed_rms(self, level: float = LEVEL, seed: int = 0) -> float:
+        """The RMS of |E| that u_val lets be exceeded with probability 1 − level, m/s.
+
+        E is taken as Σ ξ_j mode_j + noise with independent standard normal ξ: coherent sources move the whole field at once.
+        """
+        ok = np.isfinite(self.error)
+        flat = [np.where(ok, np.nan_to_num(m), 0.0).ravel() for _, m in self.modes.values()]
+        points = max(int(np.isfinite(self.error[:, 0]).sum()), 1)
+        own = float(np.nansum(np.where(ok, self.noise, np.nan) ** 2)) / points
+        if not flat:
+            return float(np.sqrt(own))
+        gram = np.array([[a @ b for b in flat] for a in flat]) / points
+        xi = np.random.default_rng(seed).standard_normal((DRAWS, len(flat)))
+        return float(np.sqrt(np.quantile(np.einsum("di,ij,dj->d", xi, gram, xi), level) + own))

@@ -1,0 +1,214 @@
+"""dpiv.toml: what a laboratory states of its recording or vectors (docs/comparison.md). Nothing is guessed: it is asked for."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+NAME = "dpiv.toml"
+HINTS = {
+    "files": 'files = "frames/*.tif", a path beside dpiv.toml, or a list of them',
+    "frame_rate_hz": "frame_rate_hz, the pictures (of pairs: the pairs) per second",
+    "start": 'start = { at_s = …, std_s = … }, the time at which the first picture is taken after the motion\'s zero, or start = "from motion"',
+    "scale": 'scale = { mm_per_px = …, std_percent = … }, { calibration = "file.json", std_percent = … } or { from_finger = true }',
+    "axes": 'axes = { y = "up" or "down", x = "right" or "left", root_px = [x, y] }, with the position of the root\'s middle in px, y counted as stated',
+    "finger_geometry": 'finger_geometry = "measured" (it is the one of the scene\'s states) or "nominal" (then the bands of the FEA count)',
+    "piv": "piv = { window = …, spacing = … }, the settings of the evaluation in px",
+    "sheet_thickness_mm": "sheet_thickness_mm, the full width of the light sheet at 1/e²",
+    "vectors": 'vectors = { length_unit = "mm", velocity_unit = "mm/s", std_px = … }: what the vector files do not state themselves, and the standard uncertainty of a displacement',
+    "camera": 'camera = { columns = …, rows = …, density_ppp = …, diameter_px = …, background = …, read_noise = …, peak = … }: without pictures these cannot be measured; or camera = "none" to leave the virtual experiment out',
+}
+
+
+class Table(BaseModel):
+    """A frozen table that refuses keys it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Start(Table):
+    """When the first picture is taken, s on the simulation's clock."""
+
+    at_s: float
+    std_s: NotNegative
+
+
+class Scale(Table):
+    """One of three: a number, a calibration of `piv calibrate`, or the finger's own length."""
+
+    mm_per_px: Positive | None = None
+    calibration: str | None = None
+    from_finger: bool = False
+    std_percent: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Scale:
+        given = [self.mm_per_px is not None, self.calibration is not None, self.from_finger]
+        if sum(given) != 1:
+            raise ValueError(f"give one of {HINTS['scale'].removeprefix('scale = ')}")
+        if not self.from_finger and self.std_percent is None:
+            raise ValueError("std_percent is missing: say how well the scale is known, in per cent")
+        return self
+
+
+class Axes(Table):
+    """Directions of the pictures' (or vectors') axes and where the middle of the finger's root is in them."""
+
+    y: Literal["up", "down"]
+    x: Literal["right", "left"] = "right"
+    root_px: tuple[float, float] | None = None
+    root_mm: tuple[float, float] | None = None  # of vectors: in the files' axes, or px times the scale
+    root_std_mm: Positive | None = None
+    turn_deg: float = 0.0  # of the tank frame in the picture, counter-clockwise
+
+
+class Evaluation(Table):
+    """How pictures are (or were) correlated."""
+
+    window: Annotated[int, Field(ge=8)]
+    spacing: Annotated[int, Field(ge=1)]
+    preset: Literal["fast", "balanced", "accurate"] = "balanced"
+    pairing: Literal["1-2,2-3", "1-2,3-4"] = "1-2,2-3"
+    interval_s: Positive | None = None  # between the exposures of a pair "1-2,3-4"
+    every: Annotated[int, Field(ge=1)] = 1
+    preprocess: str = ""
+
+    @model_validator(mode="after")
+    def _interval(self) -> Evaluation:
+        if (self.pairing == "1-2,3-4") != (self.interval_s is not None):
+            raise ValueError('interval_s, the time between the two exposures, belongs to pairing = "1-2,3-4"')
+        return self
+
+
+class VectorFiles(Table):
+    """What exported vectors do not say themselves."""
+
+    kind: Literal["openpiv", "pivlab", "tecplot", "davis", "csv", "plane"] | None = None
+    length_unit: str | None = None
+    velocity_unit: str | None = None
+    interval_s: Positive | None = None
+    image_rows: int | None = None
+    zero_is_absent: bool = False
+    keep_replaced: bool = False
+    std_px: Positive | None = None  # standard uncertainty of a displacement
+
+
+class LabCamera(Table):
+    """Camera and seeding of vectors without pictures; of pictures these are measured."""
+
+    columns: Annotated[int, Field(ge=64)]
+    rows: Annotated[int, Field(ge=64)]
+    density_ppp: Positive
+    diameter_px: Positive
+    background: NotNegative
+    read_noise: NotNegative
+    peak: Positive
+    mm_per_px: Positive
+    bits: Literal[8, 10, 12, 16] = 8
+
+
+class Dpiv(Table):
+    """One laboratory's data; `folder` is where dpiv.toml lies, paths are relative to it."""
+
+    folder: Path
+    format: Literal["dpiv"]
+    format_version: Literal[1]
+    title: str
+    kind: Literal["pictures", "vectors"]
+    files: str | tuple[str, ...]
+    frame_rate_hz: Positive
+    start: Start | Literal["from motion"]
+    scale: Scale
+    axes: Axes
+    finger_geometry: Literal["measured", "nominal"]
+    piv: Evaluation
+    sheet_thickness_mm: Positive
+    colour: Literal["refuse", "luma", "green"] = "refuse"
+    root_visible: bool = True
+    vectors: VectorFiles | None = None
+    camera: LabCamera | Literal["none"] | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> Dpiv:
+        if self.kind == "pictures" and (self.vectors or self.camera):
+            raise ValueError(
+                'tables [vectors] and [camera] belong to kind = "vectors"; of pictures they are measured'
+            )
+        if self.kind == "vectors":
+            if self.vectors is None:
+                raise ValueError(f"vectors is missing: give {HINTS['vectors']}")
+            if self.camera is None:
+                raise ValueError(f"camera is missing: give {HINTS['camera']}")
+            if self.start == "from motion":
+                raise ValueError(
+                    f"start cannot come from the motion without pictures: give {HINTS['start'].split(', or')[0]}"
+                )
+            if self.scale.from_finger or self.scale.calibration:
+                raise ValueError(
+                    "scale of vectors without pictures: give scale = { mm_per_px = …, std_percent = … }"
+                )
+        if self.kind == "vectors" and (self.axes.root_mm is None or self.axes.root_std_mm is None):
+            raise ValueError(
+                "axes.root_mm or root_std_mm is missing: vectors do not show the finger; give the position of the middle of its root and how well it is known, mm"
+            )
+        if self.kind == "pictures" and self.axes.root_px is None and not self.scale.from_finger:
+            raise ValueError(
+                "axes.root_px is missing: give the position of the root's middle in px, or scale = { from_finger = true }"
+            )
+        if self.scale.from_finger and not self.root_visible:
+            raise ValueError(
+                "scale cannot come from a finger whose root is hidden (root_visible = false): give a calibration"
+            )
+        return self
+
+    @property
+    def name(self) -> str:
+        """Name of the data: that of its folder."""
+        return self.folder.resolve().name
+
+    def sources(self) -> str | list[str]:
+        """Paths of the files as piv takes them."""
+        if isinstance(self.files, str):
+            return str(self.folder / self.files)
+        return [str(self.folder / name) for name in self.files]
+
+
+def read_dpiv(path: Path) -> Dpiv:
+    """Read and check a dpiv.toml (or the one in a folder). Raises FileNotFoundError or ValueError in one sentence."""
+    path = path / NAME if path.is_dir() else path
+    if not path.exists():
+        raise FileNotFoundError(
+            f"{path}: missing; data of a laboratory need a {NAME} beside them that states scale, axes and times"
+            " (docs/comparison.md has one to copy)"
+        )
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not valid TOML ({error})") from None
+    try:
+        return Dpiv(**table, folder=path.parent)
+    except ValidationError as error:
+        raise ValueError(f"{path}: {_sentence(error)}") from None
+
+
+def _sentence(error: ValidationError) -> str:
+    """The first thing that is missing or wrong, with what to write."""
+    errors: list[Any] = sorted(error.errors(), key=lambda e: e["type"] != "missing")
+    first = errors[0]
+    place = [str(part) for part in first["loc"] if not str(part)[:1].isupper() and "[" not in str(part)]
+    key = ".".join(place)
+    if first["type"] == "missing":
+        hint = HINTS.get(place[0], key) if len(place) == 1 else key
+        text = f"{key} is missing: give {hint}"
+    elif first["type"] == "extra_forbidden":
+        text = f"{key}: this key is not known; check its spelling or remove it"
+    else:
+        told = first["msg"].removeprefix("Value error, ")
+        text = f"{key}: {told} (got {first['input']!r})" if key else told
+    more = len({str(e["loc"][:1]) for e in errors}) - 1
+    return text + (f"; {more} more to correct after that" if more else "")

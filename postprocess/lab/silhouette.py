@@ -1,0 +1,127 @@
+"""The dark finger in pictures of bright particles: how well an outline fits, by where particles are.
+
+No particle's centre lies in the body; outside they are strewn evenly. For particles of a Poisson process the logarithm of
+the likelihood that an outline holds the body is (rate outside − rate inside)·area − n·ln(rate outside/rate inside) with n
+particles inside it: largest where the outline holds all that is empty and no particle. Unlike a threshold on grey levels it
+needs no closing over the gaps between particles, and light that spills over the body's edge does not move it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numba
+import numpy as np
+
+from piv.masks import dark_body
+
+COST = (
+    4.0  # no particle counts more than this against an outline: a reflection on the body must not push it off
+)
+BLUR_PX = 1.5  # of a particle's place: with less, every particle at rest beside the body is a barrier that samples do not pass
+NOISE = 6.0  # standard deviations of the body's grey level: what is above is a particle
+CORE_PX, CLEAR_PX = 9, 15  # away from the first guess of the body's edge: surely inside, surely outside
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What tells water from body: `threshold` (grey level) of a particle, `rate` of particles in water (1/px²), `cost` of one
+    inside an outline; `body_level`, `body_std`: grey levels of the body."""
+
+    threshold: float
+    rate: float
+    cost: float
+    body_level: float
+    body_std: float
+
+    def image(self, frame: np.ndarray) -> np.ndarray:
+        """The evidence of a frame (row 0 at the top), (rows, columns) float32; its sum over a region is that for a body there."""
+        found = np.full(frame.shape, np.float32(self.rate))
+        row, column = particles(frame, self.threshold)
+        i, j = column.astype(int), row.astype(int)
+        a, b = (column - i).astype(np.float32), (row - j).astype(np.float32)
+        spots = np.zeros_like(found)
+        for dj, wj in ((0, 1 - b), (1, b)):
+            for di, wi in ((0, 1 - a), (1, a)):
+                np.add.at(spots, (j + dj, i + di), wj * wi)
+        return found - np.float32(self.cost) * cv2.GaussianBlur(spots, (0, 0), BLUR_PX)
+
+
+def particles(frame: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns (px, three-point Gaussian fit) of the local maxima above a grey level, none on the border."""
+    grey = frame.astype(np.float32)
+    top = (grey >= cv2.dilate(grey, np.ones((3, 3), np.uint8))) & (grey > threshold)
+    top[[0, -1]], top[:, [0, -1]] = False, False
+    row, column = np.nonzero(top)
+    log = np.log(np.maximum(grey, 1.0))
+    places = []
+    for at, (dj, di) in ((row, (1, 0)), (column, (0, 1))):
+        before, here, after = log[row - dj, column - di], log[row, column], log[row + dj, column + di]
+        curve = np.minimum(before + after - 2 * here, -1e-6)
+        places.append(at + np.clip(0.5 * (before - after) / curve, -0.5, 0.5))
+    return places[0], places[1]
+
+
+def learn(frames: list[np.ndarray], masks: list[np.ndarray] | None = None) -> Evidence:
+    """Evidence learnt from frames (row 0 at the top) in which the body is roughly known (found by piv.masks if not given)."""
+    masks = [dark_body(f) for f in frames] if masks is None else masks
+    cores = [_shrunk(m, CORE_PX) for m in masks]
+    clears = [_shrunk(~m, CLEAR_PX) for m in masks]
+    inside = np.concatenate([f[m] for f, m in zip(frames, cores, strict=True)]).astype(float)
+    if inside.size < 200 or sum(m.sum() for m in clears) < 200:
+        raise ValueError(
+            f"the dark body leaves {inside.size} pixels well inside it; the finger must be wider than"
+            f" {2 * CORE_PX} px and must not fill the picture"
+        )
+    level = float(np.median(inside))
+    std = max(1.4826 * float(np.median(np.abs(inside - level))), 0.5)
+    threshold = level + NOISE * std
+    count, area = np.zeros(2), np.zeros(2)
+    for frame, core, clear in zip(frames, cores, clears, strict=True):
+        row, column = (np.rint(c).astype(int) for c in particles(frame, threshold))
+        for k, region in enumerate((core, clear)):
+            count[k] += region[row, column].sum()
+            area[k] += region.sum()
+    within, rate = (count + 0.5) / area
+    if not rate > 5 * within:
+        raise ValueError(
+            f"the dark body holds {within:.2g} bright spots per px², the water {rate:.2g}: the two cannot be told apart"
+        )
+    return Evidence(threshold, rate - within, min(float(np.log(rate / within)), COST), level, std)
+
+
+def _shrunk(mask: np.ndarray, by_px: int) -> np.ndarray:
+    return cv2.erode(mask.astype(np.uint8), np.ones((2 * by_px + 1,) * 2, np.uint8)).astype(bool)
+
+
+def running_sums(evidence: np.ndarray) -> np.ndarray:
+    """Sums of an evidence image along its rows, from which `inside_sums` works; rows turned so that y is up."""
+    return np.cumsum(evidence[::-1].astype(np.float64), axis=1)
+
+
+@numba.njit(cache=True)
+def inside_sum(sums: np.ndarray, outline: np.ndarray) -> float:
+    """Sum of the evidence inside a closed outline (point, 2), px with y up, counter-clockwise (Green's theorem)."""
+    rows, columns = sums.shape
+    total = 0.0
+    n = outline.shape[0]
+    for k in range(n):
+        m = k + 1 if k + 1 < n else 0
+        dy = outline[m, 1] - outline[k, 1]
+        x = 0.5 * (outline[m, 0] + outline[k, 0]) - 0.5  # the sum up to pixel i ends at its right edge
+        y = 0.5 * (outline[m, 1] + outline[k, 1])
+        x = min(max(x, 0.0), columns - 1.0)
+        y = min(max(y, 0.0), rows - 1.0)
+        i, j = min(int(x), columns - 2), min(int(y), rows - 2)
+        a, b = x - i, y - j
+        low = (1 - a) * sums[j, i] + a * sums[j, i + 1]
+        high = (1 - a) * sums[j + 1, i] + a * sums[j + 1, i + 1]
+        total += ((1 - b) * low + b * high) * dy
+    return total
+
+
+def counter_clockwise(outline: np.ndarray) -> np.ndarray:
+    """The outline (point, 2) in the sense that `inside_sum` takes."""
+    x, y = outline[:, 0], outline[:, 1]
+    return outline if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) > 0 else outline[::-1]

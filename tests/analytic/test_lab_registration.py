@@ -1,0 +1,172 @@
+"""The finger is found where it was drawn: pose, scale, bend and time from pictures; seeding; the lower layer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from piv.readers import Recording
+from postprocess.lab.fit_outline import prepare
+from postprocess.lab.pictures import outline_mask
+from postprocess.lab.pose import Pose, camera_planes
+from postprocess.lab.profile import bent_outline, circle, fit_profile, motion_dataset, profile, strip_at_rest
+from postprocess.lab.registration import register
+from postprocess.lab.sides import appearance_of
+from postprocess.lab.silhouette import counter_clockwise, inside_sum, learn, running_sums
+from tests.lab_scene import finger_family, set_up, stated_pose, still_picture, vortex_series
+
+FRAMES, DELAY, FACTOR = 24, 0.007, 1.05
+
+
+@pytest.fixture(scope="module")
+def family(tmp_path_factory):
+    return finger_family(tmp_path_factory.mktemp("lab"))
+
+
+class Stills(Recording):
+    """Pictures of fresh particles around the finger of a law that is 5 % stronger and 7 ms late."""
+
+    def __init__(self, family, lab):
+        super().__init__("stills", FRAMES, None)
+        self.times = np.linspace(0.0, 0.42, FRAMES)
+        self.pressures = FACTOR * family.law(np.clip(self.times - DELAY, *family.time))
+        self._family, self._lab = family, lab
+
+    def _read(self, i):
+        return still_picture(self._family, self._lab, float(self.pressures[i]), i)
+
+
+@pytest.fixture(scope="module")
+def found(family):
+    lab = set_up(family)
+    stills = Stills(family, lab)
+    stated = stated_pose(family, lab.camera)
+    return (
+        lab,
+        stills,
+        register(stills, stills.times, family, stated, None, scale_std=0.01, sweeps=(800, 300, 1200, 1200)),
+    )
+
+
+def test_inside_sum_is_the_area(family):
+    outline = counter_clockwise(np.array([[10.0, 5.0], [10.0, 25.5], [40.25, 25.5], [40.25, 5.0]]))
+    sums = running_sums(np.ones((40, 60), np.float32))
+    dense = np.vstack(
+        [np.linspace(a, b, 50, endpoint=False) for a, b in zip(outline, np.roll(outline, -1, 0), strict=True)]
+    )
+    assert inside_sum(sums, dense) == pytest.approx(30.25 * 20.5, rel=1e-6)
+
+
+def test_pose_scale_and_time_are_found(found, family):
+    lab, _, registration = found
+    true, mm = lab.pose(family.root), 0.4
+    # a camera of 400 px, 0.4 mm/px: what the target asks of a larger one, doubled
+    assert np.abs(np.array(registration.pose.at_px) - true.at_px).max() * mm < 0.6
+    assert abs(np.degrees(registration.pose.angle - true.angle)) < 1.0
+    assert abs(registration.pose.px_per_m / true.px_per_m - 1) < 0.006
+    assert registration.law.delay == pytest.approx(DELAY, abs=0.003)
+    assert registration.law.values[0] == pytest.approx(FACTOR, abs=0.02)
+
+
+def test_registration_says_how_sure_it_is(found, family):
+    lab, _, registration = found
+    true, std = lab.pose(family.root), np.sqrt(np.diag(registration.covariance))
+    off = [*(np.array(registration.pose.at_px) - true.at_px), registration.pose.angle - true.angle, np.log(registration.pose.px_per_m / true.px_per_m)]  # fmt: skip
+    assert (np.abs(off) < 4 * std).all()
+    assert (std < [2.0, 2.0, 0.02, 0.01]).all()
+
+
+def test_lower_layer_is_measured(found, family):
+    _lab, stills, registration = found
+    strip = strip_at_rest(family)
+    index = np.arange(0, FRAMES, 4)
+    images = [stills.frame(int(i)) for i in index]
+    frames = prepare(images, stills.times[index] - registration.law.delay, learn(images[::2]))
+    shapes = np.array(
+        [fit_profile(s.astype(float), strip, registration.pose, registration.edge_px, float(family.shape("bend", p)), 1.0)
+         for s, p in zip(frames.sums, registration.pressures[index], strict=True)]
+    )  # fmt: skip
+    true = family.bend(stills.pressures[index])
+    error = np.degrees(shapes[:, 0] - true)
+    # single frames of a finger that is 175 px long: 2.5° is a pixel and a half at its tip
+    assert np.sqrt((error**2).mean()) < 2.5
+    assert np.abs(error).max() < 6.0
+    motion = motion_dataset(family, strip, np.linspace(0, 0.42, 24), np.column_stack([family.bend(family.law(np.linspace(0, 0.42, 24))), np.zeros((24, 3))]), 0.42)  # fmt: skip
+    error = motion["pressure"].values - family.law(motion["time"].values)
+    assert np.abs(error).max() < 0.02 * 20e3
+
+
+def test_circle_of_an_arc(family):
+    strip = strip_at_rest(family)
+    radius, residual = circle(profile(strip, np.array([1.4, 0.0, 0.0, 0.0])))
+    assert radius == pytest.approx(strip.length / 1.4, rel=1e-3)
+    assert residual < 1e-6
+    assert np.isinf(circle(profile(strip, np.zeros(4)))[0])
+
+
+def test_strip_is_the_finger_at_rest(family):
+    outline = bent_outline(strip_at_rest(family), np.zeros(4))
+    assert np.abs(outline - family.shape("outline", 0.0)).max() < 2e-4
+
+
+def test_seeding_is_measured(family):
+    lab = set_up(family, columns=640)
+    images = [still_picture(family, lab, p, k) for k, p in enumerate((0.0, 1e4, 2e4))]
+    pose = lab.pose(family.root)
+    masks = [
+        outline_mask(pose.to_px(family.shape("outline", p)), i.shape)
+        for i, p in zip(images, (0.0, 1e4, 2e4), strict=True)
+    ]
+    seen = appearance_of(images, masks)
+    # overlapping and saturated images, and tiles of 64 px: a tenth
+    assert seen.density_ppp == pytest.approx(lab.seeding.density_ppp, rel=0.12)
+    assert seen.diameter_px == pytest.approx(lab.seeding.diameter_px, rel=0.06)
+    assert seen.peak == pytest.approx(lab.seeding.peak * 255, rel=0.12)
+    assert seen.background == pytest.approx(lab.camera.background, abs=0.3)
+    assert seen.read_noise == pytest.approx(lab.camera.read_noise, rel=0.15)
+
+
+def test_camera_planes_turn_positions_and_vectors(family):
+    times = np.linspace(0.0, 0.1, 6)
+    series = vortex_series(family, times, spacing=2e-3)
+    pose = Pose(4000.0, 0.5, family.root, (300.0, 450.0))
+    x, y = np.linspace(0.02, 0.13, 23), np.linspace(0.02, 0.11, 19)
+    plane = next(camera_planes(series, pose, x, y, times[2:3]))
+    gx, gy = np.meshgrid(x, y)
+    at = pose.from_camera(np.stack([gx, gy], -1))
+    centre = series["tip"].values[2, 0] + 0.016 * series["dorsal_direction"].values[2, 0]
+    d = at - centre
+    r2 = (d**2).sum(-1)
+    swirl = -0.012 * (0.3 + times[2]) / (2 * np.pi * r2) * (1 - np.exp(-r2 / 0.006**2))
+    exact = np.stack([-swirl * d[..., 1], swirl * d[..., 0]], -1) @ pose.rotation.T
+    error = np.stack([plane["u"].values, plane["v"].values], -1) - exact
+    inside = np.isfinite(error).all(-1)
+    assert inside.sum() > 200
+    assert np.nanpercentile(np.abs(error), 95) < 0.01 * np.nanmax(np.abs(exact))
+    assert np.allclose(plane["tip"].values[0], pose.to_camera(series["tip"].values[2, 0]))
+
+
+def test_a_second_finger_is_the_mirror_image(family):
+    pair = replace(family, mirror=True)
+    outlines, bends = pair.fingers("outline", 1e4), pair.fingers("bend", 1e4)
+    assert np.allclose(outlines[1], outlines[0] * [-1, 1])
+    assert bends[0] == bends[1]
+    pose = Pose(2500.0, 0.0, (0.0, 0.245), (250.0, 300.0))
+    apart = replace(
+        pair,
+        splines=family.splines
+        | {
+            "outline": lambda p, d=0: (
+                family.splines["outline"](p, d) + (0.04 if d == 0 else 0.0) * np.array([1.0, 0.0])
+            )
+        },
+    )
+    mask = outline_mask(pose.to_px(apart.fingers("outline", 0.0)), (320, 500))
+    assert np.abs(mask[:, :250].sum() - mask[:, 251:].sum()) < 0.02 * mask.sum()
+
+
+def test_pose_there_and_back():
+    pose = Pose(3900.0, -0.3, (0.01, 0.24), (200.0, 400.0))
+    points = np.random.default_rng(1).uniform(-0.1, 0.3, (20, 2))
+    assert np.allclose(pose.to_tank(pose.to_px(points)), points)
+    assert np.allclose(pose.from_camera(pose.to_camera(points)), points)

@@ -1,0 +1,92 @@
+"""A small version of `make faults` and `make stability`: kills, two makes at once, a full disk; the three endings."""
+
+import random
+import shutil
+
+import pytest
+
+from tests.faults.conditions import disks, twice
+from tests.faults.kill import kills_in
+from tests.faults.project import PRODUCTS, SCENE, copy_project, make, out_of
+from tests.stability import images
+from tests.stability.solver import attempt
+from tests.stability.table import Row
+
+pytestmark = [
+    pytest.mark.openfoam,
+    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
+]
+STAGES = ("kinematics", "mesh", "case", "run")
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """A copy of the project, solved, and what its stages made."""
+    folder = tmp_path_factory.mktemp("faults")
+    project, wanted = copy_project(folder / "project"), folder / "wanted"
+    done = make(project, f"{SCENE}.run")
+    assert done.returncode == 0, done.stderr[-2000:]
+    for name in (name for stage in STAGES for name in PRODUCTS[stage]):
+        (wanted / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(out_of(project) / name, wanted / name)
+    return project, wanted, folder
+
+
+@pytest.mark.parametrize("stage", ["mesh", "run"])
+def test_make_goes_on_after_kills_and_ends_alike(solved, stage):
+    project, wanted, folder = solved
+    row = kills_in(project, wanted, stage, 4.0, 2, random.Random(stage), folder / "log")
+    assert row["difference"] == ""
+    assert row["kills"] == 2
+
+
+def test_two_makes_at_once_do_not_spoil_each_others_files(solved):
+    project, wanted, folder = solved
+    row = next(iter(twice(project, wanted, folder, ["mesh"])))
+    assert row["ended"] in ("completed", "refused")
+    assert row["afterwards"] == "as undisturbed"
+
+
+def test_a_full_and_a_read_only_disk_are_one_sentence(solved):
+    project, wanted, folder = solved
+    for row in disks(project, wanted, folder, ["mesh"]):
+        if str(row["ended"]).startswith("not tried"):
+            pytest.skip(str(row["ended"]))
+        assert row["ended"] == "refused", row
+        assert row["afterwards"] == "as undisturbed"
+
+
+TINY = {
+    "model.kind": "2d", "motion.end_time": 0.02, "numerics.time_step": 1e-3,
+    "motion.strokes": [{"pressure_kpa": 10.0, "start": 0.002, "duration": 0.05}],
+    "mesh.wall_cell": 3.5e-3, "mesh.wall_first_layer": 1.2e-3, "mesh.wall_layers": 2, "mesh.tip_cell": 2.2e-3,
+    "mesh.near_cell": 5e-3, "mesh.near_distance": 0.01, "mesh.far_cell": 0.05,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "changes, ended, words",
+    [
+        ({}, "completed", ""),
+        ({"numerics.max_courant": 0.5}, "stopped", "Courant number"),
+        ({"numerics.max_courant": 0.01}, "refused", "time_step of at most"),
+        ({"motion.strokes": [{"pressure_kpa": 90.0, "start": 0.0, "duration": 0.02}]}, "refused", "states cover"),
+    ],
+)
+def test_a_run_ends_in_one_of_three_ways(solved, changes, ended, words):
+    project = solved[0]
+    row = Row(project / "cases" / SCENE, f"axis_{ended}{len(words)}", "tiny", "run", 1, TINY | changes)
+    result = attempt(row)
+    assert result["ended"] == ended, result
+    assert words in result["reason"]
+    if ended == "completed":
+        assert result["from_nothing_fraction"] < 0.01
+        assert attempt(row) == result  # taken, not run again
+
+
+@pytest.mark.parametrize(
+    "name, ended", [("no particles, noise", "all flagged"), ("all mask", "all flagged"), ("0.04", "completed")]
+)
+def test_pictures_without_an_answer_give_none(name, ended):
+    case = next(c for c in images.cases() if c.value == name)
+    assert images.run_case(case, "fast")["ended"] in (ended, "refused" if ended == "all flagged" else ended)

@@ -1,0 +1,87 @@
+"""A laboratory on paper for the tests: the finger's kinematics, an analytic flow around it, pictures and vectors of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from pipeline.kinematics import kinematics_dataset
+from pipeline.scene import load_scene
+from pipeline.stage import write_dataset
+from piv.camera import Camera, Seeding
+from piv.particles import Box, seed_particles
+from piv.plane import make_plane
+from piv.render import add_particles, expose, fill_polygon, in_mask, sheet_light
+from postprocess.lab.family import Family, read_family
+from postprocess.lab.pose import Pose
+from postprocess.lab.stand_in import SetUp, camera_for
+
+CASE = Path(__file__).parents[1] / "cases" / "single_finger"
+
+
+def finger_family(folder: Path) -> Family:
+    """The family of single_finger."""
+    path = folder / "kinematics.h5"
+    write_dataset(kinematics_dataset(load_scene(CASE, "smoke")), path)
+    return read_family(path)
+
+
+def set_up(family: Family, columns: int = 400, seed: int = 1, **more) -> SetUp:
+    """A small camera before the finger, with errors of set-up."""
+    errors = {"shift_mm": (1.0, -0.6), "turn_deg": 2.0, "scale_error": 0.01} | more
+    return SetUp(
+        camera_for(family.root, columns, 160.0 / columns, 500.0),
+        Seeding(density_ppp=0.06),
+        seed=seed,
+        **errors,
+    )
+
+
+def stated_pose(family: Family, camera: Camera) -> Pose:
+    """What the laboratory believes."""
+    at = np.asarray(camera.origin_px) + np.asarray(family.root) / camera.scale_m_per_px
+    return Pose(1 / camera.scale_m_per_px, 0.0, family.root, (float(at[0]), float(at[1])))
+
+
+def still_picture(family: Family, lab: SetUp, pressure: float, seed: int) -> np.ndarray:
+    """One picture (row 0 at the top) of fresh particles around the finger at a pressure (Pa)."""
+    camera, seeding, pose = lab.camera, lab.seeding, lab.pose(family.root)
+    rng = np.random.default_rng([lab.seed, seed])
+    box = Box(-4.0, camera.width_px + 4.0, -4.0, camera.height_px + 4.0, 1.25)
+    p = seed_particles(box, seeding.density_ppp, seeding.diameter_px, seeding.diameter_std_px, rng)
+    outline = pose.to_px(family.shape("outline", pressure))
+    mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
+    fill_polygon(mask, outline[:, 0], camera.height_px - 1 - outline[:, 1])
+    row = camera.height_px - 1 - p[1]
+    light = seeding.peak * 255 * sheet_light(p[2], 1.0) * (p[3] / seeding.diameter_px) ** 2
+    light[in_mask(mask, p[0], row)] = 0
+    image = np.zeros(mask.shape, np.float32)
+    add_particles(image, p[0], row, light, p[3])
+    return expose(image, rng, bits=8, background=camera.background, read_noise=camera.read_noise)
+
+
+def vortex_series(
+    family: Family, times: np.ndarray, *, gain: float = 1.0, spacing: float = 1e-3
+) -> xr.Dataset:
+    """A tank-frame series: a Lamb–Oseen vortex that follows the dorsal side of the tip, absent inside the finger."""
+    import shapely
+
+    x, y = np.arange(-0.085, 0.125, spacing), np.arange(0.10, 0.285, spacing)
+    gx, gy = np.meshgrid(x, y)
+    names = ("outline", "tip", "tip_direction", "dorsal_direction", "bend")
+    pressures = family.law(np.clip(times, *family.time))
+    shapes = {n: np.array([family.shape(n, p) for p in pressures])[:, None] for n in names}
+    u, v, valid = [], [], []
+    for k, t in enumerate(times):
+        centre = shapes["tip"][k, 0] + 0.016 * shapes["dorsal_direction"][k, 0]
+        dx, dy = gx - centre[0], gy - centre[1]
+        r2 = np.maximum(dx**2 + dy**2, 1e-12)
+        swirl = -gain * 0.012 * (0.3 + t) / (2 * np.pi * r2) * (1 - np.exp(-r2 / 0.006**2))
+        outside = ~shapely.contains_xy(shapely.Polygon(shapes["outline"][k, 0]), gx, gy)
+        u.append(np.where(outside, -swirl * dy, np.nan))
+        v.append(np.where(outside, swirl * dx, np.nan))
+        valid.append(outside)
+    out = make_plane(x, y, np.array(u), np.array(v), time=times, valid=np.array(valid), **shapes)
+    return out.assign_attrs(tip_width=family.tip_width)

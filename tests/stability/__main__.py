@@ -1,0 +1,91 @@
+"""`make stability`: runs and images at the extremes, one axis at a time and the corners; tables, map and page of the docs.
+
+Each run ends completed (bounded energy), refused beforehand, or stopped by a guard. Any other ending is a fault, and the
+exit code is 1. What has been run is not run again until its scene or the libraries change.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import os
+import sys
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from pipeline.stage import versions
+from tests.stability import images, page
+from tests.stability.solver import attempt, openfoam
+from tests.stability.table import Row, read_table
+
+STUDIES = (Path("cases/single_finger/studies/stability.csv"), Path("cases/pinch/studies/stability.csv"))
+PRESETS = ("fast", "balanced", "accurate")
+FINE = ("completed", "refused", "stopped", "all flagged")
+RUN_COLUMNS = (
+    "scene", "axis", "value", "level", "ranks", "ended", "stage", "stopped_at_s", "bend_deg", "tip_speed",
+    "tip_acceleration", "cells", "steps", "courant_max", "continuity_max", "non_orthogonality_deg", "work_J", "kinetic_J",
+    "closure_fraction", "from_nothing_fraction", "peak_force_N", "force_of_plate", "cpu_s", "reason",
+)  # fmt: skip
+IMAGE_COLUMNS = ("axis", "value", "preset", "ended", "valid", "rms_px", "wrong_unflagged", "reason")
+
+
+def write_table(path: Path, columns: tuple[str, ...], rows: Iterable[dict[str, Any]]) -> None:
+    """A CSV with the versions that made it, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    with part.open("w", encoding="utf-8", newline="") as file:
+        made = {
+            "date": datetime.now(UTC).date().isoformat(),
+            "versions": {"OpenFOAM": openfoam()} | versions(),
+        }
+        file.write("# " + json.dumps(made) + "\n")
+        writer = csv.DictWriter(file, columns, extrasaction="ignore", restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    os.replace(part, path)
+
+
+def chosen(rows: list[Row], only: str | None) -> list[Row]:
+    """The rows whose axis is named, all where none is."""
+    return [row for row in rows if only is None or row.axis in only.split(",")]
+
+
+def main() -> int:
+    """Command line; 1 where a run or a picture ended in another way than it may."""
+    parser = argparse.ArgumentParser(prog="python -m tests.stability", description=__doc__)
+    parser.add_argument("--axes", help="names with commas: only these, and no tables (default: all)")
+    parser.add_argument("--part", choices=("runs", "images"), help="(default: both)")
+    parser.add_argument("--docs", type=Path, default=Path("docs"), help="folder of the page and the tables")
+    args = parser.parse_args()
+    ended: list[dict[str, Any]] = []
+    if args.part != "images":
+        rows = [row for study in STUDIES if study.exists() for row in chosen(read_table(study), args.axes)]
+        results = []
+        for row in tqdm(rows, "runs", unit="run", disable=None):
+            results.append(attempt(row))
+            tqdm.write(f"{row.run:40s} {results[-1]['ended']:10s} {results[-1].get('reason', '')[:120]}")
+            sys.stdout.flush()
+        ended += results
+        if args.axes is None:
+            write_table(args.docs / "stability" / "runs.csv", RUN_COLUMNS, results)
+    if args.part != "runs" and args.axes is None:
+        pictures = [(c, p) for c in images.cases() for p in PRESETS]
+        found = [images.run_case(c, p) for c, p in tqdm(pictures, "images", unit="pair", disable=None)]
+        ended += found
+        write_table(args.docs / "stability" / "images.csv", IMAGE_COLUMNS, found)
+    if args.axes is None:
+        page.write(args.docs)
+    faults = [row for row in ended if row["ended"] not in FINE]
+    for row in faults:
+        print(f"{row['axis']} = {row['value']}: {row['ended']}: {row.get('reason', '')}")
+    print(f"{len(ended)} runs and pictures, {len(faults)} faults")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

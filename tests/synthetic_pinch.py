@@ -1,0 +1,93 @@
+"""A made-up pinch: the made-up stroke of tests/synthetic_stroke.py and its mirror image, with known errors of the PIV."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from piv.plane import FINGER_VARIABLES, make_plane, read_plane, write_plane
+from tests.synthetic_stroke import write_case
+
+GAIN = 0.99  # of the right vortex against the left one, in the PIV
+SHIFT = 4e-4  # m: of the right vortex' centre upward, in the PIV
+LEAST_GAP = 5e-4
+
+
+def mirrored(plane: xr.Dataset, at: float) -> xr.Dataset:
+    """The part of a plane series left of the node x = `at` and its mirror image, with that node as x = 0: u is odd."""
+    x = plane["x"].values
+    last = int(np.argmin(np.abs(x - at)))
+    assert abs(x[last] - at) < 1e-9
+    left = plane.isel(x=slice(0, last + 1)).load()
+
+    def whole(name: str, odd: bool = False) -> np.ndarray:
+        part = left[name].values.astype(float)
+        if odd:
+            part[..., -1] *= 0.0  # nothing crosses the plane; what is absent stays absent
+        image = part[..., :-1][..., ::-1]
+        return np.concatenate([part, -image if odd else image], axis=-1)
+
+    def both(name: str) -> np.ndarray:
+        values = left[name].values.copy()
+        if name == "bend":
+            return np.concatenate([values, values], axis=1)
+        if name in ("outline", "tip"):
+            values[..., 0] -= at
+        return np.concatenate([values, values * [-1.0, 1.0]], axis=1)
+
+    finger = {name: both(name) for name in FINGER_VARIABLES if name in left}
+    axis = np.r_[x[: last + 1] - at, (at - x[:last])[::-1]]
+    valid = whole("valid").astype(np.uint8)
+    fields = {"u": whole("u", odd=True), "v": whole("v")}
+    return make_plane(
+        axis, left["y"].values, **fields, time=left["time"].values, valid=valid, **finger
+    ).assign_attrs(plane.attrs)
+
+
+def mirrored_vortices(table: pd.DataFrame, at: float, gain: float, shift: float) -> pd.DataFrame:
+    """The tip vortex (track 3) and its mirror image (track 4) with a known error."""
+    left = table[table["track"] == 3].assign(x=lambda t: t["x"] - at, finger=0)
+    right = left.assign(
+        x=-left["x"], y=left["y"] + shift, circulation=-gain * left["circulation"], finger=1, track=4
+    )
+    return pd.concat([left, right]).sort_values(["time", "track"], ignore_index=True)
+
+
+def write_pinch(root: Path, **options) -> Path:
+    """Write all stage files of the made-up pinch below `root`/cases/pinch/out/coarse; returns cases/pinch."""
+    case = write_case(root, "pinch", bend_end=np.radians(80), **options)
+    out = case / "out" / "coarse"
+    (case / "scene.toml").write_text('extends = "../single_finger"\ntitle = "Two fingers pinch"\n')
+    single = root / "cases" / "single_finger"
+    single.mkdir(parents=True, exist_ok=True)
+    (single / "scene.toml").write_text('title = "A single finger"\n')
+    with read_plane(out / "sheet.h5") as sheet:
+        outline, step = sheet["outline"].values[:, 0], 2 * float(sheet["x"][1] - sheet["x"][0])
+        reach = outline[..., 0].max(axis=1)
+        at = float(sheet["x"][0]) + step * np.ceil((reach.max() - float(sheet["x"][0])) / step)
+        time = sheet["time"].values
+    for name, source, gain, shift in (("sheet", "cfd", 1.0, 0.0), ("piv", "piv", GAIN, SHIFT)):
+        if not (out / f"{name}.h5").exists():
+            continue
+        with read_plane(out / f"{name}.h5") as plane:
+            both = mirrored(plane, at)
+        write_plane(both, out / f"{name}.h5")
+        path = out / f"vortices_{source}.csv"
+        table = pd.read_csv(path, comment="#")
+        path.write_text(mirrored_vortices(table, at, gain, shift).to_csv(index=False))
+    with h5py.File(out / "kinematics.h5", "a") as file:
+        file["gap"] = reach.max() - reach + LEAST_GAP
+        file.attrs["residual_gap"] = LEAST_GAP
+        file["shape_parameter"], file["shape_gap"] = file["pressure"][:], file["gap"][:]
+        file["free_pressure"] = file["pressure"][:] * 1.05
+        settings = json.loads(file.attrs["settings"])
+        settings["pinch"] = {"residual_gap": LEAST_GAP, "slowing_distance": 0.003, "object": None}
+        settings["motion"] = {"strokes": [{"pressure_kpa": 20.0, "start": 0.0, "duration": 0.4}]}
+        file.attrs["settings"] = json.dumps(settings)
+        assert file["time"].shape == time.shape
+    return case
