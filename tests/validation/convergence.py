@@ -48,7 +48,8 @@ def three_grids(size: np.ndarray, value: np.ndarray) -> Estimate:
     r_fine, r_coarse = h[1] / h[0], h[2] / h[1]
     ratio = np.log(coarse / fine)
 
-    def excess(power: float) -> float:  # grows with the order; a fixed point of it need not converge for unequal ratios
+    # grows with the order; a fixed point of it need not converge for unequal ratios
+    def excess(power: float) -> float:
         return float(np.log((r_coarse**power - 1) / (r_fine**power - 1)) + power * np.log(r_fine) - ratio)
 
     if excess(LEAST_ORDER) > 0 or excess(LARGEST_ORDER) < 0:
