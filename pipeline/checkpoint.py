@@ -6,15 +6,17 @@ from pathlib import Path
 
 from pipeline.foamfile import is_complete
 
-FIELDS = ("U", "p", "phi", "pointDisplacement", "polyMesh/points", "uniform/time")
+FIELDS = ("U", "p", "phi", "uniform/time")
+MOVED = ("pointDisplacement", "polyMesh/points")  # written where the mesh moves
 
 
-def saved_times(case: Path) -> list[tuple[float, str]]:
+def saved_times(case: Path, moving: bool = True) -> list[tuple[float, str]]:
     """Times of `case` (or of one processor's folder) at which every file is whole, ascending."""
+    wanted = FIELDS + (MOVED if moving else ())
     found = []
     for folder in case.iterdir() if case.is_dir() else ():
         time = _number(folder.name)
-        if time is None or time <= 0 or not all(_exists(folder / name) for name in FIELDS):
+        if time is None or time <= 0 or not all(_exists(folder / name) for name in wanted):
             continue
         # the old-time fields of the second-order scheme count as well, whatever their names
         if all(is_complete(path) for path in folder.rglob("*") if path.is_file()):
@@ -22,13 +24,13 @@ def saved_times(case: Path) -> list[tuple[float, str]]:
     return sorted(found)
 
 
-def last_checkpoint(case: Path, ranks: int) -> tuple[float, str] | None:
+def last_checkpoint(case: Path, ranks: int, moving: bool = True) -> tuple[float, str] | None:
     """Latest time that all ranks have written whole and whose samples are on disk; None where there is none."""
     folders = [case] if ranks == 1 else [case / f"processor{rank}" for rank in range(ranks)]
     sampled = sampled_until(case)
     common: dict[float, str] | None = None
     for folder in folders:
-        times = {t: n for t, n in saved_times(folder) if t <= sampled * (1 + 1e-9)}
+        times = {t: n for t, n in saved_times(folder, moving) if t <= sampled * (1 + 1e-9)}
         common = times if common is None else {t: n for t, n in common.items() if t in times}
     return max(common.items()) if common else None
 

@@ -64,19 +64,28 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: int, quiet: bo
     with read_dataset(scene.out / "sweep.h5", "sweep", leg.name) as sweep:
         sweep.load()
     planform = read_stage(scene.out, leg.stage)
+    if ranks > 1:
+        _decompose(case, sweep, planform, ranks)
+    if leg.moving:
+        _lay_frames(scene, leg, sweep, planform, ranks, quiet)
+    write_text(case / STATE, json.dumps(wanted))
+
+
+def _lay_frames(
+    scene: Scene, leg: Leg, sweep: xr.Dataset, planform: xr.Dataset, ranks: int, quiet: bool
+) -> None:
+    case, step = scene.out / "case" / leg.name, scene.numerics.time_step
     node, level = sweep["node"].values, sweep["level"].values
     kind, top = scene.model.kind, planform.sizes["level"] - 1
     driving = (level == 0) | ((level == top) if kind == "full" else False)
     folders = [(case, np.arange(len(node)))]
     if ranks > 1:
-        _decompose(case, sweep, planform, ranks)
         processors = [case / f"processor{rank}" for rank in range(ranks)]
         folders = [(f, read_labels(f / "constant" / "polyMesh" / "pointProcAddressing")) for f in processors]
     motion = read_motion(scene.out, leg.stage)
-    span = steps_of(begin, step), steps_of(leg.end, step)
+    span = steps_of(leg.begin(step), step), steps_of(leg.end, step)
     for folder, points in tqdm(folders, desc="frames", unit="rank", disable=quiet or None):
         write_frames(folder, motion, node[points], driving[points], step, *span, flat=kind == "2d")
-    write_text(case / STATE, json.dumps(wanted))
 
 
 def _decompose(case: Path, sweep: xr.Dataset, planform: xr.Dataset, ranks: int) -> None:

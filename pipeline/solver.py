@@ -54,13 +54,14 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: int,
     record = read_progress(case)
     if record.get("ended"):
         return
-    checkpoint = last_checkpoint(case, ranks)
+    checkpoint = last_checkpoint(case, ranks, leg.moving)
     begin = leg.begin(numerics.time_step)
     start, name = checkpoint or (begin, time_name(begin))
     if checkpoint is not None:
         record["resumed"] = [*record["resumed"], start]
         folders = [case] if ranks == 1 else sorted(case.glob("processor*"))
-        reset_displacement(folders, time_name(begin), name)
+        if leg.moving:
+            reset_displacement(folders, time_name(begin), name)
     drop_tables(case, start)
     set_number(case, "startTime", name)
     set_number(

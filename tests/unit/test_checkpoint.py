@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.checkpoint import FIELDS, drop_tables, last_checkpoint, sampled_until
+from pipeline.checkpoint import FIELDS, MOVED, drop_tables, last_checkpoint, sampled_until
 from pipeline.foamfile import END, write_bytes
 from pipeline.results import history
 
@@ -10,7 +10,7 @@ MORE = ("U_0", "meshPhi")
 
 
 def save(folder, time):
-    for name in (*FIELDS, *MORE):
+    for name in (*FIELDS, *MOVED, *MORE):
         write_bytes(folder / time / name, b"1 2 3" + END)
 
 
@@ -30,7 +30,7 @@ def test_a_time_counts_once_the_step_after_it_was_sampled(tmp_path):
     assert last_checkpoint(tmp_path, 1) == (0.02, "0.02")
 
 
-@pytest.mark.parametrize("name", [*FIELDS, *MORE])
+@pytest.mark.parametrize("name", [*FIELDS, *MOVED, *MORE])
 def test_a_file_that_is_cut_off_sends_back_to_the_time_before(tmp_path, name):
     for time in ("0.01", "0.02"):
         save(tmp_path, time)
