@@ -48,7 +48,8 @@ def read_legs(out: Path) -> tuple[Leg, ...]:
                 f"{out / 'planform.h5'}: written by an earlier version; delete it and run make again"
             )
         columns = [file[f"leg_{name}"].values.tolist() for name in ("start", "end", "stage", "moving")]
-    return tuple(Leg(k, *row[:3], bool(row[3])) for k, row in enumerate(zip(*columns, strict=True)))
+    rows = zip(*columns, strict=True)
+    return tuple(Leg(k, start, end, stage, bool(moving)) for k, (start, end, stage, moving) in enumerate(rows))
 
 
 def read_stage(out: Path, stage: int) -> xr.Dataset:

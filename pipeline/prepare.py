@@ -50,8 +50,7 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: int, quiet: bo
     for later in reversed(legs[leg.index :]):
         for stale in (STATE, PROGRESS):
             (scene.out / "case" / later.name / stale).unlink(missing_ok=True)
-    begin, step = leg.begin(scene.numerics.time_step), scene.numerics.time_step
-    first = time_name(begin)
+    first = time_name(leg.begin(scene.numerics.time_step))
     for folder in case.glob("processor*"):
         shutil.rmtree(folder)
     for folder in case.iterdir():
