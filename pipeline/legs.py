@@ -49,7 +49,9 @@ def read_legs(out: Path) -> tuple[Leg, ...]:
             )
         columns = [file[f"leg_{name}"].values.tolist() for name in ("start", "end", "stage", "moving")]
     rows = zip(*columns, strict=True)
-    return tuple(Leg(k, start, end, stage, bool(moving)) for k, (start, end, stage, moving) in enumerate(rows))
+    return tuple(
+        Leg(k, start, end, stage, bool(moving)) for k, (start, end, stage, moving) in enumerate(rows)
+    )
 
 
 def read_stage(out: Path, stage: int) -> xr.Dataset:
