@@ -141,11 +141,6 @@ docs: single_finger.report single_deflate.report cycle.report ## pages and pictu
 	$(PY) -m tests.pictures.vortices docs/vortices.png
 	$(PY) -m tests.pictures.synthetic docs/synthetic.png
 
-STUDIES ?= smoke coarse $(shell sed -n 's/^\[levels\.\([a-z0-9_]*\)\].*/\1/p' cases/pinch_studies/scene.toml)
-pinch-studies: $(READY) ## studies of the pinch (STUDIES="gap1 gap2": only some): docs/pinch_studies.md
-	@for level in $(STUDIES); do $(MAKE) --no-print-directory pinch_studies.cfd LEVEL=$$level || exit 1; done
-	$(PY) -m postprocess.studies cases/pinch_studies
-
 fea-studies: $(READY) ## studies over wedge, width and materials: docs/fea
 	$(PY) -m pipeline.fea.studies
 
@@ -153,6 +148,9 @@ fea-studies: $(READY) ## studies over wedge, width and materials: docs/fea
 STUDY_READY := .venv-study/.ready
 SNAKEMAKE   := .venv-study/bin/snakemake -s pipeline/Snakefile
 EXECUTOR    := $(if $(SLURM),--executor slurm -j100,-j$(JOBS))
+empty :=
+comma := ,
+ONLY  = $(if $(STUDIES),only=$(subst $(empty) $(empty),$(comma),$(strip $(STUDIES))))
 
 $(STUDY_READY): requirements-study.lock | $(READY)
 	.venv/bin/python -m venv .venv-study
@@ -165,6 +163,10 @@ study: $(STUDY_READY) ## the runs of a table: make study STUDY=cases/single_fing
 tradeoff: $(STUDY_READY) ## what accuracy costs: the study of SCENE (single_finger), docs/tradeoff.md and docs/tradeoff/
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/$(SCENE)/studies/tradeoff.csv
 	$(PY) -m postprocess.tradeoff cases/$(SCENE)/out/studies/tradeoff/plan.json
+
+pinch-studies: $(STUDY_READY) ## studies of the pinch (STUDIES="gap1 gap2": only some): docs/pinch_studies.md
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/variations.csv $(ONLY)
+	$(PY) -m postprocess.studies cases/pinch/out/studies/variations/plan.json --words cases/pinch/studies/variations.md -o docs/pinch_studies
 
 predict: cases/$(SCENE)/out/$(LEVEL)/sweep.h5 ## hours of SCENE at LEVEL on 1 to 256 ranks, and how many ranks pay
 	@$(PY) -m pipeline.scaling cases/$(SCENE) --level $(LEVEL)

@@ -13,6 +13,7 @@ from pipeline.link import link
 from pipeline.scene import load_scene
 from pipeline.study import folder_of, plan, scene_text, toml
 from pipeline.study_file import Row, read_study
+from postprocess.studies import changes
 from postprocess.study_table import read_plan, study_table
 from tests.conftest import ROOT, write_scene
 
@@ -205,3 +206,32 @@ def test_tables_in_cells_are_toml():
 
 def test_a_run_of_the_studys_own_scene_lies_beneath_the_study(tmp_path):
     assert folder_of(tmp_path, "s", Row("r", "coarse")) == tmp_path / "out" / "studies" / "s" / "r"
+
+
+SHIPPED = sorted((ROOT / "cases").glob("*/studies/*.csv"))
+
+
+@pytest.mark.parametrize("table", SHIPPED, ids=lambda path: f"{path.parent.parent.name}-{path.stem}")
+def test_every_row_of_a_shipped_study_is_a_scene(table, tmp_path):
+    """A slip in a table is found here, not after the runs before it; rows that may fail may be refused."""
+    for row in read_study(table):
+        folder = tmp_path / row.run
+        folder.mkdir()
+        parent = ROOT / "cases" / table.parent.parent.name / (row.scene or ".")
+        (folder / "scene.toml").write_text(scene_text(str(parent), row))
+        (folder / "kinematics").symlink_to(ROOT / "cases" / "single_finger" / "kinematics")
+        try:
+            load_scene(folder, row.level)
+        except StageError:
+            assert row.may_fail, row.run
+
+
+def test_what_sets_a_run_apart_leaves_out_what_all_have_in_common():
+    runs = [
+        {"run": "base", "overrides": {"sheet.rate_hz": 125}},
+        {"run": "gap", "overrides": {"sheet.rate_hz": 125, "pinch.residual_gap": 0.001}},
+        {"run": "flat", "overrides": {"sheet.rate_hz": 125, "model.kind": "2d"}},
+    ]
+    assert changes(runs) == {
+        "base": "as it is", "gap": "pinch.residual_gap = 0.001", "flat": "model.kind = 2d",
+    }  # fmt: skip
