@@ -121,9 +121,6 @@ validate: $(READY) ## flows of known answer through the project's own stages: do
 convergence: $(READY) ## the finger on several grids and time steps: rows of docs/verification.md
 	nice $(PY) -m tests.validation finger_2d finger $(FLAGS)
 
-stability: $(READY) ## runs and images at the extremes: docs/stability.md
-	$(PY) -m tests.stability
-
 faults: $(READY) ## kills, full disks, damaged files, two makes at once: docs/stability
 	$(PY) -m tests.faults
 	$(PY) -m tests.stability.page
@@ -167,6 +164,11 @@ tradeoff: $(STUDY_READY) ## what accuracy costs: the study of SCENE (single_fing
 pinch-studies: $(STUDY_READY) ## studies of the pinch (STUDIES="gap1 gap2": only some): docs/pinch_studies.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/variations.csv $(ONLY)
 	$(PY) -m postprocess.studies cases/pinch/out/studies/variations/plan.json --words cases/pinch/studies/variations.md -o docs/pinch_studies
+
+stability: $(STUDY_READY) ## runs and images at the extremes: docs/stability.md
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/stability.csv
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/stability.csv
+	$(PY) -m tests.stability
 
 predict: cases/$(SCENE)/out/$(LEVEL)/sweep.h5 ## hours of SCENE at LEVEL on 1 to 256 ranks, and how many ranks pay
 	@$(PY) -m pipeline.scaling cases/$(SCENE) --level $(LEVEL)
