@@ -115,12 +115,6 @@ fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/k
 bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/piv.md
 	$(PY) tests/benchmarks/piv_bench.py --docs
 
-validate: $(READY) ## flows of known answer through the project's own stages: docs/verification.md
-	nice $(PY) -m tests.validation $(FLAGS)
-
-convergence: $(READY) ## the finger on several grids and time steps: rows of docs/verification.md
-	nice $(PY) -m tests.validation finger_2d finger $(FLAGS)
-
 faults: $(READY) ## kills, full disks, damaged files, two makes at once: docs/stability
 	$(PY) -m tests.faults
 	$(PY) -m tests.stability.page
@@ -144,7 +138,7 @@ fea-studies: $(READY) ## studies over wedge, width and materials: docs/fea
 # Studies: many runs by Snakemake, in an environment of its own; everything that computes stays in .venv.
 STUDY_READY := .venv-study/.ready
 SNAKEMAKE   := .venv-study/bin/snakemake -s pipeline/Snakefile
-EXECUTOR    := $(if $(SLURM),--executor slurm -j100,-j$(JOBS))
+EXECUTOR    := $(if $(SLURM),--executor slurm -j100 --retries 3,-j$(JOBS))
 empty :=
 comma := ,
 ONLY  = $(if $(STUDIES),only=$(subst $(empty) $(empty),$(comma),$(strip $(STUDIES))))
@@ -164,6 +158,15 @@ tradeoff: $(STUDY_READY) ## what accuracy costs: the study of SCENE (single_fing
 pinch-studies: $(STUDY_READY) ## studies of the pinch (STUDIES="gap1 gap2": only some): docs/pinch_studies.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/variations.csv $(ONLY)
 	$(PY) -m postprocess.studies cases/pinch/out/studies/variations/plan.json --words cases/pinch/studies/variations.md -o docs/pinch_studies
+
+validate: $(STUDY_READY) ## flows of known answer through the project's own stages: docs/verification.md
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/validation.csv
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/convergence.csv
+	nice $(PY) -m tests.validation $(FLAGS)
+
+convergence: $(STUDY_READY) ## the finger on several grids and time steps: rows of docs/verification.md
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/convergence.csv
+	nice $(PY) -m tests.validation finger_2d finger $(FLAGS)
 
 stability: $(STUDY_READY) ## runs and images at the extremes: docs/stability.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/stability.csv
