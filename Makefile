@@ -132,9 +132,6 @@ docs: single_finger.report single_deflate.report cycle.report ## pages and pictu
 	$(PY) -m tests.pictures.vortices docs/vortices.png
 	$(PY) -m tests.pictures.synthetic docs/synthetic.png
 
-fea-studies: $(READY) ## studies over wedge, width and materials: docs/fea
-	$(PY) -m pipeline.fea.studies
-
 # Studies: many runs by Snakemake, in an environment of its own; everything that computes stays in .venv.
 STUDY_READY := .venv-study/.ready
 SNAKEMAKE   := .venv-study/bin/snakemake -s pipeline/Snakefile
@@ -154,6 +151,10 @@ study: $(STUDY_READY) ## the runs of a table: make study STUDY=cases/single_fing
 tradeoff: $(STUDY_READY) ## what accuracy costs: the study of SCENE (single_finger), docs/tradeoff.md and docs/tradeoff/
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/$(SCENE)/studies/tradeoff.csv
 	$(PY) -m postprocess.tradeoff cases/$(SCENE)/out/studies/tradeoff/plan.json
+
+fea-studies: $(STUDY_READY) ## studies over wedge, width and materials: docs/fea
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/bending.csv
+	$(PY) -m pipeline.fea.studies
 
 pinch-studies: $(STUDY_READY) ## studies of the pinch (STUDIES="gap1 gap2": only some): docs/pinch_studies.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/variations.csv $(ONLY)
