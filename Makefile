@@ -58,7 +58,7 @@ $(1): $(READY)
 	$(PY) -m pipeline.choose cases/$(1) --after
 else ifneq ($(SLURM),)
 $(1): $(READY)
-	@$(PY) -m pipeline.batch $(CASES)/$(1) --level $(LEVEL) --ranks $(NP) --submit $(if $(MINUTES),--minutes $(MINUTES)) $(if $(NODES),--nodes $(NODES)) $(if $(PARTITION),--partition $(PARTITION)) $(if $(ACCOUNT),--account $(ACCOUNT)) $(FLAGS)
+	@$(PY) -m pipeline.batch $(CASES)/$(1) --level $(LEVEL) $(if $(filter file,$(origin NP)),,--ranks $(NP)) --submit $(if $(MINUTES),--minutes $(MINUTES)) $(if $(NODES),--nodes $(NODES)) $(if $(PARTITION),--partition $(PARTITION)) $(if $(ACCOUNT),--account $(ACCOUNT)) $(FLAGS)
 else
 $(1): $(1).report
 	@echo "report: $$(abspath $(CASES)/$(1)/out/$(LEVEL)/report.html)"
