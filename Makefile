@@ -107,6 +107,12 @@ endef
 SINGLE := $(wildcard cases/single_finger/out/$(LEVEL)/vortices_*.csv)
 $(foreach s,$(SCENES) $(RUNS),$(eval $(call scene_rules,$(s),$(CASES)/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
 
+ifneq ($(SLURM),)
+ifneq ($(filter $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd)),$(MAKECMDGOALS)),)
+$(error SLURM=1 goes with a whole scene, as make pinch SLURM=1, or with a study; single stages run on this machine, without it)
+endif
+endif
+
 include postprocess/lab/compare.mk
 
 fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/kinematics/states.h5
@@ -134,7 +140,8 @@ docs: single_finger.report single_deflate.report cycle.report ## pages and pictu
 
 # Studies: many runs by Snakemake, in an environment of its own; everything that computes stays in .venv.
 STUDY_READY := .venv-study/.ready
-SNAKEMAKE   := .venv-study/bin/snakemake -s pipeline/Snakefile
+SNAKEFLAGS  ?=
+SNAKEMAKE    = .venv-study/bin/snakemake -s pipeline/Snakefile $(SNAKEFLAGS)
 EXECUTOR    := $(if $(SLURM),--executor slurm -j100 --retries 3,-j$(JOBS))
 empty :=
 comma := ,
@@ -145,8 +152,9 @@ $(STUDY_READY): requirements-study.lock | $(READY)
 	.venv-study/bin/python -m pip install -q --disable-pip-version-check -r requirements-study.lock
 	@touch $@
 
-study: $(STUDY_READY) ## the runs of a table: make study STUDY=cases/single_finger/studies/tradeoff.csv [SCENE=..] [SLURM=1]
-	+$(SNAKEMAKE) $(EXECUTOR) --config study=$(STUDY) $(if $(filter command line,$(origin SCENE)),scene=cases/$(SCENE))
+study: $(STUDY_READY) ## the runs of a table: make study STUDY=my_table.csv [SCENE=..] [STUDIES="some runs"] [SLURM=1]
+	$(if $(STUDY),,$(error give the table: make study STUDY=cases/single_finger/studies/tradeoff.csv))
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=$(STUDY) $(ONLY) $(if $(filter command line,$(origin SCENE)),scene=cases/$(SCENE))
 
 tradeoff: $(STUDY_READY) ## what accuracy costs: the study of SCENE (single_finger), docs/tradeoff.md and docs/tradeoff/
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/$(SCENE)/studies/tradeoff.csv

@@ -61,6 +61,7 @@ wait "$stage"
 """
 
 PLAIN = """
+unset MAKEFLAGS MFLAGS MAKELEVEL # of the make that submitted this: its SLURM=1 would submit again
 {line}
 """
 
@@ -110,8 +111,8 @@ def scripts(scene: Scene, request: Request, make: str, python: str) -> dict[str,
 
     solver = f"{python} -m pipeline.run {scene.folder} --level {level} --ranks {request.ranks} --quiet"
     serial = {
-        "before": f"{make} {name}.case{where} LEVEL={level} NP={cpus} QUIET=1",
-        "after": f"{make} {name}{where} LEVEL={level} NP={cpus} QUIET=1",
+        "before": f"{make} {name}.case{where} LEVEL={level} NP={cpus} QUIET=1 SLURM=",
+        "after": f"{make} {name}{where} LEVEL={level} NP={cpus} QUIET=1 SLURM=",
     }
     per_rank = max(500, math.ceil(request.memory_mb / request.ranks))
     texts = {

@@ -1,6 +1,8 @@
 """The batch script of the solver, word for word: what an administrator reads; and what is asked of Slurm where nothing is said."""
 
 import argparse
+import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -42,9 +44,23 @@ def test_run_script(scene):
 def test_stages_before_and_after_are_small_jobs_by_make(scene):
     texts = scripts(scene, Request(ranks=64, minutes=60, memory_mb=1000), "make", "python")
     assert "make pinch.case LEVEL=tiny" in texts["before"]
-    assert texts["after"].rstrip().endswith("QUIET=1")
+    assert texts["after"].rstrip().endswith("QUIET=1 SLURM=")
     assert "--signal" not in texts["after"]
     assert "--nodes" not in texts["run"]  # not asked for: Slurm's choice
+
+
+def test_jobs_do_not_submit_themselves_again(scene, tmp_path):
+    """sbatch hands on the environment of `make pinch SLURM=1`, in which MAKEFLAGS says SLURM=1 to every make."""
+    texts = scripts(scene, Request(ranks=2, minutes=60, memory_mb=1000), str(tmp_path / "make"), "python")
+    (tmp_path / "Makefile").write_text("pinch:\n\t@echo $(if $(SLURM),submitted again,computed)\n")
+    (tmp_path / "make").write_text('#!/bin/sh\nexec make -f "$(dirname "$0")/Makefile" "$@"\n')
+    (tmp_path / "make").chmod(0o755)
+    (tmp_path / "after.sh").write_text(texts["after"])
+    env = os.environ | {"MAKEFLAGS": "j2 -- SLURM=1 LEVEL=tiny", "SLURM": "1"}
+    done = subprocess.run(
+        ["bash", tmp_path / "after.sh"], env=env, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["computed"]
 
 
 def test_scenes_that_lie_elsewhere_are_found_by_the_jobs(tmp_path):
