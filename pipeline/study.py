@@ -15,6 +15,7 @@ from pipeline.errors import StageError
 from pipeline.estimate import estimates
 from pipeline.openfoam import foam_version
 from pipeline.scene import Scene, digest, load_scene, write_settings
+from pipeline.scene_file import FILE_KEYS
 from pipeline.stage import guarded, versions, write_text
 from pipeline.study_file import Row, read_study
 
@@ -134,13 +135,21 @@ def owners(rows: list[Row], scenes: list[Scene | StageError]) -> list[dict[str, 
         mine = {}
         for stage, before in BEFORE.items():
             name = "vortices" if stage.startswith("vortices") else stage
-            own = scene.settings(name) if name != "run" else {}
+            own = _without_names(scene.settings(name)) if name != "run" else {}
             more = row.ranks if stage == "case" else row.piv_chunks if stage == "piv" else None
             keys[stage] = digest([stage, keys[before], own, more])
             mine[stage] = first.setdefault(str(keys[stage]), row.run)
         # a case is shared with its run or not at all
         found.append(mine)
     return found
+
+
+def _without_names(settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings with the digests of the files that they name, but not the names: those differ from folder to folder."""
+    if "files" not in settings:
+        return settings
+    motion = {key: value for key, value in settings["motion"].items() if key not in FILE_KEYS}
+    return settings | {"motion": motion, "files": sorted(settings["files"].values())}
 
 
 def plan(table: Path, scene: Path | None = None) -> Path:
