@@ -95,6 +95,7 @@ def test_a_killed_study_goes_on_and_ends(project):
     )
     assert list(table.index) == ["itself", "thick", "edge"]
     assert table["peak_force_N"].notna().to_dict() == {"itself": True, "thick": True, "edge": False}
+    assert table.loc["edge", "ended"] == "refused"
     assert table.loc["thick", "peak_force_N"] != table.loc["itself", "peak_force_N"]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -115,6 +116,26 @@ def test_a_study_that_was_not_run_gives_a_table_of_what_was_asked(tmp_path):
     assert list(table["run"]) == ["a"]
     assert table["numerics.time_step"][0] == 5e-4
     assert table["cpu_total_s"][0] == 0
+
+
+def test_the_table_says_how_runs_ended_and_what_actuators_gave(tmp_path):
+    """What Snakemake leaves behind of a run that was stopped, and of a bending analysis."""
+    scene = write_scene(tmp_path / "small")
+    (scene.folder / "studies").mkdir()
+    table = scene.folder / "studies" / "mixed.csv"
+    table.write_text("run, level, until, actuator.width\nwide, tiny, fea, 0.03\nplain, tiny, run, \n")
+    planned = read_plan(plan(table))
+    wide, plain = (Path(row["folder"]) for row in planned["runs"])
+    (wide / "kinematics").mkdir()
+    shutil.copy2(ROOT / "cases" / "single_finger" / "kinematics" / "states.h5", wide / "kinematics")
+    (plain / "out" / "tiny" / "ending.json").write_text(
+        json.dumps({"format": "ending", "ended": "stopped", "stopped_at_s": 0.1, "reason": "Courant"})
+    )
+    rows = study_table(planned).set_index("run")
+    assert rows.loc["wide", "states"] == 81
+    assert rows.loc["wide", "pressure_max_Pa"] == 40e3
+    assert rows.loc["plain", "ended"] == "stopped"
+    assert rows.loc["plain", "stopped_at_s"] == 0.1
 
 
 def test_the_shipped_study_is_sound():
