@@ -58,7 +58,7 @@ $(1): $(READY)
 	$(PY) -m pipeline.choose cases/$(1) --after
 else ifneq ($(SLURM),)
 $(1): $(READY)
-	@$(PY) -m pipeline.batch $(CASES)/$(1) --level $(LEVEL) --ranks $(NP) --submit $(if $(MINUTES),--minutes $(MINUTES)) $(if $(NODES),--nodes $(NODES)) $(if $(PARTITION),--partition $(PARTITION)) $(if $(ACCOUNT),--account $(ACCOUNT)) $(FLAGS)
+	@$(PY) -m pipeline.batch $(CASES)/$(1) --level $(LEVEL) $(if $(filter file,$(origin NP)),,--ranks $(NP)) --submit $(if $(MINUTES),--minutes $(MINUTES)) $(if $(NODES),--nodes $(NODES)) $(if $(PARTITION),--partition $(PARTITION)) $(if $(ACCOUNT),--account $(ACCOUNT)) $(FLAGS)
 else
 $(1): $(1).report
 	@echo "report: $$(abspath $(CASES)/$(1)/out/$(LEVEL)/report.html)"
@@ -107,6 +107,12 @@ endef
 SINGLE := $(wildcard cases/single_finger/out/$(LEVEL)/vortices_*.csv)
 $(foreach s,$(SCENES) $(RUNS),$(eval $(call scene_rules,$(s),$(CASES)/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
 
+ifneq ($(SLURM),)
+ifneq ($(filter $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd)),$(MAKECMDGOALS)),)
+$(error SLURM=1 goes with a whole scene, as make pinch SLURM=1, or with a study; single stages run on this machine, without it)
+endif
+endif
+
 include postprocess/lab/compare.mk
 
 fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/kinematics/states.h5
@@ -114,15 +120,6 @@ fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/k
 
 bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/piv.md
 	$(PY) tests/benchmarks/piv_bench.py --docs
-
-validate: $(READY) ## flows of known answer through the project's own stages: docs/verification.md
-	nice $(PY) -m tests.validation $(FLAGS)
-
-convergence: $(READY) ## the finger on several grids and time steps: rows of docs/verification.md
-	nice $(PY) -m tests.validation finger_2d finger $(FLAGS)
-
-stability: $(READY) ## runs and images at the extremes: docs/stability.md
-	$(PY) -m tests.stability
 
 faults: $(READY) ## kills, full disks, damaged files, two makes at once: docs/stability
 	$(PY) -m tests.faults
@@ -141,30 +138,49 @@ docs: single_finger.report single_deflate.report cycle.report ## pages and pictu
 	$(PY) -m tests.pictures.vortices docs/vortices.png
 	$(PY) -m tests.pictures.synthetic docs/synthetic.png
 
-STUDIES ?= smoke coarse $(shell sed -n 's/^\[levels\.\([a-z0-9_]*\)\].*/\1/p' cases/pinch_studies/scene.toml)
-pinch-studies: $(READY) ## studies of the pinch (STUDIES="gap1 gap2": only some): docs/pinch_studies.md
-	@for level in $(STUDIES); do $(MAKE) --no-print-directory pinch_studies.cfd LEVEL=$$level || exit 1; done
-	$(PY) -m postprocess.studies cases/pinch_studies
-
-fea-studies: $(READY) ## studies over wedge, width and materials: docs/fea
-	$(PY) -m pipeline.fea.studies
-
 # Studies: many runs by Snakemake, in an environment of its own; everything that computes stays in .venv.
 STUDY_READY := .venv-study/.ready
-SNAKEMAKE   := .venv-study/bin/snakemake -s pipeline/Snakefile
-EXECUTOR    := $(if $(SLURM),--executor slurm -j100,-j$(JOBS))
+SNAKEFLAGS  ?=
+SNAKEMAKE    = .venv-study/bin/snakemake -s pipeline/Snakefile $(SNAKEFLAGS)
+EXECUTOR    := $(if $(SLURM),--executor slurm -j100 --retries 3,-j$(JOBS))
+empty :=
+comma := ,
+ONLY  = $(if $(STUDIES),only=$(subst $(empty) $(empty),$(comma),$(strip $(STUDIES))))
 
 $(STUDY_READY): requirements-study.lock | $(READY)
 	.venv/bin/python -m venv .venv-study
 	.venv-study/bin/python -m pip install -q --disable-pip-version-check -r requirements-study.lock
 	@touch $@
 
-study: $(STUDY_READY) ## the runs of a table: make study STUDY=cases/single_finger/studies/tradeoff.csv [SCENE=..] [SLURM=1]
-	+$(SNAKEMAKE) $(EXECUTOR) --config study=$(STUDY) $(if $(filter command line,$(origin SCENE)),scene=cases/$(SCENE))
+study: $(STUDY_READY) ## the runs of a table: make study STUDY=my_table.csv [SCENE=..] [STUDIES="some runs"] [SLURM=1]
+	$(if $(STUDY),,$(error give the table: make study STUDY=cases/single_finger/studies/tradeoff.csv))
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=$(STUDY) $(ONLY) $(if $(filter command line,$(origin SCENE)),scene=cases/$(SCENE))
 
 tradeoff: $(STUDY_READY) ## what accuracy costs: the study of SCENE (single_finger), docs/tradeoff.md and docs/tradeoff/
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/$(SCENE)/studies/tradeoff.csv
 	$(PY) -m postprocess.tradeoff cases/$(SCENE)/out/studies/tradeoff/plan.json
+
+fea-studies: $(STUDY_READY) ## studies over wedge, width and materials: docs/fea
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/bending.csv
+	$(PY) -m pipeline.fea.studies
+
+pinch-studies: $(STUDY_READY) ## studies of the pinch (STUDIES="gap1 gap2": only some): docs/pinch_studies.md
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/variations.csv $(ONLY)
+	$(PY) -m postprocess.studies cases/pinch/out/studies/variations/plan.json --words cases/pinch/studies/variations.md -o docs/pinch_studies
+
+validate: $(STUDY_READY) ## flows of known answer through the project's own stages: docs/verification.md
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/validation.csv
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/convergence.csv
+	nice $(PY) -m tests.validation $(FLAGS)
+
+convergence: $(STUDY_READY) ## the finger on several grids and time steps: rows of docs/verification.md
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/convergence.csv
+	nice $(PY) -m tests.validation finger_2d finger $(FLAGS)
+
+stability: $(STUDY_READY) ## runs and images at the extremes: docs/stability.md
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/stability.csv
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/stability.csv
+	$(PY) -m tests.stability
 
 predict: cases/$(SCENE)/out/$(LEVEL)/sweep.h5 ## hours of SCENE at LEVEL on 1 to 256 ranks, and how many ranks pay
 	@$(PY) -m pipeline.scaling cases/$(SCENE) --level $(LEVEL)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from pipeline.errors import StageError
 from pipeline.estimate import estimates
+from pipeline.scaling import fit, read_data, size, useful_ranks
 from pipeline.scene import Scene, load_scene
 from pipeline.stage import guarded, parser, write_text
 
@@ -23,6 +24,10 @@ WARNING = (
     120  # s before the limit at which the job is told, to stop the solver and put itself back in the queue
 )
 SERIAL_TASKS = 4  # cores of the jobs before and after the solver
+BEFORE, AFTER = (
+    ("kinematics", "mesh", "case"),
+    ("sheet", "images", "piv", "vortices_cfd", "vortices_piv", "compare", "report"),
+)
 
 HEAD = """#!/bin/bash
 # Written by: {command}
@@ -56,14 +61,15 @@ wait "$stage"
 """
 
 PLAIN = """
+unset MAKEFLAGS MFLAGS MAKELEVEL # of the make that submitted this: its SLURM=1 would submit again
 {line}
 """
 
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked of the cluster: ranks, nodes (None: Slurm's choice), wall time (minutes), partition and account; and
-    for the jobs before and after the solver a few cores of one node."""
+    """What is asked of the cluster: ranks, nodes (None: Slurm's choice), wall time (minutes), memory of all ranks, partition
+    and account; and for the jobs before and after the solver a few cores of one node, their time and memory."""
 
     ranks: int
     minutes: int
@@ -72,6 +78,8 @@ class Request:
     partition: str | None = None
     account: str | None = None
     serial_cores: int = SERIAL_TASKS
+    serial_minutes: int = 240
+    serial_memory_mb: int = 8000
     restarts: int = RESTARTS
     warning: int = WARNING
 
@@ -91,7 +99,8 @@ def scripts(scene: Scene, request: Request, make: str, python: str) -> dict[str,
         for key, value in (("partition", request.partition), ("account", request.account))
         if value
     )
-    command = f"make {name} LEVEL={level} NP={request.ranks} SLURM=1"
+    where = "" if scene.folder.parent == Path("cases") else f" CASES={scene.folder.parent}"
+    command = f"make {name}{where} LEVEL={level} NP={request.ranks} SLURM=1"
 
     def head(step: str, tasks: int, cpus: int, nodes: int | None, memory: int, minutes: int) -> str:
         return HEAD.format(
@@ -102,12 +111,14 @@ def scripts(scene: Scene, request: Request, make: str, python: str) -> dict[str,
 
     solver = f"{python} -m pipeline.run {scene.folder} --level {level} --ranks {request.ranks} --quiet"
     serial = {
-        "before": f"{make} {name}.case LEVEL={level} NP={cpus} QUIET=1",
-        "after": f"{make} {name} LEVEL={level} NP={cpus} QUIET=1",
+        "before": f"{make} {name}.case{where} LEVEL={level} NP={cpus} QUIET=1 SLURM=",
+        "after": f"{make} {name}{where} LEVEL={level} NP={cpus} QUIET=1 SLURM=",
     }
     per_rank = max(500, math.ceil(request.memory_mb / request.ranks))
     texts = {
-        step: head(step, 1, cpus, 1, 2000, 240) + PLAIN.format(line=line) for step, line in serial.items()
+        step: head(step, 1, cpus, 1, math.ceil(request.serial_memory_mb / cpus), request.serial_minutes)
+        + PLAIN.format(line=line)
+        for step, line in serial.items()
     }
     texts["run"] = head("run", request.ranks, 1, request.nodes, per_rank, request.minutes) + SOLVER.format(
         line=solver, restarts=request.restarts, warning=request.warning
@@ -151,20 +162,49 @@ def node_cores() -> int | None:
     return max(cores) if done.returncode == 0 and cores else None
 
 
+def default_ranks(scene: Scene, cores: int | None) -> tuple[int, str]:
+    """Ranks where none are asked for, and why so many. StageError where nothing says it.
+
+    As many as pay, where the mesh is there to predict it from; else `cores`, those of the largest node.
+    """
+    if (scene.out / "sweep.h5").exists():
+        one, two, network = read_data()
+        cells, columns = size(scene)
+        ranks = useful_ranks(cells, columns, fit(one, two, network), network)
+        return (
+            ranks,
+            f"as many as pay for {cells} cells (make predict SCENE={scene.name} LEVEL={scene.level})",
+        )
+    if cores:
+        return cores, "as many as a node has cores; once the mesh is there, make predict says how many pay"
+    raise StageError(
+        f"how many ranks? give NP=…, or run make {scene.name}.case LEVEL={scene.level} first: then as many as pay"
+    )
+
+
 def asked(scene: Scene, args: argparse.Namespace) -> Request:
     """What the command line asks for, completed from measured costs and from what Slurm says of its nodes."""
-    expected = estimates(scene, args.ranks, scene.folder)["run"]
     cores = node_cores()
-    nodes = args.nodes or (math.ceil(args.ranks / cores) if cores else None)
-    minutes = args.minutes or max(60, expected["minutes"])
-    serial = min(SERIAL_TASKS, cores or SERIAL_TASKS)
-    return Request(args.ranks, minutes, expected["memory_mb"], nodes, args.partition, args.account, serial)
+    ranks = args.ranks
+    if ranks is None:
+        ranks, why = default_ranks(scene, cores)
+        if not args.quiet:
+            print(f"batch: {ranks} ranks: {why}")
+    expected = estimates(scene, ranks, scene.folder)
+    nodes = args.nodes or (math.ceil(ranks / cores) if cores else None)
+    minutes = args.minutes or max(60, expected["run"]["minutes"])
+    return Request(
+        ranks, minutes, expected["run"]["memory_mb"], nodes, args.partition, args.account,
+        serial_cores=min(SERIAL_TASKS, cores or SERIAL_TASKS),
+        serial_minutes=max(60, *(sum(expected[stage]["minutes"] for stage in part) for part in (BEFORE, AFTER))),
+        serial_memory_mb=max(4000, *(expected[stage]["memory_mb"] for stage in (*BEFORE, *AFTER))),
+    )  # fmt: skip
 
 
 def main() -> None:
     """Command line."""
     arguments = parser("batch", __doc__)
-    arguments.add_argument("--ranks", type=int, required=True, help="MPI ranks")
+    arguments.add_argument("--ranks", type=int, help="MPI ranks (default: as many as pay, or a node's cores)")
     arguments.add_argument("--nodes", type=int, help="nodes (default: as many as the ranks fill)")
     arguments.add_argument(
         "--minutes", type=int, help="wall time of one leg (default: from measured costs, 60 at least)"
@@ -175,7 +215,7 @@ def main() -> None:
     args = arguments.parse_args()
 
     def action() -> None:
-        if args.ranks < 1:
+        if args.ranks is not None and args.ranks < 1:
             raise StageError(f"--ranks {args.ranks}: give 1 or more")
         scene = load_scene(args.scene, args.level)
         paths = write_scripts(scene, scripts(scene, asked(scene, args), "make", ".venv/bin/python"))

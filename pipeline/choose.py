@@ -17,7 +17,8 @@ from typing import Any
 from pipeline.errors import StageError
 from pipeline.probe import probe
 from pipeline.stage import guarded, write_text
-from pipeline.study import Row, parse_cell, write_scenes
+from pipeline.study import write_scenes
+from pipeline.study_file import Row, parse_cell
 
 RESULTS = Path(__file__).resolve().parent.parent / "docs" / "tradeoff"
 STUDY = "asked"

@@ -15,6 +15,8 @@ from pathlib import Path
 from pipeline.errors import StageError
 
 INSTALL = "apt-get install openfoam"
+# What OpenFOAM's programs need of their environment.
+FORWARDED = ("WM_", "FOAM_", "PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
 PROJECT_DIRS = ("/usr/share/openfoam",)  # Debian's package sets no WM_PROJECT_DIR
 
 
@@ -103,6 +105,9 @@ def solver_command(ranks: int, hosts: Path | None = None) -> list[str]:
         mpi += ["--mca", "mpi_yield_when_idle", "1", "--bind-to", "none", "--oversubscribe"]
     if hosts is not None:
         mpi += ["--hostfile", str(hosts)]
+        # on the other hosts there is what a login by ssh sets, in which OpenFOAM's programs do not start
+        for name in sorted(name for name in environment() if name.startswith(FORWARDED)):
+            mpi += ["-x", name]
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         mpi.insert(1, "--allow-run-as-root")
     return [*mpi, "pimpleFoam", "-parallel"]

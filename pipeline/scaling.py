@@ -39,6 +39,10 @@ class Network:
     bandwidth: float  # bytes/s per rank
     ranks_per_node: int
     saturated: float  # slow-down of a rank on a full node against a rank alone
+    saturated_range: tuple[float, float] | None = (
+        None  # from a node whose memory feeds all to one that does not
+    )
+    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -138,7 +142,9 @@ def fit(one: dict[str, float], two: dict[str, float] | None, network: Network) -
 def read_data(path: Path = DATA) -> tuple[dict[str, float], dict[str, float] | None, Network]:
     """The measured runs and the network of scaling.toml."""
     table = tomllib.loads(path.read_text(encoding="utf-8"))
-    network = {key: value for key, value in table["network"].items() if key != "source"}
+    network = dict(table["network"])
+    if "saturated_range" in network:
+        network["saturated_range"] = tuple(network["saturated_range"])
     two = {key: value for key, value in table.get("two_ranks", {}).items() if key != "source"}
     return table["one_rank"], two or None, Network(**network)
 
@@ -200,6 +206,13 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
     hours = {n: factor * steps * step_time(cells, n, columns, solver, network) / 3600 for n in ranks}
     pays = useful_ranks(cells, columns, solver, network)
     best = factor * steps * step_time(cells, pays, columns, solver, network) / 3600
+    spread = ""
+    if network.saturated_range and pays > 2:
+        ends = [
+            factor * steps * step_time(cells, pays, columns, solver, replace(network, saturated=end)) / 3600
+            for end in network.saturated_range
+        ]
+        spread = f" ({' to '.join(map(_duration, ends))}, by how well a node's memory feeds its ranks)"
     lines = [
         f"{scene.level} {scene.name}: {cells} cells in {columns} columns, {steps} steps of {scene.numerics.time_step * 1e3:g} ms",
         "",
@@ -212,7 +225,7 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
         lines.append(f"{n:5d} {time:7.3g} {alone / time:10.1f} {alone / time / n:11.0%} {weak:16.0%}")
     lines += [
         "",
-        f"{scene.level} {scene.name}: about {_duration(best)} on {pays} ranks; more than {pays} ranks no longer pay"
+        f"{scene.level} {scene.name}: about {_duration(best)} on {pays} ranks{spread}; more than {pays} ranks no longer pay"
         f" (twice as many would save less than a quarter, or have less than {LEAST_CELLS} cells each).",
         "",
         "Assumptions:",
@@ -221,7 +234,7 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
         f"- two ranks of a machine slow each other down by {solver.pair_slowdown - 1:.0%}"
         + (" (measured);" if two else " (not measured);"),
         f"- a full node ({network.ranks_per_node} ranks) by {network.saturated - 1:.0%}; latency {1e6 * network.latency:.1f} µs,"
-        f" {network.bandwidth / 1e9:.1f} GB/s per rank (literature; pipeline/scaling.toml names it);",
+        f" {network.bandwidth / 1e9:.2g} GB/s per rank: {network.source or 'pipeline/scaling.toml'};",
         f"- pictures of the sheet are collected by one rank: {1e9 * solver.serial_seconds_per_cell:.1f} ns per cell and step;",
         "- messages and sums of GAMG are counted, six halos per level and cycle; the machine is this one's kind, and idle.",
     ]

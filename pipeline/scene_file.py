@@ -14,13 +14,14 @@ FILE_KEYS = {
     "pressure_csv",
     "recording",
 }  # of [motion]: paths relative to the scene that gives them
+REPLACED = {"parameters"}  # of a material's law: those of another law would be left over
 
 
 def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     """`base` with the entries of `over`, table by table."""
     merged = dict(base)
     for key, value in over.items():
-        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        both = isinstance(value, dict) and isinstance(merged.get(key), dict) and key not in REPLACED
         merged[key] = merge(merged[key], value) if both else value
     return merged
 

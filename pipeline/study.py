@@ -1,4 +1,4 @@
-"""A study: a table of runs of one scene, each a scene of its own that extends it and says only what differs.
+"""A study: runs of a table, each a scene that extends another and says only what differs.
 
 Command: python -m pipeline.study cases/single_finger/studies/tradeoff.csv (what the Snakefile does first)
 """
@@ -6,18 +6,18 @@ Command: python -m pipeline.study cases/single_finger/studies/tradeoff.csv (what
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import os
-import re
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import StageError
 from pipeline.estimate import estimates
+from pipeline.openfoam import foam_version
 from pipeline.scene import Scene, digest, load_scene, write_settings
-from pipeline.stage import guarded, write_text
+from pipeline.scene_file import FILE_KEYS
+from pipeline.stage import guarded, versions, write_text
+from pipeline.study_file import Row, read_study
 
 # What each stage is made from, besides its own settings. `ranks` belongs to the case: a run writes into its folder.
 BEFORE = {
@@ -31,73 +31,22 @@ BEFORE = {
     "vortices_cfd": "sheet",
     "vortices_piv": "piv",
 }
-LAST = ("fea", *BEFORE, "vortices", "compare", "report")
-OWN_COLUMNS = {"run", "level", "ranks", "until", "piv_chunks"}
+ASKED = "asked.json"  # of a run that may fail: what its ending depends on
 
 
-@dataclass(frozen=True)
-class Row:
-    """One run of a study: `overrides` are dotted keys of the scene; `until` is the last stage wanted."""
-
-    run: str
-    level: str
-    ranks: int = 1
-    until: str = "vortices"
-    piv_chunks: int = 1
-    overrides: dict[str, Any] = field(default_factory=dict)
+def parent_of(scene: Path, row: Row) -> Path:
+    """Folder of the scene that a row varies."""
+    return Path(os.path.normpath(scene / row.scene)) if row.scene else scene
 
 
-def read_study(path: Path) -> list[Row]:
-    """Rows of a study table (docs/formats.md). Raises StageError with file, row and key."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (FileNotFoundError, UnicodeDecodeError):
-        raise StageError(
-            f"{path}: no such study; give a table, as cases/single_finger/studies/tradeoff.csv"
-        ) from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    reader = csv.DictReader(lines, skipinitialspace=True)
-    unknown = [
-        c for c in reader.fieldnames or () if c not in OWN_COLUMNS and not re.fullmatch(r"\w+(\.\w+)+", c)
-    ]
-    if "run" not in (reader.fieldnames or ()) or unknown:
-        raise StageError(
-            f"{path}: column {(unknown or ['run'])[0]!r}: the header must be run, level, ranks, until, piv_chunks"
-            " and dotted keys of the scene, as numerics.time_step"
-        )
-    rows = [_row(path, record) for record in reader]
-    names = [row.run for row in rows]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice or not rows:
-        raise StageError(
-            f"{path}: " + (f"run {twice!r} occurs twice; rename one" if twice else "no rows; add runs")
-        )
-    return rows
+def folder_of(scene: Path, study: str, row: Row) -> Path:
+    """Folder of a run's own scene.
 
-
-def _row(path: Path, record: dict[str, str | None]) -> Row:
-    given = {key: value.strip() for key, value in record.items() if key and value and value.strip()}
-    name = given.get("run", "")
-    if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", name):
-        raise StageError(f"{path}: run = {name!r}: give a name of letters, digits, '_', '-' and '.'")
-    counts = {}
-    for key in ("ranks", "piv_chunks"):
-        if not given.get(key, "1").isdecimal() or int(given.get(key, "1")) < 1:
-            raise StageError(f"{path}: run {name}: {key} = {given[key]!r}: give a whole number, 1 or more")
-        counts[key] = int(given.get(key, "1"))
-    until = given.get("until", "vortices")
-    if until not in LAST:
-        raise StageError(f"{path}: run {name}: until = {until!r}: give one of {', '.join(LAST)}")
-    overrides = {key: parse_cell(text) for key, text in given.items() if key not in OWN_COLUMNS}
-    return Row(name, given.get("level", "coarse"), until=until, overrides=overrides, **counts)
-
-
-def parse_cell(text: str) -> Any:
-    """A cell as JSON where it is (numbers, true, lists), as text otherwise."""
-    try:
-        return json.loads(text)
-    except json.JSONDecodeError:
-        return text
+    A row that names a scene and changes nothing of it runs where that scene itself does; any other beneath the study.
+    """
+    if row.scene and not row.overrides:
+        return parent_of(scene, row)
+    return scene / "out" / "studies" / study / row.run
 
 
 def scene_text(parent: str, row: Row) -> str:
@@ -125,36 +74,68 @@ def needs_fea(row: Row) -> bool:
     return row.until == "fea" or any(key.split(".")[0] in ("actuator", "fea") for key in row.overrides)
 
 
-def write_scenes(scene: Path, study: str, rows: list[Row]) -> list[Scene]:
-    """Write `<scene>/out/studies/<study>/<run>/scene.toml` where its text changed, and each run's stage settings."""
-    scenes = []
+def write_scene(scene: Path, study: str, row: Row) -> Path:
+    """Write a run's scene.toml where its text changed, and the way to the findings of its scene; returns its folder."""
+    folder, parent = folder_of(scene, study, row), parent_of(scene, row)
+    if folder == parent:
+        if needs_fea(row):
+            raise StageError(
+                f"run {row.run}: until = 'fea' would write over the states of {parent}; leave the cell scene empty"
+            )
+        return folder
+    path, text = folder / "scene.toml", scene_text(os.path.relpath(parent, folder), row)
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        write_text(path, text)
+    reference = folder / "reference"
+    if (parent / "reference").is_dir() and not reference.exists():
+        reference.symlink_to(os.path.relpath(parent / "reference", folder))
+    return folder
+
+
+def write_scenes(scene: Path, study: str, rows: list[Row]) -> list[Scene | StageError]:
+    """Write each run's scene and stage settings; of one that may fail and is refused, why."""
+    found: list[Scene | StageError] = []
     for row in rows:
-        folder = scene / "out" / "studies" / study / row.run
-        path, text = folder / "scene.toml", scene_text(os.path.relpath(scene, folder), row)
-        if not path.exists() or path.read_text(encoding="utf-8") != text:
-            write_text(path, text)
-        reference = folder / "reference"
-        if (scene / "reference").is_dir() and not reference.exists():
-            reference.symlink_to(os.path.relpath(scene / "reference", folder))
+        folder = write_scene(scene, study, row)
         try:
             loaded = load_scene(folder, row.level)
         except StageError as error:
-            raise StageError(f"run {row.run}: {error}") from None
+            if not row.may_fail:
+                raise StageError(f"run {row.run}: {error}") from None
+            found.append(error)
+            continue
         write_settings(loaded)
-        scenes.append(loaded)
-    return scenes
+        found.append(loaded)
+    return found
 
 
-def owners(rows: list[Row], scenes: list[Scene]) -> list[dict[str, str]]:
-    """For each run the run that computes each of its stages: the first with the same settings up to that stage."""
+def write_asked(folder: Path, level: str, scene: Scene | StageError) -> None:
+    """Note what the ending of a run that may fail depends on, where it changed: the scene, and what computes."""
+    asked = {
+        "scene": scene.digest() if isinstance(scene, Scene) else str(scene),
+        "versions": {"OpenFOAM": foam_version()} | versions(),
+    }
+    path, text = folder / "out" / level / ASKED, json.dumps(asked, indent=1) + "\n"
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        write_text(path, text)
+
+
+def owners(rows: list[Row], scenes: list[Scene | StageError]) -> list[dict[str, str]]:
+    """For each run the run that computes each of its stages: the first with the same settings up to that stage.
+
+    A run that may fail shares nothing: how it ended is its own.
+    """
     first: dict[str, str] = {}
     found = []
     for row, scene in zip(rows, scenes, strict=True):
+        if row.may_fail or not isinstance(scene, Scene):
+            found.append({})
+            continue
         keys: dict[str | None, Any] = {None: row.run if needs_fea(row) else ""}
         mine = {}
         for stage, before in BEFORE.items():
             name = "vortices" if stage.startswith("vortices") else stage
-            own = scene.settings(name) if name != "run" else {}
+            own = _without_names(scene.settings(name)) if name != "run" else {}
             more = row.ranks if stage == "case" else row.piv_chunks if stage == "piv" else None
             keys[stage] = digest([stage, keys[before], own, more])
             mine[stage] = first.setdefault(str(keys[stage]), row.run)
@@ -163,32 +144,61 @@ def owners(rows: list[Row], scenes: list[Scene]) -> list[dict[str, str]]:
     return found
 
 
+def _without_names(settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings with the digests of the files that they name, but not the names: those differ from folder to folder."""
+    if "files" not in settings:
+        return settings
+    motion = {key: value for key, value in settings["motion"].items() if key not in FILE_KEYS}
+    return settings | {"motion": motion, "files": sorted(settings["files"].values())}
+
+
 def plan(table: Path, scene: Path | None = None) -> Path:
     """Read the study, write its scenes and `plan.json` (docs/formats.md); returns the plan's path."""
     rows = read_study(table)
-    folder = scene or table.parent.parent
+    home = scene or table.parent.parent
     study = table.stem
-    scenes = write_scenes(folder, study, rows)
-    runs = [
-        {
-            "run": row.run,
-            "level": row.level,
-            "ranks": row.ranks,
-            "until": row.until,
-            "piv_chunks": row.piv_chunks,
-            "fea": needs_fea(row),
-            "overrides": row.overrides,
-            "folder": str(loaded.folder),
-            "owners": mine,
-            "estimates": estimates(loaded, row.ranks, folder),
-        }
-        for row, loaded, mine in zip(rows, scenes, owners(rows, scenes), strict=True)
-    ]
-    path = folder / "out" / "studies" / study / "plan.json"
-    content = {"format": "study-plan", "format_version": 1, "scene": folder.name, "folder": str(folder),
+    scenes = write_scenes(home, study, rows)
+    runs = []
+    for row, loaded, mine in zip(rows, scenes, owners(rows, scenes), strict=True):
+        folder = folder_of(home, study, row)
+        if row.may_fail:
+            write_asked(folder, row.level, loaded)
+        runs.append(
+            {
+                "run": row.run,
+                "scene": str(parent_of(home, row)),
+                "level": row.level,
+                "ranks": row.ranks,
+                "until": row.until,
+                "piv_chunks": row.piv_chunks,
+                "may_fail": row.may_fail,
+                "fea": needs_fea(row),
+                "overrides": row.overrides,
+                "folder": str(folder),
+                "owners": mine,
+                "estimates": estimates(loaded, row.ranks, parent_of(home, row))
+                if isinstance(loaded, Scene)
+                else {},
+            }
+        )
+    _one_place_each(runs)
+    path = home / "out" / "studies" / study / "plan.json"
+    content = {"format": "study-plan", "format_version": 2, "scene": home.name, "folder": str(home),
                "study": study, "runs": runs}  # fmt: skip
     write_text(path, json.dumps(content, indent=1) + "\n")
     return path
+
+
+def _one_place_each(runs: list[dict[str, Any]]) -> None:
+    """StageError where two rows would write into the same folder."""
+    seen: dict[tuple[str, str], str] = {}
+    for run in runs:
+        place = run["folder"], run["level"]
+        if place in seen:
+            raise StageError(
+                f"runs {seen[place]} and {run['run']}: both are {place[0]} at level {place[1]}; remove one"
+            )
+        seen[place] = run["run"]
 
 
 def main() -> None:

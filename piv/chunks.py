@@ -79,8 +79,14 @@ def parts_of(output: str | Path) -> list[Path]:
     found = sorted(path.parent.glob(f"{path.stem}.chunk-*-of-*{path.suffix}"))
     divisions = {p.name.rpartition("-of-")[2] for p in found}
     if len(divisions) != 1:
-        word = "no" if not found else "chunks of several divisions, not one set of"
-        raise ValueError(f"{path}: there are {word} {path.stem}.chunk-*-of-*{path.suffix} beside it")
+        if not found:
+            raise ValueError(
+                f"{path}: there are no {path.stem}.chunk-*-of-*{path.suffix} beside it; make them first"
+            )
+        kinds = ", ".join(f"of-{d.removesuffix(path.suffix)}" for d in sorted(divisions))
+        raise ValueError(
+            f"{path}: beside it are chunks of several divisions ({kinds}); remove all but one of them"
+        )
     of = int(divisions.pop().removesuffix(path.suffix))
     missing = [k for k in range(1, of + 1) if not chunk_path(path, k, of).exists()]
     if missing:

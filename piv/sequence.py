@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
@@ -101,8 +102,7 @@ def correlate_recording(
     settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps}
     settings.pop("threads")
     attrs = {"source": "piv", **provenance(**settings), **carried(recording, finger)}
-    first_mean = float(np.mean(recording.frame(0)))
-    identity = series_key([recording.name, len(recording), list(recording.shape), settings, first_mean])
+    identity = series_key([_seen(recording), settings, _digest(mask), calibration.scale, calibration.origin])
     if part is not None:
         attrs["chunk"] = part.to_json(identity)
         if is_chunk(output, attrs["chunk"]):
@@ -128,6 +128,17 @@ def correlate_recording(
     finally:
         cv2.setNumThreads(threads_before)
         writer.close()
+
+
+def _seen(recording: Recording) -> list[Any]:
+    """What tells one recording from another: name, length, size, its first frame's mean, its first and last time."""
+    times = recording.times
+    ends = None if times is None else [float(times[0]), float(times[-1])]
+    return [recording.name, len(recording), list(recording.shape), float(np.mean(recording.frame(0))), ends]
+
+
+def _digest(mask: np.ndarray | None) -> str | None:
+    return None if mask is None else hashlib.sha256(np.packbits(np.asarray(mask, bool)).tobytes()).hexdigest()
 
 
 def _in_parallel(missing, sets, load, options: Options, threads: int) -> Iterator[tuple[int, xr.Dataset]]:

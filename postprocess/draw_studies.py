@@ -1,4 +1,4 @@
-"""Key numbers of a study's levels as bars beside each other."""
+"""Key numbers of a study's runs as bars beside each other."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ COLOURS = {"2d": CFD, "quarter": PIV, "half": THIRD}
 
 
 def bars(table: pd.DataFrame) -> Figure:
-    """One panel per key number, one bar per level (colour: the model); `table` as postprocess.studies gathers it."""
-    levels = list(dict.fromkeys(table["level"]))
-    models = table.drop_duplicates("level").set_index("level")["model"]
-    colours = [COLOURS.get(models[level], GREY) for level in levels]
-    figure, axes = new_figure(3.1 * len(PANELS) + 1.2, 0.9 + 0.27 * len(levels), 1, len(PANELS), sharey=True)
+    """One panel per key number, one bar per run (colour: the model); `table` as postprocess.studies gathers it."""
+    runs = list(dict.fromkeys(table["run"]))
+    models = table.drop_duplicates("run").set_index("run")["model"]
+    colours = [COLOURS.get(models[run], GREY) for run in runs]
+    figure, axes = new_figure(3.1 * len(PANELS) + 1.2, 0.9 + 0.27 * len(runs), 1, len(PANELS), sharey=True)
     for ax, (name, unit, label) in zip(axes, PANELS, strict=True):
-        rows = table[table["quantity"] == name].set_index("level")["value"]
-        values = pd.to_numeric(rows.reindex(levels), errors="coerce").to_numpy(float) * unit
-        drawn = ax.barh(levels, np.nan_to_num(values), color=colours, height=0.65)
+        rows = table[table["quantity"] == name].set_index("run")["value"]
+        values = pd.to_numeric(rows.reindex(runs), errors="coerce").to_numpy(float) * unit
+        drawn = ax.barh(runs, np.nan_to_num(values), color=colours, height=0.65)
         ax.bar_label(
             drawn, labels=[f"{v:.3g}" if np.isfinite(v) else "–" for v in values], padding=3, fontsize=8
         )

@@ -1,6 +1,6 @@
-"""Studies of a scene: what each of its levels changes, and what that does to the paper's findings; a table, a figure, a page.
+"""A study's runs judged by the findings of their scene: what each changes, and what that does; a table, a figure, a page.
 
-Command: python -m postprocess.studies cases/pinch_studies --docs docs
+Command: python -m postprocess.studies cases/pinch/out/studies/variations/plan.json -o docs/pinch_studies (make pinch-studies)
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ from postprocess.loading import load_evidence, read_clock
 from postprocess.pinch_summary import pinch_summary
 from postprocess.quantities import QUANTITIES
 from postprocess.stagefiles import StageFiles, read_json, write_text
+from postprocess.study_table import files_of, read_plan
 from postprocess.style import save
 from postprocess.wording import quantity
 
-COLUMNS = ["level", "change", "model", "cells", "kind", "quantity", "value", "unit", "met"]
+COLUMNS = ["run", "change", "model", "cells", "kind", "quantity", "value", "unit", "met"]
 NUMBERS = {
     "contact_time": "s",
     "circulation_at_contact": "m²/s",
@@ -45,37 +46,23 @@ FREE = (
 )  # changes of these keys leave the finger's own motion as the single finger's
 
 
-def study_levels(case: Path) -> dict[str, tuple[str, str]]:
-    """By level of the scene's own file: the level at the root of its chain, and what it changes; the roots first, "as it is"."""
-    path = case / "scene.toml"
-    levels = tomllib.loads(path.read_text(encoding="utf-8")).get("levels", {})
-    if not levels:
-        raise ValueError(f"{path}: no [levels.…], so there is nothing to study")
-    found: dict[str, tuple[str, str]] = {}
-    for name in levels:
-        root = name
-        changes: list[str] = []
-        while root in levels:
-            own = dict(levels[root])
-            parent = own.pop("extends", None)
-            changes = [*flat(own), *changes]
-            if parent is None:
-                raise ValueError(f"{path}: levels.{root}: a study's level extends another; add extends")
-            root = parent
-        found.setdefault(root, (root, "as it is"))
-        found[name] = (root, "; ".join(changes))
-    return dict(sorted(found.items(), key=lambda item: (item[0] != item[1][0],)))
+AS_IT_IS = "as it is"
 
 
-def flat(table: dict[str, Any], before: str = "") -> list[str]:
-    """`key.key = value` of every number of nested tables."""
-    lines = []
-    for key, value in table.items():
-        if isinstance(value, dict):
-            lines += flat(value, f"{before}{key}.")
-        else:
-            lines.append(f"{before}{key} = {_plain(value)}")
-    return lines
+def changes(runs: list[dict[str, Any]]) -> dict[str, str]:
+    """By run what sets it apart: its overrides, but for those that all runs of the plan have in common."""
+    common = [
+        item for item in runs[0]["overrides"].items() if all(item in run["overrides"].items() for run in runs)
+    ]
+    return {
+        run["run"]: "; ".join(
+            f"{key} = {_plain(value)}"
+            for key, value in run["overrides"].items()
+            if (key, value) not in common
+        )
+        or AS_IT_IS
+        for run in runs
+    }
 
 
 def _plain(value: Any) -> str:
@@ -83,7 +70,7 @@ def _plain(value: Any) -> str:
         return ", ".join(_plain(item) for item in value)
     if isinstance(value, dict):
         return " ".join(f"{key} {item:g}" for key, item in value.items())
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return f"{value:g}" if isinstance(value, int | float) else str(value)
 
 
 def findings_path(case: Path) -> Path:
@@ -97,16 +84,18 @@ def findings_path(case: Path) -> Path:
     return findings_path(case / table["extends"])
 
 
-def measure(case: Path, level: str, root: str, change: str) -> list[dict[str, Any]]:
-    """Rows of `COLUMNS` of one level: the paper's findings by the CFD, and key numbers."""
-    files = StageFiles(case, level)
-    comparable = all(part.startswith(FREE) for part in change.split("; ")) or change == "as it is"
-    evidence = load_evidence(files, root if comparable else level)
+def measure(files: StageFiles, name: str, change: str) -> list[dict[str, Any]]:
+    """Rows of `COLUMNS` of one run: the paper's findings by the CFD, and key numbers.
+
+    The single finger beside it is that of the run's level where the change leaves the finger's own motion as it is.
+    """
+    comparable = all(part.startswith(FREE) for part in change.split("; ")) or change == AS_IT_IS
+    evidence = load_evidence(files, files.level if comparable else name)
     clock = read_clock(files, evidence.planes["cfd"])
     run = read_json(files.required("run/run.json", "run"))
-    about = {"level": level, "change": change, "model": run["model"], "cells": run["cells"]}
+    about = {"run": name, "change": change, "model": run["model"], "cells": run["cells"]}
     rows: list[dict[str, Any]] = []
-    for finding in read_findings(findings_path(case), frozenset(QUANTITIES)):
+    for finding in read_findings(findings_path(files.case), frozenset(QUANTITIES)):
         if finding.kind == "paper" and "cfd" in finding.of:
             check = judge(finding, evidence, clock)
             value, met = check["measured"]["cfd"], check["met_by"].get("cfd")
@@ -134,27 +123,25 @@ def measure(case: Path, level: str, root: str, change: str) -> list[dict[str, An
     return rows
 
 
-def page(case: Path, table: pd.DataFrame, missing: list[str]) -> str:
-    """The page as Markdown: the scene's own words, then what was measured."""
-    words = case / "README.md"
-    text = words.read_text(encoding="utf-8").strip() if words.exists() else f"# {case.name}"
+def page(words: str, table: pd.DataFrame, missing: list[str], name: str) -> str:
+    """The page as Markdown: the study's own words, then what was measured; its table and figure are called `name`."""
     parts = [
-        text,
-        "Written by `make pinch-studies`; every number is in [pinch_studies.csv](pinch_studies.csv).",
-        "![Key numbers of every study](pinch_studies.svg)",
+        words.strip(),
+        f"Written by `make pinch-studies`; every number is in [{name}.csv]({name}.csv).",
+        f"![Key numbers of every run]({name}.svg)",
     ]
     if missing:
         parts.append(f"Not run yet: {', '.join(missing)}.")
     for kind, heading in (("finding", "The paper's findings, by the CFD"), ("number", "Key numbers")):
         part = table[table["kind"] == kind]
         names = list(dict.fromkeys(part["quantity"]))
-        lines = [f"## {heading}", "", f"| level | change | model | {' | '.join(names)} |"]
+        lines = [f"## {heading}", "", f"| run | change | model | {' | '.join(names)} |"]
         lines.append("|---" * (3 + len(names)) + "|")
-        for level, rows in part.groupby("level", sort=False):
+        for run, rows in part.groupby("run", sort=False):
             cells = {row.quantity: _cell(row) for row in rows.itertuples()}
             first = rows.iloc[0]
             shown = " | ".join(cells.get(name, "") for name in names)
-            lines.append(f"| {level} | {first['change']} | {first['model']} | {shown} |")
+            lines.append(f"| {run} | {first['change']} | {first['model']} | {shown} |")
         parts.append("\n".join(lines))
     return "\n\n".join(parts) + "\n"
 
@@ -169,34 +156,43 @@ def _cell(row: Any) -> str:
     return text
 
 
-def gather(case: Path) -> tuple[pd.DataFrame, list[str]]:
-    """Rows of every level that was run, and the names of those that were not."""
-    rows, missing = [], []
-    for level, (root, change) in study_levels(case).items():
-        if StageFiles(case, level).optional("vortices_cfd.csv") is None:
-            missing.append(level)
+def gather(plan: dict[str, Any]) -> tuple[pd.DataFrame, list[str]]:
+    """Rows of every run of a plan that was made, and the names of those that were not."""
+    rows, missing, said = [], [], changes(plan["runs"])
+    for run in plan["runs"]:
+        files = files_of(run)
+        if files.optional("vortices_cfd.csv") is None:
+            missing.append(run["run"])
         else:
-            rows += measure(case, level, root, change)
+            rows += measure(files, run["run"], said[run["run"]])
     if not rows:
-        raise FileNotFoundError(f"{case / 'out'}: no level was run; make pinch-studies")
+        raise FileNotFoundError(
+            f"{plan['folder']}: no run of the study {plan['study']!r} was made; make pinch-studies"
+        )
     return pd.DataFrame(rows, columns=COLUMNS), missing
 
 
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns 0 good, 2 bad input."""
     parser = argparse.ArgumentParser(prog="python -m postprocess.studies", description=__doc__)
-    parser.add_argument("case", type=Path, help="folder of the studies, such as cases/pinch_studies")
-    parser.add_argument("--docs", type=Path, default=Path("docs"))
+    parser.add_argument("plan", type=Path, help="plan.json of the study")
+    parser.add_argument("--words", type=Path, help="what the page begins with (.md)")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="page, table and figure, without a suffix"
+    )
     args = parser.parse_args(argv)
     try:
-        table, missing = gather(args.case)
+        plan = read_plan(args.plan)
+        table, missing = gather(plan)
+        words = (
+            args.words.read_text(encoding="utf-8") if args.words else f"# {plan['scene']}: {plan['study']}"
+        )
     except (ValueError, OSError) as error:
         print(f"studies: {error}", file=sys.stderr)
         return 2
-    name = args.docs / args.case.resolve().name
-    write_text(name.with_suffix(".csv"), table.to_csv(index=False))
-    save(draw_studies.bars(table), name.with_suffix(".svg"))
-    write_text(name.with_suffix(".md"), page(args.case, table, missing))
+    write_text(args.output.with_suffix(".csv"), table.to_csv(index=False))
+    save(draw_studies.bars(table), args.output.with_suffix(".svg"))
+    write_text(args.output.with_suffix(".md"), page(words, table, missing, args.output.name))
     return 0
 
 

@@ -19,7 +19,7 @@ from postprocess.stagefiles import StageFiles, read_json, read_table, write_text
 from postprocess.strokes import stroke_window
 
 MIDDLE = (0.25, 0.75)  # the middle of the stroke, as fractions of its bend
-STAGES = ("kinematics", "mesh", "case", "run", "sheets", "images", "piv", "vortices_cfd", "vortices_piv")
+STAGES = ("fea", "kinematics", "mesh", "case", "run", "sheets", "images", "piv", "vortices_cfd", "vortices_piv")
 SOURCES = {"cfd": "vortices_cfd.csv", "piv": "vortices_piv.csv"}
 MB = 1e-6
 
@@ -106,14 +106,37 @@ def vortex(files: StageFiles) -> dict[str, Any]:
     return numbers
 
 
+def ending(files: StageFiles) -> dict[str, Any]:
+    """How a run that may fail ended."""
+    path = files.optional("ending.json")
+    found = read_json(path) if path is not None else {}
+    return {key: found[key] for key in ("ended", "stopped_at_s", "reason") if key in found}
+
+
+def bending(files: StageFiles) -> dict[str, Any]:
+    """What the bending analysis of another actuator gave: its states, from the lowest to the highest pressure."""
+    import h5py
+
+    with h5py.File(files.case / "kinematics" / "states.h5") as file:
+        pressure, bend = np.asarray(file["pressure"]), np.asarray(file["bend_angle"])
+    return {
+        "states": len(pressure),
+        "pressure_min_Pa": float(pressure[0]),
+        "pressure_max_Pa": float(pressure[-1]),
+        "bend_min_rad": float(bend[0]),
+        "bend_max_rad": float(bend[-1]),
+    }
+
+
 def study_table(plan: dict[str, Any]) -> pd.DataFrame:
     """One row per run of the plan: what was varied, what it cost, what it gave."""
     rows = []
     for row in plan["runs"]:
         files = files_of(row)
-        varied = {key: json.dumps(v) if isinstance(v, list) else v for key, v in row["overrides"].items()}
+        varied = {key: json.dumps(v) if isinstance(v, list | dict) else v for key, v in row["overrides"].items()}
         head = {"run": row["run"], "level": row["level"], "until": row["until"]}
-        rows.append(head | varied | solver(files) | vortex(files) | costs(files))
+        analysed = bending(files) if row["fea"] and (files.case / "kinematics" / "states.h5").exists() else {}
+        rows.append(head | varied | ending(files) | analysed | solver(files) | vortex(files) | costs(files))
     return pd.DataFrame(rows)
 
 

@@ -32,7 +32,7 @@ def run(case: Path, level: str, processes: int) -> None:
     try:
         with tqdm(total=len(fea.pressures), unit="state", disable=not sys.stderr.isatty()) as bar:
             states = bending_states(case, actuator, fea, bar.update)
-        if fea.engine == "unit_cell":
+        if fea.engine == "unit_cell" and fea.uncertainty:
             cases = len(variations(actuator, fea))
             with tqdm(total=cases, unit="variation", disable=not sys.stderr.isatty()) as bar:
                 states = with_uncertainty(states, actuator, fea, processes, bar.update)

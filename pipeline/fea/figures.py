@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.fea.envelope import outline
 from pipeline.fea.states import BendingStates
-from pipeline.fea.sweep import Bends
+from pipeline.fea.tables import Bends
 from pipeline.paper_model import LOWEST_VALID_PRESSURE
 from pipeline.paper_model import bend as paper_bend
 

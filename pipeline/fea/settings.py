@@ -152,6 +152,8 @@ class Fea(_Frozen):
     mesh: UnitCellMesh = UnitCellMesh()
     solid_mesh: SolidMesh = SolidMesh()
     results: Import | None = None  # section [fea.results], for engine = "import"
+    uncertainty: bool = True  # of R, from what is not known of the actuator: six more analyses
+    partial: bool = False  # whether the states that converge are kept where others do not
 
     @model_validator(mode="after")
     def _three_states(self) -> Fea:
@@ -162,6 +164,10 @@ class Fea(_Frozen):
         if (self.engine == "import") != (self.results is not None):
             raise ValueError(
                 'engine = "import" and the section [fea.results] belong together: give both or neither'
+            )
+        if self.partial and self.uncertainty:
+            raise ValueError(
+                "partial = true goes with uncertainty = false: a variation may end sooner than the states"
             )
         return self
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -10,11 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.fea.states import BendingStates
-from pipeline.fea.sweep import Bends
 from pipeline.paper_model import bend as paper_bend
 
 FloatArray = NDArray[np.float64]
 SHOWN_KPA = (-40, -30, -20, -10, 10, 20, 30, 40)
+
+
+@dataclass(frozen=True)
+class Bends:
+    """Pressure (Pa), radius (m) and wall gap (m) of the states that converged."""
+
+    pressure: FloatArray
+    radius: FloatArray
+    wall_gap: FloatArray
 
 
 def provenance() -> str:
@@ -70,7 +79,7 @@ def write_results(path: Path, bends: dict[str, Bends], states: BendingStates, ca
     text = [
         "# Results of the bending studies",
         "",
-        "Written by `python -m pipeline.fea.studies`; –: not converged.",
+        "Written by `make fea-studies`; –: not converged.",
         "",
     ]
     text += [provenance() + ".", "", _markdown(head, rows)]

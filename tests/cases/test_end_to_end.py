@@ -175,3 +175,31 @@ def test_wrong_input_is_one_sentence(project):
     told = [line for line in done.stderr.splitlines() if line.startswith("settings:")]
     assert len(told) == 1
     assert "no level 'huge'" in told[0]
+
+
+DENSE = """
+extends = "../single_finger"
+title = "Enough cells for four ranks"
+
+[motion]
+strokes = [{ pressure_kpa = 6.0, start = 0.002, duration = 0.2 }]
+end_time = 0.008
+
+[levels.dense]
+model = { kind = "2d" }
+mesh = { wall_cell = 0.8e-3, wall_first_layer = 0.25e-3, wall_layers = 3, tip_cell = 0.45e-3, near_cell = 0.9e-3, near_distance = 0.022, far_cell = 0.009 }
+numerics = { time_step = 0.5e-3, non_orthogonal_correctors = 0 }
+"""
+
+
+def test_more_ranks_than_cores_still_finish(project):
+    """`make NP=4`, which is what a user types, on the two cores that a machine has at least here."""
+    case = project / "cases" / "dense"
+    case.mkdir()
+    (case / "scene.toml").write_text(DENSE)
+    done = make(project, "dense.run", "LEVEL=dense", "NP=4")
+    assert done.returncode == 0, done.stderr[-3000:]
+    run = json.loads((case / "out" / "dense" / "run" / "run.json").read_text())
+    assert run["cells"] >= 4 * 5000
+    assert run["ranks"] == 4  # not fewer, as where a mesh is too small for them
+    assert len(list((case / "out" / "dense" / "case" / "leg_0").glob("processor*"))) == 4

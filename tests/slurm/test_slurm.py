@@ -1,4 +1,4 @@
-"""A real Slurm of one node, started here: a case by its batch scripts, cut off and queued again; a study of four runs.
+"""A real Slurm of one node, started here: a coarse case by make, cut off at its limit and queued again; a study.
 
 Opt-in: make test-slurm (Debian's slurm-wlm, root). The log goes to docs/cluster_log.txt.
 """
@@ -19,7 +19,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pipeline.batch import Request, scripts, submit, write_scripts
 from pipeline.scene import load_scene
 from tests.conftest import ROOT, TINY
 
@@ -31,14 +30,15 @@ pytestmark = [
 
 CONTROL = Path(__file__).with_name("slurmctl.sh")
 LOG = ROOT / "docs" / "cluster_log.txt"
-# A short stroke in 2-D with many small steps and checkpoints: long enough to be cut off.
-SHORT = "[motion]\nstrokes = [{ pressure_kpa = 6.0, start = 0.002, duration = 0.2 }]\nend_time = 0.1\n"
-STUDY = """run, level, until, ranks, numerics.time_step, fluid.turbulence, motion.end_time
-base, tiny, vortices_cfd, 1, 0.5e-3, ,
-les, tiny, run, 1, 1e-3, WALE,
-one_rank, draft, run, 1, , , 0.02
-two_ranks, draft, run, 2, , , 0.02
+# Four runs, and one that is meant to be refused; the two on the draft are the same but for their ranks.
+STUDY = """run, level, until, ranks, may_fail, numerics.time_step, fluid.turbulence, motion.end_time, numerics.max_courant
+base, tiny, vortices_cfd, 1, , 0.5e-3, , 0.1,
+les, tiny, run, 1, , 1e-3, WALE, 0.1,
+one_rank, draft, run, 1, , , , 0.02,
+two_ranks, draft, run, 2, , , , 0.02,
+edge, tiny, run, 1, yes, 1e-3, , 0.1, 0.01
 """
+CUT_OFF = 0.02  # s of flow: the checkpoint after which the solver's job is cut off
 FOLDER = ROOT / "cases" / "slurm_test"
 
 
@@ -70,14 +70,19 @@ def scene():
     """A case in the project's tree, where jobs on other nodes would find it."""
     shutil.rmtree(FOLDER, ignore_errors=True)
     FOLDER.mkdir(parents=True)
-    text = TINY.format(parent="../single_finger", kind="2d", more=SHORT, numerics="")
-    text = text.replace(
-        "time_step = 1e-3, write_interval = 0.01", "time_step = 0.25e-3, write_interval = 0.005"
+    (FOLDER / "scene.toml").write_text(
+        TINY.format(parent="../single_finger", kind="2d", more="", numerics=""), encoding="utf-8"
     )
-    (FOLDER / "scene.toml").write_text(text, encoding="utf-8")
     (FOLDER / "kinematics").symlink_to("../single_finger/kinematics")
-    yield load_scene(Path("cases/slurm_test"), "tiny")
+    yield load_scene(Path("cases/slurm_test"), "coarse")
     shutil.rmtree(FOLDER)
+
+
+def make(*words: str, seconds: float) -> subprocess.CompletedProcess[str]:
+    """A make as a user types it, not as a part of the one that runs the tests."""
+    env = {key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")}
+    command = ["make", "--no-print-directory", *words]
+    return subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, timeout=seconds)
 
 
 def note(title: str, text: str) -> None:
@@ -141,46 +146,50 @@ def wait_until(what: Callable[[], bool], seconds: float) -> None:
         time.sleep(0.5)
 
 
-def test_a_case_cut_off_by_its_limit_is_queued_again_and_ends(slurm, scene):
-    """Three jobs; once the solver's has a checkpoint its limit is set to two minutes from now: Slurm tells it, it queues again and resumes."""
-    request = Request(1, 60, 600, 1, serial_cores=1, warning=120)
-    texts = scripts(scene, request, "make", ".venv/bin/python")
-    texts["after"] = texts["after"].replace("make slurm_test ", "make slurm_test.sheet ")
-    jobs = submit(write_scripts(scene, texts))
+def test_a_coarse_case_cut_off_by_its_limit_is_queued_again_and_ends(slurm, scene):
+    """`make slurm_test SLURM=1`: three jobs. Once the solver's has a checkpoint its limit is set to two minutes from now:
+    Slurm tells it, it queues again, resumes, and the third job goes on to the report."""
+    begin = time.monotonic()
+    done = make("slurm_test", "LEVEL=coarse", "NP=2", "SLURM=1", seconds=120)
+    assert done.returncode == 0, done.stderr[-3000:]
+    jobs = {step: number for number, step in re.findall(r"(\d+) \((before|run|after)\)", done.stdout)}
     solver = jobs["run"]
-    wait_until(lambda: (scene.out / "case" / "leg_0" / "0.01" / "uniform" / "time").exists(), 900)
+    saved = scene.out / "case" / "leg_0" / "processor0" / f"{CUT_OFF:g}" / "uniform" / "time"
+    wait_until(saved.exists, 1800)
     near = minutes_run(solver) + 2  # less than two minutes are left: it is told at once
     subprocess.run(["scontrol", "update", f"JobId={solver}", f"TimeLimit={near}"], check=True)
     wait_until(lambda: state_of(solver) == "PENDING", 240)
     told = f"{datetime.now(UTC):%H:%M:%S} job {solver}: cut off at its limit, PENDING again\n"
     subprocess.run(["scontrol", "update", f"JobId={solver}", "TimeLimit=60", "StartTime=now"], check=True)
-    told += wait_for(list(jobs.values()), 1200)
+    told += wait_for(list(jobs.values()), 5400)
     log = (scene.out / "slurm" / "run.log").read_text()
-    record = json.loads((scene.out / "run" / "run.json").read_text())
-    note("a case: jobs before, solver and after; the queue", told)
+    note(f"make slurm_test LEVEL=coarse NP=2 SLURM=1: {done.stdout.strip()}", told)
     note("its run.log", log)
-    note(
-        "its run.json",
-        json.dumps({k: record[k] for k in ("cells", "steps", "ranks", "resumed", "wall_time")}),
-    )
     assert "time limit near: leg 1 ends" in log
     assert "leg 2 on" in log
+    assert (scene.out / "run" / "run.json").exists(), log[-2000:]
+    record = json.loads((scene.out / "run" / "run.json").read_text())
+    kept = ("level", "cells", "steps", "ranks", "resumed", "wall_time")
+    note(
+        f"its run.json (all in {(time.monotonic() - begin) / 60:.0f} min)",
+        json.dumps({k: record[k] for k in kept}),
+    )
+    assert record["ranks"] == 2
+    assert record["cells"] > 50_000
     assert record["resumed"], "the solver began anew instead of resuming"
-    assert (scene.out / "sheet.h5").exists()
+    assert (scene.out / "report.html").exists(), (scene.out / "slurm" / "after.log").read_text()[-2000:]
 
 
 def test_a_study_of_four_runs(slurm, scene):
-    """Snakemake's Slurm executor, one job a rule; the table has a row for each run."""
+    """Snakemake's Slurm executor, one job a stage and run; the table has a row for each run, the refused one included."""
     table = FOLDER / "studies" / "four.csv"
-    table.parent.mkdir()
+    table.parent.mkdir(exist_ok=True)
     table.write_text(STUDY)
-    command = [
-        str(ROOT / ".venv-study" / "bin" / "snakemake"), "-s", "pipeline/Snakefile", "--executor", "slurm", "-j4",
-        "--config", "study=cases/slurm_test/studies/four.csv", "--latency-wait", "30",
-        "--slurm-status-command", "squeue", "--slurm-init-seconds-before-status-checks", "10",
-    ]  # fmt: skip
+    flags = "--latency-wait 30 --slurm-status-command squeue --slurm-init-seconds-before-status-checks 10"
     begin = time.monotonic()
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=2400)
+    done = make(
+        "study", "STUDY=cases/slurm_test/studies/four.csv", "SLURM=1", f"SNAKEFLAGS={flags}", seconds=3600
+    )
     lines = [
         line
         for line in done.stderr.splitlines()
@@ -188,16 +197,17 @@ def test_a_study_of_four_runs(slurm, scene):
     ]
     note(f"a study of four runs ({time.monotonic() - begin:.0f} s)", "\n".join(lines))
     assert done.returncode == 0, done.stderr[-3000:]
-    result = pd.read_csv(FOLDER / "out" / "studies" / "four" / "table.csv").set_index("run")
-    note(
-        "its table",
-        result[["ranks", "time_step_s", "cells", "steps", "peak_force_N", "cpu_run_s"]].to_string(),
-    )
-    assert len(result) == 4
-    assert result["peak_force_N"].notna().all()
+    study = FOLDER / "out" / "studies" / "four"
+    result = pd.read_csv(study / "table.csv").set_index("run")
+    columns = ["ranks", "time_step_s", "cells", "steps", "peak_force_N", "cpu_run_s"]
+    note("its table", result[columns].to_string())
+    assert list(result.index) == ["base", "les", "one_rank", "two_ranks", "edge"]
+    assert result["peak_force_N"].drop("edge").notna().all()
+    assert json.loads((study / "edge" / "out" / "tiny" / "ending.json").read_text())["ended"] == "refused"
+    assert result.loc["two_ranks", "ranks"] == 2
     # the same run on two ranks: what is left of stopping the pressure's iterations early
     assert result.loc["two_ranks", "peak_force_N"] == pytest.approx(
-        result.loc["base", "peak_force_N"], rel=1e-3
+        result.loc["one_rank", "peak_force_N"], rel=1e-3
     )
 
 

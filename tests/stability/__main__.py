@@ -1,7 +1,7 @@
 """`make stability`: runs and images at the extremes, one axis at a time and the corners; tables, map and page of the docs.
 
-Each run ends completed (bounded energy), refused beforehand, or stopped by a guard. Any other ending is a fault, and the
-exit code is 1. What has been run is not run again until its scene or the libraries change.
+The runs are studies whose rows may fail, made by the Snakefile; here they are judged. Each ends completed (bounded energy),
+refused beforehand, or stopped by a guard; any other ending is a fault, and the exit code is 1.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import argparse
 import csv
 import json
 import os
-import sys
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,12 +17,12 @@ from typing import Any
 
 from tqdm import tqdm
 
-from pipeline.stage import versions
+from pipeline.openfoam import foam_version
+from pipeline.stage import guarded, versions
 from tests.stability import images, page
-from tests.stability.solver import attempt, openfoam
-from tests.stability.table import Run, read_table
+from tests.stability.solver import read_plans, result
 
-STUDIES = (Path("cases/single_finger/studies/stability.csv"), Path("cases/pinch/studies/stability.csv"))
+PLANS = tuple(Path(f"cases/{scene}/out/studies/stability/plan.json") for scene in ("single_finger", "pinch"))
 PRESETS = ("fast", "balanced", "accurate")
 FINE = ("completed", "refused", "stopped", "all flagged")
 RUN_COLUMNS = (
@@ -41,7 +40,7 @@ def write_table(path: Path, columns: tuple[str, ...], rows: Iterable[dict[str, A
     with part.open("w", encoding="utf-8", newline="") as file:
         made = {
             "date": datetime.now(UTC).date().isoformat(),
-            "versions": {"OpenFOAM": openfoam()} | versions(),
+            "versions": {"OpenFOAM": foam_version()} | versions(),
         }
         file.write("# " + json.dumps(made) + "\n")
         writer = csv.DictWriter(file, columns, extrasaction="ignore", restval="", lineterminator="\n")
@@ -50,29 +49,32 @@ def write_table(path: Path, columns: tuple[str, ...], rows: Iterable[dict[str, A
     os.replace(part, path)
 
 
-def chosen(rows: list[Run], only: str | None) -> list[Run]:
-    """The rows whose axis is named, all where none is."""
-    return [row for row in rows if only is None or row.axis in only.split(",")]
-
-
-def main() -> int:
-    """Command line; 1 where a run or a picture ended in another way than it may."""
+def main() -> None:
+    """Command line; exit code 1 where a run or a picture ended in another way than it may, 2 where runs are missing."""
     parser = argparse.ArgumentParser(prog="python -m tests.stability", description=__doc__)
     parser.add_argument("--axes", help="names with commas: only these, and no tables (default: all)")
     parser.add_argument("--part", choices=("runs", "images"), help="(default: both)")
     parser.add_argument("--docs", type=Path, default=Path("docs"), help="folder of the page and the tables")
     args = parser.parse_args()
+    faults: list[dict[str, Any]] = []
+
+    def action() -> None:
+        faults.extend(judge(args))
+
+    guarded("stability", action)
+    raise SystemExit(1 if faults else 0)
+
+
+def judge(args: argparse.Namespace) -> list[dict[str, Any]]:
+    """Gather the endings, evaluate the pictures, write tables and page; the rows that are faults."""
     ended: list[dict[str, Any]] = []
     if args.part != "images":
-        rows = [row for study in STUDIES if study.exists() for row in chosen(read_table(study), args.axes)]
-        results = []
-        for row in tqdm(rows, "runs", unit="run", disable=None):
-            results.append(attempt(row))
-            tqdm.write(f"{row.row.run:40s} {results[-1]['ended']:10s} {results[-1].get('reason', '')[:120]}")
-            sys.stdout.flush()
-        ended += results
+        rows = [row for row in read_plans(PLANS) if args.axes is None or row["axis"] in args.axes.split(",")]
+        ended = [result(row) for row in rows]
+        for row in ended:
+            print(f"{row['run']:40s} {row['ended']:10s} {row['reason'][:120]}")
         if args.axes is None:
-            write_table(args.docs / "stability" / "runs.csv", RUN_COLUMNS, results)
+            write_table(args.docs / "stability" / "runs.csv", RUN_COLUMNS, ended)
     if args.part != "runs" and args.axes is None:
         pictures = [(c, p) for c in images.cases() for p in PRESETS]
         found = [images.run_case(c, p) for c, p in tqdm(pictures, "images", unit="pair", disable=None)]
@@ -84,8 +86,8 @@ def main() -> int:
     for row in faults:
         print(f"{row['axis']} = {row['value']}: {row['ended']}: {row.get('reason', '')}")
     print(f"{len(ended)} runs and pictures, {len(faults)} faults")
-    return 1 if faults else 0
+    return faults
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

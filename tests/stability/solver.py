@@ -1,130 +1,56 @@
-"""One run of the study, from its scene to its end, in a process of its own: how it ended, and by what numbers."""
+"""How a run of the study ended, and by what numbers; a completed run whose numbers cannot be true is WRONG."""
 
 from __future__ import annotations
 
 import json
-import os
-import re
-import resource
-import shutil
-import signal
-import time
-import traceback
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from pipeline import case, kinematics, mesh
-from pipeline import run as run_stage
 from pipeline.errors import StageError
-from pipeline.openfoam import foam_version as openfoam
-from pipeline.scene import Scene, digest, load_scene
-from pipeline.stage import read_dataset, versions
-from tests.stability.table import Run
+from pipeline.scene import Scene, load_scene
+from pipeline.stage import read_dataset
 
-HANG = 7200.0  # s; the longest run takes minutes on an idle machine
 LEAST_CLOSURE = -0.02  # of the work: below it energy has come from nothing
 FORCE_RANGE = (
     0.005,
     2.0,
 )  # of the added mass and drag of a plate as long as the finger: beyond it a force is no finger's
-STAGES = {"kinematics": kinematics.run, "mesh": mesh.run, "case": case.run, "run": run_stage.run}
+# Endings that are no result but a fault, as the tables and maps write them.
+FAULTS = {"failed": "FAILED", "crashed": "CRASH", "hung": "HANG"}
 
 
-def attempt(run: Run) -> dict[str, Any]:
-    """Run a row, or take what it ended with before, where neither scene nor libraries have changed."""
-    run.folder.mkdir(parents=True, exist_ok=True)
-    path, text = run.folder / "scene.toml", run.text
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        path.write_text(text, encoding="utf-8")
-    key = digest([text, _resolved(run), versions(), openfoam()])
-    kept = run.folder / "result.json"
-    if kept.exists() and (found := json.loads(kept.read_text())).get("key") == key:
-        return found
-    shutil.rmtree(run.folder / "out", ignore_errors=True)
-    result = {"run": run.row.run, "scene": run.scene.name, "axis": run.axis, "value": run.value, "level": run.row.level,
-              "ranks": run.row.ranks, "key": key} | _in_child(run)  # fmt: skip
-    part = kept.with_name("result.json.part")
-    part.write_text(json.dumps(result, indent=1) + "\n")
-    os.replace(part, kept)
-    shutil.rmtree(run.folder / "out" / run.row.level / "case", ignore_errors=True)
-    return result
+def read_plans(paths: tuple[Path, ...]) -> list[dict[str, Any]]:
+    """The runs of the studies' plans, each with its `axis` and `value`; StageError where a study was not run."""
+    runs = []
+    for path in paths:
+        if not path.exists():
+            raise StageError(f"{path}: no plan; run make stability, which makes the runs first")
+        for run in json.loads(path.read_text(encoding="utf-8"))["runs"]:
+            axis, _, value = run["run"].partition("_")
+            runs.append(run | {"axis": axis, "value": value})
+    return runs
 
 
-def _resolved(run: Run) -> str:
-    """The scene with all that it inherits, or why there is none."""
+def result(run: dict[str, Any]) -> dict[str, Any]:
+    """The row of a run for the tables. StageError where it has not ended yet."""
+    folder = Path(run["folder"])
+    path = folder / "out" / run["level"] / "ending.json"
+    if not path.exists():
+        raise StageError(f"{path}: the run has not ended; run make stability again")
+    ending = json.loads(path.read_text(encoding="utf-8"))
+    row = {key: run[key] for key in ("run", "axis", "value", "level", "ranks")}
+    row |= {"scene": Path(run["scene"]).name}
+    row |= {key: value for key, value in ending.items() if key not in ("format", "format_version")}
+    row["ended"] = FAULTS.get(row["ended"], row["ended"])
+    if row["ended"] == "completed":
+        return row | judged(load_scene(folder, run["level"]))
     try:
-        return load_scene(run.folder, run.row.level).digest()
-    except StageError as error:
-        return str(error)
-
-
-def _in_child(run: Run) -> dict[str, Any]:
-    """Fork, run the stages there, and read how they ended; a crash or a hang is an ending as well."""
-    answer = run.folder / "answer.json"
-    answer.unlink(missing_ok=True)
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    child = os.fork()
-    if child == 0:
-        os.setsid()
-        try:
-            answer.write_text(json.dumps(_stages(run)))
-        finally:
-            os._exit(0)
-    deadline = time.monotonic() + HANG
-    while not (done := os.waitpid(child, os.WNOHANG))[0]:
-        if time.monotonic() > deadline:
-            os.killpg(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-            return {"ended": "HANG", "reason": f"not over after {HANG / 60:g} minutes"}
-        time.sleep(0.05)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    if not answer.exists():
-        return {
-            "ended": "CRASH",
-            "reason": f"the process ended with status {done[1]}",
-            "cpu_s": round(spent, 1),
-        }
-    result = json.loads(answer.read_text())
-    answer.unlink()
-    return result | {"cpu_s": round(spent, 1)}
-
-
-def _stages(run: Run) -> dict[str, Any]:
-    """Run the stages; how they ended."""
-    stage = "scene"
-    try:
-        scene = load_scene(run.folder, run.row.level)
-        scene.out.mkdir(parents=True, exist_ok=True)
-        for stage, action in STAGES.items():
-            if stage == "run":
-                action(scene, quiet=True, ranks=run.row.ranks)
-            else:
-                action(scene, quiet=True)
-    except StageError as error:
-        text = " ".join(str(error).split())
-        stopped = re.search(r"stopped at ([-+\d.e]+) s", text)
-        ended = "stopped" if stopped else "FAILED" if "failed at" in text else "refused"
-        found: dict[str, Any] = {"ended": ended, "stage": stage, "reason": _without_paths(text, run)}
-        return found | ({"stopped_at_s": float(stopped.group(1))} if stopped else {}) | _motion(run)
-    except (Exception, SystemExit):
-        return {"ended": "CRASH", "stage": stage, "reason": traceback.format_exc().splitlines()[-1][:300]}
-    return _judged(scene)
-
-
-def _without_paths(text: str, run: Run) -> str:
-    for folder in (run.folder.resolve(), run.folder):
-        text = text.replace(f"{folder}/", "")
-    return text[:400]
-
-
-def _motion(run: Run) -> dict[str, Any]:
-    try:
-        return motion_numbers(load_scene(run.folder, run.row.level))
-    except StageError:
-        return {}
+        return row | motion_numbers(load_scene(folder, run["level"]))
+    except StageError:  # refused before there was a motion
+        return row
 
 
 def motion_numbers(scene: Scene) -> dict[str, Any]:
@@ -142,7 +68,7 @@ def motion_numbers(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _judged(scene: Scene) -> dict[str, Any]:
+def judged(scene: Scene) -> dict[str, Any]:
     """A completed run's numbers, and whether they can be true."""
     record = json.loads((scene.out / "run" / "run.json").read_text())
     force = np.loadtxt(scene.out / "run" / "forces.csv", delimiter=",", skiprows=1, ndmin=2)
@@ -168,6 +94,8 @@ def _judged(scene: Scene) -> dict[str, Any]:
         "force_of_plate": round(peak / plate, 4),
     }
     wrong = []
+    if record["scene_hash"] != scene.digest():
+        wrong.append("the results are of other numbers")
     if not (np.isfinite(force).all() and np.isfinite(power).all()):
         wrong.append("numbers that are none")
     if len(force) != record["steps"]:
@@ -176,8 +104,4 @@ def _judged(scene: Scene) -> dict[str, Any]:
         wrong.append("energy from nothing")
     if not FORCE_RANGE[0] < peak / plate < FORCE_RANGE[1]:
         wrong.append(f"a force of {peak / plate:.2g} of a plate's")
-    return (
-        {"ended": "WRONG" if wrong else "completed", "stage": "run", "reason": "; ".join(wrong)}
-        | motion
-        | numbers
-    )
+    return {"ended": "WRONG" if wrong else "completed", "reason": "; ".join(wrong)} | motion | numbers

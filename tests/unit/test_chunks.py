@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from piv.__main__ import main
-from piv.chunks import Chunk, chunk_path
+from piv.chunks import Chunk, chunk_path, join, parts_of
+from piv.images import open_recording
 from piv.options import Options
 from piv.readers import Recording
 from piv.recording import RecordingWriter
@@ -101,6 +102,27 @@ def test_a_finished_chunk_is_kept_unless_settings_changed(recording_file, tmp_pa
     assert first.stat().st_mtime_ns > before
     assert main(["join", str(out)]) == 2  # one half has other windows
     assert "other settings" in capsys.readouterr().err
+
+
+def test_a_chunk_with_another_mask_is_made_anew_and_not_joined(recording_file, tmp_path):
+    """The mask is no setting of the correlation, but what is seen: half a series without it would not show."""
+    out = tmp_path / "piv.h5"
+    body = np.zeros(SHAPE, bool)
+    body[:, :40] = True
+
+    def part(k: int, mask: np.ndarray | None) -> int:
+        with open_recording(recording_file) as recording:
+            path = correlate_recording(
+                recording, chunk_path(out, k, 2), Options(), SequenceOptions(), mask=mask, chunk=(k, 2)
+            )
+        return path.stat().st_mtime_ns
+
+    first = part(1, None)
+    assert part(1, None) == first
+    assert part(1, body) > first
+    part(2, None)
+    with pytest.raises(ValueError, match="other settings"):
+        join(parts_of(out), out)
 
 
 def test_a_missing_chunk_is_named(recording_file, tmp_path, capsys):

@@ -1,5 +1,6 @@
-"""The stage as it is called: an import from a scene, one-sentence errors; the sweep goes on where it stopped."""
+"""The stage as it is called: an import from a scene, one-sentence errors; the studies read what it wrote."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ from pipeline.fea.__main__ import run
 from pipeline.fea.sensitivity import variations
 from pipeline.fea.settings import Actuator, Fea, UnitCellMesh
 from pipeline.fea.states import read
-from pipeline.fea.sweep import sweep
+from pipeline.fea.studies import bends_of
 from pipeline.scene import load_scene
+from pipeline.study import plan
 
 ROOT = Path(__file__).parents[2]
 SCENE = load_scene(ROOT / "cases" / "single_finger")
@@ -60,18 +62,42 @@ def test_pressure_that_is_not_reached_is_said(tmp_path, monkeypatch):
         run(tmp_path, "coarse", 1)
 
 
-def test_sweep_solves_only_what_is_missing(tmp_path):
-    cases = {name: (ACTUATOR.model_copy(update={"width": w}), FEW) for name, w in (("a", 0.02), ("b", 0.028))}
-    first = sweep(cases, tmp_path, 1)
-    stamps = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.csv")}
-    assert len(stamps) == 2
-    next(tmp_path.glob("a-*.csv")).unlink()
-    again = sweep(cases, tmp_path, 1)
-    kept = next(tmp_path.glob("b-*.csv"))
-    assert kept.stat().st_mtime_ns == stamps[kept]
-    for name in cases:
-        np.testing.assert_array_equal(again[name].radius, first[name].radius)
-    assert abs(first["a"].radius[-1]) > abs(first["b"].radius[-1])  # the narrower one bends less
+def test_states_that_converge_are_kept_where_that_is_asked_for(tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.fea.path.LARGEST_STEP", 4e4)
+    monkeypatch.setattr("pipeline.fea.path.LEAST_STEP", 1.5e4)
+    asked = (
+        "[fea]\nfirst_pressure_kpa = 0.0\nlast_pressure_kpa = 400.0\npressure_step_kpa = 100.0\npartial = true\n"
+        "mesh = { cavity = 1, wall = 1, gap = 1, base = 1, bridge = 1, side = 1, wedge = 1, span = 1 }\n"
+    )
+    write_case(tmp_path, asked + "uncertainty = true\n")
+    with pytest.raises(StageError, match="goes with uncertainty = false"):
+        run(tmp_path, "coarse", 1)
+    write_case(tmp_path, asked + "uncertainty = false\n")
+    run(tmp_path, "coarse", 1)
+    states = read(tmp_path / "kinematics" / "states.h5")
+    assert 1 <= len(states.pressure) < 5
+    assert states.radius_std is None
+
+
+def test_a_study_of_actuators_is_read_by_its_plan(tmp_path):
+    """Two rows, planned and analysed as the Snakefile does; a row that was not analysed is named."""
+    write_case(
+        tmp_path,
+        "[fea]\nmesh = { cavity = 1, wall = 1, gap = 1, base = 1, bridge = 1, side = 1, wedge = 1, span = 1 }\n",
+    )
+    (tmp_path / "studies").mkdir()
+    table = tmp_path / "studies" / "bending.csv"
+    table.write_text(
+        "run, until, actuator.width, fea.first_pressure_kpa, fea.last_pressure_kpa, fea.pressure_step_kpa, fea.uncertainty\n"
+        "narrow, fea, 0.02, -2, 2, 2, false\nwide, fea, 0.028, -2, 2, 2, false\n"
+    )
+    planned = json.loads(plan(table).read_text())
+    run(Path(planned["runs"][0]["folder"]), "coarse", 1)
+    with pytest.raises(StageError, match="wide was not analysed"):
+        bends_of(planned)
+    run(Path(planned["runs"][1]["folder"]), "coarse", 1)
+    found = bends_of(planned)
+    assert abs(found["narrow"].radius[-1]) > abs(found["wide"].radius[-1])  # the narrower one bends less
 
 
 def test_split_of_the_material_keeps_its_small_strain_stiffness():

@@ -57,3 +57,16 @@ def test_an_old_or_foreign_version_is_refused(monkeypatch, tmp_path, banner):
     monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
     with pytest.raises(StageError, match=r"v1912 or later is needed"):
         openfoam.foam_version()
+
+
+def test_ranks_on_other_hosts_get_the_environment_they_need(monkeypatch, tmp_path):
+    """mpirun by ssh forwards nothing by itself, and Debian's OpenFOAM does not start without WM_PROJECT_DIR."""
+    fake(tmp_path / "bin", "Using: OpenFOAM-v1912")
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
+    command = openfoam.solver_command(8, tmp_path / "hosts.txt")
+    forwarded = [command[k + 1] for k, word in enumerate(command) if word == "-x"]
+    assert {"WM_PROJECT_DIR", "PATH", "OMP_NUM_THREADS"} <= set(forwarded)
+    assert command[command.index("--hostfile") + 1] == str(tmp_path / "hosts.txt")
+    assert command[-2:] == ["pimpleFoam", "-parallel"]
+    assert "-x" not in openfoam.solver_command(8)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from pipeline.run import CELLS_PER_RANK
@@ -13,9 +15,11 @@ from pipeline.scaling import (
     imbalance,
     measured,
     read_data,
+    report,
     step_time,
     useful_ranks,
 )
+from tests.conftest import write_scene
 
 NETWORK = Network(latency=2e-6, bandwidth=1e9, ranks_per_node=64, saturated=2.0)
 SOLVER = Solver(seconds_per_cell=4e-6, pair_slowdown=1.1, serial_seconds_per_cell=0.0, pressure_cycles=6.0)
@@ -65,6 +69,17 @@ def test_the_shipped_measurements_are_sound():
     assert 1e-6 < solver.seconds_per_cell < 2e-5
     assert 1.0 <= solver.pair_slowdown < 2.0
     assert 1 < useful_ranks(6e5, 3e4, solver, network) <= 4096
+
+
+def test_a_prediction_says_what_it_does_not_know(tmp_path):
+    """The memory of a full node is assumed: the answer spans what the literature leaves open, and names it."""
+    text = report(write_scene(tmp_path / "small"), 40_000_000, 1_500_000, [1, 2, 64])
+    answer = next(line for line in text.splitlines() if "more than" in line)
+    low, high = re.search(r"\(([\d.]+) min to ([\d.]+) min, by how well", answer).groups()
+    about = re.search(r"about ([\d.]+) min", answer).group(1)
+    assert float(low) < float(about) < float(high) < 3.5 * float(low)
+    assert "Galeazzo" in text
+    assert "InfiniBand" in text
 
 
 def test_a_step_is_read_from_the_log(tmp_path):

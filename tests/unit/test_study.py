@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -11,7 +12,9 @@ import pytest
 from pipeline.errors import StageError
 from pipeline.link import link
 from pipeline.scene import load_scene
-from pipeline.study import Row, plan, read_study, scene_text
+from pipeline.study import folder_of, plan, scene_text, toml
+from pipeline.study_file import Row, read_study
+from postprocess.studies import changes
 from postprocess.study_table import read_plan, study_table
 from tests.conftest import ROOT, write_scene
 
@@ -115,6 +118,26 @@ def test_a_study_that_was_not_run_gives_a_table_of_what_was_asked(tmp_path):
     assert table["cpu_total_s"][0] == 0
 
 
+def test_the_table_says_how_runs_ended_and_what_actuators_gave(tmp_path):
+    """What Snakemake leaves behind of a run that was stopped, and of a bending analysis."""
+    scene = write_scene(tmp_path / "small")
+    (scene.folder / "studies").mkdir()
+    table = scene.folder / "studies" / "mixed.csv"
+    table.write_text("run, level, until, actuator.width\nwide, tiny, fea, 0.03\nplain, tiny, run, \n")
+    planned = read_plan(plan(table))
+    wide, plain = (Path(row["folder"]) for row in planned["runs"])
+    (wide / "kinematics").mkdir()
+    shutil.copy2(ROOT / "cases" / "single_finger" / "kinematics" / "states.h5", wide / "kinematics")
+    (plain / "out" / "tiny" / "ending.json").write_text(
+        json.dumps({"format": "ending", "ended": "stopped", "stopped_at_s": 0.1, "reason": "Courant"})
+    )
+    rows = study_table(planned).set_index("run")
+    assert rows.loc["wide", "states"] == 81
+    assert rows.loc["wide", "pressure_max_Pa"] == 40e3
+    assert rows.loc["plain", "ended"] == "stopped"
+    assert rows.loc["plain", "stopped_at_s"] == 0.1
+
+
 def test_the_shipped_study_is_sound():
     """Every row of the study of the trade loads, and its runs are named by their level or as PIV."""
     rows = read_study(ROOT / "cases" / "single_finger" / "studies" / "tradeoff.csv")
@@ -122,3 +145,114 @@ def test_the_shipped_study_is_sound():
         levels = tomllib.load(file)["levels"]
     assert {row.level for row in rows} <= set(levels)
     assert "medium" in {row.run for row in rows}
+
+
+def test_a_row_may_name_another_scene_and_then_runs_where_that_does(tmp_path):
+    """Rows of several scenes in one table; what changes nothing of its scene is that scene's own run."""
+    for name in ("one", "two"):
+        write_scene(tmp_path / name)
+    (tmp_path / "studies").mkdir()
+    table = tmp_path / "studies" / "all.csv"
+    table.write_text(
+        "run, scene, level, until, numerics.time_step\n"
+        "one, one, tiny, run, \ntwo, two, tiny, run, \nfine, two, tiny, run, 5e-4\n"
+    )
+    runs = {row["run"]: row for row in json.loads(plan(table).read_text())["runs"]}
+    assert Path(runs["one"]["folder"]) == tmp_path / "one"
+    assert Path(runs["two"]["folder"]) == tmp_path / "two"
+    assert Path(runs["fine"]["folder"]) == tmp_path / "out" / "studies" / "all" / "fine"
+    assert load_scene(runs["fine"]["folder"], "tiny").numerics.time_step == 5e-4
+    assert (tmp_path / "two" / "out" / "tiny" / "settings" / "case.json").exists()
+
+
+def test_two_rows_in_one_place_are_refused(tmp_path):
+    write_scene(tmp_path / "one")
+    (tmp_path / "studies").mkdir()
+    table = tmp_path / "studies" / "all.csv"
+    table.write_text("run, scene, level, until, ranks\na, one, tiny, run, 1\nb, one, tiny, run, 2\n")
+    with pytest.raises(StageError, match=r"runs a and b: both are .*one at level tiny"):
+        plan(table)
+
+
+def test_the_states_of_a_shipped_scene_are_not_written_over(tmp_path):
+    write_scene(tmp_path / "one")
+    (tmp_path / "studies").mkdir()
+    table = tmp_path / "studies" / "all.csv"
+    table.write_text("run, scene, level, until\na, one, tiny, fea\n")
+    with pytest.raises(StageError, match="would write over the states"):
+        plan(table)
+
+
+def test_a_refused_run_that_may_fail_is_planned_beside_the_others(tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.study.foam_version", lambda: "v1912")
+    scene = write_scene(tmp_path / "small")
+    (scene.folder / "studies").mkdir()
+    table = scene.folder / "studies" / "edges.csv"
+    table.write_text(
+        "run, level, until, may_fail, numerics.time_step, model.kind\n"
+        "good, tiny, run, yes, , \nodd, tiny, run, yes, 3e-4, \nsure, tiny, run, no, , \n"
+    )
+    runs = {row["run"]: row for row in json.loads(plan(table).read_text())["runs"]}
+    assert runs["good"]["owners"] == {}  # shares nothing, and nobody shares it
+    assert runs["sure"]["owners"]["mesh"] == "sure"
+    asked = {
+        name: json.loads((Path(runs[name]["folder"]) / "out" / "tiny" / "asked.json").read_text())
+        for name in ("good", "odd")
+    }
+    assert "numerics.time_step" in asked["odd"]["scene"]
+    assert runs["odd"]["estimates"] == {}
+    before = (Path(runs["good"]["folder"]) / "out" / "tiny" / "asked.json").stat().st_mtime_ns
+    plan(table)  # nothing changed: nothing is to be run again
+    assert (Path(runs["good"]["folder"]) / "out" / "tiny" / "asked.json").stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    "rows, said",
+    [("a, tiny, vortices, yes\n", "may fail ends with one of"), ("a, tiny, run, perhaps\n", "may_fail = 'perhaps'"),
+     ("a, tiny, run, no, 7, 8\n", "more cells than columns")],
+)  # fmt: skip
+def test_what_may_fail_is_said_in_one_word(tmp_path, rows, said):
+    path = tmp_path / "s.csv"
+    path.write_text("run, level, until, may_fail\n" + rows)
+    with pytest.raises(StageError) as error:
+        read_study(path)
+    assert said in str(error.value)
+
+
+def test_tables_in_cells_are_toml():
+    assert tomllib.loads(f"a = {toml([{'pressure_kpa': -20.0, 'start': 0}, True])}") == {
+        "a": [{"pressure_kpa": -20.0, "start": 0}, True]
+    }
+
+
+def test_a_run_of_the_studys_own_scene_lies_beneath_the_study(tmp_path):
+    assert folder_of(tmp_path, "s", Row("r", "coarse")) == tmp_path / "out" / "studies" / "s" / "r"
+
+
+SHIPPED = sorted((ROOT / "cases").glob("*/studies/*.csv"))
+
+
+@pytest.mark.parametrize("table", SHIPPED, ids=lambda path: f"{path.parent.parent.name}-{path.stem}")
+def test_every_row_of_a_shipped_study_is_a_scene(table, tmp_path):
+    """A slip in a table is found here, not after the runs before it; rows that may fail may be refused."""
+    for row in read_study(table):
+        folder = tmp_path / row.run
+        folder.mkdir()
+        parent = ROOT / "cases" / table.parent.parent.name / (row.scene or ".")
+        (folder / "scene.toml").write_text(scene_text(str(parent), row))
+        (folder / "kinematics").symlink_to(ROOT / "cases" / "single_finger" / "kinematics")
+        try:
+            load_scene(folder, row.level)
+        except StageError:
+            assert row.may_fail, row.run
+
+
+def test_what_sets_a_run_apart_leaves_out_what_all_have_in_common():
+    runs = [
+        {"run": "base", "overrides": {"sheet.rate_hz": 125}},
+        {"run": "gap", "overrides": {"sheet.rate_hz": 125, "pinch.residual_gap": 0.001}},
+        {"run": "flat", "overrides": {"sheet.rate_hz": 125, "model.kind": "2d"}},
+    ]
+    assert changes(runs) == {
+        "base": "as it is", "gap": "pinch.residual_gap = 0.001", "flat": "model.kind = 2d",
+    }  # fmt: skip

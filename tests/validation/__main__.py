@@ -1,4 +1,4 @@
-"""`python -m tests.validation`: run the checks of docs/verification.md, write their results and the page."""
+"""`python -m tests.validation`: the checks of docs/verification.md on the runs that are there; their results and the page."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ FLOWS: dict[str, Callable[[Scene], Result]] = {
 }
 
 
-def measure(name: str, quiet: bool, again: bool) -> Result | None:
+def measure(name: str, again: bool) -> Result | None:
     """The result of one check by name; None where the runs that it reads are not there."""
     if name in FLOWS:
-        return FLOWS[name](solved(name, quiet=quiet, again=again))
+        return FLOWS[name](solved(name))
     others: dict[str, Callable[[], Result | None]] = {
         "deforming_mesh": partial(deforming.measure, again),
         "exact_fields": exact_fields.measure,
-        "finger_2d": partial(finger.two_dimensional, quiet, again),
+        "finger_2d": finger.two_dimensional,
         "finger": partial(finger.three_dimensional, ROOT / "cases" / "single_finger"),
     }
     return others[name]()
@@ -41,7 +41,7 @@ def measure(name: str, quiet: bool, again: bool) -> Result | None:
 def run(names: list[str], quiet: bool, again: bool) -> None:
     """Measure, write one results file per name, then the page."""
     for name in names:
-        result = measure(name, quiet, again)
+        result = measure(name, again)
         if result is None:
             print(
                 f"{name}: fewer than three levels have been run; make single_finger LEVEL=medium, then again"
@@ -63,7 +63,7 @@ def main() -> None:
         "names", nargs="*", metavar="NAME", help=f"checks to run (default: all): {', '.join(ORDER)}"
     )
     parser.add_argument(
-        "--again", action="store_true", help="solve again what was solved for the same numbers"
+        "--again", action="store_true", help="solve deforming_mesh again, which has a solver of its own"
     )
     parser.add_argument(
         "--page", action="store_true", help="only write the page from the results that are there"

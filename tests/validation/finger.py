@@ -134,10 +134,10 @@ def sentence(runs: list[Run], estimates: dict[str, Estimate], level: str) -> str
     return f"At `{level}` Γ is within {gap:.1%} of the extrapolated value (uncertainty {bound:.1%})."
 
 
-def two_dimensional(quiet: bool = True, again: bool = False) -> Result:
+def two_dimensional() -> Result:
     """Grids and time steps of the 2-D finger."""
-    grids = [read_run(solved("finger_2d", level, quiet, again=again)) for level in GRIDS]
-    steps = [read_run(solved("finger_2d", level, quiet, again=again)) for level in STEPS]
+    grids = [read_run(solved("finger_2d", level)) for level in GRIDS]
+    steps = [read_run(solved("finger_2d", level)) for level in STEPS]
     scene = load_scene(CASES / "finger_2d", "g100")
     checks = [
         *checks_of(grids, "cell", "g071", "finger_2d.grid", "(grid)"),

@@ -19,7 +19,7 @@ ORDER = (
 HEAD = """# Verification and validation
 
 `make validate` runs the flows of `cases/validation/` through the project's own stages (kinematics, mesh and morph, case, run,
-sheet), measures, and writes this page and `docs/verification/*.json`; what was solved for the same numbers is not solved
+sheet), as the studies `cases/validation/studies/*.csv` say ([cluster.md](cluster.md)), measures, and writes this page and `docs/verification/*.json`; what was solved for the same numbers is not solved
 again. Every row: quantity, reference, result, tolerance and why. A row that is **missed** stays here as such.
 """
 

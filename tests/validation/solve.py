@@ -1,22 +1,21 @@
-"""Running a scene of cases/validation through the project's own stages, and reading what they wrote."""
+"""What the project's own stages wrote of a scene of cases/validation; the studies there make the runs (make validate)."""
 
 from __future__ import annotations
 
 import json
 import resource
 import tomllib
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pipeline import case, kinematics, mesh, run, sheets
+from pipeline.errors import StageError
 from pipeline.scene import Scene, load_scene
 
 CASES = Path(__file__).resolve().parents[2] / "cases" / "validation"
-Prepare = Callable[[Scene], None]
+STAGES = ("kinematics", "mesh", "case", "run", "sheets")  # as costs/ names them
 
 
 @dataclass(frozen=True)
@@ -36,35 +35,40 @@ def cpu_seconds() -> float:
     return sum(u.ru_utime + u.ru_stime for u in used)
 
 
-def solved(
-    name: str, level: str = "coarse", quiet: bool = True, folder: Path = CASES, again: bool = False
-) -> Scene:
-    """The scene, taken through kinematics, mesh, case, run and sheet unless that was done for these very numbers."""
+def solved(name: str, level: str = "coarse", folder: Path = CASES) -> Scene:
+    """The scene, whose run is there. StageError where it is not, or is of other numbers."""
     scene = load_scene(folder / name, level)
     record = scene.out / "run" / "run.json"
-    if not again and record.exists() and json.loads(record.read_text())["scene_hash"] == scene.digest():
-        return scene
-    scene.out.mkdir(parents=True, exist_ok=True)
-    before = cpu_seconds()
-    for stage in (kinematics, mesh, case, run, sheets):
-        stage.run(scene, quiet)
-    (scene.out / "run" / "cpu.json").write_text(json.dumps({"cpu_seconds": round(cpu_seconds() - before, 1)}))
+    if not record.exists() or not (scene.out / "sheet.h5").exists():
+        raise StageError(
+            f"{scene.out}: {name} was not run at level {level}; run make validate, which makes the runs first"
+        )
+    if json.loads(record.read_text())["scene_hash"] != scene.digest():
+        raise StageError(
+            f"{record}: of other numbers than {name} has now; run make validate, which makes the run again"
+        )
     return scene
+
+
+def spent(scene: Scene) -> dict[str, float]:
+    """CPU seconds of all stages of a run; empty where one of them kept no account."""
+    paths = [scene.out / "costs" / f"{stage}.json" for stage in STAGES]
+    if not all(path.exists() for path in paths):
+        return {}
+    return {"cpu_seconds": round(sum(json.loads(path.read_text())["cpu_time"] for path in paths), 1)}
 
 
 def provenance(scene: Scene) -> dict[str, Any]:
     """What a result must say of the run behind it."""
     record = json.loads((scene.out / "run" / "run.json").read_text())
-    cpu = scene.out / "run" / "cpu.json"
     kept = ("scene_hash", "cells", "time_step", "steps", "end_time", "courant_max", "continuity_max")
-    spent = json.loads(cpu.read_text()) if cpu.exists() else {}
     settings = scene.model_dump(mode="json", include={"mesh", "numerics", "fluid", "body"})
     return {
         "versions": {"OpenFOAM": record["versions"]["OpenFOAM"]},
         "level": scene.level,
         **{k: record[k] for k in kept},
         "power_balance_closure": record["power_balance"]["closure_fraction"],
-        **spent,
+        **spent(scene),
         "settings": settings,
     }
 

@@ -1,0 +1,124 @@
+"""A study through Snakemake on this machine: equal stages once, a refusal as a result, another scene's own run, a kill."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.conftest import ROOT, TINY
+
+SNAKEMAKE = ROOT / ".venv-study" / "bin" / "snakemake"
+pytestmark = [
+    pytest.mark.openfoam,
+    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
+    pytest.mark.skipif(not SNAKEMAKE.exists(), reason="Snakemake is not installed; make study installs it"),
+]
+SHORT = "[motion]\nstrokes = [{ pressure_kpa = 6.0, start = 0.002, duration = 0.2 }]\nend_time = 0.02\n"
+TABLE = """run, scene, level, until, ranks, may_fail, numerics.max_courant, fluid.kinematic_viscosity
+itself, ., tiny, run, , , ,
+thick, , tiny, run, , , , 1e-5
+edge, , tiny, run, , yes, 0.01,
+"""
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A copy of the project with one small scene and a study of it."""
+    folder = tmp_path_factory.mktemp("project")
+    for part in ("pipeline", "piv", "postprocess"):
+        shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+    for part in ("_base", "single_finger"):
+        shutil.copytree(ROOT / "cases" / part, folder / "cases" / part, ignore=shutil.ignore_patterns("out"))
+    (folder / ".venv").symlink_to(ROOT / ".venv")
+    scene = folder / "cases" / "small"
+    (scene / "studies").mkdir(parents=True)
+    (scene / "scene.toml").write_text(
+        TINY.format(parent="../single_finger", kind="2d", more=SHORT, numerics="")
+    )
+    (scene / "kinematics").symlink_to("../single_finger/kinematics")
+    (scene / "studies" / "trial.csv").write_text(TABLE)
+    return folder
+
+
+def snakemake(project: Path, *more: str) -> subprocess.Popen[str]:
+    command = [
+        SNAKEMAKE,
+        "-s",
+        "pipeline/Snakefile",
+        "-j2",
+        *more,
+        "--config",
+        "study=cases/small/studies/trial.csv",
+    ]
+    return subprocess.Popen(
+        command,
+        cwd=project,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def planned_jobs(project: Path) -> dict[str, int]:
+    """Jobs by rule that Snakemake would run now."""
+    process = snakemake(project, "-n", "-q", "host")
+    said = process.communicate(timeout=120)[0]
+    assert process.returncode == 0, said[-3000:]
+    assert ("Nothing to be done" in said) != ("Job stats" in said)
+    return {rule: int(count) for rule, count in re.findall(r"(?m)^(\w+) +(\d+)$", said)}
+
+
+def test_a_killed_study_goes_on_and_ends(project):
+    process = snakemake(project)
+    mesh = project / "cases" / "small" / "out" / "tiny" / "planform.h5"
+    deadline = time.monotonic() + 300
+    while not mesh.exists() and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGKILL)  # nobody is left to clean up
+    process.wait()
+    time.sleep(1)
+    process = snakemake(project)
+    said = process.communicate(timeout=600)[0]
+    assert process.returncode == 0, said[-3000:]
+    table = pd.read_csv(project / "cases" / "small" / "out" / "studies" / "trial" / "table.csv").set_index(
+        "run"
+    )
+    assert list(table.index) == ["itself", "thick", "edge"]
+    assert table["peak_force_N"].notna().to_dict() == {"itself": True, "thick": True, "edge": False}
+    assert table.loc["edge", "ended"] == "refused"
+    assert table.loc["thick", "peak_force_N"] != table.loc["itself", "peak_force_N"]
+
+
+def test_the_runs_lie_where_the_table_says(project):
+    """What changes nothing is the scene's own run, as make would have made it; what is equal is linked."""
+    scene = project / "cases" / "small"
+    own, thick = scene / "out" / "tiny", scene / "out" / "studies" / "trial" / "thick" / "out" / "tiny"
+    assert (own / "run" / "run.json").exists()
+    assert (thick / "planform.h5").stat().st_ino == (own / "planform.h5").stat().st_ino
+    assert (thick / "run" / "run.json").stat().st_ino != (own / "run" / "run.json").stat().st_ino
+    edge = scene / "out" / "studies" / "trial" / "edge" / "out" / "tiny"
+    ending = json.loads((edge / "ending.json").read_text())
+    assert ending["ended"] == "refused"
+    assert "time_step of at most" in ending["reason"]
+
+
+def test_nothing_is_run_again_until_a_number_changes(project):
+    assert planned_jobs(project) == {}
+    (project / "pipeline" / "run.py").touch()
+    (project / "pipeline" / "Snakefile").write_text(
+        (project / "pipeline" / "Snakefile").read_text().replace("rule sheet:", "# a remark\nrule sheet:")
+    )
+    assert planned_jobs(project) == {}
+    table = project / "cases" / "small" / "studies" / "trial.csv"
+    table.write_text(TABLE.replace("1e-5", "2e-5"))
+    assert planned_jobs(project) == {"case": 1, "run": 1, "table": 1, "total": 3}
