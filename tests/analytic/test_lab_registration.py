@@ -76,6 +76,46 @@ def test_registration_says_how_sure_it_is(found, family):
     assert (std < [2.0, 2.0, 0.02, 0.01]).all()
 
 
+class Held(Stills):
+    """The same, hung from a holder that hides the upper 8 mm of the finger and is as dark as the finger."""
+
+    def _read(self, i):
+        image = super()._read(i).copy()
+        image[: self.dark_rows()] = 8
+        return image
+
+    def dark_rows(self):
+        along = self._family.shape("tip_direction", 0.0)
+        end = self._lab.pose(self._family.root).to_px(self._family.root + 0.008 * along)
+        return round(self._lab.camera.height_px - 1 - float(end[1]))
+
+
+def test_a_hidden_root_is_told_and_left_out(family):
+    lab = set_up(family, scale_error=0.002)
+    held, stated = Held(family, lab), stated_pose(family, lab.camera)
+    options = {"scale_std": 0.003, "sweeps": (600, 200, 600, 600)}
+    with pytest.raises(ValueError, match="give root_hidden_mm"):
+        register(held, held.times, family, stated, None, **options)
+    found = register(held, held.times, family, stated, None, hidden=0.011, **options)
+    true = lab.pose(family.root)
+    off = [*(np.array(found.pose.at_px) - true.at_px), found.pose.angle - true.angle, np.log(found.pose.px_per_m / true.px_per_m)]  # fmt: skip
+    assert (np.abs(off) < 4 * np.sqrt(np.diag(found.covariance))).all()
+    assert found.law.delay == pytest.approx(DELAY, abs=0.003)
+
+
+def test_a_motion_of_another_shape_is_followed_frame_by_frame(family):
+    """A finger that lags by up to 3 % of the range in the middle of its stroke, as one with hysteresis: seen, and said to be off."""
+    lab = set_up(family)
+    stills = Stills(family, lab)
+    lag = 0.03 * 20e3 * np.sin(np.pi * np.clip(stills.times / 0.4, 0, 1)) ** 2
+    stills.pressures = stills.pressures - lag
+    found = register(
+        stills, stills.times, family, stated_pose(family, lab.camera), None, scale_std=0.01, sweeps=(800, 300, 1200, 1200)
+    )  # fmt: skip
+    error = found.pressures - stills.pressures
+    assert np.sqrt(np.mean(error**2)) < 0.02 * 20e3  # single frames of a small picture
+
+
 def test_lower_layer_is_measured(found, family):
     _lab, stills, registration = found
     strip = strip_at_rest(family)

@@ -25,7 +25,7 @@ sheet_thickness_mm = 1.0
 finger_geometry = "nominal"
 scale = {{ calibration = "{calibration}", std_percent = 1.0 }}
 axes = {{ y = "down", x = "{x}", root_px = [700.0, 40.0] }}
-piv = {{ window = 32, spacing = 8 }}
+piv = {{ window = 32, spacing = 8, pairing = "1-2,2-3" }}
 """
 
 
