@@ -17,7 +17,7 @@ import numpy as np
 from postprocess.lab.family import Family
 from postprocess.lab.outline_sampler import sample
 from postprocess.lab.pose import Pose
-from postprocess.lab.silhouette import Evidence, running_sums
+from postprocess.lab.silhouette import Evidence, integral_image
 
 TABLE = 241  # shapes in the table that outlines are interpolated from
 REACH = 0.15  # of the family's range: how far a recording may bend beyond the simulation
@@ -29,9 +29,10 @@ LAW_STD = 0.3  # prior of factor and stretch about 1: weak, for recordings that 
 
 @dataclass(frozen=True)
 class Frames:
-    """Pictures ready to be fitted: running sums of their evidence (frame, row with y up, column) and their times (s)."""
+    """Pictures ready to be fitted: `integral_image` of their evidence (frame, row, column), less its `mean`, and their times (s)."""
 
-    sums: np.ndarray
+    integrals: np.ndarray
+    mean: float
     times: np.ndarray
     independent: float  # share of the frames that bring news: particles at rest stay where they are
 
@@ -62,14 +63,15 @@ def moved(pose: Pose, change: np.ndarray) -> Pose:
 def prepare(
     images: list[np.ndarray], times: np.ndarray, evidence: Evidence, blind: np.ndarray | None = None
 ) -> Frames:
-    """Running sums of frames (row 0 at the top) taken at `times` (s); `blind` (rows, columns): pixels that tell nothing."""
+    """Evidence of frames (row 0 at the top) taken at `times` (s); `blind` (rows, columns): pixels that tell nothing."""
     found = [evidence.image(image) for image in images]
     if blind is not None:
         found = [np.where(blind, np.float32(0), f) for f in found]
     near = [np.corrcoef(a.ravel()[::3], b.ravel()[::3])[0, 1] for a, b in itertools.pairwise(found)]
     common = float(np.clip(np.mean(near), 0, 0.99)) if near else 0.0
-    sums = np.stack([running_sums(f).astype(np.float32) for f in found])
-    return Frames(sums, np.asarray(times, float), (1 - common) / (1 + common))
+    mean = float(np.mean([f.mean() for f in found]))
+    integrals = np.stack([integral_image(f, mean).astype(np.float32) for f in found])
+    return Frames(integrals, mean, np.asarray(times, float), (1 - common) / (1 + common))
 
 
 def outline_table(family: Family) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -118,7 +120,7 @@ def fit_outline(
         mean[6], weight[6] = stated_delay[0] - law[1], max(stated_delay[1], 1e-5) ** -2
     start = np.array([*first.at_px, first.angle, first.px_per_m, edge_px, *law])
     found, places, accepted = sample(
-        frames.sums, outlines, normals, start, np.asarray(first.anchor), frames.times, history, clock[0], clock[1] - clock[0],
+        frames.integrals, frames.mean, outlines, normals, start, np.asarray(first.anchor), frames.times, history, clock[0], clock[1] - clock[0],
         spread, mean, weight, np.asarray(deviation, float) / step, frames.independent, burn, keep, np.random.default_rng(seed),
     )  # fmt: skip
     middle = places.mean(axis=0)

@@ -70,14 +70,15 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
     shapes = np.array(
         [
             fit_profile(
-                sums.astype(np.float64),
+                integral,
+                frames.mean,
                 strip,
                 pose,
                 registration.edge_px,
                 float(family.shape("bend", p)),
                 frames.independent,
             )
-            for sums, p in zip(frames.sums, np.where(frames.times <= 0, start, guesses), strict=True)
+            for integral, p in zip(frames.integrals, np.where(frames.times <= 0, start, guesses), strict=True)
         ]
     )
     dataset = motion_dataset(

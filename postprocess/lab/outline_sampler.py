@@ -5,6 +5,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from postprocess.lab.silhouette import left_of
+
 COLD = 0.05  # of the evidence at the beginning: the landscape has a bump per particle, so the chain is cooled into it
 STEP, TAKEN, TAKEN_ALONE = (
     0.6,
@@ -14,9 +16,11 @@ STEP, TAKEN, TAKEN_ALONE = (
 
 
 @numba.njit(cache=True)
-def frame_score(sums, outlines, normals, at, angle, px_per_m, anchor, edge, place):
-    """Evidence inside the outline at `place` (index into the table, fractional) in one frame; `edge` (px) grows it."""
-    rows, columns = sums.shape
+def frame_score(integral, mean, outlines, normals, at, angle, px_per_m, anchor, edge, place):
+    """Evidence inside the outline at `place` (index into the table, fractional) in one frame; `edge` (px) grows it.
+
+    `integral` and `mean` as of `silhouette.integral_image`.
+    """
     c, s = np.cos(angle), np.sin(angle)
     t = min(max(int(place), 0), outlines.shape[0] - 2)
     w = place - t
@@ -31,23 +35,19 @@ def frame_score(sums, outlines, normals, at, angle, px_per_m, anchor, edge, plac
         qx = at[0] + px_per_m * (c * x - s * y) + edge * (c * nx - s * ny)
         qy = at[1] + px_per_m * (s * x + c * y) + edge * (s * nx + c * ny)
         if k > 0:
-            mx = min(max(0.5 * (qx + px) - 0.5, 0.0), columns - 1.0)
-            my = min(max(0.5 * (qy + py), 0.0), rows - 1.0)
-            i, j = min(int(mx), columns - 2), min(int(my), rows - 2)
-            a, b = mx - i, my - j
-            low = (1 - a) * sums[j, i] + a * sums[j, i + 1]
-            high = (1 - a) * sums[j + 1, i] + a * sums[j + 1, i + 1]
-            total += ((1 - b) * low + b * high) * (qy - py)
+            total += left_of(integral, mean, px, py, qx, qy)
         px, py = qx, qy
     return total
 
 
 @numba.njit(cache=True)
-def all_scores(sums, outlines, normals, at, angle, px_per_m, anchor, edge, places):
+def all_scores(integrals, mean, outlines, normals, at, angle, px_per_m, anchor, edge, places):
     """`frame_score` of every frame, (frame,)."""
     out = np.empty(places.size)
     for f in range(places.size):
-        out[f] = frame_score(sums[f], outlines, normals, at, angle, px_per_m, anchor, edge, places[f])
+        out[f] = frame_score(
+            integrals[f], mean, outlines, normals, at, angle, px_per_m, anchor, edge, places[f]
+        )
     return out
 
 
@@ -65,7 +65,7 @@ def law_places(times, values, law, begin, step):
 
 @numba.njit(cache=True)
 def sample(
-    sums, outlines, normals, first, anchor, times, law, begin, step, spread, mean_prior, weight_prior, apart, temper,
+    integrals, mean_evidence, outlines, normals, first, anchor, times, law, begin, step, spread, mean_prior, weight_prior, apart, temper,
     burn, keep, rng,
 ):  # fmt: skip
     """Samples of (x, y, angle, ln scale, edge, factor, delay, stretch), as changes of `first`, and of the places (sample, frame).
@@ -78,7 +78,9 @@ def sample(
     largest = outlines.shape[0] - 1.0
     at = np.array([first[0], first[1]])
     places = law_places(times, first[5:], law, begin, step)
-    scores = all_scores(sums, outlines, normals, at, first[2], first[3], anchor, first[4], places)
+    scores = all_scores(
+        integrals, mean_evidence, outlines, normals, at, first[2], first[3], anchor, first[4], places
+    )
     out, out_places = np.empty((keep, size)), np.empty((keep, frames))
     mean, second = np.zeros(size), np.diag(spread**2)
     factor = np.linalg.cholesky(second)
@@ -96,7 +98,16 @@ def sample(
             at = np.array([first[0] + new[0], first[1] + new[1]])
             scale = first[3] * np.exp(new[3])
             tried = all_scores(
-                sums, outlines, normals, at, first[2] + new[2], scale, anchor, first[4] + new[4], new_places
+                integrals,
+                mean_evidence,
+                outlines,
+                normals,
+                at,
+                first[2] + new[2],
+                scale,
+                anchor,
+                first[4] + new[4],
+                new_places,
             )
             gain = heat * (tried.sum() - scores.sum())
             gain -= 0.5 * np.sum(weight_prior * ((new - mean_prior) ** 2 - (change - mean_prior) ** 2))
@@ -110,7 +121,7 @@ def sample(
             if places[f] + move < 0 or places[f] + move > largest:
                 continue
             s = frame_score(
-                sums[f], outlines, normals, at, first[2] + change[2], scale, anchor, first[4] + change[4], places[f] + move
+                integrals[f], mean_evidence, outlines, normals, at, first[2] + change[2], scale, anchor, first[4] + change[4], places[f] + move
             )  # fmt: skip
             gain = heat * (s - scores[f]) - 0.5 * ((off[f] + move) ** 2 - off[f] ** 2) / apart[f] ** 2
             better = np.log(rng.random()) < gain

@@ -127,7 +127,8 @@ def search_delay(
         places = (pressures - table[0]) / (table[1] - table[0])
         scores.append(
             all_scores(
-                frames.sums,
+                frames.integrals,
+                frames.mean,
                 outlines,
                 normals,
                 np.asarray(pose.at_px),
@@ -220,9 +221,9 @@ def check_root(frames: Frames, family: Family, pose: Pose, evidence: Evidence) -
     dense = np.vstack(
         [np.linspace(a, b, 40, endpoint=False) for a, b in zip(patch, np.roll(patch, -1, 0), strict=True)]
     )
-    sums = [inside_sum(s.astype(float), counter_clockwise(dense)) for s in frames.sums]
+    sums = [inside_sum(i, counter_clockwise(dense), frames.mean) for i in frames.integrals]
     area = (BEYOND[1] - BEYOND[0]) * 2 * half * pose.px_per_m**2
-    rows, columns = frames.sums.shape[1:]
+    rows, columns = (n - 1 for n in frames.integrals.shape[1:])
     outside = (patch < 0).any() or (patch > [columns - 1, rows - 1]).any()
     if outside or np.mean(sums) > 0.5 * evidence.rate * area:
         what = "the picture ends" if outside else "there are no particles either, as in a holder or a shadow"

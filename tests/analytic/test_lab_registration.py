@@ -12,7 +12,7 @@ from postprocess.lab.pose import Pose, camera_planes
 from postprocess.lab.profile import bent_outline, circle, fit_profile, motion_dataset, profile, strip_at_rest
 from postprocess.lab.registration import register
 from postprocess.lab.sides import appearance_of
-from postprocess.lab.silhouette import counter_clockwise, inside_sum, learn, running_sums
+from postprocess.lab.silhouette import counter_clockwise, inside_sum, integral_image, learn
 from tests.lab_scene import finger_family, set_up, stated_pose, still_picture, vortex_series
 
 FRAMES, DELAY, FACTOR = 24, 0.007, 1.05
@@ -48,13 +48,28 @@ def found(family):
     )
 
 
+def dense(corners, pieces=50):
+    """A polygon with its sides cut in pieces."""
+    sides = zip(corners, np.roll(corners, -1, 0), strict=True)
+    return counter_clockwise(np.vstack([np.linspace(a, b, pieces, endpoint=False) for a, b in sides]))
+
+
 def test_inside_sum_is_the_area(family):
-    outline = counter_clockwise(np.array([[10.0, 5.0], [10.0, 25.5], [40.25, 25.5], [40.25, 5.0]]))
-    sums = running_sums(np.ones((40, 60), np.float32))
-    dense = np.vstack(
-        [np.linspace(a, b, 50, endpoint=False) for a, b in zip(outline, np.roll(outline, -1, 0), strict=True)]
-    )
-    assert inside_sum(sums, dense) == pytest.approx(30.25 * 20.5, rel=1e-6)
+    outline = dense(np.array([[10.0, 5.0], [10.0, 25.5], [40.25, 25.5], [40.25, 5.0]]))
+    assert inside_sum(integral_image(np.ones((40, 60))), outline) == pytest.approx(30.25 * 20.5, rel=1e-6)
+
+
+@pytest.mark.parametrize("mean", [0.0, -0.15])
+def test_inside_sum_does_not_see_what_lies_outside(mean):
+    """Points of evidence beside a body, many more than at its edges: their number to the left of its two sides must cancel."""
+    rng = np.random.default_rng(2)
+    corners = np.array([[100.0, 20.0], [120.3, 21.0], [119.1, 180.2], [98.8, 179.2]])
+    image = np.zeros((200, 240), np.float32)
+    image[:, :96] = -rng.poisson(0.3, (200, 96))
+    image[:, 125:] = -rng.poisson(0.3, (200, 115))
+    integral = integral_image(image, mean).astype(np.float32)
+    for pieces in (4, 13, 90):  # however the sides are cut
+        assert abs(inside_sum(integral, dense(corners, pieces), mean)) < 0.05
 
 
 def test_pose_scale_and_time_are_found(found, family):
@@ -123,8 +138,8 @@ def test_lower_layer_is_measured(found, family):
     images = [stills.frame(int(i)) for i in index]
     frames = prepare(images, stills.times[index] - registration.law.delay, learn(images[::2]))
     shapes = np.array(
-        [fit_profile(s.astype(float), strip, registration.pose, registration.edge_px, float(family.shape("bend", p)), 1.0)
-         for s, p in zip(frames.sums, registration.pressures[index], strict=True)]
+        [fit_profile(s, frames.mean, strip, registration.pose, registration.edge_px, float(family.shape("bend", p)), 1.0)
+         for s, p in zip(frames.integrals, registration.pressures[index], strict=True)]
     )  # fmt: skip
     true = family.bend(stills.pressures[index])
     error = np.degrees(shapes[:, 0] - true)
