@@ -17,7 +17,7 @@ import numpy as np
 from postprocess.lab.family import Family
 from postprocess.lab.outline_sampler import sample
 from postprocess.lab.pose import Pose
-from postprocess.lab.silhouette import Evidence, integral_image
+from postprocess.lab.silhouette import FINE_PX, Evidence, integral_image
 
 TABLE = 241  # shapes in the table that outlines are interpolated from
 REACH = 0.15  # of the family's range: how far a recording may bend beyond the simulation
@@ -61,10 +61,14 @@ def moved(pose: Pose, change: np.ndarray) -> Pose:
 
 
 def prepare(
-    images: list[np.ndarray], times: np.ndarray, evidence: Evidence, blind: np.ndarray | None = None
+    images: list[np.ndarray],
+    times: np.ndarray,
+    evidence: Evidence,
+    blind: np.ndarray | None = None,
+    blur_px: float = FINE_PX,
 ) -> Frames:
     """Evidence of frames (row 0 at the top) taken at `times` (s); `blind` (rows, columns): pixels that tell nothing."""
-    found = [evidence.image(image) for image in images]
+    found = [evidence.image(image, blur_px) for image in images]
     if blind is not None:
         found = [np.where(blind, np.float32(0), f) for f in found]
     near = [np.corrcoef(a.ravel()[::3], b.ravel()[::3])[0, 1] for a, b in itertools.pairwise(found)]

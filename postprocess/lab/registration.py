@@ -20,7 +20,7 @@ from postprocess.lab.family import Family
 from postprocess.lab.fit_outline import Frames, OutlineFit, fit_outline, outline_table, prepare
 from postprocess.lab.outline_sampler import all_scores
 from postprocess.lab.pose import Pose
-from postprocess.lab.silhouette import Evidence, counter_clockwise, inside_sum, learn
+from postprocess.lab.silhouette import ROUGH_PX, Evidence, counter_clockwise, inside_sum, learn
 
 MAX_FRAMES = 60
 LEARN_FROM = 4
@@ -169,7 +169,7 @@ def register(
     evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
     pose = stated or first_pose(recording, images, family)
     blind = hidden_part(pose, family, hidden, recording.shape) if hidden else None
-    frames = prepare(images, times[chosen], evidence, blind)
+    frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
     first = np.array([1.0, search_delay(frames, family, pose, *(stated_delay or (None,))), 1.0])
     span = family.high - family.low
     rough = fit_outline(
@@ -185,6 +185,7 @@ def register(
         keep=sweeps[1],
     )
     values, _, _ = fit_law(family, frames.times, rough.parameter.mean(axis=0), first)
+    frames = prepare(images, times[chosen], evidence, blind)
     fine = fit_outline(
         frames,
         family,
@@ -200,7 +201,7 @@ def register(
     )
     if not hidden:
         check_root(frames, family, fine.mean_pose(), evidence)
-    return _registration(family, rough, fine, stated, hidden)
+    return _registration(family, rough, fine, stated)
 
 
 def hidden_part(pose: Pose, family: Family, hidden: float, shape: tuple[int, int]) -> np.ndarray:
@@ -243,29 +244,12 @@ def deviation_from_law(family: Family, rough: OutlineFit, values: np.ndarray) ->
     return np.where(at_rest, min(moving, REST_STD * span), moving)
 
 
-def end_covariance(family: Family, pose: Pose, hidden: float = 0.0) -> np.ndarray:
-    """Covariance (x px, y px, angle, ln scale) of what the samples do not know: where, within a pixel, the finger's ends are.
-
-    The two ends are short edges, nearly along the rows of the picture: each is seen to 1/√12 px at best, and scatters alike in
-    all frames, so more frames do not help. Along the finger only; its sides run across many pixels.
-    """
-    along = pose.rotation @ family.shape("tip_direction", float(family.law(family.time[0])))
-    out = np.zeros((4, 4))
-    out[:2, :2] = np.outer(along, along) / 12
-    if not hidden:  # else the scale is the stated one
-        out[3, 3] = 2 / 12 / (family.length * pose.px_per_m) ** 2
-    return out
-
-
-def _registration(
-    family: Family, rough: OutlineFit, fine: OutlineFit, stated: Pose | None, hidden: float
-) -> Registration:
+def _registration(family: Family, rough: OutlineFit, fine: OutlineFit, stated: Pose | None) -> Registration:
     values, seen = fine.law.mean(axis=0), rough.parameter.mean(axis=0)
     misfit = float(np.sqrt(np.mean((seen - law_pressure(family, rough.times, values)) ** 2)))
-    pose = fine.mean_pose()
     return Registration(
-        pose,
-        np.cov(fine.pose[:, :4].T) + end_covariance(family, pose, hidden),
+        fine.mean_pose(),
+        np.cov(fine.pose[:, :4].T),
         float(fine.pose[:, 4].mean()),
         Law(values, np.cov(fine.law.T), misfit),
         rough.times,

@@ -19,7 +19,11 @@ from piv.masks import dark_body
 COST = (
     4.0  # no particle counts more than this against an outline: a reflection on the body must not push it off
 )
-BLUR_PX = 1.5  # of a particle's place: with less, every particle at rest beside the body is a barrier that samples do not pass
+ROUGH_PX, FINE_PX = (
+    1.5,
+    0.5,
+)  # blur of a particle's place: wide, so that particles at rest beside the body are no barriers; as
+# well as it is measured
 NOISE = 6.0  # standard deviations of the body's grey level: what is above is a particle
 CORE_PX, CLEAR_PX = 9, 15  # away from the first guess of the body's edge: surely inside, surely outside
 
@@ -35,7 +39,7 @@ class Evidence:
     body_level: float
     body_std: float
 
-    def image(self, frame: np.ndarray) -> np.ndarray:
+    def image(self, frame: np.ndarray, blur_px: float = FINE_PX) -> np.ndarray:
         """The evidence of a frame (row 0 at the top), (rows, columns) float32; its sum over a region is that for a body there."""
         found = np.full(frame.shape, np.float32(self.rate))
         row, column = particles(frame, self.threshold)
@@ -45,7 +49,7 @@ class Evidence:
         for dj, wj in ((0, 1 - b), (1, b)):
             for di, wi in ((0, 1 - a), (1, a)):
                 np.add.at(spots, (j + dj, i + di), wj * wi)
-        return found - np.float32(self.cost) * cv2.GaussianBlur(spots, (0, 0), BLUR_PX)
+        return found - np.float32(self.cost) * cv2.GaussianBlur(spots, (0, 0), blur_px)
 
 
 def particles(frame: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
