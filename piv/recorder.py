@@ -16,6 +16,7 @@ from piv.plane import FINGER_VARIABLES
 from piv.planefield import PlaneField
 from piv.render import (
     SLAB_HALF_WIDTH,
+    Body,
     add_particles,
     expose,
     fill_polygon,
@@ -87,16 +88,18 @@ class Recorder:
         scale = self.camera.scale_m_per_px
         return x / scale + self.origin_px[0], self.camera.height_px - 1 - (y / scale + self.origin_px[1])
 
-    def body(self, t: float) -> np.ndarray:
-        """Body mask at instant `t` on the picture grown by the rim: from `outline`, else where vectors are absent."""
+    def body(self, t: float) -> Body:
+        """The body at instant `t` on the picture grown by the rim: from `outline`, else where vectors are absent."""
         rim = self.rim_px
         mask = np.zeros((self.camera.height_px + 2 * rim, self.camera.width_px + 2 * rim), np.uint8)
         if "outline" in self.series:
-            for polygon in finger_at(self.series, "outline", t):
-                ok = np.isfinite(polygon).all(axis=1)
-                column, row = self.to_px(polygon[ok, 0], polygon[ok, 1])
-                fill_polygon(mask, column + rim, row + rim)
-            return mask
+            polygons = []
+            for points in finger_at(self.series, "outline", t):
+                ok = np.isfinite(points).all(axis=1)
+                column, row = self.to_px(points[ok, 0], points[ok, 1])
+                polygons.append((column + rim, row + rim))
+                fill_polygon(mask, *polygons[-1])
+            return Body(mask, tuple(polygons))
         f, scale = self.field, self.camera.scale_m_per_px
         absent = self.series["valid"].isel(time=int(np.argmin(np.abs(f.time - t)))).values == 0
         if absent.any():
@@ -105,11 +108,11 @@ class Recorder:
             i = np.clip(np.rint((x - f.x[0]) / f.dx).astype(int), 0, f.x.size - 1)
             j = np.clip(np.rint((y - f.y[0]) / f.dy).astype(int), 0, f.y.size - 1)
             mask[:] = absent[np.ix_(j, i)]
-        return mask
+        return Body(mask)
 
-    def _in_body(self, mask: np.ndarray, p: np.ndarray) -> np.ndarray:
+    def _in_body(self, body: Body, p: np.ndarray) -> np.ndarray:
         column, row = self.to_px(p[0], p[1])
-        return in_mask(mask, column + self.rim_px, row + self.rim_px)
+        return body.holds(column + self.rim_px, row + self.rim_px)
 
     def _draw(self, index: int, margin: float = 0.0, margin_z: float = 0.0) -> np.ndarray:
         s, scale = self.seeding, self.camera.scale_m_per_px
@@ -117,15 +120,15 @@ class Recorder:
         rng = np.random.default_rng([self.seed, index, 0])
         return seed_particles(self.box, per_volume, s.diameter_px, s.diameter_std_px, rng, margin, margin_z)
 
-    def step(self, particles: np.ndarray, index: int, mask: np.ndarray, next_mask: np.ndarray) -> np.ndarray:
+    def step(self, particles: np.ndarray, index: int, body: Body, next_body: Body) -> np.ndarray:
         """Particles of frame `index` + 1 from those of frame `index`."""
         t0, t1 = self.time[index], self.time[index + 1]
         fast, across = reach(self.field, 0.5 * (t0 + t1), self.box.half_width)
         margin = 1.5 * fast * (t1 - t0) + self.camera.scale_m_per_px
         fresh = self._draw(index + 1, margin, min(1.5 * across * (t1 - t0), self.box.half_width))
-        fresh = fresh[:, ~self.box.holds(fresh) | self._in_body(mask, fresh)]
+        fresh = fresh[:, ~self.box.holds(fresh) | self._in_body(body, fresh)]
         moved = advance(self.field, np.concatenate([particles, fresh], axis=1), t0, t1, self.substeps(index))
-        return moved[:, self.box.holds(moved) & ~self._in_body(next_mask, moved)]
+        return moved[:, self.box.holds(moved) & ~self._in_body(next_body, moved)]
 
     def substeps(self, index: int) -> int:
         """RK4 steps between two frames: at least two, and none longer than a cell of the plane."""
@@ -134,7 +137,7 @@ class Recorder:
         return max(2, math.ceil(fast * (t1 - t0) / min(self.field.dx, self.field.dy)))
 
     def picture(self, particles: np.ndarray, index: int, mask: np.ndarray) -> np.ndarray:
-        """The camera's picture of `particles` at frame `index`; `mask` as `body` gives it."""
+        """The camera's picture of `particles` at frame `index`; `mask` of the `body` then."""
         c, s, rim = self.camera, self.seeding, self.rim_px
         column, row = self.to_px(particles[0], particles[1])
         peak = s.peak * (2**c.bits - 1)
@@ -157,19 +160,20 @@ class Recorder:
     def frames(self, start: int = 0, state: tuple[int, np.ndarray] | None = None) -> Iterator[Frame]:
         """The frames taken from `start` on; `state`: an earlier frame's number and particles (None: from the first frame)."""
         index, particles = state if state is not None else (0, self._draw(0))
-        mask = self.body(self.time[index])
+        body = self.body(self.time[index])
         if state is None:
-            particles = particles[:, ~self._in_body(mask, particles)]
+            particles = particles[:, ~self._in_body(body, particles)]
         inner = (slice(self.rim_px, -self.rim_px),) * 2
         taken, last = set(self.taken.tolist()), int(self.taken[-1])
         while True:
             if index >= start and index in taken:
+                mask = body.mask
                 yield Frame(index, self.picture(particles, index, mask), mask[inner].copy(), particles)
             if index >= last:
                 return
-            next_mask = self.body(self.time[index + 1])
-            particles = self.step(particles, index, mask, next_mask)
-            mask, index = next_mask, index + 1
+            next_body = self.body(self.time[index + 1])
+            particles = self.step(particles, index, body, next_body)
+            body, index = next_body, index + 1
 
     @property
     def truth_stride(self) -> int:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
+import cv2
 import numba
 import numpy as np
 
@@ -98,6 +100,41 @@ def in_mask(mask: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray
     out = np.zeros(column.shape, bool)
     out[inside] = mask[j[inside], i[inside]] != 0
     return out
+
+
+@numba.njit(cache=True)
+def _in_polygon(column: np.ndarray, row: np.ndarray, at_column: np.ndarray, at_row: np.ndarray) -> np.ndarray:
+    """Which points `at_…` lie inside the closed polygon (even-odd rule)."""
+    inside = np.zeros(at_column.size, np.bool_)
+    n = column.size
+    for k in range(n):
+        m = k + 1 if k + 1 < n else 0
+        if row[k] == row[m]:
+            continue
+        slope = (column[m] - column[k]) / (row[m] - row[k])
+        for i in range(at_row.size):
+            if (row[k] <= at_row[i]) != (row[m] <= at_row[i]):
+                inside[i] ^= at_column[i] < column[k] + (at_row[i] - row[k]) * slope
+    return inside
+
+
+class Body(NamedTuple):
+    """A body in a picture: its `mask` (rows, columns; uint8) and its outlines (column, row) in px where they are known."""
+
+    mask: np.ndarray
+    polygons: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
+
+    def holds(self, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+        """Which points (px, row 0 at the top) lie in the body: to a fraction of a pixel where its outlines are known."""
+        found = in_mask(self.mask, column, row)
+        if self.polygons:
+            ring = np.ones((3, 3), np.uint8)
+            edge = cv2.dilate(self.mask, ring) != cv2.erode(self.mask, ring)
+            near = np.flatnonzero(in_mask(edge, column, row))
+            found[near] = False
+            for polygon in self.polygons:
+                found[near] |= _in_polygon(*polygon, column[near], row[near])
+        return found
 
 
 def shadow_of(mask: np.ndarray) -> np.ndarray:

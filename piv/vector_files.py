@@ -288,8 +288,8 @@ def _pivlab_hdf5(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], str]:
 def read_davis(path: Path, *, plane: int = 0) -> Vectors:
     """A DaVis vector buffer (.vc7) through lvpyio, scaled; disabled and masked vectors are absent.
 
-    Positions are grid index x grid x slope + offset (DaVis); v is positive in the direction of the axis that
-    DaVis scaled, so y is "up" where DaVis' scale has been set (unit not pixel), else "down".
+    Positions are grid index x grid x slope + offset (DaVis) and v is positive in the direction of the axis that DaVis scaled;
+    rows run from the top, so y is "up" where that scale's slope is negative, as after a calibration, else "down".
     """
     _head(path, 16)
     try:
@@ -309,7 +309,7 @@ def read_davis(path: Path, *, plane: int = 0) -> Vectors:
     length, velocity = _spelled(unit_x), _spelled(found["i"][2])
     if velocity == "px":
         velocity = "px/frame"
-    down = length == "px" and slope_y > 0
+    down = slope_y > 0
     return Vectors(
         *_grid(path, xx, yy, u, v, flag), length or None, velocity or None, "down" if down else "up"
     )

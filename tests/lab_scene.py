@@ -13,7 +13,7 @@ from pipeline.stage import write_dataset
 from piv.camera import Camera, Seeding
 from piv.particles import Box, seed_particles
 from piv.plane import make_plane
-from piv.render import add_particles, expose, fill_polygon, in_mask, sheet_light
+from piv.render import Body, add_particles, expose, fill_polygon, sheet_light
 from postprocess.lab.family import Family, read_family
 from postprocess.lab.pose import Pose
 from postprocess.lab.stand_in import SetUp, camera_for
@@ -53,10 +53,11 @@ def still_picture(family: Family, lab: SetUp, pressure: float, seed: int) -> np.
     p = seed_particles(box, seeding.density_ppp, seeding.diameter_px, seeding.diameter_std_px, rng)
     outline = pose.to_px(family.shape("outline", pressure))
     mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
-    fill_polygon(mask, outline[:, 0], camera.height_px - 1 - outline[:, 1])
+    polygon = outline[:, 0], camera.height_px - 1 - outline[:, 1]
+    fill_polygon(mask, *polygon)
     row = camera.height_px - 1 - p[1]
     light = seeding.peak * 255 * sheet_light(p[2], 1.0) * (p[3] / seeding.diameter_px) ** 2
-    light[in_mask(mask, p[0], row)] = 0
+    light[Body(mask, (polygon,)).holds(p[0], row)] = 0
     image = np.zeros(mask.shape, np.float32)
     add_particles(image, p[0], row, light, p[3])
     return expose(image, rng, bits=8, background=camera.background, read_noise=camera.read_noise)

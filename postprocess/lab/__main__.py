@@ -6,8 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from postprocess.lab.compare import lab_files, run_comparison, run_registration
+from postprocess.lab.compare import run_comparison
 from postprocess.lab.inputs import read_inputs, write_runs, write_virtual
+from postprocess.lab.register_step import lab_files, run_registration
 from postprocess.stagefiles import StageFiles
 
 

@@ -31,7 +31,8 @@ class Source:
 class Quantity:
     """One quantity: simulation (like with like and direct) and data, (component,), in SI, and its sources of uncertainty.
 
-    `scale`: what too wide a band is measured by (SI). `explained`: part of E that the motion's difference explains.
+    `scale`: what too wide a band is measured by (SI). `explained`: part of E that the motion's difference explains. `instant`:
+    standard uncertainty of each side's value at one instant, where the quantity is a mean over several.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Quantity:
     scale: float
     sources: list[Source] = field(default_factory=list)
     explained: np.ndarray | None = None
+    instant: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def error(self) -> np.ndarray:

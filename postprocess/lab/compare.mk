@@ -4,15 +4,16 @@ INPUTS ?= yes
 SUB     = $(MAKE) --no-print-directory LEVEL=$(LEVEL) NP=$(NP) QUIET=$(QUIET)
 CASE    = $(CASES)/$(SCENE)
 LABOUT  = $(CASE)/out/$(LEVEL)
-LABNAME = $(notdir $(patsubst %/,%,$(patsubst %/dpiv.toml,%,$(DPIV))))
+LABNAME = $(notdir $(realpath $(patsubst %/dpiv.toml,%,$(DPIV))))
 LAB     = $(PY) -m postprocess.lab
 OFLAB   = $(CASE) --level $(LEVEL) --dpiv $(DPIV) $(FLAGS)
 
 compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=single_finger DPIV=folder [LEVEL=..]
 	@test -n "$(DPIV)" || { echo "give DPIV=folder, where the laboratory's dpiv.toml is (docs/comparison.md)" >&2; exit 2; }
+	@$(SUB) $(SCENE).kinematics
+	$(LAB) register $(OFLAB) # first: it asks for what dpiv.toml leaves out before anything is solved
 	@$(SUB) $(SCENE).run
 	$(if $(INPUTS),@$(LAB) runs $(CASE) --level $(LEVEL) $(FLAGS),@rm -rf $(LABOUT)/lab/$(LABNAME)/inputs)
-	$(LAB) register $(OFLAB)
 	@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS=$(INPUTS) lab-sheets
 	$(LAB) compare $(OFLAB) --threads $(NP)
 	$(LAB) report $(OFLAB)

@@ -20,7 +20,11 @@ HINTS = {
     "finger_geometry": 'finger_geometry = "measured" (it is the one of the scene\'s states) or "nominal" (then the bands of the FEA count)',
     "piv": "piv = { window = …, spacing = … }, the settings of the evaluation in px",
     "sheet_thickness_mm": "sheet_thickness_mm, the full width of the light sheet at 1/e²",
-    "vectors": 'vectors = { length_unit = "mm", velocity_unit = "mm/s", std_px = … }: what the vector files do not state themselves, and the standard uncertainty of a displacement',
+    "piv.pairing": 'pairing = "1-2,2-3" (each picture with the next) or "1-2,3-4" (pictures taken in pairs, with interval_s)',
+    "vectors": 'vectors = { interval_s = …, length_unit = "mm", velocity_unit = "mm/s", std_px = … }: the time between two exposures, what the vector files do not state themselves, and the standard uncertainty of a displacement',
+    "vectors.interval_s": "interval_s, the time between the two exposures that a vector field is correlated from, s",
+    "axes.turn_std_deg": "turn_deg and turn_std_deg, how far the picture is turned against the tank and how well that is known",
+    "axes.root_mm": "root_mm and root_std_mm, the position of the middle of the finger's root in the files' axes and how well it is known, mm",
     "camera": 'camera = { columns = …, rows = …, density_ppp = …, diameter_px = …, background = …, read_noise = …, peak = … }: without pictures these cannot be measured; or camera = "none" to leave the virtual experiment out',
 }
 
@@ -64,7 +68,8 @@ class Axes(Table):
     root_px: tuple[float, float] | None = None
     root_mm: tuple[float, float] | None = None  # of vectors: in the files' axes, or px times the scale
     root_std_mm: Positive | None = None
-    turn_deg: float = 0.0  # of the tank frame in the picture, counter-clockwise
+    turn_deg: float = 0.0  # of the tank frame in the picture, counter-clockwise; of pictures a first guess
+    turn_std_deg: NotNegative | None = None  # of vectors
 
 
 class Evaluation(Table):
@@ -73,7 +78,7 @@ class Evaluation(Table):
     window: Annotated[int, Field(ge=8)]
     spacing: Annotated[int, Field(ge=1)]
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
-    pairing: Literal["1-2,2-3", "1-2,3-4"] = "1-2,2-3"
+    pairing: Literal["1-2,2-3", "1-2,3-4"] | None = None  # of pictures
     interval_s: Positive | None = None  # between the exposures of a pair "1-2,3-4"
     every: Annotated[int, Field(ge=1)] = 1
     preprocess: str = ""
@@ -89,9 +94,9 @@ class VectorFiles(Table):
     """What exported vectors do not say themselves."""
 
     kind: Literal["openpiv", "pivlab", "tecplot", "davis", "csv", "plane"] | None = None
+    interval_s: Positive
     length_unit: str | None = None
     velocity_unit: str | None = None
-    interval_s: Positive | None = None
     image_rows: int | None = None
     zero_is_absent: bool = False
     keep_replaced: bool = False
@@ -129,7 +134,7 @@ class Dpiv(Table):
     piv: Evaluation
     sheet_thickness_mm: Positive
     colour: Literal["refuse", "luma", "green"] = "refuse"
-    root_visible: bool = True
+    root_hidden_mm: NotNegative = 0.0  # how much of the finger, from its root on, a holder or a shadow hides
     vectors: VectorFiles | None = None
     camera: LabCamera | Literal["none"] | None = None
 
@@ -152,17 +157,26 @@ class Dpiv(Table):
                 raise ValueError(
                     "scale of vectors without pictures: give scale = { mm_per_px = …, std_percent = … }"
                 )
-        if self.kind == "vectors" and (self.axes.root_mm is None or self.axes.root_std_mm is None):
-            raise ValueError(
-                "axes.root_mm or root_std_mm is missing: vectors do not show the finger; give the position of the middle of its root and how well it is known, mm"
-            )
-        if self.kind == "pictures" and self.axes.root_px is None and not self.scale.from_finger:
+            if self.piv.pairing or self.piv.interval_s or self.piv.every != 1:
+                raise ValueError(
+                    "piv.pairing, interval_s and every are of pictures; of vectors vectors.interval_s says it all"
+                )
+            if self.axes.root_mm is None or self.axes.root_std_mm is None:
+                raise ValueError(
+                    f"axes.root_mm or root_std_mm is missing: vectors do not show the finger; give {HINTS['axes.root_mm']}"
+                )
+            if self.axes.turn_std_deg is None:
+                raise ValueError(f"axes.turn_std_deg is missing: give {HINTS['axes.turn_std_deg']}")
+            return self
+        if self.piv.pairing is None:
+            raise ValueError(f"piv.pairing is missing: give {HINTS['piv.pairing']}")
+        if self.axes.root_px is None and not self.scale.from_finger:
             raise ValueError(
                 "axes.root_px is missing: give the position of the root's middle in px, or scale = { from_finger = true }"
             )
-        if self.scale.from_finger and not self.root_visible:
+        if self.scale.from_finger and self.root_hidden_mm:
             raise ValueError(
-                "scale cannot come from a finger whose root is hidden (root_visible = false): give a calibration"
+                "scale cannot come from a finger whose root is hidden (root_hidden_mm): give a calibration or mm_per_px"
             )
         return self
 
@@ -203,7 +217,7 @@ def _sentence(error: ValidationError) -> str:
     place = [str(part) for part in first["loc"] if not str(part)[:1].isupper() and "[" not in str(part)]
     key = ".".join(place)
     if first["type"] == "missing":
-        hint = HINTS.get(place[0], key) if len(place) == 1 else key
+        hint = HINTS.get(key, key)
         text = f"{key} is missing: give {hint}"
     elif first["type"] == "extra_forbidden":
         text = f"{key}: this key is not known; check its spelling or remove it"

@@ -106,7 +106,7 @@ def _finger(ax, plane: xr.Dataset, index: int) -> None:
 
 
 def series(table: pd.DataFrame, quantities: dict[str, dict[str, Any]], window: tuple[float, float]) -> Figure:
-    """Circulation, core radius and jet speed over time with 95 % bands on both sides."""
+    """Circulation, core radius and jet speed over time with 95 % bands of each instant on both sides."""
     rows = (
         ("circulation", 1e4, "circulation, cm²/s"),
         ("core_radius", MM, "core radius, mm"),
@@ -115,10 +115,10 @@ def series(table: pd.DataFrame, quantities: dict[str, dict[str, Any]], window: t
     figure, axes = new_figure(8.8, 8.0, 3, 1, sharex=True, height_ratios=(2, 1, 1))
     for ax, (name, unit, label) in zip(axes, rows, strict=True):
         q = quantities[name]
+        simulated = "virtual" if f"{name}_virtual" in table else "direct"
         half = {
-            "data": K95 * q["u_D"][0],
-            ("virtual" if f"{name}_virtual" in table else "direct"): K95
-            * float(np.hypot(q["u_num"][0], q["u_input"][0])),
+            side: K95 * float(q["u_instant"][of][0])
+            for side, of in (("data", "data"), (simulated, "simulation"))
         }
         for side in ("direct", "virtual", "data"):
             if f"{name}_{side}" not in table:
@@ -137,7 +137,7 @@ def series(table: pd.DataFrame, quantities: dict[str, dict[str, Any]], window: t
                 )
         ax.axvspan(*window, color="#f0e9d8", zorder=0)
         ax.set_ylabel(label)
-    axes[0].set_title("Tip vortex and jet over time; bands hold 95 %")
+    axes[0].set_title("Tip vortex and jet over time; bands hold 95 % of each instant")
     axes[0].legend(loc="best")
     axes[2].set_xlabel("time of the simulation, s")
     return figure
@@ -162,7 +162,7 @@ def paths(
             )  # fmt: skip
     inside = table[table["time"].between(*window)]
     some = inside.iloc[:: max(1, len(inside) // 6)]
-    half = K95 * np.asarray(centre["u_val"]) * MM
+    half = K95 * np.hypot(*(np.asarray(centre["u_instant"][side]) for side in ("data", "simulation"))) * MM
     ax.errorbar(
         some["x_data"] * MM,
         some["y_data"] * MM,
@@ -170,7 +170,7 @@ def paths(
         half[0],
         fmt="none",
         ecolor=GREY,
-        label="95 % of u_val",
+        label="95 % of E at an instant",
     )
     ax.set(aspect="equal", xlabel="x, mm", ylabel="y, mm", title="Paths of the vortex centre")
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

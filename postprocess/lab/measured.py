@@ -14,7 +14,7 @@ from postprocess.lab.fit_outline import prepare
 from postprocess.lab.inputs import read_inputs
 from postprocess.lab.pictures import LabRecording
 from postprocess.lab.profile import fit_profile, motion_dataset, strip_at_rest, write_motion
-from postprocess.lab.registration import LEARN_FROM, MAX_FRAMES
+from postprocess.lab.registration import LEARN_FROM, MAX_FRAMES, hidden_part
 from postprocess.lab.silhouette import learn
 from postprocess.stagefiles import scene_numbers, sha256, write_text
 
@@ -62,20 +62,23 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
         images = [recording.frame(int(i)) for i in chosen]
     finally:
         recording.close()
-    frames = prepare(images, at[chosen], learn(images[:: max(1, len(images) // LEARN_FROM)]))
+    hidden = dpiv.root_hidden_mm * 1e-3
+    blind = hidden_part(pose, family, hidden, images[0].shape) if hidden else None
+    frames = prepare(images, at[chosen], learn(images[:: max(1, len(images) // LEARN_FROM)]), blind)
     start = float(family.law(family.time[0]))
     guesses = np.interp(frames.times, registration.times - law.delay, registration.pressures)
     shapes = np.array(
         [
             fit_profile(
-                sums.astype(np.float64),
+                integral,
+                frames.mean,
                 strip,
                 pose,
                 registration.edge_px,
                 float(family.shape("bend", p)),
                 frames.independent,
             )
-            for sums, p in zip(frames.sums, np.where(frames.times <= 0, start, guesses), strict=True)
+            for integral, p in zip(frames.integrals, np.where(frames.times <= 0, start, guesses), strict=True)
         ]
     )
     dataset = motion_dataset(

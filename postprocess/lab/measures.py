@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -20,14 +18,6 @@ JET_REACH = 1.5  # tip widths around the tip
 JET_PERCENTILE = 90.0  # higher ones hang on single vectors beside the moving body
 BOX = 3.5  # core radii around the vortex in which it is fitted again
 REPLICAS = 6
-
-
-@dataclass(frozen=True)
-class Series:
-    """Quantities of one source at common instants: `table` (time and `COLUMNS`, NaN where absent), `plane` in the camera frame."""
-
-    table: pd.DataFrame
-    plane: xr.Dataset
 
 
 def measure(

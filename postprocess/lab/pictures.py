@@ -8,7 +8,7 @@ import numpy as np
 from piv.calibrate import Calibration, load_calibration, rectify_image
 from piv.images import open_recording
 from piv.readers import Recording
-from postprocess.lab.dpiv import Dpiv
+from postprocess.lab.dpiv import NAME, Dpiv
 from postprocess.lab.pose import Pose
 
 GROW_PX = 2.0  # of the mask beyond the outline: particle images reach over the body's edge
@@ -16,17 +16,27 @@ GROW_PX = 2.0  # of the mask beyond the outline: particle images reach over the 
 
 def frame_times(dpiv: Dpiv, count: int) -> np.ndarray:
     """Times (s) of `count` pictures after the first one."""
-    if dpiv.piv.pairing == "1-2,2-3":
+    if dpiv.piv.interval_s is None:
         return np.arange(count) / dpiv.frame_rate_hz
-    assert dpiv.piv.interval_s is not None  # the schema's own check
     return np.arange(count) // 2 / dpiv.frame_rate_hz + np.arange(count) % 2 * dpiv.piv.interval_s
+
+
+def check_rate(dpiv: Dpiv, source: Recording) -> None:
+    """ValueError where the recording states its own frame rate and dpiv.toml another one."""
+    stated = source.attrs.get("frame_rate_hz")
+    interval = dpiv.piv.interval_s or 1 / dpiv.frame_rate_hz
+    if stated and dpiv.piv.pairing == "1-2,2-3" and abs(stated * interval - 1) > 0.01:
+        raise ValueError(
+            f"{dpiv.folder / NAME}: frame_rate_hz is {dpiv.frame_rate_hz:g}, but {source.name} states {stated:g}; correct the one that is wrong"
+        )
 
 
 class LabRecording(Recording):
     """The pictures of a dpiv.toml: mirrored where it says so, rectified where its calibration has a lens."""
 
     def __init__(self, dpiv: Dpiv) -> None:
-        self._source = open_recording(dpiv.sources(), frame_rate_hz=dpiv.frame_rate_hz, colour=dpiv.colour)
+        self._source = open_recording(dpiv.sources(), colour=dpiv.colour)
+        check_rate(dpiv, self._source)
         super().__init__(self._source.name, len(self._source), None)
         self.times = frame_times(dpiv, len(self._source))
         self.bits = int(self._source.attrs.get("bits", 8 if self._source.frame(0).dtype == np.uint8 else 16))

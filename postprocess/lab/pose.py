@@ -49,10 +49,12 @@ class Pose:
         """Positions (…, 2) of the camera frame in the tank frame."""
         return self.to_tank(np.asarray(points) * self.px_per_m)
 
-    def view(self, size_px: tuple[float, float], margin: float) -> tuple[float, float, float, float]:
-        """x0, x1, y0, y1 (m, tank frame) around a picture of (columns, rows), with a margin (m)."""
-        width, height = size_px
-        corners = self.to_tank(np.array([[0, 0], [width, 0], [width, height], [0, height]], float))
+    def view(
+        self, first: tuple[float, float], last: tuple[float, float], margin: float
+    ) -> tuple[float, float, float, float]:
+        """x0, x1, y0, y1 (m, tank frame) around what lies between two corners of the picture (px), with a margin (m)."""
+        (left, bottom), (right, top) = first, last
+        corners = self.to_tank(np.array([[left, bottom], [right, bottom], [right, top], [left, top]], float))
         low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
         return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 

@@ -81,9 +81,15 @@ def bent_outline(strip: Strip, a: np.ndarray) -> np.ndarray:
 
 
 def fit_profile(
-    sums: np.ndarray, strip: Strip, pose: Pose, edge_px: float, first_bend: float, weight: float
+    integral: np.ndarray,
+    mean: float,
+    strip: Strip,
+    pose: Pose,
+    edge_px: float,
+    first_bend: float,
+    weight: float,
 ) -> np.ndarray:
-    """a₁ … a₄ of one frame (running sums of its evidence). `weight`: share of the evidence that is independent."""
+    """a₁ … a₄ of one frame (`integral_image` of its evidence less `mean`). `weight`: share of the evidence that is independent."""
 
     expected = np.array([UNEVEN_STD, UNEVEN_STD, STRETCH_STD])
 
@@ -93,7 +99,7 @@ def fit_profile(
         normal = np.column_stack([step[:, 1], -step[:, 0]])
         normal /= np.maximum(np.hypot(*normal.T), 1e-12)[:, None]
         uneven = 0.5 * np.sum((a[1:] / expected) ** 2)
-        return uneven - weight * inside_sum(sums, np.ascontiguousarray(outline + edge_px * normal))
+        return uneven - weight * inside_sum(integral, np.ascontiguousarray(outline + edge_px * normal), mean)
 
     a = np.array([first_bend, 0.0, 0.0, 0.0])
     for size in (0.06, 0.02):

@@ -1,8 +1,9 @@
 """Where the laboratory's finger is in its pictures and when it moves, against the simulation's: pose, time, motion.
 
-Space: one pose for all frames (`fit_outline`), with the stated scale as a prior. Time: the law of the simulation,
-start + a (p((t - delay)/d) - start), is fitted to the pressures that the frames show; a and d say how far and how fast
-the recording's finger moves beside the simulation's.
+Space: one pose for all frames, with the stated scale as a prior. Time: the law of the simulation,
+start + a (p((t - delay)/d) - start); a and d say how far and how fast the recording's finger moves beside the simulation's.
+Both are fitted together to all silhouettes (`fit_outline`), first roughly, each frame nearly free to be off the law; then with
+the frames as far off it as the first fit found them.
 """
 
 from __future__ import annotations
@@ -16,25 +17,22 @@ from scipy.optimize import least_squares
 from piv.masks import dark_body
 from piv.readers import Recording
 from postprocess.lab.family import Family
-from postprocess.lab.fit_outline import (
-    Frames,
-    OutlineFit,
-    _all,
-    fit_outline,
-    outline_table,
-    prepare,
-)
+from postprocess.lab.fit_outline import Frames, OutlineFit, fit_outline, outline_table, prepare
+from postprocess.lab.outline_sampler import all_scores
 from postprocess.lab.pose import Pose
-from postprocess.lab.silhouette import learn
+from postprocess.lab.silhouette import ROUGH_PX, Evidence, counter_clockwise, inside_sum, learn
 
 MAX_FRAMES = 60
 LEARN_FROM = 4
 REST = 0.003  # of the range of pressure: nearer to its start the finger is at rest
-REST_STD = 0.002  # of the range: how well the shape at rest is that of the simulation
-DELAYS = np.arange(-0.3, 0.3001, 0.004)  # s: searched around the stated start
+REST_STD = 0.002  # of the range: how well the shape at rest is that of the simulation, at most
+FREE, TIED = (
+    0.05,
+    0.001,
+)  # of the range: how far a frame may be off the law in the rough fit; at least, in the final one
+BEYOND = (0.001, 0.003)  # m from the root, away from the tip: where water must be seen
 LAW = ("factor", "delay", "stretch")
 SWEEPS = (1500, 800, 2500, 3000)
-THIN = 40  # samples of the pose to which the law is fitted
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,7 @@ class Law:
 class Registration:
     """Pose of the tank frame in the pictures with the covariance of (x px, y px, angle, ln scale), and the motion's law.
 
-    `times` (frame,) s of the recording's clock, `pressures` and `pressures_std` (Pa): what each fitted frame shows.
+    `times` (frame,) s of the recording's clock, `pressures` and `pressures_std` (Pa): what each frame shows nearly by itself.
     """
 
     pose: Pose
@@ -113,20 +111,24 @@ def first_pose(recording: Recording, frames: list[np.ndarray], family: Family) -
     return Pose(length / family.length, float(turn), family.root, (float(root[0]), float(root[1])))
 
 
-def search_delay(frames: Frames, family: Family, pose: Pose, stated: float | None) -> float:
+def search_delay(
+    frames: Frames, family: Family, pose: Pose, stated: float | None, stated_std: float = 0.0
+) -> float:
     """Delay (s) at which the simulation's motion fits the frames best: a correlation over time of the finger's picture."""
     table, outlines, normals = outline_table(family)
     span = frames.times[-1] - frames.times[0]
+    reach = max(0.04, 3 * stated_std)
     around = (
-        np.arange(-0.04, 0.0401, 0.004) if stated is not None else np.arange(-span - 0.1, span + 0.1, 0.006)
+        np.arange(-reach, reach, 0.004) if stated is not None else np.arange(-span - 0.1, span + 0.1, 0.006)
     )
     scores = []
     for delay in around + (stated or 0.0):
         pressures = law_pressure(family, frames.times, np.array([1.0, delay, 1.0]))
         places = (pressures - table[0]) / (table[1] - table[0])
         scores.append(
-            _all(
-                frames.sums,
+            all_scores(
+                frames.integrals,
+                frames.mean,
                 outlines,
                 normals,
                 np.asarray(pose.at_px),
@@ -145,85 +147,113 @@ def register(
     times: np.ndarray,
     family: Family,
     stated: Pose | None,
-    stated_delay: float | None,
+    stated_delay: tuple[float, float] | None,
     *,
     scale_std: float | None,
     paired: bool = False,
+    hidden: float = 0.0,
     sweeps: tuple[int, int, int, int] = SWEEPS,
     seed: int = 1,
 ) -> Registration:
     """Register a recording (frame times in s of its clock) to the simulation's finger.
 
     `stated`: the pose that the laboratory states, or None: from root and tip in the first frame. `stated_delay`: likewise the
-    clock's, None: from the motion alone. `paired`: frames 1-2, 3-4 … are taken close together, so only the first of each is used.
-    `sweeps`: of the sampler, to be dropped and kept, in the rough and in the final fit.
+    clock's, with its standard uncertainty (s); None: from the motion alone. `paired`: frames 1-2, 3-4 … are taken close
+    together, so only the first of each is used. `hidden`: length (m) of the finger that is hidden, from its root on. `sweeps`: of the
+    sampler, to be dropped and kept, in the rough and in the final fit. ValueError where the root is not seen though `hidden` is 0.
     """
     frames_used = np.arange(0, len(recording), 2 if paired else 1)
     count = min(MAX_FRAMES, frames_used.size)
     chosen = frames_used[np.unique(np.linspace(0, frames_used.size - 1, count).round().astype(int))]
     images = [recording.frame(int(i)) for i in chosen]
     evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
-    frames = prepare(images, times[chosen], evidence)
     pose = stated or first_pose(recording, images, family)
-    delay = search_delay(frames, family, pose, stated_delay)
-    first = np.array([1.0, delay, 1.0])
+    blind = hidden_part(pose, family, hidden, recording.shape) if hidden else None
+    frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
+    first = np.array([1.0, search_delay(frames, family, pose, *(stated_delay or (None,))), 1.0])
+    span = family.high - family.low
     rough = fit_outline(
         frames,
         family,
         pose,
-        law_pressure(family, frames.times, first),
+        first,
+        deviation=np.full(frames.times.size, FREE * span),
         scale_std=scale_std,
+        stated_delay=stated_delay,
         seed=seed,
         burn=sweeps[0],
         keep=sweeps[1],
     )
     values, _, _ = fit_law(family, frames.times, rough.parameter.mean(axis=0), first)
-    span, start = family.high - family.low, float(family.law(family.time[0]))
-    predicted = law_pressure(family, frames.times, values)
-    at_rest = np.abs(predicted - start) < REST * span
-    guess = np.where(at_rest, start, rough.parameter.mean(axis=0))
-    known = np.where(at_rest, REST_STD * span, np.inf)
+    frames = prepare(images, times[chosen], evidence, blind)
     fine = fit_outline(
         frames,
         family,
         replace(rough.mean_pose(), px_per_m=pose.px_per_m),
-        guess,
+        values,
+        deviation=deviation_from_law(family, rough, values),
         scale_std=scale_std,
-        law_std=known,
+        stated_delay=stated_delay,
+        edge_px=float(rough.pose[:, 4].mean()),
         seed=seed + 1,
         burn=sweeps[2],
         keep=sweeps[3],
     )
-    return _registration(frames, family, fine, values, stated)
+    if not hidden:
+        check_root(frames, family, fine.mean_pose(), evidence)
+    return _registration(family, rough, fine, stated)
 
 
-def end_covariance(family: Family, pose: Pose) -> np.ndarray:
-    """Covariance (x px, y px, angle, ln scale) of what the samples do not know: where, within a pixel, the finger's ends are.
-
-    The two ends are short edges, nearly along the rows of the picture: each is seen to 1/√12 px at best, and scatters alike in
-    all frames, so more frames do not help. Along the finger only; its sides run across many pixels.
-    """
-    along = pose.rotation @ family.shape("tip_direction", float(family.law(family.time[0])))
-    out = np.zeros((4, 4))
-    out[:2, :2] = np.outer(along, along) / 12
-    out[3, 3] = 2 / 12 / (family.length * pose.px_per_m) ** 2
-    return out
+def hidden_part(pose: Pose, family: Family, hidden: float, shape: tuple[int, int]) -> np.ndarray:
+    """Pixels (rows, columns; row 0 at the top) beyond the line across the finger at rest, `hidden` (m) from its root."""
+    rows, columns = shape
+    x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
+    along = family.shape("tip_direction", float(family.law(family.time[0])))
+    return (pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(family.root)) @ along < hidden
 
 
-def _registration(
-    frames: Frames, family: Family, fit: OutlineFit, first: np.ndarray, stated: Pose | None
-) -> Registration:
-    mean = fit.parameter.mean(axis=0)
-    values, covariance, misfit = fit_law(family, frames.times, mean, first)
-    step = max(1, len(fit.pose) // THIN)
-    some = np.array([fit_law(family, frames.times, p, values)[0] for p in fit.parameter[::step]])
+def check_root(frames: Frames, family: Family, pose: Pose, evidence: Evidence) -> None:
+    """ValueError where the water beyond the finger's root is as dark as the finger: its root edge is then not seen."""
+    start = float(family.law(family.time[0]))
+    along, dorsal = family.shape("tip_direction", start), family.shape("dorsal_direction", start)
+    half = 0.3 * float(np.ptp((family.shape("outline", start) - family.root) @ dorsal))
+    corners = [(-BEYOND[0], -half), (-BEYOND[0], half), (-BEYOND[1], half), (-BEYOND[1], -half)]
+    patch = pose.to_px(np.array([family.root + a * along + d * dorsal for a, d in corners]))
+    dense = np.vstack(
+        [np.linspace(a, b, 40, endpoint=False) for a, b in zip(patch, np.roll(patch, -1, 0), strict=True)]
+    )
+    sums = [inside_sum(i, counter_clockwise(dense), frames.mean) for i in frames.integrals]
+    area = (BEYOND[1] - BEYOND[0]) * 2 * half * pose.px_per_m**2
+    rows, columns = (n - 1 for n in frames.integrals.shape[1:])
+    outside = (patch < 0).any() or (patch > [columns - 1, rows - 1]).any()
+    if outside or np.mean(sums) > 0.5 * evidence.rate * area:
+        what = "the picture ends" if outside else "there are no particles either, as in a holder or a shadow"
+        raise ValueError(
+            f"beyond the finger's root {what}, so its edge is not seen; give root_hidden_mm in dpiv.toml, how much of the finger from"
+            " its root on is not to be used, and a scale that does not come from the finger"
+        )
+
+
+def deviation_from_law(family: Family, rough: OutlineFit, values: np.ndarray) -> np.ndarray:
+    """How far (Pa, standard deviation) each frame may be off the law: what the rough fit's scatter about it leaves beyond its own."""
+    span, start = family.high - family.low, float(family.law(family.time[0]))
+    predicted = law_pressure(family, rough.times, values)
+    off = np.mean((rough.parameter.mean(axis=0) - predicted) ** 2) - np.mean(rough.parameter.var(axis=0))
+    moving = max(np.sqrt(max(off, 0.0)), TIED * span)
+    at_rest = np.abs(predicted - start) < REST * span
+    return np.where(at_rest, min(moving, REST_STD * span), moving)
+
+
+def _registration(family: Family, rough: OutlineFit, fine: OutlineFit, stated: Pose | None) -> Registration:
+    values, seen = fine.law.mean(axis=0), rough.parameter.mean(axis=0)
+    misfit = float(np.sqrt(np.mean((seen - law_pressure(family, rough.times, values)) ** 2)))
     return Registration(
-        fit.mean_pose(),
-        np.cov(fit.pose[:, :4].T) + end_covariance(family, fit.mean_pose()),
-        float(fit.pose[:, 4].mean()),
-        Law(values, covariance + np.cov(some.T), misfit),
-        frames.times,
-        mean,
-        fit.parameter.std(axis=0),
+        fine.mean_pose(),
+        np.cov(fine.pose[:, :4].T),
+        float(fine.pose[:, 4].mean()),
+        Law(values, np.cov(fine.law.T), misfit),
+        rough.times,
+        seen,
+        rough.parameter.std(axis=0),
         stated,
     )

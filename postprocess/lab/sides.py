@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import glob
-import re
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -13,8 +10,6 @@ import numpy as np
 import xarray as xr
 
 from piv.camera import Camera
-from piv.exchange import read_vectors
-from piv.images import natural_key
 from piv.plane import make_plane, read_plane, write_plane
 from postprocess.lab.dpiv import Dpiv, LabCamera
 from postprocess.lab.experiment import evaluate, virtual_experiment
@@ -26,6 +21,7 @@ from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.registration import Registration, law_pressure
 from postprocess.lab.seeding import Appearance, measure_appearance, seeding_like
 from postprocess.lab.silhouette import CORE_PX, learn
+from postprocess.lab.vectors import camera_before, lab_vectors, vector_tables
 
 LOOK_AT = 4  # pictures from which the seeding is measured
 
@@ -191,7 +187,8 @@ def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):
     pose, delay = registration.pose, registration.law.delay
     times = plane["time"].values - delay
     span = float(sheet["time"][0]), float(sheet["time"][-1])
-    keep = np.flatnonzero((times >= span[0] + 2e-3) & (times <= span[1] - 2e-3))
+    margin = 0.5 * vector_tables(dpiv).interval_s
+    keep = np.flatnonzero((times >= span[0] + margin) & (times <= span[1] - margin))
     if keep.size < 4:
         raise ValueError(
             f"the vectors cover {times[0]:.3f}…{times[-1]:.3f} s of the simulation's clock, the simulation"
@@ -206,16 +203,16 @@ def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):
         return data, None, None, {}
     c = dpiv.camera
     seen = Appearance(c.density_ppp, c.diameter_px, c.peak, c.background, c.read_noise)
-    interval = dpiv.piv.interval_s or 1 / dpiv.frame_rate_hz
+    interval = vector_tables(dpiv).interval_s
     pairs = np.column_stack([times - interval / 2, times + interval / 2]).ravel()
-    scale = c.mm_per_px * 1e-3
-    camera_pose = Pose(1 / scale, pose.angle, pose.anchor, tuple(np.asarray(pose.at_px) / scale))
+    camera_pose, corner = camera_before(data, pose, c)
     virtual = virtual_experiment(
         sheet, camera_pose, _camera(c.columns, c.rows, c.bits, seen, 1 / interval),
         seeding_like(seen, c.bits, dpiv.sheet_thickness_mm * 1e-3), pairs, outlines_px(family, camera_pose, family.law(pairs)),
-        dpiv.piv.model_copy(update={"pairing": "1-2,3-4", "interval_s": interval, "every": 1}), files.folder, seed=seed,
+        dpiv.piv.model_copy(update={"pairing": "1-2,3-4", "interval_s": interval}), files.folder, seed=seed,
         threads=threads, quiet=quiet,
     )  # fmt: skip
+    virtual = virtual.assign_coords(x=virtual["x"] + corner[0], y=virtual["y"] + corner[1])
     velocity, whole = on_grid(virtual, data["x"].values, data["y"].values)
     spread = {}
     for name in ("u_std", "v_std"):
@@ -226,56 +223,3 @@ def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):
         data["x"].values, data["y"].values, velocity[:, 0], velocity[:, 1], time=times, valid=whole, **spread
     )
     return data, with_finger(virtual, family, pose, family.law(times)), None, asdict(seen)
-
-
-def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
-    """Exported vectors as a plane series in stated metres, y up, with their uncertainty; times from the first instant."""
-    assert dpiv.vectors is not None
-    assert dpiv.scale.mm_per_px is not None
-    told = dpiv.vectors
-    paths = sorted_paths(dpiv)
-    scale = dpiv.scale.mm_per_px * 1e-3
-    try:
-        plane = read_vectors(
-            paths, kind=told.kind, frame_rate_hz=dpiv.frame_rate_hz, keep_replaced=told.keep_replaced,
-            zero_is_absent=told.zero_is_absent, length_unit=told.length_unit, velocity_unit=told.velocity_unit,
-            y_axis=None if told.kind == "davis" else dpiv.axes.y, scale_m_per_px=scale, interval_s=told.interval_s,
-            image_rows=told.image_rows,
-        )  # fmt: skip
-    except ValueError as error:  # piv asks by the names of its options
-        raise ValueError(re.sub(r"--([a-z-]+)", _key_of_option, str(error))) from None
-    if "time" not in plane.dims:
-        raise ValueError(f"{paths[0]}: one instant is no motion; give the files of a series")
-    plane = plane.load()
-    if dpiv.axes.x == "left":
-        mirrored = -plane["u"].values[..., ::-1]
-        plane = plane.isel(x=slice(None, None, -1)).assign_coords(x=-plane["x"].values[::-1])
-        plane = plane.assign(u=(plane["u"].dims, mirrored))
-    if "u_std" not in plane:
-        if told.std_px is None:
-            raise ValueError(
-                f"{paths[0]}: the vectors carry no uncertainty; give vectors.std_px in dpiv.toml, the standard uncertainty of a"
-                " displacement in px"
-            )
-        interval = told.interval_s or dpiv.piv.interval_s or 1 / dpiv.frame_rate_hz
-        std = np.full(plane["u"].shape, told.std_px * scale / interval)
-        plane = plane.assign(u_std=(plane["u"].dims, std), v_std=(plane["u"].dims, std))
-    return plane.assign_coords(time=plane["time"].values - float(plane["time"][0]))
-
-
-def _key_of_option(option: re.Match[str]) -> str:
-    """The key of dpiv.toml that an option of `piv convert` is."""
-    name = option.group(1).replace("-", "_")
-    return {"y_axis": "axes.y", "frame_rate": "frame_rate_hz", "from": "vectors.kind"}.get(
-        name, f"vectors.{name}"
-    )
-
-
-def sorted_paths(dpiv: Dpiv) -> list[Path]:
-    """Vector files of a dpiv.toml; FileNotFoundError where a pattern matches none."""
-    names = dpiv.sources()
-    patterns = [names] if isinstance(names, str) else names
-    found = [Path(p) for pattern in patterns for p in glob.glob(pattern)]
-    if not found:
-        raise FileNotFoundError(f"{patterns[0]}: no file matches; check files in dpiv.toml")
-    return sorted(found, key=natural_key)

@@ -19,7 +19,11 @@ from piv.masks import dark_body
 COST = (
     4.0  # no particle counts more than this against an outline: a reflection on the body must not push it off
 )
-BLUR_PX = 1.5  # of a particle's place: with less, every particle at rest beside the body is a barrier that samples do not pass
+ROUGH_PX, FINE_PX = (
+    1.5,
+    0.5,
+)  # blur of a particle's place: wide, so that particles at rest beside the body are no barriers; as
+# well as it is measured
 NOISE = 6.0  # standard deviations of the body's grey level: what is above is a particle
 CORE_PX, CLEAR_PX = 9, 15  # away from the first guess of the body's edge: surely inside, surely outside
 
@@ -35,7 +39,7 @@ class Evidence:
     body_level: float
     body_std: float
 
-    def image(self, frame: np.ndarray) -> np.ndarray:
+    def image(self, frame: np.ndarray, blur_px: float = FINE_PX) -> np.ndarray:
         """The evidence of a frame (row 0 at the top), (rows, columns) float32; its sum over a region is that for a body there."""
         found = np.full(frame.shape, np.float32(self.rate))
         row, column = particles(frame, self.threshold)
@@ -45,7 +49,7 @@ class Evidence:
         for dj, wj in ((0, 1 - b), (1, b)):
             for di, wi in ((0, 1 - a), (1, a)):
                 np.add.at(spots, (j + dj, i + di), wj * wi)
-        return found - np.float32(self.cost) * cv2.GaussianBlur(spots, (0, 0), BLUR_PX)
+        return found - np.float32(self.cost) * cv2.GaussianBlur(spots, (0, 0), blur_px)
 
 
 def particles(frame: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
@@ -95,29 +99,46 @@ def _shrunk(mask: np.ndarray, by_px: int) -> np.ndarray:
     return cv2.erode(mask.astype(np.uint8), np.ones((2 * by_px + 1,) * 2, np.uint8)).astype(bool)
 
 
-def running_sums(evidence: np.ndarray) -> np.ndarray:
-    """Sums of an evidence image along its rows, from which `inside_sums` works; rows turned so that y is up."""
-    return np.cumsum(evidence[::-1].astype(np.float64), axis=1)
+def integral_image(evidence: np.ndarray, mean: float = 0.0) -> np.ndarray:
+    """Integral (rows + 1, columns + 1) of an evidence image (row 0 at the top) less `mean`, from its lower left corner, y up.
+
+    With `mean` near the image's own, single precision holds it.
+    """
+    out = np.zeros((evidence.shape[0] + 1, evidence.shape[1] + 1))
+    np.cumsum(np.cumsum(evidence[::-1].astype(np.float64) - mean, axis=0), axis=1, out=out[1:, 1:])
+    return out
+
+
+@numba.njit(cache=True, inline="always")
+def _up_to(integral, x, y):
+    """The integral up to a position (px from the corner), exact for evidence that is constant over each pixel."""
+    i, j = min(int(x), integral.shape[1] - 2), min(int(y), integral.shape[0] - 2)
+    a, b = x - i, y - j
+    low = (1 - a) * integral[j, i] + a * integral[j, i + 1]
+    high = (1 - a) * integral[j + 1, i] + a * integral[j + 1, i + 1]
+    return (1 - b) * low + b * high
 
 
 @numba.njit(cache=True)
-def inside_sum(sums: np.ndarray, outline: np.ndarray) -> float:
+def left_of(integral, mean, x0, y0, x1, y1):
+    """Evidence to the left of a piece of an outline that runs from (x0, y0) to (x1, y1) px, negative where it runs down.
+
+    Differences of the integral: what lies to the left of both sides of a body cancels exactly, however much that is.
+    """
+    rows, columns = integral.shape[0] - 1.0, integral.shape[1] - 1.0
+    x = min(max(0.5 * (x0 + x1) + 0.5, 0.0), columns)
+    low, high = min(max(y0 + 0.5, 0.0), rows), min(max(y1 + 0.5, 0.0), rows)
+    return _up_to(integral, x, high) - _up_to(integral, x, low) + mean * x * (high - low)
+
+
+@numba.njit(cache=True)
+def inside_sum(integral: np.ndarray, outline: np.ndarray, mean: float = 0.0) -> float:
     """Sum of the evidence inside a closed outline (point, 2), px with y up, counter-clockwise (Green's theorem)."""
-    rows, columns = sums.shape
     total = 0.0
     n = outline.shape[0]
     for k in range(n):
         m = k + 1 if k + 1 < n else 0
-        dy = outline[m, 1] - outline[k, 1]
-        x = 0.5 * (outline[m, 0] + outline[k, 0]) - 0.5  # the sum up to pixel i ends at its right edge
-        y = 0.5 * (outline[m, 1] + outline[k, 1])
-        x = min(max(x, 0.0), columns - 1.0)
-        y = min(max(y, 0.0), rows - 1.0)
-        i, j = min(int(x), columns - 2), min(int(y), rows - 2)
-        a, b = x - i, y - j
-        low = (1 - a) * sums[j, i] + a * sums[j, i + 1]
-        high = (1 - a) * sums[j + 1, i] + a * sums[j + 1, i + 1]
-        total += ((1 - b) * low + b * high) * dy
+        total += left_of(integral, mean, outline[k, 0], outline[k, 1], outline[m, 0], outline[m, 1])
     return total
 
 

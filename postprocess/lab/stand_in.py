@@ -124,7 +124,7 @@ def write_dpiv(
     paired = f'pairing = "1-2,3-4"\ninterval_s = {1 / set_up.camera.frame_rate_hz!r}\n'
     text = TOML.format(
         run=run, rate=pairs_hz or set_up.camera.frame_rate_hz, sheet=set_up.seeding.sheet_thickness * 1e3, scale=stated * 1e3, x=x,
-        y=y, window=window, spacing=spacing, pairing=paired if pairs_hz else f"every = {every}\n",
+        y=y, window=window, spacing=spacing, pairing=paired if pairs_hz else f'pairing = "1-2,2-3"\nevery = {every}\n',
     )  # fmt: skip
     write_text(folder / "dpiv.toml", text)
 

@@ -19,6 +19,7 @@ BLAME = {
     "input": "the inputs (pressure, time, geometry, material)",
     "data": "the measurement",
 }
+MOTION = ("final_bend", "duration")
 
 
 def size(values: Any, unit: str) -> str:
@@ -43,65 +44,122 @@ def pair(values: Any, unit: str) -> str:
 def verdict_sentence(q: dict[str, Any]) -> str:
     """One quantity's verdict in a sentence."""
     band = size(q["k"] * np.asarray(q["u_val"]), q["unit"])
-    part = float(np.linalg.norm(q["error"])) / abs(q["scale"]) if q["scale"] else float("nan")
     if q["verdict"] == "agrees":
-        return f"agrees within {band}"
+        return f"agrees within ±{NBSP}{band}"
     if q["verdict"] == "model error":
-        return f"model error of about {size(q['error'], q['unit'])} ({part:.0%}), known to ±{NBSP}{band}"
-    return f"too uncertain to say: the band is ±{NBSP}{band}"
+        what = "the motion differs by" if q["name"] in MOTION else "model error of"
+        return f"{what} about {size(q['error'], q['unit'])}{_part(q)}, known to ±{NBSP}{band}"
+    return f"too uncertain to say: the band is ±{NBSP}{band}, mostly from {q['dominant']}"
+
+
+def _part(q: dict[str, Any]) -> str:
+    """The difference in per cent of what it is measured by."""
+    return f" ({np.linalg.norm(q['error']) / abs(q['scale']):.0%})" if q["scale"] else ""
 
 
 def answer(result: dict[str, Any]) -> str:
-    """The page's first sentence."""
+    """The page's first sentences: yes, no, or not to be said; what it rests on; what is to blame."""
     by_name = {q["name"]: q for q in result["quantities"]}
     if result["verdict"] == "agrees":
-        band = by_name["circulation"]
-        text = (
-            "Yes: the simulation agrees with the recording within what is known of both; the tip vortex' circulation to"
-            f" {size(band['error'], band['unit']).lstrip('-')} of {size(band['data'], band['unit']).lstrip('-')}, band ±{NBSP}{size(band['k'] * np.asarray(band['u_val']), band['unit'])}."
+        q = by_name["circulation"]
+        told = (
+            f"Yes: the simulation agrees with the laboratory's data within what is known of both. The {q['label']} is"
+            f" {size(q['simulation'], q['unit'])} against {size(q['data'], q['unit'])}, with a band of"
+            f" ±{NBSP}{size(q['k'] * np.asarray(q['u_val']), q['unit'])}."
         )
-        return text + _width(result)
-    if result["verdict"] == "too uncertain":
-        return (
-            "It cannot be said: for most quantities the measurement or the simulation is too uncertain."
-            + _width(result)
-        )
-    wrong = [by_name[name] for name in result["wrong"]]
-    return "No: " + "; ".join(f"{q['label']}: {verdict_sentence(q)}" for q in wrong) + ". " + blame(result)
+        parts = [told, by_chance(result), motion_basis(result), undecided(result)]
+    elif result["verdict"] == "too uncertain":
+        told = "It cannot be said: for most quantities the band of uncertainty is too wide for a verdict."
+        parts = [told, undecided(result), motion_basis(result)]
+    else:
+        wrong = "; ".join(f"{by_name[n]['label']}: {verdict_sentence(by_name[n])}" for n in result["wrong"])
+        parts = [f"No: {wrong}.", basis(result), blame(result), motion_basis(result)]
+    return " ".join(part for part in [*parts, incomplete(result)] if part)
 
 
-def _width(result: dict[str, Any]) -> str:
-    unsaid = [q["label"] for q in result["quantities"] if q["verdict"] == "too uncertain"]
-    return f" Too uncertain to say: {', '.join(unsaid)}." if unsaid else ""
+def basis(result: dict[str, Any]) -> str:
+    """Whether the verdict comes from the finger's silhouette or from the flow."""
+    moves = [n for n in result["wrong"] if n in MOTION]
+    if not moves or len(moves) < len(result["wrong"]):
+        return ""
+    unsaid = undecided(result)
+    return (
+        "This verdict rests on the finger's silhouette, not on the flow: no quantity of the flow differs by more than its band."
+        + "".join(f" {more}" for more in (by_chance(result), unsaid) if more)
+    )
+
+
+def by_chance(result: dict[str, Any]) -> str:
+    """Quantities beyond their own limit of 95 %, but within that at which all hold together."""
+    alone = [
+        q["label"]
+        for q in result["quantities"]
+        if q["verdict"] == "model error" and q["name"] not in result["wrong"]
+    ]
+    if not alone:
+        return ""
+    count = len(result["quantities"])
+    return (
+        f"Beyond its own limit of 95{NBSP}%: {', '.join(alone)}; among {count} quantities that may be chance."
+    )
+
+
+def undecided(result: dict[str, Any]) -> str:
+    """Quantities of which nothing can be said, and why."""
+    unsaid = [
+        f"{q['label']} (mostly {q['dominant']})"
+        for q in result["quantities"]
+        if q["verdict"] == "too uncertain"
+    ]
+    return f"Too uncertain to say: {', '.join(unsaid)}." if unsaid else ""
+
+
+def motion_basis(result: dict[str, Any]) -> str:
+    """What is known of the finger's own motion, where it was not tested."""
+    if result["measured_motion"]:
+        return "The simulation is driven by this recording's own motion, which is therefore not tested."
+    if not any(q["name"] in MOTION for q in result["quantities"]):
+        return "Vectors do not show the finger: whether it moved as simulated is not tested."
+    return ""
+
+
+def incomplete(result: dict[str, Any]) -> str:
+    """What u_val lacks."""
+    missing = result["missing_runs"]
+    if not missing:
+        return ""
+    return f"Not in u_val, because these runs were not made: {', '.join(missing)}; differences are judged too strictly."
 
 
 def blame(result: dict[str, Any]) -> str:
     """Is mesh, motion, PIV or physics to blame? What the quantities together say."""
     registration = result["registration"]
-    moves = [n for n in result["wrong"] if n in ("final_bend", "duration")]
-    flow = [q for q in result["quantities"] if q["name"] not in ("final_bend", "duration")]
+    moves = [n for n in result["wrong"] if n in MOTION]
+    flow = [q for q in result["quantities"] if q["name"] not in MOTION]
     text = []
     if moves:
         factor, stretch = registration["pressure_factor"], registration["stretch"]
         text.append(
             f"The motion is to blame: the recording's finger bends as if its pressure were {100 * (factor - 1):+.1f}{NBSP}%"
-            f" (± {100 * 1.96 * registration['pressure_factor_std']:.1f}) and takes {100 * (stretch - 1):+.1f}{NBSP}%"
-            f" (± {100 * 1.96 * registration['stretch_std']:.1f}) of time beside the simulation's."
+            f" (±{NBSP}{100 * 1.96 * registration['pressure_factor_std']:.1f}) of the simulation's, and takes"
+            f" {100 * (stretch - 1):+.1f}{NBSP}% (±{NBSP}{100 * 1.96 * registration['stretch_std']:.1f}) of its time."
         )
     rest = [q for q in flow if q["explained_by_motion"] is not None and _beyond_motion(q)]
     wrong_flow = [q for q in flow if q["name"] in result["wrong"]]
     if moves and not rest:
         text.append(
-            "What the flow differs by follows from that motion within u_val: drive the simulation with the measured one."
+            "What the flow differs by follows from that motion within u_val: drive the simulation with the measured one"
+            " (make compare-measured)."
         )
-    elif rest:
-        text.append(
-            "Beyond the motion the flow itself differs ("
-            + ", ".join(q["label"] for q in rest)
-            + "): physics or what the model leaves out."
-        )
-    elif wrong_flow and not moves:
+    elif moves:
+        labels = ", ".join(q["label"] for q in rest)
+        text.append(f"Beyond the motion the flow differs ({labels}): physics, or what the model leaves out.")
+    elif wrong_flow and any(q["name"] in MOTION for q in result["quantities"]):
         text.append("The finger moves as simulated, so the flow model is to blame, not the motion.")
+    elif wrong_flow and result["measured_motion"]:
+        text.append("The motion is the recording's, so the flow model is to blame.")
+    elif wrong_flow:
+        text.append("The flow model is to blame, or a motion other than the simulated one.")
     return " ".join(text)
 
 

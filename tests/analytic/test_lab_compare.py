@@ -7,9 +7,9 @@ import pytest
 from piv.images import open_recording
 from piv.vortices import VortexSettings
 from postprocess.lab.budget import AGREES, ERROR
-from postprocess.lab.compare import compare, quantity_table
+from postprocess.lab.case import Case, Effect
+from postprocess.lab.compare import compare
 from postprocess.lab.dpiv import Evaluation
-from postprocess.lab.errors import Case, Effect
 from postprocess.lab.experiment import evaluate, virtual_experiment
 from postprocess.lab.inputs import Inputs
 from postprocess.lab.pictures import outline_mask
@@ -18,6 +18,7 @@ from postprocess.lab.registration import Law, Registration
 from postprocess.lab.seeding import seeding_like
 from postprocess.lab.sides import appearance_of, outlines_px, with_finger
 from postprocess.lab.stand_in import make_recording
+from postprocess.lab.tables import quantity_table
 from tests.lab_scene import finger_family, set_up, vortex_series
 
 PIV = Evaluation(window=24, spacing=8, pairing="1-2,3-4", interval_s=0.002)

@@ -14,7 +14,7 @@ from piv.particles import advance, exact_displacement
 from piv.plane import make_plane, read_plane, write_plane
 from piv.planefield import PlaneField, extend, hermite_weights
 from piv.recorder import Recorder
-from piv.render import add_particles, expose, particle_image_diameter_px, shadow_of
+from piv.render import Body, add_particles, expose, fill_polygon, particle_image_diameter_px, shadow_of
 from piv.synthetic import render_pair, render_recording
 
 SMALL = Camera(width_px=160, height_px=128, scale_m_per_px=2.5e-4)
@@ -195,6 +195,17 @@ def test_no_particle_is_inside_the_body_and_its_mask_is_right():
     x, y = np.meshgrid(np.arange(160) * 2.5e-4, np.arange(127, -1, -1) * 2.5e-4)
     x, y = x - recorder.origin_px[0] * 2.5e-4, y - recorder.origin_px[1] * 2.5e-4
     np.testing.assert_array_equal(frame.mask != 0, (x <= 0.0085) & (y >= 0.0195))
+
+
+def test_a_particle_is_hidden_by_the_outline_and_not_by_its_pixels():
+    """An edge a third of a pixel further hides a third more of the pixel's particles."""
+    row = np.full(3000, 4.2)
+    column = np.random.default_rng(1).uniform(3.5, 8.5, 3000)
+    for edge in (6.0, 6.3, 6.6):
+        polygon = np.array([0.4, edge, edge, 0.4]), np.array([0.5, 0.5, 8.0, 8.0])
+        mask = np.zeros((10, 12), np.uint8)
+        fill_polygon(mask, *polygon)
+        np.testing.assert_array_equal(Body(mask, (polygon,)).holds(column, row), column < edge)
 
 
 def test_shadow_lies_above_the_body():

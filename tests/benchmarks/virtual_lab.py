@@ -20,9 +20,10 @@ from piv.camera import Seeding
 from piv.images import open_recording
 from piv.plane import read_plane
 from piv.vortices import VortexSettings
+from postprocess.lab.case import Case, Effect
 from postprocess.lab.compare import compare
 from postprocess.lab.dpiv import Evaluation
-from postprocess.lab.errors import Case, Effect, effect_of
+from postprocess.lab.errors import effect_of
 from postprocess.lab.experiment import evaluate, virtual_experiment
 from postprocess.lab.family import Family, read_family
 from postprocess.lab.inputs import Inputs, read_inputs

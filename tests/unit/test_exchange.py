@@ -202,6 +202,16 @@ def test_davis_through_lvpyio(tmp_path):
         -10.0
     )  # the lowest row: 5 rows down, times 2, upwards negative
 
+    frame.scales.y = lv.Scale(
+        0.1, 50.0, "mm", "y"
+    )  # the axis down as well: the same vectors stand on their heads
+    lv.write_buffer(buffer, str(tmp_path / "b.vc7"))
+    down = read_vectors([tmp_path / "b.vc7"])
+    np.testing.assert_allclose(down["y"], -(50 + 1.6 * (np.arange(6) + 0.5))[::-1] * 1e-3)
+    np.testing.assert_allclose(down["v"].values, plane["v"].values)
+    with pytest.raises(ValueError, match="contradicts the file, which states down"):
+        read_vectors([tmp_path / "b.vc7"], y_axis="up")
+
 
 @settings(deadline=None)
 @given(

@@ -17,7 +17,7 @@ sheet_thickness_mm = 1.5
 finger_geometry = "nominal"
 scale = { mm_per_px = 0.125, std_percent = 0.2 }
 axes = { y = "up", root_px = [640.0, 950.0] }
-piv = { window = 32, spacing = 8 }
+piv = { window = 32, spacing = 8, pairing = "1-2,2-3" }
 """
 
 
@@ -52,10 +52,11 @@ def test_each_missing_key_is_asked_for(tmp_path, key):
         (", std_percent = 0.2", "", "std_percent is missing"),
         ("mm_per_px = 0.125", "mm_per_px = 0.125, from_finger = true", "give one of"),
         (', root_px = [640.0, 950.0]', "", "axes.root_px is missing"),
-        ("window = 32", 'pairing = "1-2,3-4", window = 32', "interval_s"),
+        ('"1-2,2-3"', '"1-2,3-4"', "interval_s"),
+        (', pairing = "1-2,2-3"', "", "piv.pairing is missing: give pairing = "),
         ('kind = "pictures"', 'kind = "vectors"', "vectors is missing"),
         ('title = "a recording"', 'title = "a recording"\ncolor = "green"', "color: this key is not known"),
-        ("scale = {", 'root_visible = false\nscale = { from_finger = true } #', "root is hidden"),
+        ("scale = {", 'root_hidden_mm = 8.0\nscale = { from_finger = true } #', "root is hidden"),
     ],
 )  # fmt: skip
 def test_contradictions_are_refused(tmp_path, old, new, told):
@@ -67,11 +68,23 @@ def test_vectors_need_what_pictures_show(tmp_path):
     text = WHOLE.replace('kind = "pictures"', 'kind = "vectors"').replace(
         'start = "from motion"', "start = { at_s = 0.0, std_s = 0.001 }"
     )
+
+    def refused(told: str) -> None:
+        with pytest.raises(ValueError, match=told):
+            read_dpiv(written(tmp_path, text))
+
     text += 'vectors = { length_unit = "mm", velocity_unit = "mm/s" }\n'
-    with pytest.raises(ValueError, match="camera is missing"):
-        read_dpiv(written(tmp_path, text))
-    with pytest.raises(ValueError, match="root_mm or root_std_mm"):
-        read_dpiv(written(tmp_path, text + 'camera = "none"\n'))
+    refused(r"vectors\.interval_s is missing: give interval_s, the time between the two exposures")
+    text = text.replace("vectors = {", "vectors = { interval_s = 0.002,")
+    refused("camera is missing")
+    text += 'camera = "none"\n'
+    refused("vectors.interval_s says it all")  # the pairing is that of pictures
+    text = text.replace(', pairing = "1-2,2-3"', "")
+    refused("root_mm or root_std_mm")
+    text = text.replace("root_px = [640.0, 950.0]", "root_mm = [20.0, 15.0], root_std_mm = 0.3")
+    refused("turn_std_deg is missing")
+    text = text.replace("root_std_mm = 0.3", "root_std_mm = 0.3, turn_std_deg = 0.5")
+    assert read_dpiv(written(tmp_path, text)).kind == "vectors"
 
 
 def test_no_file_is_told(tmp_path):

@@ -12,7 +12,7 @@ from piv.calibrate import Calibration, save_calibration
 from postprocess.lab.dpiv import read_dpiv
 from postprocess.lab.pictures import LabRecording
 from postprocess.lab.seeding import measure_appearance
-from postprocess.lab.silhouette import inside_sum, learn, particles, running_sums
+from postprocess.lab.silhouette import inside_sum, integral_image, learn, particles
 
 TOML = """format = "dpiv"
 format_version = 1
@@ -25,7 +25,7 @@ sheet_thickness_mm = 1.0
 finger_geometry = "nominal"
 scale = {{ calibration = "{calibration}", std_percent = 1.0 }}
 axes = {{ y = "down", x = "{x}", root_px = [700.0, 40.0] }}
-piv = {{ window = 32, spacing = 8 }}
+piv = {{ window = 32, spacing = 8, pairing = "1-2,2-3" }}
 """
 
 
@@ -54,7 +54,7 @@ def test_edge_of_a_real_cylinder(tmp_path):
     rough = np.zeros((rows, columns), np.uint8)
     cv2.circle(rough, (745, 380), 47, 1, -1)
     evidence = learn(images, [rough.astype(bool)] * len(images))
-    sums = [running_sums(evidence.image(image)) for image in images]
+    sums = [integral_image(evidence.image(image)) for image in images]
     turn = np.linspace(0, 2 * np.pi, 360, endpoint=False)
 
     def loss(a):
