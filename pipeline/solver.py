@@ -39,7 +39,7 @@ def read_progress(case: Path) -> dict[str, Any]:
 def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
     """Change one entry of system/numbers, or of another file there."""
     path = case / "system" / file
-    text, count = re.subn(rf"(?m)^{key}\s.*;", f"{key:<23} {value};", path.read_text())
+    text, count = re.subn(rf"(?m)^{key}\s.*?;", f"{key:<23} {value};", path.read_text())
     if count != 1:
         raise StageError(f"{path}: entry {key!r} occurs {count} times; run the case stage again")
     write_text(path, text)
