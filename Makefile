@@ -4,6 +4,7 @@ CORES := $(shell nproc 2>/dev/null || echo 1)
 NP    ?= $(shell n=$(CORES); [ $$n -gt 4 ] && n=4; echo $$n)
 JOBS  := $(shell n=$(NP); [ $$n -gt $(CORES) ] && n=$(CORES); echo $$n)
 HOSTS ?=
+COLLATED ?=
 QUIET ?=
 CASES ?= cases
 SLURM ?=
@@ -34,7 +35,7 @@ help: ## this list
 	@echo "    SCENE: $(SCENES)"
 	@echo "    LEVEL: smoke (2-D, seconds), coarse (default), medium, fine;  NP: MPI ranks, now $(NP)"
 	@echo "make SCENE ACCURACY=5%         the cheapest measured setting within 5 %; BUDGET=10min: the most accurate within it"
-	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]; or HOSTS=hosts.txt"
+	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]; or HOSTS=hosts.txt; COLLATED=1: few files"
 	@echo "make SCENE.STAGE               up to one stage: $(STAGES)"
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
 
@@ -58,7 +59,7 @@ $(1): $(READY)
 	$(PY) -m pipeline.choose cases/$(1) --after
 else ifneq ($(SLURM),)
 $(1): $(READY)
-	@$(PY) -m pipeline.batch $(CASES)/$(1) --level $(LEVEL) $(if $(filter file,$(origin NP)),,--ranks $(NP)) --submit $(if $(MINUTES),--minutes $(MINUTES)) $(if $(NODES),--nodes $(NODES)) $(if $(PARTITION),--partition $(PARTITION)) $(if $(ACCOUNT),--account $(ACCOUNT)) $(FLAGS)
+	@$(PY) -m pipeline.batch $(CASES)/$(1) --level $(LEVEL) $(if $(filter file,$(origin NP)),,--ranks $(NP)) --submit $(if $(MINUTES),--minutes $(MINUTES)) $(if $(NODES),--nodes $(NODES)) $(if $(PARTITION),--partition $(PARTITION)) $(if $(ACCOUNT),--account $(ACCOUNT)) $(if $(COLLATED),--collated) $(FLAGS)
 else
 $(1): $(1).report
 	@echo "report: $$(abspath $(CASES)/$(1)/out/$(LEVEL)/report.html)"
@@ -86,7 +87,7 @@ $(2)/planform.h5: $(2)/kinematics.h5 $(2)/settings/mesh.json
 $(2)/sweep.h5: $(2)/planform.h5 $(2)/settings/case.json
 	$(PY) -m pipeline.case $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/run/run.json: $(2)/sweep.h5
-	$(PY) -m pipeline.run $(CASES)/$(1) --level $(LEVEL) --ranks $(NP) $(if $(HOSTS),--hosts $(HOSTS)) $(FLAGS)
+	$(PY) -m pipeline.run $(CASES)/$(1) --level $(LEVEL) --ranks $(NP) $(if $(HOSTS),--hosts $(HOSTS)) $(if $(COLLATED),--collated) $(FLAGS)
 $(2)/sheet.h5: $(2)/run/run.json $(2)/settings/sheet.json
 	$(PY) -m pipeline.sheets $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/images.h5: $(2)/sheet.h5 $(2)/settings/images.json

@@ -82,6 +82,7 @@ class Request:
     serial_memory_mb: int = 8000
     restarts: int = RESTARTS
     warning: int = WARNING
+    collated: bool = False
 
 
 def slurm_time(minutes: int) -> str:
@@ -110,6 +111,7 @@ def scripts(scene: Scene, request: Request, make: str, python: str) -> dict[str,
         )  # fmt: skip
 
     solver = f"{python} -m pipeline.run {scene.folder} --level {level} --ranks {request.ranks} --quiet"
+    solver += " --collated" if request.collated else ""
     serial = {
         "before": f"{make} {name}.case{where} LEVEL={level} NP={cpus} QUIET=1 SLURM=",
         "after": f"{make} {name}{where} LEVEL={level} NP={cpus} QUIET=1 SLURM=",
@@ -198,6 +200,7 @@ def asked(scene: Scene, args: argparse.Namespace) -> Request:
         serial_cores=min(SERIAL_TASKS, cores or SERIAL_TASKS),
         serial_minutes=max(60, *(sum(expected[stage]["minutes"] for stage in part) for part in (BEFORE, AFTER))),
         serial_memory_mb=max(4000, *(expected[stage]["memory_mb"] for stage in (*BEFORE, *AFTER))),
+        collated=args.collated,
     )  # fmt: skip
 
 
@@ -211,6 +214,9 @@ def main() -> None:
     )
     arguments.add_argument("--partition", help="Slurm partition (default: the cluster's)")
     arguments.add_argument("--account", help="Slurm account (default: yours)")
+    arguments.add_argument(
+        "--collated", action="store_true", help="one file for all ranks, as of the run stage"
+    )
     arguments.add_argument("--submit", action="store_true", help="submit the scripts, not only write them")
     args = arguments.parse_args()
 

@@ -52,7 +52,6 @@ def numbers(scene: Scene, leg: Leg, back: float) -> dict[str, str]:
         "outerCorrectors": str(n.outer_correctors),
         "pressureCorrectors": str(n.pressure_correctors),
         "nonOrthogonalCorrectors": str(n.non_orthogonal_correctors),
-        "ranks": "1",
         "momentPoint": point(*scene.finger.root, 0.0),
         "sheetType": "empty" if flat else "symmetryPlane",
         "backType": "empty" if flat else "fixedValue",

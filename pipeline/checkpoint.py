@@ -4,33 +4,32 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.foamfile import is_complete
+from pipeline.ranks import Ranks, is_whole
 
 FIELDS = ("U", "p", "phi", "uniform/time")
 MOVED = ("pointDisplacement", "polyMesh/points")  # written where the mesh moves
 
 
-def saved_times(case: Path, moving: bool = True) -> list[tuple[float, str]]:
-    """Times of `case` (or of one processor's folder) at which every file is whole, ascending."""
+def saved_times(folder: Path, ranks: Ranks, moving: bool = True) -> list[tuple[float, str]]:
+    """Times in a case's folder, or in one of its ranks', at which every file is whole, ascending."""
     wanted = FIELDS + (MOVED if moving else ())
     found = []
-    for folder in case.iterdir() if case.is_dir() else ():
-        time = _number(folder.name)
-        if time is None or time <= 0 or not all(_exists(folder / name) for name in wanted):
+    for place in folder.iterdir() if folder.is_dir() else ():
+        time = _number(place.name)
+        if time is None or time <= 0 or not all(_exists(place / name) for name in wanted):
             continue
         # the old-time fields of the second-order scheme count as well, whatever their names
-        if all(is_complete(path) for path in folder.rglob("*") if path.is_file()):
-            found.append((time, folder.name))
+        if all(is_whole(path, ranks) for path in place.rglob("*") if path.is_file()):
+            found.append((time, place.name))
     return sorted(found)
 
 
-def last_checkpoint(case: Path, ranks: int, moving: bool = True) -> tuple[float, str] | None:
+def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[float, str] | None:
     """Latest time that all ranks have written whole and whose samples are on disk; None where there is none."""
-    folders = [case] if ranks == 1 else [case / f"processor{rank}" for rank in range(ranks)]
     sampled = sampled_until(case)
     common: dict[float, str] | None = None
-    for folder in folders:
-        times = {t: n for t, n in saved_times(folder, moving) if t <= sampled * (1 + 1e-9)}
+    for folder in ranks.folders(case):
+        times = {t: n for t, n in saved_times(folder, ranks, moving) if t <= sampled * (1 + 1e-9)}
         common = times if common is None else {t: n for t, n in common.items() if t in times}
     return max(common.items()) if common else None
 

@@ -49,12 +49,11 @@ def write_list(path: Path, foam_class: str, location: str, *lists: np.ndarray, n
     write_bytes(path, header(foam_class, location, path.name, binary=True, note=note) + body + END)
 
 
-def read_labels(path: Path) -> np.ndarray:
-    """Read a labelList file, ASCII or binary, gzipped or not (pointProcAddressing)."""
-    zipped = path.with_name(path.name + ".gz")
-    content = gzip.decompress(zipped.read_bytes()) if zipped.exists() else path.read_bytes()
-    start = content.index(b"}", content.index(b"FoamFile")) + 1
-    is_binary = b"binary" in content[:start]
+def labels_of(content: bytes) -> np.ndarray:
+    """A labelList (pointProcAddressing), ASCII or binary; binary where it has no header, as in a collated file."""
+    head = content.find(b"FoamFile")
+    start = content.index(b"}", head) + 1 if head >= 0 else 0
+    is_binary = b"binary" in content[:start] or not start
     opening = content.index(b"(", start)
     count = int(content[start:opening].split()[-1])
     if is_binary:
@@ -77,7 +76,11 @@ def is_complete(path: Path) -> bool:
 
 def read_field(path: Path, cells: int) -> np.ndarray:
     """Internal values (cell,) or (cell, 3) of a binary volScalarField or volVectorField."""
-    content = path.read_bytes()
+    return field_of(path.read_bytes(), cells, path)
+
+
+def field_of(content: bytes, cells: int, path: Path) -> np.ndarray:
+    """The same from a field's bytes; `path` is where they are from."""
     found = re.search(
         rb"\ninternalField\s+(uniform ([^;]+);|nonuniform List<(scalar|vector)>\s*(\d+)\s*\()", content
     )

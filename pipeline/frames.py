@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.foamfile import END, binary_list, header, write_bytes
 from pipeline.motion import NodeMotion
+from pipeline.ranks import collated_content
 
 FIELD = "wantedDisplacement"
 PADDING = 3  # frames beyond the last time step
@@ -39,30 +41,40 @@ def checkpoint_interval(duration: float, wanted: float) -> float:
     return duration / max(1, round(duration / wanted)) if duration > 1e-9 else wanted
 
 
-def frame_content(displacement: np.ndarray, flat: bool) -> bytes:
-    """A pointVectorField file with internal values (point, 3) m."""
+HEADER = header("pointVectorField", "", FIELD, binary=True)
+
+
+def frame_body(displacement: np.ndarray, flat: bool) -> bytes:
+    """A pointVectorField with internal values (point, 3) m, but for its HEADER."""
     kinds = (b"empty", b"empty") if flat else (b"symmetryPlane", b"calculated")
-    head = header("pointVectorField", "", FIELD, binary=True)
     field = b"dimensions [0 1 0 0 0 0 0];\n\ninternalField nonuniform List<vector> "
-    return head + field + binary_list(displacement) + b";\n" + BOUNDARY % kinds + END
+    return field + binary_list(displacement) + b";\n" + BOUNDARY % kinds + END
 
 
-def write_frames(case: Path, motion: NodeMotion, node: np.ndarray, driving: np.ndarray, time_step: float,
-                 first: int, last: int, flat: bool) -> None:  # fmt: skip
-    """Lay `<time>/wantedDisplacement` for the steps `first` to `last` into `case` (or one processor's folder).
+def write_frames(folders: list[Path], motion: NodeMotion, nodes: list[np.ndarray], driving: list[np.ndarray],
+                 time_step: float, first: int, last: int, flat: bool, collated: bool = False) -> Iterator[int]:  # fmt: skip
+    """Lay `<time>/wantedDisplacement` for the steps `first` to `last` into each rank's folder; yields the steps done.
 
-    Displacements are relative to the shape at `first`. `node` (point,) maps mesh points to planform nodes; only
-    `driving` points (on walls that drive a column) carry values, the others stay zero so that the files compress to
-    almost nothing.
+    Displacements are relative to the shape at `first`. Of each rank: `nodes` (point,) maps its mesh points to planform
+    nodes; only `driving` points (on walls that drive a column) carry values, the others stay zero so that the files
+    compress to almost nothing. `collated`: one file of all ranks per step, in the only folder.
     """
     start = motion.nodes(first * time_step)
-    moved = node[driving]
     for step in range(first, last + PADDING + 1):
-        displacement = np.zeros((len(node), 3))
-        displacement[driving, :2] = (motion.nodes(step * time_step) - start)[moved]
-        write_bytes(
-            case / time_name(step * time_step) / FIELD, frame_content(displacement, flat), compress=True
-        )
+        moved = motion.nodes(step * time_step) - start
+        bodies = []
+        for node, drives in zip(nodes, driving, strict=True):
+            displacement = np.zeros((len(node), 3))
+            displacement[drives, :2] = moved[node[drives]]
+            bodies.append(frame_body(displacement, flat))
+        bodies[0] = HEADER + bodies[0]
+        if collated:
+            contents = [collated_content(FIELD, bodies)]
+        else:
+            contents = [bodies[0], *(HEADER + body for body in bodies[1:])]
+        for folder, content in zip(folders, contents, strict=True):
+            write_bytes(folder / time_name(step * time_step) / FIELD, content, compress=True)
+        yield step
 
 
 def remove_frames(case: Path) -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 from pipeline.errors import StageError
 
 INSTALL = "apt-get install openfoam"
+COLLATED = ("-fileHandler", "collated")
 # What OpenFOAM's programs need of their environment.
 FORWARDED = ("WM_", "FOAM_", "PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
 PROJECT_DIRS = ("/usr/share/openfoam",)  # Debian's package sets no WM_PROJECT_DIR
@@ -95,7 +96,7 @@ def last_lines(path: Path, count: int = 25) -> str:
     return "\n".join(lines[-count:])
 
 
-def solver_command(ranks: int, hosts: Path | None = None) -> list[str]:
+def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False) -> list[str]:
     """pimpleFoam, through MPI where `ranks` > 1; in a Slurm job on the cores that it was given."""
     if ranks == 1:
         return ["pimpleFoam"]
@@ -110,7 +111,7 @@ def solver_command(ranks: int, hosts: Path | None = None) -> list[str]:
             mpi += ["-x", name]
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         mpi.insert(1, "--allow-run-as-root")
-    return [*mpi, "pimpleFoam", "-parallel"]
+    return [*mpi, "pimpleFoam", "-parallel", *(COLLATED if collated else ())]
 
 
 if __name__ == "__main__":

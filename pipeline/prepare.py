@@ -12,13 +12,14 @@ import xarray as xr
 from tqdm import tqdm
 
 from pipeline.errors import StageError
-from pipeline.foamfile import read_labels, write_list
-from pipeline.frames import steps_of, time_name, write_frames
+from pipeline.foamfile import labels_of, write_list
+from pipeline.frames import PADDING, steps_of, time_name, write_frames
 from pipeline.legs import Leg, read_stage
 from pipeline.motion import read_motion
-from pipeline.openfoam import run_tool
+from pipeline.openfoam import COLLATED, run_tool
 from pipeline.partition import partition_columns
 from pipeline.quality import cell_centres, neighbours, planform_edges
+from pipeline.ranks import Ranks
 from pipeline.scene import Scene
 from pipeline.solver import PROGRESS, set_number
 from pipeline.stage import read_dataset, write_text
@@ -27,12 +28,13 @@ from pipeline.switch import carry_over
 STATE = "state.json"  # what the frames and the decomposition in a leg's folder were made for
 
 
-def case_state(case: Path, ranks: int) -> dict[str, int]:
+def case_state(case: Path, ranks: Ranks) -> dict[str, int]:
     """What frames, decomposition and fields in `case` belong to."""
     points = case / "constant" / "polyMesh" / "points"
     if not points.exists():
         raise StageError(f"{case}: no mesh; run the case stage first")
-    return {"ranks": ranks, "mesh": points.stat().st_mtime_ns}
+    state = {"ranks": ranks.count, "mesh": points.stat().st_mtime_ns}
+    return state | ({"collated": True} if ranks.collated else {})
 
 
 def prepared_for(case: Path) -> dict[str, int]:
@@ -40,7 +42,7 @@ def prepared_for(case: Path) -> dict[str, int]:
     return json.loads((case / STATE).read_text()) if (case / STATE).exists() else {}
 
 
-def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: int, quiet: bool) -> None:
+def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: Ranks, quiet: bool) -> None:
     """Decompose a leg's case, carry the flow over and lay the frames, unless that was done for the same mesh and ranks."""
     case = scene.out / "case" / leg.name
     wanted = case_state(case, ranks)
@@ -63,7 +65,7 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: int, quiet: bo
     with read_dataset(scene.out / "sweep.h5", "sweep", leg.name) as sweep:
         sweep.load()
     planform = read_stage(scene.out, leg.stage)
-    if ranks > 1:
+    if ranks.count > 1:
         _decompose(case, sweep, planform, ranks)
     if leg.moving:
         _lay_frames(scene, leg, sweep, planform, ranks, quiet)
@@ -71,28 +73,31 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: int, quiet: bo
 
 
 def _lay_frames(
-    scene: Scene, leg: Leg, sweep: xr.Dataset, planform: xr.Dataset, ranks: int, quiet: bool
+    scene: Scene, leg: Leg, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks, quiet: bool
 ) -> None:
     case, step = scene.out / "case" / leg.name, scene.numerics.time_step
     node, level = sweep["node"].values, sweep["level"].values
     kind, top = scene.model.kind, planform.sizes["level"] - 1
     driving = (level == 0) | ((level == top) if kind == "full" else False)
-    folders = [(case, np.arange(len(node)))]
-    if ranks > 1:
-        processors = [case / f"processor{rank}" for rank in range(ranks)]
-        folders = [(f, read_labels(f / "constant" / "polyMesh" / "pointProcAddressing")) for f in processors]
-    motion = read_motion(scene.out, leg.stage)
-    span = steps_of(leg.begin(step), step), steps_of(leg.end, step)
-    for folder, points in tqdm(folders, desc="frames", unit="rank", disable=quiet or None):
-        write_frames(folder, motion, node[points], driving[points], step, *span, flat=kind == "2d")
+    points = [np.arange(len(node))]
+    if ranks.count > 1:
+        points = [labels_of(block) for block in ranks.contents(case, "constant/polyMesh/pointProcAddressing")]
+    first_step, last_step = steps_of(leg.begin(step), step), steps_of(leg.end, step)
+    done = write_frames(
+        ranks.folders(case), read_motion(scene.out, leg.stage), [node[p] for p in points], [driving[p] for p in points],
+        step, first_step, last_step, flat=kind == "2d", collated=ranks.collated,
+    )  # fmt: skip
+    for _ in tqdm(done, desc="frames", total=last_step - first_step + PADDING + 1, disable=quiet or None):
+        pass
 
 
-def _decompose(case: Path, sweep: xr.Dataset, planform: xr.Dataset, ranks: int) -> None:
+def _decompose(case: Path, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks) -> None:
     column = sweep["cell_column"].values
     triangles, quads = planform["triangles"].values, planform["quads"].values
     centres = cell_centres(planform["points"].values[0], triangles, quads)
     load = np.bincount(column, minlength=len(centres)).astype(float)
-    rank = partition_columns(centres, load, ranks, neighbours(planform_edges(triangles, quads)))[column]
+    rank = partition_columns(centres, load, ranks.count, neighbours(planform_edges(triangles, quads)))[column]
     write_list(case / "constant" / "cellDecomposition", "labelList", "constant", rank)
-    set_number(case, "ranks", str(ranks))
-    run_tool(["decomposePar", "-force", "-noFunctionObjects"], case, "log.decomposePar")
+    set_number(case, "numberOfSubdomains", str(ranks.count), "decomposeParDict")
+    files = COLLATED if ranks.collated else ()
+    run_tool(["decomposePar", "-force", "-noFunctionObjects", *files], case, "log.decomposePar")

@@ -18,6 +18,7 @@ from pipeline.legs import Leg, read_legs, read_stage
 from pipeline.lock import only_one
 from pipeline.openfoam import foam_version
 from pipeline.prepare import case_state, prepare, prepared_for
+from pipeline.ranks import Ranks
 from pipeline.results import collect_results, copies_of
 from pipeline.scene import Scene
 from pipeline.solver import BAR, read_progress, solve
@@ -39,39 +40,49 @@ def useful_ranks(scene: Scene, legs: tuple[Leg, ...], ranks: int, quiet: bool) -
     return useful
 
 
-def begun_ranks(case: Path, ranks: int, quiet: bool) -> int:
-    """`ranks`, or those of an interrupted run that can be gone on with: its fields lie in as many folders.
+def begun_ranks(case: Path, ranks: Ranks, quiet: bool) -> Ranks:
+    """`ranks`, or those of an interrupted run that can be gone on with: its fields lie in its ranks' files.
 
     `case` is the folder of the first leg: the others follow it.
     """
     began = prepared_for(case)
-    if began != case_state(case, began.get("ranks", 0)) or began["ranks"] == ranks:
+    earlier = Ranks(began.get("ranks", 0), bool(began.get("collated", False)))
+    if began != case_state(case, earlier) or earlier == ranks:
         return ranks
-    if last_checkpoint(case, began["ranks"]) is None:
+    if last_checkpoint(case, earlier) is None:
         return ranks
     if not quiet:
         print(
-            f"run: goes on with the {began['ranks']} ranks it began with, not {ranks} (remove {case.parent} to begin anew)"
+            f"run: goes on with the {_words(earlier)} it began with, not {_words(ranks)} (remove {case.parent} to begin anew)"
         )
-    return int(began["ranks"])
+    return earlier
 
 
-def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None) -> float:
-    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns seconds of earlier runs."""
+def _words(ranks: Ranks) -> str:
+    return f"{ranks.count} ranks" + (", collated," if ranks.collated else "")
+
+
+def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
+        collated: bool = False) -> float:  # fmt: skip
+    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns seconds of earlier runs.
+
+    `collated`: the ranks share their files.
+    """
     begin = time.monotonic()
     version = foam_version()
     case, end, step = scene.out / "case", scene.motion.end_time, scene.numerics.time_step
     legs = read_legs(scene.out)
     guards = guards_of(scene, legs)
     with only_one(case):
-        ranks = begun_ranks(case / legs[0].name, useful_ranks(scene, legs, ranks, quiet), quiet)
+        useful = useful_ranks(scene, legs, ranks, quiet)
+        layout = begun_ranks(case / legs[0].name, Ranks(useful, collated and useful > 1), quiet)
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver", bar_format=BAR) as bar:
             handovers = [*(leg.begin(step) for leg in legs[1:]), end]
             for leg, handover, guard in zip(legs, handovers, guards, strict=True):
                 folder = case / leg.name
-                prepare(scene, legs, leg, ranks, quiet)
-                solve(folder, leg, handover, scene.numerics, ranks, hosts, bar, guard)
-                for place in (folder, *folder.glob("processor*")):
+                prepare(scene, legs, leg, layout, quiet)
+                solve(folder, leg, handover, scene.numerics, layout, hosts, bar, guard)
+                for place in layout.folders(folder):
                     remove_frames(place)
                 bar.update(leg.end - bar.n)
         spent = [read_progress(case / leg.name) for leg in legs]
@@ -94,7 +105,8 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                 "scene": scene.name,
                 "level": scene.level,
                 "model": scene.model.kind,
-                "ranks": ranks,
+                "ranks": layout.count,
+                "collated": layout.collated,
                 "time_step": step,
                 "end_time": end,
                 "steps": steps_of(end, step),
@@ -118,10 +130,13 @@ def main() -> None:
     arguments = parser("run", __doc__)
     arguments.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
     arguments.add_argument("--hosts", type=Path, help="MPI host file")
+    arguments.add_argument(
+        "--collated", action="store_true", help="one file for all ranks instead of one for each"
+    )
     args = arguments.parse_args()
 
     def action(scene: Scene, quiet: bool) -> float:
-        return run(scene, quiet, _checked_ranks(args), _checked_hosts(args))
+        return run(scene, quiet, _checked_ranks(args), _checked_hosts(args), args.collated)
 
     guarded("run", lambda: timed("run", args, action))
 

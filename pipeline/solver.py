@@ -20,6 +20,7 @@ from pipeline.frames import checkpoint_interval, time_name
 from pipeline.guards import FINER, SILENCE, Guard, Watchdog
 from pipeline.legs import Leg
 from pipeline.openfoam import die_with_parent, environment_in, last_lines, solver_command
+from pipeline.ranks import Ranks
 from pipeline.scene import Numerics
 from pipeline.stage import write_text
 
@@ -35,16 +36,16 @@ def read_progress(case: Path) -> dict[str, Any]:
     return json.loads(path.read_text()) if path.exists() else {"wall_time": 0.0, "resumed": []}
 
 
-def set_number(case: Path, key: str, value: str) -> None:
-    """Change one entry of system/numbers."""
-    path = case / "system" / "numbers"
-    text, count = re.subn(rf"(?m)^{key}\s.*;", f"{key:<23} {value};", path.read_text())
+def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
+    """Change one entry of system/numbers, or of another file there."""
+    path = case / "system" / file
+    text, count = re.subn(rf"(?m)^{key}\s.*?;", f"{key:<23} {value};", path.read_text())
     if count != 1:
         raise StageError(f"{path}: entry {key!r} occurs {count} times; run the case stage again")
     write_text(path, text)
 
 
-def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: int, hosts: Path | None,
+def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Ranks, hosts: Path | None,
           bar: tqdm, guard: Guard) -> None:  # fmt: skip
     """Run the solver to the end of a leg from its last whole checkpoint, unless it has got there before.
 
@@ -59,9 +60,8 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: int,
     start, name = checkpoint or (begin, time_name(begin))
     if checkpoint is not None:
         record["resumed"] = [*record["resumed"], start]
-        folders = [case] if ranks == 1 else sorted(case.glob("processor*"))
         if leg.moving:
-            reset_displacement(folders, time_name(begin), name)
+            reset_displacement(ranks.folders(case), time_name(begin), name, whole=ranks.collated)
     drop_tables(case, start)
     set_number(case, "startTime", name)
     set_number(
@@ -87,7 +87,7 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: int,
     with open(log, "a" if checkpoint else "w", buffering=1, encoding="utf-8") as output:
         output.write("\n")  # the run before may have ended within a line
         process = subprocess.Popen(
-            solver_command(ranks, hosts),
+            solver_command(ranks.count, hosts, ranks.collated),
             cwd=case,
             env=environment_in(case),
             preexec_fn=die_with_parent,
@@ -138,15 +138,17 @@ def failed(case: Path, guard: Guard) -> StageError:
     return StageError(f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{tail}")
 
 
-def reset_displacement(folders: list[Path], first: str, resumed: str) -> None:
+def reset_displacement(folders: list[Path], first: str, resumed: str, whole: bool = False) -> None:
     """Start a resumed run's pointDisplacement from that of the leg's first time; both are folders' names.
+
+    `whole`: the files need no closing rule to be whole, as collated ones do not.
 
     It is computed anew from the frames in the first step, and v1912 cannot read back a list of values on a patch with a
     patchType ("compound has already been transferred").
     """
     for folder in folders:
         content = (folder / first / "pointDisplacement").read_bytes().rstrip()
-        if not content.endswith(END.strip()):
+        if not whole and not content.endswith(END.strip()):
             content += END  # a whole file, for the next resumption
         write_bytes(folder / resumed / "pointDisplacement", content)
 

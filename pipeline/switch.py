@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import StageError
-from pipeline.foamfile import END, header, read_field, read_labels, write_bytes, write_field
+from pipeline.foamfile import END, field_of, header, labels_of, read_field, write_bytes, write_field
 from pipeline.frames import steps_of, time_name
 from pipeline.legs import Leg, read_stage
 from pipeline.motion import read_motion
+from pipeline.ranks import Ranks
 from pipeline.scene import Scene
 from pipeline.stage import read_dataset, write_text
 from pipeline.swept import SweptCells, carry, overlap_of, swept_cells
@@ -27,14 +28,15 @@ def cells_of(scene: Scene, leg: Leg, time: float) -> SweptCells:
         return swept_cells(planform, sweep.load(), motion.nodes(time), motion.velocity(time))
 
 
-def read_cells(case: Path, time: str, name: str, ranks: int, cells: int) -> np.ndarray:
+def read_cells(case: Path, time: str, name: str, ranks: Ranks, cells: int) -> np.ndarray:
     """A field of all cells in the mesh's own order, from one folder or from those of all ranks."""
-    if ranks == 1:
+    if ranks.count == 1:
         return read_field(case / time / name, cells)
     whole: np.ndarray | None = None
-    for folder in sorted(case.glob("processor*")):
-        members = read_labels(folder / "constant" / "polyMesh" / "cellProcAddressing")
-        part = read_field(folder / time / name, len(members))
+    addressing = ranks.contents(case, "constant/polyMesh/cellProcAddressing")
+    for labels, content in zip(addressing, ranks.contents(case, f"{time}/{name}"), strict=True):
+        members = labels_of(labels)
+        part = field_of(content, len(members), case / time / name)
         if whole is None:
             whole = np.full((cells, *part.shape[1:]), np.nan)
         whole[members] = part
@@ -65,7 +67,7 @@ def energy_share(source: SweptCells, target: SweptCells, velocity: np.ndarray, a
     return float(np.clip((-b + np.sqrt(max(b * b - 4 * a * c, 0.0))) / (2 * a), -1.0, 2.0))
 
 
-def carry_over(scene: Scene, before: Leg, leg: Leg, ranks: int) -> None:
+def carry_over(scene: Scene, before: Leg, leg: Leg, ranks: Ranks) -> None:
     """Write the fields with which `leg` begins into its case, from those of the leg before it at that time."""
     old, new = scene.out / "case" / before.name, scene.out / "case" / leg.name
     step = scene.numerics.time_step

@@ -19,7 +19,18 @@ from postprocess.stagefiles import StageFiles, read_json, read_table, write_text
 from postprocess.strokes import stroke_window
 
 MIDDLE = (0.25, 0.75)  # the middle of the stroke, as fractions of its bend
-STAGES = ("fea", "kinematics", "mesh", "case", "run", "sheets", "images", "piv", "vortices_cfd", "vortices_piv")
+STAGES = (
+    "fea",
+    "kinematics",
+    "mesh",
+    "case",
+    "run",
+    "sheets",
+    "images",
+    "piv",
+    "vortices_cfd",
+    "vortices_piv",
+)
 SOURCES = {"cfd": "vortices_cfd.csv", "piv": "vortices_piv.csv"}
 MB = 1e-6
 
@@ -133,7 +144,9 @@ def study_table(plan: dict[str, Any]) -> pd.DataFrame:
     rows = []
     for row in plan["runs"]:
         files = files_of(row)
-        varied = {key: json.dumps(v) if isinstance(v, list | dict) else v for key, v in row["overrides"].items()}
+        varied = {
+            key: json.dumps(v) if isinstance(v, list | dict) else v for key, v in row["overrides"].items()
+        }
         head = {"run": row["run"], "level": row["level"], "until": row["until"]}
         analysed = bending(files) if row["fea"] and (files.case / "kinematics" / "states.h5").exists() else {}
         rows.append(head | varied | ending(files) | analysed | solver(files) | vortex(files) | costs(files))

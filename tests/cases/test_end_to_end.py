@@ -166,7 +166,7 @@ def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
     run = json.loads((pinch / "run" / "run.json").read_text())
     # 0.55 % here, at twice the speed and 8 ms of run-in; 0.2 % is asked of the levels that are judged (medium: 0.09 %)
     assert all(abs(switch["jump_fraction"]) < 0.01 for switch in run["switches"])
-    assert (pinch / "report.html").read_text().count("id=\"pinch\"") == 1
+    assert (pinch / "report.html").read_text().count('id="pinch"') == 1
 
 
 def test_wrong_input_is_one_sentence(project):

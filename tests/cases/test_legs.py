@@ -141,6 +141,9 @@ def test_parallel_equals_serial_over_the_switch(meshed, solved, tmp_path, monkey
     one, two = table(solved, "forces.csv"), table(scene, "forces.csv")
     assert np.abs(one[:, 1:3] - two[:, 1:3]).max() < 1e-6 * np.abs(one[:, 1:3]).max()
     assert record(scene)["ranks"] == 2
+    shared = copy_of(meshed, tmp_path / "collated")
+    run_stage.run(shared, quiet=True, ranks=2, collated=True)
+    assert (shared.out / "run" / "forces.csv").read_bytes() == (scene.out / "run" / "forces.csv").read_bytes()
 
 
 def test_a_run_killed_in_its_second_leg_and_while_carrying_ends_with_the_same_forces(

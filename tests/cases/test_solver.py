@@ -22,6 +22,7 @@ from pipeline.guards import Guard
 from pipeline.legs import read_legs, read_stage
 from pipeline.motion import read_motion
 from pipeline.prepare import prepare as lay_frames
+from pipeline.ranks import Ranks
 from pipeline.scene import Scene, load_scene
 from pipeline.solver import set_number
 from pipeline.stage import read_dataset
@@ -37,7 +38,9 @@ SHORT = "[motion]\nstrokes = [{{ pressure_kpa = 12.0, start = 0.002, duration = 
 FORCES = "run/forces.csv"
 
 
-def short_scene(folder: Path, kind: str = "2d", end: float = 0.04, numerics: str = "", more: str = "") -> Scene:
+def short_scene(
+    folder: Path, kind: str = "2d", end: float = 0.04, numerics: str = "", more: str = ""
+) -> Scene:
     return prepare(write_scene(folder, kind, SHORT.format(end=end) + more, numerics))
 
 
@@ -95,7 +98,9 @@ def test_water_is_at_rest_until_the_finger_moves_and_signs_are_right(solved):
     power = table(solved.out / "run" / "power.csv")
     assert power[(power[:, 0] > 0.004) & (power[:, 0] < 0.02), 1].min() > 0  # and takes work from it
     balance = json.loads((solved.out / "run" / "run.json").read_text())["power_balance"]
-    assert balance["work"] == pytest.approx(balance["kinetic_energy"] + balance["dissipated"] + balance["closure"])
+    assert balance["work"] == pytest.approx(
+        balance["kinetic_energy"] + balance["dissipated"] + balance["closure"]
+    )
     # work is done on the water, and what is neither kinetic energy nor resolved dissipation is lost to the schemes (0.39 of it
     # on this mesh of a few hundred columns); a wrong sign or factor of two in any term would leave more than the work
     assert 0 < balance["closure_fraction"] < 0.6
@@ -118,6 +123,33 @@ def test_parallel_equals_serial(solved, prepared, tmp_path, monkeypatch):
     assert json.loads((scene.out / "run" / "run.json").read_text())["ranks"] == 2
 
 
+def test_collated_files_give_the_same_forces_to_the_last_digit(prepared, tmp_path, monkeypatch, capsys):
+    """One file for both ranks instead of one for each; stopped and resumed from them as well, whatever is asked for then."""
+    monkeypatch.setattr(run_stage, "CELLS_PER_RANK", 100)
+    apart, shared, stopped = (copy_of(prepared, tmp_path / name) for name in ("apart", "shared", "stopped"))
+    run_stage.run(apart, quiet=True, ranks=2)
+    run_stage.run(shared, quiet=True, ranks=2, collated=True)
+    assert (shared.out / FORCES).read_bytes() == (apart.out / FORCES).read_bytes()
+    assert json.loads((shared.out / "run" / "run.json").read_text())["collated"]
+    case = shared.out / "case" / "leg_0"
+    assert [p.name for p in case.glob("processor*")] == ["processors2"]
+    assert not list(case.glob("*/*/wantedDisplacement*"))
+
+    class Stop(supervise.Guard):
+        def verdict(self, line):
+            return super().verdict(line) or ("test" if self.time >= 0.026 else None)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(supervise, "Guard", Stop)
+        with pytest.raises(StageError, match="by a guard: test"):
+            run_stage.run(stopped, quiet=True, ranks=2, collated=True)
+    run_stage.run(stopped, ranks=2)
+    assert "goes on with the 2 ranks, collated, it began with" in capsys.readouterr().out
+    assert json.loads((stopped.out / "run" / "run.json").read_text())["resumed"] == [0.02]
+    straight, resumed = table(shared.out / FORCES), table(stopped.out / FORCES)
+    assert np.abs(straight[:, 1:3] - resumed[:, 1:3]).max() < 1e-6 * np.abs(straight[:, 1:3]).max()
+
+
 @pytest.mark.parametrize("scheme", ["backward", "Euler"])
 def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
     scene = short_scene(tmp_path / "straight", end=0.06, numerics=f', time_scheme = "{scheme}"')
@@ -135,7 +167,9 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
     if (killed.out / "run" / "run.json").exists():
         pytest.skip("the run ended before it could be killed")
     # a checkpoint that was cut off is not taken for whole
-    newest = max((p for p in (killed.out / "case" / "leg_0").glob("0.*/U")), key=lambda p: float(p.parent.name))
+    newest = max(
+        (p for p in (killed.out / "case" / "leg_0").glob("0.*/U")), key=lambda p: float(p.parent.name)
+    )
     newest.write_bytes(newest.read_bytes()[:-400])
     assert not is_complete(newest)
     subprocess.run(command, cwd=ROOT, check=True)
@@ -193,14 +227,16 @@ def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
     velocity = re.sub(r"gap( +)\{[^}]*\}", r"gap\1{ type zeroGradient; }", velocity)
     (case / "0" / "U").write_text(velocity)
     legs = read_legs(scene.out)
-    lay_frames(scene, legs, legs[0], 1, quiet=True)
+    lay_frames(scene, legs, legs[0], Ranks(), quiet=True)
     text = (case / "system" / "fvSolution").read_text()
     text = re.sub(r"(relTol +)[\d.]+;", r"\g<1>0;", re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-12;", text))
     (case / "system" / "fvSolution").write_text(text)
     with tqdm(total=1.0, disable=True) as bar:
-        solver.solve(case, legs[0], 0.02, scene.numerics, 1, None, bar, Guard(scene.numerics.max_courant))
+        solver.solve(case, legs[0], 0.02, scene.numerics, Ranks(), None, bar, Guard(scene.numerics.max_courant))
     field = vectors(case / "0.02" / "U")
-    assert np.abs(field - [0.3, 0.1, 0.0]).max() < 1e-8  # the linear solvers' tolerance, 1e-12, times their steps
+    assert (
+        np.abs(field - [0.3, 0.1, 0.0]).max() < 1e-8
+    )  # the linear solvers' tolerance, 1e-12, times their steps
 
 
 def test_full_and_half_models_agree(solved, tmp_path):
@@ -227,7 +263,7 @@ def test_strokes_of_150_degrees_run(tmp_path, sign):
         "strokes = [{ pressure_kpa = 30.0, start = 0.005, duration = 0.35 }]\n"
         "[mesh]\nmax_non_orthogonality_deg = 75.0\n"  # 65 holds over the default stroke, not over this one
     )
-    scene = prepare(write_scene(tmp_path / "arcs", "2d", more, ", time_scheme = \"Euler\""))
+    scene = prepare(write_scene(tmp_path / "arcs", "2d", more, ', time_scheme = "Euler"'))
     bend = np.degrees(read_stage(scene.out, 0)["bend"].values)
     assert np.abs(bend).max() > 150
     assert np.sign(bend[np.abs(bend).argmax()]) == sign
@@ -253,7 +289,9 @@ def test_a_failing_solver_shows_its_last_lines(tmp_path):
 def test_the_shipped_base_case_is_complete():
     """An expert can read it: every number it names is in its own system/numbers."""
     base = ROOT / "cases" / "_base"
-    names = set(re.findall(r"\$(\w+)", "\n".join(p.read_text() for p in base.rglob("*") if p.is_file()))) - {"p"}
+    names = set(re.findall(r"\$(\w+)", "\n".join(p.read_text() for p in base.rglob("*") if p.is_file()))) - {
+        "p"
+    }
     defined = set(re.findall(r"(?m)^(\w+)\s", (base / "system" / "numbers").read_text()))
     assert names == defined
     assert "timeStep" in numbers_text({"timeStep": "1"})

@@ -32,6 +32,7 @@ def arguments(**given):
         "partition": None,
         "account": None,
         "quiet": False,
+        "collated": False,
     }
     return argparse.Namespace(**nothing | given)
 

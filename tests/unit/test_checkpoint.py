@@ -4,6 +4,7 @@ import pytest
 
 from pipeline.checkpoint import FIELDS, MOVED, drop_tables, last_checkpoint, sampled_until
 from pipeline.foamfile import END, write_bytes
+from pipeline.ranks import Ranks, collated_content
 from pipeline.results import history
 
 MORE = ("U_0", "meshPhi")
@@ -23,11 +24,14 @@ def record(case, start, times):
 def test_a_time_counts_once_the_step_after_it_was_sampled(tmp_path):
     for time in ("0.01", "0.02"):
         save(tmp_path, time)
-    assert last_checkpoint(tmp_path, 1) is None
+    assert last_checkpoint(tmp_path, Ranks(1)) is None
     record(tmp_path, "0", [0.005, 0.01, 0.015, 0.02])
-    assert last_checkpoint(tmp_path, 1) == (0.01, "0.01")  # 0.02 may have been killed among its samples
+    assert last_checkpoint(tmp_path, Ranks(1)) == (
+        0.01,
+        "0.01",
+    )  # 0.02 may have been killed among its samples
     record(tmp_path, "0", [0.005, 0.01, 0.015, 0.02, 0.025, 0.03])
-    assert last_checkpoint(tmp_path, 1) == (0.02, "0.02")
+    assert last_checkpoint(tmp_path, Ranks(1)) == (0.02, "0.02")
 
 
 @pytest.mark.parametrize("name", [*FIELDS, *MOVED, *MORE])
@@ -36,7 +40,7 @@ def test_a_file_that_is_cut_off_sends_back_to_the_time_before(tmp_path, name):
         save(tmp_path, time)
     record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
     (tmp_path / "0.02" / name).write_bytes(b"1 2")
-    assert last_checkpoint(tmp_path, 1) == (0.01, "0.01")
+    assert last_checkpoint(tmp_path, Ranks(1)) == (0.01, "0.01")
 
 
 def test_all_ranks_must_have_written_it(tmp_path):
@@ -44,8 +48,26 @@ def test_all_ranks_must_have_written_it(tmp_path):
     for rank, times in enumerate((("0.01", "0.02"), ("0.01",))):
         for time in times:
             save(tmp_path / f"processor{rank}", time)
-    assert last_checkpoint(tmp_path, 2) == (0.01, "0.01")
-    assert last_checkpoint(tmp_path, 1) is None
+    assert last_checkpoint(tmp_path, Ranks(2)) == (0.01, "0.01")
+    assert last_checkpoint(tmp_path, Ranks(1)) is None
+
+
+@pytest.mark.parametrize("name", [*FIELDS, *MORE])
+def test_of_collated_files_every_rank_s_block_must_be_whole(tmp_path, name):
+    ranks = Ranks(3, collated=True)
+    folder = tmp_path / "processors3"
+    record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
+    for time in ("0.01", "0.02"):
+        for field in (*FIELDS, *MORE):
+            if field == "uniform/time":  # the master writes it for all
+                write_bytes(folder / time / field, b"index 2;" + END)
+            else:
+                write_bytes(folder / time / field, collated_content(field, [b"1", b"(2)", b"3"]))
+    assert last_checkpoint(tmp_path, ranks) == (0.02, "0.02")
+    path = folder / "0.02" / name
+    path.write_bytes(path.read_bytes()[:-3])
+    assert last_checkpoint(tmp_path, ranks) == (0.01, "0.01")
+    assert last_checkpoint(tmp_path, Ranks(2, collated=True)) is None
 
 
 def test_a_resumed_part_stands_for_the_time_it_began_at_and_later_ones_are_dropped(tmp_path):

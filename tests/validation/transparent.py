@@ -18,6 +18,7 @@ from pipeline.legs import read_legs, read_stage
 from pipeline.motion import read_motion
 from pipeline.prepare import prepare
 from pipeline.quality import cell_areas, cell_centres
+from pipeline.ranks import Ranks
 from pipeline.scene import Scene
 from pipeline.solver import solve
 from pipeline.stage import read_dataset, write_dataset
@@ -71,14 +72,14 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
     solution = re.sub(r"maxIter +\d+;", "", solution)
     (folder / "system" / "fvSolution").write_text(solution)
     (folder / "system" / "functions").write_text("// no body, no forces\n")
-    prepare(scene, legs, legs[0], 1, quiet)
+    prepare(scene, legs, legs[0], Ranks(), quiet)
     with tqdm(disable=True) as bar:
         solve(
             folder,
             legs[0],
             scene.motion.end_time,
             scene.numerics,
-            1,
+            Ranks(),
             None,
             bar,
             Guard(scene.numerics.max_courant),
