@@ -154,6 +154,7 @@ def register(
     scale_std: float | None,
     paired: bool = False,
     hidden: float = 0.0,
+    length_std: float = 0.0,
     sweeps: tuple[int, int, int, int] = SWEEPS,
     seed: int = 1,
 ) -> Registration:
@@ -161,7 +162,8 @@ def register(
 
     `stated`: the pose that the laboratory states, or None: from root and tip in the first frame. `stated_delay`: likewise the
     clock's, with its standard uncertainty (s); None: from the motion alone. `paired`: frames 1-2, 3-4 … are taken close
-    together, so only the first of each is used. `hidden`: length (m) of the finger that is hidden, from its root on. `sweeps`: of the
+    together, so only the first of each is used. `hidden`: length (m) of the finger that is hidden, from its root on. `length_std`:
+    standard uncertainty of the finger's length over it. `sweeps`: of the
     sampler, to be dropped and kept, in the rough and in the final fit. ValueError where the root is not seen though `hidden` is 0.
     """
     frames_used = np.arange(0, len(recording), 2 if paired else 1)
@@ -174,6 +176,7 @@ def register(
     frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
     if not hidden and stated:  # without its root a fit may go anywhere
         check_root(frames, family, stated, evidence, BEYOND_STATED)
+    prior = None if scale_std is None else float(np.hypot(scale_std, length_std))
     first = np.array([1.0, search_delay(frames, family, pose, *(stated_delay or (None,))), 1.0])
     free = np.full(frames.times.size, FREE * (family.high - family.low))
     rough = fit_outline(
@@ -182,7 +185,7 @@ def register(
         pose,
         first,
         deviation=free,
-        scale_std=scale_std,
+        scale_std=prior,
         stated_delay=stated_delay,
         seed=seed,
         burn=sweeps[0],
@@ -196,7 +199,7 @@ def register(
         replace(rough.mean_pose(), px_per_m=pose.px_per_m),
         values,
         deviation=deviation_from_law(family, rough, values),
-        scale_std=scale_std,
+        scale_std=prior,
         stated_delay=stated_delay,
         edge_px=float(rough.pose[:, 4].mean()),
         seed=seed + 1,
@@ -219,7 +222,7 @@ def register(
     )
     if not hidden:
         check_root(frames, family, fine.mean_pose(), evidence, BEYOND)
-    return _registration(family, single, fine, stated)
+    return with_length(_registration(family, single, fine, stated), scale_std, length_std)
 
 
 def hidden_part(pose: Pose, family: Family, hidden: float, shape: tuple[int, int]) -> np.ndarray:
@@ -262,6 +265,25 @@ def deviation_from_law(family: Family, rough: OutlineFit, values: np.ndarray) ->
     moving = max(np.sqrt(max(off, 0.0)), TIED * span)
     at_rest = np.abs(predicted - start) < REST * span
     return np.where(at_rest, min(moving, REST_STD * span), moving)
+
+
+def with_length(found: Registration, scale_std: float | None, length_std: float) -> Registration:
+    """A registration whose scale is that of the finger, for a finger whose length is known to `length_std` (relative) only.
+
+    The fit's prior was that of stated scale and length together; what it moved the scale by is shared between them by variance.
+    """
+    share = 1.0
+    variance = length_std**2
+    if scale_std is not None and length_std > 0:
+        assert found.stated is not None  # a stated scale has a stated pose
+        share = scale_std**2 / (scale_std**2 + length_std**2)
+        variance = share * length_std**2
+    stated = found.pose.px_per_m if found.stated is None else found.stated.px_per_m
+    scale = stated * (found.pose.px_per_m / stated) ** share
+    turn = np.diag([1.0, 1.0, 1.0, share])
+    covariance = turn @ found.covariance @ turn
+    covariance[3, 3] += variance
+    return replace(found, pose=replace(found.pose, px_per_m=scale), covariance=covariance)
 
 
 def _registration(family: Family, single: OutlineFit, fine: OutlineFit, stated: Pose | None) -> Registration:
