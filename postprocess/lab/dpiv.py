@@ -18,6 +18,7 @@ HINTS = {
     "scale": 'scale = { mm_per_px = …, std_percent = … }, { calibration = "file.json", std_percent = … } or { from_finger = true }',
     "axes": 'axes = { y = "up" or "down", x = "right" or "left", root_px = [x, y] }, with the position of the root\'s middle in px, y counted as stated',
     "finger_geometry": 'finger_geometry = "measured" (it is the one of the scene\'s states) or "nominal" (then the bands of the FEA count)',
+    "finger_length_std_mm": "finger_length_std_mm, how well the finger is known to be as long as the scene's, mm: the finger tells the scale as well",
     "piv": "piv = { window = …, spacing = … }, the settings of the evaluation in px",
     "sheet_thickness_mm": "sheet_thickness_mm, the full width of the light sheet at 1/e²",
     "piv.pairing": 'pairing = "1-2,2-3" (each picture with the next) or "1-2,3-4" (pictures taken in pairs, with interval_s)',
@@ -134,6 +135,7 @@ class Dpiv(Table):
     piv: Evaluation
     sheet_thickness_mm: Positive
     colour: Literal["refuse", "luma", "green"] = "refuse"
+    finger_length_std_mm: NotNegative | None = None  # of pictures
     root_hidden_mm: NotNegative = 0.0  # how much of the finger, from its root on, a holder or a shadow hides
     vectors: VectorFiles | None = None
     camera: LabCamera | Literal["none"] | None = None
@@ -170,6 +172,8 @@ class Dpiv(Table):
             return self
         if self.piv.pairing is None:
             raise ValueError(f"piv.pairing is missing: give {HINTS['piv.pairing']}")
+        if self.finger_length_std_mm is None:
+            raise ValueError(f"finger_length_std_mm is missing: give {HINTS['finger_length_std_mm']}")
         if self.axes.root_px is None and not self.scale.from_finger:
             raise ValueError(
                 "axes.root_px is missing: give the position of the root's middle in px, or scale = { from_finger = true }"

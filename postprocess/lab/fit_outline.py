@@ -22,6 +22,7 @@ from postprocess.lab.silhouette import FINE_PX, Evidence, integral_image
 TABLE = 241  # shapes in the table that outlines are interpolated from
 REACH = 0.15  # of the family's range: how far a recording may bend beyond the simulation
 LAW_POINTS = 2001  # of the law's own table
+COLD = 0.05  # share of the evidence at the beginning: the landscape has a bump per particle, so the chain is cooled into it
 POSE = ("at_x_px", "at_y_px", "angle", "log_scale", "edge_px")
 EDGE_STD = 1.5  # px, prior: takes in blur and the mould's tolerance
 LAW_STD = 0.3  # prior of factor and stretch about 1: weak, for recordings that show only a part of the motion
@@ -88,6 +89,15 @@ def outline_table(family: Family) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return pressures, outlines, normals / np.hypot(normals[..., 0], normals[..., 1])[..., None]
 
 
+def settled(rounds: list[tuple[np.ndarray, np.ndarray]]) -> bool:
+    """Whether the last two rounds of samples (sample, parameter) agree: their means are no further apart than their scatter."""
+    if len(rounds) < 2:
+        return False
+    early, late = rounds[-2][0], rounds[-1][0]
+    scatter = np.sqrt(0.5 * (early.var(axis=0) + late.var(axis=0)))
+    return bool(np.all(np.abs(early.mean(axis=0) - late.mean(axis=0)) <= scatter))
+
+
 def fit_outline(
     frames: Frames,
     family: Family,
@@ -98,14 +108,18 @@ def fit_outline(
     scale_std: float | None,
     stated_delay: tuple[float, float] | None = None,
     edge_px: float = 0.0,
+    pose_std: np.ndarray | None = None,
     seed: int = 1,
     burn: int,
     keep: int,
+    rounds: int = 1,
 ) -> OutlineFit:
     """Fit pose, law and pressures from a first guess of pose and law (factor, delay s, stretch).
 
     `deviation` (frame,) Pa: standard size of what a frame may be off the law. `scale_std`: relative standard uncertainty of the
     first pose's scale, a prior; None where nothing is known of it. `stated_delay`: value and standard uncertainty (s), likewise.
+    `pose_std` (5 of `POSE`): standard uncertainty of the first pose and edge where they are known, in place of `scale_std`.
+    `burn`, `keep`: sweeps of the sampler to be dropped and kept, in at most so many `rounds`, until it has settled.
     ValueError where the recording's finger bends further than the simulation's shapes reach.
     """
     table, outlines, normals = outline_table(family)
@@ -122,11 +136,21 @@ def fit_outline(
         weight[3] = scale_std**-2
     if stated_delay is not None:
         mean[6], weight[6] = stated_delay[0] - law[1], max(stated_delay[1], 1e-5) ** -2
+    if pose_std is not None:
+        mean[:5], weight[:5] = 0.0, pose_std**-2.0
     start = np.array([*first.at_px, first.angle, first.px_per_m, edge_px, *law])
-    found, places, accepted = sample(
-        frames.integrals, frames.mean, outlines, normals, start, np.asarray(first.anchor), frames.times, history, clock[0], clock[1] - clock[0],
-        spread, mean, weight, np.asarray(deviation, float) / step, frames.independent, burn, keep, np.random.default_rng(seed),
-    )  # fmt: skip
+    apart, rng = np.asarray(deviation, float) / step, np.random.default_rng(seed)
+    change, off, steps, cold = np.zeros(8), np.zeros(frames.times.size), np.diag(spread**2), COLD
+    done: list[tuple[np.ndarray, np.ndarray]] = []
+    while len(done) < rounds and not settled(done):
+        found, places, change, off, accepted = sample(
+            frames.integrals, frames.mean, outlines, normals, start, change, off, np.asarray(first.anchor), frames.times, history,
+            clock[0], clock[1] - clock[0], steps, 0.02 * spread, mean, weight, apart, frames.independent, cold, burn, keep, rng,
+        )  # fmt: skip
+        done.append((found, places))
+        steps, cold, burn = np.cov(found.T) + np.diag((0.02 * spread) ** 2), 1.0, max(burn // 4, 200)
+    # where it would not settle, the drift of the last rounds is part of the uncertainty
+    found, places = (np.concatenate(parts) for parts in zip(*done[-2:], strict=True))
     middle = places.mean(axis=0)
     if middle.min() < 1 or middle.max() > TABLE - 2:
         raise ValueError(

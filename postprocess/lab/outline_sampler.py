@@ -7,7 +7,6 @@ import numpy as np
 
 from postprocess.lab.silhouette import left_of
 
-COLD = 0.05  # of the evidence at the beginning: the landscape has a bump per particle, so the chain is cooled into it
 STEP, TAKEN, TAKEN_ALONE = (
     0.6,
     0.25,
@@ -65,29 +64,31 @@ def law_places(times, values, law, begin, step):
 
 @numba.njit(cache=True)
 def sample(
-    integrals, mean_evidence, outlines, normals, first, anchor, times, law, begin, step, spread, mean_prior, weight_prior, apart, temper,
-    burn, keep, rng,
+    integrals, mean_evidence, outlines, normals, first, change, off, anchor, times, law, begin, step, second, least, mean_prior,
+    weight_prior, apart, temper, cold, burn, keep, rng,
 ):  # fmt: skip
     """Samples of (x, y, angle, ln scale, edge, factor, delay, stretch), as changes of `first`, and of the places (sample, frame).
 
     `first` (8,): at_x, at_y, angle, px_per_m, edge, factor, delay, stretch. A place is that of the law plus a deviation of
-    standard size `apart` (frame,). Priors of the changes: `mean_prior`, `weight_prior` (one over their variance).
+    standard size `apart` (frame,). The chain begins at `change` (8,) and deviations `off` (frame,), which it moves on, with steps
+    of covariance `second` (8, 8), later its own and `least` (8,). Priors of the changes: `mean_prior`, `weight_prior` (one over
+    their variance). `cold`: share of the evidence that counts at the beginning.
     """
-    frames, size = times.size, spread.size
-    change, off = np.zeros(size), np.zeros(frames)
+    frames, size = times.size, change.size
     largest = outlines.shape[0] - 1.0
-    at = np.array([first[0], first[1]])
-    places = law_places(times, first[5:], law, begin, step)
+    at = np.array([first[0] + change[0], first[1] + change[1]])
+    places = law_places(times, first[5:] + change[5:], law, begin, step) + off
     scores = all_scores(
-        integrals, mean_evidence, outlines, normals, at, first[2], first[3], anchor, first[4], places
-    )
+        integrals, mean_evidence, outlines, normals, at, first[2] + change[2], first[3] * np.exp(change[3]), anchor,
+        first[4] + change[4], places,
+    )  # fmt: skip
     out, out_places = np.empty((keep, size)), np.empty((keep, frames))
-    mean, second = np.zeros(size), np.diag(spread**2)
+    mean, second = change.copy(), second.copy()
     factor = np.linalg.cholesky(second)
     alone = np.minimum(apart, 0.3)
     joint, taken = STEP, 0
     for sweep in range(burn + keep):
-        heat = temper * min(1.0, COLD + (1 - COLD) * sweep / (0.5 * burn))
+        heat = temper * min(1.0, cold + (1 - cold) * sweep / (0.5 * burn))
         new = change + joint * factor @ rng.standard_normal(size)
         new_law = first[5:] + new[5:]
         accept = new_law[0] > 0.05 and new_law[2] > 0.05
@@ -136,8 +137,8 @@ def sample(
             mean += share * away
             second = (1 - share) * second + share * np.outer(away, away)
             if sweep % 100 == 99:
-                factor[:] = np.linalg.cholesky(second + np.diag((0.02 * spread) ** 2))
+                factor[:] = np.linalg.cholesky(second + np.diag(least**2))
         else:
             taken += accept
             out[sweep - burn], out_places[sweep - burn] = change, places
-    return out, out_places, taken / keep
+    return out, out_places, change, off, taken / keep

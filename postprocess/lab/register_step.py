@@ -54,6 +54,7 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
                 scale_std=scale_std,
                 paired=dpiv.piv.pairing == "1-2,3-4",
                 hidden=dpiv.root_hidden_mm * 1e-3,
+                length_std=(dpiv.finger_length_std_mm or 0.0) * 1e-3 / family.length,
                 seed=seed,
             )
             corners = (0.0, 0.0), (float(recording.shape[1]), float(recording.shape[0]))

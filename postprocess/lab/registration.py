@@ -3,7 +3,7 @@
 Space: one pose for all frames, with the stated scale as a prior. Time: the law of the simulation,
 start + a (p((t - delay)/d) - start); a and d say how far and how fast the recording's finger moves beside the simulation's.
 Both are fitted together to all silhouettes (`fit_outline`), first roughly, each frame nearly free to be off the law; then with
-the frames as far off it as the first fit found them.
+the frames as far off it as the first fit found them. What each frame shows by itself is fitted last, at the pose so found.
 """
 
 from __future__ import annotations
@@ -30,8 +30,10 @@ FREE, TIED = (
     0.05,
     0.001,
 )  # of the range: how far a frame may be off the law in the rough fit; at least, in the final one
-BEYOND = (0.001, 0.003)  # m from the root, away from the tip: where water must be seen
+# m from the root, away from the tip: where water must be seen, by the fitted and by the stated pose
+BEYOND, BEYOND_STATED = (0.001, 0.003), (0.003, 0.005)
 LAW = ("factor", "delay", "stretch")
+ROUNDS = 6  # of the final fit, at most
 SWEEPS = (1500, 800, 2500, 3000)
 
 
@@ -152,6 +154,7 @@ def register(
     scale_std: float | None,
     paired: bool = False,
     hidden: float = 0.0,
+    length_std: float = 0.0,
     sweeps: tuple[int, int, int, int] = SWEEPS,
     seed: int = 1,
 ) -> Registration:
@@ -159,7 +162,8 @@ def register(
 
     `stated`: the pose that the laboratory states, or None: from root and tip in the first frame. `stated_delay`: likewise the
     clock's, with its standard uncertainty (s); None: from the motion alone. `paired`: frames 1-2, 3-4 … are taken close
-    together, so only the first of each is used. `hidden`: length (m) of the finger that is hidden, from its root on. `sweeps`: of the
+    together, so only the first of each is used. `hidden`: length (m) of the finger that is hidden, from its root on. `length_std`:
+    standard uncertainty of the finger's length over it. `sweeps`: of the
     sampler, to be dropped and kept, in the rough and in the final fit. ValueError where the root is not seen though `hidden` is 0.
     """
     frames_used = np.arange(0, len(recording), 2 if paired else 1)
@@ -170,15 +174,18 @@ def register(
     pose = stated or first_pose(recording, images, family)
     blind = hidden_part(pose, family, hidden, recording.shape) if hidden else None
     frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
+    if not hidden and stated:  # without its root a fit may go anywhere
+        check_root(frames, family, stated, evidence, BEYOND_STATED)
+    prior = None if scale_std is None else float(np.hypot(scale_std, length_std))
     first = np.array([1.0, search_delay(frames, family, pose, *(stated_delay or (None,))), 1.0])
-    span = family.high - family.low
+    free = np.full(frames.times.size, FREE * (family.high - family.low))
     rough = fit_outline(
         frames,
         family,
         pose,
         first,
-        deviation=np.full(frames.times.size, FREE * span),
-        scale_std=scale_std,
+        deviation=free,
+        scale_std=prior,
         stated_delay=stated_delay,
         seed=seed,
         burn=sweeps[0],
@@ -192,16 +199,30 @@ def register(
         replace(rough.mean_pose(), px_per_m=pose.px_per_m),
         values,
         deviation=deviation_from_law(family, rough, values),
-        scale_std=scale_std,
+        scale_std=prior,
         stated_delay=stated_delay,
         edge_px=float(rough.pose[:, 4].mean()),
         seed=seed + 1,
         burn=sweeps[2],
         keep=sweeps[3],
+        rounds=ROUNDS,
+    )
+    single = fit_outline(
+        frames,
+        family,
+        fine.mean_pose(),
+        fine.law.mean(axis=0),
+        deviation=free,
+        scale_std=None,
+        edge_px=float(fine.pose[:, 4].mean()),
+        pose_std=fine.pose.std(axis=0),
+        seed=seed + 2,
+        burn=sweeps[0],
+        keep=sweeps[1],
     )
     if not hidden:
-        check_root(frames, family, fine.mean_pose(), evidence)
-    return _registration(family, rough, fine, stated)
+        check_root(frames, family, fine.mean_pose(), evidence, BEYOND)
+    return with_length(_registration(family, single, fine, stated), scale_std, length_std)
 
 
 def hidden_part(pose: Pose, family: Family, hidden: float, shape: tuple[int, int]) -> np.ndarray:
@@ -212,21 +233,23 @@ def hidden_part(pose: Pose, family: Family, hidden: float, shape: tuple[int, int
     return (pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(family.root)) @ along < hidden
 
 
-def check_root(frames: Frames, family: Family, pose: Pose, evidence: Evidence) -> None:
-    """ValueError where the water beyond the finger's root is as dark as the finger: its root edge is then not seen."""
+def check_root(
+    frames: Frames, family: Family, pose: Pose, evidence: Evidence, beyond: tuple[float, float]
+) -> None:
+    """ValueError where it is as dark `beyond` (m from, m to) the finger's root as in it: the root's edge is then not seen."""
     start = float(family.law(family.time[0]))
     along, dorsal = family.shape("tip_direction", start), family.shape("dorsal_direction", start)
     half = 0.3 * float(np.ptp((family.shape("outline", start) - family.root) @ dorsal))
-    corners = [(-BEYOND[0], -half), (-BEYOND[0], half), (-BEYOND[1], half), (-BEYOND[1], -half)]
+    corners = [(-beyond[0], -half), (-beyond[0], half), (-beyond[1], half), (-beyond[1], -half)]
     patch = pose.to_px(np.array([family.root + a * along + d * dorsal for a, d in corners]))
     dense = np.vstack(
         [np.linspace(a, b, 40, endpoint=False) for a, b in zip(patch, np.roll(patch, -1, 0), strict=True)]
     )
     sums = [inside_sum(i, counter_clockwise(dense), frames.mean) for i in frames.integrals]
-    area = (BEYOND[1] - BEYOND[0]) * 2 * half * pose.px_per_m**2
+    area = (beyond[1] - beyond[0]) * 2 * half * pose.px_per_m**2
     rows, columns = (n - 1 for n in frames.integrals.shape[1:])
     outside = (patch < 0).any() or (patch > [columns - 1, rows - 1]).any()
-    if outside or np.mean(sums) > 0.5 * evidence.rate * area:
+    if np.mean(sums) > 0.5 * evidence.rate * area or (outside and beyond == BEYOND):
         what = "the picture ends" if outside else "there are no particles either, as in a holder or a shadow"
         raise ValueError(
             f"beyond the finger's root {what}, so its edge is not seen; give root_hidden_mm in dpiv.toml, how much of the finger from"
@@ -244,16 +267,35 @@ def deviation_from_law(family: Family, rough: OutlineFit, values: np.ndarray) ->
     return np.where(at_rest, min(moving, REST_STD * span), moving)
 
 
-def _registration(family: Family, rough: OutlineFit, fine: OutlineFit, stated: Pose | None) -> Registration:
-    values, seen = fine.law.mean(axis=0), rough.parameter.mean(axis=0)
-    misfit = float(np.sqrt(np.mean((seen - law_pressure(family, rough.times, values)) ** 2)))
+def with_length(found: Registration, scale_std: float | None, length_std: float) -> Registration:
+    """A registration whose scale is that of the finger, for a finger whose length is known to `length_std` (relative) only.
+
+    The fit's prior was that of stated scale and length together; what it moved the scale by is shared between them by variance.
+    """
+    share = 1.0
+    variance = length_std**2
+    if scale_std is not None and length_std > 0:
+        assert found.stated is not None  # a stated scale has a stated pose
+        share = scale_std**2 / (scale_std**2 + length_std**2)
+        variance = share * length_std**2
+    stated = found.pose.px_per_m if found.stated is None else found.stated.px_per_m
+    scale = stated * (found.pose.px_per_m / stated) ** share
+    turn = np.diag([1.0, 1.0, 1.0, share])
+    covariance = turn @ found.covariance @ turn
+    covariance[3, 3] += variance
+    return replace(found, pose=replace(found.pose, px_per_m=scale), covariance=covariance)
+
+
+def _registration(family: Family, single: OutlineFit, fine: OutlineFit, stated: Pose | None) -> Registration:
+    values, seen = fine.law.mean(axis=0), single.parameter.mean(axis=0)
+    misfit = float(np.sqrt(np.mean((seen - law_pressure(family, single.times, values)) ** 2)))
     return Registration(
         fine.mean_pose(),
         np.cov(fine.pose[:, :4].T),
         float(fine.pose[:, 4].mean()),
         Law(values, np.cov(fine.law.T), misfit),
-        rough.times,
+        single.times,
         seen,
-        rough.parameter.std(axis=0),
+        single.parameter.std(axis=0),
         stated,
     )

@@ -93,6 +93,7 @@ frame_rate_hz = {rate}
 start = "from motion"
 sheet_thickness_mm = {sheet}
 finger_geometry = "measured"   # the finger of the run is that of the scene's states
+finger_length_std_mm = 0.0
 
 [scale]
 mm_per_px = {scale}

@@ -96,7 +96,9 @@ class Held(Stills):
 
     def _read(self, i):
         image = super()._read(i).copy()
-        image[: self.dark_rows()] = 8
+        rows, camera = self.dark_rows(), self._lab.camera
+        noise = np.random.default_rng(i).normal(0, camera.read_noise, (rows, image.shape[1]))
+        image[:rows] = np.clip(np.rint(camera.background + noise), 0, 255)
         return image
 
     def dark_rows(self):

@@ -15,6 +15,7 @@ frame_rate_hz = 500.0
 start = "from motion"
 sheet_thickness_mm = 1.5
 finger_geometry = "nominal"
+finger_length_std_mm = 0.1
 scale = { mm_per_px = 0.125, std_percent = 0.2 }
 axes = { y = "up", root_px = [640.0, 950.0] }
 piv = { window = 32, spacing = 8, pairing = "1-2,2-3" }
@@ -38,7 +39,17 @@ def test_whole_file_is_read(tmp_path):
 
 @pytest.mark.parametrize(
     "key",
-    ["files", "frame_rate_hz", "start", "scale", "axes", "finger_geometry", "piv", "sheet_thickness_mm"],
+    [
+        "files",
+        "frame_rate_hz",
+        "start",
+        "scale",
+        "axes",
+        "finger_geometry",
+        "finger_length_std_mm",
+        "piv",
+        "sheet_thickness_mm",
+    ],
 )
 def test_each_missing_key_is_asked_for(tmp_path, key):
     with pytest.raises(ValueError, match=rf"{key} is missing: give .*{key}") as caught:

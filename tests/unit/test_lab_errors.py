@@ -7,6 +7,7 @@ from postprocess.lab.budget import Source
 from postprocess.lab.errors import at_instant, independent_instants, place_jacobian
 from postprocess.lab.fit_outline import moved
 from postprocess.lab.pose import Pose
+from postprocess.lab.registration import Law, Registration, with_length
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.03, 1.6])
@@ -55,3 +56,33 @@ def test_an_instant_is_known_less_well_than_the_mean():
     found = at_instant(sources, {"data": np.array([12.0]), "virtual": np.array([0.0])})
     assert found["data"][0] == pytest.approx(13.0)
     assert found["simulation"][0] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(
+    "scale_std, length_std, scale, std",
+    [
+        (0.01, 0.0, 1.003, 0.001),  # the finger is as long as it should be: it tells the scale
+        (0.003, 0.003, 1.0015, np.sqrt(0.0015**2 * 2 + 0.0005**2)),  # half of what it says is the scale's, half its own
+        (0.0003, 0.003, 1.00003, 0.0003),  # a good calibration is not moved by the finger
+        (None, 0.003, 1.003, np.hypot(0.001, 0.003)),  # nothing but the finger
+    ],
+)  # fmt: skip
+def test_scale_of_a_finger_whose_length_is_not_known(scale_std, length_std, scale, std):
+    stated = Pose(4000.0, 0.0, (0.0, 0.245), (310.0, 460.0))
+    law = Law(np.ones(3), np.eye(3), 0.0)
+    fitted = Pose(4000.0 * 1.003, 0.0, stated.anchor, stated.at_px)
+    covariance = np.diag([0.1, 0.1, 0.001, 0.001]) ** 2
+    found = Registration(
+        fitted,
+        covariance,
+        0.0,
+        law,
+        np.empty(0),
+        np.empty(0),
+        np.empty(0),
+        None if scale_std is None else stated,
+    )
+    found = with_length(found, scale_std, length_std)
+    assert found.pose.px_per_m / 4000.0 == pytest.approx(scale, abs=1e-5)
+    assert np.sqrt(found.covariance[3, 3]) == pytest.approx(std, rel=0.02)
+    assert found.covariance[1, 1] == pytest.approx(0.1**2)

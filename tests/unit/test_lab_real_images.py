@@ -23,6 +23,7 @@ frame_rate_hz = 100.0
 start = "from motion"
 sheet_thickness_mm = 1.0
 finger_geometry = "nominal"
+finger_length_std_mm = 0.1
 scale = {{ calibration = "{calibration}", std_percent = 1.0 }}
 axes = {{ y = "down", x = "{x}", root_px = [700.0, 40.0] }}
 piv = {{ window = 32, spacing = 8, pairing = "1-2,2-3" }}
