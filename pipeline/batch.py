@@ -214,7 +214,9 @@ def main() -> None:
     )
     arguments.add_argument("--partition", help="Slurm partition (default: the cluster's)")
     arguments.add_argument("--account", help="Slurm account (default: yours)")
-    arguments.add_argument("--collated", action="store_true", help="one file for all ranks, as of the run stage")
+    arguments.add_argument(
+        "--collated", action="store_true", help="one file for all ranks, as of the run stage"
+    )
     arguments.add_argument("--submit", action="store_true", help="submit the scripts, not only write them")
     args = arguments.parse_args()
 

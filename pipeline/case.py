@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from pipeline.cover import covering_cells
 from pipeline.errors import StageError
 from pipeline.frames import time_name
 from pipeline.legs import Leg, read_legs, read_stage
@@ -42,6 +43,7 @@ def numbers(scene: Scene, leg: Leg, back: float) -> dict[str, str]:
         "endTime": f"{leg.end:.10g}",
         "writeInterval": f"{n.write_interval:.10g}",
         "sampleInterval": str(sampling),
+        "meshMotion": "dynamicMotionSolverFvMesh" if leg.moving else "staticFvMesh",
         "timeScheme": n.time_scheme,
         "convectionScheme": n.convection,
         "density": f"{scene.fluid.density:.10g}",
@@ -127,16 +129,20 @@ def patch_types(kind: str) -> dict[str, str]:
     }
 
 
-def zones(
-    mesh: PolyMesh, levels: np.ndarray, kind: str
-) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Face zones that drive the motion, and the columns of cells that follow each."""
+def zones(mesh: PolyMesh, planform: xr.Dataset) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Face zones that drive the motion, and the columns of cells along which the points follow each.
+
+    v1912 looks for the points and edges of these cells in every time step: only as many are named as touch all of them.
+    """
+    levels, kind = planform["levels"].values, str(planform.attrs["model"])
+    triangles = planform["triangles"].values
+    corners = np.vstack([triangles[:, [0, 1, 2, 2]], planform["quads"].values])
     span = {name: np.arange(start, start + count) for name, start, count in mesh.patches}
     faces = {"backZone": span["back"], "emptyZone": np.array([], int)}
-    cells = np.arange(len(mesh.cell_layer))
+    cells = covering_cells(corners, mesh.cell_column, mesh.cell_layer)
     if kind != "full":
         return faces, {"behindSheet": cells}
-    behind = 0.5 * (levels[1:] + levels[:-1])[mesh.cell_layer] < 0
+    behind = 0.5 * (levels[1:] + levels[:-1])[mesh.cell_layer[cells]] < 0
     return faces | {"frontZone": span["front"]}, {"behindSheet": cells[behind], "beforeSheet": cells[~behind]}
 
 
@@ -149,7 +155,7 @@ def write_leg(scene: Scene, leg: Leg, planform: xr.Dataset, mesh: PolyMesh) -> x
     write_text(folder / "system" / "numbers", numbers_text(numbers(scene, leg, float(levels[0]))))
     write_text(folder / "system" / "regions", regions_text(kind))
     points = mesh.points(read_motion(scene.out, leg.stage).nodes(leg.begin(scene.numerics.time_step)), levels)
-    faces, cells = zones(mesh, levels, kind)
+    faces, cells = zones(mesh, planform)
     write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
     write_text(folder / "case.foam", "")
     return xr.Dataset(

@@ -6,15 +6,17 @@ from pathlib import Path
 
 from pipeline.ranks import Ranks, is_whole
 
-FIELDS = ("U", "p", "phi", "pointDisplacement", "polyMesh/points", "uniform/time")
+FIELDS = ("U", "p", "phi", "uniform/time")
+MOVED = ("pointDisplacement", "polyMesh/points")  # written where the mesh moves
 
 
-def saved_times(folder: Path, ranks: Ranks) -> list[tuple[float, str]]:
+def saved_times(folder: Path, ranks: Ranks, moving: bool = True) -> list[tuple[float, str]]:
     """Times in a case's folder, or in one of its ranks', at which every file is whole, ascending."""
+    wanted = FIELDS + (MOVED if moving else ())
     found = []
     for place in folder.iterdir() if folder.is_dir() else ():
         time = _number(place.name)
-        if time is None or time <= 0 or not all(_exists(place / name) for name in FIELDS):
+        if time is None or time <= 0 or not all(_exists(place / name) for name in wanted):
             continue
         # the old-time fields of the second-order scheme count as well, whatever their names
         if all(is_whole(path, ranks) for path in place.rglob("*") if path.is_file()):
@@ -22,12 +24,12 @@ def saved_times(folder: Path, ranks: Ranks) -> list[tuple[float, str]]:
     return sorted(found)
 
 
-def last_checkpoint(case: Path, ranks: Ranks) -> tuple[float, str] | None:
+def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[float, str] | None:
     """Latest time that all ranks have written whole and whose samples are on disk; None where there is none."""
     sampled = sampled_until(case)
     common: dict[float, str] | None = None
     for folder in ranks.folders(case):
-        times = {t: n for t, n in saved_times(folder, ranks) if t <= sampled * (1 + 1e-9)}
+        times = {t: n for t, n in saved_times(folder, ranks, moving) if t <= sampled * (1 + 1e-9)}
         common = times if common is None else {t: n for t, n in common.items() if t in times}
     return max(common.items()) if common else None
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from pipeline.errors import StageError
 from pipeline.stage import read_dataset
 
 # How long a leg is solved beside the one before it, until it has forgotten how it was started: the larger of
@@ -16,12 +17,13 @@ RUN_IN_STEPS = 8
 
 @dataclass(frozen=True)
 class Leg:
-    """From `start` to `end` (s) the mesh is that of `stage`."""
+    """From `start` to `end` (s) the mesh is that of `stage`; not `moving`: it stands still, also in the leg's run-in."""
 
     index: int
     start: float
     end: float
     stage: int
+    moving: bool = True
 
     @property
     def name(self) -> str:
@@ -41,8 +43,15 @@ def run_in_steps(time_step: float) -> int:
 def read_legs(out: Path) -> tuple[Leg, ...]:
     """The legs of `planform.h5`, in order."""
     with read_dataset(out / "planform.h5", "planform") as file:
-        columns = [file[f"leg_{name}"].values.tolist() for name in ("start", "end", "stage")]
-    return tuple(Leg(k, *row) for k, row in enumerate(zip(*columns, strict=True)))
+        if "leg_moving" not in file:
+            raise StageError(
+                f"{out / 'planform.h5'}: written by an earlier version; delete it and run make again"
+            )
+        columns = [file[f"leg_{name}"].values.tolist() for name in ("start", "end", "stage", "moving")]
+    rows = zip(*columns, strict=True)
+    return tuple(
+        Leg(k, start, end, stage, bool(moving)) for k, (start, end, stage, moving) in enumerate(rows)
+    )
 
 
 def read_stage(out: Path, stage: int) -> xr.Dataset:

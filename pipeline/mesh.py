@@ -18,7 +18,7 @@ from pipeline.errors import StageError
 from pipeline.family import Family, between, morph_family
 from pipeline.layers import graded_layers
 from pipeline.legs import run_in_steps
-from pipeline.mesh_stages import Part, deformation, divide
+from pipeline.mesh_stages import Part, deformation, divide, last_move
 from pipeline.morph import MorphError
 from pipeline.planform import Planform, build_planform, mirrored, mirrored_shapes
 from pipeline.quality import Quality, shape_quality
@@ -204,7 +204,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     writer.writerows([[f"{value:.6g}" for value in row] for row in rows])
     write_text(scene.out / "mesh_quality.csv", table.getvalue())
     groups = {f"stage_{k}": stage_dataset(stage, setting, levels) for k, stage in enumerate(stages)}
-    write_dataset(legs_dataset(stages, scene), scene.out / "planform.h5", groups)
+    write_dataset(legs_dataset(stages, setting), scene.out / "planform.h5", groups)
     if not quiet:
         cells = ", ".join(str(len(s.planform.triangles) + len(s.planform.quads)) for s in stages)
         usual = scene.mesh.usual_non_orthogonality_deg
@@ -214,19 +214,26 @@ def run(scene: Scene, quiet: bool = False) -> None:
         )
 
 
-def legs_dataset(stages: list[Stage], scene: Scene) -> xr.Dataset:
+def legs_dataset(stages: list[Stage], setting: Setting) -> xr.Dataset:
     """The root of planform.h5: which stage serves from when to when (s), and what all stages share."""
+    scene = setting.scene
     legs = sorted((leg, k) for k, stage in enumerate(stages) for leg in stage.part.legs)
     step = scene.numerics.time_step
+    rest = last_move(np.interp(setting.motion, setting.family.parameter, setting.way)) + run_in_steps(step)
     return xr.Dataset(
         {
             "leg_start": ("leg", np.array([step * leg[0] for leg, _ in legs]), {"units": "s"}),
             "leg_end": ("leg", np.array([step * leg[1] for leg, _ in legs]), {"units": "s"}),
             "leg_stage": ("leg", np.array([k for _, k in legs]), {"long_name": "stage of the mesh"}),
+            "leg_moving": (
+                "leg",
+                np.array([int(leg[0] <= rest) for leg, _ in legs]),
+                {"long_name": "0: the mesh rests"},
+            ),
         },
         attrs={
             "format": "planform",
-            "format_version": 2,
+            "format_version": 3,
             "finger_width": scene.finger.width,
             "model": scene.model.kind,
             "mirror": int(scene.pinch is not None and not _both_fingers(scene)),

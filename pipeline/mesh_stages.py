@@ -11,6 +11,10 @@ GAP_FACTOR = 3.0  # change of a gap
 BEND_SCALE = np.radians(110.0)
 HYSTERESIS = 0.1  # of a part: a motion must turn back by as much before an earlier planform is taken again
 PADDING = 4  # time steps beyond a leg's end that its shapes cover
+RESTING = (
+    1e-8  # of a planform's reach in a time step: less is no motion (well below 1e-6 of any stroke's speed)
+)
+LEAST_REST = 0.1  # of a run's steps: a shorter rest at its end is not worth a leg of its own
 
 
 def deformation(bend: np.ndarray, gap: np.ndarray) -> np.ndarray:
@@ -38,7 +42,7 @@ def divide(way: np.ndarray, count: int, sampling: int, run_in: int) -> list[Part
 
     `way` (step + 1,) is that of the motion's shape after each time step. Legs begin at multiples of `sampling` steps and
     are longer than two run-ins; the shapes of a planform cover those of its legs and of the `run_in` steps before each.
-    A planform that no leg needs is left out.
+    A planform that no leg needs is left out. A long rest at the end is a leg of its own, whose mesh stands still.
     """
     low, width = float(way.min()), float(np.ptp(way)) / count
     steps = len(way) - 1
@@ -52,6 +56,9 @@ def divide(way: np.ndarray, count: int, sampling: int, run_in: int) -> list[Part
         if not legs or here > legs[-1][0] or way[step] < low + width * (legs[-1][0] - HYSTERESIS):
             legs.append((here, step))
     legs = _without_short_ones(legs, steps, 2 * run_in + 1)
+    rest = -(-(last_move(way) + run_in + 1) // sampling) * sampling
+    if steps - rest >= max(2 * run_in + 1, LEAST_REST * steps) and rest - legs[-1][1] > 2 * run_in:
+        legs.append((legs[-1][0], rest))
     ends = [first for _, first in legs[1:]] + [steps]
     parts = []
     for part in sorted({part for part, _ in legs}):
@@ -59,6 +66,12 @@ def divide(way: np.ndarray, count: int, sampling: int, run_in: int) -> list[Part
         reached = np.concatenate([way[max(0, first - run_in) : end + PADDING + 1] for first, end in mine])
         parts.append(Part(float(reached.min()), float(reached.max()), mine))
     return parts
+
+
+def last_move(way: np.ndarray) -> int:
+    """The last time step in which a motion with `way` (step + 1,) moves; 0 where none does."""
+    moving = np.flatnonzero(np.abs(np.diff(way)) > RESTING)
+    return int(moving[-1]) + 1 if len(moving) else 0
 
 
 def _without_short_ones(legs: list[tuple[int, int]], steps: int, least: int) -> list[tuple[int, int]]:

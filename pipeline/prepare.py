@@ -52,8 +52,7 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: Ranks, quiet: 
     for later in reversed(legs[leg.index :]):
         for stale in (STATE, PROGRESS):
             (scene.out / "case" / later.name / stale).unlink(missing_ok=True)
-    begin, step = leg.begin(scene.numerics.time_step), scene.numerics.time_step
-    first = time_name(begin)
+    first = time_name(leg.begin(scene.numerics.time_step))
     for folder in case.glob("processor*"):
         shutil.rmtree(folder)
     for folder in case.iterdir():
@@ -66,21 +65,30 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: Ranks, quiet: 
     with read_dataset(scene.out / "sweep.h5", "sweep", leg.name) as sweep:
         sweep.load()
     planform = read_stage(scene.out, leg.stage)
+    if ranks.count > 1:
+        _decompose(case, sweep, planform, ranks)
+    if leg.moving:
+        _lay_frames(scene, leg, sweep, planform, ranks, quiet)
+    write_text(case / STATE, json.dumps(wanted))
+
+
+def _lay_frames(
+    scene: Scene, leg: Leg, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks, quiet: bool
+) -> None:
+    case, step = scene.out / "case" / leg.name, scene.numerics.time_step
     node, level = sweep["node"].values, sweep["level"].values
     kind, top = scene.model.kind, planform.sizes["level"] - 1
     driving = (level == 0) | ((level == top) if kind == "full" else False)
     points = [np.arange(len(node))]
     if ranks.count > 1:
-        _decompose(case, sweep, planform, ranks)
         points = [labels_of(block) for block in ranks.contents(case, "constant/polyMesh/pointProcAddressing")]
-    first_step, last_step = steps_of(begin, step), steps_of(leg.end, step)
+    first_step, last_step = steps_of(leg.begin(step), step), steps_of(leg.end, step)
     done = write_frames(
         ranks.folders(case), read_motion(scene.out, leg.stage), [node[p] for p in points], [driving[p] for p in points],
         step, first_step, last_step, flat=kind == "2d", collated=ranks.collated,
     )  # fmt: skip
     for _ in tqdm(done, desc="frames", total=last_step - first_step + PADDING + 1, disable=quiet or None):
         pass
-    write_text(case / STATE, json.dumps(wanted))
 
 
 def _decompose(case: Path, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks) -> None:

@@ -211,7 +211,13 @@ def collect_results(scene: Scene, legs: tuple[Leg, ...], out: Path) -> dict[str,
         "mesh_quality": mesh_quality(scene.out / "mesh_quality.csv"),
         "power_balance": power_balance(energy),
         "legs": [
-            {"start": leg.start, "end": leg.end, "stage": leg.stage, "cells": cell_count(case)}
+            {
+                "start": leg.start,
+                "end": leg.end,
+                "stage": leg.stage,
+                "moving": leg.moving,
+                "cells": cell_count(case),
+            }
             for leg, case in zip(legs, cases, strict=True)
         ],
         "switches": switches(legs, cases, force, [part[:, [0, 2]] for part in parts]),

@@ -201,6 +201,8 @@ class Camera(Section):
     read_noise: Annotated[float, Field(ge=0)] = 2.0
     electrons_per_level: Annotated[float, Field(ge=0)] = 50.0
     shadow: Annotated[float, Field(ge=0, le=1)] = 0.0
+    frame_rate_hz: Positive | None = None  # that of the sheet where not given
+    pairs_every: Annotated[int, Field(ge=1)] = 1  # 1: every frame; n: two frames in a row out of every n
     truth: bool = True  # the exact displacements beside the recording: nothing here reads them, and they take a third of the time
     seed: int = 2017
 
@@ -314,6 +316,10 @@ class Scene(Section):
                 f"motion.end_time = {self.motion.end_time:g} s is no whole number of numerics.time_step ="
                 f" {self.numerics.time_step:g} s; give {max(1, round(steps)) * self.numerics.time_step:g}"
             )
+        if self.camera.pairs_every > 1 and self.piv.frames > 2:
+            raise ValueError(
+                f"piv.frames = {self.piv.frames} needs every frame; give camera.pairs_every = 1, or piv.frames = 2"
+            )
         if abs(self.sheet.z) >= tank.size[2] / 2:
             raise ValueError(f"sheet.z = {self.sheet.z} m lies outside the tank")
         if self.model.kind != "full" and self.sheet.z != 0:
@@ -369,7 +375,8 @@ def _render_settings(scene: Scene) -> dict[str, Any]:
         "height_px": camera.rows,
         "scale_m_per_px": camera.scale_mm_per_px * 1e-3,
         "origin_px": list(camera.origin_px()),
-        "frame_rate_hz": scene.sheet.rate_hz,
+        "frame_rate_hz": camera.frame_rate_hz or scene.sheet.rate_hz,
+        "pairs_every": camera.pairs_every,
         "bits": camera.bits,
         "background": camera.background,
         "read_noise": camera.read_noise,
@@ -383,10 +390,15 @@ def _render_settings(scene: Scene) -> dict[str, Any]:
     }
 
 
+def _piv_settings(scene: Scene) -> dict[str, Any]:
+    paired = {"pairing": "1-2,3-4"} if scene.camera.pairs_every > 1 else {}
+    return scene.piv.model_dump(mode="json") | paired
+
+
 # The stages of piv/ know nothing of scenes: they get their own flags, by name, as a settings file.
 FLAT_SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
     "images": _render_settings,
-    "piv": lambda scene: scene.piv.model_dump(mode="json"),
+    "piv": _piv_settings,
     "vortices": lambda scene: scene.vortices.model_dump(mode="json"),
 }
 

@@ -55,12 +55,13 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
     record = read_progress(case)
     if record.get("ended"):
         return
-    checkpoint = last_checkpoint(case, ranks)
+    checkpoint = last_checkpoint(case, ranks, leg.moving)
     begin = leg.begin(numerics.time_step)
     start, name = checkpoint or (begin, time_name(begin))
     if checkpoint is not None:
         record["resumed"] = [*record["resumed"], start]
-        reset_displacement(ranks.folders(case), time_name(begin), name, whole=ranks.collated)
+        if leg.moving:
+            reset_displacement(ranks.folders(case), time_name(begin), name, whole=ranks.collated)
     drop_tables(case, start)
     set_number(case, "startTime", name)
     set_number(

@@ -10,7 +10,8 @@ class Camera:
     """What takes the pictures: sensor, magnification, frame rate and noise (grey levels unless said).
 
     `origin_px` is the place of the tank frame's origin, px right of the left column's and up from the bottom row's
-    centre; None puts the plane's middle in the picture's middle.
+    centre; None puts the plane's middle in the picture's middle. `pairs_every`: 1 takes every frame; n > 1 takes pairs,
+    two frames in a row out of every n, as a double-frame camera does.
     """
 
     width_px: int = 1280
@@ -22,8 +23,11 @@ class Camera:
     background: float = 8.0
     read_noise: float = 2.0
     electrons_per_level: float = 50.0
+    pairs_every: int = 1
 
     def __post_init__(self) -> None:
+        if self.pairs_every < 1:
+            raise ValueError(f"the camera's pairs_every must be at least 1, got {self.pairs_every}")
         for name in ("width_px", "height_px", "scale_m_per_px", "frame_rate_hz"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"the camera's {name} must be positive, got {getattr(self, name)}")

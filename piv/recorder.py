@@ -54,6 +54,10 @@ class Recorder:
         first, last = self.field.time[[0, -1]]
         self.n_frames = math.floor((last - first) * camera.frame_rate_hz + 1e-6) + 1
         self.time = first + np.arange(self.n_frames) / camera.frame_rate_hz
+        number = np.arange(
+            self.n_frames - (self.n_frames % camera.pairs_every == 1)
+        )  # no half pair at the end
+        self.taken = number[number % camera.pairs_every < 2]
         scale = camera.scale_m_per_px
         self.rim_px = math.ceil(3 * seeding.diameter_px)
         left, bottom = ((-0.5 - self.rim_px - o) * scale for o in self.origin_px)
@@ -151,16 +155,17 @@ class Recorder:
         )
 
     def frames(self, start: int = 0, state: tuple[int, np.ndarray] | None = None) -> Iterator[Frame]:
-        """The frames from `start` on; `state`: an earlier frame's number and particles (None: from the first frame)."""
+        """The frames taken from `start` on; `state`: an earlier frame's number and particles (None: from the first frame)."""
         index, particles = state if state is not None else (0, self._draw(0))
         mask = self.body(self.time[index])
         if state is None:
             particles = particles[:, ~self._in_body(mask, particles)]
         inner = (slice(self.rim_px, -self.rim_px),) * 2
+        taken, last = set(self.taken.tolist()), int(self.taken[-1])
         while True:
-            if index >= start:
+            if index >= start and index in taken:
                 yield Frame(index, self.picture(particles, index, mask), mask[inner].copy(), particles)
-            if index + 1 >= self.n_frames:
+            if index >= last:
                 return
             next_mask = self.body(self.time[index + 1])
             particles = self.step(particles, index, mask, next_mask)

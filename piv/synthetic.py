@@ -102,7 +102,7 @@ def render_recording(
 ) -> Path:
     """Render a plane series (docs/formats.md; may be lazy) to a recording `path`, with `truth` in `<stem>_truth.h5` beside.
 
-    Frames from the first to the last instant of the series at the camera's rate. The truth is a plane series at the
+    Frames from the first to the last instant of the series at the camera's rate, or those in pairs that it takes. The truth is a plane series at the
     middle of each frame interval: exact particle displacement over the interval, put where the middle of the
     displacement is. An interrupted rendering resumes; the result does not depend on where. Raises ValueError where the
     camera looks past the plane series.
@@ -118,20 +118,29 @@ def render_recording(
     masked = "outline" in series or bool((series["valid"].isel(time=0) == 0).any())
     dtype = np.uint8 if c.bits <= 8 else np.uint16
     with RecordingWriter(
-        path, (c.height_px, c.width_px), dtype, recorder.n_frames, attrs, times=recorder.time, mask=masked
+        path,
+        (c.height_px, c.width_px),
+        dtype,
+        len(recorder.taken),
+        attrs,
+        times=recorder.time[recorder.taken],
+        mask=masked,
     ) as writer:
         _add_finger(writer, recorder)
         state_path = path.with_name(path.name + ".particles.npz")
         done = set(writer.done.tolist()) if writer.resumed else set()
-        missing = [i for i in range(recorder.n_frames) if i not in done]
+        missing = [i for i in range(len(recorder.taken)) if i not in done]
         if missing:
-            state = _load_state(state_path, missing[0]) if writer.resumed else None
-            bar = tqdm(total=recorder.n_frames, initial=len(done), unit="frame", disable=quiet, desc="render")
-            for frame in recorder.frames(missing[0], state):
-                if frame.number not in done:
-                    writer.write(frame.number, frame.image, frame.mask if masked else None)
+            first = int(recorder.taken[missing[0]])
+            state = _load_state(state_path, first) if writer.resumed else None
+            bar = tqdm(
+                total=len(recorder.taken), initial=len(done), unit="frame", disable=quiet, desc="render"
+            )
+            for i, frame in enumerate(recorder.frames(first, state), missing[0]):
+                if i not in done:
+                    writer.write(i, frame.image, frame.mask if masked else None)
                     bar.update()
-                if frame.number % CHECKPOINT_FRAMES == 0:
+                if i % CHECKPOINT_FRAMES == 0:
                     _save_state(state_path, frame.number, frame.particles)
             bar.close()
         writer.finish()
@@ -155,7 +164,8 @@ def _add_finger(writer: RecordingWriter, recorder: Recorder) -> None:
     """Pass the finger's variables on, at the instants of the frames."""
     for name in FINGER_VARIABLES:
         if name in recorder.series:
-            values = np.array([finger_at(recorder.series, name, t) for t in recorder.time])
+            times = recorder.time[recorder.taken]
+            values = np.array([finger_at(recorder.series, name, t) for t in times])
             writer.add(name, [str(d) for d in recorder.series[name].dims], values, UNITS[name])
 
 

@@ -14,12 +14,14 @@ from piv.recorder import Recorder, finger_at
 
 
 def write_truth(recorder: Recorder, path: Path, *, quiet: bool = True) -> None:
-    """Write u, v, valid (time, y, x) at the middle of every frame interval to `path`, whole or not at all.
+    """Write u, v, valid (time, y, x) at the middle of every interval of frames taken to `path`, whole or not at all.
 
     Values as `Recorder.truth` gives them; only one plane is in memory at once.
     """
     part = path.with_name(path.name + ".part")
-    middle = (recorder.time[:-1] + recorder.time[1:]) / 2
+    taken = recorder.taken
+    first = taken[::2] if recorder.camera.pairs_every > 1 else taken[:-1]
+    middle = (recorder.time[first] + recorder.time[first + 1]) / 2
     x, y = (axis[:: recorder.truth_stride] for axis in (recorder.field.x, recorder.field.y))
     with h5py.File(part, "w") as file:
         for name, values in (("time", middle), ("y", y), ("x", x)):
@@ -34,7 +36,7 @@ def write_truth(recorder: Recorder, path: Path, *, quiet: bool = True) -> None:
             for k, dim in enumerate(("time", "y", "x")):
                 data.dims[k].attach_scale(file[dim])
         for i in tqdm(range(middle.size), unit="plane", desc="truth", disable=quiet):
-            file["u"][i], file["v"][i], file["valid"][i] = recorder.truth(i)
+            file["u"][i], file["v"][i], file["valid"][i] = recorder.truth(int(first[i]))
         for name in FINGER_VARIABLES:
             if name in recorder.series:
                 dims = recorder.series[name].dims

@@ -140,7 +140,7 @@ def picture(files: StageFiles) -> dict[str, float]:
     return {
         "pixels": camera["width_px"] * camera["height_px"],
         "rate_hz": camera["frame_rate_hz"],
-        "every": piv["every"],
+        "every": piv["every"] * camera.get("pairs_every", 1),
     }
 
 

@@ -20,6 +20,7 @@ HELPS = {
     "background": "grey level of the background",
     "read_noise": "standard deviation of the read noise, grey levels",
     "electrons_per_level": "electrons per grey level, for shot noise; 0 = none",
+    "pairs_every": "take a pair of frames out of every so many (correlate them with --pairing 1-2,3-4); 1 = every frame",
     "density_ppp": "particles per pixel within the sheet",
     "diameter_px": "particle image diameter at 1/e^2",
     "diameter_std_px": "its standard deviation",

@@ -1,5 +1,6 @@
 """Synthetic recordings: exact images, exact truth, unbiased seeding, reproducible."""
 
+import dataclasses
 import json
 
 import h5py
@@ -256,6 +257,23 @@ def test_same_seed_same_pictures_and_an_interrupted_rendering_resumes_to_them(sh
             frames.append(file["frames"][...])
     np.testing.assert_array_equal(frames[0], frames[1])
     assert (frames[0] != frames[2]).mean() > 0.1
+
+
+@pytest.mark.parametrize("every, frames", [(1, 7), (2, 6), (3, 4), (4, 4), (5, 4), (7, 2)])
+def test_pairs_are_the_same_pictures_as_of_the_whole_recording(tmp_path, every, frames):
+    series = rotating(7)
+    whole = render_recording(series, tmp_path / "whole.h5", SMALL, seed=4)
+    camera = dataclasses.replace(SMALL, pairs_every=every)
+    paired = render_recording(series, tmp_path / "pairs.h5", camera, seed=4)
+    kept = [i for i in range(7) if i % every < 2 and (every == 1 or i - i % every + 1 < 7)]
+    assert len(kept) == frames
+    with h5py.File(whole) as all_, h5py.File(paired) as some:
+        np.testing.assert_array_equal(some["frames"][:], all_["frames"][kept])
+        np.testing.assert_allclose(some["time"][:], all_["time"][kept])
+    with read_plane(tmp_path / "whole_truth.h5") as all_, read_plane(tmp_path / "pairs_truth.h5") as some:
+        first = kept[::2] if every > 1 else range(6)
+        np.testing.assert_array_equal(some["u"], all_["u"].isel(time=list(first)))
+        assert some["time"].values == pytest.approx([(i + 0.5) / 500 for i in first])
 
 
 def test_camera_that_looks_past_the_plane_is_refused(sheet, tmp_path):

@@ -82,3 +82,5 @@ def test_scene_keys_reach_the_numbers(tmp_path):
         "startTime": "0.192",
         "endTime": "0.35",
     }
+    rest = numbers(scene, Leg(1, 0.2, 0.35, 1, moving=False), -0.15)
+    assert {k: rest[k] for k in rest if rest[k] != second[k]} == {"meshMotion": "staticFvMesh"}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.checkpoint import FIELDS, drop_tables, last_checkpoint, sampled_until
+from pipeline.checkpoint import FIELDS, MOVED, drop_tables, last_checkpoint, sampled_until
 from pipeline.foamfile import END, write_bytes
 from pipeline.ranks import Ranks, collated_content
 from pipeline.results import history
@@ -11,7 +11,7 @@ MORE = ("U_0", "meshPhi")
 
 
 def save(folder, time):
-    for name in (*FIELDS, *MORE):
+    for name in (*FIELDS, *MOVED, *MORE):
         write_bytes(folder / time / name, b"1 2 3" + END)
 
 
@@ -34,7 +34,7 @@ def test_a_time_counts_once_the_step_after_it_was_sampled(tmp_path):
     assert last_checkpoint(tmp_path, Ranks(1)) == (0.02, "0.02")
 
 
-@pytest.mark.parametrize("name", [*FIELDS, *MORE])
+@pytest.mark.parametrize("name", [*FIELDS, *MOVED, *MORE])
 def test_a_file_that_is_cut_off_sends_back_to_the_time_before(tmp_path, name):
     for time in ("0.01", "0.02"):
         save(tmp_path, time)
@@ -52,13 +52,13 @@ def test_all_ranks_must_have_written_it(tmp_path):
     assert last_checkpoint(tmp_path, Ranks(1)) is None
 
 
-@pytest.mark.parametrize("name", [*FIELDS, *MORE])
+@pytest.mark.parametrize("name", [*FIELDS, *MOVED, *MORE])
 def test_of_collated_files_every_rank_s_block_must_be_whole(tmp_path, name):
     ranks = Ranks(3, collated=True)
     folder = tmp_path / "processors3"
     record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
     for time in ("0.01", "0.02"):
-        for field in (*FIELDS, *MORE):
+        for field in (*FIELDS, *MOVED, *MORE):
             if field == "uniform/time":  # the master writes it for all
                 write_bytes(folder / time / field, b"index 2;" + END)
             else:

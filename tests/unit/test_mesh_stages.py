@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline import kinematics, mesh
 from pipeline.legs import read_legs
-from pipeline.mesh_stages import HYSTERESIS, PADDING, deformation, divide
+from pipeline.mesh_stages import HYSTERESIS, PADDING, deformation, divide, last_move
 from pipeline.scene import load_scene
 from pipeline.stage import read_dataset
 from tests.conftest import write_scene
@@ -49,6 +49,18 @@ def test_legs_cover_the_time_exactly_and_shapes_cover_the_legs(knots, count, sam
             used = way[max(0, first - run_in) : end + PADDING + 1]
             assert part.low <= used.min()
             assert used.max() <= part.high
+
+
+def test_a_long_rest_at_the_end_is_a_leg_of_its_own_and_a_short_one_is_not():
+    moving, run_in = 200, 8
+    for rest, count in ((15, 1), (300, 2)):
+        way = np.interp(np.arange(moving + rest + 1), [0, moving], [0.0, 1.0])
+        (part,) = divide(way, 1, 4, run_in)
+        assert len(part.legs) == count
+        if count == 2:
+            begin = part.legs[1][0] - run_in  # where its solver starts, beside the moving leg's
+            assert last_move(way) == moving < begin < moving + 8
+    assert last_move(np.zeros(50)) == 0
 
 
 def test_there_and_back_takes_the_first_planform_again_once():
@@ -104,7 +116,13 @@ def test_the_pinch_as_shipped_keeps_the_issues_limits(tmp_path):
         angle <= 70.0
     ).mean() >= 0.95  # of the shapes, which follow each other at equal steps of bend and gap
     legs = read_legs(scene.out)
-    assert [leg.stage for leg in legs] == list(range(len(legs)))  # it closes once: no planform is taken twice
-    assert 2 <= len(legs) <= 3
+    *moving, resting = legs
+    assert [leg.stage for leg in moving] == list(
+        range(len(moving))
+    )  # it closes once: no planform is taken twice
+    assert 2 <= len(moving) <= 3
+    assert not resting.moving
+    assert resting.stage == moving[-1].stage
+    assert 0.31 < resting.start < 0.33  # the tips stop at 0.31 s
     with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
         assert float(file["shape_gap"].min()) == pytest.approx(0.5e-3, abs=1e-6)

@@ -69,6 +69,7 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
     solution = re.sub(
         r"(relTol +)[\d.]+;", r"\g<1>0;", re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-11;", solution)
     )
+    solution = re.sub(r"maxIter +\d+;", "", solution)
     (folder / "system" / "fvSolution").write_text(solution)
     (folder / "system" / "functions").write_text("// no body, no forces\n")
     prepare(scene, legs, legs[0], Ranks(), quiet)

@@ -1,0 +1,36 @@
+"""The fewest cells that touch every node of a swept mesh: all that OpenFOAM's layered motion needs to walk along."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def covering_columns(corners: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Some of `columns` (indices into `corners`) that touch every node which all of them touch.
+
+    `corners` (column, 4) are node numbers, a triangle's last one twice. Greedy: first columns none of whose nodes is
+    touched yet, then those with fewer new ones; a fifth of the columns of a planform is left.
+    """
+    new = np.ones(int(corners.max()) + 1, bool)
+    chosen = []
+    for least in (4, 3, 2, 1):
+        for column in columns:
+            nodes = list(set(corners[column].tolist()))
+            if new[nodes].sum() >= least:
+                chosen.append(column)
+                new[nodes] = False
+    return np.sort(np.array(chosen, dtype=int))
+
+
+def covering_cells(corners: np.ndarray, column: np.ndarray, layer: np.ndarray) -> np.ndarray:
+    """Cells (indices) that touch every upright edge of a swept mesh; `column` and `layer` (cell,) say where each lies."""
+    chosen = np.zeros(len(column), bool)
+    known: dict[bytes, np.ndarray] = {}  # layers beside the finger have the same columns, those beyond it too
+    for number in np.unique(layer):
+        here = np.flatnonzero(layer == number)
+        columns = np.sort(column[here])
+        key = columns.tobytes()
+        if key not in known:
+            known[key] = covering_columns(corners, columns)
+        chosen[here] = np.isin(column[here], known[key])
+    return np.flatnonzero(chosen)
