@@ -52,13 +52,13 @@ def test_all_ranks_must_have_written_it(tmp_path):
     assert last_checkpoint(tmp_path, Ranks(1)) is None
 
 
-@pytest.mark.parametrize("name", [*FIELDS, *MORE])
+@pytest.mark.parametrize("name", [*FIELDS, *MOVED, *MORE])
 def test_of_collated_files_every_rank_s_block_must_be_whole(tmp_path, name):
     ranks = Ranks(3, collated=True)
     folder = tmp_path / "processors3"
     record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
     for time in ("0.01", "0.02"):
-        for field in (*FIELDS, *MORE):
+        for field in (*FIELDS, *MOVED, *MORE):
             if field == "uniform/time":  # the master writes it for all
                 write_bytes(folder / time / field, b"index 2;" + END)
             else:
