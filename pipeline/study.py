@@ -126,7 +126,7 @@ def owners(rows: list[Row], scenes: list[Scene | StageError]) -> list[dict[str, 
     A run that may fail shares nothing: how it ended is its own.
     """
     first: dict[str, str] = {}
-    found = []
+    found: list[dict[str, str]] = []
     for row, scene in zip(rows, scenes, strict=True):
         if row.may_fail or not isinstance(scene, Scene):
             found.append({})

@@ -65,13 +65,13 @@ def read_study(path: Path) -> list[Row]:
     return rows
 
 
-def _row(path: Path, record: dict[str, Any]) -> Row:
+def _row(path: Path, record: dict[str | None, Any]) -> Row:
     name = (record.get("run") or "").strip()
     if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", name):
         raise StageError(f"{path}: run = {name!r}: give a name of letters, digits, '_', '-' and '.'")
     if record.get(None):
         raise StageError(f"{path}: run {name}: more cells than columns; put a cell with a comma in quotes")
-    given = {key: value.strip() for key, value in record.items() if value and value.strip()}
+    given = {key: value.strip() for key, value in record.items() if key and value and value.strip()}
     counts = {}
     for key in ("ranks", "piv_chunks"):
         if not given.get(key, "1").isdecimal() or int(given.get(key, "1")) < 1:
