@@ -27,7 +27,7 @@ FLAGS  := $(if $(QUIET),--quiet)
 
 .SUFFIXES:
 .SECONDARY:
-.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-sheets study-sheets validate convergence clean clean-all bench-piv stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
+.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-sheets study-sheets validate convergence clean clean-all bench-piv bench-steps stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
 
 help: ## this list
 	@echo "make setup                     Python environment and OpenFOAM, where missing"
@@ -168,6 +168,9 @@ fea-studies: $(STUDY_READY) ## studies over wedge, width and materials: docs/fea
 pinch-studies: $(STUDY_READY) ## studies of the pinch (STUDIES="gap1 gap2": only some): docs/pinch_studies.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/variations.csv $(ONLY)
 	$(PY) -m postprocess.studies cases/pinch/out/studies/variations/plan.json --words cases/pinch/studies/variations.md -o docs/pinch_studies
+
+bench-steps: $(READY) ## a time step on moving and static mesh, 1 and 2 ranks, with and without samples: docs/tradeoff/steps.csv
+	$(PY) -m tests.benchmarks.step_cost --level $(LEVEL)
 
 validate: $(STUDY_READY) ## flows of known answer through the project's own stages: docs/verification.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/validation.csv

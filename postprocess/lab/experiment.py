@@ -30,7 +30,9 @@ def evaluate(
     """PIV of some frames (at `times`, s) with the finger's outlines (px) masked: a plane series in the camera frame."""
     frames = MaskedRecording(recording, indices, times, outlines, 1 / pose.px_per_m)
     options = Options(window=piv.window, spacing=piv.spacing, preset=piv.preset)
-    sequence = SequenceOptions(piv.pairing or "1-2,2-3", 0, piv.every, preprocess=piv.preprocess, threads=threads)
+    sequence = SequenceOptions(
+        piv.pairing or "1-2,2-3", 0, piv.every, preprocess=piv.preprocess, threads=threads
+    )
     output.with_name(output.name + ".part").unlink(missing_ok=True)  # of other outlines, perhaps
     correlate_recording(frames, output, options, sequence, quiet=quiet)
     with read_plane(output) as plane:
