@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import gzip
 import re
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import StageError
-from pipeline.foamfile import header, is_complete
+from pipeline.foamfile import header, is_complete, write_bytes
 
 COLLATED = b"decomposedBlockData"
 HEAD = 2000  # bytes within which a file's header lies
+MESH_PAST = ("V0", "meshPhi")
 BLOCK = re.compile(rb"\s*// Processor\d+\s+(\d+)\s*\(")
 
 
@@ -33,6 +35,23 @@ class Ranks:
         if self.collated:
             return [case / f"processors{self.count}"]
         return [case / f"processor{rank}" for rank in range(self.count)]
+
+    def announce(self, case: Path, time: str) -> None:
+        """Let a resumed run find the mesh's own past of collated files: its old volumes, and the fluxes of its motion.
+
+        v1912 reads them only where it sees their names in each rank's own folder, where collated files are not; without
+        them it would go on as if the mesh had stood still. Empty files stand there until `withdraw`.
+        """
+        if self.collated:
+            for name in (name for name in MESH_PAST if (self.folders(case)[0] / time / name).exists()):
+                for rank in range(self.count):
+                    write_bytes(case / f"processor{rank}" / time / name, b"")
+
+    def withdraw(self, case: Path) -> None:
+        """Remove what `announce` has laid, also for a run that was killed since."""
+        if self.collated:
+            for rank in range(self.count):
+                shutil.rmtree(case / f"processor{rank}", ignore_errors=True)
 
     def contents(self, case: Path, name: str) -> list[bytes]:
         """What the file `name` holds, rank by rank. StageError where it is missing or cut off."""

@@ -62,6 +62,7 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
         record["resumed"] = [*record["resumed"], start]
         if leg.moving:
             reset_displacement(ranks.folders(case), time_name(begin), name, whole=ranks.collated)
+        ranks.announce(case, name)
     drop_tables(case, start)
     set_number(case, "startTime", name)
     set_number(
@@ -116,6 +117,7 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
                 raise
             finally:
                 note()
+                ranks.withdraw(case)
     code = process.wait()
     if watchdog.barked:
         guard.remedy = "look at the machine, then run make again to go on"

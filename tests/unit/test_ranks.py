@@ -51,6 +51,18 @@ def test_labels_of_each_rank(tmp_path, collated, compress):
         np.testing.assert_array_equal(labels, wanted)
 
 
+def test_the_past_of_the_mesh_is_announced_to_each_rank_where_it_is_saved_and_withdrawn(tmp_path):
+    ranks = Ranks(2, collated=True)
+    write_bytes(tmp_path / "processors2" / "0.02" / "V0", collated_content("V0", [b"a", b"b"]))
+    ranks.announce(tmp_path, "0.02")
+    laid = sorted(str(p.relative_to(tmp_path)) for p in tmp_path.glob("processor[0-9]*/*/*"))
+    assert laid == ["processor0/0.02/V0", "processor1/0.02/V0"]  # no meshPhi: it was not saved
+    ranks.withdraw(tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["processors2"]
+    Ranks(2).announce(tmp_path, "0.02")
+    assert [p.name for p in tmp_path.iterdir()] == ["processors2"]
+
+
 def test_too_few_ranks_are_named(tmp_path):
     write_bytes(tmp_path / "processors3" / "0" / "U", collated_content("U", [b"a", b"b"]))
     with pytest.raises(StageError, match="2 of 3 ranks"):
