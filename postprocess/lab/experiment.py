@@ -28,6 +28,7 @@ def evaluate(
     piv: Evaluation, output: Path, *, threads: int = 1, quiet: bool = True,
 ) -> xr.Dataset:  # fmt: skip
     """PIV of some frames (at `times`, s) with the finger's outlines (px) masked: a plane series in the camera frame."""
+    assert piv.pairing is not None  # the schema's own check
     frames = MaskedRecording(recording, indices, times, outlines, 1 / pose.px_per_m)
     options = Options(window=piv.window, spacing=piv.spacing, preset=piv.preset)
     sequence = SequenceOptions(

@@ -16,7 +16,7 @@ from postprocess.lab.pictures import LabRecording
 from postprocess.lab.profile import fit_profile, motion_dataset, strip_at_rest, write_motion
 from postprocess.lab.registration import LEARN_FROM, MAX_FRAMES, hidden_part
 from postprocess.lab.silhouette import learn
-from postprocess.stagefiles import scene_numbers, sha256, write_text
+from postprocess.stagefiles import scene_title, sha256, write_text
 
 SCENE = """# Written by postprocess.lab: the scene driven by the motion that the recording {name} shows.
 extends = "../../../../.."
@@ -96,9 +96,7 @@ def _write_scene(files: LabFiles, dpiv: Dpiv, factor_std: float) -> Path:
         f'\n[[numerics]]\nname = "{n.name}"\nratio = {n.ratio!r}\norder = {n.order!r}\nsafety = {n.safety!r}\n'
         for n in inputs.numerics
     )
-    title = (
-        f"{scene_numbers(files.stage).get('title', files.stage.scene)}, moved as in the recording {dpiv.name}"
-    )
+    title = f"{scene_title(files.stage.case)}, moved as in the recording {dpiv.name}"
     write_text(folder / "scene.toml", SCENE.format(name=dpiv.name, title=title))
     limit = round(3**0.5 * factor_std, 6)
     write_text(
