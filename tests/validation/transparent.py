@@ -12,10 +12,11 @@ from tqdm import tqdm
 
 from pipeline import case, kinematics, mesh
 from pipeline.errors import StageError
-from pipeline.foamfile import END, binary_list, header, write_bytes
+from pipeline.foamfile import END, binary_list, header, read_field, write_bytes
 from pipeline.guards import Guard
 from pipeline.legs import read_legs, read_stage
 from pipeline.motion import read_motion
+from pipeline.polymesh import OUTER_PATCHES
 from pipeline.prepare import prepare
 from pipeline.quality import cell_areas, cell_centres
 from pipeline.ranks import Ranks
@@ -24,7 +25,6 @@ from pipeline.solver import solve
 from pipeline.stage import read_dataset, write_dataset
 
 Field = Callable[[np.ndarray, float], np.ndarray]  # positions (n, 2) m, time s -> velocities (n, 2) m/s
-PATCHES = "tank|top|gap"
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Cells:
 def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool = True) -> None:
     """Mesh, case and solution of a scene whose body lets water through.
 
-    `boundary`: OpenFOAM's type of U on all outer sides (`slip`, or `fixedValue` of the initial field, uniform there).
+    `boundary`: OpenFOAM's type of U on all outer sides: `slip`, or `fixedValue`, of the initial field at each face.
     """
     scene.out.mkdir(parents=True, exist_ok=True)
     kinematics.run(scene, quiet)
@@ -58,7 +58,11 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
     case.run(scene, quiet)
     folder = scene.out / "case" / legs[0].name
     first = cells(scene, 0.0, None)
-    _write_velocity(folder / "0" / "U", initial(first.centres, 0.0), boundary)
+    walls = {
+        name: b"type slip;" if boundary == "slip" else fixed_value(initial(middle, 0.0))
+        for name, middle in outer_faces(scene).items()
+    }
+    write_velocity(folder / "0" / "U", initial(first.centres, 0.0), walls)
     pressure = (folder / "0" / "p").read_text()
     pressure = re.sub(r"gap( +)\{[^}]*\}", r"gap\1{ type zeroGradient; }", pressure)
     (folder / "0" / "p").write_text(pressure)
@@ -86,6 +90,19 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
         )
 
 
+def outer_faces(scene: Scene) -> dict[str, np.ndarray]:
+    """Middles (face, 2), m, of the outer patches' faces in the mesh's order; nothing moves them."""
+    planform = read_stage(scene.out, 0)
+    swept = case.build_mesh(planform)
+    points = swept.points(read_motion(scene.out).nodes(0.0), planform["levels"].values)
+    middles = {}
+    for name, start, count in swept.patches:
+        if name in OUTER_PATCHES:
+            corners = swept.face_points[swept.face_offset[start] : swept.face_offset[start + count]]
+            middles[name] = points[corners.reshape(count, 4)].mean(1)[:, :2]
+    return middles
+
+
 def cells(scene: Scene, time: float, folder: Path | None) -> Cells:
     """Cells at `time`; the velocity is read from `folder`, or zero without one."""
     stage = read_stage(scene.out, 0)
@@ -95,7 +112,7 @@ def cells(scene: Scene, time: float, folder: Path | None) -> Cells:
     nodes = read_motion(scene.out).nodes(time)
     centres = cell_centres(nodes, triangles, quads)[column]
     areas = cell_areas(nodes, triangles, quads)[column]
-    velocity = np.zeros_like(centres) if folder is None else read_vectors(folder / "U")[:, :2]
+    velocity = np.zeros_like(centres) if folder is None else read_field(folder / "U", len(column))[:, :2]
     return Cells(centres, areas, velocity)
 
 
@@ -105,22 +122,20 @@ def at_end(scene: Scene) -> Cells:
     return cells(scene, time, scene.out / "case" / "leg_0" / f"{time:.8g}")
 
 
-def read_vectors(path: Path) -> np.ndarray:
-    """Internal values (cell, 3) of a binary volVectorField."""
-    content = path.read_bytes()
-    found = re.search(rb"nonuniform List<vector>\s+(\d+)\n?\(", content)
-    if found is None:
-        raise ValueError(f"{path}: no list of vectors in it")
-    return np.frombuffer(content, "<f8", 3 * int(found.group(1)), found.end()).reshape(-1, 3)
+def fixed_value(velocity: np.ndarray) -> bytes:
+    """Entries of a patch whose faces have the velocities (face, 2)."""
+    return b"type fixedValue; value nonuniform List<vector> " + binary_list(in_space(velocity)) + b";"
 
 
-def _write_velocity(path: Path, velocity: np.ndarray, boundary: str) -> None:
-    value = " ".join(f"{c:.12g}" for c in (*velocity.mean(0), 0.0))
-    outer = "slip" if boundary == "slip" else f"{boundary}; value uniform ({value})"
-    sides = (
-        f'    "({PATCHES})" {{ type {outer}; }}\n    sheet {{ type empty; }}\n    back {{ type empty; }}\n'
-    )
-    field = np.column_stack([velocity, np.zeros(len(velocity))])
-    body = b"dimensions [0 1 -1 0 0 0 0];\n\ninternalField nonuniform List<vector> " + binary_list(field)
-    end = f";\n\nboundaryField\n{{\n{sides}}}\n".encode()
-    write_bytes(path, header("volVectorField", "0", "U", binary=True) + body + end + END)
+def write_velocity(path: Path, velocity: np.ndarray, walls: dict[str, bytes]) -> None:
+    """Write U with the cells' velocities (cell, 2) and the entries of each outer patch."""
+    sides = b"".join(b"    %s { %s }\n" % (name.encode(), entries) for name, entries in walls.items())
+    sides += b"    sheet { type empty; }\n    back { type empty; }\n"
+    field = b"internalField nonuniform List<vector> " + binary_list(in_space(velocity)) + b";\n\n"
+    body = b"dimensions [0 1 -1 0 0 0 0];\n\n" + field + b"boundaryField\n{\n" + sides + b"}\n"
+    write_bytes(path, header("volVectorField", "0", "U", binary=True) + body + END)
+
+
+def in_space(velocity: np.ndarray) -> np.ndarray:
+    """Velocities (n, 2) with a third component, 0."""
+    return np.column_stack([velocity, np.zeros(len(velocity))])
