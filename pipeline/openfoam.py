@@ -9,6 +9,7 @@ import re
 import shutil
 import signal
 import subprocess
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -37,7 +38,12 @@ def environment() -> dict[str, str]:
         env["WM_PROJECT_DIR"] = found
     env.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")  # one more busy process would stall spinning ranks
     env["OMP_NUM_THREADS"] = "1"
-    return env
+    return env if in_whole_job(env) else {k: v for k, v in env.items() if not k.startswith("SLURM_")}
+
+
+def in_whole_job(env: Mapping[str, str]) -> bool:
+    """Whether this is a Slurm job that tells mpirun its nodes; Snakemake's jobs keep a part of Slurm's names alone."""
+    return "SLURM_JOB_ID" in env and {"SLURM_NODELIST", "SLURM_TASKS_PER_NODE"} <= env.keys()
 
 
 def sourced(bashrc: Path) -> dict[str, str]:
@@ -101,7 +107,7 @@ def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False
     if ranks == 1:
         return ["pimpleFoam"]
     mpi = ["mpirun", "-np", str(ranks)]
-    if hosts is not None or "SLURM_JOB_ID" not in os.environ:
+    if hosts is not None or not in_whole_job(os.environ):
         # a machine that is shared with others: ranks yield, move, and may be more than its cores
         mpi += ["--mca", "mpi_yield_when_idle", "1", "--bind-to", "none", "--oversubscribe"]
     if hosts is not None:

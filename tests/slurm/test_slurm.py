@@ -73,7 +73,8 @@ def scene():
     (FOLDER / "scene.toml").write_text(
         TINY.format(parent="../single_finger", kind="2d", more="", numerics=""), encoding="utf-8"
     )
-    (FOLDER / "kinematics").symlink_to("../single_finger/kinematics")
+    for name in ("kinematics", "reference"):
+        (FOLDER / name).symlink_to(f"../single_finger/{name}")
     yield load_scene(Path("cases/slurm_test"), "coarse")
     shutil.rmtree(FOLDER)
 

@@ -70,3 +70,19 @@ def test_ranks_on_other_hosts_get_the_environment_they_need(monkeypatch, tmp_pat
     assert command[command.index("--hostfile") + 1] == str(tmp_path / "hosts.txt")
     assert command[-2:] == ["pimpleFoam", "-parallel"]
     assert "-x" not in openfoam.solver_command(8)
+
+
+def test_a_job_that_does_not_name_its_nodes_is_no_job_to_mpirun(monkeypatch, tmp_path):
+    """Snakemake's jobs in Slurm keep some of its names, at which mpirun would look for the others and give up."""
+    fake(tmp_path / "bin", "Using: OpenFOAM-v2312 (2312)")
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
+    monkeypatch.setenv("SLURM_JOB_ID", "7")
+    monkeypatch.delenv("SLURM_NODELIST", raising=False)
+    assert not [name for name in openfoam.environment() if name.startswith("SLURM_")]
+    assert "--oversubscribe" in openfoam.solver_command(2)
+    openfoam.environment.cache_clear()
+    monkeypatch.setenv("SLURM_NODELIST", "vm")
+    monkeypatch.setenv("SLURM_TASKS_PER_NODE", "2")
+    assert openfoam.environment()["SLURM_JOB_ID"] == "7"
+    assert "--oversubscribe" not in openfoam.solver_command(2)

@@ -78,7 +78,9 @@ def variant(scene: Scene, outer: int, tag: str) -> Scene:
     return scene.model_copy(update={"numerics": numerics, "level": f"{scene.level}_{tag}"})
 
 
-def vortex_cells(flow: Flow, level: str, outer: int, again: bool, folder: Path = CASES) -> tuple[Scene, Cells]:
+def vortex_cells(
+    flow: Flow, level: str, outer: int, again: bool, folder: Path = CASES
+) -> tuple[Scene, Cells]:
     """The vortex at the end of a run, solved unless that was done for these very numbers."""
     scene = variant(load_scene(folder / NAME, level), outer, f"{flow.name}_{outer}")
     stamp = scene.out / "transparent.json"
