@@ -1,5 +1,6 @@
 # Comparison with a laboratory (docs/comparison.md). Its runs beside the nominal one are scenes of their own, written when it
 # is known what they are: each step is a make of its own. INPUTS= (empty) leaves those runs out.
+# Registration comes first: it asks for what dpiv.toml leaves out before anything is solved.
 INPUTS ?= yes
 SUB     = $(MAKE) --no-print-directory LEVEL=$(LEVEL) NP=$(NP) QUIET=$(QUIET)
 CASE    = $(CASES)/$(SCENE)
@@ -11,7 +12,7 @@ OFLAB   = $(CASE) --level $(LEVEL) --dpiv $(DPIV) $(FLAGS)
 compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=single_finger DPIV=folder [LEVEL=..]
 	@test -n "$(DPIV)" || { echo "give DPIV=folder, where the laboratory's dpiv.toml is (docs/comparison.md)" >&2; exit 2; }
 	@$(SUB) $(SCENE).kinematics
-	$(LAB) register $(OFLAB) # first: it asks for what dpiv.toml leaves out before anything is solved
+	$(LAB) register $(OFLAB)
 	@$(SUB) $(SCENE).run
 	$(if $(INPUTS),@$(LAB) runs $(CASE) --level $(LEVEL) $(FLAGS),@rm -rf $(LABOUT)/lab/$(LABNAME)/inputs)
 	@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS=$(INPUTS) lab-sheets
