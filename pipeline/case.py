@@ -43,6 +43,7 @@ def numbers(scene: Scene, leg: Leg, back: float) -> dict[str, str]:
         "endTime": f"{leg.end:.10g}",
         "writeInterval": f"{n.write_interval:.10g}",
         "sampleInterval": str(sampling),
+        "balanceInterval": str(n.balance_steps(scene.sheet.rate_hz)),
         "meshMotion": "dynamicMotionSolverFvMesh" if leg.moving else "staticFvMesh",
         "timeScheme": n.time_scheme,
         "convectionScheme": n.convection,

@@ -155,6 +155,9 @@ class Model(Section):
     kind: Literal["2d", "quarter", "half", "full"] = "half"
 
 
+LONGEST_BALANCE = 2e-3  # s between two samples of power and energy: bursts of 8 ms have been seen
+
+
 class Numerics(Section):
     """Time step (s) and what the solver does with it."""
 
@@ -176,6 +179,15 @@ class Numerics(Section):
                 f" {1 / rate_hz:g} s; give {1 / rate_hz / max(1, round(steps)):g}"
             )
         return round(steps)
+
+    def balance_steps(self, rate_hz: float) -> int:
+        """Time steps between two samples of power and energy: those of the sheet, or a part of them where they are rare.
+
+        A burst of work between two samples would be missed, and the energy guard take it for energy from nothing.
+        """
+        sampling = self.sampling_steps(rate_hz)
+        most = max(1, int(LONGEST_BALANCE / self.time_step * (1 + 1e-9)))
+        return next(k for k in range(min(most, sampling), 0, -1) if sampling % k == 0)
 
 
 class Sheet(Section):

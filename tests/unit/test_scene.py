@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import StageError
-from pipeline.scene import STAGE_SECTIONS, load_scene, write_settings
+from pipeline.scene import STAGE_SECTIONS, Numerics, load_scene, write_settings
 from tests.conftest import ROOT, write_scene
 
 SCENES = sorted(p.parent for p in (ROOT / "cases").glob("*/scene.toml"))
@@ -110,3 +110,13 @@ def test_any_text_is_a_scene_or_one_sentence(tmp_path_factory, text):
     (folder / "scene.toml").write_text(text, encoding="utf-8", errors="surrogatepass")
     with pytest.raises(StageError):
         load_scene(folder)
+
+
+@pytest.mark.parametrize(
+    "time_step, rate, steps",
+    [(1e-3, 125.0, 2), (0.5e-3, 500.0, 4), (0.5e-3, 250.0, 4), (4e-3, 250.0, 1), (1e-3, 1000 / 3, 1)],
+)
+def test_power_is_sampled_at_least_every_2_ms_and_whenever_the_sheet_is(time_step, rate, steps):
+    numerics = Numerics(time_step=time_step)
+    assert numerics.balance_steps(rate) == steps
+    assert numerics.sampling_steps(rate) % steps == 0
