@@ -166,8 +166,9 @@ fea-studies: $(STUDY_READY) ## studies over wedge, width and materials: docs/fea
 	$(PY) -m pipeline.fea.studies
 
 pinch-studies: $(STUDY_READY) ## studies of the pinch (STUDIES="gap1 gap2": only some): docs/pinch_studies.md
-	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/variations.csv $(ONLY)
-	$(PY) -m postprocess.studies cases/pinch/out/studies/variations/plan.json --words cases/pinch/studies/variations.md -o docs/pinch_studies
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/variations.csv $(ONLY); made=$$?; \
+	$(PY) -m postprocess.studies cases/pinch/out/studies/variations/plan.json --words cases/pinch/studies/variations.md -o docs/pinch_studies \
+	&& exit $$made # a run that was stopped is named on the page, and in the exit code
 
 bench-steps: $(READY) ## a time step on moving and static mesh, 1 and 2 ranks, with and without samples: docs/tradeoff/steps.csv
 	$(PY) -m tests.benchmarks.step_cost --level $(LEVEL)

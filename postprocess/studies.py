@@ -131,7 +131,7 @@ def page(words: str, table: pd.DataFrame, missing: list[str], name: str) -> str:
         f"![Key numbers of every run]({name}.svg)",
     ]
     if missing:
-        parts.append(f"Not run yet: {', '.join(missing)}.")
+        parts.append(f"Not run, or not to its end: {', '.join(missing)}.")
     for kind, heading in (("finding", "The paper's findings, by the CFD"), ("number", "Key numbers")):
         part = table[table["kind"] == kind]
         names = list(dict.fromkeys(part["quantity"]))

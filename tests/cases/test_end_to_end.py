@@ -187,7 +187,7 @@ end_time = 0.008
 
 [levels.dense]
 model = { kind = "2d" }
-mesh = { wall_cell = 0.8e-3, wall_first_layer = 0.25e-3, wall_layers = 3, tip_cell = 0.45e-3, near_cell = 0.9e-3, near_distance = 0.022, far_cell = 0.009 }
+mesh = { wall_cell = 0.55e-3, wall_first_layer = 0.18e-3, wall_layers = 3, tip_cell = 0.32e-3, near_cell = 0.6e-3, near_distance = 0.022, far_cell = 0.006 }
 numerics = { time_step = 0.5e-3, non_orthogonal_correctors = 0 }
 """
 
