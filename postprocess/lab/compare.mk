@@ -5,19 +5,23 @@ INPUTS ?= yes
 SUB     = $(MAKE) --no-print-directory LEVEL=$(LEVEL) NP=$(NP) QUIET=$(QUIET)
 CASE    = $(CASES)/$(SCENE)
 LABOUT  = $(CASE)/out/$(LEVEL)
-LABNAME = $(notdir $(realpath $(patsubst %/dpiv.toml,%,$(DPIV))))
+LABDATA = $(patsubst %/,%,$(patsubst %/dpiv.toml,%,$(DPIV)))
+LABNAME = $(notdir $(realpath $(LABDATA)))
 LAB     = $(PY) -m postprocess.lab
 OFLAB   = $(CASE) --level $(LEVEL) --dpiv $(DPIV) $(FLAGS)
 
 compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=single_finger DPIV=folder [LEVEL=..]
 	@test -n "$(DPIV)" || { echo "give DPIV=folder, where the laboratory's dpiv.toml is (docs/comparison.md)" >&2; exit 2; }
-	@$(SUB) $(SCENE).kinematics
-	$(LAB) register $(OFLAB)
+	@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register
 	@$(SUB) $(SCENE).run
 	$(if $(INPUTS),@$(LAB) runs $(CASE) --level $(LEVEL) $(FLAGS),@rm -rf $(LABOUT)/lab/$(LABNAME)/inputs)
 	@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS=$(INPUTS) lab-sheets
 	$(LAB) compare $(OFLAB) --threads $(NP)
 	$(LAB) report $(OFLAB)
+
+lab-register: $(LABOUT)/lab/$(LABNAME)/registration.json
+$(LABOUT)/lab/$(LABNAME)/registration.json: $(LABOUT)/kinematics.h5 $(wildcard $(LABDATA)/* $(LABDATA)/*/*)
+	$(LAB) register $(OFLAB)
 
 VARIATIONS = $(if $(INPUTS),$(notdir $(patsubst %/scene.toml,%,$(wildcard $(LABOUT)/inputs/*/scene.toml))))
 lab-sheets: $(LABOUT)/lab/$(LABNAME)/sheet.h5 $(patsubst %,$(LABOUT)/lab/$(LABNAME)/inputs/%.h5,$(VARIATIONS))
