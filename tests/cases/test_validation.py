@@ -47,8 +47,8 @@ def test_force_on_an_oscillating_cylinder(tmp_path):
 def test_order_in_space_on_a_deforming_mesh(tmp_path):
     (tmp_path / deforming.NAME).mkdir()
     shutil.copy(CASES / deforming.NAME / "scene.toml", tmp_path / deforming.NAME)
-    size, error = deforming.space_errors(("h16", "h24"), outer=1, folder=tmp_path)
+    size, error = deforming.space_errors(deforming.LAMB_OSEEN, ("h24", "h32"), outer=1, folder=tmp_path)
     assert (error < 0.01).all()  # of a peak of 1 m/s; a mesh that drags the water along would leave 0.1 and more
-    # two coarse grids whose triangles are not similar: ± 0.4 where the real check has ± 0.2 over five grids
-    assert deforming.order_of(size, error) == pytest.approx(2, abs=0.4)
+    # three and four cells in a core, triangles that are not similar, one corrector: ± 0.6 where the real check has ± 0.2
+    assert deforming.order_of(size, error) == pytest.approx(2, abs=0.6)
     assert np.diff(error) < 0
