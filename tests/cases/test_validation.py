@@ -48,7 +48,9 @@ def test_order_in_space_on_a_deforming_mesh(tmp_path):
     (tmp_path / deforming.NAME).mkdir()
     shutil.copy(CASES / deforming.NAME / "scene.toml", tmp_path / deforming.NAME)
     size, error = deforming.space_errors(deforming.LAMB_OSEEN, ("h24", "h32"), outer=1, folder=tmp_path)
-    assert (error < 0.01).all()  # of a peak of 1 m/s; a mesh that drags the water along would leave 0.1 and more
+    assert (
+        error < 0.01
+    ).all()  # of a peak of 1 m/s; a mesh that drags the water along would leave 0.1 and more
     # three and four cells in a core, triangles that are not similar, one corrector: ± 0.6 where the real check has ± 0.2
     assert deforming.order_of(size, error) == pytest.approx(2, abs=0.6)
     assert np.diff(error) < 0

@@ -81,11 +81,18 @@ def plate(curves: Curves, path: Path) -> None:
 def deforming(curves: Curves, path: Path) -> None:
     """Errors over cell size and time step with slopes."""
     figure, axes = new_figure(7, 3.4, 1, 2)
-    for part, colour, words, slope in (("", CFD, "Lamb-Oseen", 2), ("wall_", THIRD, "Taylor-Green, walls", 1)):
+    for part, colour, words, slope in (
+        ("", CFD, "Lamb-Oseen", 2),
+        ("wall_", THIRD, "Taylor-Green, walls", 1),
+    ):
         size, error = np.array(curves[f"{part}size"]), np.array(curves[f"{part}error"])
         axes[0].loglog(size, error, "o-", color=colour, label=words)
-        axes[0].loglog(size, error[-1] * (size / size[-1]) ** slope, "--", color=PIV, lw=1, label=f"slope {slope}")
+        axes[0].loglog(
+            size, error[-1] * (size / size[-1]) ** slope, "--", color=PIV, lw=1, label=f"slope {slope}"
+        )
     axes[0].set(xlabel="cell size (m)", ylabel="velocity (m/s)")
+    shared = np.array(curves["size"])[: len(curves["corrected"])]
+    axes[0].loglog(shared, curves["corrected"], "s--", color=GREY, ms=4, lw=1, label="skew-corrected")
     step = np.array(curves["step"])
     for name, colour, words in (
         ("iterated", CFD, "iterated"), ("twice", GREY, "two outer correctors"), ("once", THIRD, "one outer corrector")
