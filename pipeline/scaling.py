@@ -12,6 +12,7 @@ one rank does for all (the sheet's pictures; measured); messages m and sums r by
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import math
 import tomllib
@@ -26,9 +27,11 @@ from pipeline.legs import read_legs
 from pipeline.scene import Scene, load_scene
 from pipeline.stage import guarded, parser, read_dataset
 
+MEASURED = {"cells", "columns", "correctors", "step_s", "pressure_iterations"}  # of steps.csv
 LEAST_CELLS = 5000  # of a rank; pipeline.run uses fewer ranks rather than less
 WEAK_CELLS = 20000  # of a rank, in the weak-scaling column
 DATA = Path(__file__).with_name("scaling.toml")
+STEPS = Path(__file__).resolve().parent.parent / "docs" / "tradeoff" / "steps.csv"  # of make bench-steps
 
 
 @dataclass(frozen=True)
@@ -139,14 +142,44 @@ def fit(one: dict[str, float], two: dict[str, float] | None, network: Network) -
     return replace(solver, pair_slowdown=max(1.0, 1.0 + (two["step_s"] - ideal) / work))
 
 
-def read_data(path: Path = DATA) -> tuple[dict[str, float], dict[str, float] | None, Network]:
-    """The measured runs and the network of scaling.toml."""
+def read_steps(
+    path: Path, serial_seconds_per_cell: float
+) -> tuple[dict[str, float], dict[str, float]] | None:
+    """What `make bench-steps` measured of a step on one rank and on two, for `fit`; None where it was not run."""
+    if not path.exists():
+        return None
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    rows = {
+        row["ranks"]: row
+        for row in csv.DictReader(lines)
+        if (row["mesh"], row["samples"]) == ("moving", "True")
+    }
+    try:
+        one, two = (
+            {key: float(value) for key, value in rows[n].items() if key in MEASURED} for n in ("1", "2")
+        )
+        mesh = {key: one[key] for key in ("cells", "columns")}
+        serial = serial_seconds_per_cell * one["cells"]
+        return (
+            {**mesh, "correctors": one["correctors"], "step_s": one["step_s"], "serial_s": serial, "cycles": one["pressure_iterations"]},
+            {**mesh, "alone_s": one["step_s"], "step_s": two["step_s"]},
+        )  # fmt: skip
+    except (KeyError, ValueError) as error:
+        raise StageError(f"{path}: {error} is missing or no number; run make bench-steps again") from None
+
+
+def read_data(
+    path: Path = DATA, steps: Path = STEPS
+) -> tuple[dict[str, float], dict[str, float] | None, Network]:
+    """The runs measured by `make bench-steps`, or else those of scaling.toml, and its network."""
     table = tomllib.loads(path.read_text(encoding="utf-8"))
     network = dict(table["network"])
     if "saturated_range" in network:
         network["saturated_range"] = tuple(network["saturated_range"])
     two = {key: value for key, value in table.get("two_ranks", {}).items() if key != "source"}
-    return table["one_rank"], two or None, Network(**network)
+    one = table["one_rank"]
+    measured_here = read_steps(steps, one.get("serial_s", 0.0) / one["cells"])
+    return (*(measured_here or (one, two or None)), Network(**network))
 
 
 def measured(case: Path, sampling: int) -> dict[str, float]:

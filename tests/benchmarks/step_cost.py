@@ -23,6 +23,7 @@ from pipeline.legs import read_legs
 from pipeline.openfoam import environment_in, foam_version, solver_command
 from pipeline.prepare import prepare
 from pipeline.ranks import Ranks
+from pipeline.scaling import size
 from pipeline.scene import Scene, load_scene
 from pipeline.solver import reset_displacement, set_number
 
@@ -111,6 +112,14 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "tradeoff" / "steps.csv")
     args = parser.parse_args()
     scene = scene_at(args.level)
+    cells, columns = size(scene)
+    numerics = scene.numerics
+    about = {
+        "level": args.level,
+        "cells": cells,
+        "columns": columns,
+        "correctors": numerics.pressure_correctors * (1 + numerics.non_orthogonal_correctors),
+    }
     rows = []
     for count in (1, 2):
         ranks = Ranks(count)
@@ -121,7 +130,7 @@ def main() -> None:
                 for _ in range(args.rounds)
             ]
             best = min(tries, key=lambda row: row["step_s"])
-            rows.append({"level": args.level, "ranks": count, "mesh": mesh_kind, "samples": samples, **best})
+            rows.append({**about, "ranks": count, "mesh": mesh_kind, "samples": samples, **best})
             print(
                 {key: round(v, 4) if isinstance(v, float) else v for key, v in rows[-1].items()}, flush=True
             )

@@ -6,6 +6,7 @@ import re
 
 import pytest
 
+from pipeline.errors import StageError
 from pipeline.run import CELLS_PER_RANK
 from pipeline.scaling import (
     LEAST_CELLS,
@@ -69,6 +70,27 @@ def test_the_shipped_measurements_are_sound():
     assert 1e-6 < solver.seconds_per_cell < 2e-5
     assert 1.0 <= solver.pair_slowdown < 2.0
     assert 1 < useful_ranks(6e5, 3e4, solver, network) <= 4096
+
+
+STEPS = """# {"made": "2026-11-21"}
+level,cells,columns,correctors,ranks,mesh,samples,step_s,pressure_iterations,courant_max
+coarse,61482,4900,2,1,moving,True,0.20,7.5,0.6
+coarse,61482,4900,2,1,moving,False,0.18,7.5,0.6
+coarse,61482,4900,2,1,static,True,0.15,7.5,0.6
+coarse,61482,4900,2,2,moving,True,0.12,7.6,0.6
+"""
+
+
+def test_steps_that_were_measured_here_are_what_is_fitted(tmp_path):
+    """make bench-steps, then make predict: one rank costs what it was measured to cost, and two do."""
+    (tmp_path / "steps.csv").write_text(STEPS)
+    one, two, network = read_data(steps=tmp_path / "steps.csv")
+    solver = fit(one, two, network)
+    assert step_time(61482, 1, 4900, solver, network) == pytest.approx(0.20)
+    assert step_time(61482, 2, 4900, solver, network) == pytest.approx(0.12, rel=0.02)
+    (tmp_path / "steps.csv").write_text(STEPS.replace("cells", "level2"))
+    with pytest.raises(StageError, match="bench-steps again"):
+        read_data(steps=tmp_path / "steps.csv")
 
 
 def test_a_prediction_says_what_it_does_not_know(tmp_path):
