@@ -20,6 +20,7 @@ VORTEX = {  # quantity: columns, unit, label
     "core_radius": (("core_radius",), "m", "core radius of the tip vortex"),
     "jet_speed": (("jet_speed",), "m/s", "jet speed at the tip"),
 }
+RANDOM = ("vectors", "virtual vectors", "scatter")  # sources that a mean over instants makes smaller
 SWIRL = 0.638  # largest speed of a Lamb-Oseen vortex over circulation/(2π core radius)
 
 
@@ -79,61 +80,90 @@ def numerical_and_input(effects: list[Effect], columns: tuple[str, ...]) -> list
 def flow_quantities(case: Case, found: dict[str, pd.DataFrame], rows: np.ndarray) -> list[Quantity]:
     """Circulation, centre, core radius and jet speed with all their sources."""
     base = {name: means(table, rows) for name, table in found.items()}
-    simulation = base.get("virtual", base["direct"])
-    times = case.direct["time"].values[rows]
-    swirl = SWIRL * abs(base["data"]["circulation"]) / (2 * np.pi * base["data"]["core_radius"])
-    alike = independent_instants(times, swirl, case.window_m)
-    count = {"data": alike, "virtual": float(times.size) if case.fresh_pairs else alike}
-    pose = case.registration.pose
+    simulated = "virtual" if "virtual" in found else "direct"
     own = {
         name: scatter(
-            getattr(case, name), found[name], np.flatnonzero(rows), pose, case.vortices, case.window_m
+            getattr(case, name),
+            found[name],
+            np.flatnonzero(rows),
+            case.registration.pose,
+            case.vortices,
+            case.window_m,
         )
         for name in ("data", "virtual")
         if name in found
     }
-    rates = {c: _mean_rate(found["direct"], c, rows) for col in VORTEX.values() for c in col[0]}
     out = []
     for name, (columns, unit, label) in VORTEX.items():
         take = lambda s, columns=columns: np.array([float(s[c]) for c in columns])  # noqa: E731
-        sources = numerical_and_input(case.effects, columns)
-        sources += geometry_sources(case, columns)
-        for side, std in own.items():
-            part = take(std) / np.sqrt(count[side])
-            told = "Monte Carlo over the vectors' uncertainty" + (
-                "" if side == "data" else " of the virtual experiment"
-            )
-            told += f"; {count[side]:.1f} of {times.size} instants count as independent"
-            sources.append(Source("vectors" if side == "data" else "virtual vectors", "data", part, told))
-        sources += registration_sources(case, name, take(base["data"]), np.array([rates[c] for c in columns]))
-        scale = _scale(name, base["data"], case.family)
-        explained = explained_by_motion(case, columns)
+        rates = np.array([_mean_rate(found["direct"], c, rows) for c in columns])
+        error = (found[simulated] - found["data"]).loc[rows, list(columns)].to_numpy(float)
+        random, instant = vector_sources(
+            case, base["data"], rows, error, {n: take(s) for n, s in own.items()}
+        )
+        sources = [*numerical_and_input(case.effects, columns), *geometry_sources(case, columns), *random]
+        sources += registration_sources(case, name, take(base["data"]), rates)
         out.append(
             Quantity(
                 name,
                 label,
                 unit,
-                take(simulation),
+                take(base[simulated]),
                 take(base["direct"]),
                 take(base["data"]),
-                scale,
+                _scale(name, base["data"], case.family),
                 sources,
-                explained,
-                at_instant(sources, {side: take(std) for side, std in own.items()}),
+                explained_by_motion(case, columns),
+                at_instant(sources, instant),
             )
         )
     return out
 
 
+def vector_sources(
+    case: Case, data: pd.Series, rows: np.ndarray, error: np.ndarray, own: dict[str, np.ndarray]
+) -> tuple[list[Source], dict[str, np.ndarray]]:
+    """Random sources of a mean over the instants `rows`, and each side's scatter at one instant.
+
+    `own`: scatter of one instant by the vectors' own uncertainty, (component,) of data and virtual experiment; `data`: means of the
+    data, which say how fast particles leave a window; `error` (instant, component).
+    """
+    times = case.direct["time"].values[rows]
+    swirl = SWIRL * abs(data["circulation"]) / (2 * np.pi * data["core_radius"])
+    alike = independent_instants(times, swirl, case.window_m)
+    count = {"data": alike, "virtual": float(times.size) if case.fresh_pairs else alike}
+    names = {"data": RANDOM[0], "virtual": RANDOM[1]}
+    of = {"data": "", "virtual": " of the virtual experiment"}
+    sources = []
+    for side, std in own.items():
+        told = f"Monte Carlo over the vectors' uncertainty{of[side]}; {count[side]:.1f} of {times.size} instants count as independent"
+        sources.append(Source(names[side], "data", std / np.sqrt(count[side]), told))
+    excess = excess_scatter(times, error, np.sum([std**2 for std in own.values()], axis=0))
+    told = "scatter of E from instant to instant beyond the vectors' uncertainty"
+    sources.append(Source("scatter", "data", excess / np.sqrt(times.size), told))
+    simulation = own.get("virtual", np.zeros_like(excess))
+    return sources, {"data": np.hypot(own["data"], excess), "simulation": simulation}
+
+
+def excess_scatter(times: np.ndarray, error: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    """What E (instant, component) scatters about a straight line over the instants (s) beyond a `variance` (component,), as a standard
+    deviation of one instant: outliers beside the body, a percentile of few vectors, and whatever else no vector's uncertainty knows.
+    """
+    basis = np.column_stack([np.ones_like(times), times - times.mean()])
+    if times.size <= basis.shape[1]:
+        return np.zeros(error.shape[1])
+    rest = error - basis @ np.linalg.lstsq(basis, error, rcond=None)[0]
+    seen = np.sum(rest**2, axis=0) / (times.size - basis.shape[1])
+    return np.sqrt(np.maximum(seen - variance, 0.0))
+
+
 def at_instant(sources: list[Source], scatter: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Standard uncertainty of `data` and `simulation` at one instant: `scatter` by the vectors of each side, and the other sources."""
-    other: dict[str, list[np.ndarray]] = {"data": [], "simulation": []}
+    """Standard uncertainty of `data` and `simulation` at one instant: the `scatter` of each, and the sources that are not random."""
+    other = {side: np.zeros_like(std) for side, std in scatter.items()}
     for source in sources:
-        if source.name not in ("vectors", "virtual vectors"):
-            other["data" if source.kind == "data" else "simulation"].append(source.std)
-    zero = np.zeros_like(scatter["data"])
-    own = {"data": scatter["data"], "simulation": scatter.get("virtual", zero)}
-    return {side: np.sqrt(own[side] ** 2 + sum((std**2 for std in other[side]), zero)) for side in own}
+        if source.name not in RANDOM:
+            other["data" if source.kind == "data" else "simulation"] += source.std**2
+    return {side: np.sqrt(std**2 + other[side]) for side, std in scatter.items()}
 
 
 def independent_instants(times: np.ndarray, speed: float, window_m: float) -> float:

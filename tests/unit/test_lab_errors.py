@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from postprocess.lab.budget import Source
-from postprocess.lab.errors import at_instant, independent_instants, place_jacobian
+from postprocess.lab.errors import at_instant, excess_scatter, independent_instants, place_jacobian
 from postprocess.lab.fit_outline import moved
 from postprocess.lab.pose import Pose
 from postprocess.lab.registration import Law, Registration, with_length
@@ -53,7 +53,7 @@ def test_an_instant_is_known_less_well_than_the_mean():
         Source("vectors", "data", np.array([1.0]), ""), Source("virtual vectors", "data", np.array([1.0]), ""),
         Source("time", "data", np.array([5.0]), ""),
     ]  # fmt: skip
-    found = at_instant(sources, {"data": np.array([12.0]), "virtual": np.array([0.0])})
+    found = at_instant(sources, {"data": np.array([12.0]), "simulation": np.array([0.0])})
     assert found["data"][0] == pytest.approx(13.0)
     assert found["simulation"][0] == pytest.approx(5.0)
 
@@ -86,3 +86,13 @@ def test_scale_of_a_finger_whose_length_is_not_known(scale_std, length_std, scal
     assert found.pose.px_per_m / 4000.0 == pytest.approx(scale, abs=1e-5)
     assert np.sqrt(found.covariance[3, 3]) == pytest.approx(std, rel=0.02)
     assert found.covariance[1, 1] == pytest.approx(0.1**2)
+
+
+def test_scatter_that_the_vectors_do_not_know_is_found():
+    rng = np.random.default_rng(1)
+    times = np.linspace(0.1, 0.2, 400)
+    trend = np.column_stack([3 + 40 * times, -5 * times])  # a model error may grow: that is no scatter
+    error = trend + rng.normal(0, [5.0, 0.3], (400, 2))
+    found = excess_scatter(times, error, np.array([3.0, 0.4]) ** 2)
+    assert found == pytest.approx([4.0, 0.0], rel=0.1)
+    assert excess_scatter(times[:2], error[:2], np.zeros(2)) == pytest.approx([0.0, 0.0])
