@@ -27,7 +27,7 @@ FLAGS  := $(if $(QUIET),--quiet)
 
 .SUFFIXES:
 .SECONDARY:
-.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-sheets study-sheets validate convergence clean clean-all bench-piv bench-steps stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
+.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-register lab-sheets study-sheets validate convergence clean clean-all bench-piv bench-steps stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
 
 help: ## this list
 	@echo "make setup                     Python environment and OpenFOAM, where missing"

@@ -22,6 +22,7 @@ from pipeline.stage import run_stage, write_dataset, write_text
 
 BASE = Path(__file__).resolve().parent.parent / "cases" / "_base"
 SYMMETRIC = ("half", "quarter")
+INTERPOLATION = {"linear": "linear", "skewCorrected": "skewCorrected linear"}
 
 
 def numbers(scene: Scene, leg: Leg, back: float) -> dict[str, str]:
@@ -47,6 +48,7 @@ def numbers(scene: Scene, leg: Leg, back: float) -> dict[str, str]:
         "meshMotion": "dynamicMotionSolverFvMesh" if leg.moving else "staticFvMesh",
         "timeScheme": n.time_scheme,
         "convectionScheme": n.convection,
+        "interpolationScheme": INTERPOLATION[n.interpolation],
         "density": f"{scene.fluid.density:.10g}",
         "viscosity": f"{scene.fluid.kinematic_viscosity:.10g}",
         "simulationType": "laminar" if scene.fluid.turbulence == "laminar" else "LES",

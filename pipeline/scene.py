@@ -165,6 +165,10 @@ class Numerics(Section):
     write_interval: Positive = 0.02
     time_scheme: Literal["Euler", "backward"] = "backward"
     convection: Literal["LUST", "linearUpwind"] = "LUST"
+    # values and gradients at faces; a scene that does not ask keeps the hash that it had before this could be asked
+    interpolation: Literal["linear", "skewCorrected"] = Field(
+        default="linear", exclude_if=lambda value: value == "linear"
+    )
     outer_correctors: Annotated[int, Field(ge=1)] = 1
     pressure_correctors: Annotated[int, Field(ge=1)] = 2
     non_orthogonal_correctors: Annotated[int, Field(ge=0)] = 1

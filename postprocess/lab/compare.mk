@@ -5,19 +5,23 @@ INPUTS ?= yes
 SUB     = $(MAKE) --no-print-directory LEVEL=$(LEVEL) NP=$(NP) QUIET=$(QUIET)
 CASE    = $(CASES)/$(SCENE)
 LABOUT  = $(CASE)/out/$(LEVEL)
-LABNAME = $(notdir $(realpath $(patsubst %/dpiv.toml,%,$(DPIV))))
+LABDATA = $(patsubst %/,%,$(patsubst %/dpiv.toml,%,$(DPIV)))
+LABNAME = $(notdir $(realpath $(LABDATA)))
 LAB     = $(PY) -m postprocess.lab
 OFLAB   = $(CASE) --level $(LEVEL) --dpiv $(DPIV) $(FLAGS)
 
 compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=single_finger DPIV=folder [LEVEL=..]
 	@test -n "$(DPIV)" || { echo "give DPIV=folder, where the laboratory's dpiv.toml is (docs/comparison.md)" >&2; exit 2; }
-	@$(SUB) $(SCENE).kinematics
-	$(LAB) register $(OFLAB)
-	@$(SUB) $(SCENE).run
+	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register
+	+@$(SUB) $(SCENE).run
 	$(if $(INPUTS),@$(LAB) runs $(CASE) --level $(LEVEL) $(FLAGS),@rm -rf $(LABOUT)/lab/$(LABNAME)/inputs)
-	@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS=$(INPUTS) lab-sheets
+	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS=$(INPUTS) lab-sheets
 	$(LAB) compare $(OFLAB) --threads $(NP)
 	$(LAB) report $(OFLAB)
+
+lab-register: $(LABOUT)/lab/$(LABNAME)/registration.json
+$(LABOUT)/lab/$(LABNAME)/registration.json: $(LABOUT)/kinematics.h5 $(wildcard $(LABDATA)/* $(LABDATA)/*/*)
+	$(LAB) register $(OFLAB)
 
 VARIATIONS = $(if $(INPUTS),$(notdir $(patsubst %/scene.toml,%,$(wildcard $(LABOUT)/inputs/*/scene.toml))))
 lab-sheets: $(LABOUT)/lab/$(LABNAME)/sheet.h5 $(patsubst %,$(LABOUT)/lab/$(LABNAME)/inputs/%.h5,$(VARIATIONS))
@@ -30,27 +34,27 @@ endef
 $(foreach v,$(VARIATIONS),$(eval $(call variation_rule,$(v))))
 
 compare-measured: | $(READY) ## the same with the simulation driven by the motion that the recording shows
-	@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS= compare
+	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS= compare
 	$(LAB) motion $(OFLAB)
-	@$(SUB) SCENE=$(SCENE)/out/$(LEVEL)/lab/$(LABNAME)/measured DPIV=$(abspath $(DPIV)) INPUTS=$(INPUTS) compare
+	+@$(SUB) SCENE=$(SCENE)/out/$(LEVEL)/lab/$(LABNAME)/measured DPIV=$(abspath $(DPIV)) INPUTS=$(INPUTS) compare
 
 # A stand-in for a laboratory: pictures of a run at PRESSURE kPa, with errors of set-up that its dpiv.toml does not know.
 PRESSURE ?= 21
 VIRTUAL   = $(LABOUT)/virtual/$(PRESSURE)kpa
 virtual-lab: | $(READY) ## a stand-in recording to try compare on, where no laboratory is at hand
-	@$(SUB) $(SCENE).kinematics
+	+@$(SUB) $(SCENE).kinematics
 	$(LAB) virtual $(CASE) --level $(LEVEL) --pressure-kpa $(PRESSURE) $(FLAGS)
-	@$(SUB) $(patsubst $(CASES)/%,%,$(VIRTUAL)).run
+	+@$(SUB) $(patsubst $(CASES)/%,%,$(VIRTUAL)).run
 	$(PY) -m pipeline.sheets $(VIRTUAL) --level $(LEVEL) --view -0.075 0.12 0.115 0.275 -o $(VIRTUAL)/view.h5 $(FLAGS)
 	$(PY) -m postprocess.lab.stand_in $(VIRTUAL) --level $(LEVEL) --sheet $(VIRTUAL)/view.h5 -o $(VIRTUAL)/virtual_$(PRESSURE)kpa --pairs-hz 100
 	@echo "now: make compare SCENE=$(SCENE) LEVEL=$(LEVEL) DPIV=$(VIRTUAL)/virtual_$(PRESSURE)kpa"
 
 LAB_STUDY = $(LABOUT)/virtual/study
 virtual-lab-study: | $(READY) ## registration, verdicts and coverage over 20 seeds; tables into docs/comparison.md (an hour)
-	@$(SUB) $(SCENE).vortices
+	+@$(SUB) $(SCENE).vortices
 	@$(LAB) runs $(CASE) --level $(LEVEL) --quiet
 	$(LAB) virtual $(CASE) --level $(LEVEL) --pressure-kpa 21 --quiet
-	@$(SUB) SCENE=$(SCENE) study-sheets
+	+@$(SUB) SCENE=$(SCENE) study-sheets
 	$(PY) -m tests.benchmarks.registration --seeds 20 -o $(LAB_STUDY)/registration.csv --docs docs/comparison.md
 	$(PY) -m tests.benchmarks.virtual_lab --case $(CASE) --level $(LEVEL) --seeds 20 -o $(LAB_STUDY)/trials.csv --docs docs/comparison.md
 study-sheets: $(LAB_STUDY)/nominal.h5 $(LAB_STUDY)/21kpa.h5 $(patsubst %,$(LAB_STUDY)/%.h5,$(VARIATIONS))

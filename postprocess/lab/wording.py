@@ -140,13 +140,19 @@ def blame(result: dict[str, Any]) -> str:
     if moves:
         factor, stretch = registration["pressure_factor"], registration["stretch"]
         text.append(
-            f"The motion is to blame: the recording's finger bends as if its pressure were {100 * (factor - 1):+.1f}{NBSP}%"
-            f" (±{NBSP}{100 * 1.96 * registration['pressure_factor_std']:.1f}) of the simulation's, and takes"
-            f" {100 * (stretch - 1):+.1f}{NBSP}% (±{NBSP}{100 * 1.96 * registration['stretch_std']:.1f}) of its time."
+            f"The motion is to blame: the recording's finger bends as if its pressure were {_more(factor, 'higher', 'lower')}"
+            f" (±{NBSP}{100 * 1.96 * registration['pressure_factor_std']:.1f}) than the simulation's, and takes"
+            f" {_more(stretch, 'more', 'less')} (±{NBSP}{100 * 1.96 * registration['stretch_std']:.1f}) time."
         )
-    rest = [q for q in flow if q["explained_by_motion"] is not None and _beyond_motion(q)]
+    told = [q for q in flow if q["explained_by_motion"] is not None]
+    rest = [q for q in told if _beyond_motion(q)]
     wrong_flow = [q for q in flow if q["name"] in result["wrong"]]
-    if moves and not rest:
+    if moves and not told:
+        text.append(
+            "Whether what the flow differs by follows from that motion is not known without the runs pressure and duration;"
+            " drive the simulation with the measured motion (make compare-measured)."
+        )
+    elif moves and not rest:
         text.append(
             "What the flow differs by follows from that motion within u_val: drive the simulation with the measured one"
             " (make compare-measured)."
@@ -161,6 +167,11 @@ def blame(result: dict[str, Any]) -> str:
     elif wrong_flow:
         text.append("The flow model is to blame, or a motion other than the simulated one.")
     return " ".join(text)
+
+
+def _more(factor: float, more: str, less: str) -> str:
+    """A factor as per cent more or less."""
+    return f"{100 * abs(factor - 1):.1f}{NBSP}% {more if factor >= 1 else less}"
 
 
 def _beyond_motion(q: dict[str, Any]) -> bool:

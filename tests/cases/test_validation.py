@@ -5,11 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from pipeline import run, sheets
-from pipeline.errors import StageError
 from pipeline.legs import read_legs
-from pipeline.scene import load_scene
-from tests.conftest import prepare
 from tests.validation import cylinders, deforming
 from tests.validation.solve import CASES, solved
 
@@ -23,12 +19,7 @@ def tiny(name, folder):
     """The scene at level tiny, solved in `folder`."""
     (folder / name).mkdir()
     shutil.copy(CASES / name / "scene.toml", folder / name)
-    with pytest.raises(StageError, match="was not run at level tiny"):
-        solved(name, "tiny", folder)
-    scene = prepare(load_scene(folder / name, "tiny"))
-    run.run(scene, quiet=True)
-    sheets.run(scene, quiet=True)
-    scene = solved(name, "tiny", folder)
+    scene = solved(name, "tiny", folder=folder)
     assert len(read_legs(scene.out)) == 1
     return scene
 
@@ -56,10 +47,10 @@ def test_force_on_an_oscillating_cylinder(tmp_path):
 def test_order_in_space_on_a_deforming_mesh(tmp_path):
     (tmp_path / deforming.NAME).mkdir()
     shutil.copy(CASES / deforming.NAME / "scene.toml", tmp_path / deforming.NAME)
-    size, error = deforming.space_errors(("h16", "h24"), outer=1, folder=tmp_path)
+    size, error = deforming.space_errors(deforming.LAMB_OSEEN, ("h24", "h32"), outer=1, folder=tmp_path)
     assert (
         error < 0.01
     ).all()  # of a peak of 1 m/s; a mesh that drags the water along would leave 0.1 and more
-    # two coarse grids whose triangles are not similar: ± 0.4 where the real check has ± 0.2 over five grids
-    assert deforming.order_of(size, error) == pytest.approx(2, abs=0.4)
+    # three and four cells in a core, triangles that are not similar, one corrector: ± 0.6 where the real check has ± 0.2
+    assert deforming.order_of(size, error) == pytest.approx(2, abs=0.6)
     assert np.diff(error) < 0

@@ -39,8 +39,17 @@ def test_a_verdict_by_the_silhouette_says_so():
     assert told.startswith("No: final bend: the motion differs by about -4.47\u00a0° (5%)")
     assert "rests on the finger's silhouette, not on the flow" in told
     assert "The motion is to blame" in told
-    assert "+5.0\u00a0%" in told
+    assert "5.0\u00a0% higher" in told
     assert "make compare-measured" in told
+
+
+def test_without_runs_nothing_is_said_to_follow_from_the_motion():
+    unknown = WRONG | {"explained_by_motion": None}
+    told = wording.answer(
+        result(BEND, unknown, wrong=["final_bend", "circulation"], missing=["pressure", "duration"])
+    )
+    assert "is not known without the runs pressure and duration" in told
+    assert "follows from that motion within" not in told
 
 
 def test_a_flow_that_differs_beyond_the_motion_is_told():

@@ -91,6 +91,8 @@ def deforming(curves: Curves, path: Path) -> None:
             size, error[-1] * (size / size[-1]) ** slope, "--", color=PIV, lw=1, label=f"slope {slope}"
         )
     axes[0].set(xlabel="cell size (m)", ylabel="velocity (m/s)")
+    shared = np.array(curves["size"])[: len(curves["corrected"])]
+    axes[0].loglog(shared, curves["corrected"], "s--", color=GREY, ms=4, lw=1, label="skew-corrected")
     step = np.array(curves["step"])
     for name, colour, words in (
         ("iterated", CFD, "iterated"), ("twice", GREY, "two outer correctors"), ("once", THIRD, "one outer corrector")
