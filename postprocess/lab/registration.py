@@ -163,8 +163,8 @@ def register(
     `stated`: the pose that the laboratory states, or None: from root and tip in the first frame. `stated_delay`: likewise the
     clock's, with its standard uncertainty (s); None: from the motion alone. `paired`: frames 1-2, 3-4 … are taken close
     together, so only the first of each is used. `hidden`: length (m) of the finger that is hidden, from its root on. `length_std`:
-    standard uncertainty of the finger's length over it. `sweeps`: of the
-    sampler, to be dropped and kept, in the rough and in the final fit. ValueError where the root is not seen though `hidden` is 0.
+    standard uncertainty of the finger's length over it. `sweeps`: of the sampler, to be dropped and kept, in the rough and in the
+    final fit. ValueError where the root is not seen though `hidden` is 0.
     """
     frames_used = np.arange(0, len(recording), 2 if paired else 1)
     count = min(MAX_FRAMES, frames_used.size)
@@ -252,8 +252,8 @@ def check_root(
     if np.mean(sums) > 0.5 * evidence.rate * area or (outside and beyond == BEYOND):
         what = "the picture ends" if outside else "there are no particles either, as in a holder or a shadow"
         raise ValueError(
-            f"beyond the finger's root {what}, so its edge is not seen; give root_hidden_mm in dpiv.toml, how much of the finger from"
-            " its root on is not to be used, and a scale that does not come from the finger"
+            f"beyond the finger's root {what}, so its edge is not seen; correct axes.root_px in dpiv.toml if it is wrong, else give"
+            " root_hidden_mm, how much of the finger from its root on is not to be used, and a scale that does not come from the finger"
         )
 
 

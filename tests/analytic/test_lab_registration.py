@@ -111,7 +111,7 @@ def test_a_hidden_root_is_told_and_left_out(family):
     lab = set_up(family, scale_error=0.002)
     held, stated = Held(family, lab), stated_pose(family, lab.camera)
     options = {"scale_std": 0.003, "sweeps": (600, 200, 600, 600)}
-    with pytest.raises(ValueError, match="give root_hidden_mm"):
+    with pytest.raises(ValueError, match="else give root_hidden_mm"):
         register(held, held.times, family, stated, None, **options)
     found = register(held, held.times, family, stated, None, hidden=0.011, **options)
     true = lab.pose(family.root)
