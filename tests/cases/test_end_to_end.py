@@ -119,7 +119,7 @@ end_time = 0.2
 rate_hz = 250.0
 
 [levels.smoke]
-piv = { every = 3 }
+camera = { pairs_every = 3 }
 """
 
 
