@@ -110,3 +110,12 @@ def test_any_text_is_a_scene_or_one_sentence(tmp_path_factory, text):
     (folder / "scene.toml").write_text(text, encoding="utf-8", errors="surrogatepass")
     with pytest.raises(StageError):
         load_scene(folder)
+
+
+def test_interpolation_is_in_the_hash_only_of_scenes_that_choose_it():
+    scene = load_scene(ROOT / "cases" / "single_finger", "smoke")
+    assert "interpolation" not in scene.model_dump()["numerics"]
+    chosen = scene.numerics.model_copy(update={"interpolation": "skewCorrected"})
+    other = scene.model_copy(update={"numerics": chosen})
+    assert other.digest() != scene.digest()
+    assert other.settings("case")["numerics"]["interpolation"] == "skewCorrected"
