@@ -120,3 +120,12 @@ def test_power_is_sampled_at_least_every_2_ms_and_whenever_the_sheet_is(time_ste
     numerics = Numerics(time_step=time_step)
     assert numerics.balance_steps(rate) == steps
     assert numerics.sampling_steps(rate) % steps == 0
+
+
+def test_interpolation_is_in_the_hash_only_of_scenes_that_choose_it():
+    scene = load_scene(ROOT / "cases" / "single_finger", "smoke")
+    assert "interpolation" not in scene.model_dump()["numerics"]
+    chosen = scene.numerics.model_copy(update={"interpolation": "skewCorrected"})
+    other = scene.model_copy(update={"numerics": chosen})
+    assert other.digest() != scene.digest()
+    assert other.settings("case")["numerics"]["interpolation"] == "skewCorrected"

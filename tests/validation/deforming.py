@@ -160,7 +160,7 @@ def measure(again: bool = False) -> Result:
         Check("deforming.time_twice", "order in time with two outer correctors", order_of(step, twice), 0.3, "absolute",
               "one iteration takes the lag out to the scheme's order", 2.0, "the scheme"),
         Check("deforming.time_once", "order in time with one outer corrector, as the scenes use", order_of(step[-2:], once[-2:]),
-              0.3, "absolute", "convecting flux and explicit corrections lag a step behind: first order", 1.0, "the scheme"),
+              0.3, "absolute", "convecting flux, predictor and explicit corrections lag a step behind: first order", 1.0, "the scheme"),
         Check("deforming.stream", "uniform stream: largest relative change", stream_error("h24"), 1e-8, "at most",
               "linear solvers' tolerance 1e-11 over 120 steps", None, "exact invariant"),
     )  # fmt: skip
@@ -173,8 +173,8 @@ def measure(again: bool = False) -> Result:
         f" {corrected[0] / error[0]:.2f} and {corrected[1] / error[1]:.2f} of that on the first two meshes.",
         f"Between steps of {step[-1]:g} and {step[-1] / 2:g} s the velocity changes by {once[-1]:.1e} of the vortex's peak with one"
         f" outer corrector, by {twice[-1]:.1e} with two and by {iterated[-1]:.1e} with {ITERATED}.",
-        "One outer corrector is first order in time because the momentum equation is convected by the flux of the step before"
-        " (and gradients in its explicit corrections are that step's); OpenFOAM extrapolates neither.",
+        "With one outer corrector the convecting flux, the predictor's pressure and the explicit corrections are a step old;"
+        " OpenFOAM extrapolates none of them (docs/schemes.md, Time).",
     )
     text = (
         "A circle of 0.3 m swings by 0.15 m through the middle of a box of 1 m and deforms the mesh; it is transparent, so that"
