@@ -18,16 +18,15 @@ from pipeline.estimate import estimates
 from pipeline.scaling import fit, read_data, size, useful_ranks
 from pipeline.scene import Scene, load_scene
 from pipeline.stage import guarded, parser, write_text
+from pipeline.study_file import STAGES
 
 RESTARTS = 50  # a job that does not end in so many legs has another fault than too little time
 WARNING = (
     120  # s before the limit at which the job is told, to stop the solver and put itself back in the queue
 )
 SERIAL_TASKS = 4  # cores of the jobs before and after the solver
-BEFORE, AFTER = (
-    ("kinematics", "mesh", "case"),
-    ("sheet", "images", "piv", "vortices_cfd", "vortices_piv", "compare", "report"),
-)
+BEFORE = STAGES[: STAGES.index("run")]
+AFTER = (*STAGES[STAGES.index("run") + 1 :], "compare", "report")
 
 HEAD = """#!/bin/bash
 # Written by: {command}

@@ -16,11 +16,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from pipeline.link import MODULES
 from pipeline.openfoam import die_with_parent
 from pipeline.stage import guarded, parser, write_text
 from pipeline.study_file import MAY_FAIL_UNTIL
 
-MODULES = {"sheet": "sheets"}  # stages whose command has another name
 LONGEST = 7200.0  # s of a stage, beyond which it is taken to hang
 LONGEST_REASON = 400  # characters
 NAME = "ending.json"

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from pipeline.link import COSTS, FILES
+from pipeline.link import FILES, MODULES
 from pipeline.scene import Scene
 
 # CPU seconds and memory (MB) of a stage of single_finger at level coarse, for a scene that was never run at its level.
@@ -26,7 +26,7 @@ def estimates(scene: Scene, ranks: int, parent: Path) -> dict[str, dict[str, Any
 
 
 def _estimate(scene: Scene, stage: str, ranks: int, parent: Path) -> dict[str, Any]:
-    name = f"{COSTS.get(stage, stage)}.json"
+    name = f"{MODULES.get(stage, stage)}.json"
     for out in (scene.out, parent / "out" / scene.level):
         cost = _read(out / "costs" / name)
         if cost is not None:

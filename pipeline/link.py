@@ -22,12 +22,12 @@ FILES = {
     "vortices_cfd": ("vortices_cfd.csv",),
     "vortices_piv": ("vortices_piv.csv",),
 }
-COSTS = {"sheet": "sheets"}  # stages whose cost goes by another name
+MODULES = {"sheet": "sheets"}  # stages whose module, and so their cost, goes by another name
 
 
 def link(source: Path, target: Path, stage: str) -> None:
     """Link a stage's files from one level's folder to another's: files hard (a copy where that cannot be), folders by name."""
-    for name in (*FILES[stage], f"costs/{COSTS.get(stage, stage)}.json"):
+    for name in (*FILES[stage], f"costs/{MODULES.get(stage, stage)}.json"):
         old, new = source / name, target / name
         if not old.exists():
             continue

@@ -46,6 +46,11 @@ class Setting:
     motion: np.ndarray  # shape parameter after each time step, Pa
 
     @property
+    def walked(self) -> np.ndarray:
+        """Way (step + 1,) of the shape after each time step."""
+        return np.interp(self.motion, self.family.parameter, self.way)
+
+    @property
     def mirror(self) -> bool:
         """Whether the planform ends at the plane between two fingers."""
         return self.scene.pinch is not None
@@ -147,7 +152,7 @@ def choose_stages(setting: Setting, quiet: bool) -> tuple[list[Stage], list[tupl
     Raises StageError where MOST_STAGES do not.
     """
     scene = setting.scene
-    way = np.interp(setting.motion, setting.family.parameter, setting.way)
+    way = setting.walked
     sampling = scene.numerics.sampling_steps(scene.sheet.rate_hz)
     run_in = run_in_steps(scene.numerics.time_step)
     reason = ""
@@ -219,7 +224,7 @@ def legs_dataset(stages: list[Stage], setting: Setting) -> xr.Dataset:
     scene = setting.scene
     legs = sorted((leg, k) for k, stage in enumerate(stages) for leg in stage.part.legs)
     step = scene.numerics.time_step
-    rest = last_move(np.interp(setting.motion, setting.family.parameter, setting.way)) + run_in_steps(step)
+    rest = last_move(setting.walked) + run_in_steps(step)
     return xr.Dataset(
         {
             "leg_start": ("leg", np.array([step * leg[0] for leg, _ in legs]), {"units": "s"}),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +15,7 @@ from pipeline.errors import StageError
 from pipeline.limits import check_numbers
 from pipeline.rigid_scene import Body, Law
 from pipeline.scene_file import level_tables, merge, read_tables
+from pipeline.scene_picture import Camera, Piv, Sheet, Vortices, piv_settings, render_settings
 from pipeline.scene_pinch import Pinch, Support, check_pinch, check_support
 from pipeline.scene_section import Pair, Positive, Section
 
@@ -194,59 +194,6 @@ class Numerics(Section):
         return next(k for k in range(min(most, sampling), 0, -1) if sampling % k == 0)
 
 
-class Sheet(Section):
-    """The laser sheet: where it is, how often and how finely it is sampled."""
-
-    z: float = 0.0
-    rate_hz: Positive = 500.0
-    spacing: Positive = 0.0005
-    thickness: Positive = 0.0015
-
-
-class Camera(Section):
-    """The laboratory's camera and seeding; `centre` is the middle of the picture in the tank frame."""
-
-    columns: Annotated[int, Field(ge=64)] = 1280
-    rows: Annotated[int, Field(ge=64)] = 1024
-    scale_mm_per_px: Positive = 0.125
-    centre: Pair
-    bits: Literal[8, 10, 12, 16] = 8
-    density_ppp: Positive = 0.04
-    particle_diameter_px: Positive = 2.5
-    background: Annotated[float, Field(ge=0)] = 8.0
-    read_noise: Annotated[float, Field(ge=0)] = 2.0
-    electrons_per_level: Annotated[float, Field(ge=0)] = 50.0
-    shadow: Annotated[float, Field(ge=0, le=1)] = 0.0
-    frame_rate_hz: Positive | None = None  # that of the sheet where not given
-    pairs_every: Annotated[int, Field(ge=1)] = 1  # 1: every frame; n: two frames in a row out of every n
-    truth: bool = True  # the exact displacements beside the recording: nothing here reads them, and they take a third of the time
-    seed: int = 2017
-
-    def origin_px(self) -> Pair:
-        """The tank frame's origin, px right and up from the centre of the bottom left pixel."""
-        scale = self.scale_mm_per_px * 1e-3
-        middle = 0.5 * (self.columns - 1), 0.5 * (self.rows - 1)
-        return middle[0] - self.centre[0] / scale, middle[1] - self.centre[1] / scale
-
-
-class Piv(Section):
-    """How the recording is correlated."""
-
-    window: Annotated[int, Field(ge=8)] = 32
-    spacing: Annotated[int, Field(ge=1)] = 8
-    preset: Literal["fast", "balanced", "accurate"] = "balanced"
-    every: Annotated[int, Field(ge=1)] = 1
-    frames: Annotated[int, Field(ge=2)] = 2  # 3, 5, …: multi-frame sets
-
-
-class Vortices(Section):
-    """What counts as a vortex."""
-
-    min_circulation: Positive = 2e-4
-    stencil_radius: Positive = 0.003
-    weights: Literal["equal", "uncertainty"] = "equal"
-
-
 class Scene(Section):
     """One scene at one level."""
 
@@ -384,62 +331,12 @@ STAGE_SECTIONS: dict[str, Any] = {
 }
 
 
-def _render_settings(scene: Scene) -> dict[str, Any]:
-    camera = scene.camera
-    return {
-        "width_px": camera.columns,
-        "height_px": camera.rows,
-        "scale_m_per_px": camera.scale_mm_per_px * 1e-3,
-        "origin_px": list(camera.origin_px()),
-        "frame_rate_hz": camera.frame_rate_hz or scene.sheet.rate_hz,
-        "pairs_every": camera.pairs_every,
-        "bits": camera.bits,
-        "background": camera.background,
-        "read_noise": camera.read_noise,
-        "electrons_per_level": camera.electrons_per_level,
-        "density_ppp": camera.density_ppp,
-        "diameter_px": camera.particle_diameter_px,
-        "sheet_thickness": scene.sheet.thickness,
-        "shadow": camera.shadow,
-        "truth": camera.truth,
-        "seed": camera.seed,
-    }
-
-
-def _piv_settings(scene: Scene) -> dict[str, Any]:
-    paired = {"pairing": "1-2,3-4"} if scene.camera.pairs_every > 1 else {}
-    return scene.piv.model_dump(mode="json") | paired
-
-
 # The stages of piv/ know nothing of scenes: they get their own flags, by name, as a settings file.
 FLAT_SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
-    "images": _render_settings,
-    "piv": _piv_settings,
+    "images": lambda scene: render_settings(scene.camera, scene.sheet),
+    "piv": lambda scene: piv_settings(scene.piv, scene.camera),
     "vortices": lambda scene: scene.vortices.model_dump(mode="json"),
 }
-
-
-def changed_settings(scene: Scene) -> dict[str, str]:
-    """Text of `settings/<stage>.json` for each stage whose file is missing or says otherwise."""
-    found = {}
-    for stage in STAGE_SECTIONS:
-        path = scene.out / "settings" / f"{stage}.json"
-        text = json.dumps(scene.settings(stage), indent=1, sort_keys=True) + "\n"
-        if not path.exists() or path.read_text(encoding="utf-8") != text:
-            found[stage] = text
-    return found
-
-
-def write_settings(scene: Scene) -> list[str]:
-    """Write `settings/<stage>.json` where its content changed; returns the names of the stages that changed."""
-    changed = changed_settings(scene)
-    for stage, text in changed.items():
-        path = scene.out / "settings" / f"{stage}.json"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_name(path.name + ".part")
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, path)
-    return list(changed)
 
 
 def _file_digest(path: Path) -> str:

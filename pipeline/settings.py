@@ -2,10 +2,31 @@
 
 from __future__ import annotations
 
+import json
+
 from pipeline.errors import StageError
-from pipeline.scene import Scene, changed_settings, write_settings
-from pipeline.stage import guarded, parser
+from pipeline.scene import STAGE_SECTIONS, Scene
+from pipeline.stage import guarded, parser, write_text
 from piv.exclusive import exclusive, held
+
+
+def changed_settings(scene: Scene) -> dict[str, str]:
+    """Text of `settings/<stage>.json` for each stage whose file is missing or says otherwise."""
+    found = {}
+    for stage in STAGE_SECTIONS:
+        path = scene.out / "settings" / f"{stage}.json"
+        text = json.dumps(scene.settings(stage), indent=1, sort_keys=True) + "\n"
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            found[stage] = text
+    return found
+
+
+def write_settings(scene: Scene) -> list[str]:
+    """Write `settings/<stage>.json` where its content changed; returns the names of the stages that changed."""
+    changed = changed_settings(scene)
+    for stage, text in changed.items():
+        write_text(scene.out / "settings" / f"{stage}.json", text)
+    return list(changed)
 
 
 def run(scene: Scene, quiet: bool = False) -> None:

@@ -17,7 +17,8 @@ from tqdm import tqdm
 
 from pipeline.errors import StageError
 from pipeline.legs import Leg, read_legs, read_stage
-from pipeline.scene import Camera, Scene, digest, load_scene
+from pipeline.scene import Scene, digest, load_scene
+from pipeline.scene_picture import Camera
 from pipeline.stage import guarded, parser, read_dataset, timed, versions
 from piv.errors import one_line
 from piv.plane import FORMAT, FORMAT_VERSION, UNITS

@@ -14,8 +14,9 @@ from typing import Any
 from pipeline.errors import StageError
 from pipeline.estimate import estimates
 from pipeline.openfoam import foam_version
-from pipeline.scene import Scene, digest, load_scene, write_settings
+from pipeline.scene import Scene, digest, load_scene
 from pipeline.scene_file import FILE_KEYS
+from pipeline.settings import write_settings
 from pipeline.stage import guarded, versions, write_text
 from pipeline.study_file import Row, read_study
 

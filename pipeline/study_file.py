@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import StageError
+from pipeline.link import FILES
 
-STAGES = (
-    "kinematics", "mesh", "case", "run", "sheet", "images", "piv", "vortices_cfd", "vortices_piv",
-)  # fmt: skip
+STAGES = tuple(FILES)  # in order
 LAST = ("fea", *STAGES, "vortices", "compare", "report")
-MAY_FAIL_UNTIL = ("kinematics", "mesh", "case", "run", "sheet")  # what pipeline.ending runs
+MAY_FAIL_UNTIL = STAGES[: STAGES.index("sheet") + 1]  # what pipeline.ending runs
 OWN_COLUMNS = {"run", "scene", "level", "ranks", "until", "piv_chunks", "may_fail"}
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numba
@@ -118,19 +119,24 @@ def _in_polygon(column: np.ndarray, row: np.ndarray, at_column: np.ndarray, at_r
     return inside
 
 
-class Body(NamedTuple):
+@dataclass(frozen=True)
+class Body:
     """A body in a picture: its `mask` (rows, columns; uint8) and its outlines (column, row) in px where they are known."""
 
     mask: np.ndarray
     polygons: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
 
+    @cached_property
+    def edge(self) -> np.ndarray:
+        """Pixels beside which the mask changes."""
+        ring = np.ones((3, 3), np.uint8)
+        return cv2.dilate(self.mask, ring) != cv2.erode(self.mask, ring)
+
     def holds(self, column: np.ndarray, row: np.ndarray) -> np.ndarray:
         """Which points (px, row 0 at the top) lie in the body: to a fraction of a pixel where its outlines are known."""
         found = in_mask(self.mask, column, row)
         if self.polygons:
-            ring = np.ones((3, 3), np.uint8)
-            edge = cv2.dilate(self.mask, ring) != cv2.erode(self.mask, ring)
-            near = np.flatnonzero(in_mask(edge, column, row))
+            near = np.flatnonzero(in_mask(self.edge, column, row))
             found[near] = False
             for polygon in self.polygons:
                 found[near] |= _in_polygon(*polygon, column[near], row[near])

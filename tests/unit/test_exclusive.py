@@ -8,7 +8,7 @@ import pytest
 
 from pipeline import settings as settings_stage
 from pipeline.errors import StageError
-from pipeline.scene import changed_settings
+from pipeline.settings import changed_settings
 from piv.errors import sentence
 from piv.exclusive import exclusive, held
 from tests.conftest import ROOT, write_scene

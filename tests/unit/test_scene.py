@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import StageError
-from pipeline.scene import STAGE_SECTIONS, Numerics, load_scene, write_settings
+from pipeline.scene import STAGE_SECTIONS, Numerics, load_scene
+from pipeline.settings import write_settings
 from tests.conftest import ROOT, write_scene
 
 SCENES = sorted(p.parent for p in (ROOT / "cases").glob("*/scene.toml"))

@@ -4,7 +4,8 @@ import pytest
 
 from pipeline.errors import StageError
 from pipeline.kinematics import kinematics_dataset
-from pipeline.scene import load_scene, write_settings
+from pipeline.scene import load_scene
+from pipeline.settings import write_settings
 from tests.conftest import ROOT, write_scene
 
 OBJECT = "[pinch.object]\ndiameter = {d}\ncentre_height = {y}\n"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pipeline.scene import Camera
+from pipeline.scene_picture import Camera
 from pipeline.sheets import ODD, mirrored_finger, sample_mirrored, sheet_axes, whole_picture
 
 WIDTH = 0.1  # m
