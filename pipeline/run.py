@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from tqdm import tqdm
 
 from pipeline.checkpoint import last_checkpoint
+from pipeline.costs import Spent
 from pipeline.errors import StageError
 from pipeline.frames import remove_frames, steps_of
 from pipeline.legs import Leg, read_legs, read_stage
@@ -63,13 +63,13 @@ def _words(ranks: Ranks) -> str:
 
 
 def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
-        collated: bool = False) -> float:  # fmt: skip
-    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns seconds of earlier runs.
+        collated: bool = False) -> Spent:  # fmt: skip
+    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns what earlier runs spent.
 
     `collated`: the ranks share their files.
     """
-    begin = time.monotonic()
     version = foam_version()
+    earlier = Spent()
     case, end, step = scene.out / "case", scene.motion.end_time, scene.numerics.time_step
     legs = read_legs(scene.out)
     guards = guards_of(scene, legs)
@@ -81,6 +81,8 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
             for leg, handover, guard in zip(legs, handovers, guards, strict=True):
                 folder = case / leg.name
                 prepare(scene, legs, leg, layout, quiet)
+                before = read_progress(folder)
+                earlier += Spent(before["wall_time"], before["cpu_time"])
                 solve(folder, leg, handover, scene.numerics, layout, hosts, bar, guard)
                 for place in layout.folders(folder):
                     remove_frames(place)
@@ -122,7 +124,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         print(
             f"run: {record['wall_time']:.0f} s of solver, power balance closes to {balance['closure_fraction']:.1%}"
         )
-    return max(0.0, record["wall_time"] - (time.monotonic() - begin))
+    return earlier
 
 
 def main() -> None:
@@ -135,7 +137,7 @@ def main() -> None:
     )
     args = arguments.parse_args()
 
-    def action(scene: Scene, quiet: bool) -> float:
+    def action(scene: Scene, quiet: bool) -> Spent:
         return run(scene, quiet, _checked_ranks(args), _checked_hosts(args), args.collated)
 
     guarded("run", lambda: timed("run", args, action))
