@@ -92,7 +92,9 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
 
     x, y, keep = node_axes(images.shape, settings)
     half_seen = both_seen(images.at(2)[1])
-    vectors, nodes = run_passes(images.shape, x, y, half_seen, settings, maps_of, cells_of, spectra_of, reseed)
+    vectors, nodes = run_passes(
+        images.shape, x, y, half_seen, settings, maps_of, cells_of, spectra_of, reseed
+    )
     vectors = regrow(nodes, held[1], vectors, settings, final=True)
     var_x, var_y = variances(nodes, vectors, settings)
     return to_dataset(vectors, var_x, var_y, x, y, keep, images.shape, settings)

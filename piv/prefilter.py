@@ -15,7 +15,9 @@ TILES = 50  # so many of them: a radial bin is then known to some per cent
 TAPS = 17  # px: length of the filter kernels
 
 
-def remove_background(image: np.ndarray, seen: np.ndarray | None, new: New = fresh, size: int = 7) -> np.ndarray:
+def remove_background(
+    image: np.ndarray, seen: np.ndarray | None, new: New = fresh, size: int = 7
+) -> np.ndarray:
     """Image (float32) minus its local mean (a triangle of 4·size px), zero where `seen` is False.
 
     Only seen pixels enter the local mean, which is smooth enough to be taken at half resolution.
