@@ -25,6 +25,7 @@ from piv.pair_images import Prepared
 from piv.passes import Vectors
 from piv.plane import provenance
 from piv.regrow import NARROW, regrow
+from piv.scratch import scratch
 from piv.smooth import damp_noise
 from piv.uncertainty import INTERPOLATION, correlation_statistics, noise_budget, unresolved
 
@@ -56,35 +57,44 @@ def correlate_pair(
         from piv.preview import optical_flow
 
         return optical_flow(a, b, mask, settings)
-    images = Prepared([a, b], mask, settings.window)
-    work = {f: np.empty((3, images.shape[0] // f, images.shape[1] // f), np.float32) for f in (1, 2)}
+    with scratch(np.shape(a)) as new:
+        return _correlate(Prepared([a, b], mask, settings.window, new), settings)
+
+
+def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
+    """The result of `correlate_pair`."""
+    work = {f: images.new(3, images.shape[0] // f, images.shape[1] // f) for f in (1, 2)}
     held: dict[int, list[Image]] = {}
+    seen = both_seen(images.seen)
 
     def maps_of(columns, rows, shift_x, shift_y, size):
         half, _ = images.at(2)
         return window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
 
-    def cells_of(
-        nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray, renew: bool
-    ) -> np.ndarray:
-        f = nodes.factor
-        if f not in held:
-            held[f] = images.images(f, kernel)
-        elif renew:
-            for image in held[f]:
-                image.filter(kernel)
-        return passes.pair_cells(nodes, held[f][0], held[f][1], dx, dy, work[f])
+    def at(factor: int) -> list[Image]:
+        if factor not in held:
+            held[factor] = images.images(factor)
+        return held[factor]
 
-    def spectra_of() -> tuple | None:
-        return prefilter.measure_spectra(held[1][0].warped, held[1][1].warped, work[1][2])
+    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:
+        a, b = at(nodes.factor)
+        a.filter(kernel)
+        b.filter(kernel)
+        return passes.pair_cells(nodes, a, b, dx, dy, work[nodes.factor])
+
+    def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray) -> tuple | None:
+        moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
+        return prefilter.radial_spectra(passes.strip_spectra(nodes, at(1), moves, seen, kernel, work[1]))
 
     def reseed(nodes: Nodes, vectors: Vectors) -> Vectors:
         vectors = passes.reseed(nodes, images.pixels, vectors, settings)
         return regrow(nodes, held[1], vectors, settings)
 
     x, y, keep = node_axes(images.shape, settings)
-    seen = both_seen(images.at(2)[1])
-    vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
+    half_seen = both_seen(images.at(2)[1])
+    vectors, nodes = run_passes(
+        images.shape, x, y, half_seen, settings, maps_of, cells_of, spectra_of, reseed
+    )
     vectors = regrow(nodes, held[1], vectors, settings, final=True)
     var_x, var_y = variances(nodes, vectors, settings)
     return to_dataset(vectors, var_x, var_y, x, y, keep, images.shape, settings)
@@ -136,7 +146,7 @@ def run_passes(
     options: Options,
     maps_of: Callable[..., np.ndarray],
     cells_of: Callable[..., np.ndarray],
-    spectra_of: Callable[[], tuple | None],
+    spectra_of: Callable[..., tuple | None],
     reseed: Callable[[Nodes, Vectors], Vectors],
 ) -> tuple[Vectors, Nodes]:
     """All passes over whatever images the callbacks hold; vectors in image axes at the nodes (x, y)."""
@@ -147,23 +157,22 @@ def run_passes(
     kernel = prefilter.kernel(response)
     nodes = Nodes(x, y, half_shape, 2)
     for _ in range(options.half_steps):
-        cells = cells_of(nodes, kernel, dx, dy, False)
+        cells = cells_of(nodes, kernel, dx, dy)
         vectors = passes.measure(
             nodes, cells, dx, dy, 1.2 * options.sigma, options, max(options.epsilon, 0.5)
         )
         dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
     nodes = Nodes(x, y, shape, 1)
-    renew = False
     second = np.zeros(dx.shape, bool)
     for step in range(options.full_steps):
-        cells = cells_of(nodes, kernel, dx, dy, renew)
+        if step < options.spectra and (spectra := spectra_of(nodes, kernel, dx, dy)) is not None:
+            spectra = prefilter.undo(response, spectra)
+            response = prefilter.optimal_response(*spectra)
+            kernel = prefilter.kernel(response)
+        cells = cells_of(nodes, kernel, dx, dy)
         vectors = passes.measure(nodes, cells, dx, dy, options.sigma, options, options.epsilon)
         if step == options.full_steps - 1:
             break
-        renew = step < options.spectra
-        if renew and (spectra := spectra_of()) is not None:
-            response = prefilter.optimal_response(*prefilter.undo(response, spectra))
-            kernel = prefilter.kernel(response)
         vectors = reseed(nodes, vectors)
         second |= vectors.second
         dx, dy = vectors.dx, vectors.dy

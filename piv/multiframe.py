@@ -41,6 +41,7 @@ def correlate_frames(
         raise ValueError("the multi-frame mode has no preview; use method 'correlation'")
     settings = replace(settings, passes=max(settings.full_steps, len(frames) // 2 + 2))
     images = Prepared(list(frames), mask, settings.window)
+    both = both_seen(images.seen)
     reach = len(frames) // 2
     instants = np.arange(-reach, reach + 1)
     x, y, keep = node_axes(images.shape, settings)
@@ -57,13 +58,15 @@ def correlate_frames(
         ]
         return both[0] + both[1]
 
-    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy, renew: bool) -> np.ndarray:
+    def at(factor: int) -> list:
+        if factor not in held:
+            held[factor] = images.images(factor)
+        return held[factor]
+
+    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> np.ndarray:
         f = nodes.factor
-        if f not in held:
-            held[f] = images.images(f, kernel)
-        elif renew:
-            for image in held[f]:
-                image.filter(kernel)
+        for image in at(f):
+            image.filter(kernel)
         # a wider set multiplies the error of the vectors it starts from: widen it as they improve
         near = 1 if f == 2 else min(1 + calls[1], reach)
         calls[f] += 1
@@ -106,11 +109,10 @@ def correlate_frames(
             step = (sums[p] * sums[q[0]] - sums[3] * sums[q[1]]) / np.where(ok, det, 1)
             acceleration[axis] += np.where(ok, np.clip(step, -0.25, 0.25), 0)
 
-    both = both_seen(images.seen)
-    everywhere = np.ones(images.shape, np.float32) if both is None else both.astype(np.float32)
-
-    def spectra_of() -> tuple | None:
-        return prefilter.measure_spectra(held[1][reach - 1].warped, held[1][reach + 1].warped, everywhere)
+    def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> tuple | None:
+        pair = [at(1)[reach - 1], at(1)[reach + 1]]
+        moves = [(*paths(dx, dy, x, y, acceleration, t), 1.0) for t in (-1.0, 1.0)]
+        return prefilter.radial_spectra(passes.strip_spectra(nodes, pair, moves, both, kernel, work[1]))
 
     def reseed(nodes: Nodes, vectors: passes.Vectors) -> passes.Vectors:
         pair = [images.pixels[reach], images.pixels[reach + 1]]

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from piv import fft_pass, refine
+from piv import fft_pass, prefilter, refine
 from piv.deform import Image, Nodes, spline_value
 from piv.options import Options
 from piv.outliers import fill_absent, normalised_median
 
 FFT_WINDOWS = (64, 32)  # at half resolution
-FIRST_SPACING = 0.75  # of the first windows, as a part of their size: they need find whole pixels only
+FFT_SPACING = 0.75  # of their windows, as a part of their size: they need find whole pixels only
 RESEED = 32  # px: windows of the search where a vector is an outlier
 
 
@@ -67,7 +67,7 @@ def first_passes(
     gx = gy = np.zeros(0, np.int64)
     dx = dy = np.zeros((0, 0), np.float32)
     for size in sizes:
-        step = size // 2 if dx.size else FIRST_SPACING * size
+        step = FFT_SPACING * size
         cx = np.unique(np.rint(grid(shape[1], step)).astype(np.int64))
         cy = np.unique(np.rint(grid(shape[0], step)).astype(np.int64))
         columns, rows = (m.ravel() for m in np.meshgrid(cx, cy))
@@ -107,6 +107,36 @@ def pair_cells(
     cells = np.empty((refine.MOMENTS, *nodes.cell_shape), np.float32)
     refine.cell_moments(a.warped, b.warped, work[2], cells)
     return cells
+
+
+Move = tuple[np.ndarray, np.ndarray, float]  # vectors dx, dy and the share of them that an image is moved by
+
+
+def strip_spectra(
+    nodes: Nodes,
+    images: list[Image],
+    moves: list[Move],
+    seen: np.ndarray | None,
+    kernel: prefilter.Kernel,
+    work: np.ndarray,
+) -> list[prefilter.Powers]:
+    """Powers of strips of two images, filtered by `kernel` and warped each by its move; work: as of `pair_cells`.
+
+    A part of the image is enough for spectra, and a seventh of a pass.
+    """
+    found = []
+    for first in prefilter.tile_rows(*nodes.shape, seen):
+        field = work[:, first : first + prefilter.TILE]
+        parts = []
+        for k, (image, (dx, dy, share)) in enumerate(zip(images, moves, strict=True)):
+            nodes.dense(dx, field[0], first)
+            nodes.dense(dy, field[1], first)
+            reach = int(np.abs(share * field[1]).max()) + 3
+            image.filter_rows(kernel, first - reach, first + prefilter.TILE + reach)
+            parts.append(image.warp(field[0], field[1], share, field[2], k > 0, first))
+        powers = prefilter.strip_powers(parts[0], parts[1], field[2])
+        found += [] if powers is None else [powers]
+    return found
 
 
 def measure(
