@@ -14,6 +14,7 @@ from tests.validation.checks import Check, Result
 from tests.validation.solve import provenance, reference
 
 REACH = 4.0  # distances of the core from the edge within which its vortex is looked for
+CORE_VORTICITY = 0.05  # of the strongest behind the plate: the core has more; the least pressure of an accelerated plate lies elsewhere
 CORE_PART = 0.3  # of that distance: radius in which the least pressure is fitted
 LEAST_VORTICITY = (
     0.5  # mean speed so far / chord: below it lies what the coarse far mesh makes of a potential flow
@@ -85,7 +86,8 @@ def shed(scene: Scene, time: float, way: float, sheet: Path, wall: Path) -> Shed
     distance = np.hypot(*(centres[:, :2] - edge).T)
     behind = centres[:, 1] < y
     away = behind & (centres[:, 0] > 0) & (y - centres[:, 1] > 2 * body.thickness) & (omega < 0)
-    core = lowest(centres[away, :2], pressure[away], edge)
+    rotating = away & (omega < CORE_VORTICITY * omega[away].min())
+    core = lowest(centres[rotating, :2], pressure[rotating], edge)
     reach = REACH * float(np.hypot(*(core - edge)))
     least = LEAST_VORTICITY * way / (time * body.chord)
     mine = behind & (distance < reach) & (centres[:, 0] > inner) & (omega < -least)
