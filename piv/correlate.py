@@ -19,7 +19,7 @@ import xarray as xr
 from piv import passes, prefilter
 from piv.deform import Image, Nodes
 from piv.fft_pass import window_maps
-from piv.finer import measure_finer, too_coarse
+from piv.finer import measure_finer, too_coarse, unsure
 from piv.options import Options
 from piv.outliers import fill_absent
 from piv.pair_images import Prepared
@@ -105,6 +105,7 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
     vectors = regrow(nodes, held[1], vectors, settings, final=True)
     if vectors.narrow is not None:
         errors = errors.of_narrow(vectors.narrow & ~fine)
+    vectors.known[unsure(fine, errors)] = False
     return to_dataset(vectors, errors, x, y, keep, images.shape, settings)
 
 

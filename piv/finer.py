@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from scipy import ndimage
 
 from piv.deform import Image, Nodes
 from piv.interpolate import denser
@@ -20,8 +19,9 @@ from piv.passes import Vectors, measure, pair_cells
 from piv.uncertainty import Errors
 
 COARSE = 0.5  # times the noise's variance: what a window misses at least where a narrower one takes over
-LEAST = 0.12  # px: less is not worth the steps
-STEPS = 2
+LEAST = 0.15  # px: less is not worth the steps
+STEPS = 4
+UNSURE = 0.2  # px: with a larger standard uncertainty half a pixel is not unlikely, and such a vector is an outlier
 OVERLAP = 5  # nodes across: windows that overlap by half the one that is too wide
 
 
@@ -44,8 +44,6 @@ def measure_finer(
     dx, dy = (denser(d) for d in fill_absent(v.dx, v.dy, v.known))
     marked = denser(fine.astype(np.float32)) > 0
     for _ in range(STEPS):
-        # a spline through the vectors: the smoothing one of the other passes damps such waves by a tenth each time
-        dx, dy = (ndimage.spline_filter(d, order=3, output=np.float32, mode="mirror") for d in (dx, dy))
         cells = pair_cells(dense, images[0], images[1], dx, dy, work)
         new = measure(dense, cells, dx, dy, options.sigma, options, options.epsilon, marked)
         dx, dy = fill_absent(new.dx, new.dy, new.known)
@@ -65,6 +63,12 @@ def measure_finer(
         )
     }
     return replace(new, **every, fine=fine)
+
+
+def unsure(fine: np.ndarray, errors: Errors) -> np.ndarray:
+    """Of the `fine` vectors those (bool) that the narrow window does not follow either."""
+    worst = np.maximum(errors.var_x + errors.missed_x, errors.var_y + errors.missed_y)
+    return fine & (worst > UNSURE**2)
 
 
 def _halved(axis: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from piv.passes import NARROW, Vectors
 # Set on rendered images so that one standard uncertainty holds two thirds of the errors (74 % without); it holds 60-76 % in
 # every condition of the benchmark but for structures shorter than the window, whose damping no noise estimate sees.
 CALIBRATION = 0.86  # on the variance
-ALIKE = 1.25  # what neighbouring cells add to the variance of rendered noisy images
+ALIKE = 1.75  # what neighbouring cells add to the variance in narrow windows; set on a rendered sine of 32 px
 LARGEST = 100.0  # px²
 INTERPOLATION = 0.0005  # px: what sampling leaves however little noise there is
 
