@@ -19,15 +19,16 @@ import xarray as xr
 from piv import passes, prefilter
 from piv.deform import Image, Nodes
 from piv.fft_pass import window_maps
+from piv.finer import measure_finer, too_coarse, unsure
 from piv.options import Options
 from piv.outliers import fill_absent
 from piv.pair_images import Prepared
 from piv.passes import Vectors
 from piv.plane import provenance
-from piv.regrow import NARROW, regrow
+from piv.regrow import regrow
 from piv.scratch import scratch
 from piv.smooth import damp_noise
-from piv.uncertainty import INTERPOLATION, correlation_statistics, noise_budget, unresolved
+from piv.uncertainty import INTERPOLATION, Errors, errors_of
 
 __all__ = ["FLAGS", "Options", "correlate_pair"]
 
@@ -95,9 +96,17 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
     vectors, nodes = run_passes(
         images.shape, x, y, half_seen, settings, maps_of, cells_of, spectra_of, reseed
     )
+    errors = errors_of(nodes, vectors, settings)
+    fine = too_coarse(vectors, errors)
+    if fine.any():
+        new = measure_finer(nodes, held[1], vectors, fine, settings, work[1])
+        errors = errors.replaced(fine, errors_of(nodes, new, settings))
+        vectors = vectors.replaced(fine, new)
     vectors = regrow(nodes, held[1], vectors, settings, final=True)
-    var_x, var_y = variances(nodes, vectors, settings)
-    return to_dataset(vectors, var_x, var_y, x, y, keep, images.shape, settings)
+    if vectors.narrow is not None:
+        errors = errors.of_narrow(vectors.narrow & ~fine)
+    vectors.known[unsure(fine, errors)] = False
+    return to_dataset(vectors, errors, x, y, keep, images.shape, settings)
 
 
 @lru_cache
@@ -180,28 +189,18 @@ def run_passes(
     return vectors, nodes
 
 
-def variances(nodes: Nodes, v: Vectors, options: Options) -> tuple[np.ndarray, np.ndarray]:
-    """Variances (px²) of the measured vectors."""
-    spacing = float(nodes.x[1] - nodes.x[0])
-    gain, kept = noise_budget(options.sigma, spacing, options.full_steps)
-    var_x, var_y = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, options.sigma, kept)
-    # fewer particles: variance goes with the window's area
-    share = gain if v.narrow is None else np.where(v.narrow, gain / NARROW**2, gain)
-    return var_x * share, var_y * share
-
-
 def to_dataset(
-    v: Vectors, var_x, var_y, x, y, keep: tuple[slice, slice], shape: tuple[int, int], options: Options
+    v: Vectors, errors: Errors, x, y, keep: tuple[slice, slice], shape: tuple[int, int], options: Options
 ) -> xr.Dataset:
     """Smooth where asked, flag, turn y up and name everything."""
     dx, dy, known = v.dx, v.dy, v.known
+    var_x, var_y = errors.var_x, errors.var_y
     if options.smoothing:
         spacing = float(x[1] - x[0])
         dx, dy, var_x, var_y = damp_noise(
             dx, dy, var_x, var_y, known, sigma=options.sigma, spacing=spacing, passes=options.full_steps
         )
-    missed_x, missed_y = unresolved(Nodes(x, y, shape, 1), v.cells, v.step_x, v.step_y, options.sigma)
-    var_x, var_y = var_x + missed_x, var_y + missed_y
+    var_x, var_y = var_x + errors.missed_x, var_y + errors.missed_y
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER
     flag[v.second] = SECOND_PEAK

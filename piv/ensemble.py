@@ -12,7 +12,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from piv import passes, prefilter, refine
-from piv.correlate import both_seen, node_axes, run_passes, to_dataset, variances
+from piv.correlate import both_seen, node_axes, run_passes, to_dataset
 from piv.deform import Nodes
 from piv.fft_pass import window_maps
 from piv.options import Options
@@ -22,6 +22,7 @@ from piv.preprocess import Preprocessor
 from piv.readers import Recording
 from piv.sequence import Calibration, SequenceOptions, carried, frame_sets
 from piv.series_writer import SeriesWriter
+from piv.uncertainty import errors_of
 
 Pair = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
 
@@ -95,7 +96,7 @@ def correlate_ensemble(
     vectors, nodes = run_passes(shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
     bar.close()
     # the share of usable pixels is that of all pairs together
-    return to_dataset(vectors, *variances(nodes, vectors, settings), x, y, keep, shape, settings)
+    return to_dataset(vectors, errors_of(nodes, vectors, settings), x, y, keep, shape, settings)
 
 
 def prepared(load: Callable[[int], Pair], index: int, options: Options) -> Prepared:

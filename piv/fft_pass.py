@@ -8,7 +8,6 @@ import numpy as np
 import scipy.fft
 from numba import njit
 
-
 BATCH = 2**16  # px: windows that are transformed together fit a core's cache
 
 

@@ -41,6 +41,18 @@ def _polynomials() -> np.ndarray:
 _TAPS = tuple(np.float32(c) for c in _polynomials().ravel())
 
 
+def denser(field: np.ndarray) -> np.ndarray:
+    """Bilinear values on nodes twice as dense."""
+    rows, columns = field.shape
+    across = np.empty((rows, 2 * columns - 1), np.float32)
+    across[:, ::2] = field
+    across[:, 1::2] = (field[:, 1:] + field[:, :-1]) / 2
+    out = np.empty((2 * rows - 1, across.shape[1]), np.float32)
+    out[::2] = across
+    out[1::2] = (across[1:] + across[:-1]) / 2
+    return out
+
+
 def bspline_table(positions: np.ndarray, origin: float, spacing: float, count: int) -> tuple:
     """Cubic B-spline weights of `count` regular knots at the given positions.
 

@@ -9,11 +9,12 @@ import numpy as np
 import xarray as xr
 
 from piv import passes, prefilter, refine
-from piv.correlate import both_seen, node_axes, run_passes, to_dataset, variances
+from piv.correlate import both_seen, node_axes, run_passes, to_dataset
 from piv.deform import Nodes
 from piv.fft_pass import window_maps
 from piv.options import Options
 from piv.pair_images import Prepared
+from piv.uncertainty import errors_of
 
 
 def correlate_frames(
@@ -120,8 +121,7 @@ def correlate_frames(
 
     seen = both_seen(images.at(2)[1])
     vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
-    var_x, var_y = variances(nodes, vectors, settings)
-    return to_dataset(vectors, var_x, var_y, x, y, keep, images.shape, settings)
+    return to_dataset(vectors, errors_of(nodes, vectors, settings), x, y, keep, images.shape, settings)
 
 
 def paths(dx, dy, x, y, unsteady: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:

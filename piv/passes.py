@@ -15,6 +15,7 @@ from piv.outliers import fill_absent, normalised_median
 
 FFT_WINDOWS = (64, 32)  # at half resolution
 FFT_SPACING = 0.75  # of their windows, as a part of their size: they need find whole pixels only
+NARROW = 0.5  # of the window, where the flow is too fine for it
 RESEED = 32  # px: windows of the search where a vector is an outlier
 
 
@@ -33,7 +34,14 @@ class Vectors:
     cells: np.ndarray
     sums: np.ndarray
     visible: np.ndarray  # share of the window's weight that could be used
-    narrow: np.ndarray | None = None  # bool: measured in a narrower window in the end
+    fine: np.ndarray | None = None  # bool: measured in a window NARROW times as wide (piv.finer)
+    narrow: np.ndarray | None = None  # bool: replaced by piv.regrow, from such a window too
+
+    def replaced(self, where: np.ndarray, other: Vectors) -> Vectors:
+        """These vectors and their tests, but the `other` ones at `where`; cells and sums stay."""
+        names = ("dx", "dy", "known", "correlation", "step_x", "step_y", "visible")
+        chosen = {n: np.where(where, getattr(other, n), getattr(self, n)) for n in names}
+        return replace(self, **chosen, second=self.second & ~where, fine=where)
 
 
 def grid(length: int, spacing: float) -> np.ndarray:
@@ -140,21 +148,47 @@ def strip_spectra(
 
 
 def measure(
-    nodes: Nodes, cells: np.ndarray, dx, dy, sigma: float, options: Options, epsilon: float
+    nodes: Nodes,
+    cells: np.ndarray,
+    dx,
+    dy,
+    sigma: float,
+    options: Options,
+    epsilon: float,
+    fine: np.ndarray | None = None,
 ) -> Vectors:
-    """One Newton step from the predictor (dx, dy) that the images of `cells` were warped by, and its tests."""
+    """One Newton step from the predictor (dx, dy) that the images of `cells` were warped by, and its tests.
+
+    fine: nodes (bool) that are measured in a window NARROW times as wide.
+    """
     sums, full = nodes.window_sums(cells, sigma)
+    if fine is not None:
+        narrow, part = nodes.window_sums(cells, NARROW * sigma)
+        sums, full = np.where(fine, narrow, sums), np.where(fine, part, full)
     step_x, step_y, correlation = refine.newton_step(sums, 1.0)
     new_x = spline_value(dx) + step_x * nodes.factor
     new_y = spline_value(dy) + step_y * nodes.factor
     masked = sums[8] < (1 - options.max_masked) * full
     usable = ~masked & (correlation > options.min_correlation)
-    residual, _, _ = normalised_median(
-        new_x, new_y, usable, epsilon=epsilon, radius=2, threshold=options.threshold
-    )
-    known = usable & ~(residual > options.threshold)
+    known = usable & ~deviates(new_x, new_y, usable, epsilon, options, fine)
     no = np.zeros(known.shape, bool)
-    return Vectors(new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, sums[8] / full)
+    seen = sums[8] / full
+    return Vectors(new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, seen, fine)
+
+
+def deviates(
+    dx, dy, usable: np.ndarray, epsilon: float, options: Options, fine: np.ndarray | None
+) -> np.ndarray:
+    """Vectors (bool) that fail the normalised-median test; usable: those that serve as neighbours.
+
+    5 x 5 neighbours; for `fine` vectors 3 x 3, as near as their window is narrow: farther ones belong to the next wave.
+    """
+    threshold = options.threshold
+    failed = normalised_median(dx, dy, usable, epsilon=epsilon, radius=2, threshold=threshold)[0] > threshold
+    if fine is None:
+        return failed
+    near = normalised_median(dx, dy, usable, epsilon=epsilon, radius=1, threshold=threshold)[0] > threshold
+    return np.where(fine, near, failed)
 
 
 def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Vectors, options: Options) -> Vectors:

@@ -42,11 +42,6 @@ def default_response(frequency: np.ndarray, lowpass: float = 0.35) -> np.ndarray
     return np.exp(-2 * (np.pi * lowpass * frequency) ** 2)
 
 
-def _taper(f: np.ndarray) -> np.ndarray:
-    """Frequencies next to the sampling limit cannot be interpolated: taper them off."""
-    return np.cos(np.clip((f - 0.36) / 0.14, 0, 1) * np.pi / 2) ** 2
-
-
 Kernel = tuple[np.ndarray, np.ndarray]  # along rows, along columns
 
 
@@ -57,7 +52,8 @@ def kernel(response: np.ndarray) -> Kernel:
     both images and moves no vector, so the nearest separable kernel will do.
     """
     f = np.abs(np.fft.fftfreq(TILE))
-    one = _taper(f) / kernel_response(f)
+    # frequencies next to the sampling limit cannot be interpolated: taper them off
+    one = np.cos(np.clip((f - 0.36) / 0.14, 0, 1) * np.pi / 2) ** 2 / kernel_response(f)
     full = response * one[:, None] * one[None, : TILE // 2 + 1]
     taps = np.fft.fftshift(np.fft.irfft2(full, s=(TILE, TILE)))
     middle = slice(TILE // 2 - TAPS // 2, TILE // 2 + TAPS // 2 + 1)
@@ -132,25 +128,6 @@ def optimal_response(frequency: np.ndarray, signal: np.ndarray, noise: np.ndarra
     response = np.sqrt(signal / (2 * signal * noise + noise**2))
     response = np.interp(radial_frequency(), frequency[1:], response[1:])
     return response / response.max()
-
-
-def gradient_share(spectra: tuple, response: np.ndarray) -> float:
-    """Share of a displacement's gradient energy that central differences (piv.refine) see in images filtered by `response`.
-
-    A Newton step over differences D(f) in place of 2πf is too long by Σ 2πf D / Σ D² of the signal's spectrum: by its
-    inverse, the share, steps are made to converge at once. spectra: of the images as they are.
-    """
-    frequency, signal, noise = spectra
-    f = np.fft.fftfreq(TILE)[:, None], np.fft.rfftfreq(TILE)[None, :]
-    power = np.interp(radial_frequency(), frequency, np.maximum(signal, 0), right=0.0)
-    power = power * (response * _taper(np.abs(f[0])) * _taper(f[1])) ** 2
-    power[:, 1:-1] *= 2  # the half of the spectrum that rfft2 leaves out
-    seen = total = 0.0
-    for w in (2 * np.pi * f[0], 2 * np.pi * f[1]):
-        difference = (8 * np.sin(w) - np.sin(2 * w)) / 6
-        seen += float(np.sum(power * difference**2))
-        total += float(np.sum(power * difference * w))
-    return seen / total if total > 0 else 1.0
 
 
 def _without_misalignment(frequency, signal, noise):
