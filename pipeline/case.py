@@ -13,6 +13,7 @@ from pipeline.cover import covering_cells
 from pipeline.errors import StageError
 from pipeline.frames import time_name
 from pipeline.legs import Leg, read_legs, read_stage
+from pipeline.link import unlink_folders
 from pipeline.lock import LOCK, only_one
 from pipeline.motion import read_motion
 from pipeline.polymesh import BODY_PATCHES, OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
@@ -179,6 +180,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     legs = read_legs(scene.out)
     planforms = {stage: read_stage(scene.out, stage) for stage in {leg.stage for leg in legs}}
     meshes = {stage: build_mesh(planform) for stage, planform in planforms.items()}
+    unlink_folders(scene.out)  # of a study's run that was equal to another one and no longer is
     folder.mkdir(exist_ok=True)
     with only_one(folder):  # not under the feet of a run
         for old in folder.iterdir():

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import StageError
-from pipeline.link import link
+from pipeline.link import link, unlink_folders
 from pipeline.scene import load_scene
 from pipeline.study import folder_of, plan, scene_text, toml
 from pipeline.study_file import Row, read_study
@@ -107,6 +107,31 @@ def test_results_are_taken_over(tmp_path):
     assert (b / "run" / "run.json").read_text() == "{}"
     assert (b / "costs" / "run.json").exists()
     assert (b / "case").resolve() == a / "case"
+
+
+def test_a_run_that_is_no_longer_equal_leaves_the_other_alone(tmp_path):
+    """What is deleted or written in a run that had taken over another's results is its own."""
+    a, b = tmp_path / "a", tmp_path / "b"
+    for name in ("run/run.json", "case/leg_0/U"):
+        (a / name).parent.mkdir(parents=True)
+        (a / name).write_text("of a")
+    link(a, b, "run")
+    (b / "run" / "run.json").unlink()  # as Snakemake does before it runs a rule again
+    unlink_folders(b)  # as the case stage does first
+    assert not (b / "case").exists()
+    assert {(a / name).read_text() for name in ("run/run.json", "case/leg_0/U")} == {"of a"}
+
+
+def test_the_name_of_a_folder_does_not_lead_into_the_other_run(tmp_path):
+    """Studies of before had run/ linked by name as well."""
+    a, b = tmp_path / "a", tmp_path / "b"
+    (a / "run").mkdir(parents=True)
+    (a / "run" / "run.json").write_text("{}")
+    b.mkdir()
+    (b / "run").symlink_to("../a/run")
+    link(a, b, "run")
+    assert not (b / "run").is_symlink()
+    assert (a / "run" / "run.json").samefile(b / "run" / "run.json")
 
 
 def test_a_study_that_was_not_run_gives_a_table_of_what_was_asked(tmp_path):
