@@ -14,6 +14,7 @@ from pipeline.link import link, unlink_folders
 from pipeline.scene import load_scene
 from pipeline.study import folder_of, plan, scene_text, toml
 from pipeline.study_file import Row, read_study
+from piv.exclusive import exclusive
 from postprocess.studies import changes
 from postprocess.study_table import read_plan, study_table
 from tests.conftest import ROOT, write_scene
@@ -44,6 +45,17 @@ def test_rows_become_scenes_that_differ_in_what_the_table_says(tmp_path):
     assert len({scene.digest(), fine.digest(), wide.digest()}) == 3
     assert (wide.out / "settings" / "piv.json").exists()
     assert (wide.folder / wide.motion.states).exists()  # the parent's path, seen from the new folder
+
+
+def test_a_table_that_changed_does_not_reach_under_a_stage_at_work(tmp_path):
+    """It would end later than the new settings, and its results of the old numbers pass for results of the new."""
+    scene = write_scene(tmp_path / "small")
+    found = json.loads(plan(study(scene.folder, "a, tiny, run, 1, , , 48, \n")).read_text())
+    out = load_scene(found["runs"][0]["folder"], "tiny").out
+    with exclusive(out / "piv.h5"):
+        plan(study(scene.folder, "a, tiny, run, 1, , , 48, \n"))
+        with pytest.raises(StageError, match=r"another make is at work here \(piv.h5\)"):
+            plan(study(scene.folder, "a, tiny, run, 1, , , 32, \n"))
 
 
 def test_equal_stages_are_computed_once(tmp_path):
