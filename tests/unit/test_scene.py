@@ -42,6 +42,8 @@ def test_every_shipped_scene_is_valid_at_every_level(folder, level):
             "[[motion.strokes]]\npressure_kpa = 1\nstart = 0.1\nduration = 0.1",
             ["strokes", "sort"],
         ),
+        ("[sheet]\nspacing = 1e-310", ["too small"]),
+        ("[camera]\ncolumns = 1" + 400 * "0", ["too large"]),
         (
             '[motion]\nstrokes = []\npressure_csv = "p.csv"\nstart_pressure_kpa = 5.0',
             ["start_pressure_kpa", "remove"],
