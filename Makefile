@@ -107,6 +107,8 @@ endef
 # A pinch is compared with the single finger at the same level, where that was run; make single_finger first.
 SINGLE := $(wildcard cases/single_finger/out/$(LEVEL)/vortices_*.csv)
 $(foreach s,$(SCENES) $(RUNS),$(eval $(call scene_rules,$(s),$(CASES)/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
+# the files that each scene was made of when its settings were written, wherever they lie
+include $(wildcard $(foreach s,$(SCENES) $(RUNS),$(CASES)/$(s)/out/$(LEVEL)/settings/.files.mk))
 
 ifneq ($(SLURM),)
 ifneq ($(filter $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd)),$(MAKECMDGOALS)),)

@@ -18,14 +18,12 @@ from pipeline.legs import Leg, read_legs, read_stage
 from pipeline.lock import only_one
 from pipeline.openfoam import foam_version
 from pipeline.prepare import case_state, prepare, prepared_for
-from pipeline.ranks import Ranks
+from pipeline.ranks import LEAST_CELLS, Ranks
 from pipeline.results import collect_results, copies_of
 from pipeline.scene import Scene
 from pipeline.solver import BAR, read_progress, solve
 from pipeline.stage import guarded, parser, read_dataset, timed, versions, write_text
 from pipeline.supervise import energy_from_nothing, guards_of
-
-CELLS_PER_RANK = 5000  # fewer, and ranks wait for each other longer than they work
 
 
 def useful_ranks(scene: Scene, legs: tuple[Leg, ...], ranks: int, quiet: bool) -> int:
@@ -34,7 +32,7 @@ def useful_ranks(scene: Scene, legs: tuple[Leg, ...], ranks: int, quiet: bool) -
     for leg in legs:
         with read_dataset(scene.out / "sweep.h5", "sweep", leg.name) as sweep:
             sizes.append(sweep.sizes["cell"])
-    useful = max(1, min(ranks, min(sizes) // CELLS_PER_RANK))
+    useful = max(1, min(ranks, min(sizes) // LEAST_CELLS))
     if useful < ranks and not quiet:
         print(f"run: {min(sizes)} cells are too few for {ranks} ranks; {useful} used")
     return useful

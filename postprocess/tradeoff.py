@@ -18,8 +18,8 @@ import xarray as xr
 from piv.plane import read_plane
 from postprocess import fields, tracks
 from postprocess.stagefiles import StageFiles, read_json, read_table
-from postprocess.strokes import peak_tip_speed, stroke_window
-from postprocess.study_table import MIDDLE, files_of, read_plan, study_table
+from postprocess.strokes import MIDDLE, peak_tip_speed, stroke_window
+from postprocess.study_table import files_of, read_plan, study_table
 
 INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
 ERRORS = ("error_circulation", "error_centre", "error_velocity", "error_force")

@@ -72,7 +72,15 @@ def test_budget(text, value):
 
 @pytest.mark.parametrize(
     "ask, text",
-    [(accuracy, "five"), (accuracy, "500%"), (budget, "10"), (budget, "0min"), (budget, "1 year")],
+    [
+        (accuracy, "five"),
+        (accuracy, "500%"),
+        (budget, "10"),
+        (budget, "0min"),
+        (budget, "1 year"),
+        (accuracy, "0.0.5"),
+        (budget, ".min"),
+    ],
 )
 def test_what_is_no_accuracy_or_time_is_refused(ask, text):
     with pytest.raises(StageError, match="give a"):
