@@ -21,7 +21,7 @@ from piv.deform import Image, Nodes
 from piv.fft_pass import window_maps
 from piv.finer import measure_finer, too_coarse, unsure
 from piv.options import Options
-from piv.outliers import fill_absent
+from piv.outliers import fill_absent, supported
 from piv.pair_images import Prepared
 from piv.passes import Vectors
 from piv.plane import provenance
@@ -193,17 +193,18 @@ def to_dataset(
     v: Vectors, errors: Errors, x, y, keep: tuple[slice, slice], shape: tuple[int, int], options: Options
 ) -> xr.Dataset:
     """Smooth where asked, flag, turn y up and name everything."""
-    dx, dy, known = v.dx, v.dy, v.known
+    dx, dy, spacing = v.dx, v.dy, float(x[1] - x[0])
+    known = supported(v.known, v.masked, v.correlation, doubtful=2 * options.min_correlation,
+                      across=2 * round(1.125 * options.window / spacing) + 1)  # fmt: skip
     var_x, var_y = errors.var_x, errors.var_y
     if options.smoothing:
-        spacing = float(x[1] - x[0])
         dx, dy, var_x, var_y = damp_noise(
             dx, dy, var_x, var_y, known, sigma=options.sigma, spacing=spacing, passes=options.full_steps
         )
     var_x, var_y = var_x + errors.missed_x, var_y + errors.missed_y
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER
-    flag[v.second] = SECOND_PEAK
+    flag[v.second & known] = SECOND_PEAK
     flag[v.masked] = MASKED
     present = known.copy()
     std_x, std_y = np.sqrt(var_x + INTERPOLATION**2), np.sqrt(var_y + INTERPOLATION**2)

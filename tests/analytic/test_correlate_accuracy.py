@@ -200,3 +200,10 @@ def test_steep_core_beside_a_moving_body():
     assert (
         error.max() < 0.5
     )  # without another start, vectors at the wall were wrong by up to 5 px and called valid
+
+
+@pytest.mark.parametrize("preset", ["fast", "balanced", "accurate"])
+def test_pictures_of_other_particles_give_no_field(preset):
+    a, b = (render(shift(0, 0), shape=SHAPE, noise=0.05, seed=seed)[0] for seed in (22, 23))
+    # 5 %: as many may be called valid by chance; 10 to 16 % were before vectors that stand alone were looked for
+    assert float(correlate_pair(a, b, preset=preset)["valid"].mean()) < 0.05
