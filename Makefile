@@ -34,7 +34,7 @@ help: ## this list
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"
 	@echo "    SCENE: $(SCENES)"
 	@echo "    LEVEL: smoke (2-D, seconds), coarse (default), medium, fine;  NP: MPI ranks, now $(NP)"
-	@echo "make SCENE ACCURACY=5%         the cheapest measured setting within 5 %; BUDGET=10min: the most accurate within it"
+	@echo "make SCENE ACCURACY=12%        the cheapest measured setting within 12 %; BUDGET=10min: the most accurate within it"
 	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]; or HOSTS=hosts.txt; COLLATED=1: few files"
 	@echo "make SCENE.STAGE               up to one stage: $(STAGES)"
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
