@@ -38,16 +38,16 @@ def useful_ranks(scene: Scene, legs: tuple[Leg, ...], ranks: int, quiet: bool) -
     return useful
 
 
-def begun_ranks(case: Path, ranks: Ranks, quiet: bool) -> Ranks:
+def begun_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Ranks:
     """`ranks`, or those of an interrupted run that can be gone on with: its fields lie in its ranks' files.
 
-    `case` is the folder of the first leg: the others follow it.
+    `case` is the folder of the first leg, whose mesh is `moving` or not: the others follow it.
     """
     began = prepared_for(case)
     earlier = Ranks(began.get("ranks", 0), bool(began.get("collated", False)))
     if began != case_state(case, earlier) or earlier == ranks:
         return ranks
-    if last_checkpoint(case, earlier) is None:
+    if last_checkpoint(case, earlier, moving) is None:
         return ranks
     if not quiet:
         print(
@@ -73,7 +73,9 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     guards = guards_of(scene, legs)
     with only_one(case):
         useful = useful_ranks(scene, legs, ranks, quiet)
-        layout = begun_ranks(case / legs[0].name, Ranks(useful, collated and useful > 1), quiet)
+        layout = begun_ranks(
+            case / legs[0].name, legs[0].moving, Ranks(useful, collated and useful > 1), quiet
+        )
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver", bar_format=BAR) as bar:
             handovers = [*(leg.begin(step) for leg in legs[1:]), end]
             for leg, handover, guard in zip(legs, handovers, guards, strict=True):

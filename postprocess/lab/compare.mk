@@ -34,7 +34,7 @@ endef
 $(foreach v,$(VARIATIONS),$(eval $(call variation_rule,$(v))))
 
 compare-measured: | $(READY) ## the same with the simulation driven by the motion that the recording shows
-	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS= compare
+	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register
 	$(LAB) motion $(OFLAB)
 	+@$(SUB) SCENE=$(SCENE)/out/$(LEVEL)/lab/$(LABNAME)/measured DPIV=$(abspath $(DPIV)) INPUTS=$(INPUTS) compare
 
