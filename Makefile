@@ -34,7 +34,7 @@ help: ## this list
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"
 	@echo "    SCENE: $(SCENES)"
 	@echo "    LEVEL: smoke (2-D, seconds), coarse (default), medium, fine;  NP: MPI ranks, now $(NP)"
-	@echo "make SCENE ACCURACY=5%         the cheapest measured setting within 5 %; BUDGET=10min: the most accurate within it"
+	@echo "make SCENE ACCURACY=12%        the cheapest measured setting within 12 %; BUDGET=10min: the most accurate within it"
 	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]; or HOSTS=hosts.txt; COLLATED=1: few files"
 	@echo "make SCENE.STAGE               up to one stage: $(STAGES)"
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
@@ -55,8 +55,8 @@ ifneq ($(ACCURACY)$(BUDGET),)
 # the cheapest setting that was measured to reach it (docs/tradeoff.md), in a folder of its own
 $(1): $(READY)
 	@set -e; found=$$$$($(PY) -m pipeline.choose cases/$(1) $(if $(ACCURACY),--accuracy "$(ACCURACY)",--budget "$(BUDGET)")); \
-	set -- $$$$found; $$(MAKE) --no-print-directory CASES=cases/$(1)/out/studies/asked LEVEL=$$$$2 NP=$$$$3 ACCURACY= BUDGET= $$$$1; \
-	$(PY) -m pipeline.choose cases/$(1) --after
+	set -- $$$$found; $$(MAKE) --no-print-directory CASES=cases/$(1)/out/studies/asked LEVEL=$$$$2 NP=$$$$3 ACCURACY= BUDGET= $$$$1$(if $(SLURM),,; \
+	$(PY) -m pipeline.choose cases/$(1) --after)
 else ifneq ($(SLURM),)
 $(1): $(READY)
 	@$(PY) -m pipeline.batch $(CASES)/$(1) --level $(LEVEL) $(if $(filter file,$(origin NP)),,--ranks $(NP)) --submit $(if $(MINUTES),--minutes $(MINUTES)) $(if $(NODES),--nodes $(NODES)) $(if $(PARTITION),--partition $(PARTITION)) $(if $(ACCOUNT),--account $(ACCOUNT)) $(if $(COLLATED),--collated) $(FLAGS)
@@ -107,6 +107,8 @@ endef
 # A pinch is compared with the single finger at the same level, where that was run; make single_finger first.
 SINGLE := $(wildcard cases/single_finger/out/$(LEVEL)/vortices_*.csv)
 $(foreach s,$(SCENES) $(RUNS),$(eval $(call scene_rules,$(s),$(CASES)/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
+# the files that each scene was made of when its settings were written, wherever they lie
+include $(wildcard $(foreach s,$(SCENES) $(RUNS),$(CASES)/$(s)/out/$(LEVEL)/settings/.files.mk))
 
 ifneq ($(SLURM),)
 ifneq ($(filter $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd)),$(MAKECMDGOALS)),)
@@ -130,12 +132,10 @@ fuzz: $(READY) ## damaged files for every reader, with atheris where it is insta
 	$(PY) -m tests.fuzz --table docs/stability/fuzz.csv
 	$(PY) -m tests.stability.page
 
-docs: single_finger.report single_deflate.report cycle.report ## pages and pictures of the docs that come from runs
-	$(PY) -m postprocess.summary cases/single_finger --level $(LEVEL)
-	$(PY) -m postprocess.summary cases/single_deflate --level $(LEVEL)
-	$(PY) -m postprocess.summary cases/cycle --level $(LEVEL)
-	$(MAKE) --no-print-directory pinch.report
-	$(PY) -m postprocess.summary cases/pinch --level $(LEVEL)
+# One scene after the other: each solver takes all ranks, and the pinch is compared with the single finger.
+docs: | $(READY) ## pages and pictures of the docs that come from runs
+	+set -e; for scene in single_finger single_deflate cycle pinch; do \
+	$(MAKE) --no-print-directory $$scene.report; $(PY) -m postprocess.summary cases/$$scene --level $(LEVEL); done
 	$(PY) -m tests.pictures.vortices docs/vortices.png
 	$(PY) -m tests.pictures.synthetic docs/synthetic.png
 

@@ -220,8 +220,9 @@ def main() -> None:
     args = arguments.parse_args()
 
     def action() -> None:
-        if args.ranks is not None and args.ranks < 1:
-            raise StageError(f"--ranks {args.ranks}: give 1 or more")
+        for name in ("ranks", "nodes", "minutes"):
+            if (value := getattr(args, name)) is not None and value < 1:
+                raise StageError(f"--{name} {value}: give 1 or more")
         scene = load_scene(args.scene, args.level)
         paths = write_scripts(scene, scripts(scene, asked(scene, args), "make", ".venv/bin/python"))
         if not args.quiet:

@@ -11,8 +11,9 @@ import xarray as xr
 
 from pipeline.cover import covering_cells
 from pipeline.errors import StageError
-from pipeline.frames import time_name
+from pipeline.frames import steps_of, time_name
 from pipeline.legs import Leg, read_legs, read_stage
+from pipeline.link import unlink_folders
 from pipeline.lock import LOCK, only_one
 from pipeline.motion import read_motion
 from pipeline.polymesh import BODY_PATCHES, OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
@@ -171,14 +172,26 @@ def write_leg(scene: Scene, leg: Leg, planform: xr.Dataset, mesh: PolyMesh) -> x
     )
 
 
+def check_legs(legs: tuple[Leg, ...], time_step: float, planform: Path) -> None:
+    """StageError where the legs that a planform was made for do not begin at whole time steps (s)."""
+    for leg in legs:
+        if abs(leg.start - steps_of(leg.start, time_step) * time_step) > 1e-6 * time_step:
+            raise StageError(
+                f"{planform}: leg {leg.index} begins at {leg.start:g} s, no whole number of numerics.time_step ="
+                f" {time_step:g} s, which has changed since; delete that file and run make again"
+            )
+
+
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write the folders `case/leg_<k>` and `sweep.h5` (the columns of their meshes)."""
     folder = scene.out / "case"
     if not BASE.is_dir():
         raise StageError(f"{BASE}: the base case is missing; restore it with git checkout cases/_base")
     legs = read_legs(scene.out)
+    check_legs(legs, scene.numerics.time_step, scene.out / "planform.h5")
     planforms = {stage: read_stage(scene.out, stage) for stage in {leg.stage for leg in legs}}
     meshes = {stage: build_mesh(planform) for stage, planform in planforms.items()}
+    unlink_folders(scene.out)  # of a study's run that was equal to another one and no longer is
     folder.mkdir(exist_ok=True)
     with only_one(folder):  # not under the feet of a run
         for old in folder.iterdir():

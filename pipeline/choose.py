@@ -23,6 +23,7 @@ from pipeline.study_file import Row, parse_cell
 RESULTS = Path(__file__).resolve().parent.parent / "docs" / "tradeoff"
 STUDY = "asked"
 SOLVER = ("run",)  # stages that go with the probe's solver piece; all others with its images piece
+NUMBER = r"(\d+\.?\d*|\.\d+)"
 UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
 OF_THE_STUDY = {"sheet.rate_hz"}  # varied there to save time, not as a setting
 
@@ -61,7 +62,7 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, float]]:
 
 def accuracy(text: str) -> float:
     """0.05 of "5%" or "0.05"."""
-    found = re.fullmatch(r"\s*([0-9.]+)\s*(%?)\s*", text)
+    found = re.fullmatch(rf"\s*{NUMBER}\s*(%?)\s*", text)
     value = float(found.group(1)) * (0.01 if found.group(2) else 1.0) if found else -1.0
     if not 0 < value < 1:
         raise StageError(f"ACCURACY={text}: give a part, as 5% or 0.05")
@@ -70,7 +71,7 @@ def accuracy(text: str) -> float:
 
 def budget(text: str) -> float:
     """Seconds of "10min", "2h" or "90s"."""
-    found = re.fullmatch(r"\s*([0-9.]+)\s*([a-z]+)\s*", text)
+    found = re.fullmatch(rf"\s*{NUMBER}\s*([a-z]+)\s*", text)
     if not found or found.group(2) not in UNITS or float(found.group(1)) <= 0:
         raise StageError(f"BUDGET={text}: give a time, as 10min, 2h or 90s")
     return float(found.group(1)) * UNITS[found.group(2)]

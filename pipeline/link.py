@@ -10,12 +10,12 @@ import shutil
 import sys
 from pathlib import Path
 
-# What each stage leaves behind, its name in costs/ included; a run's case folder goes with it.
+# What each stage leaves behind, besides its costs; a run's case folder goes with it.
 FILES = {
     "kinematics": ("kinematics.h5",),
     "mesh": ("planform.h5", "mesh_quality.csv"),
     "case": ("sweep.h5",),
-    "run": ("case", "run"),
+    "run": ("case", "run/forces.csv", "run/power.csv", "run/history.csv", "run/run.json"),
     "sheet": ("sheet.h5",),
     "images": ("images.h5", "images_truth.h5"),
     "piv": ("piv.h5",),
@@ -26,7 +26,12 @@ MODULES = {"sheet": "sheets"}  # stages whose module, and so their cost, goes by
 
 
 def link(source: Path, target: Path, stage: str) -> None:
-    """Link a stage's files from one level's folder to another's: files hard (a copy where that cannot be), folders by name."""
+    """Link a stage's files from one level's folder to another's: files hard (a copy where that cannot be), folders by name.
+
+    Only the solver's case is a folder: Snakemake deletes what a rule will make, and would reach the other run's files
+    through the name of a folder.
+    """
+    unlink_folders(target)
     for name in (*FILES[stage], f"costs/{MODULES.get(stage, stage)}.json"):
         old, new = source / name, target / name
         if not old.exists():
@@ -43,6 +48,13 @@ def link(source: Path, target: Path, stage: str) -> None:
             os.link(old, new)
         except OSError:
             shutil.copy2(old, new)
+
+
+def unlink_folders(out: Path) -> None:
+    """Take away the names of another run's folders in a level's folder, so that nothing is written into that run."""
+    for path in (out / "case", out / "run"):
+        if path.is_symlink():
+            path.unlink()
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from pathlib import Path
 from pipeline.errors import StageError
 from pipeline.foamfile import header, is_complete, write_bytes
 
+LEAST_CELLS = 5000  # of a rank: with fewer, ranks wait for each other longer than they work
 COLLATED = b"decomposedBlockData"
 HEAD = 2000  # bytes within which a file's header lies
 MESH_PAST = ("V0", "meshPhi")

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-Positive = Annotated[float, Field(gt=0)]
-Pair = tuple[float, float]
+from pipeline.scene_section import Pair, Positive, Section
 
 
-class Body(BaseModel):
+class Body(Section):
     """A rigid body, m; `centre` is where it begins, `depth` its extent along z (2-D: forces are those on this depth)."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     shape: Literal["circle", "plate"]
     centre: Pair
@@ -41,14 +38,12 @@ class Body(BaseModel):
         return self.diameter or self.chord or 0.0
 
 
-class Law(BaseModel):
+class Law(Section):
     """A displacement (m, along `direction_deg`) or a rotation (deg, counter-clockwise) over time.
 
     `sine`: amplitude · sin(2π (t − start) / period). `power`: the speed is rate · (t − start)^exponent. Both begin
     through a smooth step of `smoothing` s that multiplies the amplitude, or the speed.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     kind: Literal["sine", "power"]
     start: Annotated[float, Field(ge=0)] = 0.0

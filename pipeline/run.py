@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
 from pathlib import Path
 from typing import Any
 
@@ -12,20 +11,19 @@ import numpy as np
 from tqdm import tqdm
 
 from pipeline.checkpoint import last_checkpoint
+from pipeline.costs import Spent
 from pipeline.errors import StageError
 from pipeline.frames import remove_frames, steps_of
 from pipeline.legs import Leg, read_legs, read_stage
 from pipeline.lock import only_one
 from pipeline.openfoam import foam_version
 from pipeline.prepare import case_state, prepare, prepared_for
-from pipeline.ranks import Ranks
+from pipeline.ranks import LEAST_CELLS, Ranks
 from pipeline.results import collect_results, copies_of
 from pipeline.scene import Scene
 from pipeline.solver import BAR, read_progress, solve
 from pipeline.stage import guarded, parser, read_dataset, timed, versions, write_text
 from pipeline.supervise import energy_from_nothing, guards_of
-
-CELLS_PER_RANK = 5000  # fewer, and ranks wait for each other longer than they work
 
 
 def useful_ranks(scene: Scene, legs: tuple[Leg, ...], ranks: int, quiet: bool) -> int:
@@ -34,22 +32,22 @@ def useful_ranks(scene: Scene, legs: tuple[Leg, ...], ranks: int, quiet: bool) -
     for leg in legs:
         with read_dataset(scene.out / "sweep.h5", "sweep", leg.name) as sweep:
             sizes.append(sweep.sizes["cell"])
-    useful = max(1, min(ranks, min(sizes) // CELLS_PER_RANK))
+    useful = max(1, min(ranks, min(sizes) // LEAST_CELLS))
     if useful < ranks and not quiet:
         print(f"run: {min(sizes)} cells are too few for {ranks} ranks; {useful} used")
     return useful
 
 
-def begun_ranks(case: Path, ranks: Ranks, quiet: bool) -> Ranks:
+def begun_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Ranks:
     """`ranks`, or those of an interrupted run that can be gone on with: its fields lie in its ranks' files.
 
-    `case` is the folder of the first leg: the others follow it.
+    `case` is the folder of the first leg, whose mesh is `moving` or not: the others follow it.
     """
     began = prepared_for(case)
     earlier = Ranks(began.get("ranks", 0), bool(began.get("collated", False)))
     if began != case_state(case, earlier) or earlier == ranks:
         return ranks
-    if last_checkpoint(case, earlier) is None:
+    if last_checkpoint(case, earlier, moving) is None:
         return ranks
     if not quiet:
         print(
@@ -63,24 +61,28 @@ def _words(ranks: Ranks) -> str:
 
 
 def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
-        collated: bool = False) -> float:  # fmt: skip
-    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns seconds of earlier runs.
+        collated: bool = False) -> Spent:  # fmt: skip
+    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns what earlier runs spent.
 
     `collated`: the ranks share their files.
     """
-    begin = time.monotonic()
     version = foam_version()
+    earlier = Spent()
     case, end, step = scene.out / "case", scene.motion.end_time, scene.numerics.time_step
     legs = read_legs(scene.out)
     guards = guards_of(scene, legs)
     with only_one(case):
         useful = useful_ranks(scene, legs, ranks, quiet)
-        layout = begun_ranks(case / legs[0].name, Ranks(useful, collated and useful > 1), quiet)
+        layout = begun_ranks(
+            case / legs[0].name, legs[0].moving, Ranks(useful, collated and useful > 1), quiet
+        )
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver", bar_format=BAR) as bar:
             handovers = [*(leg.begin(step) for leg in legs[1:]), end]
             for leg, handover, guard in zip(legs, handovers, guards, strict=True):
                 folder = case / leg.name
                 prepare(scene, legs, leg, layout, quiet)
+                before = read_progress(folder)
+                earlier += Spent(before["wall_time"], before["cpu_time"])
                 solve(folder, leg, handover, scene.numerics, layout, hosts, bar, guard)
                 for place in layout.folders(folder):
                     remove_frames(place)
@@ -122,7 +124,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         print(
             f"run: {record['wall_time']:.0f} s of solver, power balance closes to {balance['closure_fraction']:.1%}"
         )
-    return max(0.0, record["wall_time"] - (time.monotonic() - begin))
+    return earlier
 
 
 def main() -> None:
@@ -135,7 +137,7 @@ def main() -> None:
     )
     args = arguments.parse_args()
 
-    def action(scene: Scene, quiet: bool) -> float:
+    def action(scene: Scene, quiet: bool) -> Spent:
         return run(scene, quiet, _checked_ranks(args), _checked_hosts(args), args.collated)
 
     guarded("run", lambda: timed("run", args, action))

@@ -24,11 +24,11 @@ import numpy as np
 
 from pipeline.errors import StageError
 from pipeline.legs import read_legs
+from pipeline.ranks import LEAST_CELLS
 from pipeline.scene import Scene, load_scene
 from pipeline.stage import guarded, parser, read_dataset
 
 MEASURED = {"cells", "columns", "correctors", "step_s", "pressure_iterations"}  # of steps.csv
-LEAST_CELLS = 5000  # of a rank; pipeline.run uses fewer ranks rather than less
 WEAK_CELLS = 20000  # of a rank, in the weak-scaling column
 DATA = Path(__file__).with_name("scaling.toml")
 STEPS = Path(__file__).resolve().parent.parent / "docs" / "tradeoff" / "steps.csv"  # of make bench-steps
@@ -183,7 +183,7 @@ def read_data(
 
 
 def measured(case: Path, sampling: int) -> dict[str, float]:
-    """What a run's log says of a step: CPU seconds of a rank (the quiet tenth of the steps), pressure cycles.
+    """What a run's log says of a step: CPU seconds of a rank (of the quiet quarter of the steps), pressure cycles.
 
     `serial_s` is what a picture of the sheet adds, spread over the `sampling` steps between two of them.
     """
@@ -210,7 +210,7 @@ def measured(case: Path, sampling: int) -> dict[str, float]:
 
 
 def _low(values: list[float]) -> float:
-    """Mean of the lowest tenth but the very lowest: the clock of the log ticks in hundredths of a second."""
+    """Mean of the lowest quarter but the very lowest: the clock of the log ticks in hundredths of a second."""
     ordered = sorted(values)
     part = ordered[1 : max(2, len(ordered) // 4)]
     return sum(part) / len(part)
@@ -278,7 +278,7 @@ def main() -> None:
     """Command line."""
     arguments = parser("scaling", __doc__)
     arguments.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 4, 8, 16, 32, 64, 128, 256])
-    arguments.add_argument("--json", action="store_true", help="hours by ranks, for programs")
+    arguments.add_argument("--json", action="store_true", help="seconds of a step by ranks, for programs")
     arguments.add_argument(
         "--measure",
         action="store_true",
@@ -287,6 +287,8 @@ def main() -> None:
     args: argparse.Namespace = arguments.parse_args()
 
     def action() -> None:
+        if min(args.ranks) < 1:
+            raise StageError(f"--ranks {min(args.ranks)}: give 1 or more")
         scene = load_scene(args.scene, args.level)
         cells, columns = size(scene)
         numerics = scene.numerics

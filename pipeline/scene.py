@@ -365,6 +365,10 @@ def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
         return Scene(**table, name=folder.name, level=level, folder=folder).placed()
     except ValidationError as error:
         raise StageError(f"{path}: {_sentence(error)}") from None
+    except ArithmeticError as error:
+        raise StageError(
+            f"{path}: a number is too large or too small to reckon with ({error}); lengths are in m, times in s"
+        ) from None
 
 
 def _sentence(error: ValidationError) -> str:

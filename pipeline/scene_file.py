@@ -48,6 +48,12 @@ def read_tables(path: Path, children: tuple[Path, ...] = ()) -> dict[str, Any]:
     return merge(_moved(read_tables(base, chain), parent), table)
 
 
+def scene_files(path: Path) -> list[Path]:
+    """A scene.toml that was read before, and those that it extends, in turn."""
+    parent = tomllib.loads(path.read_text(encoding="utf-8")).get("extends")
+    return [path] if parent is None else [path, *scene_files(path.parent / parent / "scene.toml")]
+
+
 def level_tables(levels: Any, level: str, path: Path, children: tuple[str, ...] = ()) -> dict[str, Any]:
     """What `[levels.<level>]` says, on top of the level of the same scene that it extends, if any. Raises StageError."""
     if not isinstance(levels, dict) or not isinstance(levels.get(level, {}), dict):

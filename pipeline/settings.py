@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 
 from pipeline.errors import StageError
 from pipeline.scene import STAGE_SECTIONS, Scene
+from pipeline.scene_file import scene_files
 from pipeline.stage import guarded, parser, write_text
 from piv.exclusive import exclusive, held
 
@@ -29,8 +31,19 @@ def write_settings(scene: Scene) -> list[str]:
     return list(changed)
 
 
+def make_rules(scene: Scene) -> str:
+    """What tells make that settings/.stamp follows from every scene.toml and file of the motion that the scene is made of.
+
+    Each is also a target of nothing, so that make does not stop where one is gone since.
+    """
+    motion = [scene.folder / name for name in scene.settings("kinematics")["files"]]
+    names = [re.sub(r"([\s#:%])", r"\\\1", str(path)).replace("$", "$$") for path in
+             (scene.out / "settings" / ".stamp", *scene_files(scene.folder / "scene.toml"), *motion)]  # fmt: skip
+    return f"{names[0]}: {' '.join(names[1:])}\n" + "".join(f"{name}:\n" for name in names[1:])
+
+
 def run(scene: Scene, quiet: bool = False) -> None:
-    """Write settings/*.json and touch settings/.stamp."""
+    """Write settings/*.json and, for make, settings/.files.mk; touch settings/.stamp."""
     folder = scene.out / "settings"
     folder.mkdir(parents=True, exist_ok=True)
     with exclusive(folder / ".stamp", wait=True):
@@ -40,6 +53,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
                 f"{scene.out}: the scene has changed while another make is at work here ({stage}); wait for it or stop it"
             )
         changed = write_settings(scene)
+        write_text(folder / ".files.mk", make_rules(scene))
         (folder / ".stamp").touch()
     if changed and not quiet:
         print(f"settings: {', '.join(changed)} changed in {scene.folder} at level {scene.level}")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import h5netcdf
@@ -21,6 +21,7 @@ from pipeline.scene import Scene, digest, load_scene
 from pipeline.scene_picture import Camera
 from pipeline.stage import guarded, parser, read_dataset, timed, versions
 from piv.errors import one_line
+from piv.exclusive import exclusive
 from piv.plane import FORMAT, FORMAT_VERSION, UNITS
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
@@ -241,6 +242,13 @@ def _create(file: h5netcdf.File, fields: dict[str, np.ndarray]) -> None:
         _variable(file, name, ("time", "finger", *axes), np.float64)
 
 
+def other_view(args: argparse.Namespace) -> None:
+    """Write the sheet over `args.view` to the file `args.output`, one command at a time."""
+    args.output.parent.mkdir(parents=True, exist_ok=True)
+    with exclusive(args.output):
+        run(load_scene(args.scene, args.level), args.quiet, tuple(args.view), args.output)
+
+
 def main() -> None:
     """Command line: the scene's own sheet, or another view of it for a laboratory's camera."""
     arguments = parser("sheets", __doc__)
@@ -254,8 +262,7 @@ def main() -> None:
     if args.view is None:
         guarded("sheets", lambda: timed("sheets", args, run))
     else:
-        scene_run = partial(run, view=tuple(args.view), path=args.output)
-        guarded("sheets", lambda: scene_run(load_scene(args.scene, args.level), args.quiet))
+        guarded("sheets", lambda: other_view(args))
 
 
 if __name__ == "__main__":

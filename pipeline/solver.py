@@ -31,9 +31,10 @@ BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remai
 
 
 def read_progress(case: Path) -> dict[str, Any]:
-    """What a leg has cost so far (`wall_time`, s), the times it was resumed at, and whether it has `ended`."""
+    """What a leg has cost so far (`wall_time`, `cpu_time`, s), the times it was resumed at, and whether it has `ended`."""
     path = case / PROGRESS
-    return json.loads(path.read_text()) if path.exists() else {"wall_time": 0.0, "resumed": []}
+    known = json.loads(path.read_text()) if path.exists() else {}
+    return {"wall_time": 0.0, "cpu_time": 0.0, "resumed": []} | known
 
 
 def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
@@ -70,10 +71,14 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
     )
     clock = time.monotonic()
     noted = clock
+    cpu = 0.0  # s of all ranks
 
     def note(ended: bool = False) -> None:
-        spent = float(record["wall_time"]) + time.monotonic() - clock
-        write_text(case / PROGRESS, json.dumps({**record, "wall_time": spent, "ended": ended}))
+        spent = {
+            "wall_time": record["wall_time"] + time.monotonic() - clock,
+            "cpu_time": record["cpu_time"] + cpu,
+        }
+        write_text(case / PROGRESS, json.dumps({**record, **spent, "ended": ended}))
 
     if guard.energy and (leg.index or checkpoint):
         guard.energy.from_rest = False
@@ -107,6 +112,8 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
                     cause = guard.verdict(line)
                     if cause:
                         raise stopped(cause)
+                    if line.startswith("ExecutionTime"):
+                        cpu = ranks.count * float(line.split()[2])
                     if line.startswith("Time = "):
                         if time.monotonic() - noted > NOTE_EVERY:
                             noted = time.monotonic()

@@ -14,7 +14,7 @@ from typing import Any
 
 import xarray as xr
 
-from pipeline.costs import record_cost
+from pipeline.costs import NOTHING, record_cost
 from pipeline.errors import StageError
 from pipeline.scene import Scene, load_scene
 from piv.errors import one_line, sentence
@@ -63,8 +63,8 @@ def timed(stage: str, args: argparse.Namespace, run: Callable[[Scene, bool], Any
     scene.out.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
     with exclusive(scene.out / stage):
-        earlier = run(scene, args.quiet) or 0.0  # seconds spent by a run that this one resumed
-    record_cost(scene.out / "costs" / f"{stage}.json", stage, time.monotonic() - begin + earlier)
+        earlier = run(scene, args.quiet) or NOTHING  # by runs that this one resumed
+    record_cost(scene.out / "costs" / f"{stage}.json", stage, time.monotonic() - begin, earlier)
 
 
 def versions() -> dict[str, str]:

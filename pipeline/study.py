@@ -16,7 +16,7 @@ from pipeline.estimate import estimates
 from pipeline.openfoam import foam_version
 from pipeline.scene import Scene, digest, load_scene
 from pipeline.scene_file import FILE_KEYS
-from pipeline.settings import write_settings
+from pipeline.settings import run as write_settings
 from pipeline.stage import guarded, versions, write_text
 from pipeline.study_file import Row, read_study
 
@@ -105,7 +105,7 @@ def write_scenes(scene: Path, study: str, rows: list[Row]) -> list[Scene | Stage
                 raise StageError(f"run {row.run}: {error}") from None
             found.append(error)
             continue
-        write_settings(loaded)
+        write_settings(loaded, quiet=True)  # refused while another make is at work there with other numbers
         found.append(loaded)
     return found
 

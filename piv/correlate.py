@@ -19,14 +19,16 @@ import xarray as xr
 from piv import passes, prefilter
 from piv.deform import Image, Nodes
 from piv.fft_pass import window_maps
+from piv.finer import measure_finer, too_coarse, unsure
 from piv.options import Options
-from piv.outliers import fill_absent
+from piv.outliers import fill_absent, supported
 from piv.pair_images import Prepared
 from piv.passes import Vectors
 from piv.plane import provenance
-from piv.regrow import NARROW, regrow
+from piv.regrow import regrow
+from piv.scratch import scratch
 from piv.smooth import damp_noise
-from piv.uncertainty import INTERPOLATION, correlation_statistics, noise_budget, unresolved
+from piv.uncertainty import INTERPOLATION, Errors, errors_of
 
 __all__ = ["FLAGS", "Options", "correlate_pair"]
 
@@ -56,38 +58,55 @@ def correlate_pair(
         from piv.preview import optical_flow
 
         return optical_flow(a, b, mask, settings)
-    images = Prepared([a, b], mask, settings.window)
-    work = {f: np.empty((3, images.shape[0] // f, images.shape[1] // f), np.float32) for f in (1, 2)}
+    with scratch(np.shape(a)) as new:
+        return _correlate(Prepared([a, b], mask, settings.window, new), settings)
+
+
+def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
+    """The result of `correlate_pair`."""
+    work = {f: images.new(3, images.shape[0] // f, images.shape[1] // f) for f in (1, 2)}
     held: dict[int, list[Image]] = {}
+    seen = both_seen(images.seen)
 
     def maps_of(columns, rows, shift_x, shift_y, size):
         half, _ = images.at(2)
         return window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
 
-    def cells_of(
-        nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray, renew: bool
-    ) -> np.ndarray:
-        f = nodes.factor
-        if f not in held:
-            held[f] = images.images(f, kernel)
-        elif renew:
-            for image in held[f]:
-                image.filter(kernel)
-        return passes.pair_cells(nodes, held[f][0], held[f][1], dx, dy, work[f])
+    def at(factor: int) -> list[Image]:
+        if factor not in held:
+            held[factor] = images.images(factor)
+        return held[factor]
 
-    def spectra_of() -> tuple | None:
-        return prefilter.measure_spectra(held[1][0].warped, held[1][1].warped, work[1][2])
+    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:
+        a, b = at(nodes.factor)
+        a.filter(kernel)
+        b.filter(kernel)
+        return passes.pair_cells(nodes, a, b, dx, dy, work[nodes.factor])
+
+    def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray) -> tuple | None:
+        moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
+        return prefilter.radial_spectra(passes.strip_spectra(nodes, at(1), moves, seen, kernel, work[1]))
 
     def reseed(nodes: Nodes, vectors: Vectors) -> Vectors:
         vectors = passes.reseed(nodes, images.pixels, vectors, settings)
         return regrow(nodes, held[1], vectors, settings)
 
     x, y, keep = node_axes(images.shape, settings)
-    seen = both_seen(images.at(2)[1])
-    vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
+    half_seen = both_seen(images.at(2)[1])
+    vectors, nodes = run_passes(
+        images.shape, x, y, half_seen, settings, maps_of, cells_of, spectra_of, reseed
+    )
+    errors = errors_of(nodes, vectors, settings)
+    fine = too_coarse(vectors, errors)
+    if fine.any():
+        new = measure_finer(nodes, held[1], vectors, fine, settings, work[1])
+        errors = errors.replaced(fine, errors_of(nodes, new, settings))
+        vectors = vectors.replaced(fine, new)
     vectors = regrow(nodes, held[1], vectors, settings, final=True)
-    var_x, var_y = variances(nodes, vectors, settings)
-    return to_dataset(vectors, var_x, var_y, x, y, keep, images.shape, settings)
+    if vectors.narrow is not None:
+        errors = errors.of_narrow(vectors.narrow & ~fine)
+    vectors.known[unsure(fine, errors)] = False
+    return to_dataset(vectors, errors, x, y, keep, images.shape, settings)
 
 
 @lru_cache
@@ -136,7 +155,7 @@ def run_passes(
     options: Options,
     maps_of: Callable[..., np.ndarray],
     cells_of: Callable[..., np.ndarray],
-    spectra_of: Callable[[], tuple | None],
+    spectra_of: Callable[..., tuple | None],
     reseed: Callable[[Nodes, Vectors], Vectors],
 ) -> tuple[Vectors, Nodes]:
     """All passes over whatever images the callbacks hold; vectors in image axes at the nodes (x, y)."""
@@ -147,23 +166,22 @@ def run_passes(
     kernel = prefilter.kernel(response)
     nodes = Nodes(x, y, half_shape, 2)
     for _ in range(options.half_steps):
-        cells = cells_of(nodes, kernel, dx, dy, False)
+        cells = cells_of(nodes, kernel, dx, dy)
         vectors = passes.measure(
             nodes, cells, dx, dy, 1.2 * options.sigma, options, max(options.epsilon, 0.5)
         )
         dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
     nodes = Nodes(x, y, shape, 1)
-    renew = False
     second = np.zeros(dx.shape, bool)
     for step in range(options.full_steps):
-        cells = cells_of(nodes, kernel, dx, dy, renew)
+        if step < options.spectra and (spectra := spectra_of(nodes, kernel, dx, dy)) is not None:
+            spectra = prefilter.undo(response, spectra)
+            response = prefilter.optimal_response(*spectra)
+            kernel = prefilter.kernel(response)
+        cells = cells_of(nodes, kernel, dx, dy)
         vectors = passes.measure(nodes, cells, dx, dy, options.sigma, options, options.epsilon)
         if step == options.full_steps - 1:
             break
-        renew = step < options.spectra
-        if renew and (spectra := spectra_of()) is not None:
-            response = prefilter.optimal_response(*prefilter.undo(response, spectra))
-            kernel = prefilter.kernel(response)
         vectors = reseed(nodes, vectors)
         second |= vectors.second
         dx, dy = vectors.dx, vectors.dy
@@ -171,31 +189,22 @@ def run_passes(
     return vectors, nodes
 
 
-def variances(nodes: Nodes, v: Vectors, options: Options) -> tuple[np.ndarray, np.ndarray]:
-    """Variances (px²) of the measured vectors."""
-    spacing = float(nodes.x[1] - nodes.x[0])
-    gain, kept = noise_budget(options.sigma, spacing, options.full_steps)
-    var_x, var_y = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, options.sigma, kept)
-    # fewer particles: variance goes with the window's area
-    share = gain if v.narrow is None else np.where(v.narrow, gain / NARROW**2, gain)
-    return var_x * share, var_y * share
-
-
 def to_dataset(
-    v: Vectors, var_x, var_y, x, y, keep: tuple[slice, slice], shape: tuple[int, int], options: Options
+    v: Vectors, errors: Errors, x, y, keep: tuple[slice, slice], shape: tuple[int, int], options: Options
 ) -> xr.Dataset:
     """Smooth where asked, flag, turn y up and name everything."""
-    dx, dy, known = v.dx, v.dy, v.known
+    dx, dy, spacing = v.dx, v.dy, float(x[1] - x[0])
+    known = supported(v.known, v.masked, v.correlation, doubtful=2 * options.min_correlation,
+                      across=2 * round(1.125 * options.window / spacing) + 1)  # fmt: skip
+    var_x, var_y = errors.var_x, errors.var_y
     if options.smoothing:
-        spacing = float(x[1] - x[0])
         dx, dy, var_x, var_y = damp_noise(
             dx, dy, var_x, var_y, known, sigma=options.sigma, spacing=spacing, passes=options.full_steps
         )
-    missed_x, missed_y = unresolved(Nodes(x, y, shape, 1), v.cells, v.step_x, v.step_y, options.sigma)
-    var_x, var_y = var_x + missed_x, var_y + missed_y
+    var_x, var_y = var_x + errors.missed_x, var_y + errors.missed_y
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER
-    flag[v.second] = SECOND_PEAK
+    flag[v.second & known] = SECOND_PEAK
     flag[v.masked] = MASKED
     present = known.copy()
     std_x, std_y = np.sqrt(var_x + INTERPOLATION**2), np.sqrt(var_y + INTERPOLATION**2)

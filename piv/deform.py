@@ -10,7 +10,8 @@ import numpy as np
 
 from piv import refine
 from piv.interpolate import PAD, bspline_table, dense_field, warp
-from piv.prefilter import Kernel, apply
+from piv.prefilter import TAPS, Kernel, apply
+from piv.scratch import New, fresh
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +40,14 @@ class Nodes:
         along_y = bspline_table(np.arange(rows), self.row[0], step_y, self.y.size)
         return (*along_y, *bspline_table(np.arange(columns), self.column[0], step_x, self.x.size))
 
-    def dense(self, vectors: np.ndarray, out: np.ndarray) -> None:
-        """Value at every pixel, in px of this level, of the B-spline whose coefficients the vectors are."""
+    def dense(self, vectors: np.ndarray, out: np.ndarray, first: int = 0) -> None:
+        """Value at every pixel of the rows from `first` on, in px of this level, of the B-spline whose coefficients the vectors are."""
         padded = np.pad(vectors.astype(np.float32) / self.factor, 2, mode="edge")
         first_y, weights_y, first_x, weights_x = self._tables
-        dense_field(padded, first_y, weights_y, first_x, weights_x, out)
+        rows = slice(first, first + out.shape[0])
+        first_y = first_y[rows]
+        padded = padded[first_y[0] : first_y[-1] + 4]
+        dense_field(padded, first_y - first_y[0], weights_y[:, rows], first_x, weights_x, out)
 
     @property
     def cell_shape(self) -> tuple[int, int]:
@@ -85,17 +89,29 @@ def usable_samples(shape: tuple[int, int]) -> np.ndarray:
 class Image:
     """One image at one resolution, filtered and ready to be sampled anywhere."""
 
-    def __init__(self, pixels: np.ndarray, seen: np.ndarray | None, kernel: Kernel):
-        """pixels: float32 without background; seen: bool or None (all); kernel: prefilter.kernel."""
+    def __init__(self, pixels: np.ndarray, seen: np.ndarray | None, new: New = fresh):
+        """pixels: float32 without background; seen: bool or None (all); new: where arrays come from. Filter it first."""
         self.pixels = pixels
         self.usable = usable_samples(pixels.shape) if seen is None else inside(seen)
-        self.warped = np.empty(pixels.shape, np.float32)
-        self.filter(kernel)
+        self.warped = new(*pixels.shape)
+        self.samples = new(*(n + 2 * PAD for n in pixels.shape))
+        self.samples[:PAD] = self.samples[-PAD:] = self.samples[:, :PAD] = self.samples[:, -PAD:] = 0
+        self._kernel: Kernel | None = None
 
     def filter(self, kernel: Kernel) -> None:
-        """Prepare the pixels for sampling by another kernel."""
-        filtered = apply(self.pixels, kernel)
-        self.samples = cv2.copyMakeBorder(filtered, PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=0)
+        """Prepare the pixels for sampling, where that was not done with this kernel before."""
+        if kernel is not self._kernel:
+            apply(self.pixels, kernel, self.samples[PAD:-PAD, PAD:-PAD])
+            self._kernel = kernel
+
+    def filter_rows(self, kernel: Kernel, first: int, last: int) -> None:
+        """Prepare rows `first` to `last` only; `filter` prepares all again."""
+        rows = self.pixels.shape[0]
+        first, last = max(first, 0), min(last, rows)
+        low, high = max(first - TAPS, 0), min(last + TAPS, rows)
+        part = apply(self.pixels[low:high], kernel)
+        self.samples[PAD + first : PAD + last, PAD:-PAD] = part[first - low : last - low]
+        self._kernel = None
 
     def crop(self, top: int, bottom: int, left: int, right: int) -> Image:
         """A copy of a part of the image as it is filtered now; its samples may lie up to PAD px outside the part."""
@@ -107,11 +123,12 @@ class Image:
         return part
 
     def warp(
-        self, dx: np.ndarray, dy: np.ndarray, share: float, weight: np.ndarray, multiply: bool
+        self, dx: np.ndarray, dy: np.ndarray, share: float, weight: np.ndarray, multiply: bool, first: int = 0
     ) -> np.ndarray:
-        """The image at positions moved by `share` of the dense displacement; `weight`: see interpolate.warp."""
-        warp(self.samples, self.usable, dx, dy, share, self.warped, weight, multiply)
-        return self.warped
+        """The image at positions moved by `share` of the dense displacement of its rows from `first` on; `weight`: see interpolate.warp."""
+        out = self.warped[first : first + dx.shape[0]]
+        warp(self.samples, self.usable, dx, dy, share, first, out, weight, multiply)
+        return out
 
 
 def spline_value(vectors: np.ndarray) -> np.ndarray:

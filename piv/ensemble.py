@@ -12,7 +12,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from piv import passes, prefilter, refine
-from piv.correlate import both_seen, node_axes, run_passes, to_dataset, variances
+from piv.correlate import both_seen, node_axes, run_passes, to_dataset
 from piv.deform import Nodes
 from piv.fft_pass import window_maps
 from piv.options import Options
@@ -22,6 +22,7 @@ from piv.preprocess import Preprocessor
 from piv.readers import Recording
 from piv.sequence import Calibration, SequenceOptions, carried, frame_sets
 from piv.series_writer import SeriesWriter
+from piv.uncertainty import errors_of
 
 Pair = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
 
@@ -50,9 +51,8 @@ def correlate_ensemble(
     first = prepared(load, 0, settings)
     shape = first.shape
     x, y, keep = node_axes(shape, settings)
-    steps = 2 + settings.half_steps + settings.full_steps
+    steps = 2 + settings.half_steps + settings.full_steps + settings.spectra
     bar = tqdm(total=steps * count, unit="pair", desc="ensemble", disable=quiet)
-    last: list[np.ndarray] = []
 
     def each() -> Iterable[Prepared]:
         for i in range(count):
@@ -70,22 +70,24 @@ def correlate_ensemble(
             total = maps if total is None else np.add(total, maps, out=total)
         return total
 
-    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy, renew: bool) -> np.ndarray:
+    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> np.ndarray:
         work = np.empty((3, *nodes.shape), np.float32)
         total = np.zeros((refine.MOMENTS, *nodes.cell_shape), np.float32)
-        spectra: Any = None
         for images in each():
-            a, b = images.images(nodes.factor, kernel)
+            a, b = images.images(nodes.factor)
+            a.filter(kernel)
+            b.filter(kernel)
             total += passes.pair_cells(nodes, a, b, dx, dy, work)
-            if nodes.factor == 1 and (found := prefilter.measure_spectra(a.warped, b.warped, work[2], 20)):
-                spectra = (
-                    found if spectra is None else (found[0], spectra[1] + found[1], spectra[2] + found[2])
-                )
-        last[:] = [] if spectra is None else list(spectra)
         return total
 
-    def spectra_of() -> tuple | None:
-        return tuple(last) if last else None
+    def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> tuple | None:
+        work = np.empty((3, *nodes.shape), np.float32)
+        moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
+        powers = []
+        for images in each():
+            seen = both_seen(images.seen)
+            powers += passes.strip_spectra(nodes, images.images(1), moves, seen, kernel, work)
+        return prefilter.radial_spectra(powers)
 
     def reseed(nodes: Nodes, vectors: passes.Vectors) -> passes.Vectors:
         return passes.reseed(nodes, first.pixels, vectors, settings)
@@ -94,7 +96,7 @@ def correlate_ensemble(
     vectors, nodes = run_passes(shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
     bar.close()
     # the share of usable pixels is that of all pairs together
-    return to_dataset(vectors, *variances(nodes, vectors, settings), x, y, keep, shape, settings)
+    return to_dataset(vectors, errors_of(nodes, vectors, settings), x, y, keep, shape, settings)
 
 
 def prepared(load: Callable[[int], Pair], index: int, options: Options) -> Prepared:

@@ -8,6 +8,8 @@ import numpy as np
 import scipy.fft
 from numba import njit
 
+BATCH = 2**16  # px: windows that are transformed together fit a core's cache
+
 
 class Peaks(NamedTuple):
     """Displacement (px, image axes) of the highest and the second-highest peak of each window."""
@@ -18,7 +20,7 @@ class Peaks(NamedTuple):
     second_y: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def _cut(image, centre_x, centre_y, size, out):
     """Windows of `size` px around the given pixels, their mean removed, of unit energy; zero outside the image."""
     rows, columns = image.shape
@@ -55,14 +57,20 @@ def window_maps(a, b, x, y, shift_x, shift_y, size: int) -> np.ndarray:
     window is moved against the first, half each way, so that the vector belongs to (x, y) to half a pixel.
     """
     ax, ay = x - shift_x // 2, y - shift_y // 2
-    wa = np.empty((x.size, size, size), np.float32)
-    wb = np.empty_like(wa)
-    _cut(a, ax, ay, size, wa)
-    _cut(b, ax + shift_x, ay + shift_y, size, wb)
-    fa, fb = scipy.fft.rfft2(wa, overwrite_x=True), scipy.fft.rfft2(wb, overwrite_x=True)
-    np.conjugate(fa, out=fa)
-    fa *= fb
-    return scipy.fft.irfft2(fa, s=(size, size), overwrite_x=True)
+    bx, by = ax + shift_x, ay + shift_y
+    maps = np.empty((x.size, size, size), np.float32)
+    some = max(BATCH // size**2, 1)
+    wa, wb = (np.empty((min(some, x.size), size, size), np.float32) for _ in range(2))
+    for k in range(0, x.size, some):
+        n = slice(k, min(k + some, x.size))
+        count = n.stop - k
+        _cut(a, ax[n], ay[n], size, wa[:count])
+        _cut(b, bx[n], by[n], size, wb[:count])
+        fa, fb = scipy.fft.rfft2(wa[:count]), scipy.fft.rfft2(wb[:count])
+        np.conjugate(fa, out=fa)
+        fa *= fb
+        maps[n] = scipy.fft.irfft2(fa, s=(size, size), overwrite_x=True)
+    return maps
 
 
 @njit(cache=True, nogil=True)

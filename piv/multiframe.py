@@ -9,11 +9,12 @@ import numpy as np
 import xarray as xr
 
 from piv import passes, prefilter, refine
-from piv.correlate import both_seen, node_axes, run_passes, to_dataset, variances
+from piv.correlate import both_seen, node_axes, run_passes, to_dataset
 from piv.deform import Nodes
 from piv.fft_pass import window_maps
 from piv.options import Options
 from piv.pair_images import Prepared
+from piv.uncertainty import errors_of
 
 
 def correlate_frames(
@@ -41,6 +42,7 @@ def correlate_frames(
         raise ValueError("the multi-frame mode has no preview; use method 'correlation'")
     settings = replace(settings, passes=max(settings.full_steps, len(frames) // 2 + 2))
     images = Prepared(list(frames), mask, settings.window)
+    both = both_seen(images.seen)
     reach = len(frames) // 2
     instants = np.arange(-reach, reach + 1)
     x, y, keep = node_axes(images.shape, settings)
@@ -57,13 +59,15 @@ def correlate_frames(
         ]
         return both[0] + both[1]
 
-    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy, renew: bool) -> np.ndarray:
+    def at(factor: int) -> list:
+        if factor not in held:
+            held[factor] = images.images(factor)
+        return held[factor]
+
+    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> np.ndarray:
         f = nodes.factor
-        if f not in held:
-            held[f] = images.images(f, kernel)
-        elif renew:
-            for image in held[f]:
-                image.filter(kernel)
+        for image in at(f):
+            image.filter(kernel)
         # a wider set multiplies the error of the vectors it starts from: widen it as they improve
         near = 1 if f == 2 else min(1 + calls[1], reach)
         calls[f] += 1
@@ -106,11 +110,10 @@ def correlate_frames(
             step = (sums[p] * sums[q[0]] - sums[3] * sums[q[1]]) / np.where(ok, det, 1)
             acceleration[axis] += np.where(ok, np.clip(step, -0.25, 0.25), 0)
 
-    both = both_seen(images.seen)
-    everywhere = np.ones(images.shape, np.float32) if both is None else both.astype(np.float32)
-
-    def spectra_of() -> tuple | None:
-        return prefilter.measure_spectra(held[1][reach - 1].warped, held[1][reach + 1].warped, everywhere)
+    def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> tuple | None:
+        pair = [at(1)[reach - 1], at(1)[reach + 1]]
+        moves = [(*paths(dx, dy, x, y, acceleration, t), 1.0) for t in (-1.0, 1.0)]
+        return prefilter.radial_spectra(passes.strip_spectra(nodes, pair, moves, both, kernel, work[1]))
 
     def reseed(nodes: Nodes, vectors: passes.Vectors) -> passes.Vectors:
         pair = [images.pixels[reach], images.pixels[reach + 1]]
@@ -118,8 +121,7 @@ def correlate_frames(
 
     seen = both_seen(images.at(2)[1])
     vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
-    var_x, var_y = variances(nodes, vectors, settings)
-    return to_dataset(vectors, var_x, var_y, x, y, keep, images.shape, settings)
+    return to_dataset(vectors, errors_of(nodes, vectors, settings), x, y, keep, images.shape, settings)
 
 
 def paths(dx, dy, x, y, unsteady: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:

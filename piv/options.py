@@ -20,7 +20,8 @@ class Options:
     distance of the vectors; preset: fast, balanced or accurate; passes: Newton steps at full resolution (0: the
     preset's); smoothing: damp what is no stronger than noise (piv.smooth); search: side of the first windows,
     displacements up to 3/8 of it are found; epsilon, threshold: of the normalised median test (px, multiples);
-    min_correlation: below it a vector is an outlier; max_masked: share of a window's weight that may be masked;
+    min_correlation: below it a vector is an outlier, and below twice as much where most of its neighbours are;
+    max_masked: share of a window's weight that may be masked;
     replace: put the neighbours' mean in place of outliers and flag it; method: correlation, or preview (dense
     optical flow, coarse and without uncertainty).
     """

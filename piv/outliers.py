@@ -1,9 +1,13 @@
-"""Normalised-median outlier detection on a regular grid (Westerweel & Scarano 2005)."""
+"""Outliers on a regular grid: normalised median (Westerweel & Scarano 2005), and vectors that stand alone."""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numba import njit
+
+SUPPORT = 0.5  # share of the neighbours that must have passed
+SUPPORT_ROUNDS = 4  # each takes away what the one before has left alone
 
 
 @njit(cache=True, nogil=True)
@@ -85,6 +89,23 @@ def normalised_median(u, v, usable, *, epsilon: float = 0.2, radius: int = 1, th
         np.ascontiguousarray(usable, np.bool_), epsilon, radius, threshold, residual, median_u, median_v,
     )  # fmt: skip
     return residual, median_u, median_v
+
+
+def supported(known, masked, correlation, *, doubtful: float, across: int):
+    """`known` (bool) without vectors of doubtful correlation most of whose neighbours have failed.
+
+    In images that have nothing in common one vector in ten passes every other test by chance, and warping along it raises its
+    correlation to 0.2-0.4. masked: vectors that no neighbour can be; across: nodes of a neighbourhood, an odd number.
+    """
+    box, border = (across, across), cv2.BORDER_REPLICATE
+    open_water = cv2.blur((~masked).astype(np.float32), box, borderType=border)
+    for _ in range(SUPPORT_ROUNDS):
+        share = cv2.blur((known & ~masked).astype(np.float32), box, borderType=border)
+        alone = known & (correlation < doubtful) & (share < SUPPORT * open_water)
+        if not alone.any():
+            break
+        known = known & ~alone
+    return known
 
 
 def fill_absent(u, v, usable):

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from piv.deform import Image
-from piv.prefilter import Kernel, remove_background
+from piv.prefilter import remove_background
+from piv.scratch import New, fresh
 
 SMALLEST = 32  # px: fewer do not hold two windows
 
@@ -54,15 +55,17 @@ def check_masks(mask: Any, count: int, shape: tuple[int, int]) -> list[np.ndarra
 class Prepared:
     """Several images without background, and where they may be seen."""
 
-    def __init__(self, images: list[Any], mask: Any, window: float):
+    def __init__(self, images: list[Any], mask: Any, window: float, new: New = fresh):
+        self.new = new
         arrays = check_images(images, window)
         self.shape = arrays[0].shape
         masks = check_masks(mask, len(arrays), self.shape)
         self.seen = [None if m is None else ~m for m in masks]
         pixels, levels = [], []
         for k, image in enumerate(arrays):
-            image = image.astype(np.float32)
-            seen = self.seen[k]
+            grey = new(*self.shape)
+            grey[...] = image
+            image, seen = grey, self.seen[k]
             # a sum is finite only where every term is, and costs one pass
             finite = np.isfinite(image) if not np.isfinite(cv2.sumElems(image)[0]) else None
             if finite is not None:
@@ -73,7 +76,7 @@ class Prepared:
                     )
                 image = np.where(finite, image, 0)
             levels.append(cv2.norm(image, cv2.NORM_INF))
-            pixels.append(remove_background(image, seen))
+            pixels.append(remove_background(image, seen, new))
         energy = float(np.sqrt(np.mean([cv2.norm(p) ** 2 / p.size for p in pixels])))
         for k, p in enumerate(pixels):
             seen = self.seen[k]
@@ -104,6 +107,6 @@ class Prepared:
         ]
         return pixels, seen
 
-    def images(self, factor: int, kernel: Kernel) -> list[Image]:
-        """The images at one resolution, ready to be sampled."""
-        return [Image(p, s, kernel) for p, s in zip(*self.at(factor), strict=True)]
+    def images(self, factor: int) -> list[Image]:
+        """The images at one resolution, to be filtered before they are sampled."""
+        return [Image(p, s, self.new) for p, s in zip(*self.at(factor), strict=True)]

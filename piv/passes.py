@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from piv import fft_pass, refine
+from piv import fft_pass, prefilter, refine
 from piv.deform import Image, Nodes, spline_value
 from piv.options import Options
 from piv.outliers import fill_absent, normalised_median
 
 FFT_WINDOWS = (64, 32)  # at half resolution
-FIRST_SPACING = 0.75  # of the first windows, as a part of their size: they need find whole pixels only
+FFT_SPACING = 0.75  # of their windows, as a part of their size: they need find whole pixels only
+NARROW = 0.5  # of the window, where the flow is too fine for it
 RESEED = 32  # px: windows of the search where a vector is an outlier
 
 
@@ -33,7 +34,14 @@ class Vectors:
     cells: np.ndarray
     sums: np.ndarray
     visible: np.ndarray  # share of the window's weight that could be used
-    narrow: np.ndarray | None = None  # bool: measured in a narrower window in the end
+    fine: np.ndarray | None = None  # bool: measured in a window NARROW times as wide (piv.finer)
+    narrow: np.ndarray | None = None  # bool: replaced by piv.regrow, from such a window too
+
+    def replaced(self, where: np.ndarray, other: Vectors) -> Vectors:
+        """These vectors and their tests, but the `other` ones at `where`; cells and sums stay."""
+        names = ("dx", "dy", "known", "correlation", "step_x", "step_y", "visible")
+        chosen = {n: np.where(where, getattr(other, n), getattr(self, n)) for n in names}
+        return replace(self, **chosen, second=self.second & ~where, fine=where)
 
 
 def grid(length: int, spacing: float) -> np.ndarray:
@@ -67,7 +75,7 @@ def first_passes(
     gx = gy = np.zeros(0, np.int64)
     dx = dy = np.zeros((0, 0), np.float32)
     for size in sizes:
-        step = size // 2 if dx.size else FIRST_SPACING * size
+        step = FFT_SPACING * size
         cx = np.unique(np.rint(grid(shape[1], step)).astype(np.int64))
         cy = np.unique(np.rint(grid(shape[0], step)).astype(np.int64))
         columns, rows = (m.ravel() for m in np.meshgrid(cx, cy))
@@ -109,22 +117,78 @@ def pair_cells(
     return cells
 
 
+Move = tuple[np.ndarray, np.ndarray, float]  # vectors dx, dy and the share of them that an image is moved by
+
+
+def strip_spectra(
+    nodes: Nodes,
+    images: list[Image],
+    moves: list[Move],
+    seen: np.ndarray | None,
+    kernel: prefilter.Kernel,
+    work: np.ndarray,
+) -> list[prefilter.Powers]:
+    """Powers of strips of two images, filtered by `kernel` and warped each by its move; work: as of `pair_cells`.
+
+    A part of the image is enough for spectra, and a seventh of a pass.
+    """
+    found = []
+    for first in prefilter.tile_rows(*nodes.shape, seen):
+        field = work[:, first : first + prefilter.TILE]
+        parts = []
+        for k, (image, (dx, dy, share)) in enumerate(zip(images, moves, strict=True)):
+            nodes.dense(dx, field[0], first)
+            nodes.dense(dy, field[1], first)
+            reach = int(np.abs(share * field[1]).max()) + 3
+            image.filter_rows(kernel, first - reach, first + prefilter.TILE + reach)
+            parts.append(image.warp(field[0], field[1], share, field[2], k > 0, first))
+        powers = prefilter.strip_powers(parts[0], parts[1], field[2])
+        found += [] if powers is None else [powers]
+    return found
+
+
 def measure(
-    nodes: Nodes, cells: np.ndarray, dx, dy, sigma: float, options: Options, epsilon: float
+    nodes: Nodes,
+    cells: np.ndarray,
+    dx,
+    dy,
+    sigma: float,
+    options: Options,
+    epsilon: float,
+    fine: np.ndarray | None = None,
 ) -> Vectors:
-    """One Newton step from the predictor (dx, dy) that the images of `cells` were warped by, and its tests."""
+    """One Newton step from the predictor (dx, dy) that the images of `cells` were warped by, and its tests.
+
+    fine: nodes (bool) that are measured in a window NARROW times as wide.
+    """
     sums, full = nodes.window_sums(cells, sigma)
+    if fine is not None:
+        narrow, part = nodes.window_sums(cells, NARROW * sigma)
+        sums, full = np.where(fine, narrow, sums), np.where(fine, part, full)
     step_x, step_y, correlation = refine.newton_step(sums, 1.0)
     new_x = spline_value(dx) + step_x * nodes.factor
     new_y = spline_value(dy) + step_y * nodes.factor
     masked = sums[8] < (1 - options.max_masked) * full
     usable = ~masked & (correlation > options.min_correlation)
-    residual, _, _ = normalised_median(
-        new_x, new_y, usable, epsilon=epsilon, radius=2, threshold=options.threshold
-    )
-    known = usable & ~(residual > options.threshold)
+    known = usable & ~deviates(new_x, new_y, usable, epsilon, options, fine)
     no = np.zeros(known.shape, bool)
-    return Vectors(new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, sums[8] / full)
+    seen = sums[8] / full
+    return Vectors(new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, seen, fine)
+
+
+def deviates(
+    dx, dy, usable: np.ndarray, epsilon: float, options: Options, fine: np.ndarray | None
+) -> np.ndarray:
+    """Vectors (bool) that fail the normalised-median test; usable: those that serve as neighbours.
+
+    5 x 5 neighbours; for `fine` vectors 3 x 3, as near as their window is narrow: farther ones belong to the next wave.
+    """
+    threshold = options.threshold
+    failed = normalised_median(dx, dy, usable, epsilon=epsilon, radius=2, threshold=threshold)[0] > threshold
+    if fine is None:
+        return failed
+    near = normalised_median(dx, dy, usable, epsilon=epsilon, radius=1, threshold=threshold)[0] > threshold
+    return np.where(fine, near, failed)
 
 
 def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Vectors, options: Options) -> Vectors:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -12,6 +13,9 @@ from scipy import ndimage
 from scipy.spatial import KDTree
 
 CACHED_PLANES = 6
+CACHED_INSTANTS = (
+    3  # a step's end is the next one's beginning, and both its truth and its speed are asked for too
+)
 BODY_REACH = 8.0  # cells into a body that take its surface's velocity; further in, no particle ever is
 
 
@@ -35,6 +39,7 @@ class PlaneField:
         self.x, self.y = series["x"].values, series["y"].values
         self.dx, self.dy = float(np.mean(np.diff(self.x))), float(np.mean(np.diff(self.y)))
         self._cache: OrderedDict[int, np.ndarray] = OrderedDict()
+        self._instants: OrderedDict[float, np.ndarray] = OrderedDict()
 
     def plane(self, i: int) -> np.ndarray:
         """Spline coefficients (y, x, component u v w dwdz) of instant `i`, with one mirrored node more on every side."""
@@ -45,7 +50,8 @@ class PlaneField:
                 raise ValueError(f"the plane at time {self.time[i]:g} s has no valid vector")
             body = self._body_velocity(now, ~valid)
             out = np.zeros((valid.shape[0] + 2, valid.shape[1] + 2, 4))
-            for k, name in enumerate(("u", "v", "w", "dwdz")):
+            plane = "w" in now and not np.any(now["w"].values[valid])
+            for k, name in enumerate(("u", "v") if plane else ("u", "v", "w", "dwdz")):
                 if name in now:
                     values = now[name].values.astype(float)
                     known = valid & np.isfinite(values)
@@ -56,7 +62,7 @@ class PlaneField:
                     out[..., k] = np.pad(
                         ndimage.spline_filter(filled, order=3, mode="mirror"), 1, mode="reflect"
                     )
-            if "w" in now and not np.any(now["w"].values[valid]):
+            if plane:
                 outward = np.where(valid, divergence(out[..., 0], out[..., 1], self.dx, self.dy), 0.0)
                 out[..., 3] = np.pad(
                     ndimage.spline_filter(-outward, order=3, mode="mirror"), 1, mode="reflect"
@@ -83,16 +89,60 @@ class PlaneField:
         return found
 
     def at(self, t: float) -> np.ndarray:
-        """Spline coefficients as `plane` gives them at instant `t`, once continuously differentiable in t."""
-        (first, w), *others = hermite_weights(self.time, t)
-        out = w * self.plane(first)
-        for i, w in others:
-            out += w * self.plane(i)
-        return out
+        """Spline coefficients as `plane` gives them at instant `t`, once continuously differentiable in t; to be read only."""
+        if t not in self._instants:
+            (first, w), *others = hermite_weights(self.time, t)
+            out = w * self.plane(first)
+            for i, w in others:
+                _add(out.reshape(-1), w, self.plane(i).reshape(-1))
+            self._instants[t] = out
+            if len(self._instants) > CACHED_INSTANTS:
+                self._instants.popitem(last=False)
+        self._instants.move_to_end(t)
+        return self._instants[t]
 
     def sample(self, coefficients: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Values (component, point) of `coefficients` at points in m."""
         return _sample(coefficients, (np.ravel(x) - self.x[0]) / self.dx, (np.ravel(y) - self.y[0]) / self.dy)
+
+
+@numba.njit(cache=True)
+def _add(out: np.ndarray, weight: float, values: np.ndarray) -> None:
+    for k in range(out.size):
+        out[k] += weight * values[k]
+
+
+class Extremes(NamedTuple):
+    """Largest magnitudes of a plane's coefficients: of u, v, w, dwdz, of u's and v's slope between nodes, of their curvature."""
+
+    u: float
+    v: float
+    w: float
+    dwdz: float
+    slope: float
+    curvature: float
+
+
+def extremes(c: np.ndarray, dx: float, dy: float) -> Extremes:
+    """`Extremes` of coefficients as `PlaneField.at` gives them; nodes `dx`, `dy` apart."""
+    return Extremes(*_extremes(c, 1 / dx, 1 / dy))
+
+
+@numba.njit(cache=True, fastmath=True)
+def _extremes(c, per_x, per_y):
+    ny, nx, _ = c.shape
+    u = v = w = dwdz = slope = curvature = 0.0
+    for j in range(1, ny - 1):
+        for i in range(1, nx - 1):
+            u, v = max(u, abs(c[j, i, 0])), max(v, abs(c[j, i, 1]))
+            w, dwdz = max(w, abs(c[j, i, 2])), max(dwdz, abs(c[j, i, 3]))
+            for k in range(2):
+                here = c[j, i, k]
+                left, right = here - c[j, i - 1, k], c[j, i + 1, k] - here
+                down, up = here - c[j - 1, i, k], c[j + 1, i, k] - here
+                slope = max(slope, abs(right) * per_x, abs(up) * per_y)
+                curvature = max(curvature, abs(right - left) * per_x**2, abs(up - down) * per_y**2)
+    return u, v, w, dwdz, slope, curvature
 
 
 def hermite_weights(time: np.ndarray, t: float) -> list[tuple[int, float]]:
@@ -188,13 +238,19 @@ def sample_point(c: np.ndarray, gx: float, gy: float) -> tuple[float, float, flo
     i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
     wx, wy = spline_weights(gx - i), spline_weights(gy - j)
     a0 = a1 = a2 = a3 = 0.0
+    # unsigned: a signed index would be tested for being negative 64 times
+    row, column = np.uint64(j), np.uint64(i)
     for q in range(4):
+        r = row + np.uint64(q)
+        b0 = b1 = b2 = b3 = 0.0
         for p in range(4):
-            w = wy[q] * wx[p]
-            a0 += w * c[j + q, i + p, 0]
-            a1 += w * c[j + q, i + p, 1]
-            a2 += w * c[j + q, i + p, 2]
-            a3 += w * c[j + q, i + p, 3]
+            k, w = column + np.uint64(p), wx[p]
+            b0 += w * c[r, k, np.uint64(0)]
+            b1 += w * c[r, k, np.uint64(1)]
+            b2 += w * c[r, k, np.uint64(2)]
+            b3 += w * c[r, k, np.uint64(3)]
+        w = wy[q]
+        a0, a1, a2, a3 = a0 + w * b0, a1 + w * b1, a2 + w * b2, a3 + w * b3
     return a0, a1, a2, a3
 
 

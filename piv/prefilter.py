@@ -8,26 +8,32 @@ import scipy.fft
 from scipy.optimize import nnls
 
 from piv.interpolate import kernel_response
+from piv.scratch import New, fresh
 
 TILE = 64  # px: side of the tiles whose spectra are averaged
+TILES = 50  # so many of them: a radial bin is then known to some per cent
 TAPS = 17  # px: length of the filter kernels
 
 
-def remove_background(image: np.ndarray, seen: np.ndarray | None, size: int = 15) -> np.ndarray:
-    """Image minus its local mean (a triangle of 2·size px), float32; zero where `seen` is False.
+def remove_background(
+    image: np.ndarray, seen: np.ndarray | None, new: New = fresh, size: int = 7
+) -> np.ndarray:
+    """Image (float32) minus its local mean (a triangle of 4·size px), zero where `seen` is False.
 
-    Only seen pixels enter the local mean.
+    Only seen pixels enter the local mean, which is smooth enough to be taken at half resolution.
     """
+    shape = image.shape[1], image.shape[0]
 
     def blur(field):
-        return cv2.blur(cv2.blur(field, (size, size)), (size, size))
+        coarse = cv2.resize(field, (shape[0] // 2, shape[1] // 2), interpolation=cv2.INTER_AREA)
+        return cv2.blur(cv2.blur(coarse, (size, size)), (size, size))
 
-    image = image.astype(np.float32)
-    if seen is None:
-        return image - blur(image)
-    weight = seen.astype(np.float32)
-    out = image - blur(image * weight) / np.maximum(blur(weight), 1e-6)
-    out[~seen] = 0
+    weight = None if seen is None else seen.astype(np.float32)
+    mean = blur(image) if weight is None else blur(image * weight) / np.maximum(blur(weight), 1e-6)
+    out = cv2.resize(mean, shape, dst=new(*image.shape), interpolation=cv2.INTER_LINEAR)
+    np.subtract(image, out, out=out)
+    if seen is not None:
+        out[~seen] = 0
     return out
 
 
@@ -56,9 +62,9 @@ def kernel(response: np.ndarray) -> Kernel:
     return (rows[0] * root).astype(np.float32), (columns[:, 0] * root).astype(np.float32)
 
 
-def apply(image: np.ndarray, separable: Kernel) -> np.ndarray:
-    """The image filtered, float32; mirrored at its edges."""
-    return cv2.sepFilter2D(image, cv2.CV_32F, *separable, borderType=cv2.BORDER_REFLECT_101)
+def apply(image: np.ndarray, separable: Kernel, out: np.ndarray | None = None) -> np.ndarray:
+    """The image filtered, float32, in `out` if given; mirrored at its edges."""
+    return cv2.sepFilter2D(image, cv2.CV_32F, *separable, dst=out, borderType=cv2.BORDER_REFLECT_101)
 
 
 def radial_frequency() -> np.ndarray:
@@ -66,30 +72,39 @@ def radial_frequency() -> np.ndarray:
     return np.hypot(np.fft.fftfreq(TILE)[:, None], np.fft.rfftfreq(TILE)[None, :])
 
 
-def measure_spectra(a: np.ndarray, b: np.ndarray, weight: np.ndarray, tiles: int = 80):
-    """Radial spectra of what two aligned images share and of what they do not: (frequency, signal, noise).
+def tile_rows(rows: int, columns: int, seen: np.ndarray | None) -> np.ndarray:
+    """First rows of strips of tiles, spread over the image, that hold about TILES tiles free of masked pixels."""
+    first = np.arange(0, rows - TILE + 1, TILE)
+    whole = np.full(first.size, columns // TILE)
+    if seen is not None:
+        across = columns // TILE * TILE
+        whole = np.array([seen[r : r + TILE, :across].all(0).reshape(-1, TILE).all(1).sum() for r in first])
+    first, whole = first[whole > 0], whole[whole > 0]
+    count = min(first.size, int(np.ceil(TILES / max(whole.mean(), 1)))) if first.size else 0
+    return first[((np.arange(count) + 0.5) * first.size / max(count, 1)).astype(int)]
 
-    a, b: (rows, columns) aligned images; weight: 1 where both may be used. At most `tiles` tiles, spread evenly
-    and free of masked pixels, are averaged. None where there is no such tile.
-    """
-    rows, columns = a.shape
-    y = np.arange(0, rows - TILE + 1, TILE)
-    x = np.arange(0, columns - TILE + 1, TILE)
-    corners = [(r, c) for r in y for c in x if weight[r : r + TILE, c : c + TILE].min() > 0]
-    if not corners:
+
+Powers = tuple[np.ndarray, np.ndarray]  # sums over tiles of what is shared and of what is not
+
+
+def strip_powers(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> Powers | None:
+    """Powers of the tiles of two aligned strips (TILE, columns) where weight is not zero; None where there is no such tile."""
+    x = [c for c in range(0, a.shape[1] - TILE + 1, TILE) if weight[:, c : c + TILE].min() > 0]
+    if not x:
         return None
-    chosen = corners[:: max(1, len(corners) // tiles)]
     taper = np.hanning(TILE + 2)[1:-1].astype(np.float32)
     taper = taper[:, None] * taper[None, :]
-    pa = np.stack([a[r : r + TILE, c : c + TILE] for r, c in chosen]) * taper
-    pb = np.stack([b[r : r + TILE, c : c + TILE] for r, c in chosen]) * taper
-    fa, fb = scipy.fft.rfft2(pa), scipy.fft.rfft2(pb)
-    shared = np.sum((fa * fb.conj()).real, axis=0)
-    other = 0.5 * np.sum(np.abs(fa - fb) ** 2, axis=0)
+    fa, fb = (scipy.fft.rfft2(np.stack([i[:, c : c + TILE] for c in x]) * taper) for i in (a, b))
+    return np.sum((fa * fb.conj()).real, axis=0), 0.5 * np.sum(np.abs(fa - fb) ** 2, axis=0)
+
+
+def radial_spectra(powers: list[Powers]):
+    """Radial spectra of what two aligned images share and of what they do not: (frequency, signal, noise); None of none."""
+    if not powers:
+        return None
     bins = np.rint(radial_frequency() * TILE).astype(int).ravel()
     count = np.bincount(bins)
-    signal = np.bincount(bins, shared.ravel()) / count
-    noise = np.bincount(bins, other.ravel()) / count
+    signal, noise = (np.bincount(bins, sum(p[k] for p in powers).ravel()) / count for k in (0, 1))
     return np.arange(count.size) / TILE, signal, noise
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from piv.camera import Camera, Seeding
-from piv.particles import Box, advance, exact_displacement, reach, seed_particles
+from piv.particles import Box, Motion, advance, exact_displacement, motion, seed_particles
 from piv.plane import FINGER_VARIABLES
 from piv.planefield import PlaneField
 from piv.render import (
@@ -123,18 +123,16 @@ class Recorder:
     def step(self, particles: np.ndarray, index: int, body: Body, next_body: Body) -> np.ndarray:
         """Particles of frame `index` + 1 from those of frame `index`."""
         t0, t1 = self.time[index], self.time[index + 1]
-        fast, across = reach(self.field, 0.5 * (t0 + t1), self.box.half_width)
-        margin = 1.5 * fast * (t1 - t0) + self.camera.scale_m_per_px
-        fresh = self._draw(index + 1, margin, min(1.5 * across * (t1 - t0), self.box.half_width))
+        most = self.motion(index)
+        margin = 1.5 * most.along + self.camera.scale_m_per_px
+        fresh = self._draw(index + 1, margin, min(1.5 * most.across, self.box.half_width))
         fresh = fresh[:, ~self.box.holds(fresh) | self._in_body(body, fresh)]
-        moved = advance(self.field, np.concatenate([particles, fresh], axis=1), t0, t1, self.substeps(index))
+        moved = advance(self.field, np.concatenate([particles, fresh], axis=1), t0, t1, most.substeps)
         return moved[:, self.box.holds(moved) & ~self._in_body(next_body, moved)]
 
-    def substeps(self, index: int) -> int:
-        """RK4 steps between two frames: at least two, and none longer than a cell of the plane."""
-        t0, t1 = self.time[index], self.time[index + 1]
-        fast, _ = reach(self.field, 0.5 * (t0 + t1), self.box.half_width)
-        return max(2, math.ceil(fast * (t1 - t0) / min(self.field.dx, self.field.dy)))
+    def motion(self, index: int) -> Motion:
+        """How far particles go from frame `index` to the next, and in how many steps: the truth's as the particles'."""
+        return motion(self.field, self.time[index], self.time[index + 1], self.box.half_width)
 
     def picture(self, particles: np.ndarray, index: int, mask: np.ndarray) -> np.ndarray:
         """The camera's picture of `particles` at frame `index`; `mask` of the `body` then."""
@@ -190,7 +188,7 @@ class Recorder:
         t0, t1 = self.time[index], self.time[index + 1]
         every = self.truth_stride
         x, y = np.meshgrid(self.field.x[::every], self.field.y[::every])
-        dx, dy = exact_displacement(self.field, x, y, t0, t1, self.substeps(index))
+        dx, dy = exact_displacement(self.field, x, y, t0, t1, self.motion(index).substeps)
         near = self.series["valid"].isel(time=sorted({self._plane_before(t0), self._plane_after(t1)})).values
         valid = (near != 0).all(axis=0)[::every, ::every]
         u, v = (np.where(valid, d / (t1 - t0), np.nan) for d in (dx, dy))

@@ -80,29 +80,36 @@ def window_weights(nodes: np.ndarray, cells: int, sigma: float) -> tuple[np.ndar
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def _dot(a, b):
+    total = np.float32(0)
+    for k in range(a.size):
+        total += a[k] * b[k]
+    return total
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _add(line, weight, row):
+    for c in range(line.size):
+        line[c] += weight * row[c]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def window_sums(moments, first_y, weight_y, first_x, weight_x, out):
     """out[m, j, i] = Σ weight_y[j] weight_x[i] moments[m] around node (j, i)."""
     count, _, cells_x = moments.shape
     ny, ky = weight_y.shape
     nx, kx = weight_x.shape
-    line = np.empty(cells_x, np.float32)
+    padded = np.zeros(cells_x + 2 * kx, np.float32)  # cells beyond the image count as zero
+    line = padded[kx : kx + cells_x]
     for m in range(count):
         for j in range(ny):
             line[:] = 0
             for k in range(ky):
-                r = first_y[j] + k
-                w = weight_y[j, k]
-                if w == 0:
-                    continue
-                for c in range(cells_x):
-                    line[c] += w * moments[m, r, c]
+                if weight_y[j, k] != 0:
+                    _add(line, weight_y[j, k], moments[m, first_y[j] + k])
             for i in range(nx):
-                total = np.float32(0)
-                for k in range(kx):
-                    w = weight_x[i, k]
-                    if w != 0:
-                        total += w * line[first_x[i] + k]
-                out[m, j, i] = total
+                start = min(max(first_x[i] + kx, 0), cells_x + kx)
+                out[m, j, i] = _dot(weight_x[i], padded[start : start + kx])
 
 
 @njit(cache=True, nogil=True)

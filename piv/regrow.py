@@ -16,9 +16,9 @@ from scipy import ndimage
 from piv import refine
 from piv.deform import Image, Nodes, spline_value
 from piv.extrapolate import continue_linearly
+from piv.interpolate import denser
 from piv.options import Options
-from piv.outliers import normalised_median
-from piv.passes import Vectors, pair_cells
+from piv.passes import NARROW, Vectors, deviates, pair_cells
 
 POOR, SPREADS = (
     0.8,
@@ -29,7 +29,6 @@ FEWEST = 3  # vectors of a region: fewer are noise, or outliers that the median 
 ROUNDS = 10  # of one step inwards and one Newton step
 BORDER = 4  # nodes around a region that take part in its measurement
 NARROWER = 0.75  # of the window while growing: fewer wrong vectors share it
-NARROW = 0.5  # of the window in the final measurement of such a region
 LOST = 0.7  # of the median correlation: below it in the end, a vector is an outlier
 WHOLE = 0.9  # share of a window's weight that may be used: below it, the final window is narrow too
 
@@ -83,10 +82,8 @@ def regrow(
         & (correlation > options.min_correlation)
         & ~(poor & (correlation < LOST / POOR * target))
     )
-    residual, _, _ = normalised_median(
-        dx, dy, usable, epsilon=options.epsilon, radius=2, threshold=options.threshold
-    )
-    known = usable & ~(residual > options.threshold) & (vectors.known | poor)
+    failed = deviates(dx, dy, usable, options.epsilon, options, vectors.fine)
+    known = usable & ~failed & (vectors.known | poor)
     return replace(vectors, dx=dx, dy=dy, correlation=correlation, narrow=poor, known=known)
 
 
@@ -106,8 +103,8 @@ def _region(nodes, images, vectors, poor, part, target, options, finer):
 
     dx, dy = continue_linearly(dx, dy, ~masked)
     if finer > 1:
-        dx, dy = _denser(dx), _denser(dy)
-        poor = _denser(poor.astype(np.float32)) > 0
+        dx, dy = denser(dx), denser(dy)
+        poor = denser(poor.astype(np.float32)) > 0
     best_x, best_y = dx, dy
     new_x, new_y, best, masked = step_from(dx, dy)
     correlation = best
@@ -126,18 +123,6 @@ def _region(nodes, images, vectors, poor, part, target, options, finer):
             dx, dy = np.where(poor, new_x, dx), np.where(poor, new_y, dy)
             dx, dy = continue_linearly(dx, dy, ~masked)
     return best_x[::finer, ::finer], best_y[::finer, ::finer], best[::finer, ::finer]
-
-
-def _denser(field: np.ndarray) -> np.ndarray:
-    """Bilinear values on nodes twice as dense."""
-    rows, columns = field.shape
-    across = np.empty((rows, 2 * columns - 1), np.float32)
-    across[:, ::2] = field
-    across[:, 1::2] = (field[:, 1:] + field[:, :-1]) / 2
-    out = np.empty((2 * rows - 1, across.shape[1]), np.float32)
-    out[::2] = across
-    out[1::2] = (across[1:] + across[:-1]) / 2
-    return out
 
 
 def _cut(nodes: Nodes, images: list[Image], part: tuple[slice, slice], finer: int):

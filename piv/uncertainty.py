@@ -3,27 +3,64 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from piv import refine
 from piv.deform import Nodes
+from piv.options import Options
+from piv.passes import NARROW, Vectors
 
 # Set on rendered images so that one standard uncertainty holds two thirds of the errors (74 % without); it holds 60-76 % in
 # every condition of the benchmark but for structures shorter than the window, whose damping no noise estimate sees.
 CALIBRATION = 0.86  # on the variance
+ALIKE = 1.75  # what neighbouring cells add to the variance in narrow windows; set on a rendered sine of 32 px
 LARGEST = 100.0  # px²
 INTERPOLATION = 0.0005  # px: what sampling leaves however little noise there is
 
 
-def correlation_statistics(nodes: Nodes, cells, sums, step_x, step_y, sigma: float, kept: float):
+class Errors(NamedTuple):
+    """Variances (px²) of each vector: of its noise, and of displacement in its window that it does not follow."""
+
+    var_x: np.ndarray
+    var_y: np.ndarray
+    missed_x: np.ndarray
+    missed_y: np.ndarray
+
+    def replaced(self, where: np.ndarray, other: Errors) -> Errors:
+        """These, but the `other` ones at `where`."""
+        return Errors(*(np.where(where, b, a) for a, b in zip(self, other, strict=True)))
+
+    def of_narrow(self, where: np.ndarray) -> Errors:
+        """At `where` those of the narrow window: of fewer particles, so the noise's variance goes with its area."""
+        return self.replaced(where, Errors(*(v / NARROW**2 for v in self[:2]), *self[2:]))
+
+
+def errors_of(nodes: Nodes, v: Vectors, options: Options) -> Errors:
+    """`Errors` of vectors as measured last: in the window, or where they are marked fine in the narrow one."""
+    spacing = float(nodes.x[1] - nodes.x[0])
+    sigma, passes, alike = options.sigma, options.full_steps, 0.0
+    if v.fine is not None:
+        sigma, spacing, alike = NARROW * sigma, spacing / 2, ALIKE
+    gain, kept = noise_budget(sigma, spacing, passes, not alike)
+    var = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, sigma, kept, alike)
+    missed = unresolved(nodes, v.cells, v.step_x, v.step_y, options.sigma)
+    return Errors(gain * var[0], gain * var[1], *missed)
+
+
+def correlation_statistics(
+    nodes: Nodes, cells, sums, step_x, step_y, sigma: float, kept: float, alike: float = 0.0
+):
     """Variances (x, y, px²) of one measurement of each vector.
 
     The displacement solves H d = Σ w g over the window's cells; its covariance is H⁻¹ (Σ w² g gᵀ) H⁻¹, where g is
     what remains of each cell's gradient after the displacement found. Neighbouring cells are taken together because
     particle images span them (Wieneke 2015, with cells instead of pixels).
     step_x, step_y: last step (px of this level); kept: share of the noise that is left after it (noise_budget).
+    alike: if given, neighbouring cells are taken to raise the variance by that factor, in place of being summed: they
+    tell nothing where vectors follow the noise of windows little wider than they are.
     """
     x, y = nodes.at_cells(step_x), nodes.at_cells(step_y)
     gx = cells[0] - cells[2] * x - cells[3] * y
@@ -37,6 +74,8 @@ def correlation_statistics(nodes: Nodes, cells, sums, step_x, step_y, sigma: flo
     # a few dozen cells determine a variance poorly: average it over neighbouring windows
     spread = np.stack([cv2.GaussianBlur(s, (0, 0), 1.0, borderType=cv2.BORDER_REPLICATE) for s in spread])
     sxx, syy = np.maximum(spread[0], 0.3 * spread[3]), np.maximum(spread[1], 0.3 * spread[4])
+    if alike:
+        sxx, syy = alike * spread[3], alike * spread[4]
     bound = 0.9 * np.sqrt(sxx * syy)
     sxy = np.clip(spread[2], -bound, bound)
     hxx, hxy, hyy = sums[2], sums[3], sums[4]
@@ -50,8 +89,8 @@ def correlation_statistics(nodes: Nodes, cells, sums, step_x, step_y, sigma: flo
 
 
 @lru_cache
-def noise_budget(sigma: float, spacing: float, passes: int) -> tuple[float, float]:
-    """(variance of the iterated measurement over that of one window, share of noise left in the cells).
+def noise_budget(sigma: float, spacing: float, passes: int, neighbours: bool = True) -> tuple[float, float]:
+    """(variance of the iterated measurement over that of one window, share of noise left in the cells, `neighbours` together).
 
     Each pass replaces the vectors d by P d + G (n - P d): G is the response of the window (σ px), P that of the
     B-spline through vectors `spacing` px apart, n the noise of the images. Part of the noise is thus followed by
@@ -65,7 +104,7 @@ def noise_budget(sigma: float, spacing: float, passes: int) -> tuple[float, floa
     total = np.zeros_like(window)
     for _ in range(passes):
         total = spline * total + window * (1 - spline * total)
-    box = (1 + 2 * np.cos(2 * np.pi * k * refine.CELL)) / 3
+    box = (1 + 2 * np.cos(2 * np.pi * k * refine.CELL)) / 3 if neighbours else np.ones_like(k)
     box = box[:, None] * box[None, :]
     return float(np.sum(total**2) / np.sum(window**2)), float(np.sum((1 - total) ** 2 * box) / np.sum(box))
 
@@ -85,29 +124,25 @@ def unresolved(nodes: Nodes, cells, step_x, step_y, sigma: float):
     left = (cells[0] - cells[2] * x - cells[3] * y, cells[1] - cells[3] * x - cells[4] * y)
     width = WIDER * sigma / (nodes.factor * refine.CELL)
     count = 4 * np.pi * width**2 * 2
-    apart = np.zeros((2 * LAG + 1, 2 * LAG + 1), np.float32)
-    apart[0, LAG] = apart[-1, LAG] = apart[LAG, 0] = apart[LAG, -1] = 0.25
+    apart = np.zeros(2 * LAG + 1, np.float32)
+    apart[0] = apart[-1] = 0.5
 
     def mean(field):
         return cv2.GaussianBlur(field, (0, 0), width, borderType=cv2.BORDER_REPLICATE)
 
-    def neighbours(field):
-        return cv2.filter2D(field, cv2.CV_32F, apart, borderType=cv2.BORDER_CONSTANT)
-
     out = []
     for g, h in ((left[0], cells[2]), (left[1], cells[4])):
-        product = g * neighbours(g)
-        shared = mean(product)
-        error = np.sqrt(mean(product**2) / count * 2)
-        curvature = np.maximum(mean(h * neighbours(h)), 1e-12)
-        sure = shared > SURE * error
-        grid = cv2.remap(
-            np.where(sure, shared / curvature, 0).astype(np.float32),
-            *_at_nodes(nodes),
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        out.append(grid)
+        found = np.zeros(g.shape, np.float32)
+        # short waves are alike along their crests only: each direction by itself
+        for kernel in (apart[:, None], apart[None, :]):
+            product = g * cv2.filter2D(g, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
+            shared = mean(product)
+            sure = shared > SURE * np.sqrt(mean(product**2) / count * 2)
+            if sure.any():
+                other = cv2.filter2D(h, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
+                curvature = np.maximum(mean(h * other), 1e-12)
+                found = np.maximum(found, np.where(sure, shared / curvature, 0))
+        out.append(cv2.remap(found, *_at_nodes(nodes), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
     return out[0], out[1]
 
 

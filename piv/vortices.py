@@ -59,7 +59,9 @@ class VortexSettings:
     min_points: least grid points of a region. max_elongation: longest region, length over width.
     min_circulation: least |circulation|; None = `min_part` of the strongest in the plane.
     significance: least |circulation| over its standard error.
-    fit_radius: radius of the fitted disc in core radii. neighbour_part: neighbours weaker than this part of a vortex belong to its background.
+    fit_radius: radius of the fitted disc in core radii; where vectors know their uncertainty it is doubled in steps as long
+    as the residuals are no larger than that (the background's rotation is hardly told from the vortex' in a small disc).
+    neighbour_part: neighbours weaker than this part of a vortex belong to its background.
     strain_prior, rotation_prior: see `vortex_fit.fit_vortices`.
     correlation_length: distance over which the vectors' errors are correlated (the interrogation window's
     width for PIV); None = estimated from the residuals.
@@ -99,8 +101,14 @@ class _Plane(NamedTuple):
     weight_v: np.ndarray
     xx: np.ndarray
     yy: np.ndarray
+    noise_known: bool  # weights are inverse variances
 
 
+WIDER = (1.5, 2.0)  # times fit_radius
+MODEL_HOLDS = (
+    2.0  # mean square of the residuals over the vectors' variance; 1 of an exact model and uncertainty
+)
+WATER = 0.95  # share of a wider disc that must hold vectors: beside a body the vortex is not Lamb-Oseen's
 POINTS_PER_CORE = 8
 SWEEPS = 3  # passes of the fit over all vortices: neighbours and fit discs settle to 1e-3 within three
 
@@ -197,17 +205,19 @@ def _arrays(plane: xr.Dataset, weighting: str) -> _Plane:
             weights.append(valid.astype(float))
     xx, yy = np.meshgrid(x, y)
     u, v = (np.where(valid, q, np.nan) for q in (u, v))
-    return _Plane(x, y, u, v, valid, weights[0], weights[1], xx, yy)
+    noise_known = weighting == "uncertainty" and "u_std" in plane and "v_std" in plane
+    return _Plane(x, y, u, v, valid, weights[0], weights[1], xx, yy, noise_known)
 
 
 def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[tuple[Fit, int, float]]:
     """Fit every candidate in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
     now = start.copy()
     area = np.full(len(now), 10.0 * (p.x[1] - p.x[0]) * (p.y[1] - p.y[0]))  # per independent vector
-    for _sweep in range(SWEEPS):
+    for sweep in range(SWEEPS):
         fits: list[tuple[Fit, int, float] | None] = []
         for k in range(len(now)):
-            fits.append(_fit_one(p, now, k, float(area[k]), s))
+            widen = p.noise_known and sweep == SWEEPS - 1  # neighbours are as good as they get
+            fits.append(_fit_one(p, now, k, float(area[k]), s, WIDER if widen else ()))
         keep = [k for k, f in enumerate(fits) if f is not None and _plausible(p, f[0], start[k])]
         start = start[keep]
         fits = [fits[k] for k in keep]
@@ -221,11 +231,28 @@ def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[tuple[Fit,
 
 
 def _fit_one(
-    p: _Plane, now: np.ndarray, k: int, area: float, s: VortexSettings
+    p: _Plane, now: np.ndarray, k: int, area: float, s: VortexSettings, wider: tuple[float, ...]
 ) -> tuple[Fit, int, float] | None:
-    """Fit of vortex k over its own disc: neighbours in the disc are fitted along, others taken off as they are."""
+    """Fit of vortex k over its own disc, or the widest of the `wider` ones that the model holds in."""
+    best = _fit_disc(p, now, k, area, s, s.fit_radius)
+    for factor in wider if best is not None else ():
+        found = _fit_disc(p, now, k, area, s, factor * s.fit_radius)
+        if found is None or found[3] > MODEL_HOLDS or found[4] < WATER:
+            break
+        best = found
+    return None if best is None else best[:3]
+
+
+def _fit_disc(
+    p: _Plane, now: np.ndarray, k: int, area: float, s: VortexSettings, radius: float
+) -> tuple[Fit, int, float, float, float] | None:
+    """Fit of vortex k over a disc of `radius` core radii: neighbours in it are fitted along, others taken off as they are.
+
+    Returns the fit, its vectors' number and area per independent one, the mean square of its residuals over the
+    vectors' variance, and the share of the disc that holds vectors.
+    """
     x0, y0, _, a = now[k]
-    reach = max(s.fit_radius * a, 3.0 * max(p.x[1] - p.x[0], p.y[1] - p.y[0]))
+    reach = max(radius * a, 3.0 * max(p.x[1] - p.x[0], p.y[1] - p.y[0]))
     i0, i1 = np.searchsorted(p.x, [x0 - reach, x0 + reach])
     j0, j1 = np.searchsorted(p.y, [y0 - reach, y0 + reach])
     # a grid much finer than the core is thinned: its vectors add no information, only time
@@ -256,10 +283,13 @@ def _fit_one(
         correlated=max(1.0, area / (step[0] * step[1])),
     )
     factor = _correlation_factor(step, fit, use, s.correlation_length)
+    square = p.weight_u[box][use] * fit.residual_u**2 + p.weight_v[box][use] * fit.residual_v**2
     return (
         fit._replace(covariance=fit.covariance * factor),
         int(np.count_nonzero(use)),
         factor * step[0] * step[1],
+        float(square.mean()) / 2,
+        np.count_nonzero(use) * step[0] * step[1] / (np.pi * reach**2),
     )
 
 

@@ -22,10 +22,9 @@ from postprocess.pinch_summary import pinch_summary
 from postprocess.quantities import QUANTITIES
 from postprocess.series import series_table, summary
 from postprocess.stagefiles import StageFiles, read_json, sha256, write_text
-from postprocess.strokes import stroke_window
+from postprocess.strokes import MIDDLE, stroke_window
 from postprocess.windows import Clock, interval
 
-MIDDLE = (0.25, 0.75)  # the middle of the stroke, as fractions of its bend
 INPUTS = (
     "sheet.h5",
     "piv.h5",

@@ -11,13 +11,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
 from piv.plane import read_plane
 from postprocess import wording
 from postprocess.commandline import run_stage
 from postprocess.draw_series import costs as draw_costs
 from postprocess.modelling import statements
+from postprocess.page_template import page_template
 from postprocess.pinch_wording import pinch_table
 from postprocess.stagefiles import (
     StageFiles,
@@ -28,7 +27,6 @@ from postprocess.stagefiles import (
 )
 from postprocess.style import save
 
-TEMPLATES = Path(__file__).parent / "templates"
 MIME = {".png": "image/png", ".svg": "image/svg+xml", ".webp": "image/webp", ".mp4": "video/mp4"}
 MAX_BYTES = 15_000_000
 ORDER = (
@@ -124,14 +122,7 @@ def render(files: StageFiles) -> str:
     slider = sections.get("slider", [None])[0]
     pinch = comparison["summary"].get("pinch")
     pinch_columns, pinch_rows = pinch_table(pinch) if pinch else ([], [])
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("report.html").render(
+    return page_template("report.html").render(
         title=scene_title(files.case),
         scene=files.scene,
         level=files.level,

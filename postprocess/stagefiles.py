@@ -145,14 +145,15 @@ def sha256(path: Path) -> str:
 
 @contextmanager
 def cost_recorded(files: StageFiles, stage: str) -> Iterator[None]:
-    """Write costs/<stage>.json when the block ends well: wall time (s), peak memory (bytes), finished (ISO)."""
+    """Write costs/<stage>.json when the block ends well: wall and CPU time (s), peak memory (bytes), finished (ISO)."""
     start = time.monotonic()
     yield
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     cost = {
         "stage": stage,
         "wall_time": round(time.monotonic() - start, 3),
-        "peak_memory": peak,
+        "cpu_time": round(sum(usage.ru_utime + usage.ru_stime for usage in usages), 3),
+        "peak_memory": max(usage.ru_maxrss for usage in usages) * 1024,
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     write_text(files.out / "costs" / f"{stage}.json", json.dumps(cost, indent=1))

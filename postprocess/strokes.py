@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+MIDDLE = (0.25, 0.75)  # of the change of bend angle: the middle of the stroke, over which flows are compared
+
 
 def stroke_window(time: np.ndarray, bend: np.ndarray, part: tuple[float, float]) -> tuple[float, float]:
     """Instants (s) at which the bend angle has done the fractions `part` of its largest change.

@@ -11,14 +11,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pandas as pd
 
 from postprocess import tracks
 from postprocess.stagefiles import StageFiles, read_json, read_table, write_text
-from postprocess.strokes import stroke_window
+from postprocess.strokes import MIDDLE, stroke_window
 
-MIDDLE = (0.25, 0.75)  # the middle of the stroke, as fractions of its bend
 STAGES = (
     "fea",
     "kinematics",
@@ -89,8 +89,6 @@ def solver(files: StageFiles) -> dict[str, Any]:
 
 def middle_of_stroke(files: StageFiles) -> tuple[float, float]:
     """Instants (s) between which the finger does the middle half of its bend."""
-    import h5py
-
     with h5py.File(files.required("kinematics.h5", "kinematics")) as file:
         return stroke_window(
             file["look"][...], np.asarray(file["bend"][...]).reshape(len(file["look"]), -1)[:, 0], MIDDLE
@@ -126,8 +124,6 @@ def ending(files: StageFiles) -> dict[str, Any]:
 
 def bending(files: StageFiles) -> dict[str, Any]:
     """What the bending analysis of another actuator gave: its states, from the lowest to the highest pressure."""
-    import h5py
-
     with h5py.File(files.case / "kinematics" / "states.h5") as file:
         pressure, bend = np.asarray(file["pressure"]), np.asarray(file["bend_angle"])
     return {

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import shutil
 import sys
 from pathlib import Path
 from typing import Any
 
 from postprocess.pinch_wording import pinch_table
-from postprocess.stagefiles import StageFiles
+from postprocess.stagefiles import StageFiles, read_json
 from postprocess.wording import PAIRS, WORDS, quantity, requirement
 
 
@@ -116,12 +115,12 @@ def main() -> int:
     args = parser.parse_args()
     files = StageFiles(args.scene, args.level)
     try:
-        comparison = json.loads(files.required("comparison.json", "compare").read_text(encoding="utf-8"))
-        run = json.loads(files.required("run/run.json", "run").read_text(encoding="utf-8"))
+        comparison = read_json(files.required("comparison.json", "compare"))
+        run = read_json(files.required("run/run.json", "run"))
         flow = sorted((files.out / "figures").glob("flow_*.png"))
         if not flow:
             raise FileNotFoundError(f"{files.figures}: no flow_*.png; run the stage 'report' first")
-    except FileNotFoundError as error:
+    except (ValueError, OSError) as error:
         print(f"summary: {error}", file=sys.stderr)
         return 2
     picture = f"{files.scene}.png"

@@ -18,8 +18,8 @@ import xarray as xr
 from piv.plane import read_plane
 from postprocess import fields, tracks
 from postprocess.stagefiles import StageFiles, read_json, read_table
-from postprocess.strokes import peak_tip_speed, stroke_window
-from postprocess.study_table import MIDDLE, files_of, read_plan, study_table
+from postprocess.strokes import MIDDLE, peak_tip_speed, stroke_window
+from postprocess.study_table import files_of, read_plan, study_table
 
 INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
 ERRORS = ("error_circulation", "error_centre", "error_velocity", "error_force")
@@ -105,6 +105,28 @@ def worst(found: dict[str, float]) -> dict[str, float]:
     return {"error": max(found[name] for name in ERRORS if name in found)}
 
 
+def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> dict[str, float]:
+    """ERRORS of the best run itself, extrapolated at second order in the cell's size from the finest other level as the scene
+    says; empty where the study has none. An estimate: levels are similar grids, not multiples (docs/verification.md has the
+    observed orders).
+
+    table: by run, with `cells` and the errors against the best run; runs: of the plan.
+    """
+    plain = [r["run"] for r in runs if r["until"] != "vortices" and not r["overrides"] and r["run"] != best]
+    known = [r for r in plain if np.isfinite(table["error"].get(r, np.nan))]
+    if not known:
+        return {}
+    coarser = table.loc[max(known, key=lambda r: table.loc[r, "cells"])]
+    refinement = (table.loc[best, "cells"] / coarser["cells"]) ** (
+        1 / (2 if table.loc[best, "model"] == "2d" else 3)
+    )
+    if refinement <= 1:
+        return {}
+    return {
+        name: float(coarser[name]) / (refinement**2 - 1) for name in (*ERRORS, "error_centre_mm", "error")
+    }
+
+
 def front(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
     """Whether nothing is both cheaper and more accurate (n,), of runs with cost (n,) and error (n,); NaN is on no front."""
     beaten = (cost[None] <= cost[:, None]) & (error[None] <= error[:, None])
@@ -180,6 +202,9 @@ def evaluate(plan: dict[str, Any], best: str) -> pd.DataFrame:
         )
         for name, value in (found | picture(files)).items():
             table.loc[run, name] = value
+    if "error" in table:
+        for name, value in own_errors(table, plan["runs"], best).items():
+            table.loc[best, name] = value
     flow = ~is_piv
     native = pd.Series(
         table["rate_hz"].max(), table.index

@@ -133,7 +133,8 @@ numbers are in [`tradeoff/{scene}.csv`](tradeoff/{scene}.csv) with versions and 
 
 The others are judged by `{best}` ({int(float(reference["cells"]))} cells, {reference["time_step_s"] * 1e3:g} ms,
 {reference["cpu_run_s"] / 60:.0f} CPU minutes of solver). It is the finest run, not the truth: an error below the difference between it
-and a finer one means nothing (docs/verification.md has the orders). Errors are over the middle half of the stroke (by bend; the force: over the
+and a finer one means nothing (docs/verification.md has the orders). Its own errors are an estimate: those of the finest other level, extrapolated
+at second order in the cell's size. Errors are over the middle half of the stroke (by bend; the force: over the
 whole stroke): circulation of the tip vortex, RMS over its RMS; distance of its centre, RMS, of which {flow["tip_width_mm"].max():.1f} mm, a tip's width, are 100 %;
 velocity on the sheet, RMS over the largest speed of the tip; force on the finger, RMS over its RMS. `worst` is the largest of
 the four and what `ACCURACY=` asks for. Bold: nothing is both cheaper and more accurate. CPU time is user and system time of
@@ -153,7 +154,7 @@ A quarter of the camera's picture round the tip, rendered from the `draft` run's
 
 ## Asking for accuracy
 
-`make {scene} ACCURACY=5%` takes the cheapest of the runs above whose worst error is at most 5 %; `BUDGET=10min` the most accurate
+`make {scene} ACCURACY=12%` takes the cheapest of the runs above whose worst error is at most 12 %; `BUDGET=10min` the most accurate
 that is done in ten minutes. A probe of a few seconds (`pipeline/probe.py`) scales the CPU seconds of the table to the machine at hand; what it
 took is compared with that afterwards. The settings run in `cases/{scene}/out/studies/asked/`.
 """

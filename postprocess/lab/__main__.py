@@ -6,7 +6,11 @@ import argparse
 import sys
 from pathlib import Path
 
+from piv.errors import sentence
+from piv.exclusive import exclusive
 from postprocess.lab.compare import run_comparison
+from postprocess.lab.dpiv import Dpiv
+from postprocess.lab.files import LabFiles
 from postprocess.lab.inputs import read_inputs, write_runs, write_virtual
 from postprocess.lab.register_step import lab_files, run_registration
 from postprocess.stagefiles import StageFiles
@@ -58,6 +62,16 @@ def run(args: argparse.Namespace) -> None:
             print(folder)
         return
     files, dpiv = lab_files(args.case, args.level, args.dpiv)
+    if not files.stage.out.is_dir():  # the step says what is missing, and writes nothing
+        run_step(args, files, dpiv)
+        return
+    files.folder.parent.mkdir(exist_ok=True)
+    with exclusive(files.folder):  # two makes at once
+        run_step(args, files, dpiv)
+
+
+def run_step(args: argparse.Namespace, files: LabFiles, dpiv: Dpiv) -> None:
+    """Run one of the steps of a comparison with one laboratory's data."""
     if args.step == "register":
         registration = run_registration(files, dpiv, args.seed)
         if not args.quiet:
@@ -93,7 +107,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         run(args)
     except (ValueError, OSError) as error:
-        print(f"lab {args.step}: {error}", file=sys.stderr)
+        print(f"lab {args.step}: {sentence(error)}", file=sys.stderr)
         return 2
     return 0
 

@@ -11,7 +11,7 @@ LAB     = $(PY) -m postprocess.lab
 OFLAB   = $(CASE) --level $(LEVEL) --dpiv $(DPIV) $(FLAGS)
 
 compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=single_finger DPIV=folder [LEVEL=..]
-	@test -n "$(DPIV)" || { echo "give DPIV=folder, where the laboratory's dpiv.toml is (docs/comparison.md)" >&2; exit 2; }
+	@test $(words $(DPIV)) = 1 || { echo "give DPIV=folder, where the laboratory's dpiv.toml is, a path without spaces (docs/comparison.md)" >&2; exit 2; }
 	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register
 	+@$(SUB) $(SCENE).run
 	$(if $(INPUTS),@$(LAB) runs $(CASE) --level $(LEVEL) $(FLAGS),@rm -rf $(LABOUT)/lab/$(LABNAME)/inputs)
@@ -25,16 +25,16 @@ $(LABOUT)/lab/$(LABNAME)/registration.json: $(LABOUT)/kinematics.h5 $(wildcard $
 
 VARIATIONS = $(if $(INPUTS),$(notdir $(patsubst %/scene.toml,%,$(wildcard $(LABOUT)/inputs/*/scene.toml))))
 lab-sheets: $(LABOUT)/lab/$(LABNAME)/sheet.h5 $(patsubst %,$(LABOUT)/lab/$(LABNAME)/inputs/%.h5,$(VARIATIONS))
-$(LABOUT)/lab/$(LABNAME)/sheet.h5: $(LABOUT)/run/run.json $(LABOUT)/lab/$(LABNAME)/view.txt
+$(LABOUT)/lab/$(LABNAME)/sheet.h5: $(LABOUT)/run/run.json $(LABOUT)/settings/sheet.json $(LABOUT)/lab/$(LABNAME)/view.txt
 	$(PY) -m pipeline.sheets $(CASE) --level $(LEVEL) --view $$(cat $(@D)/view.txt) -o $@ $(FLAGS)
 define variation_rule
-$(LABOUT)/lab/$(LABNAME)/inputs/$(1).h5: $(LABOUT)/inputs/$(1)/out/$(LEVEL)/run/run.json $(LABOUT)/lab/$(LABNAME)/view.txt
+$(LABOUT)/lab/$(LABNAME)/inputs/$(1).h5: $(addprefix $(LABOUT)/inputs/$(1)/out/$(LEVEL)/,run/run.json settings/sheet.json) $(LABOUT)/lab/$(LABNAME)/view.txt
 	$(PY) -m pipeline.sheets $(LABOUT)/inputs/$(1) --level $(LEVEL) --view $$$$(cat $(LABOUT)/lab/$(LABNAME)/view.txt) -o $$@ $(FLAGS)
 endef
 $(foreach v,$(VARIATIONS),$(eval $(call variation_rule,$(v))))
 
 compare-measured: | $(READY) ## the same with the simulation driven by the motion that the recording shows
-	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS= compare
+	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register
 	$(LAB) motion $(OFLAB)
 	+@$(SUB) SCENE=$(SCENE)/out/$(LEVEL)/lab/$(LABNAME)/measured DPIV=$(abspath $(DPIV)) INPUTS=$(INPUTS) compare
 

@@ -30,9 +30,7 @@ from postprocess.lab.registration import Registration
 from postprocess.lab.sides import Sides, simulation_sides
 from postprocess.lab.tables import quantity_table, series_table, write_fields
 from postprocess.stagefiles import read_json, sha256, write_text
-from postprocess.strokes import stroke_window
-
-MIDDLE = (0.25, 0.75)  # of the change of bend: as for the comparison with the virtual PIV
+from postprocess.strokes import MIDDLE, stroke_window
 
 
 def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]:

@@ -8,10 +8,10 @@ from __future__ import annotations
 import json
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import h5py
-from pydantic import Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError
 
 from postprocess.lab.dpiv import Positive, Table
 from postprocess.stagefiles import StageFiles, scene_numbers, write_text
@@ -20,12 +20,18 @@ MESH_LENGTHS = ("wall_cell", "wall_first_layer", "tip_cell", "near_cell", "far_c
 MESH_COUNTS = ("wall_layers", "layers_on_finger", "layers_beyond")
 
 
+def _not_zero(value: float) -> float:
+    if value == 0:
+        raise ValueError("a run with nothing changed measures nothing; give another step than 0")
+    return value
+
+
 class Input(Table):
     """One number of the scene: `key` with dots, `step` of the run beside, `limit` (half-width of a uniform distribution)."""
 
     name: str
     key: str
-    step: float
+    step: Annotated[float, AfterValidator(_not_zero)]
     limit: Positive
     reason: str
 
@@ -38,7 +44,7 @@ class Input(Table):
 class Numerics(Table):
     """One kind of resolution: a run finer by `ratio`, and Roache's grid-convergence index of the nominal run from the two."""
 
-    name: str
+    name: Literal["grid", "time_step"]
     ratio: Annotated[float, Field(gt=1)]
     order: Positive
     safety: Positive
@@ -102,8 +108,10 @@ def write_runs(files: StageFiles, inputs: Inputs) -> list[Path]:
     folders = []
     for one in inputs.input:
         root, *rest = one.key.split(".")
-        section = changed(numbers[root], rest, one.step, one.key)
-        folders.append(_write(files, run_folder(files, one.name), {root: {rest[0]: section[rest[0]]}}))
+        table = changed(numbers, [root, *rest], one.step, one.key)
+        # of the level: what the scene gives for this level would have the last word
+        level = {files.level: {root: {rest[0]: table[root][rest[0]]}}}
+        folders.append(_write(files, run_folder(files, one.name), {"levels": level}))
     for finer in inputs.numerics:
         folders.append(
             _write(files, run_folder(files, finer.name), {"levels": {files.level: _finer(numbers, finer)}})
@@ -127,12 +135,12 @@ def write_virtual(files: StageFiles, pressure_kpa: float) -> Path:
 def changed(section: Any, keys: list[str], step: float, key: str) -> Any:
     """A section of the scene with the number at `keys` moved by `step`; ValueError where there is none."""
     first, *rest = keys
-    at: Any = int(first) if isinstance(section, list) else first
     try:
+        at: Any = int(first) if isinstance(section, list) else first
         old = section[at]
-    except (KeyError, IndexError):
+        new = changed(old, rest, step, key) if rest else old + step
+    except (KeyError, IndexError, TypeError, ValueError):
         raise ValueError(f"inputs.toml: the scene has no number {key!r}") from None
-    new = changed(old, rest, step, key) if rest else old + step
     if isinstance(section, list):
         return [new if k == at else value for k, value in enumerate(section)]
     return section | {at: new}
@@ -163,12 +171,13 @@ def _write(files: StageFiles, folder: Path, tables: dict[str, Any]) -> Path:
 def _toml(name: str, table: dict[str, Any]) -> list[str]:
     if all(isinstance(v, dict) for v in table.values()):
         return [line for key, value in table.items() for line in _toml(f"{name}.{key}", value)]
-    return [f"[{name}]", *(f"{key} = {_value(value)}" for key, value in table.items())]
+    # TOML has no word for what is not given
+    return [f"[{name}]", *(f"{key} = {_value(value)}" for key, value in table.items() if value is not None)]
 
 
 def _value(value: Any) -> str:
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items()) + " }"
+        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items() if v is not None) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(_value(v) for v in value) + "]"
     if isinstance(value, bool):

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import h5py
-import jinja2
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -18,10 +17,10 @@ from postprocess.lab import draw, wording
 from postprocess.lab.family import read_family
 from postprocess.lab.files import LabFiles, read_registration
 from postprocess.lab.registration import law_pressure
+from postprocess.page_template import page_template
 from postprocess.stagefiles import read_json, scene_title, write_text
 from postprocess.style import save
 
-TEMPLATES = Path(__file__).parents[1] / "templates"
 FIELD_DPI = 120
 
 
@@ -33,14 +32,7 @@ def make_report(files: LabFiles) -> Path:
     pictures = {
         name: (_saved(files, name, figure), alt) for name, (figure, alt) in figures(files, result).items()
     }
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("lab.html").render(
+    page = page_template("lab.html").render(
         title=scene_title(files.stage.case),
         result=result,
         answer=wording.answer(result),

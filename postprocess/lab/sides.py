@@ -47,7 +47,7 @@ def simulation_sides(
     threads: int,
     quiet: bool,
 ) -> Sides:
-    """Evaluate the laboratory's data and the simulation alike; writes data.h5, virtual_piv.h5 and direct.h5."""
+    """Evaluate the laboratory's data and the simulation alike; writes data.h5, virtual.h5 and direct.h5."""
     if not files.sheet.exists():
         raise FileNotFoundError(
             f"{files.sheet} is missing; make compare writes it: python -m pipeline.sheets CASE --view $(cat {files.view}) -o {files.sheet}"

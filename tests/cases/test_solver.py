@@ -16,6 +16,7 @@ from tqdm import tqdm
 from pipeline import run as run_stage
 from pipeline import solver, supervise
 from pipeline.case import numbers_text
+from pipeline.costs import Spent
 from pipeline.errors import StageError
 from pipeline.foamfile import is_complete
 from pipeline.guards import Guard
@@ -24,7 +25,7 @@ from pipeline.motion import read_motion
 from pipeline.prepare import prepare as lay_frames
 from pipeline.ranks import Ranks
 from pipeline.scene import Scene, load_scene
-from pipeline.solver import set_number
+from pipeline.solver import read_progress, set_number
 from pipeline.stage import read_dataset
 from tests.conftest import ROOT, prepare, write_scene
 
@@ -114,7 +115,7 @@ def test_volume_is_conserved(solved):
 
 
 def test_parallel_equals_serial(solved, prepared, tmp_path, monkeypatch):
-    monkeypatch.setattr(run_stage, "CELLS_PER_RANK", 100)
+    monkeypatch.setattr(run_stage, "LEAST_CELLS", 100)
     scene = copy_of(prepared, tmp_path / "parallel")
     run_stage.run(scene, quiet=True, ranks=2)
     one, two = table(solved.out / FORCES), table(scene.out / FORCES)
@@ -125,7 +126,7 @@ def test_parallel_equals_serial(solved, prepared, tmp_path, monkeypatch):
 
 def test_collated_files_give_the_same_forces_to_the_last_digit(prepared, tmp_path, monkeypatch, capsys):
     """One file for both ranks instead of one for each; stopped and resumed from them as well, whatever is asked for then."""
-    monkeypatch.setattr(run_stage, "CELLS_PER_RANK", 100)
+    monkeypatch.setattr(run_stage, "LEAST_CELLS", 100)
     apart, shared, stopped = (copy_of(prepared, tmp_path / name) for name in ("apart", "shared", "stopped"))
     run_stage.run(apart, quiet=True, ranks=2)
     run_stage.run(shared, quiet=True, ranks=2, collated=True)
@@ -143,7 +144,10 @@ def test_collated_files_give_the_same_forces_to_the_last_digit(prepared, tmp_pat
         patch.setattr(supervise, "Guard", Stop)
         with pytest.raises(StageError, match="by a guard: test"):
             run_stage.run(stopped, quiet=True, ranks=2, collated=True)
-    run_stage.run(stopped, ranks=2)
+    before = read_progress(stopped.out / "case" / "leg_0")
+    earlier = run_stage.run(stopped, ranks=2)
+    assert earlier == Spent(before["wall_time"], before["cpu_time"])  # costs/ counts the parts that were stopped as well
+    assert 0 < earlier.cpu_time < 2 * 1.2 * earlier.wall_time + 1  # two ranks; CPU time is logged to 10 ms
     assert "goes on with the 2 ranks, collated, it began with" in capsys.readouterr().out
     assert json.loads((stopped.out / "run" / "run.json").read_text())["resumed"]
     straight, resumed = table(shared.out / FORCES), table(stopped.out / FORCES)
@@ -184,7 +188,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
 
 def test_a_run_stopped_again_and_again_ends_with_the_same_forces(tmp_path, monkeypatch, capsys):
     """Before the first checkpoint, twice after the same one, and at last with another number of ranks asked for."""
-    monkeypatch.setattr(run_stage, "CELLS_PER_RANK", 100)
+    monkeypatch.setattr(run_stage, "LEAST_CELLS", 100)
     # checkpoints so far apart that a stop which a busy machine makes late comes before the next one
     scene = write_scene(tmp_path / "straight", "2d", SHORT.format(end=0.06))
     text = (scene.folder / "scene.toml").read_text().replace("write_interval = 0.01", "write_interval = 0.03")
@@ -202,7 +206,10 @@ def test_a_run_stopped_again_and_again_ends_with_the_same_forces(tmp_path, monke
             patch.setattr(supervise, "Guard", Stop)
             with pytest.raises(StageError, match="by a guard: test"):
                 run_stage.run(stopped, quiet=True)
-    run_stage.run(stopped, ranks=2)
+    before = read_progress(stopped.out / "case" / "leg_0")
+    earlier = run_stage.run(stopped, ranks=2)
+    assert earlier == Spent(before["wall_time"], before["cpu_time"])  # costs/ counts the parts that were stopped as well
+    assert 0 < earlier.cpu_time < 1.2 * earlier.wall_time + 1  # one rank; CPU time is logged to 10 ms
     assert "goes on with the 1 ranks it began with" in capsys.readouterr().out
     record = json.loads((stopped.out / "run" / "run.json").read_text())
     assert record["resumed"] == [0.03, 0.03]

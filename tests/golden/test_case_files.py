@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 from foamlib import FoamFile
 
-from pipeline.case import numbers, numbers_text, regions_text
+from pipeline.case import check_legs, numbers, numbers_text, regions_text
+from pipeline.errors import StageError
 from pipeline.legs import Leg
 from pipeline.scene import load_scene
 from tests.conftest import ROOT, write_scene
@@ -46,6 +47,13 @@ def test_numbers_are_those_that_were_looked_at(tmp_path, scene, level, leg):
     (tmp_path / "numbers").write_text(numbers_text(numbers(loaded, leg, back)))
     golden = HERE / f"numbers_{scene}_{level}.json"
     assert tree(tmp_path / "numbers") == json.loads(golden.read_text())
+
+
+def test_legs_of_another_time_step_are_refused():
+    """The next leg takes the flow at one of its own time steps: there must be such a step of the leg before it."""
+    check_legs((WHOLE, SECOND), 0.5e-3, Path("planform.h5"))
+    with pytest.raises(StageError, match=r"leg 1 begins at 0\.166 s.*delete that file"):
+        check_legs((WHOLE, SECOND), 0.7e-3, Path("planform.h5"))
 
 
 @pytest.mark.parametrize("kind", ["half", "full"])

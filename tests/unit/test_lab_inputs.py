@@ -1,6 +1,7 @@
 """reference/inputs.toml and the scenes of the runs beside the nominal one."""
 
 import json
+from operator import attrgetter
 
 import h5py
 import numpy as np
@@ -10,7 +11,7 @@ from pipeline.errors import StageError
 from pipeline.kinematics import load_kinematics
 from pipeline.scene import load_scene
 from pipeline.sheets import view_axes
-from postprocess.lab.inputs import Numerics, read_inputs, write_runs, write_virtual
+from postprocess.lab.inputs import Input, Inputs, Numerics, read_inputs, write_runs, write_virtual
 from postprocess.lab.profile import motion_dataset, strip_at_rest, write_motion
 from postprocess.stagefiles import StageFiles
 from tests.lab_scene import CASE, finger_family
@@ -49,6 +50,31 @@ def test_each_run_changes_one_number(case):
             assert getattr(changed[name], part) == getattr(nominal, part), (name, part)
 
 
+def asked(key: str) -> Inputs:
+    """What inputs.toml would say of one number."""
+    one = Input(name="one", key=key, step=0.001, limit=1.0, reason="r")
+    return Inputs(format="inputs", format_version=1, too_uncertain=0.3, input=(one,))
+
+
+@pytest.mark.parametrize("key", ["finger.tip.length", "numerics.time_step"])
+def test_a_number_beside_one_that_is_not_given_or_of_a_level_is_changed_too(case, key):
+    """finger.tip.thickness has no value in TOML; numerics.time_step is given by the level."""
+    nominal = load_scene(case, "smoke")
+    [folder] = write_runs(StageFiles(case, "smoke"), asked(key))
+    run = load_scene(folder, "smoke")
+    where, name = key.rsplit(".", 1)
+    value, before = (getattr(attrgetter(where)(scene), name) for scene in (run, nominal))
+    assert value == pytest.approx(before + 0.001)
+
+
+@pytest.mark.parametrize(
+    "key", ["nothing.at.all", "motion", "motion.strokes.first", "motion.source", "motion.states"]
+)
+def test_what_is_no_number_of_the_scene_is_said(case, key):
+    with pytest.raises(ValueError, match="the scene has no number"):
+        write_runs(StageFiles(case, "smoke"), asked(key))
+
+
 def test_scenes_that_did_not_change_are_left_alone(case):
     inputs = read_inputs(CASE / "reference" / "inputs.toml")
     first = [folder / "scene.toml" for folder in write_runs(StageFiles(case, "smoke"), inputs)]
@@ -78,10 +104,15 @@ def test_numerical_band_is_that_of_the_coarser_run(order, ratio):
     assert 2 * one.per_difference * (nominal - finer) == pytest.approx(0.1**order)
 
 
+SOUND = 'format = "inputs"\nformat_version = 1\ntoo_uncertain = 0.3\n'
+
+
 @pytest.mark.parametrize(
     "text, told",
     [("nonsense =", "not valid TOML"), ('format = "x"\nformat_version = 1\ntoo_uncertain = 0.3', 'format = "inputs"'),
-     ('format = "inputs"\nformat_version = 1', "too_uncertain")],
+     ('format = "inputs"\nformat_version = 1', "too_uncertain"),
+     (SOUND + "[[input]]\nname = 'a'\nkey = 'b.c'\nstep = 0\nlimit = 1\nreason = 'r'", "another step"),
+     (SOUND + "[[numerics]]\nname = 'wall'\nratio = 2\norder = 2\nsafety = 3", "'grid' or 'time_step'")],
 )  # fmt: skip
 def test_bad_files_are_one_sentence(tmp_path, text, told):
     path = tmp_path / "inputs.toml"

@@ -7,9 +7,7 @@ import re
 import pytest
 
 from pipeline.errors import StageError
-from pipeline.run import CELLS_PER_RANK
 from pipeline.scaling import (
-    LEAST_CELLS,
     Network,
     Solver,
     fit,
@@ -25,10 +23,6 @@ from tests.conftest import write_scene
 NETWORK = Network(latency=2e-6, bandwidth=1e9, ranks_per_node=64, saturated=2.0)
 SOLVER = Solver(seconds_per_cell=4e-6, pair_slowdown=1.1, serial_seconds_per_cell=0.0, pressure_cycles=6.0)
 FREE = Network(latency=0.0, bandwidth=1e30, ranks_per_node=10**6, saturated=1.0)
-
-
-def test_no_more_ranks_are_predicted_than_the_run_stage_uses():
-    assert LEAST_CELLS == CELLS_PER_RANK
 
 
 def test_one_rank_costs_its_cells():

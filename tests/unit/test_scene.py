@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import StageError
 from pipeline.scene import STAGE_SECTIONS, Numerics, load_scene
-from pipeline.settings import write_settings
+from pipeline.settings import make_rules, write_settings
 from tests.conftest import ROOT, write_scene
 
 SCENES = sorted(p.parent for p in (ROOT / "cases").glob("*/scene.toml"))
@@ -42,6 +42,8 @@ def test_every_shipped_scene_is_valid_at_every_level(folder, level):
             "[[motion.strokes]]\npressure_kpa = 1\nstart = 0.1\nduration = 0.1",
             ["strokes", "sort"],
         ),
+        ("[sheet]\nspacing = 1e-310", ["too small"]),
+        ("[camera]\ncolumns = 1" + 400 * "0", ["too large"]),
         (
             '[motion]\nstrokes = []\npressure_csv = "p.csv"\nstart_pressure_kpa = 5.0',
             ["start_pressure_kpa", "remove"],
@@ -130,3 +132,22 @@ def test_interpolation_is_in_the_hash_only_of_scenes_that_choose_it():
     other = scene.model_copy(update={"numerics": chosen})
     assert other.digest() != scene.digest()
     assert other.settings("case")["numerics"]["interpolation"] == "skewCorrected"
+
+
+def test_make_is_told_of_every_file_that_a_scene_is_made_of(tmp_path):
+    """Also where the scene and what it extends lie outside cases/: else a changed file would not be noticed."""
+    parent = write_scene(tmp_path / "a b")
+    child = tmp_path / "child"
+    child.mkdir()
+    (child / "scene.toml").write_text('extends = "../a b"\n')
+    scene = load_scene(child, parent.level)
+    first, *others = make_rules(scene).splitlines()
+    target, files = first.split(": ", 1)
+    assert target == str(scene.out / "settings" / ".stamp")
+    named = [name.replace("\0", " ") for name in files.replace("\\ ", "\0").split()]
+    assert {Path(name).resolve() for name in named} >= {
+        child / "scene.toml",
+        parent.folder / "scene.toml",
+        (parent.folder / parent.motion.states).resolve(),
+    }
+    assert len(others) == len(named)

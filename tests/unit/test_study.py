@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import StageError
-from pipeline.link import link
+from pipeline.link import link, unlink_folders
 from pipeline.scene import load_scene
 from pipeline.study import folder_of, plan, scene_text, toml
 from pipeline.study_file import Row, read_study
+from piv.exclusive import exclusive
 from postprocess.studies import changes
 from postprocess.study_table import read_plan, study_table
 from tests.conftest import ROOT, write_scene
@@ -44,6 +45,17 @@ def test_rows_become_scenes_that_differ_in_what_the_table_says(tmp_path):
     assert len({scene.digest(), fine.digest(), wide.digest()}) == 3
     assert (wide.out / "settings" / "piv.json").exists()
     assert (wide.folder / wide.motion.states).exists()  # the parent's path, seen from the new folder
+
+
+def test_a_table_that_changed_does_not_reach_under_a_stage_at_work(tmp_path):
+    """It would end later than the new settings, and its results of the old numbers pass for results of the new."""
+    scene = write_scene(tmp_path / "small")
+    found = json.loads(plan(study(scene.folder, "a, tiny, run, 1, , , 48, \n")).read_text())
+    out = load_scene(found["runs"][0]["folder"], "tiny").out
+    with exclusive(out / "piv.h5"):
+        plan(study(scene.folder, "a, tiny, run, 1, , , 48, \n"))
+        with pytest.raises(StageError, match=r"another make is at work here \(piv.h5\)"):
+            plan(study(scene.folder, "a, tiny, run, 1, , , 32, \n"))
 
 
 def test_equal_stages_are_computed_once(tmp_path):
@@ -107,6 +119,31 @@ def test_results_are_taken_over(tmp_path):
     assert (b / "run" / "run.json").read_text() == "{}"
     assert (b / "costs" / "run.json").exists()
     assert (b / "case").resolve() == a / "case"
+
+
+def test_a_run_that_is_no_longer_equal_leaves_the_other_alone(tmp_path):
+    """What is deleted or written in a run that had taken over another's results is its own."""
+    a, b = tmp_path / "a", tmp_path / "b"
+    for name in ("run/run.json", "case/leg_0/U"):
+        (a / name).parent.mkdir(parents=True)
+        (a / name).write_text("of a")
+    link(a, b, "run")
+    (b / "run" / "run.json").unlink()  # as Snakemake does before it runs a rule again
+    unlink_folders(b)  # as the case stage does first
+    assert not (b / "case").exists()
+    assert {(a / name).read_text() for name in ("run/run.json", "case/leg_0/U")} == {"of a"}
+
+
+def test_the_name_of_a_folder_does_not_lead_into_the_other_run(tmp_path):
+    """Studies of before had run/ linked by name as well."""
+    a, b = tmp_path / "a", tmp_path / "b"
+    (a / "run").mkdir(parents=True)
+    (a / "run" / "run.json").write_text("{}")
+    b.mkdir()
+    (b / "run").symlink_to("../a/run")
+    link(a, b, "run")
+    assert not (b / "run").is_symlink()
+    assert (a / "run" / "run.json").samefile(b / "run" / "run.json")
 
 
 def test_a_study_that_was_not_run_gives_a_table_of_what_was_asked(tmp_path):

@@ -12,7 +12,7 @@ from pipeline.choose import Setting, accuracy, budget, choose, predicted, read_r
 from pipeline.costs import main as with_cost
 from pipeline.errors import StageError
 from pipeline.study import Row
-from postprocess.tradeoff import force_error, front, vortex_errors, worst
+from postprocess.tradeoff import force_error, front, own_errors, vortex_errors, worst
 from postprocess.tradeoff_page import axis_sentence, draw, page, results_text
 
 SETTINGS = [
@@ -72,7 +72,15 @@ def test_budget(text, value):
 
 @pytest.mark.parametrize(
     "ask, text",
-    [(accuracy, "five"), (accuracy, "500%"), (budget, "10"), (budget, "0min"), (budget, "1 year")],
+    [
+        (accuracy, "five"),
+        (accuracy, "500%"),
+        (budget, "10"),
+        (budget, "0min"),
+        (budget, "1 year"),
+        (accuracy, "0.0.5"),
+        (budget, ".min"),
+    ],
 )
 def test_what_is_no_accuracy_or_time_is_refused(ask, text):
     with pytest.raises(StageError, match="give a"):
@@ -100,6 +108,23 @@ def results() -> pd.DataFrame:
         }
     )  # fmt: skip
     return pd.concat([flow, piv], ignore_index=True)
+
+
+def test_the_best_runs_own_error_is_extrapolated_from_the_next_level():
+    table = pd.DataFrame(
+        {
+            "model": "half", "cells": [800.0, 100.0, 400.0, 50.0], "error_circulation": [np.nan, 0.12, 0.01, 0.3],
+            "error_centre": 0.0, "error_velocity": 0.0, "error_force": 0.0, "error_centre_mm": 0.3, "error": [np.nan, 0.12, 0.01, 0.3],
+        },
+        index=["medium", "coarse", "coarse_dt", "draft"],
+    )  # fmt: skip
+    runs = [
+        {"run": run, "until": "vortices_cfd", "overrides": {"numerics.time_step": 1e-3} if run == "coarse_dt" else {}}
+        for run in table.index
+    ]  # fmt: skip
+    # cells of half the size: a quarter of the error, so a third of the difference
+    assert own_errors(table, runs, "medium")["error"] == pytest.approx(0.04)
+    assert own_errors(table, runs[:1], "medium") == {}
 
 
 def test_page_figure_and_results_that_can_be_chosen_from(tmp_path):

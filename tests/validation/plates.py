@@ -14,6 +14,8 @@ from tests.validation.checks import Check, Result
 from tests.validation.solve import provenance, reference
 
 REACH = 4.0  # distances of the core from the edge within which its vortex is looked for
+LARGEST = 0.15  # chords from the edge within which the core is looked for at the last instant
+GROWTH = 1.1  # the core may have been so much farther out at the instant before: only there it is looked for
 CORE_PART = 0.3  # of that distance: radius in which the least pressure is fitted
 LEAST_VORTICITY = (
     0.5  # mean speed so far / chord: below it lies what the coarse far mesh makes of a potential flow
@@ -72,8 +74,8 @@ def lowest(points: np.ndarray, pressure: np.ndarray, edge: np.ndarray) -> np.nda
     return first + step if np.hypot(*step) < radius else first
 
 
-def shed(scene: Scene, time: float, way: float, sheet: Path, wall: Path) -> Shed:
-    """Vorticity of the right edge's sign behind the plate, outboard of where the flow reattaches."""
+def shed(scene: Scene, time: float, way: float, sheet: Path, wall: Path, within: float) -> Shed:
+    """Vorticity of the right edge's sign behind the plate, outboard of where the flow reattaches; its core is `within` m of the edge."""
     body = scene.body
     assert body is not None
     assert body.chord is not None
@@ -85,7 +87,8 @@ def shed(scene: Scene, time: float, way: float, sheet: Path, wall: Path) -> Shed
     distance = np.hypot(*(centres[:, :2] - edge).T)
     behind = centres[:, 1] < y
     away = behind & (centres[:, 0] > 0) & (y - centres[:, 1] > 2 * body.thickness) & (omega < 0)
-    core = lowest(centres[away, :2], pressure[away], edge)
+    near = away & (distance < within)
+    core = lowest(centres[near, :2], pressure[near], edge)
     reach = REACH * float(np.hypot(*(core - edge)))
     least = LEAST_VORTICITY * way / (time * body.chord)
     mine = behind & (distance < reach) & (centres[:, 0] > inner) & (omega < -least)
@@ -97,15 +100,22 @@ def shed(scene: Scene, time: float, way: float, sheet: Path, wall: Path) -> Shed
 
 def history(scene: Scene, case: Path) -> list[Shed]:
     """Every picture of the sheet after the smooth start."""
-    law = scene.motion.displacement
+    law, body = scene.motion.displacement, scene.body
     assert law is not None
+    assert body is not None
+    assert body.chord is not None
     path = travelled(law, scene.motion.end_time)
     folder = case / "postProcessing"
     found = sorted((float(f.name), f / "sheet.vtk") for f in (folder / "sheetSurface").glob("*"))
-    return [
-        shed(scene, t, float(np.interp(t, path.time, path.way)), file, folder / "fingerSurface" / file.parent.name / "finger.vtk")
-        for t, file in found if t > law.start + 1.5 * law.smoothing
-    ]  # fmt: skip
+    rows: list[Shed] = []
+    within = LARGEST * body.chord
+    # from the last to the first: the least pressure behind an accelerated plate is at its middle, where the vortex is small
+    for t, file in reversed(found):
+        if t > law.start + 1.5 * law.smoothing:
+            wall = folder / "fingerSurface" / file.parent.name / "finger.vtk"
+            rows.append(shed(scene, t, float(np.interp(t, path.time, path.way)), file, wall, within))
+            within = GROWTH * float(np.hypot(*rows[-1].core))
+    return rows[::-1]
 
 
 def measure(scene: Scene) -> Result:

@@ -1,0 +1,75 @@
+"""Structures shorter than the window, measured again in half of it on vectors twice as dense.
+
+What cells two apart have in common after the last step tells where the window does not follow the flow. A narrower
+window is noisier, so it is used there only; vectors as dense as it needs warp the images along the structure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from piv.deform import Image, Nodes
+from piv.interpolate import denser
+from piv.options import Options
+from piv.outliers import fill_absent
+from piv.passes import Vectors, measure, pair_cells
+from piv.uncertainty import Errors
+
+COARSE = 0.5  # times the noise's variance: what a window misses at least where a narrower one takes over
+LEAST = 0.15  # px: less is not worth the steps
+STEPS = 4
+UNSURE = 0.2  # px: with a larger standard uncertainty half a pixel is not unlikely, and such a vector is an outlier
+OVERLAP = 5  # nodes across: windows that overlap by half the one that is too wide
+
+
+def too_coarse(v: Vectors, errors: Errors) -> np.ndarray:
+    """Vectors (bool) whose window misses so much displacement that a narrower one, noisier, errs less."""
+    noise, missed = errors.var_x + errors.var_y, errors.missed_x + errors.missed_y
+    found = v.known & (missed > np.maximum(COARSE * noise, LEAST**2))
+    around = cv2.dilate(found.astype(np.uint8), np.ones((OVERLAP, OVERLAP), np.uint8))
+    return around.astype(bool) & ~v.masked
+
+
+def measure_finer(
+    nodes: Nodes, images: list[Image], v: Vectors, fine: np.ndarray, options: Options, work: np.ndarray
+) -> Vectors:
+    """Vectors at the nodes, those marked `fine` (bool) measured in the narrow window; others serve for warping only.
+
+    images: both at full resolution, filtered; work: as of passes.pair_cells.
+    """
+    dense = Nodes(_halved(nodes.x), _halved(nodes.y), nodes.shape, 1)
+    dx, dy = (denser(d) for d in fill_absent(v.dx, v.dy, v.known))
+    marked = denser(fine.astype(np.float32)) > 0
+    for _ in range(STEPS):
+        cells = pair_cells(dense, images[0], images[1], dx, dy, work)
+        new = measure(dense, cells, dx, dy, options.sigma, options, options.epsilon, marked)
+        dx, dy = fill_absent(new.dx, new.dy, new.known)
+    every = {
+        name: getattr(new, name)[..., ::2, ::2]
+        for name in (
+            "dx",
+            "dy",
+            "known",
+            "masked",
+            "second",
+            "correlation",
+            "step_x",
+            "step_y",
+            "sums",
+            "visible",
+        )
+    }
+    return replace(new, **every, fine=fine)
+
+
+def unsure(fine: np.ndarray, errors: Errors) -> np.ndarray:
+    """Of the `fine` vectors those (bool) that the narrow window does not follow either."""
+    worst = np.maximum(errors.var_x + errors.missed_x, errors.var_y + errors.missed_y)
+    return fine & (worst > UNSURE**2)
+
+
+def _halved(axis: np.ndarray) -> np.ndarray:
+    return np.linspace(axis[0], axis[-1], 2 * axis.size - 1)
