@@ -14,7 +14,7 @@ import xarray as xr
 from piv.errors import one_line
 from piv.hdf5_check import check_walkable
 from piv.images import natural_key
-from piv.plane import FORMAT, check_plane, make_plane, read_plane, write_plane
+from piv.plane import FORMAT, check_plane, make_plane, read_checked_plane, write_plane
 from piv.vector_files import (
     Vectors,
     guess_format,
@@ -158,7 +158,7 @@ def read_vectors(
 
 def _read_nc_or_plane(path: Path) -> xr.Dataset:
     if path.suffix.lower() != ".nc":
-        return read_plane(path)
+        return read_checked_plane(path)
     check_walkable(path)
     try:
         data = xr.open_dataset(path, engine="h5netcdf")
@@ -168,9 +168,13 @@ def _read_nc_or_plane(path: Path) -> xr.Dataset:
         raise ValueError(f"{path}: not a readable netCDF-4 file ({one_line(error)})") from error
     if data.attrs.get("format") == FORMAT and "t" in data.dims:
         back = data.rename(t="time").transpose("time", "y", "x").rename(chc="valid")
-        check_plane(back)
+        try:
+            check_plane(back)
+        except Exception as error:  # of damaged data h5py raises more than one kind
+            data.close()
+            raise ValueError(f"{path}: {one_line(error, 300)}") from error
         return back
-    return read_plane(path)
+    return read_checked_plane(path)
 
 
 def write_vectors(plane: xr.Dataset, path: str | Path) -> list[Path]:

@@ -21,7 +21,9 @@ from piv.uncertainty import Errors
 COARSE = 0.5  # times the noise's variance: what a window misses at least where a narrower one takes over
 LEAST = 0.15  # px: less is not worth the steps
 STEPS = 4
-UNSURE = 0.2  # px: with a larger standard uncertainty half a pixel is not unlikely, and such a vector is an outlier
+UNSURE = (
+    0.25  # px: with a larger standard uncertainty an error of half a pixel is not unlikely (5 %): an outlier
+)
 OVERLAP = 5  # nodes across: windows that overlap by half the one that is too wide
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 PRESETS = {  # Newton steps at half and at full resolution; how often the frequency weights are measured
     "fast": (2, 2, 1),
-    "balanced": (2, 3, 1),
+    "balanced": (3, 3, 1),
     "accurate": (4, 6, 2),
 }
 METHODS = ("correlation", "preview")

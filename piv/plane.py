@@ -36,6 +36,7 @@ UNITS = {
     "dorsal_direction": "1",
     "bend": "rad",
 }
+BLOCK = 2**18  # vectors looked at at once
 FINGER_VARIABLES = ("outline", "outline_velocity", "tip", "tip_direction", "dorsal_direction", "bend")
 
 
@@ -107,9 +108,25 @@ def check_plane(plane: xr.Dataset) -> None:
             )
         if np.ptp(np.diff(c)) > 1e-6 * (c[-1] - c[0]):
             raise ValueError(f"axis {axis!r} of a plane must be regularly spaced")
-    absent = ~(np.isfinite(plane["u"].values) & np.isfinite(plane["v"].values))
-    if np.any(absent & (plane["valid"].values != 0)):
-        raise ValueError("a plane has vectors marked valid whose u or v is not finite")
+    check_vectors(plane)
+
+
+def check_vectors(plane: xr.Dataset) -> None:
+    """ValueError where a vector marked valid is no number; a series that is not in memory is read a block at a time."""
+    u, v, valid = (plane[name].variable for name in ("u", "v", "valid"))
+    if not (u.dims == v.dims == valid.dims and u.dims in (("y", "x"), ("time", "y", "x"))):
+        dims = ", ".join(f"{n} over {a.dims}" for n, a in (("u", u), ("v", v), ("valid", valid)))
+        raise ValueError(f"u, v and valid of a plane are over (y, x) or (time, y, x), not {dims}")
+    series = u.ndim == 3
+    step = max(1, BLOCK // max(1, u.shape[-1] * u.shape[-2]))
+    for k in range(0, u.shape[0], step) if series else (0,):
+        # one instant as it is: what is read of it stays for the caller
+        a, b, good = (f[k : k + step].values if series else f.values for f in (u, v, valid))
+        wrong = ~(np.isfinite(a) & np.isfinite(b)) & (good != 0)
+        if wrong.any():
+            instant = k + int(np.argmax(wrong.any(axis=(1, 2)))) if series else 0
+            when = f" at {plane['time'].values.flat[instant]:g} s" if "time" in plane.coords else ""
+            raise ValueError(f"a plane has vectors marked valid{when} whose u or v is not finite")
 
 
 def write_plane(plane: xr.Dataset, path: str | Path, **attrs: Any) -> None:
@@ -136,4 +153,19 @@ def read_plane(path: str | Path) -> xr.Dataset:
         raise ValueError(f"{path}: format is {plane.attrs.get('format')!r}, expected {FORMAT!r}")
     if int(plane.attrs.get("format_version", 0)) > FORMAT_VERSION:
         raise ValueError(f"{path}: written by a newer version of this project; update it to read the file")
+    return plane
+
+
+def read_checked_plane(path: str | Path) -> xr.Dataset:
+    """`read_plane` of a file that may be another program's: its grid and every vector are looked at, block by block.
+
+    That reads the file once more: what goes through a long series once anyway opens it with `read_plane` and calls
+    `check_vectors` on each instant.
+    """
+    plane = read_plane(path)
+    try:
+        check_plane(plane)
+    except Exception as error:  # of damaged data h5py raises more than one kind
+        plane.close()
+        raise ValueError(f"{path}: {one_line(error, 300)}") from error
     return plane

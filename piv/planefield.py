@@ -12,6 +12,8 @@ import xarray as xr
 from scipy import ndimage
 from scipy.spatial import KDTree
 
+from piv.plane import check_vectors
+
 CACHED_PLANES = 6
 CACHED_INSTANTS = (
     3  # a step's end is the next one's beginning, and both its truth and its speed are asked for too
@@ -45,6 +47,7 @@ class PlaneField:
         """Spline coefficients (y, x, component u v w dwdz) of instant `i`, with one mirrored node more on every side."""
         if i not in self._cache:
             now = self.series.isel(time=i)
+            check_vectors(now)
             valid = now["valid"].values != 0
             if not valid.any():
                 raise ValueError(f"the plane at time {self.time[i]:g} s has no valid vector")

@@ -104,7 +104,9 @@ def radial_spectra(powers: list[Powers]):
         return None
     bins = np.rint(radial_frequency() * TILE).astype(int).ravel()
     count = np.bincount(bins)
-    signal, noise = (np.bincount(bins, sum(p[k] for p in powers).ravel()) / count for k in (0, 1))
+    signal, noise = (
+        np.bincount(bins, np.sum([p[k] for p in powers], axis=0).ravel()) / count for k in (0, 1)
+    )
     return np.arange(count.size) / TILE, signal, noise
 
 

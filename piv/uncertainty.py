@@ -35,7 +35,8 @@ class Errors(NamedTuple):
 
     def of_narrow(self, where: np.ndarray) -> Errors:
         """At `where` those of the narrow window: of fewer particles, so the noise's variance goes with its area."""
-        return self.replaced(where, Errors(*(v / NARROW**2 for v in self[:2]), *self[2:]))
+        x, y = self.var_x / NARROW**2, self.var_y / NARROW**2
+        return self.replaced(where, Errors(x, y, self.missed_x, self.missed_y))
 
 
 def errors_of(nodes: Nodes, v: Vectors, options: Options) -> Errors:

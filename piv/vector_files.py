@@ -7,6 +7,7 @@ states none. `piv.exchange.to_plane` asks for what is missing.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,12 @@ from scipy.io import loadmat
 from piv.davis import read_buffer
 from piv.errors import one_line
 from piv.hdf5_check import check_walkable
+from piv.mat_check import check_mat
 
 READERS = ("openpiv", "pivlab", "tecplot", "davis", "csv", "plane")
+PIVLAB_NAMES = (
+    "x", "y", "units", "u_original", "v_original", "typevector_original", "u_filtered", "v_filtered", "typevector_filtered",
+)  # fmt: skip
 
 
 @dataclass
@@ -201,11 +206,14 @@ def pivlab_frames(path: Path) -> int:
         raise FileNotFoundError(f"{path}: no such file")
     try:
         if h5py.is_hdf5(path):
+            check_walkable(path)
             with h5py.File(path, "r") as file:
                 return file["x"].size if file["x"].dtype == h5py.ref_dtype else 1
-        x = loadmat(path)["x"]
-    except Exception as error:  # scipy's reader raises whatever its parts raise on foreign bytes
-        raise ValueError(f"{path}: not a .mat export of PIVlab ({error})") from error
+        x = _load_mat5(path, ["x"])["x"]
+    except Exception as error:  # h5py's and scipy's readers raise whatever their parts raise on foreign bytes
+        if str(error).startswith(f"{path}: "):
+            raise
+        raise ValueError(f"{path}: not a .mat export of PIVlab ({one_line(error)})") from error
     return x.size if x.dtype == object else 1
 
 
@@ -243,8 +251,8 @@ def _pivlab_mat(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], tuple[s
                 f"{path}: damaged, or not a .mat export of PIVlab ({one_line(error)})"
             ) from error
         return data, _two_units(units_text)
+    mat = _load_mat5(path, PIVLAB_NAMES)
     try:
-        mat: dict[str, Any] = loadmat(path)
         get = lambda n: np.ravel(mat[n])[frame] if mat[n].dtype == object else mat[n]  # noqa: E731
         names = set(mat)
         units_text = str(np.ravel(mat["units"])[0]) if "units" in mat else ""
@@ -258,6 +266,17 @@ def _pivlab_mat(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], tuple[s
     except Exception as error:  # scipy's reader raises whatever its parts raise on foreign bytes
         raise ValueError(f"{path}: not a .mat export of PIVlab ({one_line(error)})") from error
     return data, _two_units(units_text)
+
+
+def _load_mat5(path: Path, names: Sequence[str]) -> dict[str, Any]:
+    """Those of the variables `names` that a MAT 5 file holds; ValueError where it is damaged or another format."""
+    try:
+        found: dict[str, Any] = loadmat(path, variable_names=check_mat(path, names))
+    except Exception as error:  # scipy's reader raises whatever its parts raise on foreign bytes
+        if str(error).startswith(f"{path}: "):
+            raise
+        raise ValueError(f"{path}: not a .mat export of PIVlab ({one_line(error)})") from error
+    return found
 
 
 def _two_units(text: str) -> tuple[str, str] | None:

@@ -16,7 +16,7 @@ import pandas as pd
 import xarray as xr
 from tqdm import tqdm
 
-from piv.plane import FINGER_VARIABLES, provenance
+from piv.plane import FINGER_VARIABLES, check_vectors, provenance
 from piv.tip_frame import place_at_tip
 from piv.tracking import Tracker, TrackingSettings
 from piv.vortices import Vortex, VortexSettings, find_vortices
@@ -107,7 +107,9 @@ def _found(
 
 
 def _plane(series: xr.Dataset, i: int | None) -> xr.Dataset:
-    return (series if i is None else series.isel(time=i)).load()
+    plane = (series if i is None else series.isel(time=i)).load()
+    check_vectors(plane)
+    return plane
 
 
 def write_vortices(table: pd.DataFrame, path: str | Path, **settings: Any) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from tqdm import tqdm
 
 from piv.commands.plot import add_style
-from piv.plane import read_plane
+from piv.plane import read_checked_plane
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> None:
         raise ValueError(f"{args.output}: an animation is .mp4 or .gif")
     if args.every < 1 or not args.fps > 0:
         raise ValueError("--every must be at least 1 and --fps positive")
-    with read_plane(args.plane) as planes:
+    with read_checked_plane(args.plane) as planes:
         if "time" not in planes.dims:
             raise ValueError(f"{args.plane}: a single instant; use 'python -m piv plot'")
         chosen = range(0, planes.sizes["time"], args.every)

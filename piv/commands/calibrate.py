@@ -18,7 +18,7 @@ from piv.calibrate import (
     save_calibration,
 )
 from piv.images import open_recording
-from piv.plane import read_plane, write_plane
+from piv.plane import read_checked_plane, write_plane
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -113,7 +113,7 @@ def _apply(args: argparse.Namespace) -> None:
         return
     if args.interval is None:
         raise ValueError("--vectors needs --interval, the time between the exposures of a pair in s")
-    with read_plane(args.vectors) as plane:
+    with read_checked_plane(args.vectors) as plane:
         if plane["x"].attrs.get("units") != "px":
             raise ValueError(
                 f"{args.vectors}: x is in {plane['x'].attrs.get('units')!r}, a calibration wants px"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from piv.plane import read_plane
+from piv.plane import read_checked_plane
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> None:
 
     if args.output.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise ValueError(f"{args.output}: a picture is .png, .pdf or .svg")
-    with read_plane(args.plane) as planes:
+    with read_checked_plane(args.plane) as planes:
         plane, time = planes, None
         if "time" in planes.dims:
             times = planes["time"].values

@@ -28,7 +28,7 @@ from piv.calibrate import load_calibration
 from piv.exchange import read_vectors, write_vectors
 from piv.images import open_recording
 from piv.masks import read_mask
-from piv.plane import make_plane, read_plane
+from piv.plane import make_plane, read_checked_plane
 from piv.recording import RecordingWriter
 from piv.settings import merged
 
@@ -401,7 +401,7 @@ TARGETS = [
     Target("pivlab.txt", use_vectors, pivlab_seeds),
     Target("pivlab.mat", use_vectors, mat_seeds),
     Target("davis.vc7", use_vectors, davis_seeds, costs=20),
-    Target("plane.h5", lambda p: use_plane(read_plane(p).load(), p), partial(written, ".h5")),
+    Target("plane.h5", lambda p: use_plane(read_checked_plane(p).load(), p), partial(written, ".h5")),
     Target("scene.toml", lambda p: load_scene(p.parent), lambda _: [SCENE.encode()], STAGE),
     Target("states.h5", use_states, states_seeds, STAGE),
     Target("states.csv", use_states, states_csv_seeds, STAGE),

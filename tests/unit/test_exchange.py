@@ -286,3 +286,33 @@ def test_commands(tmp_path, capsys):
     np.testing.assert_allclose(metres["u"], pixels["u"] * 1e-4 / 0.002)
     np.testing.assert_allclose(metres["x"], (pixels["x"] - 10) * 1e-4)
     assert json.loads(metres.attrs["calibration"])["scale_m_per_px"] == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize("suffix", ["h5", "nc", "csv"])
+def test_a_valid_vector_that_is_no_number_is_refused(tmp_path, suffix, capsys, monkeypatch):
+    """Also deep in a series, which is looked at block by block."""
+    from piv import plane as module
+    from piv.__main__ import main
+
+    monkeypatch.setattr(module, "BLOCK", 70)  # two instants
+    series, path = make(np.arange(5) / 500), tmp_path / f"a.{suffix}"
+    series["u"][3, 2, 1], series["valid"][3, 2, 1] = np.nan, 1
+    with monkeypatch.context() as unchecked:
+        for name in ("piv.plane.check_plane", "piv.exchange.check_plane"):
+            unchecked.setattr(name, lambda _: None)
+        write_vectors(series, path)
+    says = "a plane has vectors marked valid at 0.006 s whose u or v is not finite"
+    with pytest.raises(ValueError, match=says):
+        read_vectors([path])
+    commands = [["convert", str(path), "-o", str(tmp_path / "b.csv")]]
+    if suffix == "h5":
+        commands += [
+            ["vortices", str(path), "-o", str(tmp_path / "b.csv")],
+            ["plot", str(path), "-o", str(tmp_path / "b.png")],
+        ]
+    for command in commands:
+        assert main([*command, "--quiet"]) == 2
+        error = capsys.readouterr().err
+        assert says in error
+        assert error.count("\n") == 1
+    assert not (tmp_path / "b.csv").exists()
