@@ -22,6 +22,7 @@ from scipy.interpolate import RegularGridInterpolator
 from piv.images import row_to_y_px
 from piv.plane import make_plane
 
+DISTORTION_COUNTS = (4, 5, 8, 12, 14)  # that OpenCV knows
 MODELS_HELP = "distortion model: standard (5 coefficients) or rational (8, for very wide lenses)"
 FORMAT = "piv-calibration"
 FORMAT_VERSION = 1
@@ -175,6 +176,9 @@ def load_calibration(path: str | Path) -> Calibration:
             raise ValueError("written by a newer version of this project")
         lens = whole.get("lens")
         if lens is not None:
+            count = np.size(lens["distortion"])
+            if count not in DISTORTION_COUNTS:
+                raise ValueError(f"a lens has 4, 5, 8, 12 or 14 distortion coefficients, not {count}")
             lens = Lens(
                 (int(lens["size_px"][0]), int(lens["size_px"][1])),
                 np.array(lens["camera_matrix"], float).reshape(3, 3),

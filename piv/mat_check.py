@@ -65,7 +65,7 @@ class _Inflated(io.RawIOBase):
     def readable(self) -> bool:
         return True
 
-    def readinto(self, into) -> int:  # type: ignore[no-untyped-def]
+    def readinto(self, into) -> int:
         while not self.zlib.eof:
             more = self.zlib.unconsumed_tail
             if not more and self.left:
@@ -138,7 +138,7 @@ def _check_variable(file: BinaryIO, size: int, order: str, wanted: Collection[st
     behind = file.tell() + count
     if kind == COMPRESSED:
         inside = io.BufferedReader(_Inflated(file, count), CHUNK)
-        elements = _Elements(inside, order, LARGEST)  # type: ignore[arg-type]
+        elements = _Elements(inside, order, LARGEST)
         kind, count = elements.full_tag()
     else:
         elements = _Elements(file, order, count)

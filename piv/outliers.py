@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 SUPPORT = 0.5  # share of the neighbours that must have passed
+RARE = 0.2  # share of all vectors: where fewer have passed, those of doubtful correlation did so by chance
 SUPPORT_ROUNDS = 4  # each takes away what the one before has left alone
 
 
@@ -101,7 +102,8 @@ def supported(known, masked, correlation, *, doubtful: float, across: int):
     open_water = cv2.blur((~masked).astype(np.float32), box, borderType=border)
     for _ in range(SUPPORT_ROUNDS):
         share = cv2.blur((known & ~masked).astype(np.float32), box, borderType=border)
-        alone = known & (correlation < doubtful) & (share < SUPPORT * open_water)
+        rare = (known & ~masked).sum() < RARE * (~masked).sum()
+        alone = known & (correlation < doubtful) & (rare | (share < SUPPORT * open_water))
         if not alone.any():
             break
         known = known & ~alone

@@ -85,7 +85,7 @@ CELLS = {"name": b"x", "kind": CELL, "shape": (1, 1)}
 
 
 @pytest.mark.parametrize(
-    ("variable", "says"),
+    "variable, says",
     [
         (matrix(numbers(), name=b"x", shape=(2, 4)), "48 bytes of data type 9 do not make 2 x 4 numbers"),
         (matrix(numbers(), name=b"x", shape=(-2, -3)), "dimensions -2 x -3"),
