@@ -8,7 +8,7 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
-from piv.errors import sentence
+from piv.errors import end_without_hdf5, sentence
 from piv.exclusive import exclusive
 
 COMMANDS = {
@@ -44,6 +44,7 @@ def main(argv: list[str] | None = None) -> int:
         if message is None:
             raise
         print(f"piv {args.command}: {message}", file=sys.stderr)
+        end_without_hdf5(error, 2)
         return 2
     except KeyboardInterrupt:
         print(f"piv {args.command}: interrupted; finished frames are kept", file=sys.stderr)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import errno
 import os
 import re
+import sys
 
+FULL = (errno.ENOSPC, errno.EDQUOT)
 ADVICE = {
     errno.ENOSPC: "free some of the disk, then run it again: what is finished is kept",
     errno.EDQUOT: "free some of your quota, then run it again: what is finished is kept",
@@ -21,15 +24,37 @@ def one_line(error: BaseException, longest: int = 80) -> str:
     return " ".join(text.split())[:longest] or type(error).__name__
 
 
+def system_error(error: BaseException) -> int | None:
+    """Number of the system's error that an exception carries, or that HDF5 says in its text."""
+    if isinstance(error, OSError) and error.errno is not None:
+        return error.errno
+    named = re.search(r"errno = (\d+)", str(error))
+    return int(named.group(1)) if named else None
+
+
+def end_without_hdf5(error: BaseException, code: int) -> None:
+    """Where the disk is full, let this process end with `code` before HDF5 cleans up: on what it cannot write it crashes.
+
+    To be called once the error has been told; what the open files say when they are let go is not.
+    """
+    if system_error(error) in FULL:
+        sys.unraisablehook = lambda _: None
+        atexit.register(_end, code)
+
+
+def _end(code: int) -> None:
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
 def sentence(error: BaseException) -> str | None:
     """One sentence for a failure that the machine or the input causes; None for one that is the program's own.
 
     HDF5 reports a full disk as OSError, RuntimeError or ValueError with the number of the system's error in the text.
     """
-    number = error.errno if isinstance(error, OSError) else None
-    named = re.search(r"errno = (\d+)", str(error))
-    if number is None and named:
-        number = int(named.group(1))
+    number = system_error(error)
+    named = "errno = " in str(error)
     file = error.filename if isinstance(error, OSError) and error.filename else None
     if file is None and (found := re.search(r"name = '([^']*)'", str(error))):
         file = found.group(1)

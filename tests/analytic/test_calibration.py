@@ -1,5 +1,6 @@
 """Calibration against targets drawn with exactly known lenses, and against a real ChArUco recording."""
 
+import json
 import os
 from pathlib import Path
 
@@ -153,6 +154,12 @@ def test_file_round_trip_and_foreign_files(calibrated, tmp_path):
         (tmp_path / "bad.json").write_text(text)
         with pytest.raises(ValueError, match="not a calibration file"):
             load_calibration(tmp_path / "bad.json")
+
+    whole = json.loads((tmp_path / "c.json").read_text())
+    whole["lens"]["distortion"] = [0.1, 0.0]
+    (tmp_path / "bad.json").write_text(json.dumps(whole))
+    with pytest.raises(ValueError, match="4, 5, 8, 12 or 14 distortion coefficients, not 2"):
+        load_calibration(tmp_path / "bad.json")
 
 
 @given(scale=st.floats(1e-6, 1e-2), x=st.floats(-1e4, 1e4), y=st.floats(-1e4, 1e4))
