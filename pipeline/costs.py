@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from piv.errors import sentence
+
 
 @dataclass(frozen=True)
 class Spent:
@@ -57,7 +59,11 @@ def main(argv: list[str]) -> int:
     code = subprocess.run(argv[2:]).returncode
     if code == 0:
         path = Path(argv[0])
-        record_cost(path, path.stem, time.monotonic() - begin)
+        try:
+            record_cost(path, path.stem, time.monotonic() - begin)
+        except OSError as error:
+            print(f"costs: {sentence(error)}", file=sys.stderr)
+            return 2
     return code
 
 

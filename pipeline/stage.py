@@ -17,7 +17,7 @@ import xarray as xr
 from pipeline.costs import NOTHING, record_cost
 from pipeline.errors import StageError
 from pipeline.scene import Scene, load_scene
-from piv.errors import end_without_hdf5, one_line, sentence
+from piv.errors import end_if_full, one_line, sentence
 from piv.exclusive import exclusive
 from piv.hdf5_check import check_walkable
 
@@ -47,11 +47,11 @@ def guarded(stage: str, action: Callable[[], Any]) -> None:
         print(f"{stage}: {error}", file=sys.stderr)
         sys.exit(2)
     except Exception as error:
+        end_if_full(error, stage)
         message = sentence(error) if isinstance(error, OSError | RuntimeError | MemoryError) else None
         if message is None:
             raise
         print(f"{stage}: {message}", file=sys.stderr)
-        end_without_hdf5(error, 2)
         sys.exit(2)
     except KeyboardInterrupt:
         print(f"{stage}: interrupted; run make again to go on", file=sys.stderr)

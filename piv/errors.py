@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import errno
 import os
 import re
@@ -32,20 +31,26 @@ def system_error(error: BaseException) -> int | None:
     return int(named.group(1)) if named else None
 
 
-def end_without_hdf5(error: BaseException, code: int) -> None:
-    """Where the disk is full, let this process end with `code` before HDF5 cleans up: on what it cannot write it crashes.
+def disk_full(error: BaseException) -> BaseException | None:
+    """The error that said so first, where an error comes from a full disk: closing the file afterwards raises others."""
+    found: BaseException | None = None
+    at: BaseException | None = error
+    while at is not None:
+        if system_error(at) in FULL:
+            found = at
+        at = at.__cause__ or at.__context__
+    return found
 
-    To be called once the error has been told; what the open files say when they are let go is not.
+
+def end_if_full(error: BaseException, told: str) -> None:
+    """Where the disk is full, say so (after `told`, the command's name) and end this process at once with exit code 2.
+
+    Whatever lets the open files go, HDF5's own clean-up as well, crashes on what it cannot write. Locks end with the process.
     """
-    if system_error(error) in FULL:
-        sys.unraisablehook = lambda _: None
-        atexit.register(_end, code)
-
-
-def _end(code: int) -> None:
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)
+    full = disk_full(error)
+    if full is not None:
+        print(f"{told}: {sentence(full)}", file=sys.stderr, flush=True)
+        os._exit(2)
 
 
 def sentence(error: BaseException) -> str | None:
