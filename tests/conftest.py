@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from pipeline import case, kinematics, mesh
 from pipeline.scene import Scene, load_scene
 
 ROOT = Path(__file__).resolve().parent.parent
+
+# no test is timed: an example that takes a fifth of a second on a busy machine is no fault
+hypothesis.settings.register_profile("untimed", deadline=None)
+hypothesis.settings.load_profile("untimed")
 
 TINY = """
 extends = "{parent}"
