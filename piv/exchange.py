@@ -14,7 +14,7 @@ import xarray as xr
 from piv.errors import one_line
 from piv.hdf5_check import check_walkable
 from piv.images import natural_key
-from piv.plane import FORMAT, check_plane, make_plane, read_checked_plane, write_plane
+from piv.plane import FORMAT, check_plane, checked, make_plane, read_checked_plane, write_plane
 from piv.vector_files import (
     Vectors,
     guess_format,
@@ -168,12 +168,8 @@ def _read_nc_or_plane(path: Path) -> xr.Dataset:
         raise ValueError(f"{path}: not a readable netCDF-4 file ({one_line(error)})") from error
     if data.attrs.get("format") == FORMAT and "t" in data.dims:
         back = data.rename(t="time").transpose("time", "y", "x").rename(chc="valid")
-        try:
-            check_plane(back)
-        except Exception as error:  # of damaged data h5py raises more than one kind
-            data.close()
-            raise ValueError(f"{path}: {one_line(error, 300)}") from error
-        return back
+        back.set_close(data.close)
+        return checked(back, path)
     return read_checked_plane(path)
 
 

@@ -6,7 +6,7 @@ window is noisier, so it is used there only; vectors as dense as it needs warp t
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import cv2
 import numpy as np
@@ -49,21 +49,8 @@ def measure_finer(
         cells = pair_cells(dense, images[0], images[1], dx, dy, work)
         new = measure(dense, cells, dx, dy, options.sigma, options, options.epsilon, marked)
         dx, dy = fill_absent(new.dx, new.dy, new.known)
-    every = {
-        name: getattr(new, name)[..., ::2, ::2]
-        for name in (
-            "dx",
-            "dy",
-            "known",
-            "masked",
-            "second",
-            "correlation",
-            "step_x",
-            "step_y",
-            "sums",
-            "visible",
-        )
-    }
+    nodal = [f.name for f in fields(new) if f.name not in ("cells", "fine", "narrow")]
+    every = {name: getattr(new, name)[..., ::2, ::2] for name in nodal}
     return replace(new, **every, fine=fine)
 
 

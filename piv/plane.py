@@ -162,7 +162,11 @@ def read_checked_plane(path: str | Path) -> xr.Dataset:
     That reads the file once more: what goes through a long series once anyway opens it with `read_plane` and calls
     `check_vectors` on each instant.
     """
-    plane = read_plane(path)
+    return checked(read_plane(path), path)
+
+
+def checked(plane: xr.Dataset, path: str | Path) -> xr.Dataset:
+    """The plane as it is, after `check_plane`; where that refuses it, it is closed and the ValueError names the file."""
     try:
         check_plane(plane)
     except Exception as error:  # of damaged data h5py raises more than one kind

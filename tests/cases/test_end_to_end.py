@@ -156,8 +156,12 @@ def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
         assert checks[name]["met"], (name, checks[name]["measured"], checks[name]["notes"])
     assert checks["pair-tracked"]["measured"]["cfd"] == 1.0
     assert checks["pair-equal"]["measured"]["cfd"] < 1e-6
-    # two to four instants only, each with a standard error of 12 to 21 %: seeds and machines scatter from 3 to 10 %
-    assert checks["pair-equal"]["measured"]["piv"] < 0.20
+    # PIV of two separately seeded halves: 0.1 to 1.6 % over six seeds. The finding's own RMS is of two to four young instants here, each
+    # with a standard error of 12 to 21 %, and scatters from 1 to 10 %
+    pairs = np.genfromtxt(pinch / "pairs_piv.csv", delimiter=",", names=True)
+    left, right = pairs["circulation_0"], pairs["circulation_1"]
+    assert len(pairs) > 5
+    assert abs((left + right).mean()) < 0.05 * 0.5 * (np.abs(left) + np.abs(right)).mean()
     assert checks["pair-mirrored"]["measured"]["cfd"] < 1e-9
     assert checks["pair-mirrored"]["measured"]["piv"] < 1e-3
     assert checks["contact-descent-left"]["measured"]["cfd"] == pytest.approx(

@@ -46,7 +46,7 @@ PRODUCTS = {
     "compare": ("comparison.json", "comparison.csv"),
     "report": ("report.html", "figures/figures.json"),
 }
-SOLVER_TOLERANCE = 1e-5  # of the largest value in a column: a resumed solver may take a cycle more (4e-6)
+SOLVER_TOLERANCE = 1e-6  # of the largest value in a column: a resumed run repeats the forces to nine digits
 
 
 def copy_project(folder: Path) -> Path:
