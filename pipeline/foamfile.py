@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import StageError
+from piv.whole_file import write_bytes
 
 ARCH = "LSB;label=32;scalar=64"
 END = b"\n\n// ************************************************************************* //\n"
@@ -31,16 +32,6 @@ def binary_list(values: np.ndarray) -> bytes:
     """A List in OpenFOAM's binary form: size, then raw bytes in brackets; ints become 32-bit labels."""
     values = np.ascontiguousarray(values, "<i4" if values.dtype.kind in "iu" else "<f8")
     return b"%d\n(" % len(values) + values.tobytes() + b")"
-
-
-def write_bytes(path: Path, content: bytes, compress: bool = False) -> None:
-    """Write a file whole or not at all; gzipped as `<path>.gz` where asked."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if compress:
-        path, content = path.with_name(path.name + ".gz"), gzip.compress(content, compresslevel=1, mtime=0)
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(content)
-    os.replace(part, path)
 
 
 def write_list(path: Path, foam_class: str, location: str, *lists: np.ndarray, note: str = "") -> None:

@@ -22,7 +22,9 @@ from pipeline.scene_picture import Camera
 from pipeline.stage import guarded, parser, read_dataset, timed, versions
 from piv.errors import one_line
 from piv.exclusive import exclusive
+from piv.hdf5_disk import Disk
 from piv.plane import FORMAT, FORMAT_VERSION, UNITS
+from piv.whole_file import whole
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
 ODD = ("u",)  # across the plane x = 0 between two fingers; the other fields are even
@@ -186,8 +188,7 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path 
     count = len(sampled_planes(scene.out / "case", read_legs(scene.out)))
     path = path or scene.out / "sheet.h5"
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    with h5netcdf.File(part, "w") as file:
+    with whole(path) as part, Disk(part, "w") as disk, h5netcdf.File(disk, "w") as file:
         fingers = 2 if track.mirror else 1
         file.dimensions = {"time": count, "y": len(y), "x": len(x), "finger": fingers, "axis": 2}
         for name, values in (("x", x), ("y", y), ("time", np.zeros(count))):
@@ -211,7 +212,6 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path 
                 "settings": json.dumps(scene.settings("sheet") | {"digest": digest(scene.settings("sheet"))}),
             }
         )
-    part.replace(path)
     if not quiet:
         print(f"sheet: {count} planes of {len(x)}×{len(y)} points")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import resource
 import time
 import tomllib
@@ -18,6 +17,8 @@ from typing import Any
 import h5py
 import numpy as np
 import pandas as pd
+
+from piv.whole_file import write_text as write_text  # the steps take it from here
 
 
 @dataclass(frozen=True)
@@ -127,14 +128,6 @@ def scene_title(case: Path) -> str:
     if "extends" not in table:
         raise ValueError(f'{path}: title is missing; add title = "…"')
     return scene_title(case / table["extends"])
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)
 
 
 def sha256(path: Path) -> str:
