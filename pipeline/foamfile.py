@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import StageError
-from piv.whole_file import write_bytes
+from piv import whole_file
 
 ARCH = "LSB;label=32;scalar=64"
 END = b"\n\n// ************************************************************************* //\n"
@@ -32,6 +32,13 @@ def binary_list(values: np.ndarray) -> bytes:
     """A List in OpenFOAM's binary form: size, then raw bytes in brackets; ints become 32-bit labels."""
     values = np.ascontiguousarray(values, "<i4" if values.dtype.kind in "iu" else "<f8")
     return b"%d\n(" % len(values) + values.tobytes() + b")"
+
+
+def write_bytes(path: Path, content: bytes, compress: bool = False, sync: bool = True) -> None:
+    """Write a file whole or not at all, on the disk first unless `sync` is False; gzipped as `<path>.gz` where asked."""
+    if compress:
+        path, content = path.with_name(path.name + ".gz"), gzip.compress(content, compresslevel=1, mtime=0)
+    whole_file.write_bytes(path, content, sync=sync)
 
 
 def write_list(path: Path, foam_class: str, location: str, *lists: np.ndarray, note: str = "") -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -74,9 +73,8 @@ def write_frames(folders: list[Path], motion: NodeMotion, nodes: list[np.ndarray
         else:
             contents = [bodies[0], *(HEADER + body for body in bodies[1:])]
         for folder, content in zip(folders, contents, strict=True):
-            path = folder / time_name(step * time_step) / f"{FIELD}.gz"
             # thousands of them: the disk is waited for once, when all are laid
-            write_bytes(path, gzip.compress(content, compresslevel=1, mtime=0), sync=False)
+            write_bytes(folder / time_name(step * time_step) / FIELD, content, compress=True, sync=False)
         yield step
 
 

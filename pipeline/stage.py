@@ -16,6 +16,7 @@ import xarray as xr
 from pipeline.costs import NOTHING, record_cost
 from pipeline.errors import StageError
 from pipeline.scene import Scene, load_scene
+from piv import json_file
 from piv.errors import one_line, sentence
 from piv.exclusive import exclusive
 from piv.hdf5_check import check_walkable
@@ -72,6 +73,14 @@ def timed(stage: str, args: argparse.Namespace, run: Callable[[Scene, bool], Any
 def versions() -> dict[str, str]:
     """Versions of the libraries that results depend on."""
     return {name: version(name) for name in LIBRARIES}
+
+
+def read_json(path: Path, remedy: str) -> dict[str, Any]:
+    """The JSON object in a file; StageError in one sentence that ends with `remedy` where it holds none."""
+    try:
+        return json_file.read_json(path, remedy)
+    except ValueError as error:
+        raise StageError(str(error)) from None
 
 
 def write_dataset(dataset: xr.Dataset, path: Path, groups: Mapping[str, xr.Dataset] | None = None) -> None:

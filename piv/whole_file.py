@@ -7,6 +7,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+ROOM = 2**16  # bytes; a disk that has less is full
+
+
+@contextmanager
+def naming(path: str | Path, *aliases: str) -> Iterator[None]:
+    """Let an OSError tell of `path` where it names no file, as that of a write, or one of `aliases`."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, *aliases):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
 
 def settle(path: Path) -> None:
     """Return when the file's content is on the disk. OSError where the disk refuses it only now."""
@@ -27,16 +40,13 @@ def whole(path: str | Path, *, suffix: bool = False, sync: bool = True) -> Itera
     path = Path(path)
     part = path.with_name(f"{path.stem}.part{path.suffix}" if suffix else f"{path.name}.part")
     try:
-        yield part
-        if sync:
-            settle(part)
-        os.replace(part, path)
-    except BaseException as error:
+        with naming(path, str(part)):
+            yield part
+            if sync:
+                settle(part)
+            os.replace(part, path)
+    except BaseException:
         part.unlink(missing_ok=True)
-        if (
-            isinstance(error, OSError) and error.errno and error.filename in (None, str(part))
-        ):  # write() names none
-            raise OSError(error.errno, error.strerror, str(path)) from error
         raise
 
 
@@ -50,3 +60,12 @@ def write_bytes(path: str | Path, content: bytes | memoryview, *, sync: bool = T
 def write_text(path: str | Path, text: str) -> None:
     """Write a text (UTF-8) whole or not at all; its folder is made."""
     write_bytes(path, text.encode())
+
+
+def check_room(folder: Path) -> None:
+    """OSError where `folder` has no room left for a small file: programs of others fail of it without saying so."""
+    path = folder / ".room"
+    try:
+        write_bytes(path, bytes(ROOM))
+    finally:
+        path.unlink(missing_ok=True)
