@@ -20,6 +20,7 @@ from pipeline.legs import Leg, read_legs, read_stage
 from pipeline.scene import Scene, digest, load_scene
 from pipeline.scene_picture import Camera
 from pipeline.stage import guarded, parser, read_dataset, timed, versions
+from pipeline.vtk_file import read_surface
 from piv.errors import one_line
 from piv.exclusive import exclusive
 from piv.hdf5_disk import Disk
@@ -122,7 +123,7 @@ def sampled_planes(case: Path, legs: tuple[Leg, ...]) -> list[tuple[float, Path]
 
 def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
     """FIELDS on the grid (y, x), kinematic pressure; NaN outside the water."""
-    plane = pv.read(path)
+    plane = read_surface(path)
     grid = pv.RectilinearGrid(x, y, plane.points[:1, 2])
     sampled = grid.sample(plane)
     shape = (len(y), len(x))

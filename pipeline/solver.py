@@ -13,7 +13,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from pipeline.checkpoint import drop_tables, last_checkpoint
+from pipeline.checkpoint import drop_tables, first_damaged, last_checkpoint, sampled_until
 from pipeline.errors import StageError
 from pipeline.foamfile import END, write_bytes
 from pipeline.frames import checkpoint_interval, time_name
@@ -136,6 +136,13 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
         raise stopped(f"the solver has said nothing for {SILENCE / 60:g} minutes")
     if code != 0:
         raise failed(case, guard)
+    until = min(sampled_until(case) + 2.5 * numerics.time_step, first_damaged(case))
+    if until < leg.end:
+        check_room(case)
+        raise StageError(
+            f"{case / 'postProcessing'}: what the solver has sampled is cut off at {until:g} s, as by a full disk;"
+            " run make again: it goes on before that time"
+        )
     if guard.energy is not None and (cause := guard.energy.look(ended=True)):
         raise stopped(cause)
     os.sync()  # what the solver has written is on the disk before the file that says so
