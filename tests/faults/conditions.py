@@ -12,6 +12,7 @@ from pathlib import Path
 import h5py
 
 from tests.faults.kill import undo
+from tests.faults.piv_commands import piv_commands
 from tests.faults.project import (
     PRODUCTS,
     SCENE,
@@ -26,7 +27,7 @@ from tests.faults.project import (
 
 Row = dict[str, object]
 ROOM = 12  # KiB that a full disk has left: no stage's results fit
-ROOM_OF_RUN = 600  # KiB: the solver gets into its time steps
+ROOM_OF_RUN = 820  # KiB: the solver gets into its time steps
 HALF_OF_RUN = 2000  # KiB: and to where it saves them
 MADE_OF = {  # the file of an earlier stage that each stage reads first
     "mesh": "kinematics.h5",
@@ -98,6 +99,10 @@ class SmallDisk:
         used = (state.f_blocks - state.f_bfree) * state.f_frsize // 1024
         self.remount(f"size={used + room_kib}k")
 
+    def empty(self) -> None:
+        """Let it have room, and be written, again."""
+        self.remount("rw,size=512m")
+
     def __exit__(self, *_: object) -> None:
         subprocess.run(["umount", str(self.out)], check=True)
         self.out.rmdir()
@@ -129,8 +134,11 @@ def disks(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Itera
                 row = outcome(condition, stage, make(project, f"{SCENE}.{stage}"), folder)
                 if row["ended"] == "completed":
                     row["ended"] = "wrong"
-                disk.remount("rw,size=512m")
+                disk.empty()
                 yield row | {"afterwards": afterwards(project, wanted, stage)}
+        for name, done, after in piv_commands(project, disk.fill, disk.empty):
+            row = outcome("disk full", name, done, folder)
+            yield row | {"ended": row["ended"] if row["ended"] == "refused" else "wrong", "afterwards": after}
     finally:
         disk.__exit__()
 
