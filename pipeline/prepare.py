@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 from pathlib import Path
@@ -71,7 +70,6 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: Ranks, quiet: 
         _decompose(case, sweep, planform, ranks)
     if leg.moving:
         _lay_frames(scene, leg, sweep, planform, ranks, quiet)
-    os.sync()  # fields and frames are on the disk before the file that says so
     write_text(case / STATE, json.dumps(wanted))
 
 

@@ -23,7 +23,7 @@ from pipeline.openfoam import die_with_parent, environment_in, last_lines, solve
 from pipeline.ranks import Ranks
 from pipeline.scene import Numerics
 from pipeline.stage import read_json, write_text
-from piv.whole_file import check_room, naming
+from piv.whole_file import check_room, naming, settle
 
 LOG = "log.pimpleFoam"
 PROGRESS = "progress.json"  # what the leg has cost so far, and whether it has ended
@@ -145,7 +145,10 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
         )
     if guard.energy is not None and (cause := guard.energy.look(ended=True)):
         raise stopped(cause)
-    os.sync()  # what the solver has written is on the disk before the file that says so
+    for table in [log, *(case / "postProcessing").glob("*/*/*.dat")]:
+        settle(
+            table
+        )  # a power cut must not shorten what is said to be complete; fields and samples show that they are cut
     note(ended=True)
 
 
