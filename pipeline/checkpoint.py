@@ -39,14 +39,16 @@ def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[floa
 
 def first_damaged(case: Path) -> float:
     """Earliest time (s) of which a sampled surface is missing or cut off, as where the disk was full; infinite without one."""
-    found: list[dict[float, bool]] = []
+    damaged = [np.inf]
     for surfaces in (case / "postProcessing").glob("*Surface"):
-        folders = [
-            (time, folder) for folder in surfaces.iterdir() if (time := _number(folder.name)) is not None
-        ]
-        found.append({t: any(map(is_whole_vtk, folder.glob("*.vtk"))) for t, folder in folders})
-    times = {time for whole in found for time in whole}
-    return min((time for time in times if not all(whole.get(time) for whole in found)), default=np.inf)
+        folders = ((_number(folder.name), folder) for folder in surfaces.iterdir())
+        whole = {t: any(map(is_whole_vtk, f.glob("*.vtk"))) for t, f in folders if t is not None}
+        damaged += [time for time, good in whole.items() if not good]
+        times = np.array(sorted(whole))
+        gaps = np.diff(times)
+        if gaps.size:
+            damaged += (times[:-1] + gaps.min())[gaps > 1.5 * gaps.min()].tolist()
+    return min(damaged)
 
 
 def sampled_until(case: Path) -> float:
