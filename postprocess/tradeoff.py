@@ -174,6 +174,19 @@ def finished(row: dict[str, Any]) -> bool:
     return all((files_of(row).out / name).exists() for name in names)
 
 
+def finest(plan: dict[str, Any]) -> str:
+    """The finished flow run of most cells, of those with as many the one of most steps."""
+    done = [row for row in plan["runs"] if row["until"] != "vortices" and finished(row)]
+    if not done:
+        raise ValueError("the study has no finished run to judge the others by")
+
+    def size(row: dict[str, Any]) -> tuple[int, int]:
+        record = read_json(files_of(row).out / "run" / "run.json")
+        return record["cells"], record["steps"]
+
+    return str(max(done, key=size)["run"])
+
+
 def evaluate(plan: dict[str, Any], best: str) -> pd.DataFrame:
     """The study's table with errors, the front, and the predicted cost of each setting to the report."""
     plan = plan | {"runs": [row for row in plan["runs"] if finished(row)]}
@@ -232,9 +245,7 @@ def main(argv: list[str] | None = None) -> int:
 
     parser = argparse.ArgumentParser(prog="python -m postprocess.tradeoff", description=__doc__)
     parser.add_argument("plan", type=Path, help="plan.json of the study")
-    parser.add_argument(
-        "--best", default="medium", help="run that the others are judged by (default: %(default)s)"
-    )
+    parser.add_argument("--best", help="run that the others are judged by (default: the finest)")
     parser.add_argument(
         "--docs", type=Path, default=Path("docs"), help="folder of the pages (default: %(default)s)"
     )
@@ -242,9 +253,10 @@ def main(argv: list[str] | None = None) -> int:
     try:
         plan = read_plan(args.plan)
         probe = read_json(args.plan.with_name("probe.json"))
-        table = evaluate(plan, args.best)
+        best = args.best or finest(plan)
+        table = evaluate(plan, best)
         missing = [row["run"] for row in plan["runs"] if row["run"] not in set(table["run"])]
-        write_results(plan["scene"], table, args.best, probe, args.docs, missing)
+        write_results(plan["scene"], table, best, probe, args.docs, missing)
     except (ValueError, OSError, json.JSONDecodeError) as error:
         print(f"tradeoff: {error}", file=sys.stderr)
         return 2

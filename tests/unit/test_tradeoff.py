@@ -12,7 +12,7 @@ from pipeline.choose import Setting, accuracy, budget, choose, predicted, read_r
 from pipeline.costs import main as with_cost
 from pipeline.errors import StageError
 from pipeline.study import Row
-from postprocess.tradeoff import force_error, front, own_errors, vortex_errors, worst
+from postprocess.tradeoff import finest, force_error, front, own_errors, vortex_errors, worst
 from postprocess.tradeoff_page import axis_sentence, draw, page, results_text
 
 SETTINGS = [
@@ -158,3 +158,26 @@ def test_a_command_is_measured_and_its_failure_passed_on(tmp_path):
     path.unlink()
     assert with_cost([str(path), "--", "false"]) == 1
     assert not path.exists()
+
+
+def test_the_others_are_judged_by_the_finest_run_that_is_there(tmp_path):
+    rows = []
+    for name, cells, steps, until in (
+        ("draft", 10, 400, "vortices_cfd"),
+        ("fine", 90, 400, "vortices_cfd"),
+        ("fine_dt", 90, 800, "vortices_cfd"),
+        ("gone", 200, 400, "vortices_cfd"),
+        ("piv", 10, 400, "vortices"),
+    ):
+        folder = tmp_path / name
+        rows.append({"run": name, "folder": str(folder), "level": "draft", "until": until})
+        if name == "gone":
+            continue
+        out = folder / "out" / "draft"
+        (out / "run").mkdir(parents=True)
+        (out / "run" / "run.json").write_text(json.dumps({"cells": cells, "steps": steps}))
+        for file in ("sheet.h5", "vortices_cfd.csv", "vortices_piv.csv"):
+            (out / file).touch()
+    assert finest({"runs": rows}) == "fine_dt"
+    with pytest.raises(ValueError, match="no finished run"):
+        finest({"runs": rows[3:]})
