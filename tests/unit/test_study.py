@@ -65,7 +65,8 @@ def test_equal_stages_are_computed_once(tmp_path):
         "a, tiny, run, 1, , , , \nb, tiny, run, 2, , , , \nc, tiny, run, 1, 5e-4, , , \nd, tiny, vortices, 1, , , 48, \n",
     )
     owners = {row["run"]: row["owners"] for row in json.loads(plan(table).read_text())["runs"]}
-    assert {o["mesh"] for o in owners.values()} == {"a"}
+    assert {o["kinematics"] for o in owners.values()} == {"a"}
+    assert [owners[r]["mesh"] for r in "abcd"] == ["a", "a", "c", "a"]  # its legs begin at time steps
     assert [owners[r]["run"] for r in "abcd"] == ["a", "b", "c", "a"]  # other ranks and steps are other runs
     assert owners["d"]["images"] == "a"
     assert owners["d"]["piv"] == "d"
