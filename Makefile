@@ -118,8 +118,8 @@ endif
 
 include postprocess/lab/compare.mk
 
-fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/kinematics/states.h5
-	$(PY) -m pipeline.fea cases/single_finger
+fea: $(READY) ## bending analysis of the actuator of SCENE (single_finger): cases/SCENE/kinematics/states.h5
+	$(PY) -m pipeline.fea cases/$(SCENE)
 
 bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/piv.md
 	$(PY) tests/benchmarks/piv_bench.py --docs

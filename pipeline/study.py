@@ -105,7 +105,11 @@ def write_scenes(scene: Path, study: str, rows: list[Row]) -> list[Scene | Stage
                 raise StageError(f"run {row.run}: {error}") from None
             found.append(error)
             continue
-        write_settings(loaded, quiet=True)  # refused while another make is at work there with other numbers
+        # refused while another make is at work there with other numbers, or where the states are another actuator's
+        try:
+            write_settings(loaded, quiet=True, fea_follows=needs_fea(row))
+        except StageError as error:
+            raise StageError(f"run {row.run}: {error}") from None
         found.append(loaded)
     return found
 
