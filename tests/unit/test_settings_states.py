@@ -82,5 +82,5 @@ def test_a_study_is_refused_but_for_its_runs_that_are_analysed_first(tmp_path):
     table.write_text("run, level, until, actuator.width\nnarrow, tiny, kinematics, 0.02\n")
     assert json.loads(plan(table).read_text())["runs"][0]["fea"]
     table.write_text("run, level, until, actuator.width\nnarrow, tiny, kinematics, 0.02\nplain, tiny, run,\n")
-    with pytest.raises(StageError, match="run plain: .*actuator.width"):
+    with pytest.raises(StageError, match=r"run plain: .*actuator\.width"):
         plan(table)
