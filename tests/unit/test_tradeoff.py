@@ -133,9 +133,12 @@ def test_page_figure_and_results_that_can_be_chosen_from(tmp_path):
     assert sentence is not None
     assert "tip circulation +80.0%" in sentence
     assert axis_sentence(table, "coarse", "draft", "Level") is None
-    text = page("single_finger", table, "medium", ["coarse"])
+    text = page("single_finger", table, "medium", {"coarse": "sheet.h5 is not there"})
     assert "**draft_2d**" in text
-    assert "Not run yet, and so not below: coarse." in text
+    assert (
+        "**Incomplete.** Not below, until `make tradeoff` has made them: coarse (sheet.h5 is not there)."
+        in text
+    )
     assert draw(table, tmp_path / "front.svg").stat().st_size > 5000
     assert draw(
         table[table["kind"] == "flow"].drop(columns="cpu_piv_per_field_s"), tmp_path / "flow.svg"
