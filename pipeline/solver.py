@@ -131,7 +131,7 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
         raise stopped(f"the solver has said nothing for {SILENCE / 60:g} minutes")
     if code != 0:
         raise failed(case, guard)
-    if guard.energy is not None and (cause := guard.energy.look(ended=True)):
+    if cause := guard.look(ended=True):
         raise stopped(cause)
     note(ended=True)
 

@@ -133,9 +133,12 @@ def test_page_figure_and_results_that_can_be_chosen_from(tmp_path):
     assert sentence is not None
     assert "tip circulation +80.0%" in sentence
     assert axis_sentence(table, "coarse", "draft", "Level") is None
-    text = page("single_finger", table, "medium", ["coarse"])
+    text = page("single_finger", table, "medium", {"coarse": "sheet.h5 is not there"})
     assert "**draft_2d**" in text
-    assert "Not run yet, and so not below: coarse." in text
+    assert (
+        "**Incomplete.** Not below, until `make tradeoff` has made them: coarse (sheet.h5 is not there)."
+        in text
+    )
     assert draw(table, tmp_path / "front.svg").stat().st_size > 5000
     assert draw(
         table[table["kind"] == "flow"].drop(columns="cpu_piv_per_field_s"), tmp_path / "flow.svg"
@@ -171,13 +174,9 @@ def test_the_others_are_judged_by_the_finest_run_that_is_there(tmp_path):
     ):
         folder = tmp_path / name
         rows.append({"run": name, "folder": str(folder), "level": "draft", "until": until})
-        if name == "gone":
-            continue
-        out = folder / "out" / "draft"
-        (out / "run").mkdir(parents=True)
-        (out / "run" / "run.json").write_text(json.dumps({"cells": cells, "steps": steps}))
-        for file in ("sheet.h5", "vortices_cfd.csv", "vortices_piv.csv"):
-            (out / file).touch()
-    assert finest({"runs": rows}) == "fine_dt"
+        (folder / "out" / "draft" / "run").mkdir(parents=True)
+        record = json.dumps({"cells": cells, "steps": steps})
+        (folder / "out" / "draft" / "run" / "run.json").write_text(record)
+    assert finest({"runs": rows}, {"gone": "sheet.h5 is not there"}) == "fine_dt"
     with pytest.raises(ValueError, match="no finished run"):
-        finest({"runs": rows[3:]})
+        finest({"runs": rows[3:]}, {"gone": "sheet.h5 is not there"})
