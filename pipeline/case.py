@@ -11,6 +11,7 @@ import xarray as xr
 
 from pipeline.cover import covering_cells
 from pipeline.errors import StageError
+from pipeline.foamfile import write_bytes
 from pipeline.frames import steps_of, time_name
 from pipeline.legs import Leg, read_legs, read_stage
 from pipeline.link import unlink_folders
@@ -153,7 +154,8 @@ def zones(mesh: PolyMesh, planform: xr.Dataset) -> tuple[dict[str, np.ndarray], 
 def write_leg(scene: Scene, leg: Leg, planform: xr.Dataset, mesh: PolyMesh) -> xr.Dataset:
     """Write the OpenFOAM case of one leg, its mesh in its first shape; returns the columns of the mesh."""
     folder, kind, levels = scene.out / "case" / leg.name, scene.model.kind, planform["levels"].values
-    shutil.copytree(BASE, folder)
+    for path in (path for path in BASE.rglob("*") if path.is_file()):
+        write_bytes(folder / path.relative_to(BASE), path.read_bytes())
     if leg.index:
         (folder / "0").rename(folder / "0.orig")  # filled in with the flow of the leg before
     write_text(folder / "system" / "numbers", numbers_text(numbers(scene, leg, float(levels[0]))))

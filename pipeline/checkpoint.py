@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.ranks import Ranks, is_whole
+from pipeline.vtk_file import is_whole_vtk
 
 FIELDS = ("U", "p", "phi", "uniform/time")
 MOVED = ("pointDisplacement", "polyMesh/points")  # written where the mesh moves
@@ -26,12 +29,24 @@ def saved_times(folder: Path, ranks: Ranks, moving: bool = True) -> list[tuple[f
 
 def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[float, str] | None:
     """Latest time that all ranks have written whole and whose samples are on disk; None where there is none."""
-    sampled = sampled_until(case)
+    sampled = min(sampled_until(case), np.nextafter(first_damaged(case), 0.0))
     common: dict[float, str] | None = None
     for folder in ranks.folders(case):
         times = {t: n for t, n in saved_times(folder, ranks, moving) if t <= sampled * (1 + 1e-9)}
         common = times if common is None else {t: n for t, n in common.items() if t in times}
     return max(common.items()) if common else None
+
+
+def first_damaged(case: Path) -> float:
+    """Earliest time (s) of which a sampled surface is missing or cut off, as where the disk was full; infinite without one."""
+    found: list[dict[float, bool]] = []
+    for surfaces in (case / "postProcessing").glob("*Surface"):
+        folders = [
+            (time, folder) for folder in surfaces.iterdir() if (time := _number(folder.name)) is not None
+        ]
+        found.append({t: any(map(is_whole_vtk, folder.glob("*.vtk"))) for t, folder in folders})
+    times = {time for whole in found for time in whole}
+    return min((time for time in times if not all(whole.get(time) for whole in found)), default=np.inf)
 
 
 def sampled_until(case: Path) -> float:

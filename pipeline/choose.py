@@ -16,9 +16,10 @@ from typing import Any
 
 from pipeline.errors import StageError
 from pipeline.probe import probe
-from pipeline.stage import guarded, write_text
+from pipeline.stage import guarded, read_json, write_text
 from pipeline.study import write_scenes
 from pipeline.study_file import Row, parse_cell
+from piv.json_file import parse_json
 
 RESULTS = Path(__file__).resolve().parent.parent / "docs" / "tradeoff"
 STUDY = "asked"
@@ -44,7 +45,13 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, float]]:
             f"{path}: no measured settings for this scene; make them with make tradeoff SCENE={path.stem}"
         )
     lines = path.read_text(encoding="utf-8").splitlines()
-    head: dict[str, Any] = next((json.loads(line[1:]) for line in lines if line.startswith("#")), {})
+    remedy = f"make it anew with make tradeoff SCENE={path.stem}"
+    try:
+        head: dict[str, Any] = next(
+            (parse_json(line[1:], path, remedy) for line in lines if line.startswith("#")), {}
+        )
+    except ValueError as error:
+        raise StageError(str(error)) from None
     settings = []
     for record in csv.DictReader(line for line in lines if not line.startswith("#")):
         seconds = {k[8:-2]: float(v) for k, v in record.items() if k.startswith("predict_") and v}
@@ -54,9 +61,7 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, float]]:
         row = Row(record["run"], record["level"], int(float(record["ranks"])), overrides=overrides)
         settings.append(Setting(row, float(record["error"]), seconds))
     if "probe" not in head or not settings:
-        raise StageError(
-            f"{path}: no probe or no settings in it; make it anew with make tradeoff SCENE={path.stem}"
-        )
+        raise StageError(f"{path}: no probe or no settings in it; {remedy}")
     return settings, head["probe"]
 
 
@@ -115,7 +120,8 @@ def choose(
 
 def spent(out: Path) -> tuple[float, float]:
     """CPU and wall seconds of all stages in out/<level>/costs/."""
-    costs = [json.loads(path.read_text(encoding="utf-8")) for path in sorted((out / "costs").glob("*.json"))]
+    remedy = "delete it: the time of that stage is lost"
+    costs = [read_json(path, remedy) for path in sorted((out / "costs").glob("*.json"))]
     return sum(c.get("cpu_time", c["wall_time"]) for c in costs), sum(c["wall_time"] for c in costs)
 
 
@@ -151,7 +157,7 @@ def main() -> None:
         print(row.run, row.level, row.ranks)  # for make
 
     def after() -> None:
-        choice = json.loads(noted.read_text(encoding="utf-8"))
+        choice = read_json(noted, f"run make {args.scene.name} ACCURACY=… again, which writes it")
         out = noted.parent / choice["run"] / "out" / choice["level"]
         cpu, wall = spent(out)
         print(

@@ -6,7 +6,6 @@ Command: python -m pipeline.costs cases/single_finger/out/coarse/costs/piv.json 
 from __future__ import annotations
 
 import json
-import os
 import resource
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from piv.errors import sentence
+from piv.whole_file import write_text
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,7 @@ def record_cost(path: Path, stage: str, wall_time: float, earlier: Spent = NOTHI
         "peak_memory": max(usage.ru_maxrss for usage in usages) * 1024,
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    part.write_text(json.dumps(cost, indent=1) + "\n", encoding="utf-8")
-    os.replace(part, path)
+    write_text(path, json.dumps(cost, indent=1) + "\n")
 
 
 def main(argv: list[str]) -> int:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from pipeline.link import FILES, MODULES
 from pipeline.scene import Scene
+from piv.json_file import read_json
 
 # CPU seconds and memory (MB) of a stage of single_finger at level coarse, for a scene that was never run at its level.
 COARSE = {
@@ -50,7 +50,7 @@ def _estimate(scene: Scene, stage: str, ranks: int, parent: Path) -> dict[str, A
 
 def _read(path: Path) -> dict[str, Any] | None:
     try:
-        cost = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, json.JSONDecodeError):
+        cost = read_json(path, "")
+    except (OSError, ValueError):
         return None
     return cost if {"wall_time", "peak_memory"} <= cost.keys() else None

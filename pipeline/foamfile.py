@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import StageError
+from piv import whole_file
 
 ARCH = "LSB;label=32;scalar=64"
 END = b"\n\n// ************************************************************************* //\n"
@@ -33,14 +34,11 @@ def binary_list(values: np.ndarray) -> bytes:
     return b"%d\n(" % len(values) + values.tobytes() + b")"
 
 
-def write_bytes(path: Path, content: bytes, compress: bool = False) -> None:
-    """Write a file whole or not at all; gzipped as `<path>.gz` where asked."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+def write_bytes(path: Path, content: bytes, compress: bool = False, sync: bool = True) -> None:
+    """Write a file whole or not at all, on the disk first unless `sync` is False; gzipped as `<path>.gz` where asked."""
     if compress:
         path, content = path.with_name(path.name + ".gz"), gzip.compress(content, compresslevel=1, mtime=0)
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(content)
-    os.replace(part, path)
+    whole_file.write_bytes(path, content, sync=sync)
 
 
 def write_list(path: Path, foam_class: str, location: str, *lists: np.ndarray, note: str = "") -> None:

@@ -73,7 +73,8 @@ def write_frames(folders: list[Path], motion: NodeMotion, nodes: list[np.ndarray
         else:
             contents = [bodies[0], *(HEADER + body for body in bodies[1:])]
         for folder, content in zip(folders, contents, strict=True):
-            write_bytes(folder / time_name(step * time_step) / FIELD, content, compress=True)
+            # thousands of them: the disk is not waited for; the solver refuses one that a power cut has emptied
+            write_bytes(folder / time_name(step * time_step) / FIELD, content, compress=True, sync=False)
         yield step
 
 

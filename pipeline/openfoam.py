@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 
 from pipeline.errors import StageError
+from piv.whole_file import check_room, naming
 
 INSTALL = "apt-get install openfoam"
 COLLATED = ("-fileHandler", "collated")
@@ -86,13 +87,17 @@ def foam_version() -> str:
 
 
 def run_tool(arguments: list[str], case: Path, log: str) -> None:
-    """Run one of OpenFOAM's utilities in `case`, its output in `log`; StageError with its last lines on failure."""
+    """Run one of OpenFOAM's utilities in `case`, its output in `log`.
+
+    StageError with its last lines on failure; OSError where the disk is full.
+    """
     path = case / log
-    with open(path, "w", encoding="utf-8") as output:
+    with naming(path), open(path, "w", encoding="utf-8") as output:
         done = subprocess.run(
             arguments, cwd=case, env=environment_in(case), stdout=output, stderr=subprocess.STDOUT
         )
     if done.returncode != 0:
+        check_room(case)
         raise StageError(f"{arguments[0]} failed in {case}; its last lines:\n{last_lines(path)}")
 
 

@@ -22,7 +22,7 @@ from pipeline.quality import cell_centres, neighbours, planform_edges
 from pipeline.ranks import Ranks
 from pipeline.scene import Scene
 from pipeline.solver import PROGRESS, set_number
-from pipeline.stage import read_dataset, write_text
+from pipeline.stage import read_dataset, read_json, write_text
 from pipeline.switch import carry_over
 
 STATE = "state.json"  # what the frames and the decomposition in a leg's folder were made for
@@ -38,8 +38,9 @@ def case_state(case: Path, ranks: Ranks) -> dict[str, int]:
 
 
 def prepared_for(case: Path) -> dict[str, int]:
-    """What `case` was last prepared for; empty where it never was."""
-    return json.loads((case / STATE).read_text()) if (case / STATE).exists() else {}
+    """What `case` was last prepared for; empty where it never was. StageError where the file is damaged."""
+    path = case / STATE
+    return read_json(path, f"delete it and run make again: {case.name} begins anew") if path.exists() else {}
 
 
 def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: Ranks, quiet: bool) -> None:

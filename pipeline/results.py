@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyvista as pv
 import xarray as xr
 
 from pipeline.energy import resolved_dissipation
@@ -21,6 +20,7 @@ from pipeline.scene import Scene
 from pipeline.solver import LOG
 from pipeline.stage import write_text
 from pipeline.switches import switches
+from pipeline.vtk_file import read_surface
 
 PER_FINGER = {"2d": 1, "half": 2, "quarter": 2, "full": 1}  # fingers per computed part of one
 FORCE_COLUMNS = ("time", "fx", "fy", "fz", "fx_pressure", "fy_pressure", "fx_viscous", "fy_viscous")
@@ -61,7 +61,7 @@ def forces(case: Path, per_finger: int) -> np.ndarray:
 
 def finger_power(path: Path, density: float) -> float:
     """Work rate of the computed part of the finger on the water (W) from its sampled surface."""
-    surface = pv.read(path)
+    surface = read_surface(path)
     cells = surface.compute_cell_sizes(length=False, volume=False).compute_normals(
         cell_normals=True, point_normals=False, auto_orient_normals=False, consistent_normals=False
     )

@@ -20,9 +20,12 @@ from pipeline.legs import Leg, read_legs, read_stage
 from pipeline.scene import Scene, digest, load_scene
 from pipeline.scene_picture import Camera
 from pipeline.stage import guarded, parser, read_dataset, timed, versions
+from pipeline.vtk_file import read_surface
 from piv.errors import one_line
 from piv.exclusive import exclusive
+from piv.hdf5_disk import Disk
 from piv.plane import FORMAT, FORMAT_VERSION, UNITS
+from piv.whole_file import whole
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
 ODD = ("u",)  # across the plane x = 0 between two fingers; the other fields are even
@@ -120,7 +123,7 @@ def sampled_planes(case: Path, legs: tuple[Leg, ...]) -> list[tuple[float, Path]
 
 def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
     """FIELDS on the grid (y, x), kinematic pressure; NaN outside the water."""
-    plane = pv.read(path)
+    plane = read_surface(path)
     grid = pv.RectilinearGrid(x, y, plane.points[:1, 2])
     sampled = grid.sample(plane)
     shape = (len(y), len(x))
@@ -186,8 +189,7 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path 
     count = len(sampled_planes(scene.out / "case", read_legs(scene.out)))
     path = path or scene.out / "sheet.h5"
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    with h5netcdf.File(part, "w") as file:
+    with whole(path) as part, Disk(part, "w") as disk, h5netcdf.File(disk, "w") as file:
         fingers = 2 if track.mirror else 1
         file.dimensions = {"time": count, "y": len(y), "x": len(x), "finger": fingers, "axis": 2}
         for name, values in (("x", x), ("y", y), ("time", np.zeros(count))):
@@ -211,7 +213,6 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path 
                 "settings": json.dumps(scene.settings("sheet") | {"digest": digest(scene.settings("sheet"))}),
             }
         )
-    part.replace(path)
     if not quiet:
         print(f"sheet: {count} planes of {len(x)}×{len(y)} points")
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from pipeline.checkpoint import drop_tables, last_checkpoint
+from pipeline.checkpoint import drop_tables, first_damaged, last_checkpoint, sampled_until
 from pipeline.errors import StageError
 from pipeline.foamfile import END, write_bytes
 from pipeline.frames import checkpoint_interval, time_name
@@ -22,7 +22,8 @@ from pipeline.legs import Leg
 from pipeline.openfoam import die_with_parent, environment_in, last_lines, solver_command
 from pipeline.ranks import Ranks
 from pipeline.scene import Numerics
-from pipeline.stage import write_text
+from pipeline.stage import read_json, write_text
+from piv.whole_file import check_room, naming, settle
 
 LOG = "log.pimpleFoam"
 PROGRESS = "progress.json"  # what the leg has cost so far, and whether it has ended
@@ -31,9 +32,13 @@ BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remai
 
 
 def read_progress(case: Path) -> dict[str, Any]:
-    """What a leg has cost so far (`wall_time`, `cpu_time`, s), the times it was resumed at, and whether it has `ended`."""
+    """What a leg has cost so far (`wall_time`, `cpu_time`, s), the times it was resumed at, and whether it has `ended`.
+
+    StageError where the file is damaged.
+    """
     path = case / PROGRESS
-    known = json.loads(path.read_text()) if path.exists() else {}
+    remedy = "delete it and run make again: the solver goes on from its last checkpoint, its cost counts from there"
+    known = read_json(path, remedy) if path.exists() else {}
     return {"wall_time": 0.0, "cpu_time": 0.0, "resumed": []} | known
 
 
@@ -90,7 +95,7 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
         )
 
     # line by line: what a kill leaves in the log is whole lines
-    with open(log, "a" if checkpoint else "w", buffering=1, encoding="utf-8") as output:
+    with naming(log), open(log, "a" if checkpoint else "w", buffering=1, encoding="utf-8") as output:
         output.write("\n")  # the run before may have ended within a line
         process = subprocess.Popen(
             solver_command(ranks.count, hosts, ranks.collated),
@@ -123,21 +128,36 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
                 _stop(process)
                 raise
             finally:
-                note()
                 ranks.withdraw(case)
+                note()
     code = process.wait()
     if watchdog.barked:
         guard.remedy = "look at the machine, then run make again to go on"
         raise stopped(f"the solver has said nothing for {SILENCE / 60:g} minutes")
     if code != 0:
         raise failed(case, guard)
+    until = min(sampled_until(case) + 2.5 * numerics.time_step, first_damaged(case))
+    if until < leg.end:
+        check_room(case)
+        raise StageError(
+            f"{case / 'postProcessing'}: what the solver has sampled is cut off at {until:g} s, as by a full disk;"
+            " run make again: it goes on before that time"
+        )
     if cause := guard.look(ended=True):
         raise stopped(cause)
+    for table in [log, *(case / "postProcessing").glob("*/*/*.dat")]:
+        settle(
+            table
+        )  # a power cut must not shorten what is said to be complete; fields and samples show that they are cut
     note(ended=True)
 
 
 def failed(case: Path, guard: Guard) -> StageError:
-    """What to say of a solver that ended by itself: numbers that overflowed are a run gone wrong, not a defect."""
+    """What to say of a solver that ended by itself: numbers that overflowed are a run gone wrong, not a defect.
+
+    OSError where its disk is full.
+    """
+    check_room(case)
     log = case / LOG
     tail = last_lines(log)
     if re.search(r"Floating point exception|sigFpe|SIGFPE|signal 8", tail):

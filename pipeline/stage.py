@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -17,9 +16,13 @@ import xarray as xr
 from pipeline.costs import NOTHING, record_cost
 from pipeline.errors import StageError
 from pipeline.scene import Scene, load_scene
-from piv.errors import end_if_full, one_line, sentence
+from piv import json_file
+from piv.errors import one_line, sentence
 from piv.exclusive import exclusive
 from piv.hdf5_check import check_walkable
+from piv.hdf5_disk import Disk
+from piv.whole_file import whole
+from piv.whole_file import write_text as write_text  # the stages take it from here
 
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "gmsh", "pyvista", "pydantic")
 
@@ -47,7 +50,6 @@ def guarded(stage: str, action: Callable[[], Any]) -> None:
         print(f"{stage}: {error}", file=sys.stderr)
         sys.exit(2)
     except Exception as error:
-        end_if_full(error, stage)
         message = sentence(error) if isinstance(error, OSError | RuntimeError | MemoryError) else None
         if message is None:
             raise
@@ -73,22 +75,21 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in LIBRARIES}
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)
+def read_json(path: Path, remedy: str) -> dict[str, Any]:
+    """The JSON object in a file; StageError in one sentence that ends with `remedy` where it holds none."""
+    try:
+        return json_file.read_json(path, remedy)
+    except ValueError as error:
+        raise StageError(str(error)) from None
 
 
 def write_dataset(dataset: xr.Dataset, path: Path, groups: Mapping[str, xr.Dataset] | None = None) -> None:
     """Write an HDF5 file, and its groups, whole or not at all, with the versions that made it."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    dataset.assign_attrs(versions=json.dumps(versions())).to_netcdf(part, engine="h5netcdf")
-    for name, group in (groups or {}).items():
-        group.to_netcdf(part, engine="h5netcdf", mode="a", group=name)
-    os.replace(part, path)
+    with whole(path) as part, Disk(part, "w") as disk:
+        dataset.assign_attrs(versions=json.dumps(versions())).to_netcdf(disk, engine="h5netcdf")
+        for name, group in (groups or {}).items():
+            group.to_netcdf(disk, engine="h5netcdf", mode="a", group=name)
 
 
 def read_dataset(path: Path, file_format: str, group: str | None = None) -> xr.Dataset:

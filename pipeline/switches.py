@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pipeline.legs import Leg
+from pipeline.stage import read_json
 from pipeline.switch import SWITCH
 
 SETTLED = 0.02  # of the run's peak force: a new leg whose force is as near to the old one's has settled
@@ -43,7 +43,9 @@ def switches(legs: tuple[Leg, ...], cases: list[Path], force: list[np.ndarray],
     peak = max(float(np.abs(table[:, 1:3]).max()) for table in force)
     found = []
     for k in range(1, len(legs)):
-        record = json.loads((cases[k] / SWITCH).read_text())
+        record = read_json(
+            cases[k] / SWITCH, f"delete {cases[k] / 'state.json'} and run make again: that leg begins anew"
+        )
         before, after = (float(table[-1, 1]) for table in common(energy[k - 1], energy[k]))
         settled = settling_time(force[k - 1][:, :3], force[k][:, :3], record["carried_at"], peak)
         found.append(

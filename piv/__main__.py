@@ -8,7 +8,7 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
-from piv.errors import end_if_full, sentence
+from piv.errors import sentence
 from piv.exclusive import exclusive
 
 COMMANDS = {
@@ -40,7 +40,6 @@ def main(argv: list[str] | None = None) -> int:
         with exclusive(Path(output)) if output else nullcontext():
             importlib.import_module(f"piv.commands.{args.command}").run(args)
     except Exception as error:
-        end_if_full(error, f"piv {args.command}")
         message = sentence(error)
         if message is None:
             raise

@@ -8,7 +8,6 @@ image rows, freed of distortion (OpenCV's model, Zhang 2000), taken by a homogra
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from piv.images import row_to_y_px
 from piv.plane import make_plane
+from piv.whole_file import write_text
 
 DISTORTION_COUNTS = (4, 5, 8, 12, 14)  # that OpenCV knows
 MODELS_HELP = "distortion model: standard (5 coefficients) or rational (8, for very wide lenses)"
@@ -159,11 +159,8 @@ def _unsheet(lens: Lens, points: np.ndarray) -> np.ndarray:
 
 def save_calibration(calibration: Calibration, path: str | Path) -> None:
     """Write the small JSON file."""
-    path = Path(path)
     whole = {"format": FORMAT, "format_version": FORMAT_VERSION} | asdict(calibration)
-    part = path.with_name(path.name + ".part")
-    part.write_text(json.dumps(whole, indent=1, default=lambda a: a.tolist()) + "\n")
-    os.replace(part, path)
+    write_text(path, json.dumps(whole, indent=1, default=lambda a: a.tolist()) + "\n")
 
 
 def load_calibration(path: str | Path) -> Calibration:

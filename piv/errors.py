@@ -5,9 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
-import sys
 
-FULL = (errno.ENOSPC, errno.EDQUOT)
 ADVICE = {
     errno.ENOSPC: "free some of the disk, then run it again: what is finished is kept",
     errno.EDQUOT: "free some of your quota, then run it again: what is finished is kept",
@@ -31,28 +29,6 @@ def system_error(error: BaseException) -> int | None:
     return int(named.group(1)) if named else None
 
 
-def disk_full(error: BaseException) -> BaseException | None:
-    """The error that said so first, where an error comes from a full disk: closing the file afterwards raises others."""
-    found: BaseException | None = None
-    at: BaseException | None = error
-    while at is not None:
-        if system_error(at) in FULL:
-            found = at
-        at = at.__cause__ or at.__context__
-    return found
-
-
-def end_if_full(error: BaseException, told: str) -> None:
-    """Where the disk is full, say so (after `told`, the command's name) and end this process at once with exit code 2.
-
-    Whatever lets the open files go, HDF5's own clean-up as well, crashes on what it cannot write. Locks end with the process.
-    """
-    full = disk_full(error)
-    if full is not None:
-        print(f"{told}: {sentence(full)}", file=sys.stderr, flush=True)
-        os._exit(2)
-
-
 def sentence(error: BaseException) -> str | None:
     """One sentence for a failure that the machine or the input causes; None for one that is the program's own.
 
@@ -73,6 +49,6 @@ def sentence(error: BaseException) -> str | None:
         return f"{file}: {text}{advice}" if file else f"{text}{advice}"
     if isinstance(error, MemoryError):
         return f"not enough memory ({one_line(error)}); close other programs or work in smaller parts"
-    if isinstance(error, ValueError | OSError | KeyError):
+    if isinstance(error, ValueError | OSError):  # a KeyError that no reader has explained is a defect
         return one_line(error, 2000)
     return None

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import io
 import json
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import xarray as xr
 
 from piv.errors import one_line
 from piv.hdf5_check import check_walkable
+from piv.hdf5_disk import Disk
 from piv.images import natural_key
 from piv.plane import FORMAT, check_plane, checked, make_plane, read_checked_plane, write_plane
 from piv.vector_files import (
@@ -24,6 +25,7 @@ from piv.vector_files import (
     read_pivlab,
     read_tecplot,
 )
+from piv.whole_file import whole, write_text
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 VELOCITIES = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-6}
@@ -185,7 +187,7 @@ def write_vectors(plane: xr.Dataset, path: str | Path) -> list[Path]:
     if suffix in single:
         single[suffix](plane, path)
         return [path]
-    many = {".vti": _write_vti, ".txt": _write_openpiv, ".dat": _write_tecplot}
+    many = {".vti": _vti, ".txt": _openpiv, ".dat": _tecplot}
     if suffix not in many:
         raise ValueError(f"{path}: cannot write {suffix!r}; known are {' '.join([*single, *many])}")
     frames = _instants(plane)
@@ -195,9 +197,7 @@ def write_vectors(plane: xr.Dataset, path: str | Path) -> list[Path]:
         for k in range(len(frames))
     ]
     for name, (_, frame) in zip(names, frames, strict=True):
-        part = name.with_name(name.stem + ".part" + suffix)
-        many[suffix](frame, part)
-        os.replace(part, name)
+        write_text(name, many[suffix](frame))
     if suffix == ".vti" and len(frames) > 1:
         names.append(_write_pvd(path.with_suffix(".pvd"), names, [t for t, _ in frames]))
     return names
@@ -222,9 +222,8 @@ def write_pivpy(plane: xr.Dataset, path: Path) -> None:
     interval = float(np.diff(out["t"].values[:2])[0]) if out.sizes["t"] > 1 else 0.0
     out.attrs = plane.attrs | {"format": FORMAT, "format_version": 1, "delta_t": interval}
     out["t"].attrs["units"] = "s"
-    part = path.with_name(path.name + ".part")
-    out.to_netcdf(part, engine="h5netcdf")
-    os.replace(part, path)
+    with whole(path) as part, Disk(part, "w") as disk:
+        out.to_netcdf(disk, engine="h5netcdf")
 
 
 def _frame_table(plane: xr.Dataset) -> pd.DataFrame:
@@ -235,9 +234,8 @@ def _frame_table(plane: xr.Dataset) -> pd.DataFrame:
 
 def write_csv(plane: xr.Dataset, path: Path) -> None:
     """`# {json}` with the units, then time, x, y, u, v, valid, ...; empty where absent."""
-    part = path.with_name(path.name + ".part")
     length, velocity = units_of(plane)
-    with part.open("w") as file:
+    with whole(path) as part, part.open("w", encoding="utf-8") as file:
         head = {
             "format": FORMAT,
             "length_unit": length,
@@ -249,7 +247,6 @@ def write_csv(plane: xr.Dataset, path: Path) -> None:
             table = _frame_table(frame)
             table.insert(0, "time", time)
             table.to_csv(file, index=False, header=k == 0)
-    os.replace(part, path)
 
 
 def read_csv(path: Path) -> xr.Dataset:
@@ -290,14 +287,16 @@ def read_csv(path: Path) -> xr.Dataset:
     return plane
 
 
-def _write_openpiv(plane: xr.Dataset, path: Path) -> None:
+def _openpiv(plane: xr.Dataset) -> str:
     t = _frame_table(plane)
     masked = (t["flag"] == 2) if "flag" in t else (t["valid"] == 0)
     rows = np.column_stack([t["x"], t["y"], t["u"], t["v"], (t["valid"] == 0) & ~masked, masked])
-    np.savetxt(path, rows, fmt="%.9g", delimiter="\t", header="x\ty\tu\tv\tflags\tmask")
+    text = io.StringIO()
+    np.savetxt(text, rows, fmt="%.9g", delimiter="\t", header="x\ty\tu\tv\tflags\tmask")
+    return text.getvalue()
 
 
-def _write_tecplot(plane: xr.Dataset, path: Path) -> None:
+def _tecplot(plane: xr.Dataset) -> str:
     length, velocity = units_of(plane)
     t = _frame_table(plane)
     rows = t[["x", "y", "u", "v", "valid"]].fillna(0.0).to_numpy()
@@ -306,11 +305,14 @@ def _write_tecplot(plane: xr.Dataset, path: Path) -> None:
         'TITLE = "plane"\nVARIABLES = ' + ", ".join(f'"{n}"' for n in names) + "\n"
         f"ZONE I={plane.sizes['x']}, J={plane.sizes['y']}, F=POINT"
     )
-    np.savetxt(path, rows, fmt="%.9g", header=head, comments="")
+    text = io.StringIO()
+    np.savetxt(text, rows, fmt="%.9g", header=head, comments="")
+    return text.getvalue()
 
 
-def _write_vti(plane: xr.Dataset, path: Path) -> None:
+def _vti(plane: xr.Dataset) -> str:
     import pyvista as pv
+    from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
 
     x, y = plane["x"].values, plane["y"].values
     grid = pv.ImageData(
@@ -322,16 +324,19 @@ def _write_vti(plane: xr.Dataset, path: Path) -> None:
     for n in ("valid", "flag", "u_std", "v_std", "w", "p"):
         if n in plane:
             grid[n] = plane[n].values.ravel()
-    grid.save(path)
+    writer = vtkXMLImageDataWriter()
+    writer.SetInputData(grid)
+    writer.SetDataModeToBinary()
+    writer.WriteToOutputStringOn()  # into a file it would not say that the disk is full
+    writer.Write()
+    return str(writer.GetOutputString())
 
 
 def _write_pvd(path: Path, names: Sequence[Path], times: Sequence[float]) -> Path:
     sets = "".join(
         f'<DataSet timestep="{t!r}" file="{n.name}"/>\n' for n, t in zip(names, times, strict=True)
     )
-    part = path.with_name(path.name + ".part")
-    part.write_text(
-        f'<VTKFile type="Collection" version="0.1">\n<Collection>\n{sets}</Collection>\n</VTKFile>\n'
+    write_text(
+        path, f'<VTKFile type="Collection" version="0.1">\n<Collection>\n{sets}</Collection>\n</VTKFile>\n'
     )
-    os.replace(part, path)
     return path

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,8 @@ import xarray as xr
 
 from piv.errors import one_line
 from piv.hdf5_check import check_walkable
+from piv.hdf5_disk import Disk
+from piv.whole_file import whole
 
 FORMAT = "plane-series"
 FORMAT_VERSION = 1
@@ -132,12 +133,10 @@ def check_vectors(plane: xr.Dataset) -> None:
 def write_plane(plane: xr.Dataset, path: str | Path, **attrs: Any) -> None:
     """Write a plane series to HDF5, whole or not at all; `attrs` become root attributes."""
     check_plane(plane)
-    path = Path(path)
     out = plane.assign_attrs(plane.attrs | {"format": FORMAT, "format_version": FORMAT_VERSION} | attrs)
-    part = path.with_name(path.name + ".part")
     deflate = {str(n): {"zlib": True, "complevel": 1} for n, d in out.data_vars.items() if d.ndim >= 2}
-    out.to_netcdf(part, engine="h5netcdf", encoding=deflate)
-    os.replace(part, path)
+    with whole(path) as part, Disk(part, "w") as disk:
+        out.to_netcdf(disk, engine="h5netcdf", encoding=deflate)
 
 
 def read_plane(path: str | Path) -> xr.Dataset:

@@ -12,6 +12,10 @@ from typing import Any
 import h5py
 import numpy as np
 
+from piv.hdf5_check import check_walkable
+from piv.hdf5_disk import DiskFile
+from piv.whole_file import settle
+
 FORMAT = "recording"
 FORMAT_VERSION = 1
 UNITS = {"frames": "1", "mask": "1", "time": "s", "row": "px", "column": "px"}
@@ -58,23 +62,32 @@ class RecordingWriter:
         self._identity = hashlib.sha256(text.encode()).hexdigest()
         self.resumed = self._resume()
         if not self.resumed:
-            self._create(attrs, mask)
+            self._begin(attrs, mask)
         self.done = np.flatnonzero(self._file["_done"][...])
 
     def _resume(self) -> bool:
         if not self.part.exists():
             return False
         try:
-            self._file = h5py.File(self.part, "r+")
-        except OSError:
+            check_walkable(self.part)
+            self._file = DiskFile(self.part, "r+")
+        except (OSError, ValueError):
             return False  # killed while the file was being created
-        if self._file.attrs.get("_identity") == self._identity and "_done" in self._file:
+        if self._file.attrs.get("_identity") == self._identity:
             return True
         self._file.close()
         return False
 
+    def _begin(self, attrs: Mapping[str, Any], mask: bool) -> None:
+        try:
+            self._create(attrs, mask)
+        except BaseException:
+            self.close()
+            self.part.unlink(missing_ok=True)  # not a frame in it
+            raise
+
     def _create(self, attrs: Mapping[str, Any], mask: bool) -> None:
-        self._file = h5py.File(self.part, "w")
+        self._file = DiskFile(self.part, "w")
         rows, columns = self.shape
         self._axis("time", self.times)
         self._axis("row", np.arange(rows, dtype=np.int32))
@@ -98,7 +111,8 @@ class RecordingWriter:
             self._file.attrs[name] = _attribute(value)
         self._file.attrs["format"] = FORMAT
         self._file.attrs["format_version"] = FORMAT_VERSION
-        self._file.attrs["_identity"] = self._identity
+        self._file.flush()
+        self._file.attrs["_identity"] = self._identity  # last: a file that has it is whole but for its frames
         self._file.flush()
 
     def _axis(self, name: str, values: np.ndarray) -> None:
@@ -169,9 +183,11 @@ class RecordingWriter:
             raise ValueError(
                 f"{self.path}: {missing.size} of {self.n_frames} frames were not written, the first is {missing[0]}"
             )
+        self._file.flush()  # what is lacking room is told while the file can still be gone on with
         del self._file["_done"]
         del self._file.attrs["_identity"]
         self._file.close()
+        settle(self.part)
         os.replace(self.part, self.path)
         return self.path
 

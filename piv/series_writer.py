@@ -12,7 +12,10 @@ from typing import Any
 import h5py
 import numpy as np
 
+from piv.hdf5_check import check_walkable
+from piv.hdf5_disk import DiskFile
 from piv.plane import FORMAT, FORMAT_VERSION, UNITS
+from piv.whole_file import settle
 
 FIELDS = {
     "u": "f4",
@@ -44,23 +47,32 @@ class SeriesWriter:
         )
         self._identity = hashlib.sha256(key.encode()).hexdigest()
         if not self._resume():
-            self._create({"x": x, "y": y, "time": time}, units, attrs)
+            self._begin({"x": x, "y": y, "time": time}, units, attrs)
         self.done = set(np.flatnonzero(self._file["_done"][...]).tolist())
 
     def _resume(self) -> bool:
         if not self.part.exists():
             return False
         try:
-            self._file = h5py.File(self.part, "r+")
-        except OSError:
+            check_walkable(self.part)
+            self._file = DiskFile(self.part, "r+")
+        except (OSError, ValueError):
             return False  # killed while the file was being created
-        if self._file.attrs.get("_identity") == self._identity and "_done" in self._file:
+        if self._file.attrs.get("_identity") == self._identity:
             return True
         self._file.close()
         return False
 
+    def _begin(self, axes: dict[str, Any], units: dict[str, str], attrs: dict[str, Any]) -> None:
+        try:
+            self._create(axes, units, attrs)
+        except BaseException:
+            self.close()
+            self.part.unlink(missing_ok=True)  # not a field in it
+            raise
+
     def _create(self, axes: dict[str, Any], units: dict[str, str], attrs: dict[str, Any]) -> None:
-        self._file = h5py.File(self.part, "w")
+        self._file = DiskFile(self.part, "w")
         for name, values in axes.items():
             axis = self._file.create_dataset(name, data=np.asarray(values, float))
             axis.make_scale(name)
@@ -84,7 +96,8 @@ class SeriesWriter:
             self._file.attrs[name] = attrs[name]
         self._file.attrs["format"] = FORMAT
         self._file.attrs["format_version"] = FORMAT_VERSION
-        self._file.attrs["_identity"] = self._identity
+        self._file.flush()
+        self._file.attrs["_identity"] = self._identity  # last: a file that has it is whole but for its fields
         self._file.flush()
 
     def _label(self, name: str, dims: tuple[str, ...], units: str) -> None:
@@ -123,9 +136,11 @@ class SeriesWriter:
             raise ValueError(
                 f"{self.path}: {missing.size} of {self.count} fields are missing, the first is {missing[0]}"
             )
+        self._file.flush()  # what is lacking room is told while the file can still be gone on with
         del self._file["_done"]
         del self._file.attrs["_identity"]
         self._file.close()
+        settle(self.part)
         os.replace(self.part, self.path)
         return self.path
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import os
+import io
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from piv.recorder import Recorder, finger_at
 from piv.recording import RecordingWriter
 from piv.render import SLAB_HALF_WIDTH, add_particles, expose, in_mask, sheet_light
 from piv.truth import write_truth
+from piv.whole_file import write_bytes
 
 __all__ = ["Camera", "Recorder", "Seeding", "render_pair", "render_recording"]
 
@@ -170,10 +171,9 @@ def _add_finger(writer: RecordingWriter, recorder: Recorder) -> None:
 
 
 def _save_state(path: Path, index: int, particles: np.ndarray) -> None:
-    part = path.with_name(path.name + ".part")
-    with part.open("wb") as file:
-        np.savez(file, index=index, particles=particles)
-    os.replace(part, path)
+    content = io.BytesIO()  # a zip file complains once more where it cannot be closed
+    np.savez(content, index=index, particles=particles)
+    write_bytes(path, content.getbuffer())
 
 
 def _load_state(path: Path, before: int) -> tuple[int, np.ndarray] | None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
-import h5py
 import numpy as np
 from tqdm import tqdm
 
+from piv.hdf5_disk import whole_hdf5
 from piv.plane import FINGER_VARIABLES, FORMAT, FORMAT_VERSION, UNITS, provenance
 from piv.recorder import Recorder, finger_at
 
@@ -18,12 +17,11 @@ def write_truth(recorder: Recorder, path: Path, *, quiet: bool = True) -> None:
 
     Values as `Recorder.truth` gives them; only one plane is in memory at once.
     """
-    part = path.with_name(path.name + ".part")
     taken = recorder.taken
     first = taken[::2] if recorder.camera.pairs_every > 1 else taken[:-1]
     middle = (recorder.time[first] + recorder.time[first + 1]) / 2
     x, y = (axis[:: recorder.truth_stride] for axis in (recorder.field.x, recorder.field.y))
-    with h5py.File(part, "w") as file:
+    with whole_hdf5(path) as file:
         for name, values in (("time", middle), ("y", y), ("x", x)):
             file.create_dataset(name, data=np.asarray(values, float)).make_scale(name)
             file[name].attrs["units"] = UNITS[name]
@@ -52,4 +50,3 @@ def write_truth(recorder: Recorder, path: Path, *, quiet: bool = True) -> None:
             k: recorder.series.attrs[k] for k in ("scene_hash", "tip_width") if k in recorder.series.attrs
         }
         file.attrs.update(attrs | provenance(**recorder.attributes()))
-    os.replace(part, path)

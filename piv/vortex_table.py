@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -20,6 +19,7 @@ from piv.plane import FINGER_VARIABLES, check_vectors, provenance
 from piv.tip_frame import place_at_tip
 from piv.tracking import Tracker, TrackingSettings
 from piv.vortices import Vortex, VortexSettings, find_vortices
+from piv.whole_file import write_text
 
 USED = ("u", "v", "valid", "u_std", "v_std", "outline", "tip", "tip_direction", "dorsal_direction", "bend")
 COLUMNS = [
@@ -114,12 +114,9 @@ def _plane(series: xr.Dataset, i: int | None) -> xr.Dataset:
 
 def write_vortices(table: pd.DataFrame, path: str | Path, **settings: Any) -> None:
     """Write a table to CSV, whole or not at all, with provenance in its `#` lines."""
-    path = Path(path)
-    part = path.with_name(path.name + ".part")
-    with part.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# {json.dumps({'format': 'vortices', 'format_version': 1} | provenance(**settings))}\n")
-        table.to_csv(file, index=False, float_format="%.9g")
-    os.replace(part, path)
+    head = json.dumps({"format": "vortices", "format_version": 1} | provenance(**settings))
+    rows = table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
+    write_text(path, f"# {head}\n{rows}")
 
 
 def read_vortices(path: str | Path) -> pd.DataFrame:

@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TypeVar
 
-from piv.errors import end_if_full, sentence
+from piv.errors import sentence
 from piv.exclusive import exclusive
 from postprocess.stagefiles import StageFiles, cost_recorded
 
@@ -37,7 +37,6 @@ def run_stage(
         ):
             result = action(files)
     except Exception as error:
-        end_if_full(error, stage)
         message = sentence(error)
         if message is None:
             raise

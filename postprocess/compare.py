@@ -17,11 +17,12 @@ import xarray as xr
 from postprocess.commandline import run_stage
 from postprocess.evidence import Evidence
 from postprocess.findings import Finding, Measured, is_met, read_findings
-from postprocess.loading import load_evidence, read_clock
+from postprocess.finite import first_not_finite
+from postprocess.loading import FILES, load_evidence, read_clock
 from postprocess.pinch_summary import pinch_summary
 from postprocess.quantities import QUANTITIES
 from postprocess.series import series_table, summary
-from postprocess.stagefiles import StageFiles, read_json, sha256, write_text
+from postprocess.stagefiles import StageFiles, read_json, settings_in, sha256, write_text
 from postprocess.strokes import MIDDLE, stroke_window
 from postprocess.windows import Clock, interval
 
@@ -50,7 +51,12 @@ def judge(finding: Finding, evidence: Evidence, clock: Clock) -> dict[str, Any]:
         if of in absent or window is None:
             continue
         try:
-            measured[of] = QUANTITIES[finding.quantity].measure(evidence, of, window, finding.finger)
+            value = QUANTITIES[finding.quantity].measure(evidence, of, window, finding.finger)
+            if first_not_finite(value) is not None:
+                raise ValueError(
+                    f"{finding.quantity} of {of} between {window[0]:.3f} and {window[1]:.3f} s is no number"
+                )
+            measured[of] = value
         except ValueError as error:  # what cannot be measured is a finding not met, and says why
             notes[of] = str(error)
         except FileNotFoundError as error:  # what was not run is not judged
@@ -107,7 +113,7 @@ def provenance(files: StageFiles, planes: dict[str, xr.Dataset]) -> dict[str, An
         "findings_sha256": sha256(files.findings),
         "seeds": {s: int(p.attrs["seed"]) for s, p in planes.items() if "seed" in p.attrs},
         "settings": {
-            s: json.loads(p.attrs["settings"]) for s, p in planes.items() if p.attrs.get("settings")
+            s: settings_in(p, files.out / FILES[s]) for s, p in planes.items() if p.attrs.get("settings")
         },
     }
 
@@ -142,6 +148,11 @@ def compare(files: StageFiles) -> dict[str, Any]:
     for source, table in evidence.pairs.items():
         write_text(files.out / f"pairs_{source}.csv", table.to_csv(index=False))
         write_text(files.out / f"centreline_{source}.csv", evidence.lines[source].to_csv(index=False))
+    if bad := first_not_finite(result):
+        raise ValueError(
+            f"{files.out / 'comparison.json'}: {bad} would be no number; see the empty cells of comparison.csv from"
+            f" {middle[0]:.3f} to {middle[1]:.3f} s"
+        )
     # last: make takes it for the whole stage
     write_text(files.out / "comparison.json", json.dumps(result, indent=1, allow_nan=False, default=float))
     for plane in evidence.planes.values():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,10 +11,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
+from piv.whole_file import write_bytes
 from postprocess.style import CFD, MM, new_figure, save
 
 NAMES = ("start", "middle", "end")
 VIEW_MODULE = "postprocess.view3d"
+PNG = b"\x89PNG"
 
 
 def edges(cells: list[np.ndarray]) -> np.ndarray:
@@ -47,14 +48,13 @@ def view_in_space(source: Path, target: Path) -> str:
     pyvista runs in a process of its own: without a GL library it may end the whole process, not just raise.
     `source` is the .npz that figures.py writes: points, lines, outline, width, tank.
     """
-    part = target.with_name(target.stem + ".part.png")
-    command = [sys.executable, "-m", VIEW_MODULE, str(source.resolve()), str(part.resolve())]
+    command = [sys.executable, "-m", VIEW_MODULE, str(source.resolve())]
     try:
         done = subprocess.run(command, capture_output=True, timeout=90, cwd=Path(__file__).parents[1])
     except subprocess.TimeoutExpired:
         done = None
-    if done is not None and done.returncode == 0 and part.exists():
-        os.replace(part, target)
+    if done is not None and done.returncode == 0 and done.stdout.startswith(PNG):
+        write_bytes(target, done.stdout)
         return "pyvista"
     save(matplotlib_view(**np.load(source)), target)
     return "matplotlib"

@@ -7,6 +7,8 @@ import pandas as pd
 import xarray as xr
 from scipy.ndimage import map_coordinates
 
+from postprocess.finite import checked_frame
+
 ROUNDING = 1e-9  # a weight or time below this is rounding, not information
 
 
@@ -29,8 +31,8 @@ def onto_grid(
 
 
 def frame(plane: xr.Dataset, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """One instant: velocity (2, y, x) and its validity (y, x)."""
-    now = plane[["u", "v", "valid"]].isel(time=index).load()
+    """One instant: velocity (2, y, x) and its validity (y, x). ValueError where a valid vector is no number."""
+    now = checked_frame(plane, index)
     return np.stack([now["u"].values, now["v"].values]), now["valid"].values.astype(bool)
 
 

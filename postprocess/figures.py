@@ -5,8 +5,8 @@ Command: python -m postprocess.figures cases/single_finger --level coarse
 
 from __future__ import annotations
 
+import io
 import json
-import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -17,9 +17,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
-from PIL import Image
 
+from piv.film import write_film
 from piv.plane import read_plane
+from piv.whole_file import write_bytes
 from postprocess import animation, draw_flow, draw_mesh, draw_series, pairs, tracks
 from postprocess.album import Album
 from postprocess.commandline import run_stage
@@ -138,7 +139,9 @@ def _flow(album: Album, planes: dict[str, xr.Dataset], dominant: Tracks, scale: 
         bend = np.degrees(np.interp(time, stroke, bends))
         told = [_vortex_words(source, fingers, time) for source, fingers in dominant.items()]
         alt = f"Velocity vectors around the black {body} at {time:.3f} s, bent by {bend:.0f} degrees, {sides}. {' '.join(told)}"
-        _save_fixed(figure, album.folder / f"flow_{number}.png")
+        animation.write_picture(
+            animation.pixels(figure), album.folder / f"flow_{number}.png"
+        )  # no new layout
         album.add(None, f"flow_{number}.png", "flow", alt, f"{time:.3f} s, bent by {bend:.0f}°")
     figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=88)
     times = np.linspace(first, last, FRAMES)
@@ -148,7 +151,7 @@ def _flow(album: Album, planes: dict[str, xr.Dataset], dominant: Tracks, scale: 
             show(time)
             yield animation.pixels(figure)
 
-    animation.write_film(
+    write_film(
         animation.write_frames(images(), album.folder / "frames"), album.folder / "stroke.mp4", FILM_HZ
     )
     slower = ((FRAMES - 1) / FILM_HZ) / (last - first)
@@ -179,11 +182,6 @@ def _vortex_words(source: str, fingers: list[pd.DataFrame], time: float) -> str:
             f"{name}: tip vortex {sense} on the {now['side'] or 'undecided'} side, {strength:.0f} cm²/s."
         )
     return " ".join(said)
-
-
-def _save_fixed(figure: Figure, path: Path) -> None:
-    """Save what the canvas shows, without a new layout."""
-    Image.fromarray(animation.pixels(figure)).save(path)
 
 
 def _vortex(
@@ -260,7 +258,7 @@ def _studies(album: Album) -> None:
     for name, varied in STUDIES.items():
         source = DOCS_FEA / f"{name}.svg"
         if source.exists():
-            shutil.copyfile(source, album.folder / f"fea_{source.name}")
+            write_bytes(album.folder / f"fea_{source.name}", source.read_bytes())
             alt = f"Bending radius over pressure for {varied}, from the FEA."
             caption = f"What the FEA gives for {varied}; all numbers and versions in docs/fea/results.md."
             album.add(None, f"fea_{source.name}", "motion", alt, caption)
@@ -320,14 +318,16 @@ def _mesh(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
     scene = scene_numbers(files)
     bodies = outline[int(np.argmin(np.abs(np.degrees(bend) - at[1])))]
     data = files.figures / "view3d.npz"
+    content = io.BytesIO()
     np.savez(
-        data,
+        content,
         points=shapes[1],
         lines=lines[1],
         outline=bodies,
         width=scene["finger"]["width"],
         tank=np.array(scene["tank"]["size"]),
     )
+    write_bytes(data, content.getbuffer())
     drawn_by = draw_mesh.view_in_space(data, files.figures / "view3d.png")
     data.unlink()
     alt = "The finger and the mesh on the laser sheet inside the tank, seen in space."
@@ -348,7 +348,7 @@ def _camera(album: Album, files: StageFiles, time: float) -> None:
         index = int(np.argmin(np.abs(file["time"][:] - time)))
         image, at = file["frames"][index].astype(float), float(file["time"][index])
     grey = np.clip(image / np.percentile(image, 99.7), 0, 1) * 255
-    Image.fromarray(grey.astype(np.uint8)).save(album.folder / "camera.webp", quality=80)
+    animation.write_picture(grey.astype(np.uint8), album.folder / "camera.webp", quality=80)
     alt = f"A synthetic camera picture of the seeded water at {at:.3f} s; the finger is black."
     album.add(
         None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from pathlib import Path
 
@@ -15,10 +14,14 @@ from piv.plane import read_plane
 from postprocess import fields, tracks
 from postprocess.centreline import centreline
 from postprocess.evidence import Evidence
+from postprocess.finite import check_finger
 from postprocess.pairs import pair_vortices
-from postprocess.stagefiles import StageFiles
+from postprocess.stagefiles import StageFiles, settings_in
 from postprocess.strokes import peak_tip_speed
 from postprocess.windows import Clock
+
+FILES = {"cfd": "sheet.h5", "piv": "piv.h5"}
+FINGER = {"tip", "bend", "outline"}
 
 
 def load_evidence(files: StageFiles, single_level: str | None = None) -> Evidence:
@@ -32,11 +35,13 @@ def load_evidence(files: StageFiles, single_level: str | None = None) -> Evidenc
     if piv is not None:
         planes["piv"] = read_plane(piv)
         vortices["piv"] = tracks.read_vortices(files.required("vortices_piv.csv", "vortices"))
-    missing = [name for name in ("tip", "bend", "outline") if name not in planes["cfd"]]
+    missing = sorted(FINGER - set(planes["cfd"]))
     if missing:
         raise ValueError(
             f"{files.out / 'sheet.h5'}: variable {missing[0]!r} is missing; run the stage 'sheet' again"
         )
+    for source, plane in planes.items():
+        check_finger(plane, FINGER & set(plane), files.out / FILES[source])
     scale, _ = peak_tip_speed(planes["cfd"]["time"].values, planes["cfd"]["tip"].values)
     sums = {"piv-cfd": fields.field_sums(planes["cfd"], planes["piv"])} if piv is not None else {}
     starts = read_clock(files, planes["cfd"]).starts
@@ -82,9 +87,9 @@ def extended(case: Path) -> Path:
 def read_clock(files: StageFiles, plane: xr.Dataset, finger: int = 0) -> Clock:
     """What windows are told by: the sheet's bend, and the gap and the strokes of kinematics.h5."""
     time, bend = plane["time"].values, plane["bend"].values[:, finger]
-    with h5py.File(files.required("kinematics.h5", "kinematics"), "r") as file:
-        settings = json.loads(file.attrs.get("settings", "{}"))
-        strokes = settings.get("motion", {}).get("strokes", [])
+    path = files.required("kinematics.h5", "kinematics")
+    with h5py.File(path, "r") as file:
+        strokes = settings_in(file, path).get("motion", {}).get("strokes", [])
         starts = tuple(float(stroke["start"]) for stroke in strokes)
         if "gap" not in file:
             return Clock(time, bend, starts=starts)

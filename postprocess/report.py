@@ -57,7 +57,7 @@ def pictures(files: StageFiles) -> dict[str, list[dict[str, Any]]]:
     """The index of figures by section, each picture with its `data`; the slider's with its frames."""
     index = files.required("figures/figures.json", "figures")
     sections: dict[str, list[dict[str, Any]]] = {}
-    for entry in json.loads(index.read_text()):
+    for entry in read_json(index, list):
         path = files.figures / entry["file"]
         if entry["section"] == "slider":
             frames = [data_uri(path / f"frame_{n:03d}.webp") for n in range(len(entry["times"]))]

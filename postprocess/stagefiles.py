@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import resource
 import time
 import tomllib
@@ -18,6 +17,12 @@ from typing import Any
 import h5py
 import numpy as np
 import pandas as pd
+import xarray as xr
+
+from piv import json_file
+from piv.whole_file import write_text as write_text  # the steps take it from here
+
+AGAIN = "run the stage that writes it again"
 
 
 @dataclass(frozen=True)
@@ -70,12 +75,16 @@ def read_table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
     return table
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """A JSON object; ValueError in one sentence where it is damaged."""
-    try:
-        return json.loads(path.read_text())
-    except json.JSONDecodeError as error:
-        raise ValueError(f"{path}: not valid JSON ({error}); run the stage that writes it again") from error
+def read_json(path: Path, kind: type = dict) -> Any:
+    """What a stage's JSON file holds, of `kind`; ValueError in one sentence where it is damaged."""
+    return json_file.read_json(path, AGAIN, kind)
+
+
+def settings_in(file: h5py.File | xr.Dataset, path: Path) -> dict[str, Any]:
+    """The scene's sections that a stage recorded in its file `path`; ValueError where it has none."""
+    if "settings" not in file.attrs:
+        raise ValueError(f"{path}: attribute 'settings' is missing; {AGAIN}")
+    return json_file.parse_json(file.attrs["settings"], f"{path}: attribute 'settings'", AGAIN)
 
 
 def read_arrays(path: Path, names: tuple[str, ...], optional: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
@@ -107,9 +116,7 @@ def scene_numbers(files: StageFiles) -> dict[str, Any]:
     for name, stage in (("kinematics.h5", "kinematics"), ("planform.h5", "mesh"), ("sweep.h5", "case")):
         path = files.required(name, stage)
         with h5py.File(path, "r") as file:
-            if "settings" not in file.attrs:
-                raise ValueError(f"{path}: attribute 'settings' is missing; run the stage '{stage}' again")
-            numbers |= json.loads(file.attrs["settings"])
+            numbers |= settings_in(file, path)
     missing = [key for key in ("tank", "finger", "fluid", "model") if key not in numbers]
     if missing:
         raise ValueError(
@@ -127,14 +134,6 @@ def scene_title(case: Path) -> str:
     if "extends" not in table:
         raise ValueError(f'{path}: title is missing; add title = "…"')
     return scene_title(case / table["extends"])
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)
 
 
 def sha256(path: Path) -> str:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import os
+import io
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+
+from piv.whole_file import write_bytes
 
 CFD, PIV, THIRD, GREY = "#0b5fa5", "#c8501e", "#3f7d4e", "#5f6670"
 COLOURS = {"cfd": CFD, "piv": PIV, "lab": THIRD}
@@ -45,8 +47,8 @@ def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, dpi
 
 def save(figure: Figure, path: Path, **more) -> Path:
     """Write a figure in the format of its suffix, whole or not at all."""
-    part = path.with_name(path.name + ".part")
     metadata = {"Date": None} if path.suffix == ".svg" else {}
-    figure.savefig(part, format=path.suffix[1:], metadata=metadata, facecolor="white", **more)
-    os.replace(part, path)
+    content = io.BytesIO()
+    figure.savefig(content, format=path.suffix[1:], metadata=metadata, facecolor="white", **more)
+    write_bytes(path, content.getbuffer())
     return path

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
 from pathlib import Path
 from typing import Any
 
+from piv.whole_file import write_bytes, write_text
 from postprocess.pinch_wording import pinch_table
 from postprocess.stagefiles import StageFiles, read_json
 from postprocess.wording import PAIRS, WORDS, quantity, requirement
@@ -124,12 +124,12 @@ def main() -> int:
         print(f"summary: {error}", file=sys.stderr)
         return 2
     picture = f"{files.scene}.png"
-    shutil.copyfile(flow[len(flow) // 2], args.docs / picture)  # half-way; of a pinch about contact
+    write_bytes(args.docs / picture, flow[len(flow) // 2].read_bytes())  # half-way; of a pinch about contact
     text = page(files.scene, args.level, comparison, run, picture)
     for name in PINCH_PICTURES:
         if (files.figures / name).exists():
-            shutil.copyfile(files.figures / name, args.docs / f"{files.scene}_{name}")
-    (args.docs / f"{files.scene}.md").write_text(text, encoding="utf-8")
+            write_bytes(args.docs / f"{files.scene}_{name}", (files.figures / name).read_bytes())
+    write_text(args.docs / f"{files.scene}.md", text)
     return 0
 
 

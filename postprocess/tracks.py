@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from postprocess.finite import check_table
 from postprocess.stagefiles import read_table
 
 COLUMNS = ("time", "track", "x", "y", "circulation", "core_radius", "finger", "side", "tip_distance")
@@ -16,8 +17,9 @@ COMPARED = ("circulation", "x", "y", "core_radius")
 
 
 def read_vortices(path: Path) -> pd.DataFrame:
-    """vortices.csv, sorted by time; an absent side is the empty string."""
+    """vortices.csv, sorted by time; an absent side is the empty string. ValueError where a vortex has no number."""
     table = read_table(path, COLUMNS)
+    check_table(table, ("time", *COMPARED), path)
     return table.assign(side=table["side"].astype(object).fillna("").astype(str)).sort_values(
         "time", ignore_index=True
     )

@@ -1,16 +1,17 @@
-"""The view in space by pyvista, in a process of its own: python -m postprocess.view3d data.npz picture.png."""
+"""The view in space by pyvista, in a process of its own: python -m postprocess.view3d data.npz, PNG to stdout."""
 
 from __future__ import annotations
 
 import sys
 
 import numpy as np
+from PIL import Image
 
 
 def draw(
-    points: np.ndarray, lines: np.ndarray, outline: np.ndarray, width: float, tank: np.ndarray, target: str
-) -> None:
-    """Tank edges, deformed planform on the sheet and every finger (finger, point, axis) as a solid; all lengths in m."""
+    points: np.ndarray, lines: np.ndarray, outline: np.ndarray, width: float, tank: np.ndarray
+) -> np.ndarray:
+    """Tank edges, deformed planform on the sheet and every finger (finger, point, axis) as a solid, as (row, column, RGB) bytes; all lengths in m."""
     import pyvista
 
     flat = np.c_[points, np.zeros(len(points))]
@@ -28,9 +29,9 @@ def draw(
     plotter.camera.position = (middle[0] + 0.35, middle[1] + 0.22, 0.62)
     plotter.camera.focal_point = (middle[0], middle[1] - 0.03, 0)
     plotter.camera.up = (0, 1, 0)
-    plotter.screenshot(target)
+    return np.asarray(plotter.screenshot())
 
 
 if __name__ == "__main__":
     with np.load(sys.argv[1]) as data:
-        draw(**data, target=sys.argv[2])
+        Image.fromarray(draw(**data)).save(sys.stdout.buffer, "PNG")

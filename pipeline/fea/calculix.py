@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pipeline.errors import StageError
 from pipeline.fea.settings import Actuator, Material
 from pipeline.fea.solid_mesh import Solid
+from piv.whole_file import check_room, write_text
 
 FloatArray = NDArray[np.float64]
 INSTALL = "install it with `apt-get install calculix-ccx`"
@@ -114,13 +115,14 @@ def run(folder: Path, text: str, threads: int = 1) -> Path:
     """Solve in `folder` (finger.inp → finger.frd); raises StageError with the log's last line where it fails."""
     program = executable()
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "finger.inp").write_text(text)
+    write_text(folder / "finger.inp", text)
     environment = os.environ | {"OMP_NUM_THREADS": str(threads)}
     done = subprocess.run(
         [program, "finger"], cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
-    (folder / "finger.log").write_text(done.stdout + done.stderr)
+    write_text(folder / "finger.log", done.stdout + done.stderr)
     if done.returncode or "*ERROR" in done.stdout:
+        check_room(folder)
         reasons = [line.strip() for line in done.stdout.splitlines() if "*ERROR" in line]
         raise StageError(
             f"{folder / 'finger.log'}: CalculiX stopped ({(reasons or ['no reason given'])[0]}): "

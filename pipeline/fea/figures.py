@@ -15,6 +15,7 @@ from pipeline.fea.states import BendingStates
 from pipeline.fea.tables import Bends
 from pipeline.paper_model import LOWEST_VALID_PRESSURE
 from pipeline.paper_model import bend as paper_bend
+from piv.whole_file import whole
 
 FloatArray = NDArray[np.float64]
 LARGEST = 150.0  # mm; radii beyond are nearly straight and would flatten the rest
@@ -117,4 +118,5 @@ def draw(folder: Path, bends: dict[str, Bends], states: BendingStates) -> None:
     }
     mpl.rcParams["svg.hashsalt"] = "softfinger"  # the same figure gives the same file
     for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
+        with whole(folder / f"{name}.svg", suffix=True) as part:
+            figure.savefig(part, metadata={"Date": None})

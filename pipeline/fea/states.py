@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,8 @@ from typing import Any
 import h5py
 import numpy as np
 from numpy.typing import NDArray
+
+from piv.hdf5_disk import whole_hdf5
 
 FORMAT, VERSION = "bending-states", 1
 FloatArray = NDArray[np.float64]
@@ -35,8 +36,6 @@ class BendingStates:
 
 def write(path: Path, states: BendingStates) -> None:
     """Write `states.h5`, whole or not at all."""
-    part = path.with_name(path.name + ".part")
-    path.parent.mkdir(parents=True, exist_ok=True)
     columns: dict[str, tuple[NDArray[Any], str, tuple[str, ...]]] = {
         "pressure": (states.pressure, "Pa", ("state",)),
         "profile_x": (states.profile[..., 0], "m", ("state", "point")),
@@ -51,7 +50,7 @@ def write(path: Path, states: BendingStates) -> None:
         optional = getattr(states, name)
         if optional is not None:
             columns[name] = (optional, "m", ("state",))
-    with h5py.File(part, "w", track_order=True) as file:
+    with whole_hdf5(path, track_order=True) as file:
         file.attrs["format"], file.attrs["format_version"] = FORMAT, VERSION
         file.attrs["width"], file.attrs["frame"] = states.width, "actuator"
         for key, value in states.about.items():
@@ -64,7 +63,6 @@ def write(path: Path, states: BendingStates) -> None:
             data.attrs["units"] = units
             for axis, dimension in enumerate(dimensions):
                 data.dims[axis].attach_scale(file[dimension])
-    os.replace(part, path)
 
 
 def read(path: Path) -> BendingStates:

@@ -6,7 +6,6 @@ Command: python -m pipeline.fea.studies (make fea-studies, which has Snakemake r
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from pipeline.fea.settings import Actuator, Fea, SolidMesh
 from pipeline.fea.states import read
 from pipeline.fea.tables import Bends, write_results, write_table
 from pipeline.scene import load_scene
-from pipeline.stage import guarded
+from pipeline.stage import guarded, read_json
 
 STUDY = "bending"
 
@@ -57,7 +56,7 @@ def run(case: Path, docs: Path, calculix: bool) -> None:
     path = case / "out" / "studies" / STUDY / "plan.json"
     if not path.exists():
         raise StageError(f"{path}: no plan; run make fea-studies, which makes the runs first")
-    bends = bends_of(json.loads(path.read_text(encoding="utf-8")))
+    bends = bends_of(read_json(path, "run make fea-studies, which writes it anew"))
     write_table(docs / "studies.csv", bends)
     if calculix:
         scene = load_scene(case)

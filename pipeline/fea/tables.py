@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.fea.states import BendingStates
 from pipeline.paper_model import bend as paper_bend
+from piv.whole_file import write_text
 
 FloatArray = NDArray[np.float64]
 SHOWN_KPA = (-40, -30, -20, -10, 10, 20, 30, 40)
@@ -33,14 +34,13 @@ def provenance() -> str:
 
 def write_table(path: Path, bends: dict[str, Bends], last: str = "wall_gap_mm") -> None:
     """CSV: case, pressure_kpa, radius_mm and the third column, one row per state."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     rows = [f"# {provenance()}", f"case,pressure_kpa,radius_mm,{last}"]
     for name, b in bends.items():
         rows += [
             f"{name},{p / 1e3:g},{r * 1e3:.3f},{g * 1e3:.4f}"
             for p, r, g in zip(b.pressure, b.radius, b.wall_gap, strict=True)
         ]
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(rows) + "\n")
 
 
 def read_table(path: Path) -> dict[str, Bends]:
@@ -119,4 +119,4 @@ def write_results(path: Path, bends: dict[str, Bends], states: BendingStates, ca
         ]
         text += [_markdown(columns, compared)]
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(text), encoding="utf-8")
+    write_text(path, "\n".join(text))

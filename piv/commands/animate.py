@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import os
+import io
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,7 +11,9 @@ import numpy as np
 from tqdm import tqdm
 
 from piv.commands.plot import add_style
+from piv.film import write_film
 from piv.plane import read_checked_plane
+from piv.whole_file import write_bytes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,26 +57,10 @@ def run(args: argparse.Namespace) -> None:
                 rows, columns = picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2  # H.264 wants even sizes
                 yield np.ascontiguousarray(picture[:rows, :columns])
 
-        part = args.output.with_name(args.output.stem + ".part" + args.output.suffix)
-        (_write_gif if args.output.suffix.lower() == ".gif" else _write_mp4)(part, pictures(), args.fps)
-    os.replace(part, args.output)
-
-
-def _write_mp4(path: Path, pictures: Iterator[np.ndarray], fps: float) -> None:
-    import imageio_ffmpeg
-
-    first = next(pictures)
-    size = (first.shape[1], first.shape[0])
-    writer = imageio_ffmpeg.write_frames(
-        str(path), size, fps=fps, codec="libx264", quality=7, macro_block_size=2
-    )
-    writer.send(None)
-    try:
-        writer.send(first)
-        for picture in pictures:
-            writer.send(picture)
-    finally:
-        writer.close()
+        if args.output.suffix.lower() == ".gif":
+            _write_gif(args.output, pictures(), args.fps)
+        else:
+            write_film(pictures(), args.output, args.fps, crf=15, preset="medium")
 
 
 def _write_gif(path: Path, pictures: Iterator[np.ndarray], fps: float) -> None:
@@ -82,4 +68,6 @@ def _write_gif(path: Path, pictures: Iterator[np.ndarray], fps: float) -> None:
 
     first = Image.fromarray(next(pictures)).quantize(128)
     rest = (Image.fromarray(p).quantize(128) for p in pictures)
-    first.save(path, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0)
+    content = io.BytesIO()
+    first.save(content, "GIF", save_all=True, append_images=rest, duration=round(1000 / fps), loop=0)
+    write_bytes(path, content.getbuffer())

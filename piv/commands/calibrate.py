@@ -19,6 +19,7 @@ from piv.calibrate import (
 )
 from piv.images import open_recording
 from piv.plane import read_checked_plane, write_plane
+from piv.whole_file import write_bytes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -108,8 +109,10 @@ def _apply(args: argparse.Namespace) -> None:
     if args.image is not None:
         with open_recording(args.image) as recording:
             flat = rectify_image(np.asarray(recording.frame(0)), calibration)
-        if not cv2.imwrite(str(args.output), flat):
-            raise ValueError(f"{args.output}: cannot be written as an image")
+        try:
+            write_bytes(args.output, cv2.imencode(args.output.suffix, flat)[1].tobytes())
+        except cv2.error:
+            raise ValueError(f"{args.output}: cannot be written as an image; name it .png or .tif") from None
         return
     if args.interval is None:
         raise ValueError("--vectors needs --interval, the time between the exposures of a pair in s")

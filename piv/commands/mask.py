@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from tqdm import tqdm
 
 from piv.images import Recording, open_recording
 from piv.masks import dark_body, outline_masks, polygons_mask, read_mask
+from piv.whole_file import write_bytes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -96,7 +96,4 @@ def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], np
 
 
 def _save(mask: np.ndarray, path: Path) -> None:
-    part = path.with_name(path.stem + ".part.png")
-    if not cv2.imwrite(str(part), mask.astype(np.uint8) * 255):
-        raise ValueError(f"{path}: cannot be written")
-    os.replace(part, path)
+    write_bytes(path, cv2.imencode(".png", mask.astype(np.uint8) * 255)[1].tobytes())

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
+import io
 from pathlib import Path
 
 import numpy as np
 
 from piv.plane import read_checked_plane
+from piv.whole_file import write_bytes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +62,7 @@ def run(args: argparse.Namespace) -> None:
         style = Style(not args.metres, args.vorticity_limit, args.arrow_every, args.title)
         table = read_vortices(args.vortices) if args.vortices else None
         figure = draw(plane, vortices_at(table, time), style=style)
-    part = args.output.with_name(args.output.stem + ".part" + args.output.suffix)
-    figure.savefig(part)
+    content = io.BytesIO()
+    figure.savefig(content, format=args.output.suffix[1:])
     plt.close(figure)
-    os.replace(part, args.output)
+    write_bytes(args.output, content.getbuffer())

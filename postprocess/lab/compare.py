@@ -29,7 +29,7 @@ from postprocess.lab.register_step import fea_band, registration_summary
 from postprocess.lab.registration import Registration
 from postprocess.lab.sides import Sides, simulation_sides
 from postprocess.lab.tables import quantity_table, series_table, write_fields
-from postprocess.stagefiles import read_json, sha256, write_text
+from postprocess.stagefiles import read_json, settings_in, sha256, write_text
 from postprocess.strokes import MIDDLE, stroke_window
 
 
@@ -110,8 +110,9 @@ def make_case(
 
 def moved_as_recorded(files: LabFiles, dpiv: Dpiv) -> bool:
     """Whether the simulation is driven by the motion of this very recording: its bend is then no test of the simulation."""
-    with h5py.File(files.stage.required("kinematics.h5", "kinematics"), "r") as file:
-        motion = json.loads(file.attrs["settings"])["motion"]
+    path = files.stage.required("kinematics.h5", "kinematics")
+    with h5py.File(path, "r") as file:
+        motion = settings_in(file, path)["motion"]
     if motion["source"] != "recording":
         return False
     with h5py.File(files.stage.case / motion["recording"], "r") as file:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from postprocess.lab.silhouette import counter_clockwise
+from postprocess.stagefiles import settings_in
 
 NAMES = ("outline", "tip", "tip_direction", "dorsal_direction", "bend")
 
@@ -68,7 +68,7 @@ def read_family(path: Path) -> Family:
             knots = file["shape_parameter"][...]
             arrays = {name: file[f"shape_{name}"][...] for name in NAMES}
             time, pressure = file["time"][...], file["pressure"][...]
-            finger = json.loads(file.attrs["settings"])["finger"]
+            finger = settings_in(file, path)["finger"]
             mirror = bool(np.ravel(file.attrs.get("mirror", 0))[0])
             width, tip_width = (float(np.ravel(file.attrs[n])[0]) for n in ("finger_width", "tip_thickness"))
     except (OSError, KeyError) as error:

@@ -5,7 +5,6 @@ Each run is a scene of its own, `out/<level>/inputs/<name>/scene.toml`, that ext
 
 from __future__ import annotations
 
-import json
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,7 +13,7 @@ import h5py
 from pydantic import AfterValidator, Field, ValidationError
 
 from postprocess.lab.dpiv import Positive, Table
-from postprocess.stagefiles import StageFiles, scene_numbers, write_text
+from postprocess.stagefiles import StageFiles, scene_numbers, settings_in, write_text
 
 MESH_LENGTHS = ("wall_cell", "wall_first_layer", "tip_cell", "near_cell", "far_cell")
 MESH_COUNTS = ("wall_layers", "layers_on_finger", "layers_beyond")
@@ -121,8 +120,9 @@ def write_runs(files: StageFiles, inputs: Inputs) -> list[Path]:
 
 def write_virtual(files: StageFiles, pressure_kpa: float) -> Path:
     """Write the scene of a virtual laboratory: the last stroke goes to another pressure; returns its folder."""
-    with h5py.File(files.required("kinematics.h5", "kinematics"), "r") as file:
-        motion = json.loads(file.attrs["settings"])["motion"]
+    path = files.required("kinematics.h5", "kinematics")
+    with h5py.File(path, "r") as file:
+        motion = settings_in(file, path)["motion"]
     if not motion["strokes"]:
         raise ValueError(
             f"{files.case / 'scene.toml'}: motion.strokes is empty; a virtual laboratory changes the last of them"

@@ -14,6 +14,8 @@ import xarray as xr
 from scipy.interpolate import LSQUnivariateSpline
 from scipy.optimize import minimize
 
+from piv.hdf5_disk import Disk
+from piv.whole_file import whole
 from postprocess.lab.family import Family
 from postprocess.lab.pose import Pose
 from postprocess.lab.silhouette import counter_clockwise, inside_sum
@@ -170,6 +172,5 @@ def motion_dataset(
 def write_motion(dataset: xr.Dataset, path: Path) -> None:
     """Write whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    dataset.to_netcdf(part, engine="h5netcdf")
-    part.replace(path)
+    with whole(path) as part, Disk(part, "w") as disk:
+        dataset.to_netcdf(disk, engine="h5netcdf")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pandas as pd
 
+from piv.hdf5_disk import whole_hdf5
 from postprocess.lab.budget import FieldComparison
 from postprocess.lab.errors import Case
 
@@ -58,8 +58,7 @@ def quantity_table(result: dict[str, Any]) -> pd.DataFrame:
 def write_fields(
     path: Path, case: Case, field: FieldComparison, rows: np.ndarray, picture: np.ndarray | None
 ) -> None:
-    part = path.with_name(path.name + ".part")
-    with h5py.File(part, "w") as file:
+    with whole_hdf5(path) as file:
         file.attrs.update(format="lab-fields", format_version=1)
         for name in ("x", "y"):
             file[name] = case.direct[name].values
@@ -70,4 +69,3 @@ def write_fields(
         if picture is not None:
             file.create_dataset("picture", data=picture, compression="gzip")
             file["picture"].attrs["time"] = float(case.direct["time"].values[case.direct.sizes["time"] // 2])
-    part.replace(path)

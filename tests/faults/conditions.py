@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from pathlib import Path
 import h5py
 
 from tests.faults.kill import undo
+from tests.faults.piv_commands import piv_commands
 from tests.faults.project import (
     PRODUCTS,
     SCENE,
@@ -25,7 +27,8 @@ from tests.faults.project import (
 
 Row = dict[str, object]
 ROOM = 12  # KiB that a full disk has left: no stage's results fit
-ROOM_OF_RUN = 600  # KiB: the solver gets into its time steps
+ROOM_OF_RUN = 820  # KiB: the solver gets into its time steps
+HALF_OF_RUN = 2000  # KiB: and to where it saves them
 MADE_OF = {  # the file of an earlier stage that each stage reads first
     "mesh": "kinematics.h5",
     "case": "planform.h5",
@@ -40,11 +43,12 @@ MADE_OF = {  # the file of an earlier stage that each stage reads first
 
 
 def outcome(condition: str, stage: str, done: subprocess.CompletedProcess, folder: Path) -> Row:
-    """How a stage ended under a condition: refused in one sentence, completed, or wrong."""
+    """How a stage ended under a condition: refused in one sentence and nothing else, completed, or wrong."""
     told = complaints(done.stderr + done.stdout)
+    besides = [line for line in done.stderr.splitlines() if line.strip() and line not in told]
     if done.returncode == 0:
         ended = "completed"
-    elif len(told) == 1 and "Traceback" not in done.stderr:
+    elif len(told) == 1 and all(re.match(r"make\S*: \*\*\* .* Error [12]$", line) for line in besides):
         ended = "refused"
     else:
         ended, told = "wrong", [" | ".join((done.stderr + done.stdout).strip().splitlines()[-3:])]
@@ -95,10 +99,19 @@ class SmallDisk:
         used = (state.f_blocks - state.f_bfree) * state.f_frsize // 1024
         self.remount(f"size={used + room_kib}k")
 
+    def empty(self) -> None:
+        """Let it have room, and be written, again."""
+        self.remount("rw,size=512m")
+
     def __exit__(self, *_: object) -> None:
         subprocess.run(["umount", str(self.out)], check=True)
         self.out.rmdir()
         os.rename(self.aside, self.out)
+
+
+def half_of(stage: str, wanted: Path) -> int:
+    """KiB of half of what a stage makes."""
+    return sum((wanted / name).stat().st_size for name in PRODUCTS[stage]) // 2048
 
 
 def disks(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Iterator[Row]:
@@ -110,17 +123,22 @@ def disks(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Itera
         return
     try:
         for stage in stages:
-            for condition in ("disk full", "read-only folder"):
+            for condition in ("disk full", "disk full half-way", "read-only folder"):
                 undo(project, stage)
                 if condition == "disk full":
                     disk.fill(ROOM_OF_RUN if stage == "run" else ROOM)
+                elif condition == "disk full half-way":
+                    disk.fill(HALF_OF_RUN if stage == "run" else half_of(stage, wanted))
                 else:
                     disk.remount("ro")
                 row = outcome(condition, stage, make(project, f"{SCENE}.{stage}"), folder)
                 if row["ended"] == "completed":
                     row["ended"] = "wrong"
-                disk.remount("rw,size=512m")
+                disk.empty()
                 yield row | {"afterwards": afterwards(project, wanted, stage)}
+        for name, done, after in piv_commands(project, disk.fill, disk.empty):
+            row = outcome("disk full", name, done, folder)
+            yield row | {"ended": row["ended"] if row["ended"] == "refused" else "wrong", "afterwards": after}
     finally:
         disk.__exit__()
 

@@ -14,6 +14,7 @@ from tests.faults.project import PRODUCTS, SCENE, compare_stage, kill, make, out
 LEFTOVERS = {  # what a stage keeps to go on from: taken away before a new trial
     "images": ("images.h5.part", "images.h5.particles.npz", "images_truth.h5.part"),
     "piv": ("piv.h5.part",),
+    "case": ("case",),
     "sheet": ("sheet.h5.part",),
     "run": ("case", "sweep.h5"),
     "report": ("figures",),

@@ -136,7 +136,7 @@ def _works_in(process: Path, project: Path) -> bool:
 
 def complaints(text: str) -> list[str]:
     """Lines of a make's output that a stage has written: `<stage>: sentence`; make's own and progress left out."""
-    stages = "settings|kinematics|mesh|case|run|sheets|piv \\w+|compare|figures|report"
+    stages = "settings|kinematics|mesh|case|run|sheets|piv \\w+|compare|figures|report|costs"
     return [line for line in text.splitlines() if re.match(rf"({stages}): ", line)]
 
 

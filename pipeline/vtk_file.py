@@ -1,0 +1,64 @@
+"""Surfaces that the solver has sampled (VTK's legacy format, binary): whether they are whole, and reading them.
+
+OpenFOAM goes on where the disk is full and leaves what was cut off; VTK reads it as far as it comes.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pyvista as pv
+
+from pipeline.errors import StageError
+from piv.whole_file import check_room
+
+SIZES = {"float": 4, "double": 8, "int": 4, "long": 8}  # bytes
+
+
+def is_whole_vtk(path: Path) -> bool:
+    """Whether a file holds all that its headers announce; False where it is missing."""
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        return False
+    file = io.BytesIO(content)
+    sections = 0
+    try:
+        for _ in range(4):  # version, title, BINARY, DATASET
+            file.readline()
+        while line := file.readline():
+            if not line.strip():
+                continue
+            sections += line.split()[0] in (b"POINTS", b"POINT_DATA", b"CELL_DATA")
+            for count, kind in _arrays(line.split(), file):
+                file.seek(count * SIZES[kind] + 1, io.SEEK_CUR)
+    except (ValueError, IndexError, KeyError):
+        return False
+    return sections >= 2 and file.tell() == len(content)
+
+
+def _arrays(line: list[bytes], file: io.BytesIO):
+    """Number of values and their type of each array of the section that begins with `line`."""
+    if line[0] == b"POINTS":
+        yield 3 * int(line[1]), line[2].decode()
+    elif line[0] == b"POLYGONS":
+        yield int(line[2]), "int"
+    elif line[0] == b"FIELD":
+        for _ in range(int(line[2])):
+            words = file.readline().split()
+            yield int(words[1]) * int(words[2]), words[3].decode()
+    elif line[0] not in (b"POINT_DATA", b"CELL_DATA"):
+        raise ValueError(line[0])
+
+
+def read_surface(path: Path) -> pv.DataSet:
+    """A surface. StageError where it was cut off; OSError where that is because the disk is full."""
+    if not is_whole_vtk(path):
+        check_room(path.parent)
+        case = next(folder.parent for folder in path.parents if folder.name == "postProcessing")
+        raise StageError(
+            f"{path}: cut off, as by a full disk; delete {case / 'progress.json'} and run/run.json, if they are"
+            " there, and run make again: the solver goes on before that time"
+        )
+    return pv.read(path)

@@ -1,0 +1,23 @@
+"""JSON that must hold an object, or a list: files, and attributes of HDF5 files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+
+def parse_json(text: str | bytes, place: str | Path, remedy: str, kind: type = dict) -> Any:
+    """What `text` holds, of `kind`; else ValueError with `place`, what is wrong and `remedy` in one sentence."""
+    try:
+        found = json.loads(text)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{place}: not valid JSON ({error}); {remedy}") from error
+    if not isinstance(found, kind):
+        raise ValueError(f"{place}: holds a {type(found).__name__}, not a {kind.__name__}; {remedy}")
+    return found
+
+
+def read_json(path: Path, remedy: str, kind: type = dict) -> Any:
+    """What a file holds; ValueError as `parse_json`."""
+    return parse_json(path.read_bytes(), path, remedy, kind)
