@@ -8,7 +8,7 @@ import numpy as np
 import scipy.fft
 from numba import njit
 
-BATCH = 2**16  # px: windows that are transformed together fit a core's cache
+BATCH = 2**17  # px: windows of an image that are transformed together; more do not fit a core's cache
 
 
 class Peaks(NamedTuple):
@@ -72,17 +72,17 @@ def window_maps(a, b, x, y, shift_x, shift_y, size: int) -> np.ndarray:
     ax, ay = x - shift_x // 2, y - shift_y // 2
     bx, by = ax + shift_x, ay + shift_y
     maps = np.empty((x.size, size, size), np.float32)
-    some = max(BATCH // size**2, 1)
-    wa, wb = (np.empty((min(some, x.size), size, size), np.float32) for _ in range(2))
+    some = min(max(BATCH // size**2, 1), x.size)
+    windows = np.empty((2, some, size, size), np.float32)
     for k in range(0, x.size, some):
         n = slice(k, min(k + some, x.size))
         count = n.stop - k
-        _cut(a, ax[n], ay[n], size, wa[:count])
-        _cut(b, bx[n], by[n], size, wb[:count])
-        fa, fb = scipy.fft.rfft2(wa[:count]), scipy.fft.rfft2(wb[:count])
-        np.conjugate(fa, out=fa)
-        fa *= fb
-        maps[n] = scipy.fft.irfft2(fa, s=(size, size), overwrite_x=True)
+        _cut(a, ax[n], ay[n], size, windows[0])
+        _cut(b, bx[n], by[n], size, windows[1])
+        first, second = scipy.fft.rfft2(windows[:, :count])
+        np.conjugate(first, out=first)
+        first *= second
+        maps[n] = scipy.fft.irfft2(first, s=(size, size), overwrite_x=True)
     return maps
 
 

@@ -32,30 +32,40 @@ def _split(w, x0, x1, x2, x3, y0, y1, y2, y3, reach_x, reach_y, stride, offset, 
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _sample_run(a0, a1, a2, a3, b0, b1, b2, b3, frac_x, frac_y, out_a, out_b):
-    """Samples of both images at a run of pixels with one whole-pixel offset, from four rows of each."""
-    for i in range(out_a.size):
-        x0, x1, x2, x3 = taps(frac_x[i])
-        y0, y1, y2, y3 = taps(frac_y[i])
-        out_a[i] = (
-            y0 * (x0 * a0[i] + x1 * a0[i + 1] + x2 * a0[i + 2] + x3 * a0[i + 3])
-            + y1 * (x0 * a1[i] + x1 * a1[i + 1] + x2 * a1[i + 2] + x3 * a1[i + 3])
-            + y2 * (x0 * a2[i] + x1 * a2[i + 1] + x2 * a2[i + 2] + x3 * a2[i + 3])
-            + y3 * (x0 * a3[i] + x1 * a3[i + 1] + x2 * a3[i + 2] + x3 * a3[i + 3])
+def _sample_run(a, p, b, q, stride, frac_x, frac_y, c, n, out_a, out_b):
+    """Samples of both images (flat) at the n pixels from `c` on, which have one offset; p, q: the first ones' upper left neighbours.
+
+    Indices are unsigned: signed ones would be tested for being negative, and slices cost as much as ten pixels.
+    """
+    p0, p1 = p, p + stride
+    p2, p3 = p1 + stride, p1 + stride + stride
+    q0, q1 = q, q + stride
+    q2, q3 = q1 + stride, q1 + stride + stride
+    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
+    for j in range(n):
+        i = np.uint64(j)
+        x0, x1, x2, x3 = taps(frac_x[c + i])
+        y0, y1, y2, y3 = taps(frac_y[c + i])
+        out_a[c + i] = (
+            y0 * (x0 * a[p0 + i] + x1 * a[p0 + i + one] + x2 * a[p0 + i + two] + x3 * a[p0 + i + three])
+            + y1 * (x0 * a[p1 + i] + x1 * a[p1 + i + one] + x2 * a[p1 + i + two] + x3 * a[p1 + i + three])
+            + y2 * (x0 * a[p2 + i] + x1 * a[p2 + i + one] + x2 * a[p2 + i + two] + x3 * a[p2 + i + three])
+            + y3 * (x0 * a[p3 + i] + x1 * a[p3 + i + one] + x2 * a[p3 + i + two] + x3 * a[p3 + i + three])
         )
-        out_b[i] = (
-            y3 * (x3 * b0[i] + x2 * b0[i + 1] + x1 * b0[i + 2] + x0 * b0[i + 3])
-            + y2 * (x3 * b1[i] + x2 * b1[i + 1] + x1 * b1[i + 2] + x0 * b1[i + 3])
-            + y1 * (x3 * b2[i] + x2 * b2[i + 1] + x1 * b2[i + 2] + x0 * b2[i + 3])
-            + y0 * (x3 * b3[i] + x2 * b3[i + 1] + x1 * b3[i + 2] + x0 * b3[i + 3])
+        out_b[c + i] = (
+            y3 * (x3 * b[q0 + i] + x2 * b[q0 + i + one] + x1 * b[q0 + i + two] + x0 * b[q0 + i + three])
+            + y2 * (x3 * b[q1 + i] + x2 * b[q1 + i + one] + x1 * b[q1 + i + two] + x0 * b[q1 + i + three])
+            + y1 * (x3 * b[q2 + i] + x2 * b[q2 + i + one] + x1 * b[q2 + i + two] + x0 * b[q2 + i + three])
+            + y0 * (x3 * b[q3 + i] + x2 * b[q3 + i + one] + x1 * b[q3 + i + two] + x0 * b[q3 + i + three])
         )
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _weigh(usable_a, usable_b, weight):
-    """Whether both samples of a run may be used, as 1 or 0."""
-    for i in range(weight.size):
-        weight[i] = np.float32(usable_a[i] & usable_b[i])
+def _weigh(usable_a, p, usable_b, q, c, n, weight):
+    """Whether both samples of such a run may be used, as 1 or 0."""
+    for j in range(n):
+        i = np.uint64(j)
+        weight[c + i] = np.float32(usable_a[p + i] & usable_b[q + i])
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -68,15 +78,10 @@ def _warp_row(first, stride, a, b, usable_a, usable_b, offset, frac_x, frac_y, o
         n = (end - c + LANES - 1) // LANES * LANES
         p = first + c + offset[c] - stride - 1
         q = first + c - offset[c] - 2 * stride - 2
-        _sample_run(
-            a[p : p + n + 3], a[p + stride : p + stride + n + 3],
-            a[p + 2 * stride : p + 2 * stride + n + 3], a[p + 3 * stride : p + 3 * stride + n + 3],
-            b[q : q + n + 3], b[q + stride : q + stride + n + 3],
-            b[q + 2 * stride : q + 2 * stride + n + 3], b[q + 3 * stride : q + 3 * stride + n + 3],
-            frac_x[c : c + n], frac_y[c : c + n], out_a[c : c + n], out_b[c : c + n],
-        )  # fmt: skip
+        at = np.uint64(c)
+        _sample_run(a, np.uint64(p), b, np.uint64(q), np.uint64(stride), frac_x, frac_y, at, n, out_a, out_b)
         p, q = p + stride + 1, q + stride + 1
-        _weigh(usable_a[p : p + n], usable_b[q : q + n], weight[c : c + n])
+        _weigh(usable_a, np.uint64(p), usable_b, np.uint64(q), at, n, weight)
         c = end
 
 

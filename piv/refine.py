@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 CELL = 4  # px: products are summed over cells before the window's weight is applied
-BLOCK = 1024  # px: columns whose sums over four rows stay in the first cache
+BLOCK = 512  # px: columns whose sums over four rows stay in the first cache
 MOMENTS = 9  # gx, gy, hxx, hxy, hyy, aa, bb, ab, weight
 NEAR, FAR, HALF = np.float32(8 / 12), np.float32(1 / 12), np.float32(0.5)  # of the fourth-order difference
 
