@@ -10,7 +10,9 @@ import numpy as np
 
 _kept = threading.local()
 New = Callable[..., np.ndarray]
-FREED = 31 * 2**20  # bytes: once so much was given back, glibc keeps smaller arrays' memory at hand, up to twice as much
+FREED = (
+    31 * 2**20
+)  # bytes: once so much was given back, glibc keeps smaller arrays' memory at hand, up to twice as much
 
 
 def fresh(*shape: int) -> np.ndarray:
