@@ -64,7 +64,6 @@ def correlate_pair(
 
 def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
     """The result of `correlate_pair`."""
-    work = {f: images.new(3, images.shape[0] // f, images.shape[1] // f) for f in (1, 2)}
     held: dict[int, list[Image]] = {}
     seen = both_seen(images.seen)
 
@@ -81,11 +80,11 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
         a, b = at(nodes.factor)
         a.filter(kernel)
         b.filter(kernel)
-        return passes.pair_cells(nodes, a, b, dx, dy, work[nodes.factor])
+        return nodes.moments(a, b, dx, dy)
 
     def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray) -> tuple | None:
         moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
-        return prefilter.radial_spectra(passes.strip_spectra(nodes, at(1), moves, seen, kernel, work[1]))
+        return prefilter.radial_spectra(passes.strip_spectra(nodes, at(1), moves, seen, kernel))
 
     def reseed(nodes: Nodes, vectors: Vectors) -> Vectors:
         vectors = passes.reseed(nodes, images.pixels, vectors, settings)
@@ -99,7 +98,7 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
     errors = errors_of(nodes, vectors, settings)
     fine = too_coarse(vectors, errors)
     if fine.any():
-        new = measure_finer(nodes, held[1], vectors, fine, settings, work[1])
+        new = measure_finer(nodes, held[1], vectors, fine, settings)
         errors = errors.replaced(fine, errors_of(nodes, new, settings))
         vectors = vectors.replaced(fine, new)
     vectors = regrow(nodes, held[1], vectors, settings, final=True)

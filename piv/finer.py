@@ -15,7 +15,7 @@ from piv.deform import Image, Nodes
 from piv.interpolate import denser
 from piv.options import Options
 from piv.outliers import fill_absent
-from piv.passes import Vectors, measure, pair_cells
+from piv.passes import Vectors, measure
 from piv.uncertainty import Errors
 
 COARSE = 0.5  # times the noise's variance: what a window misses at least where a narrower one takes over
@@ -36,17 +36,17 @@ def too_coarse(v: Vectors, errors: Errors) -> np.ndarray:
 
 
 def measure_finer(
-    nodes: Nodes, images: list[Image], v: Vectors, fine: np.ndarray, options: Options, work: np.ndarray
+    nodes: Nodes, images: list[Image], v: Vectors, fine: np.ndarray, options: Options
 ) -> Vectors:
     """Vectors at the nodes, those marked `fine` (bool) measured in the narrow window; others serve for warping only.
 
-    images: both at full resolution, filtered; work: as of passes.pair_cells.
+    images: both at full resolution, filtered.
     """
     dense = Nodes(_halved(nodes.x), _halved(nodes.y), nodes.shape, 1)
     dx, dy = (denser(d) for d in fill_absent(v.dx, v.dy, v.known))
     marked = denser(fine.astype(np.float32)) > 0
     for _ in range(STEPS):
-        cells = pair_cells(dense, images[0], images[1], dx, dy, work)
+        cells = dense.moments(images[0], images[1], dx, dy)
         new = measure(dense, cells, dx, dy, options.sigma, options, options.epsilon, marked)
         dx, dy = fill_absent(new.dx, new.dy, new.known)
     nodal = [f.name for f in fields(new) if f.name not in ("cells", "fine", "narrow")]

@@ -90,12 +90,17 @@ def correlate_recording(
         sets = sets[part.first : part.first + part.count]
     clean = Preprocessor([s for s in sequence.preprocess.split(",") if s], recording)
 
+    held: dict[int, tuple[np.ndarray, Any]] = {}  # frames of the last set: most sets share some with the next
+
+    def frame(i: int) -> tuple[np.ndarray, Any]:
+        own = recording.mask(i)
+        return clean(recording.frame(i)), own if mask is None or own is None else own | mask
+
     def load(indices: tuple[int, ...]) -> tuple[list[np.ndarray], list[Any]]:
-        images = [clean(recording.frame(i)) for i in indices]
-        masks = [recording.mask(i) for i in indices]
-        if mask is not None:
-            masks = [mask if m is None else m | mask for m in masks]
-        return images, masks
+        now = {i: held[i] if i in held else frame(i) for i in indices}
+        held.clear()
+        held.update(now)
+        return [image for image, _ in now.values()], [mask if m is None else m for _, m in now.values()]
 
     calibration = Calibration.of(recording, sets)
     x, y = calibration.axes(*vector_axes(recording.shape, options))
