@@ -15,7 +15,7 @@ SCALES = (
     2.4,
     4.2,
     7.0,
-)  # of L in σ of the correlation window: half is left of waves of 1.5, 2.6 and 4.4 windows
+)  # of L in σ of the correlation window: half is left of waves of 1.5, 2.6, 4.4 windows
 NODES = 1.9  # of L in vectors, at least: coarser scales are worked out on fewer vectors
 AROUND = 1.3  # of L: where mean squares are taken
 LARGEST = 25.0  # variance counted as noise, in medians of the field
@@ -39,6 +39,10 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
     variance = np.where(known, var_x + var_y, 0).astype(np.float32)
     if known.any():  # a few vectors that know nothing must not let all around them pass for noise
         variance = np.minimum(variance, LARGEST * np.median(variance[known]))
+    trends = [
+        _quadratic(f, weight) for f in fields
+    ]  # what has no fine part needs no neighbours beyond an edge
+    fields = [f - trend for f, trend in zip(fields, trends, strict=True)]
     size = weight.shape[::-1]
     gain, lost = np.ones_like(weight), np.zeros_like(weight)
     for (width, coarser), (fine, left) in zip(
@@ -62,7 +66,23 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
         smooth = np.minimum(left / there, 1)  # at an edge fewer vectors share the noise
         gain = gain * (smooth + (1 - smooth) * kept)
         lost = lost + more
-    return fields[0], fields[1], var_x * gain + lost, var_y * gain + lost
+    dx, dy = (f + trend for f, trend in zip(fields, trends, strict=True))
+    return dx, dy, var_x * gain + lost, var_y * gain + lost
+
+
+@lru_cache(8)
+def _powers(shape: tuple[int, int]) -> np.ndarray:
+    """1, x, y, x², xy, y² over the field, x and y within -1 … 1: (6, nodes)."""
+    y, x = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y]).reshape(6, -1).astype(np.float32)
+
+
+def _quadratic(field: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """The quadratic that fits the whole field best."""
+    powers = _powers(field.shape)
+    weighted = powers * weight.ravel()
+    factors = np.linalg.lstsq(weighted @ powers.T, weighted @ field.ravel(), rcond=1e-5)[0]
+    return (factors @ powers).reshape(field.shape)
 
 
 def _damped(fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, width: float) -> tuple:
