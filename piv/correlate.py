@@ -194,7 +194,10 @@ def to_dataset(
 ) -> xr.Dataset:
     """Smooth where asked, flag, turn y up and name everything."""
     dx, dy, spacing = v.dx, v.dy, float(x[1] - x[0])
-    doubts = {"doubtful": 2 * options.min_correlation, "across": 2 * round(1.125 * options.window / spacing) + 1}
+    doubts = {
+        "doubtful": 2 * options.min_correlation,
+        "across": 2 * round(1.125 * options.window / spacing) + 1,
+    }
     known = supported(v.known, v.masked, v.correlation, **doubts)
     var_x, var_y = errors.var_x, errors.var_y
     if options.smoothing:
