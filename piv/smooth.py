@@ -11,16 +11,12 @@ from piv.helmholtz import mirrored
 
 # The low-pass is 1 - Π(1 - aL) of a Gaussian L: flat up to its cut-off like a high-order kernel, and steep beyond it.
 STEPS = (1.0, 1.0, 1 / 0.82, 1 / 0.58, 1 / 0.38, 1 / 0.25, 1 / 0.16)
-SCALES = (
-    2.4,
-    4.2,
-    7.0,
-)  # of L in σ of the correlation window: half is left of waves of 1.5, 2.6, 4.4 windows
+# of L in σ of the correlation window: half is left of waves of 1.5, 2.6 and 4.4 windows
+SCALES = (2.4, 4.2, 7.0)
 NODES = 1.9  # of L in vectors, at least: coarser scales are worked out on fewer vectors
-AROUND = 1.3  # of L: where mean squares are taken
+AROUND = 1.0  # of L: where mean squares are taken
 LARGEST = 25.0  # variance counted as noise, in medians of the field
-NOISE_ONLY, SIGNAL = 1.7, 4.0  # mean square over that of noise: damped wholly below, kept above
-CERTAIN = 1.5  # the same: what is damped above it counts as an error
+NOISE_ONLY, SIGNAL = 1.7, 8.0  # mean square over that of noise: damped wholly below, kept above
 SHARED = 0.5  # how far the noise of a part that is damped is taken to stay in the one that is kept
 
 
@@ -100,7 +96,7 @@ def _damped(fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, wid
     for energy in ((inner - cross) / (4 * total), (inner + cross) / (4 * total)):
         ratio = np.maximum(energy / noise, 1e-6)
         keep.append(np.clip((1 - NOISE_ONLY / ratio) / (1 - NOISE_ONLY / SIGNAL), 0, 1))
-        lost = lost + (1 - keep[-1]) ** 2 * noise * np.maximum(ratio - CERTAIN, 0) / 2
+        lost = lost + (1 - keep[-1]) ** 2 * noise * np.maximum(ratio - NOISE_ONLY, 0) / 2
     mean, half = (keep[0] + keep[1]) / 2, (keep[1] - keep[0]) / 2
     kept = SHARED * np.maximum(*keep) + (1 - SHARED) * mean
     return ex - mean * ex - half * tx, ey - mean * ey - half * ty, kept, lost, np.minimum(there, 1)
