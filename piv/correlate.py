@@ -209,6 +209,8 @@ def to_dataset(
         for var, missed in ((var_x, errors.missed_x), (var_y, errors.missed_y))
     )
     unsure = known & (np.maximum(std_x, std_y) > options.max_std)
+    if v.narrow is not None:
+        unsure &= ~v.narrow  # their uncertainty is a bound (Errors.of_narrow), and regrow has tested them
     if unsure.any():
         known = supported(known & ~unsure, v.masked, v.correlation, **doubts)
     flag = np.full(known.shape, VALID, np.uint8)
