@@ -193,20 +193,30 @@ def to_dataset(
 ) -> xr.Dataset:
     """Smooth where asked, flag, turn y up and name everything."""
     dx, dy, spacing = v.dx, v.dy, float(x[1] - x[0])
-    known = supported(v.known, v.masked, v.correlation, doubtful=2 * options.min_correlation,
-                      across=2 * round(1.125 * options.window / spacing) + 1)  # fmt: skip
+    doubts = {
+        "doubtful": 2 * options.min_correlation,
+        "across": 2 * round(1.125 * options.window / spacing) + 1,
+    }
+    known = supported(v.known, v.masked, v.correlation, **doubts)
     var_x, var_y = errors.var_x, errors.var_y
     if options.smoothing:
         dx, dy, var_x, var_y = damp_noise(
             dx, dy, var_x, var_y, known, sigma=options.sigma, spacing=spacing, passes=options.full_steps
         )
-    var_x, var_y = var_x + errors.missed_x, var_y + errors.missed_y
+    std_x, std_y = (
+        np.sqrt(var + missed + INTERPOLATION**2)
+        for var, missed in ((var_x, errors.missed_x), (var_y, errors.missed_y))
+    )
+    unsure = known & (np.maximum(std_x, std_y) > options.max_std)
+    if v.narrow is not None:
+        unsure &= ~v.narrow  # their uncertainty is a bound (Errors.of_narrow), and regrow has tested them
+    if unsure.any():
+        known = supported(known & ~unsure, v.masked, v.correlation, **doubts)
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER
     flag[v.second & known] = SECOND_PEAK
     flag[v.masked] = MASKED
     present = known.copy()
-    std_x, std_y = np.sqrt(var_x + INTERPOLATION**2), np.sqrt(var_y + INTERPOLATION**2)
     if options.replace and known.any():
         put = ~known & ~v.masked
         dx, dy = fill_absent(dx, dy, known)

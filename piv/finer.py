@@ -25,6 +25,7 @@ UNSURE = (
     0.25  # px: with a larger standard uncertainty an error of half a pixel is not unlikely (5 %): an outlier
 )
 OVERLAP = 5  # nodes across: windows that overlap by half the one that is too wide
+GAP = 9  # nodes across: between windows that are too wide no narrower place is likely to be right
 
 
 def too_coarse(v: Vectors, errors: Errors) -> np.ndarray:
@@ -32,7 +33,8 @@ def too_coarse(v: Vectors, errors: Errors) -> np.ndarray:
     noise, missed = errors.var_x + errors.var_y, errors.missed_x + errors.missed_y
     found = v.known & (missed > np.maximum(COARSE * noise, LEAST**2))
     around = cv2.dilate(found.astype(np.uint8), np.ones((OVERLAP, OVERLAP), np.uint8))
-    return around.astype(bool) & ~v.masked
+    closed = cv2.morphologyEx(around, cv2.MORPH_CLOSE, np.ones((GAP, GAP), np.uint8))
+    return closed.astype(bool) & ~v.masked
 
 
 def measure_finer(

@@ -8,6 +8,9 @@ from numba import njit
 
 SUPPORT = 0.5  # share of the neighbours that must have passed
 RARE = 0.2  # share of all vectors: where fewer have passed, those of doubtful correlation did so by chance
+LEAST_SUPPORT = (
+    0.25  # of the neighbours, where vectors are rare: a seeded part of a picture has it along its edge
+)
 SUPPORT_ROUNDS = 4  # each takes away what the one before has left alone
 
 
@@ -122,7 +125,7 @@ def supported(known, masked, correlation, *, doubtful: float, across: int):
     """`known` (bool) without vectors of doubtful correlation most of whose neighbours have failed.
 
     In images that have nothing in common one vector in ten passes every other test by chance, and warping along it raises its
-    correlation to 0.2-0.4. masked: vectors that no neighbour can be; across: nodes of a neighbourhood, an odd number.
+    correlation to 0.2-0.4 and a few times above it. masked: vectors that no neighbour can be; across: nodes of a neighbourhood, an odd number.
     """
     box, border = (across, across), cv2.BORDER_REPLICATE
     open_water = cv2.blur((~masked).astype(np.float32), box, borderType=border)
@@ -130,6 +133,8 @@ def supported(known, masked, correlation, *, doubtful: float, across: int):
         share = cv2.blur((known & ~masked).astype(np.float32), box, borderType=border)
         rare = (known & ~masked).sum() < RARE * (~masked).sum()
         alone = known & (correlation < doubtful) & (rare | (share < SUPPORT * open_water))
+        if rare:
+            alone |= known & (share < LEAST_SUPPORT * open_water)
         if not alone.any():
             break
         known = known & ~alone
