@@ -82,8 +82,8 @@ class RecordingWriter:
         try:
             self._create(attrs, mask)
         except BaseException:
-            self.close()
             self.part.unlink(missing_ok=True)  # not a frame in it
+            self.close()
             raise
 
     def _create(self, attrs: Mapping[str, Any], mask: bool) -> None:

@@ -68,8 +68,8 @@ class SeriesWriter:
         try:
             self._create(axes, units, attrs)
         except BaseException:
-            self.close()
             self.part.unlink(missing_ok=True)  # not a field in it
+            self.close()
             raise
 
     def _create(self, axes: dict[str, Any], units: dict[str, str], attrs: dict[str, Any]) -> None:

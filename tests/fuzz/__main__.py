@@ -131,6 +131,15 @@ def run_reader(name: str, args: argparse.Namespace) -> dict[str, object]:
     return {"reader": name, "engine": label, "date": today} | counts
 
 
+def merged(table: Path, rows: list[dict[str, object]]) -> list[dict[str, object]]:
+    """The rows of a table that is there, with those of the same readers and engine replaced by `rows`."""
+    with table.open(encoding="utf-8", newline="") as file:
+        old: list[dict[str, object]] = list(csv.DictReader(file))
+    new = {(row["reader"], row["engine"]): row for row in rows}
+    kept = [new.pop((row["reader"], row["engine"]), row) for row in old]
+    return kept + list(new.values())
+
+
 def main() -> int:
     """Command line; 1 where a reader broke."""
     guided = "atheris" if find_spec("atheris") else "random"
@@ -141,7 +150,7 @@ def main() -> int:
         "--engine", choices=("atheris", "random"), default=guided, help="(default: %(default)s)"
     )
     parser.add_argument("--readers", help="names with commas (default: all)")
-    parser.add_argument("--table", type=Path, help="CSV to write the counts to")
+    parser.add_argument("--table", type=Path, help="CSV to write the counts to; with --readers, their rows")
     parser.add_argument(
         "--kept", type=Path, default=Path("tests/fuzz/out"), help="where inputs that broke a reader go"
     )
@@ -166,6 +175,7 @@ def main() -> int:
     total, broken = (sum(int(str(r[key])) for r in rows) for key in ("inputs", "faults"))
     print(f"{total} inputs, {broken} faults" + (f"; the inputs are in {args.kept}" if broken else ""))
     if args.table:
+        rows = merged(args.table, rows) if args.readers else rows
         part = args.table.with_name(args.table.name + ".part")
         with part.open("w", encoding="utf-8", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")

@@ -1,0 +1,112 @@
+"""Damage that a power cut, a full disk or a defect leaves is told with the file, the place and the remedy."""
+
+import json
+import struct
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.checkpoint import first_damaged
+from pipeline.errors import StageError
+from pipeline.prepare import STATE, prepared_for
+from pipeline.solver import PROGRESS, read_progress
+from pipeline.vtk_file import is_whole_vtk, read_surface
+from piv.errors import sentence
+from piv.json_file import parse_json
+from piv.plane import make_plane
+from postprocess.finite import check_finger, check_table, checked_frame, first_not_finite
+
+
+@pytest.mark.parametrize("content", [b"", b'{"wall_time": 1', b"\x00" * 40, b"\xff\xfe", b"[1, 2]", b"null"])
+def test_half_written_json_is_one_sentence(tmp_path, content):
+    for name, read in ((PROGRESS, read_progress), (STATE, prepared_for)):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(StageError, match="delete it and run make again") as caught:
+            read(tmp_path)
+        assert str(tmp_path / name) in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_what_was_never_begun_is_no_damage(tmp_path):
+    assert prepared_for(tmp_path) == {}
+    assert read_progress(tmp_path)["wall_time"] == 0.0
+
+
+def test_a_list_is_read_where_one_is_wanted():
+    assert parse_json("[1]", "a.json", "make it again", list) == [1]
+    with pytest.raises(ValueError, match=r"a\.json: holds a dict, not a list; make it again"):
+        parse_json("{}", "a.json", "make it again", list)
+
+
+def test_an_unexplained_key_error_is_no_sentence():
+    """It is a defect, and shows where; `'x'` tells a user nothing."""
+    assert sentence(KeyError("x")) is None
+    assert sentence(ValueError("a.h5: no variable 'x'")) == "a.h5: no variable 'x'"
+
+
+def surface(values):
+    """A sampled surface as OpenFOAM v1912 writes it: three points, one triangle, p on the points."""
+    return b"".join(
+        [
+            b"# vtk DataFile Version 2.0\ntime='0.1'\nBINARY\nDATASET POLYDATA\n",
+            b"FIELD FieldData 1\nTimeValue 1 1 float\n" + struct.pack(">f", 0.1) + b"\n",
+            b"POINTS 3 float\n" + np.eye(3).astype(">f4").tobytes() + b"\n\n",
+            b"POLYGONS 1 4\n" + np.array([3, 0, 1, 2], ">i4").tobytes() + b"\n\n",
+            b"POINT_DATA 3\nFIELD FieldData 1\np 1 3 float\n" + np.array(values, ">f4").tobytes() + b"\n",
+        ]
+    )
+
+
+def test_a_sample_is_whole_or_cut_off(tmp_path):
+    path = tmp_path / "postProcessing" / "sheetSurface" / "0.1" / "sheet.vtk"
+    path.parent.mkdir(parents=True)
+    content = surface([1.0, 2.0, 3.0])
+    path.write_bytes(content)
+    assert is_whole_vtk(path)
+    np.testing.assert_array_equal(read_surface(path)["p"], [1, 2, 3])
+    for size in range(len(content)):
+        path.write_bytes(content[:size])
+        assert not is_whole_vtk(path), size
+    with pytest.raises(StageError, match=r"cut off, as by a full disk; delete .*progress\.json"):
+        read_surface(path)
+
+
+def test_a_run_goes_on_before_its_first_damaged_sample(tmp_path):
+    for name, times in (("sheetSurface", ("0.1", "0.2", "0.3")), ("fingerSurface", ("0.1", "0.2"))):
+        for time in times:
+            folder = tmp_path / "postProcessing" / name / time
+            folder.mkdir(parents=True)
+            (folder / "a.vtk").write_bytes(surface([0, 0, 0]))
+    assert first_damaged(tmp_path) == 0.3  # of which one recorder has none
+    path = tmp_path / "postProcessing" / "fingerSurface" / "0.2" / "a.vtk"
+    path.write_bytes(path.read_bytes()[:-1])
+    assert first_damaged(tmp_path) == 0.2
+    assert first_damaged(tmp_path / "nothing") == np.inf
+
+
+def test_a_number_that_is_none_is_told_by_quantity_and_instant(tmp_path):
+    time, axis = np.array([0.0, 0.1, 0.2]), np.arange(4.0)
+    zero = np.zeros((3, 4, 4))
+    plane = make_plane(axis, axis, zero, zero, time=time, tip=np.zeros((3, 1, 2)), bend=np.zeros((3, 1)))
+    check_finger(plane, ("tip", "bend"), tmp_path / "sheet.h5")
+    plane["bend"][2, 0] = np.nan
+    with pytest.raises(ValueError, match=r"sheet\.h5: bend at 0\.2 s \(frame 2\) is no number"):
+        check_finger(plane, ("tip", "bend"), tmp_path / "sheet.h5")
+    plane["u"][1, 2, 2] = np.inf
+    checked_frame(plane, 0)
+    with pytest.raises(ValueError, match=r"frame 1: .* at 0\.1 s .*not finite"):
+        checked_frame(plane, 1)
+    table = pd.DataFrame({"time": time, "track": [1, 1, 2], "circulation": [1.0, 2.0, np.nan]})
+    with pytest.raises(ValueError, match=r"v\.csv: circulation of track 2 at 0\.2 s is no number"):
+        check_table(table, ("time", "circulation"), tmp_path / "v.csv")
+
+
+def test_the_place_of_a_number_that_is_none():
+    found = {
+        "checks": [{"measured": {"piv": 1.0}}, {"measured": {"piv": (2.0, float("inf"))}}],
+        "note": "nan",
+    }
+    assert first_not_finite(found) == "checks[1].measured.piv[1]"
+    assert first_not_finite({"summary": {"cfd": np.float64("nan")}}) == "summary.cfd"
+    assert first_not_finite(json.loads('{"a": [1, 2, null, true, "x"]}')) is None
