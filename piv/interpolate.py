@@ -107,7 +107,7 @@ def dense_field(knots, first_y, weights_y, first_x, weights_x, out):
         _blend_rows(w, across[j], across[j + 1], across[j + 2], across[j + 3], out[r])
 
 
-@njit(cache=True, nogil=True, fastmath=True, inline="always")
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def taps(t):
     """Weights of the four samples around the fraction t between the middle two; those of 1 - t are the same backwards."""
     u = t - np.float32(0.5)

@@ -11,7 +11,7 @@ MOMENTS = 9  # gx, gy, hxx, hxy, hyy, aa, bb, ab, weight
 NEAR, FAR, HALF = np.float32(8 / 12), np.float32(1 / 12), np.float32(0.5)  # of the fourth-order difference
 
 
-@njit(cache=True, nogil=True, fastmath=True, inline="always")
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _products(w, a, left_a, right_a, up_a, down_a, b, left_b, right_b, up_b, down_b):
     """MOMENTS of one pixel of weight w; neighbours as (next, next but one); gx, gy and hxy twice."""
     ax = NEAR * (right_a[0] - left_a[0]) - FAR * (right_a[1] - left_a[1])
@@ -24,7 +24,7 @@ def _products(w, a, left_a, right_a, up_a, down_a, b, left_b, right_b, up_b, dow
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, fastmath=True, inline="always")
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _row_products(w, i, a0, a1, a2, a3, a4, b0, b1, b2, b3, b4):
     """`_products` at pixel i of the middle one of five rows of both images, which begin two columns before."""
     k = i + 2
