@@ -193,11 +193,8 @@ def to_dataset(
 ) -> xr.Dataset:
     """Smooth where asked, flag, turn y up and name everything."""
     dx, dy, spacing = v.dx, v.dy, float(x[1] - x[0])
-    doubts = {
-        "doubtful": 2 * options.min_correlation,
-        "across": 2 * round(1.125 * options.window / spacing) + 1,
-    }
-    known = supported(v.known, v.masked, v.correlation, **doubts)
+    doubtful, across = 2 * options.min_correlation, 2 * round(1.125 * options.window / spacing) + 1
+    known = supported(v.known, v.masked, v.correlation, doubtful=doubtful, across=across)
     var_x, var_y = errors.var_x, errors.var_y
     if options.smoothing:
         dx, dy, var_x, var_y = damp_noise(
@@ -211,7 +208,7 @@ def to_dataset(
     if v.narrow is not None:
         unsure &= ~v.narrow  # their uncertainty is a bound (Errors.of_narrow), and regrow has tested them
     if unsure.any():
-        known = supported(known & ~unsure, v.masked, v.correlation, **doubts)
+        known = supported(known & ~unsure, v.masked, v.correlation, doubtful=doubtful, across=across)
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER
     flag[v.second & known] = SECOND_PEAK

@@ -36,7 +36,7 @@ class Options:
     epsilon: float = 0.2
     threshold: float = 3.0
     min_correlation: float = 0.2
-    max_std: float = 0.25  # an error of half a pixel is then not unlikely: 5 %
+    max_std: float = 0.3  # one error in ten is then above half a pixel
     max_masked: float = 0.5
     replace: bool = False
     method: str = "correlation"

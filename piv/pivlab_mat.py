@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +76,7 @@ def _of_hdf5(path: Path) -> Iterator[Instant]:
     with _told(path, lambda: h5py.File(path, "r")) as file:
         cells = _told(path, lambda: file["x"].size if file["x"].dtype == h5py.ref_dtype else 1)
         for k in range(cells):
-            yield _told(path, lambda k=k: _hdf5_instant(path, file, k))
+            yield _told(path, partial(_hdf5_instant, path, file, k))
 
 
 def _told(path: Path, read: Callable[[], Any]) -> Any:

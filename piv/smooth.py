@@ -34,7 +34,8 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
     fields = [np.where(known, d, 0).astype(np.float32) for d in (dx, dy)]
     variance = np.where(known, var_x + var_y, 0).astype(np.float32)
     if known.any():  # a few vectors that know nothing must not let all around them pass for noise
-        variance = np.minimum(variance, LARGEST * np.median(variance[known]))
+        some = variance[known][:: max(known.sum() // 2000, 1)]  # enough for a median
+        variance = np.minimum(variance, LARGEST * np.median(some))
     trends = [
         _quadratic(f, weight) for f in fields
     ]  # what has no fine part needs no neighbours beyond an edge
@@ -104,11 +105,12 @@ def _damped(fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, wid
 
 def _fine(field: np.ndarray, weight: np.ndarray, there: np.ndarray, width: float) -> np.ndarray:
     """The field less its low-pass, zero where it is not known; each step is a mean over what is."""
-    rest = field * weight
-    smooth = np.zeros_like(rest)
-    for step in STEPS:
-        smooth += np.float32(step) * (_gauss(rest, width) / there)
-        rest = (field - smooth) * weight
+    rest, share = field * weight, weight / there
+    for step in STEPS:  # the rest less a mean of it over what is known
+        mean = _gauss(rest, width)
+        mean *= share
+        mean *= np.float32(step)
+        rest -= mean
     return rest
 
 

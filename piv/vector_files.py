@@ -180,6 +180,7 @@ def read_pivlab(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]
     Vector type 1 is measured, 0 masked, 2 rejected and interpolated: absent unless `keep_replaced`. In px the
     y axis points down (PIVlab's image axes); after a calibration in PIVlab the file does not say.
     """
+    found: Iterator[tuple[tuple[np.ndarray, ...], tuple[str, str] | None]]
     if path.suffix.lower() == ".mat":
         found = ((data, _two_units(text)) for data, text in instants(path))
     else:
