@@ -23,19 +23,20 @@ def is_whole_vtk(path: Path) -> bool:
     except FileNotFoundError:
         return False
     file = io.BytesIO(content)
-    sections = 0
+    sections: list[bytes] = []
     try:
         for _ in range(4):  # version, title, BINARY, DATASET
             file.readline()
         while line := file.readline():
             if not line.strip():
                 continue
-            sections += line.split()[0] in (b"POINTS", b"POINT_DATA", b"CELL_DATA")
+            sections.append(line.split()[0])
             for count, kind in _arrays(line.split(), file):
                 file.seek(count * SIZES[kind] + 1, io.SEEK_CUR)
     except (ValueError, IndexError, KeyError):
         return False
-    return sections >= 2 and file.tell() == len(content)
+    values = sections[-2:] in ([b"POINT_DATA", b"FIELD"], [b"CELL_DATA", b"FIELD"])
+    return values and b"POINTS" in sections and file.tell() == len(content)
 
 
 def _arrays(line: list[bytes], file: io.BytesIO):

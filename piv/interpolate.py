@@ -13,7 +13,10 @@ from numba import njit
 BETA = 7.0  # of the Kaiser-Bessel kernel: leaks least over 0 … 0.42 cycles/px
 PAD = 16  # px of border around spline coefficients: samples further outside are not taken
 LANES = 16  # px: runs of pixels are rounded up to so many, the width of a core's vectors
-FADE = np.float32(64)  # per px: the outermost tap ends so steeply where the kernel does
+SNAP = np.float32(
+    6e-5
+)  # px: what is nearer to a whole pixel is taken there, so that images that do not move are sampled alike
+END = np.float32(1e6)  # per px: makes the outermost tap zero on a whole pixel only
 
 
 def kernel_values(x: np.ndarray) -> np.ndarray:
@@ -30,12 +33,12 @@ def kernel_response(frequency: np.ndarray) -> np.ndarray:
 
 
 def _polynomials() -> np.ndarray:
-    """Outer and inner tap to 1e-5 as polynomials of u = t - 1/2: even parts in u², odd parts in u·u² (rows)."""
+    """Outer and inner tap as polynomials of u = t - 1/2: even parts in u², odd parts in u·u² (rows)."""
     u = np.cos(np.linspace(0, np.pi, 201)) / 2
     rows = []
     for centre in (1.5, 0.5):
         right, left = kernel_values(centre + u), kernel_values(centre - u)
-        for part, powers in (((right + left) / 2, (0, 2, 4)), ((right - left) / 2, (1, 3, 5))):
+        for part, powers in (((right + left) / 2, (0, 2, 4, 6)), ((right - left) / 2, (1, 3, 5, 7))):
             rows.append(np.linalg.lstsq(u[:, None] ** np.array(powers), part, rcond=None)[0])
     return np.array(rows)
 
@@ -112,12 +115,12 @@ def taps(t):
     """Weights of the four samples around the fraction t between the middle two; those of 1 - t are the same backwards."""
     u = t - np.float32(0.5)
     q = u * u
-    even = _TAPS[0] + q * (_TAPS[1] + q * _TAPS[2])
-    odd = u * (_TAPS[3] + q * (_TAPS[4] + q * _TAPS[5]))
-    inner_even = _TAPS[6] + q * (_TAPS[7] + q * _TAPS[8])
-    inner_odd = u * (_TAPS[9] + q * (_TAPS[10] + q * _TAPS[11]))
-    # an image that is not moved is then sampled alike from either side
-    first, last = min(even + odd, FADE * (np.float32(1) - t)), min(even - odd, FADE * t)
+    even = _TAPS[0] + q * (_TAPS[1] + q * (_TAPS[2] + q * _TAPS[3]))
+    odd = u * (_TAPS[4] + q * (_TAPS[5] + q * (_TAPS[6] + q * _TAPS[7])))
+    inner_even = _TAPS[8] + q * (_TAPS[9] + q * (_TAPS[10] + q * _TAPS[11]))
+    inner_odd = u * (_TAPS[12] + q * (_TAPS[13] + q * (_TAPS[14] + q * _TAPS[15])))
+    # on a whole pixel both images of a pair have three taps, the same from either side
+    first, last = min(even + odd, END * (np.float32(1) - t)), min(even - odd, END * t)
     return first, inner_even + inner_odd, inner_even - inner_odd, last
 
 
@@ -160,9 +163,9 @@ def _split(factor, shift_x, shift_y, first_row, low, high_x, high_y, stride, off
         x = np.float32(i)
         px = min(max(factor * shift_x[i], low - x), high_x - x)
         py = min(max(factor * shift_y[i], low - y), high_y - y)
-        whole_x, whole_y = np.floor(px), np.floor(py)
-        frac_x[i] = px - whole_x
-        frac_y[i] = py - whole_y
+        whole_x, whole_y = np.floor(px + SNAP), np.floor(py + SNAP)
+        frac_x[i] = px - whole_x if px - whole_x > SNAP else np.float32(0)
+        frac_y[i] = py - whole_y if py - whole_y > SNAP else np.float32(0)
         offset[i] = np.int32(whole_y) * stride + np.int32(whole_x)
 
 

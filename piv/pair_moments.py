@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from piv.interpolate import LANES, PAD, run_end, spline_row, taps
+from piv.interpolate import LANES, PAD, SNAP, run_end, spline_row, taps
 from piv.refine import BLOCK, CELL, MOMENTS, cell_row
 
 ROWS = 8  # held of the warped images: those of a row of cells and two on either side
@@ -25,9 +25,9 @@ def _split(w, x0, x1, x2, x3, y0, y1, y2, y3, reach_x, reach_y, stride, offset, 
         y = w0 * y0[i] + w1 * y1[i] + w2 * y2[i] + w3 * y3[i]
         x = min(max(x, -reach_x[i]), reach_x[i])
         y = min(max(y, -reach_y), reach_y)
-        whole_x, whole_y = np.floor(x), np.floor(y)
-        frac_x[i] = x - whole_x
-        frac_y[i] = y - whole_y
+        whole_x, whole_y = np.floor(x + SNAP), np.floor(y + SNAP)
+        frac_x[i] = x - whole_x if x - whole_x > SNAP else np.float32(0)
+        frac_y[i] = y - whole_y if y - whole_y > SNAP else np.float32(0)
         offset[i] = np.int32(whole_y) * stride + np.int32(whole_x)
 
 
@@ -80,7 +80,8 @@ def _warp_row(first, stride, a, b, usable_a, usable_b, offset, frac_x, frac_y, o
         q = first + c - offset[c] - 2 * stride - 2
         at = np.uint64(c)
         _sample_run(a, np.uint64(p), b, np.uint64(q), np.uint64(stride), frac_x, frac_y, at, n, out_a, out_b)
-        p, q = p + stride + 1, q + stride + 1
+        # the second image moves the other way, so its pixel is the next one: both are the same where nothing moves
+        p, q = p + stride + 1, q + 2 * stride + 2
         _weigh(usable_a, np.uint64(p), usable_b, np.uint64(q), at, n, weight)
         c = end
 

@@ -31,7 +31,7 @@ def check_table(table: pd.DataFrame, names: Iterable[str], path: Path) -> None:
         if len(bad):
             row = bad.iloc[0]
             raise ValueError(
-                f"{path}: {name} of track {row['track']} at {row['time']:g} s is no number; make the file again"
+                f"{path}: {name} of track {row['track']:g} at {row['time']:g} s is no number; make the file again"
             )
 
 
