@@ -21,7 +21,7 @@ def _open(path: Path) -> xr.Dataset:
             f"{path}: motion.recording names no file; python -m postprocess.lab motion writes one from a recording"
         )
     try:
-        dataset = xr.open_dataset(path, engine="h5netcdf")
+        dataset = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
     except Exception as error:
         raise StageError(f"{path}: not a readable HDF5 file ({error}); write it again") from None
     if dataset.attrs.get("format") != FORMAT:

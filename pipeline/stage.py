@@ -102,7 +102,7 @@ def read_dataset(path: Path, file_format: str, group: str | None = None) -> xr.D
     try:
         check_walkable(path)
         dataset = xr.open_dataset(
-            path, engine="h5netcdf"
+            path, engine="h5netcdf", phony_dims="access"
         ).load()  # damage shows here, not in the middle of a stage
     except Exception as error:
         raise StageError(
@@ -115,7 +115,7 @@ def read_dataset(path: Path, file_format: str, group: str | None = None) -> xr.D
     attributes = dataset.attrs
     dataset.close()
     try:
-        dataset = xr.open_dataset(path, engine="h5netcdf", group=group).load()
+        dataset = xr.open_dataset(path, engine="h5netcdf", phony_dims="access", group=group).load()
     except (OSError, KeyError):
         raise StageError(f"{path}: no group {group!r}; delete it and run make again") from None
     return dataset.assign_attrs(attributes | dataset.attrs)

@@ -28,7 +28,7 @@ def read_states(path: Path, thickness: float) -> States:
 def _read_hdf5(path: Path) -> States:
     try:
         check_walkable(path)
-        with xr.open_dataset(path, engine="h5netcdf") as file:
+        with xr.open_dataset(path, engine="h5netcdf", phony_dims="access") as file:
             if file.attrs.get("format") != "bending-states":
                 raise StageError(f"{path}: format is {file.attrs.get('format')!r}, expected 'bending-states'")
             converged = file["converged"].values.astype(bool) if "converged" in file else None

@@ -17,7 +17,7 @@ SIZES = {"float": 4, "double": 8, "int": 4, "long": 8}  # bytes
 
 
 def is_whole_vtk(path: Path) -> bool:
-    """Whether a file holds all that its headers announce; False where it is missing."""
+    """Whether a file of OpenFOAM's (version 2.0 of the format) holds all that its headers announce; False where it is missing."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:
@@ -25,7 +25,10 @@ def is_whole_vtk(path: Path) -> bool:
     file = io.BytesIO(content)
     sections: list[bytes] = []
     try:
-        for _ in range(4):  # version, title, BINARY, DATASET
+        version = file.readline()
+        if version.startswith(b"# vtk") and version.endswith(b"\n") and b" 2.0" not in version:
+            return True  # another layout than OpenFOAM's: for VTK to judge
+        for _ in range(3):  # title, BINARY, DATASET
             file.readline()
         while line := file.readline():
             if not line.strip():
@@ -57,7 +60,7 @@ def read_surface(path: Path) -> pv.DataSet:
     """A surface. StageError where it was cut off; OSError where that is because the disk is full."""
     if not is_whole_vtk(path):
         check_room(path.parent)
-        case = next(folder.parent for folder in path.parents if folder.name == "postProcessing")
+        case = path.parents[3]  # <case>/postProcessing/<recorder>/<time>/<surface>.vtk
         raise StageError(
             f"{path}: cut off, as by a full disk; delete {case / 'progress.json'} and run/run.json, if they are"
             " there, and run make again: the solver goes on before that time"

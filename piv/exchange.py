@@ -162,7 +162,7 @@ def _read_nc_or_plane(path: Path) -> xr.Dataset:
         return read_checked_plane(path)
     check_walkable(path)
     try:
-        data = xr.open_dataset(path, engine="h5netcdf")
+        data = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
     except FileNotFoundError:
         raise
     except Exception as error:

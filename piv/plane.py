@@ -150,7 +150,7 @@ def read_plane(path: str | Path) -> xr.Dataset:
     """Open a plane series lazily; ValueError where the file is another one or damaged."""
     check_walkable(path)
     try:
-        plane = xr.open_dataset(path, engine="h5netcdf")
+        plane = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
     except FileNotFoundError:
         raise
     except Exception as error:

@@ -171,7 +171,7 @@ def finger_of(sources: list[str]) -> xr.Dataset | None:
     """The finger's variables of a recording file, lazily, or None where there are none."""
     if len(sources) != 1 or Path(sources[0]).suffix.lower() not in (".h5", ".hdf5"):
         return None
-    dataset = xr.open_dataset(sources[0], engine="h5netcdf", decode_times=False)
+    dataset = xr.open_dataset(sources[0], engine="h5netcdf", phony_dims="access", decode_times=False)
     if not any(name in dataset for name in FINGER_VARIABLES):
         dataset.close()
         return None

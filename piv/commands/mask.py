@@ -85,7 +85,7 @@ def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], np
     if recording.times is None:
         raise ValueError(f"{recording.name}: no frame rate in it; give --frame-rate")
     try:
-        series = xr.open_dataset(args.outline, engine="h5netcdf")
+        series = xr.open_dataset(args.outline, engine="h5netcdf", phony_dims="access")
     except FileNotFoundError:
         raise
     except Exception as error:
