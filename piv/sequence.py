@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
@@ -23,6 +24,8 @@ from piv.plane import FINGER_VARIABLES, provenance
 from piv.preprocess import Preprocessor
 from piv.readers import Recording
 from piv.series_writer import SeriesWriter
+
+HAND_OVER = 5e-4  # s: a thread that needs Python's lock for a moment does not wait ten times as long for it
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,8 @@ def correlate_recording(
     writer = SeriesWriter(output, x, y, calibration.time, calibration.units, attrs, identity)
     threads_before = cv2.getNumThreads()
     cv2.setNumThreads(1)  # fields are the unit of parallel work
+    interval_before = sys.getswitchinterval()
+    sys.setswitchinterval(HAND_OVER)
     try:
         missing = [k for k in range(len(sets)) if k not in writer.done]
         bar = tqdm(total=len(sets), initial=len(writer.done), unit="field", desc="correlate", disable=quiet)
@@ -131,6 +136,7 @@ def correlate_recording(
                     writer.add(name, tuple(map(str, variable.dims)), shape, finger_in_sets(variable, sets))
         return writer.finish()
     finally:
+        sys.setswitchinterval(interval_before)
         cv2.setNumThreads(threads_before)
         writer.close()
 
