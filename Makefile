@@ -30,7 +30,6 @@ FLAGS  := $(if $(QUIET),--quiet)
 .PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-register lab-sheets study-sheets validate convergence clean clean-all bench-piv bench-steps stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
 
 help: ## this list
-	@echo "make setup                     Python environment and OpenFOAM, where missing"
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"
 	@echo "    SCENE: $(SCENES)"
 	@echo "    LEVEL: smoke (2-D, seconds), coarse (default), medium, fine;  NP: MPI ranks, now $(NP)"
@@ -39,7 +38,7 @@ help: ## this list
 	@echo "make SCENE.STAGE               up to one stage: $(STAGES)"
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
 
-setup: $(READY) ## only the set-up
+setup: $(READY) ## Python environment and OpenFOAM, where missing
 $(READY): requirements.lock pipeline/setup.sh
 	@sh pipeline/setup.sh
 	@touch $@
@@ -118,8 +117,8 @@ endif
 
 include postprocess/lab/compare.mk
 
-fea: $(READY) ## bending analysis of the default actuator: cases/single_finger/kinematics/states.h5
-	$(PY) -m pipeline.fea cases/single_finger
+fea: $(READY) ## bending analysis of the actuator of SCENE (single_finger): cases/SCENE/kinematics/states.h5
+	$(PY) -m pipeline.fea cases/$(SCENE)
 
 bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/piv.md
 	$(PY) tests/benchmarks/piv_bench.py --docs
@@ -132,10 +131,13 @@ fuzz: $(READY) ## damaged files for every reader, with atheris where it is insta
 	$(PY) -m tests.fuzz --table docs/stability/fuzz.csv
 	$(PY) -m tests.stability.page
 
-# One scene after the other: each solver takes all ranks, and the pinch is compared with the single finger.
-docs: | $(READY) ## pages and pictures of the docs that come from runs
-	+set -e; for scene in single_finger single_deflate cycle pinch; do \
-	$(MAKE) --no-print-directory $$scene.report; $(PY) -m postprocess.summary cases/$$scene --level $(LEVEL); done
+# The level that each scene's page is made at. One after the other: each solver takes all ranks, and a pinch is compared with
+# the single finger at its level.
+DOCS ?= single_finger:coarse single_deflate:coarse cycle:coarse pinch:medium
+docs: | $(READY) ## pages and pictures of the docs that come from runs (hours; one page: DOCS=pinch:medium)
+	+set -e; for page in $(DOCS); do scene=$${page%:*}; level=$${page#*:}; run="$(MAKE) --no-print-directory LEVEL=$$level"; \
+	case $$scene in *pinch*) $$run single_finger.vortices;; esac; \
+	$$run $$scene.report; $(PY) -m postprocess.summary cases/$$scene --level $$level; done
 	$(PY) -m tests.pictures.vortices docs/vortices.png
 	$(PY) -m tests.pictures.synthetic docs/synthetic.png
 

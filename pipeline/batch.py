@@ -15,7 +15,8 @@ from pathlib import Path
 
 from pipeline.errors import StageError
 from pipeline.estimate import estimates
-from pipeline.scaling import fit, read_data, size, useful_ranks
+from pipeline.scaling_data import read_data, size
+from pipeline.scaling_model import fit, useful_ranks
 from pipeline.scene import Scene, load_scene
 from pipeline.stage import guarded, parser, write_text
 from pipeline.study_file import STAGES

@@ -194,6 +194,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     planforms = {stage: read_stage(scene.out, stage) for stage in {leg.stage for leg in legs}}
     meshes = {stage: build_mesh(planform) for stage, planform in planforms.items()}
     unlink_folders(scene.out)  # of a study's run that was equal to another one and no longer is
+    (scene.out / "run" / "run.json").unlink(missing_ok=True)  # it was of the case that is now deleted
     folder.mkdir(exist_ok=True)
     with only_one(folder):  # not under the feet of a run
         for old in folder.iterdir():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -38,17 +39,26 @@ def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[floa
 
 
 def first_damaged(case: Path) -> float:
-    """Earliest time (s) of which a sampled surface is missing or cut off, as where the disk was full; infinite without one."""
-    damaged = [np.inf]
+    """Earliest time (s) of which a sampled surface is missing or cut off, as where the disk was full; infinite without one.
+
+    Each kind of surface is sampled at an interval of its own, the least between two of its times.
+    """
+    found: list[dict[float, bool]] = []
     for surfaces in (case / "postProcessing").glob("*Surface"):
-        folders = ((_number(folder.name), folder) for folder in surfaces.iterdir())
-        whole = {t: any(map(is_whole_vtk, f.glob("*.vtk"))) for t, f in folders if t is not None}
-        damaged += [time for time, good in whole.items() if not good]
-        times = np.array(sorted(whole))
-        gaps = np.diff(times)
-        if gaps.size:
-            damaged += (times[:-1] + gaps.min())[gaps > 1.5 * gaps.min()].tolist()
-    return min(damaged)
+        folders = [
+            (time, folder) for folder in surfaces.iterdir() if (time := _number(folder.name)) is not None
+        ]
+        found.append({t: any(map(is_whole_vtk, folder.glob("*.vtk"))) for t, folder in folders})
+    last = max((time for whole in found for time in whole), default=0.0)
+    damaged = [time for whole in found for time, good in whole.items() if not good]
+    for whole in found:
+        times = sorted(whole)
+        if len(times) > 1:
+            interval = min(b - a for a, b in pairwise(times))
+            damaged += [a + interval for a, b in pairwise(times) if b - a > 1.5 * interval]
+            if last - times[-1] > (1 - 1e-6) * interval:
+                damaged.append(times[-1] + interval)
+    return min(damaged, default=np.inf)
 
 
 def sampled_until(case: Path) -> float:

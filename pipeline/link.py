@@ -5,9 +5,9 @@ Command: python -m pipeline.link cases/…/out/coarse cases/…/other/out/coarse
 
 from __future__ import annotations
 
+import argparse
 import os
 import shutil
-import sys
 from pathlib import Path
 
 # What each stage leaves behind, besides its costs; a run's case folder goes with it.
@@ -29,9 +29,11 @@ def link(source: Path, target: Path, stage: str) -> None:
     """Link a stage's files from one level's folder to another's: files hard (a copy where that cannot be), folders by name.
 
     Only the solver's case is a folder: Snakemake deletes what a rule will make, and would reach the other run's files
-    through the name of a folder.
+    through the name of a folder. The names of folders are taken away with the run alone: what was taken over of it stays
+    when a later stage is taken over anew.
     """
-    unlink_folders(target)
+    if stage == "run":
+        unlink_folders(target)
     for name in (*FILES[stage], f"costs/{MODULES.get(stage, stage)}.json"):
         old, new = source / name, target / name
         if not old.exists():
@@ -57,5 +59,15 @@ def unlink_folders(out: Path) -> None:
             path.unlink()
 
 
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m pipeline.link", description=__doc__)
+    parser.add_argument("source", type=Path, help="out/<level> of the run that has computed the stage")
+    parser.add_argument("target", type=Path, help="out/<level> of the run that takes it over")
+    parser.add_argument("stage", choices=FILES)
+    args = parser.parse_args()
+    link(args.source, args.target, args.stage)
+
+
 if __name__ == "__main__":
-    link(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3])
+    main()

@@ -5,8 +5,8 @@ Command: python -m pipeline.probe probe.json
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -58,5 +58,13 @@ def _image_work() -> Callable[[], None]:
     return work
 
 
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m pipeline.probe", description=__doc__)
+    parser.add_argument("output", type=Path, help="file to write (.json)")
+    args = parser.parse_args()
+    args.output.write_text(json.dumps(probe()) + "\n", encoding="utf-8")
+
+
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(json.dumps(probe()) + "\n", encoding="utf-8")
+    main()

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from pipeline.energy import resolved_dissipation
 from pipeline.errors import StageError
 from pipeline.legs import Leg, read_stage
 from pipeline.scene import Scene
@@ -84,8 +85,7 @@ def power(case: Path, density: float, viscosity: float, copies: int) -> np.ndarr
         lost = times[np.argmax(np.abs(np.array(nearest) - times))]
         raise StageError(f"{surfaces}: no surface at {lost:g} s; delete the case folder and run make again")
     work = [finger_power(named[key], density) for key in nearest]
-    # 2 S:S = 2 |grad u|^2 - |curl u|^2, and OpenFOAM's enstrophy is half of |curl u|^2.
-    dissipation = density * viscosity * (2 * gradient - 2 * half_vorticity)
+    dissipation = resolved_dissipation(density, viscosity, gradient, half_vorticity)
     return np.column_stack(
         [times, copies * np.array(work), copies * 0.5 * density * square, copies * dissipation]
     )

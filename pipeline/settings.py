@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 
+from pipeline.analysed import check_states
 from pipeline.errors import StageError
 from pipeline.scene import STAGE_SECTIONS, Scene
 from pipeline.scene_file import scene_files
@@ -42,8 +43,13 @@ def make_rules(scene: Scene) -> str:
     return f"{names[0]}: {' '.join(names[1:])}\n" + "".join(f"{name}:\n" for name in names[1:])
 
 
-def run(scene: Scene, quiet: bool = False) -> None:
-    """Write settings/*.json and, for make, settings/.files.mk; touch settings/.stamp."""
+def run(scene: Scene, quiet: bool = False, fea_follows: bool = False) -> None:
+    """Write settings/*.json and, for make, settings/.files.mk; touch settings/.stamp.
+
+    StageError where the scene's bending states are another actuator's, unless `fea_follows`, which will make them.
+    """
+    if not fea_follows:
+        check_states(scene)
     folder = scene.out / "settings"
     folder.mkdir(parents=True, exist_ok=True)
     with exclusive(folder / ".stamp", wait=True):

@@ -32,6 +32,20 @@ BEFORE = {
     "vortices_cfd": "sheet",
     "vortices_piv": "piv",
 }
+# What each stage leaves behind when it is done.
+RESULT = {
+    "kinematics": "kinematics.h5",
+    "mesh": "planform.h5",
+    "case": "sweep.h5",
+    "run": "run/run.json",
+    "sheet": "sheet.h5",
+    "images": "images.h5",
+    "piv": "piv.h5",
+    "vortices_cfd": "vortices_cfd.csv",
+    "vortices_piv": "vortices_piv.csv",
+    "compare": "comparison.json",
+    "report": "report.html",
+}
 ASKED = "asked.json"  # of a run that may fail: what its ending depends on
 
 
@@ -105,7 +119,11 @@ def write_scenes(scene: Path, study: str, rows: list[Row]) -> list[Scene | Stage
                 raise StageError(f"run {row.run}: {error}") from None
             found.append(error)
             continue
-        write_settings(loaded, quiet=True)  # refused while another make is at work there with other numbers
+        # refused while another make is at work there with other numbers, or where the states are another actuator's
+        try:
+            write_settings(loaded, quiet=True, fea_follows=needs_fea(row))
+        except StageError as error:
+            raise StageError(f"run {row.run}: {error}") from None
         found.append(loaded)
     return found
 
@@ -145,6 +163,30 @@ def owners(rows: list[Row], scenes: list[Scene | StageError]) -> list[dict[str, 
     return found
 
 
+def stages_until(last: str) -> list[str]:
+    """Stages up to `last` (a cell `until`), each after those that it is made from; none of a bending analysis."""
+    if last == "fea":
+        return []
+    both = ["vortices_cfd", "vortices_piv"]
+    wanted = both if last in ("vortices", "compare", "report") else [last]
+    needed: list[str] = []
+    for stage in wanted:
+        chain: list[str] = []
+        at: str | None = stage
+        while at is not None:
+            chain.insert(0, at)
+            at = BEFORE[at]
+        needed += [name for name in chain if name not in needed]
+    return needed + {"compare": ["compare"], "report": ["compare", "report"]}.get(last, [])
+
+
+def settings_of(scene: Scene, stages: list[str]) -> dict[str, dict[str, Any]]:
+    """By stage the numbers that its result is to be made with, without names of files."""
+    names = {stage: "vortices" if stage.startswith("vortices") else stage for stage in stages}
+    given = {stage: _without_names(scene.settings(names[stage])) for stage in stages if stage in BEFORE}
+    return {stage: settings for stage, settings in given.items() if settings}
+
+
 def _without_names(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings with the digests of the files that they name, but not the names: those differ from folder to folder."""
     if "files" not in settings:
@@ -177,6 +219,10 @@ def plan(table: Path, scene: Path | None = None) -> Path:
                 "overrides": row.overrides,
                 "folder": str(folder),
                 "owners": mine,
+                "stages": [] if row.may_fail else stages_until(row.until),
+                "settings": settings_of(loaded, stages_until(row.until))
+                if isinstance(loaded, Scene) and not row.may_fail
+                else {},
                 "estimates": estimates(loaded, row.ranks, parent_of(home, row))
                 if isinstance(loaded, Scene)
                 else {},
@@ -184,8 +230,8 @@ def plan(table: Path, scene: Path | None = None) -> Path:
         )
     _one_place_each(runs)
     path = home / "out" / "studies" / study / "plan.json"
-    content = {"format": "study-plan", "format_version": 2, "scene": home.name, "folder": str(home),
-               "study": study, "runs": runs}  # fmt: skip
+    content = {"format": "study-plan", "format_version": 3, "scene": home.name, "folder": str(home),
+               "study": study, "files": RESULT, "runs": runs}  # fmt: skip
     write_text(path, json.dumps(content, indent=1) + "\n")
     return path
 

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PPoly
 
+from pipeline.energy import EnergyGuard, energy_budget, energy_cause
 from pipeline.errors import StageError
 from pipeline.frames import steps_of
-from pipeline.guards import EnergyGuard, Guard, energy_budget, energy_cause
+from pipeline.guards import HALVE, Guard
 from pipeline.legs import Leg, read_stage
 from pipeline.limits import check_courant
 from pipeline.motion import NodeMotion, read_motion
@@ -41,14 +42,22 @@ def guards_of(scene: Scene, legs: tuple[Leg, ...]) -> list[Guard]:
         found.append(
             Guard(
                 scene.numerics.max_courant,
-                EnergyGuard(samples, scene.fluid.density, finger_power, budget, replace(budget)),
+                EnergyGuard(
+                    samples,
+                    scene.fluid.density,
+                    scene.fluid.kinematic_viscosity,
+                    finger_power,
+                    budget,
+                    replace(budget),
+                ),
             )
         )
     return found
 
 
 def energy_from_nothing(power: np.ndarray, guards: list[Guard], copies: int) -> float:
-    """The largest excess of the water's energy over the finger's work in a whole run, as a part of its largest energy.
+    """The largest excess of the water's energy and dissipation over the finger's work in a whole run, as a part of its
+    largest energy.
 
     `power` (n, 4) as in power.csv, of the whole tank, which holds `copies` of the computed part. StageError where there
     is too much of it.
@@ -59,11 +68,10 @@ def energy_from_nothing(power: np.ndarray, guards: list[Guard], copies: int) -> 
         floor=copies * max(budget.floor for budget in budgets),
         unresolved=lambda a, b: any(budget.unresolved(a, b) for budget in budgets),
     )
-    for time, rate, kinetic, _ in power:
-        excess = whole.add(time, rate, kinetic)
+    for time, rate, kinetic, dissipation in power:
+        excess = whole.add(time, rate, kinetic, dissipation)
         if excess is not None:
             raise StageError(
-                f"stopped at {time:g} s by a guard: {energy_cause(kinetic, excess)}; the tables are kept: lower"
-                " numerics.time_step or refine the mesh"
+                f"stopped at {time:g} s by a guard: {energy_cause(whole, kinetic, excess)}; the tables are kept: {HALVE}"
             )
     return whole.worst / whole.largest if whole.largest else 0.0

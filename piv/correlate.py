@@ -64,7 +64,6 @@ def correlate_pair(
 
 def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
     """The result of `correlate_pair`."""
-    work = {f: images.new(3, images.shape[0] // f, images.shape[1] // f) for f in (1, 2)}
     held: dict[int, list[Image]] = {}
     seen = both_seen(images.seen)
 
@@ -81,11 +80,11 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
         a, b = at(nodes.factor)
         a.filter(kernel)
         b.filter(kernel)
-        return passes.pair_cells(nodes, a, b, dx, dy, work[nodes.factor])
+        return nodes.moments(a, b, dx, dy)
 
     def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray) -> tuple | None:
         moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
-        return prefilter.radial_spectra(passes.strip_spectra(nodes, at(1), moves, seen, kernel, work[1]))
+        return prefilter.radial_spectra(passes.strip_spectra(nodes, at(1), moves, seen, kernel))
 
     def reseed(nodes: Nodes, vectors: Vectors) -> Vectors:
         vectors = passes.reseed(nodes, images.pixels, vectors, settings)
@@ -99,7 +98,7 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
     errors = errors_of(nodes, vectors, settings)
     fine = too_coarse(vectors, errors)
     if fine.any():
-        new = measure_finer(nodes, held[1], vectors, fine, settings, work[1])
+        new = measure_finer(nodes, held[1], vectors, fine, settings)
         errors = errors.replaced(fine, errors_of(nodes, new, settings))
         vectors = vectors.replaced(fine, new)
     vectors = regrow(nodes, held[1], vectors, settings, final=True)
@@ -194,20 +193,27 @@ def to_dataset(
 ) -> xr.Dataset:
     """Smooth where asked, flag, turn y up and name everything."""
     dx, dy, spacing = v.dx, v.dy, float(x[1] - x[0])
-    known = supported(v.known, v.masked, v.correlation, doubtful=2 * options.min_correlation,
-                      across=2 * round(1.125 * options.window / spacing) + 1)  # fmt: skip
+    doubtful, across = 2 * options.min_correlation, 2 * round(1.125 * options.window / spacing) + 1
+    known = supported(v.known, v.masked, v.correlation, doubtful=doubtful, across=across)
     var_x, var_y = errors.var_x, errors.var_y
     if options.smoothing:
         dx, dy, var_x, var_y = damp_noise(
             dx, dy, var_x, var_y, known, sigma=options.sigma, spacing=spacing, passes=options.full_steps
         )
-    var_x, var_y = var_x + errors.missed_x, var_y + errors.missed_y
+    std_x, std_y = (
+        np.sqrt(var + missed + INTERPOLATION**2)
+        for var, missed in ((var_x, errors.missed_x), (var_y, errors.missed_y))
+    )
+    unsure = known & (np.maximum(std_x, std_y) > options.max_std)
+    if v.narrow is not None:
+        unsure &= ~v.narrow  # their uncertainty is a bound (Errors.of_narrow), and regrow has tested them
+    if unsure.any():
+        known = supported(known & ~unsure, v.masked, v.correlation, doubtful=doubtful, across=across)
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER
     flag[v.second & known] = SECOND_PEAK
     flag[v.masked] = MASKED
     present = known.copy()
-    std_x, std_y = np.sqrt(var_x + INTERPOLATION**2), np.sqrt(var_y + INTERPOLATION**2)
     if options.replace and known.any():
         put = ~known & ~v.masked
         dx, dy = fill_absent(dx, dy, known)

@@ -10,6 +10,7 @@ import numpy as np
 
 from piv import refine
 from piv.interpolate import PAD, bspline_table, dense_field, warp
+from piv.pair_moments import pair_moments
 from piv.prefilter import TAPS, Kernel, apply
 from piv.scratch import New, fresh
 
@@ -34,15 +35,31 @@ class Nodes:
         return (self.y + 0.5) / self.factor - 0.5
 
     @cached_property
-    def _tables(self) -> tuple:
+    def _tables(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         rows, columns = self.shape
         step_x, step_y = self.column[1] - self.column[0], self.row[1] - self.row[0]
         along_y = bspline_table(np.arange(rows), self.row[0], step_y, self.y.size)
-        return (*along_y, *bspline_table(np.arange(columns), self.column[0], step_x, self.x.size))
+        along_x = bspline_table(np.arange(columns), self.column[0], step_x, self.x.size)
+        return along_y[0], along_y[1], along_x[0], along_x[1]
+
+    def _knots(self, vectors: np.ndarray, share: float) -> np.ndarray:
+        """Coefficients of the B-spline of `share` of the vectors in px of this level, two more on every side."""
+        padded = np.empty((vectors.shape[0] + 4, vectors.shape[1] + 4), np.float32)
+        np.multiply(vectors, np.float32(share / self.factor), out=padded[2:-2, 2:-2], casting="same_kind")
+        padded[:2], padded[-2:] = padded[2], padded[-3]
+        padded[:, :2], padded[:, -2:] = padded[:, 2:3], padded[:, -3:-2]
+        return padded
+
+    def moments(self, a: Image, b: Image, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:
+        """Products (MOMENTS, *cell_shape) of both images warped half-way along the B-spline of (dx, dy), summed over cells."""
+        cells = np.empty((refine.MOMENTS, *self.cell_shape), np.float32)
+        x, y = self._knots(dx, -0.5), self._knots(dy, -0.5)
+        pair_moments(a.samples, a.usable, b.samples, b.usable, x, y, *self._tables, cells)
+        return cells
 
     def dense(self, vectors: np.ndarray, out: np.ndarray, first: int = 0) -> None:
         """Value at every pixel of the rows from `first` on, in px of this level, of the B-spline whose coefficients the vectors are."""
-        padded = np.pad(vectors.astype(np.float32) / self.factor, 2, mode="edge")
+        padded = self._knots(vectors, 1.0)
         first_y, weights_y, first_x, weights_x = self._tables
         rows = slice(first, first + out.shape[0])
         first_y = first_y[rows]
@@ -74,10 +91,10 @@ class Nodes:
 
 
 def inside(seen: np.ndarray) -> np.ndarray:
-    """Padded float32 map of where a sample and its derivatives see nothing but pixels that may be used."""
+    """Padded map (uint8) of where a sample and its derivatives see nothing but pixels that may be used."""
     usable = cv2.copyMakeBorder(seen.astype(np.uint8), PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=(0,))
     # a sample needs its four neighbours, a derivative those of its own neighbours: 4 px in all
-    return cv2.erode(usable, np.ones((9, 9), np.uint8)).astype(np.float32)
+    return cv2.erode(usable, np.ones((9, 9), np.uint8))
 
 
 @lru_cache(8)

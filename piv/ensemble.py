@@ -71,22 +71,20 @@ def correlate_ensemble(
         return total
 
     def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> np.ndarray:
-        work = np.empty((3, *nodes.shape), np.float32)
         total = np.zeros((refine.MOMENTS, *nodes.cell_shape), np.float32)
         for images in each():
             a, b = images.images(nodes.factor)
             a.filter(kernel)
             b.filter(kernel)
-            total += passes.pair_cells(nodes, a, b, dx, dy, work)
+            total += nodes.moments(a, b, dx, dy)
         return total
 
     def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> tuple | None:
-        work = np.empty((3, *nodes.shape), np.float32)
         moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
         powers = []
         for images in each():
             seen = both_seen(images.seen)
-            powers += passes.strip_spectra(nodes, images.images(1), moves, seen, kernel, work)
+            powers += passes.strip_spectra(nodes, images.images(1), moves, seen, kernel)
         return prefilter.radial_spectra(powers)
 
     def reseed(nodes: Nodes, vectors: passes.Vectors) -> passes.Vectors:

@@ -19,7 +19,6 @@ from piv.plane import FORMAT, check_plane, checked, make_plane, read_checked_pla
 from piv.vector_files import (
     Vectors,
     guess_format,
-    pivlab_frames,
     read_davis,
     read_openpiv,
     read_pivlab,
@@ -131,25 +130,25 @@ def read_vectors(
             f"unknown format {kind!r}; known are {', '.join([*readers, 'pivlab', 'csv', 'plane'])}"
         )
     files.sort(key=natural_key)
-    sources = [(path, 0) for path in files]
     if kind == "pivlab" and len(files) == 1:  # a .mat holds all instants of a session
-        sources = [(files[0], frame) for frame in range(pivlab_frames(files[0]))]
-    planes = []
-    for path, instant in sources:
-        if kind == "pivlab":
-            found = read_pivlab(path, frame=instant, keep_replaced=keep_replaced)
-        else:
-            found = readers[kind](path)
+        read = ((files[0], found) for found in read_pivlab(files[0], keep_replaced=keep_replaced))
+    elif kind == "pivlab":
+        read = ((path, next(read_pivlab(path, keep_replaced=keep_replaced))) for path in files)
+    else:
+        read = ((path, readers[kind](path)) for path in files)
+    planes, names = [], []
+    for path, found in read:
         if zero_is_absent:
             found.flag[(found.u == 0) & (found.v == 0)] = 2
         planes.append(to_plane(found, str(path), **units))  # type: ignore[arg-type]
+        names.append(path)
     attrs = {"source": "lab", "imported_from": json.dumps([p.name for p in files])}
     if len(planes) == 1:
         return planes[0].assign_attrs(attrs)
     if frame_rate_hz is None or not frame_rate_hz > 0:
         raise ValueError(f"{len(planes)} instants are a series in time; give --frame-rate")
     first = planes[0]
-    for (path, _), plane in zip(sources, planes, strict=True):
+    for path, plane in zip(names, planes, strict=True):
         for axis in ("x", "y"):
             if plane[axis].shape != first[axis].shape or not np.allclose(plane[axis], first[axis]):
                 raise ValueError(f"{path}: its grid differs from that of {files[0].name}")

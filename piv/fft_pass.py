@@ -8,7 +8,7 @@ import numpy as np
 import scipy.fft
 from numba import njit
 
-BATCH = 2**16  # px: windows that are transformed together fit a core's cache
+BATCH = 2**17  # px: windows of an image that are transformed together; more do not fit a core's cache
 
 
 class Peaks(NamedTuple):
@@ -18,6 +18,25 @@ class Peaks(NamedTuple):
     dy: np.ndarray
     second_x: np.ndarray
     second_y: np.ndarray
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _total(row):
+    total = np.float32(0)
+    for value in row:
+        total += value
+    return total
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _less(row, mean, out):
+    """Set `out` to the row less `mean`; its energy."""
+    energy = np.float32(0)
+    for i in range(out.size):
+        value = row[i] - mean
+        out[i] = value
+        energy += value * value
+    return energy
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -34,20 +53,14 @@ def _cut(image, centre_x, centre_y, size, out):
             continue
         total = np.float32(0)
         for r in range(r0, r1):
-            for c in range(c0, c1):
-                total += image[y0 + r, x0 + c]
+            total += _total(image[y0 + r, x0 + c0 : x0 + c1])
         mean = total / np.float32((r1 - r0) * (c1 - c0))
         energy = np.float32(0)
         for r in range(r0, r1):
-            for c in range(c0, c1):
-                value = image[y0 + r, x0 + c] - mean
-                out[k, r, c] = value
-                energy += value * value
+            energy += _less(image[y0 + r, x0 + c0 : x0 + c1], mean, out[k, r, c0:c1])
         if energy > 0:
             scale = np.float32(1) / np.sqrt(energy)
-            for r in range(r0, r1):
-                for c in range(c0, c1):
-                    out[k, r, c] *= scale
+            out[k] *= scale
 
 
 def window_maps(a, b, x, y, shift_x, shift_y, size: int) -> np.ndarray:
@@ -59,17 +72,17 @@ def window_maps(a, b, x, y, shift_x, shift_y, size: int) -> np.ndarray:
     ax, ay = x - shift_x // 2, y - shift_y // 2
     bx, by = ax + shift_x, ay + shift_y
     maps = np.empty((x.size, size, size), np.float32)
-    some = max(BATCH // size**2, 1)
-    wa, wb = (np.empty((min(some, x.size), size, size), np.float32) for _ in range(2))
+    some = min(max(BATCH // size**2, 1), x.size)
+    windows = np.empty((2, some, size, size), np.float32)
     for k in range(0, x.size, some):
         n = slice(k, min(k + some, x.size))
         count = n.stop - k
-        _cut(a, ax[n], ay[n], size, wa[:count])
-        _cut(b, bx[n], by[n], size, wb[:count])
-        fa, fb = scipy.fft.rfft2(wa[:count]), scipy.fft.rfft2(wb[:count])
-        np.conjugate(fa, out=fa)
-        fa *= fb
-        maps[n] = scipy.fft.irfft2(fa, s=(size, size), overwrite_x=True)
+        _cut(a, ax[n], ay[n], size, windows[0])
+        _cut(b, bx[n], by[n], size, windows[1])
+        first, second = scipy.fft.rfft2(windows[:, :count])
+        np.conjugate(first, out=first)
+        first *= second
+        maps[n] = scipy.fft.irfft2(first, s=(size, size), overwrite_x=True)
     return maps
 
 
@@ -86,34 +99,52 @@ def _subpixel(below, peak, above):
     return min(max(0.5 * (b - a) / curvature, -0.5), 0.5)
 
 
+@njit(cache=True, nogil=True, fastmath=True)
+def _highest(row):
+    highest = np.float32(-1e30)
+    for value in row:
+        highest = max(highest, value)
+    return highest
+
+
 @njit(cache=True, nogil=True)
 def _peaks(maps, reach, dx, dy, second_x, second_y):
     count, size, _ = maps.shape
+    side = reach + 1
+    near = np.empty((2 * side + 1, 2 * side + 1), np.float32)  # the map around zero shift
+    inner = slice(1, 2 * reach + 2)
     for k in range(count):
+        for r in range(-side, side + 1):
+            row = maps[k, r % size]
+            near[r + side, :side] = row[size - side :]
+            near[r + side, side:] = row[: side + 1]
         best = second = np.float32(-1e30)
-        br = bc = sr = sc = 0
-        for r in range(-reach, reach + 1):
-            for c in range(-reach, reach + 1):
-                if maps[k, r % size, c % size] > best:
-                    best, br, bc = maps[k, r % size, c % size], r, c
-        for r in range(-reach, reach + 1):
-            for c in range(-reach, reach + 1):
-                value = maps[k, r % size, c % size]
+        # the middle, where a map is of one value: as good as any
+        br = bc = sr = sc = side
+        for r in range(1, 2 * reach + 2):
+            if _highest(near[r, inner]) > best:
+                for c in range(1, 2 * reach + 2):
+                    if near[r, c] > best:
+                        best, br, bc = near[r, c], r, c
+        for r in range(1, 2 * reach + 2):
+            if not _highest(near[r, inner]) > second:
+                continue
+            for c in range(1, 2 * reach + 2):
+                value = near[r, c]
                 # a local maximum away from the first peak: its slope is not a second one
                 if (
                     value > second
                     and (abs(r - br) > 2 or abs(c - bc) > 2)
-                    and value >= maps[k, (r - 1) % size, c % size]
-                    and value >= maps[k, (r + 1) % size, c % size]
-                    and value >= maps[k, r % size, (c - 1) % size]
-                    and value >= maps[k, r % size, (c + 1) % size]
+                    and value >= near[r - 1, c]
+                    and value >= near[r + 1, c]
+                    and value >= near[r, c - 1]
+                    and value >= near[r, c + 1]
                 ):
                     second, sr, sc = value, r, c
         for pick in range(2):
             r, c = (br, bc) if pick == 0 else (sr, sc)
-            peak = maps[k, r % size, c % size]
-            x = c + _subpixel(maps[k, r % size, (c - 1) % size], peak, maps[k, r % size, (c + 1) % size])
-            y = r + _subpixel(maps[k, (r - 1) % size, c % size], peak, maps[k, (r + 1) % size, c % size])
+            x = c - side + _subpixel(near[r, c - 1], near[r, c], near[r, c + 1])
+            y = r - side + _subpixel(near[r - 1, c], near[r, c], near[r + 1, c])
             if pick == 0:
                 dx[k], dy[k] = x, y
             else:

@@ -15,7 +15,7 @@ from piv.deform import Image, Nodes
 from piv.interpolate import denser
 from piv.options import Options
 from piv.outliers import fill_absent
-from piv.passes import Vectors, measure, pair_cells
+from piv.passes import Vectors, measure
 from piv.uncertainty import Errors
 
 COARSE = 0.5  # times the noise's variance: what a window misses at least where a narrower one takes over
@@ -25,6 +25,7 @@ UNSURE = (
     0.25  # px: with a larger standard uncertainty an error of half a pixel is not unlikely (5 %): an outlier
 )
 OVERLAP = 5  # nodes across: windows that overlap by half the one that is too wide
+GAP = 9  # nodes across: between windows that are too wide no narrower place is likely to be right
 
 
 def too_coarse(v: Vectors, errors: Errors) -> np.ndarray:
@@ -32,21 +33,22 @@ def too_coarse(v: Vectors, errors: Errors) -> np.ndarray:
     noise, missed = errors.var_x + errors.var_y, errors.missed_x + errors.missed_y
     found = v.known & (missed > np.maximum(COARSE * noise, LEAST**2))
     around = cv2.dilate(found.astype(np.uint8), np.ones((OVERLAP, OVERLAP), np.uint8))
-    return around.astype(bool) & ~v.masked
+    closed = cv2.morphologyEx(around, cv2.MORPH_CLOSE, np.ones((GAP, GAP), np.uint8))
+    return closed.astype(bool) & ~v.masked
 
 
 def measure_finer(
-    nodes: Nodes, images: list[Image], v: Vectors, fine: np.ndarray, options: Options, work: np.ndarray
+    nodes: Nodes, images: list[Image], v: Vectors, fine: np.ndarray, options: Options
 ) -> Vectors:
     """Vectors at the nodes, those marked `fine` (bool) measured in the narrow window; others serve for warping only.
 
-    images: both at full resolution, filtered; work: as of passes.pair_cells.
+    images: both at full resolution, filtered.
     """
     dense = Nodes(_halved(nodes.x), _halved(nodes.y), nodes.shape, 1)
     dx, dy = (denser(d) for d in fill_absent(v.dx, v.dy, v.known))
     marked = denser(fine.astype(np.float32)) > 0
     for _ in range(STEPS):
-        cells = pair_cells(dense, images[0], images[1], dx, dy, work)
+        cells = dense.moments(images[0], images[1], dx, dy)
         new = measure(dense, cells, dx, dy, options.sigma, options, options.epsilon, marked)
         dx, dy = fill_absent(new.dx, new.dy, new.known)
     nodal = [f.name for f in fields(new) if f.name not in ("cells", "fine", "narrow")]

@@ -12,6 +12,11 @@ from numba import njit
 
 BETA = 7.0  # of the Kaiser-Bessel kernel: leaks least over 0 … 0.42 cycles/px
 PAD = 16  # px of border around spline coefficients: samples further outside are not taken
+LANES = 16  # px: runs of pixels are rounded up to so many, the width of a core's vectors
+SNAP = np.float32(
+    6e-5
+)  # px: what is nearer to a whole pixel is taken there, so that images that do not move are sampled alike
+END = np.float32(1e6)  # per px: makes the outermost tap zero on a whole pixel only
 
 
 def kernel_values(x: np.ndarray) -> np.ndarray:
@@ -73,6 +78,19 @@ def _blend(k0, k1, k2, k3, weights, out):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def spline_row(knots, first_x, weights_x, out):
+    """One row of spline coefficients (nx+4) blended along x: `out` (columns)."""
+    c = 0
+    while c < out.size:
+        i = first_x[c]
+        end = c + 1
+        while end < out.size and first_x[end] == i:
+            end += 1
+        _blend(knots[i], knots[i + 1], knots[i + 2], knots[i + 3], weights_x[:, c:end], out[c:end])
+        c = end
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def _blend_rows(weights, r0, r1, r2, r3, out):
     for i in range(out.size):
         out[i] = weights[0] * r0[i] + weights[1] * r1[i] + weights[2] * r2[i] + weights[3] * r3[i]
@@ -84,15 +102,7 @@ def dense_field(knots, first_y, weights_y, first_x, weights_x, out):
     rows, columns = out.shape
     across = np.empty((knots.shape[0], columns), np.float32)
     for j in range(knots.shape[0]):
-        line = knots[j]
-        c = 0
-        while c < columns:
-            i = first_x[c]
-            end = c + 1
-            while end < columns and first_x[end] == i:
-                end += 1
-            _blend(line[i], line[i + 1], line[i + 2], line[i + 3], weights_x[:, c:end], across[j, c:end])
-            c = end
+        spline_row(knots[j], first_x, weights_x, across[j])
     w = np.empty(4, np.float32)
     for r in range(rows):
         j = first_y[r]
@@ -100,24 +110,43 @@ def dense_field(knots, first_y, weights_y, first_x, weights_x, out):
         _blend_rows(w, across[j], across[j + 1], across[j + 2], across[j + 3], out[r])
 
 
-@njit(cache=True, nogil=True, fastmath=True, inline="always")
-def _taps(t):
-    """Weights of the four samples around the fraction t between the middle two."""
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+def taps(t):
+    """Weights of the four samples around the fraction t between the middle two; those of 1 - t are the same backwards."""
     u = t - np.float32(0.5)
     q = u * u
     even = _TAPS[0] + q * (_TAPS[1] + q * (_TAPS[2] + q * _TAPS[3]))
     odd = u * (_TAPS[4] + q * (_TAPS[5] + q * (_TAPS[6] + q * _TAPS[7])))
     inner_even = _TAPS[8] + q * (_TAPS[9] + q * (_TAPS[10] + q * _TAPS[11]))
     inner_odd = u * (_TAPS[12] + q * (_TAPS[13] + q * (_TAPS[14] + q * _TAPS[15])))
-    return even + odd, inner_even + inner_odd, inner_even - inner_odd, even - odd
+    # on a whole pixel both images of a pair have three taps, the same from either side
+    first, last = min(even + odd, END * (np.float32(1) - t)), min(even - odd, END * t)
+    return first, inner_even + inner_odd, inner_even - inner_odd, last
+
+
+@njit(cache=True, nogil=True)
+def run_end(offset, first):
+    """One past the last of the pixels from `first` on that have one `offset`."""
+    own, last = offset[first], offset.size
+    end = first + 1
+    while end + LANES <= last:
+        differ = np.int32(0)
+        for other in offset[end : end + LANES]:
+            differ |= other ^ own
+        if differ != 0:
+            break
+        end += LANES
+    while end < last and offset[end] == own:
+        end += 1
+    return end
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _sample_run(p0, p1, p2, p3, frac_x, frac_y, out):
     """Samples of a run of pixels with one whole-pixel shift: contiguous, so that the loop vectorises."""
     for i in range(out.size):
-        a0, a1, a2, a3 = _taps(frac_x[i])
-        b0, b1, b2, b3 = _taps(frac_y[i])
+        a0, a1, a2, a3 = taps(frac_x[i])
+        b0, b1, b2, b3 = taps(frac_y[i])
         out[i] = (
             b0 * (a0 * p0[i] + a1 * p0[i + 1] + a2 * p0[i + 2] + a3 * p0[i + 3])
             + b1 * (a0 * p1[i] + a1 * p1[i + 1] + a2 * p1[i + 2] + a3 * p1[i + 3])
@@ -127,57 +156,63 @@ def _sample_run(p0, p1, p2, p3, frac_x, frac_y, out):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _split(shift, start, low, high, base, frac):
-    """Whole-pixel shift and fraction of the sampling positions start + i + shift[i], kept within limits."""
-    for i in range(shift.size):
-        p = min(max(start[i] + shift[i], low), high)
-        whole = np.floor(p)
-        frac[i] = p - whole
-        base[i] = np.int32(whole - start[i])
+def _split(factor, shift_x, shift_y, first_row, low, high_x, high_y, stride, offset, frac_x, frac_y):
+    """Whole-pixel offset (in a flat image) and fractions of the positions moved by factor * shift, kept within limits."""
+    y = np.float32(first_row)
+    for i in range(shift_x.size):
+        x = np.float32(i)
+        px = min(max(factor * shift_x[i], low - x), high_x - x)
+        py = min(max(factor * shift_y[i], low - y), high_y - y)
+        whole_x, whole_y = np.floor(px + SNAP), np.floor(py + SNAP)
+        frac_x[i] = px - whole_x if px - whole_x > SNAP else np.float32(0)
+        frac_y[i] = py - whole_y if py - whole_y > SNAP else np.float32(0)
+        offset[i] = np.int32(whole_y) * stride + np.int32(whole_x)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def warp(coefficients, usable, dx, dy, factor, first, out, weight, multiply):
     """Sample an image at (x + factor·dx, y + factor·dy) for every pixel of `out`, which are its rows from `first` on.
 
-    coefficients: the image padded by PAD px, float32; usable: the same shape, float32, 0 where the image must take
+    coefficients: the image padded by PAD px, float32; usable: the same shape, uint8, 0 where the image must take
     no part. weight (float32, as `out`) is set to (or, with `multiply`, multiplied by) `usable` there.
     """
     rows, columns = out.shape
-    base_x = np.empty(columns, np.int32)
-    base_y = np.empty(columns, np.int32)
+    stride = coefficients.shape[1]
+    flat, flat_usable = coefficients.reshape(-1), usable.reshape(-1)
+    offset = np.empty(columns, np.int32)
     frac_x = np.empty(columns, np.float32)
     frac_y = np.empty(columns, np.float32)
-    shift_x = np.empty(columns, np.float32)
-    shift_y = np.empty(columns, np.float32)
-    start_x = np.arange(columns).astype(np.float32)
-    start_y = np.empty(columns, np.float32)
     low = np.float32(1 - PAD)
     high_x = np.float32(columns + PAD - 3.01)
-    high_y = np.float32(coefficients.shape[0] - PAD - 3.01)
-    f = np.float32(factor)
+    high_y = np.float32(coefficients.shape[0] - PAD - 4.01)
     for r in range(rows):
-        shift_x[:] = f * dx[r]
-        shift_y[:] = f * dy[r]
-        start_y[:] = np.float32(first + r)
-        _split(shift_x, start_x, low, high_x, base_x, frac_x)
-        _split(shift_y, start_y, low, high_y, base_y, frac_y)
+        _split(
+            np.float32(factor),
+            dx[r],
+            dy[r],
+            first + r,
+            low,
+            high_x,
+            high_y,
+            np.int32(stride),
+            offset,
+            frac_x,
+            frac_y,
+        )
         c = 0
         while c < columns:
-            bx, by = base_x[c], base_y[c]
-            end = c + 1
-            while end < columns and base_x[end] == bx and base_y[end] == by:
-                end += 1
-            top = first + r + by + PAD - 1
-            k = c + bx + PAD - 1
-            n = end - c
+            end = run_end(offset, c)
+            # what is written beyond the run is written again with the next one
+            n = min((end - c + LANES - 1) // LANES * LANES, columns - c)
+            p = (first + r + PAD - 1) * stride + PAD - 1 + c + offset[c]
             _sample_run(
-                coefficients[top, k : k + n + 3], coefficients[top + 1, k : k + n + 3],
-                coefficients[top + 2, k : k + n + 3], coefficients[top + 3, k : k + n + 3],
-                frac_x[c:end], frac_y[c:end], out[r, c:end],
+                flat[p : p + n + 3], flat[p + stride : p + stride + n + 3],
+                flat[p + 2 * stride : p + 2 * stride + n + 3], flat[p + 3 * stride : p + 3 * stride + n + 3],
+                frac_x[c : c + n], frac_y[c : c + n], out[r, c : c + n],
             )  # fmt: skip
+            q = p + stride + 1
             if multiply:
-                weight[r, c:end] *= usable[top + 1, k + 1 : k + 1 + n]
+                weight[r, c:end] *= flat_usable[q : q + end - c]
             else:
-                weight[r, c:end] = usable[top + 1, k + 1 : k + 1 + n]
+                weight[r, c:end] = flat_usable[q : q + end - c]
             c = end

@@ -113,7 +113,7 @@ def correlate_frames(
     def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> tuple | None:
         pair = [at(1)[reach - 1], at(1)[reach + 1]]
         moves = [(*paths(dx, dy, x, y, acceleration, t), 1.0) for t in (-1.0, 1.0)]
-        return prefilter.radial_spectra(passes.strip_spectra(nodes, pair, moves, both, kernel, work[1]))
+        return prefilter.radial_spectra(passes.strip_spectra(nodes, pair, moves, both, kernel))
 
     def reseed(nodes: Nodes, vectors: passes.Vectors) -> passes.Vectors:
         pair = [images.pixels[reach], images.pixels[reach + 1]]

@@ -21,6 +21,7 @@ class Options:
     preset's); smoothing: damp what is no stronger than noise (piv.smooth); search: side of the first windows,
     displacements up to 3/8 of it are found; epsilon, threshold: of the normalised median test (px, multiples);
     min_correlation: below it a vector is an outlier, and below twice as much where most of its neighbours are;
+    max_std: a vector whose standard uncertainty (px) is above it in a component is an outlier;
     max_masked: share of a window's weight that may be masked;
     replace: put the neighbours' mean in place of outliers and flag it; method: correlation, or preview (dense
     optical flow, coarse and without uncertainty).
@@ -35,6 +36,7 @@ class Options:
     epsilon: float = 0.2
     threshold: float = 3.0
     min_correlation: float = 0.2
+    max_std: float = 0.3  # one error in ten is then above half a pixel
     max_masked: float = 0.5
     replace: bool = False
     method: str = "correlation"
@@ -52,7 +54,7 @@ class Options:
             raise ValueError(f"search must be at least 16 px, got {self.search}")
         if not 0 <= self.passes <= 50:
             raise ValueError(f"passes must be between 0 and 50, got {self.passes}")
-        for name in ("epsilon", "threshold"):
+        for name in ("epsilon", "threshold", "max_std"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
         if not 0 <= self.max_masked < 1 or not -1 <= self.min_correlation < 1:

@@ -8,6 +8,9 @@ from numba import njit
 
 SUPPORT = 0.5  # share of the neighbours that must have passed
 RARE = 0.2  # share of all vectors: where fewer have passed, those of doubtful correlation did so by chance
+LEAST_SUPPORT = (
+    0.25  # of the neighbours, where vectors are rare: a seeded part of a picture has it along its edge
+)
 SUPPORT_ROUNDS = 4  # each takes away what the one before has left alone
 
 
@@ -27,39 +30,65 @@ def _median(values, n):
 
 
 @njit(cache=True, nogil=True)
+def _compare(u, v, usable, own_u, own_v, near, count, above_u, below_u, above_v, below_v):
+    """Count one neighbour of every vector of a row, and whether it lies more than `near` above or below it."""
+    for i in range(count.size):
+        one = np.int64(usable[i])
+        du, dv = u[i] - own_u[i], v[i] - own_v[i]
+        count[i] += one
+        above_u[i] += one * (du > near)
+        below_u[i] += one * (du < -near)
+        above_v[i] += one * (dv > near)
+        below_v[i] += one * (dv < -near)
+
+
+@njit(cache=True, nogil=True)
+def _compare_row(u, v, usable, j, radius, near, counts):
+    """`_compare` of all neighbours of row j: counts (5, nx)."""
+    ny, nx = u.shape
+    counts[:] = 0
+    for r in range(max(j - radius, 0), min(j + radius + 1, ny)):
+        for shift in range(-radius, radius + 1):
+            if r == j and shift == 0:
+                continue
+            own = slice(max(0, -shift), min(nx, nx - shift))
+            other = slice(max(0, shift), min(nx, nx + shift))
+            _compare(
+                u[r, other], v[r, other], usable[r, other], u[j, own], v[j, own], near,
+                counts[0, own], counts[1, own], counts[2, own], counts[3, own], counts[4, own],
+            )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
 def _normalised_median(u, v, usable, epsilon, radius, threshold, residual, median_u, median_v):
     ny, nx = u.shape
     size = (2 * radius + 1) ** 2
     near = np.empty((2, size), np.float64)
     work = np.empty(size, np.float64)
     medians = np.empty(2, np.float64)
-    near_enough = threshold * epsilon / np.sqrt(2.0)
+    counts = np.empty((5, nx), np.int64)
     for j in range(ny):
+        _compare_row(u, v, usable, j, radius, threshold * epsilon / np.sqrt(2.0), counts)
         for i in range(nx):
+            n = counts[0, i]
+            if n < 3:
+                residual[j, i] = np.nan
+                median_u[j, i] = np.nan
+                median_v[j, i] = np.nan
+                continue
+            if 2 * max(counts[1, i], counts[2, i], counts[3, i], counts[4, i]) < n:
+                # both medians are near enough for the vector to pass whatever the spread: spare the sorting
+                residual[j, i] = 0.0
+                median_u[j, i] = u[j, i]
+                median_v[j, i] = v[j, i]
+                continue
             n = 0
-            above_u = below_u = above_v = below_v = 0
             for r in range(max(j - radius, 0), min(j + radius + 1, ny)):
                 for c in range(max(i - radius, 0), min(i + radius + 1, nx)):
                     if (r != j or c != i) and usable[r, c]:
                         near[0, n] = u[r, c]
                         near[1, n] = v[r, c]
                         n += 1
-                        du, dv = u[r, c] - u[j, i], v[r, c] - v[j, i]
-                        above_u += du > near_enough
-                        below_u += du < -near_enough
-                        above_v += dv > near_enough
-                        below_v += dv < -near_enough
-            if n < 3:
-                residual[j, i] = np.nan
-                median_u[j, i] = np.nan
-                median_v[j, i] = np.nan
-                continue
-            if 2 * max(above_u, below_u, above_v, below_v) < n:
-                # both medians are near enough for the vector to pass whatever the spread: spare the sorting
-                residual[j, i] = 0.0
-                median_u[j, i] = u[j, i]
-                median_v[j, i] = v[j, i]
-                continue
             total = 0.0
             for m in range(2):
                 work[:n] = near[m, :n]
@@ -96,7 +125,7 @@ def supported(known, masked, correlation, *, doubtful: float, across: int):
     """`known` (bool) without vectors of doubtful correlation most of whose neighbours have failed.
 
     In images that have nothing in common one vector in ten passes every other test by chance, and warping along it raises its
-    correlation to 0.2-0.4. masked: vectors that no neighbour can be; across: nodes of a neighbourhood, an odd number.
+    correlation to 0.2-0.4 and a few times above it. masked: vectors that no neighbour can be; across: nodes of a neighbourhood, an odd number.
     """
     box, border = (across, across), cv2.BORDER_REPLICATE
     open_water = cv2.blur((~masked).astype(np.float32), box, borderType=border)
@@ -104,6 +133,8 @@ def supported(known, masked, correlation, *, doubtful: float, across: int):
         share = cv2.blur((known & ~masked).astype(np.float32), box, borderType=border)
         rare = (known & ~masked).sum() < RARE * (~masked).sum()
         alone = known & (correlation < doubtful) & (rare | (share < SUPPORT * open_water))
+        if rare:
+            alone |= known & (share < LEAST_SUPPORT * open_water)
         if not alone.any():
             break
         known = known & ~alone

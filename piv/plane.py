@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -41,11 +42,17 @@ BLOCK = 2**18  # vectors looked at at once
 FINGER_VARIABLES = ("outline", "outline_velocity", "tip", "tip_direction", "dorsal_direction", "bend")
 
 
+@cache
+def _versions() -> str:
+    """Versions of the libraries as JSON: looking them up takes as long as a Newton step."""
+    names = ("numpy", "scipy", "opencv-python-headless", "numba", "xarray", "h5py")
+    return json.dumps({name: version(name) for name in names})
+
+
 def provenance(**settings: Any) -> dict[str, str]:
     """Attributes that say what made a file: library versions and the settings given, as JSON."""
-    names = ("numpy", "scipy", "opencv-python-headless", "numba", "xarray", "h5py")
     return {
-        "versions": json.dumps({name: version(name) for name in names}),
+        "versions": _versions(),
         "settings": json.dumps(settings, sort_keys=True, default=str),
     }
 

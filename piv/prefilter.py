@@ -89,13 +89,19 @@ Powers = tuple[np.ndarray, np.ndarray]  # sums over tiles of what is shared and 
 
 def strip_powers(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> Powers | None:
     """Powers of the tiles of two aligned strips (TILE, columns) where weight is not zero; None where there is no such tile."""
-    x = [c for c in range(0, a.shape[1] - TILE + 1, TILE) if weight[:, c : c + TILE].min() > 0]
-    if not x:
+    across = a.shape[1] // TILE * TILE
+    whole = (weight[:, :across].min(axis=0) > 0).reshape(-1, TILE).all(axis=1)
+    if not whole.any():
         return None
     taper = np.hanning(TILE + 2)[1:-1].astype(np.float32)
     taper = taper[:, None] * taper[None, :]
-    fa, fb = (scipy.fft.rfft2(np.stack([i[:, c : c + TILE] for c in x]) * taper) for i in (a, b))
-    return np.sum((fa * fb.conj()).real, axis=0), 0.5 * np.sum(np.abs(fa - fb) ** 2, axis=0)
+    tiles = (i[:, :across].reshape(TILE, -1, TILE).swapaxes(0, 1)[whole] for i in (a, b))
+    fa, fb = (scipy.fft.rfft2(t * taper) for t in tiles)
+    difference = fa - fb
+    return (
+        np.sum(fa.real * fb.real + fa.imag * fb.imag, axis=0),
+        0.5 * np.sum(difference.real**2 + difference.imag**2, axis=0),
+    )
 
 
 def radial_spectra(powers: list[Powers]):

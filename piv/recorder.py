@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from piv.camera import Camera, Seeding
-from piv.particles import Box, Motion, advance, exact_displacement, motion, seed_particles
+from piv.particles import Box, Motion, advance, by_tiles, exact_displacement, motion, seed_particles
 from piv.plane import FINGER_VARIABLES
 from piv.planefield import PlaneField
 from piv.render import (
@@ -127,7 +127,8 @@ class Recorder:
         margin = 1.5 * most.along + self.camera.scale_m_per_px
         fresh = self._draw(index + 1, margin, min(1.5 * most.across, self.box.half_width))
         fresh = fresh[:, ~self.box.holds(fresh) | self._in_body(body, fresh)]
-        moved = advance(self.field, np.concatenate([particles, fresh], axis=1), t0, t1, most.substeps)
+        carried = by_tiles(np.concatenate([particles, fresh], axis=1), self.box)
+        moved = advance(self.field, carried, t0, t1, most.substeps)
         return moved[:, self.box.holds(moved) & ~self._in_body(next_body, moved)]
 
     def motion(self, index: int) -> Motion:

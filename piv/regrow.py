@@ -18,7 +18,7 @@ from piv.deform import Image, Nodes, spline_value
 from piv.extrapolate import continue_linearly
 from piv.interpolate import denser
 from piv.options import Options
-from piv.passes import NARROW, Vectors, deviates, pair_cells
+from piv.passes import NARROW, Vectors, deviates
 
 POOR, SPREADS = (
     0.8,
@@ -89,13 +89,13 @@ def regrow(
 
 def _region(nodes, images, vectors, poor, part, target, options, finer):
     """Best displacements found in one region (part: slices of nodes) and their correlation."""
-    local, crops, work = _cut(nodes, images, part, finer)
+    local, crops = _cut(nodes, images, part, finer)
     dx, dy = vectors.dx[part], vectors.dy[part]
     masked = vectors.masked[part]
     sigma = (NARROWER if finer == 1 else NARROW) * options.sigma
 
     def step_from(dx, dy):
-        cells = pair_cells(local, crops[0], crops[1], dx, dy, work)
+        cells = local.moments(crops[0], crops[1], dx, dy)
         sums, full = local.window_sums(cells, sigma)
         step_x, step_y, correlation = refine.newton_step(sums, 1.0)
         hidden = sums[8] < (1 - options.max_masked) * full
@@ -126,7 +126,7 @@ def _region(nodes, images, vectors, poor, part, target, options, finer):
 
 
 def _cut(nodes: Nodes, images: list[Image], part: tuple[slice, slice], finer: int):
-    """The nodes and images of a region with the windows around it: (nodes, images, work arrays)."""
+    """The nodes and images of a region with the windows around it."""
     margin = 32
     spans = []
     for axis, s, length in ((nodes.x, part[1], nodes.shape[1]), (nodes.y, part[0], nodes.shape[0])):
@@ -135,4 +135,4 @@ def _cut(nodes: Nodes, images: list[Image], part: tuple[slice, slice], finer: in
     (c0, c1), (r0, r1) = spans
     x, y = (np.linspace(a[0], a[-1], finer * (a.size - 1) + 1) for a in (nodes.x[part[1]], nodes.y[part[0]]))
     local = Nodes(x - c0, y - r0, (r1 - r0, c1 - c0), 1)
-    return local, [i.crop(r0, r1, c0, c1) for i in images], np.empty((3, r1 - r0, c1 - c0), np.float32)
+    return local, [i.crop(r0, r1, c0, c1) for i in images]

@@ -10,6 +10,9 @@ import numpy as np
 
 _kept = threading.local()
 New = Callable[..., np.ndarray]
+FREED = (
+    31 * 2**20
+)  # bytes: once so much was given back, glibc keeps smaller arrays' memory at hand, up to twice as much
 
 
 def fresh(*shape: int) -> np.ndarray:
@@ -25,6 +28,7 @@ def scratch(size: tuple[int, ...]) -> Iterator[New]:
     """
     if getattr(_kept, "size", None) != size:
         _kept.size, _kept.free = size, {}
+        np.empty(FREED, np.uint8)  # let go at once
     free: dict[tuple[int, ...], list[np.ndarray]] = _kept.free
     taken: list[np.ndarray] = []
 

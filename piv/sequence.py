@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
@@ -23,6 +24,8 @@ from piv.plane import FINGER_VARIABLES, provenance
 from piv.preprocess import Preprocessor
 from piv.readers import Recording
 from piv.series_writer import SeriesWriter
+
+HAND_OVER = 5e-4  # s: a thread that needs Python's lock for a moment does not wait ten times as long for it
 
 
 @dataclass(frozen=True)
@@ -90,12 +93,17 @@ def correlate_recording(
         sets = sets[part.first : part.first + part.count]
     clean = Preprocessor([s for s in sequence.preprocess.split(",") if s], recording)
 
+    held: dict[int, tuple[np.ndarray, Any]] = {}  # frames of the last set: most sets share some with the next
+
+    def frame(i: int) -> tuple[np.ndarray, Any]:
+        own = recording.mask(i)
+        return clean(recording.frame(i)), own if mask is None or own is None else own | mask
+
     def load(indices: tuple[int, ...]) -> tuple[list[np.ndarray], list[Any]]:
-        images = [clean(recording.frame(i)) for i in indices]
-        masks = [recording.mask(i) for i in indices]
-        if mask is not None:
-            masks = [mask if m is None else m | mask for m in masks]
-        return images, masks
+        now = {i: held[i] if i in held else frame(i) for i in indices}
+        held.clear()
+        held.update(now)
+        return [image for image, _ in now.values()], [mask if m is None else m for _, m in now.values()]
 
     calibration = Calibration.of(recording, sets)
     x, y = calibration.axes(*vector_axes(recording.shape, options))
@@ -111,6 +119,8 @@ def correlate_recording(
     writer = SeriesWriter(output, x, y, calibration.time, calibration.units, attrs, identity)
     threads_before = cv2.getNumThreads()
     cv2.setNumThreads(1)  # fields are the unit of parallel work
+    interval_before = sys.getswitchinterval()
+    sys.setswitchinterval(HAND_OVER)
     try:
         missing = [k for k in range(len(sets)) if k not in writer.done]
         bar = tqdm(total=len(sets), initial=len(writer.done), unit="field", desc="correlate", disable=quiet)
@@ -126,6 +136,7 @@ def correlate_recording(
                     writer.add(name, tuple(map(str, variable.dims)), shape, finger_in_sets(variable, sets))
         return writer.finish()
     finally:
+        sys.setswitchinterval(interval_before)
         cv2.setNumThreads(threads_before)
         writer.close()
 

@@ -48,6 +48,7 @@ class SeriesWriter:
         self._identity = hashlib.sha256(key.encode()).hexdigest()
         if not self._resume():
             self._begin({"x": x, "y": y, "time": time}, units, attrs)
+        self._fields = {name: self._file[name] for name in FIELDS}
         self.done = set(np.flatnonzero(self._file["_done"][...]).tolist())
 
     def _resume(self) -> bool:
@@ -107,8 +108,8 @@ class SeriesWriter:
 
     def write(self, index: int, fields: dict[str, np.ndarray]) -> None:
         """Store one field (y, x each); on disk when this returns."""
-        for name in FIELDS:
-            self._file[name][index] = fields.get(name, np.nan)
+        for name, variable in self._fields.items():
+            variable[index] = fields.get(name, np.nan)
         self._file.flush()
         self._file["_done"][index] = 1
         self._file.flush()

@@ -18,6 +18,7 @@ from piv.passes import NARROW, Vectors
 CALIBRATION = 0.86  # on the variance
 ALIKE = 1.75  # what neighbouring cells add to the variance in narrow windows; set on a rendered sine of 32 px
 LARGEST = 100.0  # px²
+FEW = 5.0  # cells with texture: where as few make up a window, what they have in common says half of the variance
 INTERPOLATION = 0.0005  # px: what sampling leaves however little noise there is
 
 
@@ -69,21 +70,30 @@ def correlation_statistics(
     around = np.ones((3, 3), np.float32)
     sum_x = cv2.filter2D(gx, cv2.CV_32F, around, borderType=cv2.BORDER_CONSTANT)
     sum_y = cv2.filter2D(gy, cv2.CV_32F, around, borderType=cv2.BORDER_CONSTANT)
-    products = np.stack([gx * sum_x, gy * sum_y, 0.5 * (gx * sum_y + gy * sum_x), gx * gx, gy * gy])
+    texture = cells[2] + cells[4]
+    products = np.stack(
+        [gx * sum_x, gy * sum_y, 0.5 * (gx * sum_y + gy * sum_x), gx * gx, gy * gy, texture * texture]
+    )
     # the square of a Gaussian weight is the Gaussian weight of σ/√2
     spread, _ = nodes.window_sums(products, sigma / np.sqrt(2))
+    # one or two particles agree with themselves whatever the flow does between them: no spread tells of that
+    count = np.maximum(sums[2] + sums[4], 0) ** 2 / np.maximum(
+        spread[5], 1e-12
+    )  # cells that make up the window
+    few = (FEW / np.maximum(count, 0.1 * FEW)) ** 2
     # a few dozen cells determine a variance poorly: average it over neighbouring windows
-    spread = np.stack([cv2.GaussianBlur(s, (0, 0), 1.0, borderType=cv2.BORDER_REPLICATE) for s in spread])
+    spread = np.stack([cv2.GaussianBlur(s, (0, 0), 1.0, borderType=cv2.BORDER_REPLICATE) for s in spread[:5]])
     sxx, syy = np.maximum(spread[0], 0.3 * spread[3]), np.maximum(spread[1], 0.3 * spread[4])
     if alike:
         sxx, syy = alike * spread[3], alike * spread[4]
+        few = 0  # as set with narrow windows
     bound = 0.9 * np.sqrt(sxx * syy)
     sxy = np.clip(spread[2], -bound, bound)
     hxx, hxy, hyy = sums[2], sums[3], sums[4]
     # a window without texture knows nothing: its variance ends at LARGEST
     det = np.maximum(hxx * hyy - hxy**2, 1e-3 * np.maximum(sums[5] * sums[6], 1e-12))
     ixx, ixy, iyy = hyy / det, -hxy / det, hxx / det
-    scale = CALIBRATION * nodes.factor**2 / kept
+    scale = CALIBRATION * nodes.factor**2 / kept * (1 + few)
     var_x = ixx**2 * sxx + 2 * ixx * ixy * sxy + ixy**2 * syy
     var_y = ixy**2 * sxx + 2 * ixy * iyy * sxy + iyy**2 * syy
     return np.clip(var_x * scale, 0, LARGEST), np.clip(var_y * scale, 0, LARGEST)

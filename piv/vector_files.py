@@ -7,24 +7,17 @@ states none. `piv.exchange.to_plane` asks for what is missing.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
-from scipy.io import loadmat
 
 from piv.davis import read_buffer
-from piv.errors import one_line
-from piv.hdf5_check import check_walkable
-from piv.mat_check import check_mat
+from piv.pivlab_mat import instants
 
 READERS = ("openpiv", "pivlab", "tecplot", "davis", "csv", "plane")
-PIVLAB_NAMES = (
-    "x", "y", "units", "u_original", "v_original", "typevector_original", "u_filtered", "v_filtered", "typevector_filtered",
-)  # fmt: skip
 
 
 @dataclass
@@ -181,40 +174,21 @@ def _spelled(unit: str) -> str:
     )
 
 
-def read_pivlab(path: Path, *, frame: int = 0, keep_replaced: bool = False) -> Vectors:
-    """PIVlab's ASCII export, or frame `frame` of its .mat export (any version of the format).
+def read_pivlab(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]:
+    """Every instant of a PIVlab export: those of a .mat file, which is read once, or the one of its ASCII export.
 
     Vector type 1 is measured, 0 masked, 2 rejected and interpolated: absent unless `keep_replaced`. In px the
     y axis points down (PIVlab's image axes); after a calibration in PIVlab the file does not say.
     """
+    found: Iterator[tuple[tuple[np.ndarray, ...], tuple[str, str] | None]]
     if path.suffix.lower() == ".mat":
-        data, units = _pivlab_mat(path, frame)
+        found = ((data, _two_units(text)) for data, text in instants(path))
     else:
-        data, units = _pivlab_ascii(path)
-    x, y, u, v, kind = data
-    flag = np.select([kind == 1, kind == 0], [0, 2], 4 if keep_replaced else 1)
-    length = _spelled(units[0]) if units else None
-    velocity = _spelled(units[1]) if units else None
-    return Vectors(*_grid(path, x, y, u, v, flag), length, velocity, "down" if length == "px" else None)
-
-
-def pivlab_frames(path: Path) -> int:
-    """Number of instants in a PIVlab export: those of a .mat, 1 of ASCII."""
-    if path.suffix.lower() != ".mat":
-        return 1
-    if not path.is_file():
-        raise FileNotFoundError(f"{path}: no such file")
-    try:
-        if h5py.is_hdf5(path):
-            check_walkable(path)
-            with h5py.File(path, "r") as file:
-                return file["x"].size if file["x"].dtype == h5py.ref_dtype else 1
-        x = _load_mat5(path, ["x"])["x"]
-    except Exception as error:  # h5py's and scipy's readers raise whatever their parts raise on foreign bytes
-        if str(error).startswith(f"{path}: "):
-            raise
-        raise ValueError(f"{path}: not a .mat export of PIVlab ({one_line(error)})") from error
-    return x.size if x.dtype == object else 1
+        found = iter([_pivlab_ascii(path)])
+    for (x, y, u, v, kind), units in found:
+        flag = np.select([kind == 1, kind == 0], [0, 2], 4 if keep_replaced else 1)
+        length, velocity = (_spelled(unit) for unit in units) if units else (None, None)
+        yield Vectors(*_grid(path, x, y, u, v, flag), length, velocity, "down" if length == "px" else None)
 
 
 def _pivlab_ascii(path: Path) -> tuple[tuple[np.ndarray, ...], tuple[str, str] | None]:
@@ -231,77 +205,9 @@ def _pivlab_ascii(path: Path) -> tuple[tuple[np.ndarray, ...], tuple[str, str] |
     return (*rows[:, :4].T, kind), (units[0], units[2]) if len(units) >= 4 else None
 
 
-def _pivlab_mat(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], tuple[str, str] | None]:
-    if not path.is_file():
-        raise FileNotFoundError(f"{path}: no such file")
-    if h5py.is_hdf5(path):  # version 7.3
-        check_walkable(path)
-        try:
-            data, units_text = _pivlab_hdf5(path, frame)
-        except (
-            RuntimeError,
-            KeyError,
-            OSError,
-            TypeError,
-            AttributeError,
-            OverflowError,
-            MemoryError,
-        ) as error:
-            raise ValueError(
-                f"{path}: damaged, or not a .mat export of PIVlab ({one_line(error)})"
-            ) from error
-        return data, _two_units(units_text)
-    mat = _load_mat5(path, PIVLAB_NAMES)
-    try:
-        get = lambda n: np.ravel(mat[n])[frame] if mat[n].dtype == object else mat[n]  # noqa: E731
-        names = set(mat)
-        units_text = str(np.ravel(mat["units"])[0]) if "units" in mat else ""
-        u_name = "u_filtered" if "u_filtered" in names and np.size(get("u_filtered")) else "u_original"
-        kind_name = u_name.replace("u_", "typevector_")
-        data = tuple(
-            np.asarray(get(n), float) for n in ("x", "y", u_name, u_name.replace("u_", "v_"), kind_name)
-        )
-    except IndexError:
-        raise ValueError(f"{path}: no frame {frame} in it") from None
-    except Exception as error:  # scipy's reader raises whatever its parts raise on foreign bytes
-        raise ValueError(f"{path}: not a .mat export of PIVlab ({one_line(error)})") from error
-    return data, _two_units(units_text)
-
-
-def _load_mat5(path: Path, names: Sequence[str]) -> dict[str, Any]:
-    """Those of the variables `names` that a MAT 5 file holds; ValueError where it is damaged or another format."""
-    try:
-        found: dict[str, Any] = loadmat(path, variable_names=check_mat(path, names))
-    except Exception as error:  # scipy's reader raises whatever its parts raise on foreign bytes
-        if str(error).startswith(f"{path}: "):
-            raise
-        raise ValueError(f"{path}: not a .mat export of PIVlab ({one_line(error)})") from error
-    return found
-
-
 def _two_units(text: str) -> tuple[str, str] | None:
     units = re.findall(r"\[([^\]]*)\]", text)
     return (units[0], units[1]) if len(units) >= 2 else None
-
-
-def _pivlab_hdf5(path: Path, frame: int) -> tuple[tuple[np.ndarray, ...], str]:
-    with h5py.File(path, "r") as file:
-
-        def get(name: str) -> np.ndarray:
-            if name not in file:
-                raise ValueError(f"{path}: not a .mat export of PIVlab (no {name!r})")
-            cell = file[name]
-            if cell.dtype == h5py.ref_dtype:
-                if frame >= cell.size:
-                    raise ValueError(f"{path}: no frame {frame}, it holds {cell.size}")
-                cell = file[np.ravel(cell[...])[frame]]
-            return np.asarray(cell[...], float).T
-
-        filtered = "u_filtered" in file and get("u_filtered").shape == get("x").shape
-        end = "filtered" if filtered else "original"
-        data = tuple(get(n) for n in ("x", "y", f"u_{end}", f"v_{end}", f"typevector_{end}"))
-        text = "".join(map(chr, np.ravel(file["units"][...]))) if "units" in file else ""
-    return data, text
 
 
 def read_davis(path: Path, *, plane: int = 0) -> Vectors:

@@ -15,7 +15,7 @@ Window = tuple[float, float]
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is compared: planes and vortex tables by source ("cfd", "piv", "lab"), and the velocity scale (m/s).
+    """What is compared: planes and vortex tables by source ("cfd", "piv"), and the velocity scale (m/s).
 
     `sums` holds postprocess.fields.field_sums by pair ("piv-cfd": PIV against the CFD). Of two fingers by source: `pairs`
     (postprocess.pairs), `lines` (postprocess.centreline), and `single`, the vortices of the single finger with its `bend`

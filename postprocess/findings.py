@@ -33,7 +33,7 @@ from postprocess.windows import Window, read_window
 
 COMPARISONS = ("<=", ">=", "in range", "equals")
 KINDS = ("paper", "agreement")
-SOURCES = ("cfd", "piv", "lab", "piv-cfd", "lab-cfd", "lab-piv")
+SOURCES = ("cfd", "piv", "piv-cfd")  # a laboratory is compared by postprocess.lab
 REQUIRED = ("id", "kind", "finding", "figure", "quantity", "of", "comparison", "value", "reason", "window")
 
 Value = float | str | tuple[float, float]

@@ -20,7 +20,8 @@ from postprocess.loading import load_evidence, read_clock
 from postprocess.pinch_summary import pinch_summary
 from postprocess.quantities import QUANTITIES
 from postprocess.stagefiles import StageFiles, read_json, write_text
-from postprocess.study_table import files_of, read_plan
+from postprocess.study_state import files_of, missing_runs, missing_sentence
+from postprocess.study_table import read_plan
 from postprocess.style import save
 from postprocess.wording import quantity
 
@@ -123,7 +124,7 @@ def measure(files: StageFiles, name: str, change: str) -> list[dict[str, Any]]:
     return rows
 
 
-def page(words: str, table: pd.DataFrame, missing: list[str], name: str) -> str:
+def page(words: str, table: pd.DataFrame, missing: dict[str, str], name: str) -> str:
     """The page as Markdown: the study's own words, then what was measured; its table and figure are called `name`."""
     parts = [
         words.strip(),
@@ -131,7 +132,8 @@ def page(words: str, table: pd.DataFrame, missing: list[str], name: str) -> str:
         f"![Key numbers of every run]({name}.svg)",
     ]
     if missing:
-        parts.append(f"Not run, or not to its end: {', '.join(missing)}.")
+        said = "; ".join(f"{run} ({why})" for run, why in missing.items())
+        parts.append(f"Not run, not to its end, or with other numbers: {said}.")
     for kind, heading in (("finding", "The paper's findings, by the CFD"), ("number", "Key numbers")):
         part = table[table["kind"] == kind]
         names = list(dict.fromkeys(part["quantity"]))
@@ -156,15 +158,12 @@ def _cell(row: Any) -> str:
     return text
 
 
-def gather(plan: dict[str, Any]) -> tuple[pd.DataFrame, list[str]]:
-    """Rows of every run of a plan that was made, and the names of those that were not."""
-    rows, missing, said = [], [], changes(plan["runs"])
+def gather(plan: dict[str, Any]) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Rows of every run of a plan that was made with the plan's numbers, and why the others are missing, by name."""
+    rows, missing, said = [], missing_runs(plan), changes(plan["runs"])
     for run in plan["runs"]:
-        files = files_of(run)
-        if files.optional("vortices_cfd.csv") is None:
-            missing.append(run["run"])
-        else:
-            rows += measure(files, run["run"], said[run["run"]])
+        if run["run"] not in missing:
+            rows += measure(files_of(run), run["run"], said[run["run"]])
     if not rows:
         raise FileNotFoundError(
             f"{plan['folder']}: no run of the study {plan['study']!r} was made; make pinch-studies"
@@ -190,6 +189,8 @@ def main(argv: list[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         print(f"studies: {error}", file=sys.stderr)
         return 2
+    if missing:
+        print(f"studies: {missing_sentence(missing, len(plan['runs']), 'the study again')}", file=sys.stderr)
     write_text(args.output.with_suffix(".csv"), table.to_csv(index=False))
     save(draw_studies.bars(table), args.output.with_suffix(".svg"))
     write_text(args.output.with_suffix(".md"), page(words, table, missing, args.output.name))

@@ -18,6 +18,7 @@ import pandas as pd
 from postprocess import tracks
 from postprocess.stagefiles import StageFiles, read_json, read_table, write_text
 from postprocess.strokes import MIDDLE, stroke_window
+from postprocess.study_state import files_of, missing_runs
 
 STAGES = (
     "fea",
@@ -33,6 +34,7 @@ STAGES = (
 )
 SOURCES = {"cfd": "vortices_cfd.csv", "piv": "vortices_piv.csv"}
 MB = 1e-6
+PLAN_VERSION = 3
 
 
 def read_plan(path: Path) -> dict[str, Any]:
@@ -44,12 +46,11 @@ def read_plan(path: Path) -> dict[str, Any]:
     plan = read_json(path)
     if plan.get("format") != "study-plan":
         raise ValueError(f"{path}: format is {plan.get('format')!r}, expected 'study-plan'")
+    if plan["format_version"] != PLAN_VERSION:
+        raise ValueError(
+            f"{path}: format_version = {plan['format_version']}, this code reads {PLAN_VERSION}; run the study again"
+        )
     return plan
-
-
-def files_of(row: dict[str, Any]) -> StageFiles:
-    """Where the results of one run of a plan lie."""
-    return StageFiles(Path(row["folder"]), row["level"])
 
 
 def costs(files: StageFiles) -> dict[str, float]:
@@ -136,8 +137,8 @@ def bending(files: StageFiles) -> dict[str, Any]:
 
 
 def study_table(plan: dict[str, Any]) -> pd.DataFrame:
-    """One row per run of the plan: what was varied, what it cost, what it gave."""
-    rows = []
+    """One row per run of the plan: what was varied, what it cost, what it gave; or why that is `missing`."""
+    rows, missing = [], missing_runs(plan)
     for row in plan["runs"]:
         files = files_of(row)
         varied = {
@@ -145,7 +146,11 @@ def study_table(plan: dict[str, Any]) -> pd.DataFrame:
         }
         head = {"run": row["run"], "level": row["level"], "until": row["until"]}
         analysed = bending(files) if row["fea"] and (files.case / "kinematics" / "states.h5").exists() else {}
-        rows.append(head | varied | ending(files) | analysed | solver(files) | vortex(files) | costs(files))
+        told = head | varied | ending(files) | analysed
+        if row["run"] in missing:
+            rows.append(told | {"missing": missing[row["run"]]})
+        else:
+            rows.append(told | solver(files) | vortex(files) | costs(files))
     return pd.DataFrame(rows)
 
 

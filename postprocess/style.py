@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from piv.whole_file import write_bytes
 
 CFD, PIV, THIRD, GREY = "#0b5fa5", "#c8501e", "#3f7d4e", "#5f6670"
-COLOURS = {"cfd": CFD, "piv": PIV, "lab": THIRD}
-NAMES = {"cfd": "CFD", "piv": "PIV", "lab": "Laboratory"}
+COLOURS = {"cfd": CFD, "piv": PIV}
+NAMES = {"cfd": "CFD", "piv": "PIV"}
 MM = 1e3
 
 RC: dict[str, Any] = {

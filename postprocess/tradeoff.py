@@ -19,7 +19,8 @@ from piv.plane import read_plane
 from postprocess import fields, tracks
 from postprocess.stagefiles import StageFiles, read_json, read_table
 from postprocess.strokes import MIDDLE, peak_tip_speed, stroke_window
-from postprocess.study_table import files_of, read_plan, study_table
+from postprocess.study_state import files_of, missing_runs, missing_sentence
+from postprocess.study_table import read_plan, study_table
 
 INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
 ERRORS = ("error_circulation", "error_centre", "error_velocity", "error_force")
@@ -166,21 +167,28 @@ def picture(files: StageFiles) -> dict[str, float]:
     }
 
 
-def finished(row: dict[str, Any]) -> bool:
-    """Whether what the errors of a run need is there."""
-    names = ["run/run.json", "sheet.h5", "vortices_cfd.csv"] + (
-        ["vortices_piv.csv"] if row["until"] == "vortices" else []
-    )
-    return all((files_of(row).out / name).exists() for name in names)
+def finest(plan: dict[str, Any], missing: dict[str, str]) -> str:
+    """The flow run of most cells that is not `missing`, of those with as many the one of most steps."""
+    done = [row for row in plan["runs"] if row["until"] != "vortices" and row["run"] not in missing]
+    if not done:
+        raise ValueError("the study has no finished run to judge the others by")
+
+    def size(row: dict[str, Any]) -> tuple[int, int]:
+        record = read_json(files_of(row).out / "run" / "run.json")
+        return record["cells"], record["steps"]
+
+    return str(max(done, key=size)["run"])
 
 
 def evaluate(plan: dict[str, Any], best: str) -> pd.DataFrame:
     """The study's table with errors, the front, and the predicted cost of each setting to the report."""
-    plan = plan | {"runs": [row for row in plan["runs"] if finished(row)]}
+    missing = missing_runs(plan)
+    plan = plan | {"runs": [row for row in plan["runs"] if row["run"] not in missing]}
     rows = {row["run"]: files_of(row) for row in plan["runs"]}
     if best not in rows:
+        why = missing.get(best, "the table has none of that name")
         raise ValueError(
-            f"the study has no finished run {best!r} to judge the others by; name one with --best"
+            f"the study has no finished run {best!r} to judge the others by ({why}); name one with --best"
         )
     table = study_table(plan).set_index("run", drop=False)
     if table["until"].eq("report").any():
@@ -232,19 +240,26 @@ def main(argv: list[str] | None = None) -> int:
 
     parser = argparse.ArgumentParser(prog="python -m postprocess.tradeoff", description=__doc__)
     parser.add_argument("plan", type=Path, help="plan.json of the study")
-    parser.add_argument(
-        "--best", default="medium", help="run that the others are judged by (default: %(default)s)"
-    )
+    parser.add_argument("--best", help="run that the others are judged by (default: the finest)")
     parser.add_argument(
         "--docs", type=Path, default=Path("docs"), help="folder of the pages (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--partial", action="store_true", help="write the page though runs are missing, which it then names"
     )
     args = parser.parse_args(argv)
     try:
         plan = read_plan(args.plan)
+        missing = missing_runs(plan)
+        if missing:
+            said = missing_sentence(missing, len(plan["runs"]), f"make tradeoff SCENE={plan['scene']}")
+            if not args.partial:
+                raise ValueError(f"{said}, or give --partial for a page without them")
+            print(f"tradeoff: {said}", file=sys.stderr)
         probe = read_json(args.plan.with_name("probe.json"))
-        table = evaluate(plan, args.best)
-        missing = [row["run"] for row in plan["runs"] if row["run"] not in set(table["run"])]
-        write_results(plan["scene"], table, args.best, probe, args.docs, missing)
+        best = args.best or finest(plan, missing)
+        table = evaluate(plan, best)
+        write_results(plan["scene"], table, best, probe, args.docs, missing)
     except (ValueError, OSError, json.JSONDecodeError) as error:
         print(f"tradeoff: {error}", file=sys.stderr)
         return 2

@@ -101,7 +101,15 @@ def markdown_table(rows: pd.DataFrame, columns: dict[str, str]) -> str:
     return "\n".join(lines)
 
 
-def page(scene: str, table: pd.DataFrame, best: str, missing: list[str]) -> str:
+def not_below(missing: dict[str, str]) -> str:
+    """Which runs of the study the page has not, and why."""
+    if not missing:
+        return "Every run of the study is below."
+    said = "; ".join(f"{run} ({why})" for run, why in missing.items())
+    return f"**Incomplete.** Not below, until `make tradeoff` has made them: {said}."
+
+
+def page(scene: str, table: pd.DataFrame, best: str, missing: dict[str, str]) -> str:
     """docs/tradeoff.md."""
     flow, piv = table[table["kind"] == "flow"].copy(), table[table["kind"] == "piv"].copy()
     flow["cells"] = flow["cells"].astype(int).astype(str)
@@ -127,7 +135,7 @@ numbers are in [`tradeoff/{scene}.csv`](tradeoff/{scene}.csv) with versions and 
 
 ![Error against CPU time, the front of those that nothing beats](tradeoff/{scene}.svg)
 
-{"Not run yet, and so not below: " + ", ".join(missing) + "." if missing else "Every run of the study is below."}
+{not_below(missing)}
 
 ## The flow
 
@@ -197,7 +205,7 @@ def _panel(axis: Axes, rows: pd.DataFrame, cost: str, colour: str) -> None:
 
 
 def write_results(
-    scene: str, table: pd.DataFrame, best: str, probe: dict[str, float], docs: Path, missing: list[str]
+    scene: str, table: pd.DataFrame, best: str, probe: dict[str, float], docs: Path, missing: dict[str, str]
 ) -> None:
     """Write docs/tradeoff/<scene>.csv and .svg and docs/tradeoff.md."""
     write_text(docs / "tradeoff" / f"{scene}.csv", results_text(table, best, probe))

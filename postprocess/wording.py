@@ -9,10 +9,7 @@ WORDS = {True: "met", False: "not met", None: "not judged"}
 PAIRS = {
     "cfd": "CFD",
     "piv": "PIV",
-    "lab": "Laboratory",
     "piv-cfd": "PIV against CFD",
-    "lab-cfd": "Laboratory against CFD",
-    "lab-piv": "Laboratory against PIV",
 }
 
 

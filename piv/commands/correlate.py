@@ -31,6 +31,7 @@ HELPS = {
     "epsilon": "normalised median test: expected fluctuation, px",
     "threshold": "normalised median test: largest residual",
     "min_correlation": "least correlation coefficient of a valid vector",
+    "max_std": "largest standard uncertainty of a valid vector, px",
     "max_masked": "largest masked part of a window",
     "replace": "put the neighbours' mean in place of outliers, flagged 4",
     "method": "correlation, or preview (optical flow)",

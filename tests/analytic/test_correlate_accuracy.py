@@ -11,6 +11,7 @@ import pytest
 from piv.correlate import correlate_pair
 from piv.ensemble import correlate_ensemble
 from piv.multiframe import correlate_frames
+from tests.stability import images
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from particles import render
@@ -207,3 +208,31 @@ def test_pictures_of_other_particles_give_no_field(preset):
     a, b = (render(shift(0, 0), shape=SHAPE, noise=0.05, seed=seed)[0] for seed in (22, 23))
     # 5 %: as many may be called valid by chance; 10 to 16 % were before vectors that stand alone were looked for
     assert float(correlate_pair(a, b, preset=preset)["valid"].mean()) < 0.05
+
+
+@pytest.mark.parametrize(
+    "axis, value, preset",
+    [
+        ("seeding (ppp)", "0.001", "accurate"),  # 15 % of what was called valid was wrong
+        ("exposure (peak over full scale)", "0.02", "accurate"),  # all of it
+        ("diameter (px)", "0.5", "balanced"),  # 24 %
+        ("seeding (ppp)", "0.01", "balanced"),  # and one that must keep its vectors
+    ],
+)
+def test_pictures_at_the_extremes_give_no_plausible_wrong_answer(axis, value, preset):
+    case = next(c for c in images.cases() if (c.axis, c.value) == (axis, value))
+    row = images.run_case(case, preset)
+    assert row["ended"] in ("completed", "all flagged"), (
+        row
+    )  # at most 5 % of the valid off by over half a pixel
+    if value == "0.01":
+        assert row["valid"] > 0.98
+
+
+def test_what_is_not_known_well_enough_is_an_outlier():
+    a, b = render(shift(2.3, 1.6), shape=SHAPE, seed=52, noise=0.2)
+    all_of_them, sure = (correlate_pair(a, b, max_std=s) for s in (10.0, 0.1))
+    std = np.maximum(all_of_them["u_std"], all_of_them["v_std"]).values
+    assert 0.2 < (sure["valid"] > 0).values.mean() < (all_of_them["valid"] > 0).values.mean()
+    assert (std[sure["valid"].values > 0] <= 0.1).all()
+    assert (sure["flag"].values[std > 0.1] == 1).all()

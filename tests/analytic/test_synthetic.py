@@ -10,7 +10,7 @@ import xarray as xr
 from scipy import integrate
 
 from piv.camera import Camera, Seeding
-from piv.particles import advance, exact_displacement, motion
+from piv.particles import TILES, Box, advance, by_tiles, exact_displacement, motion
 from piv.plane import make_plane, read_plane, write_plane
 from piv.planefield import PlaneField, extend, hermite_weights
 from piv.recorder import Recorder
@@ -313,3 +313,14 @@ def test_pairs_are_the_same_pictures_as_of_the_whole_recording(tmp_path, every, 
 def test_camera_that_looks_past_the_plane_is_refused(sheet, tmp_path):
     with read_plane(sheet) as series, pytest.raises(ValueError, match="the camera sees x from"):
         render_recording(series, tmp_path / "images.h5", Camera(width_px=4000))
+
+
+def test_order_by_tiles_loses_no_particle():
+    """Particles beside the box too; the order is that of rows of tiles."""
+    rng = np.random.default_rng(3)
+    box = Box(-0.1, 0.3, 0.2, 0.4, 1e-3)
+    p = rng.uniform(-1, 1, (4, 5000))
+    q = by_tiles(p, box)
+    assert (q[:, np.lexsort(q)] == p[:, np.lexsort(p)]).all()
+    inside = (q[1] > box.y0) & (q[1] < box.y1)
+    assert (np.diff(q[1][inside]) > -(box.y1 - box.y0) / TILES[1]).all()

@@ -23,7 +23,7 @@ from pipeline.legs import read_legs
 from pipeline.openfoam import environment_in, foam_version, solver_command
 from pipeline.prepare import prepare
 from pipeline.ranks import Ranks
-from pipeline.scaling import size
+from pipeline.scaling_data import size
 from pipeline.scene import Scene, load_scene
 from pipeline.solver import reset_displacement, set_number
 

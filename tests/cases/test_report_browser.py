@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from postprocess import figures
+from postprocess import figures, flow_figures
 from postprocess.compare import compare
 from postprocess.report import make_report
 from postprocess.stagefiles import StageFiles
@@ -28,7 +28,7 @@ def page(tmp_path_factory):
     files = StageFiles(case, "coarse")
     compare(files)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "FRAMES", FRAMES)
+        patch.setattr(flow_figures, "FRAMES", FRAMES)
         figures.make_figures(files)
     return make_report(files).resolve().as_uri()
 
@@ -102,7 +102,7 @@ def test_the_film_can_be_decoded(browser):
             break
         time.sleep(0.05)
     assert width > 0
-    assert length == pytest.approx(FRAMES / figures.FILM_HZ, abs=0.05)  # a container rounds to its time base
+    assert length == pytest.approx(FRAMES / flow_figures.FILM_HZ, abs=0.05)  # a container rounds to its time base
 
 
 @pytest.mark.parametrize("width", [360, 768, 1300])

@@ -112,6 +112,15 @@ def test_the_runs_lie_where_the_table_says(project):
     assert "time_step of at most" in ending["reason"]
 
 
+def test_what_is_lost_on_the_way_to_a_result_is_made_again(project):
+    """Else the result would not pass for made (postprocess.study_state), and nothing would make it."""
+    out = project / "cases" / "small" / "out" / "studies" / "trial" / "thick" / "out" / "tiny"
+    kept = (out / "planform.h5").rename(out / "kept.h5")
+    jobs = planned_jobs(project)
+    kept.rename(out / "planform.h5")
+    assert jobs.get("mesh") == 1
+
+
 def test_nothing_is_run_again_until_a_number_changes(project):
     assert planned_jobs(project) == {}
     (project / "pipeline" / "run.py").touch()
@@ -121,4 +130,4 @@ def test_nothing_is_run_again_until_a_number_changes(project):
     assert planned_jobs(project) == {}
     table = project / "cases" / "small" / "studies" / "trial.csv"
     table.write_text(TABLE.replace("1e-5", "2e-5"))
-    assert planned_jobs(project) == {"case": 1, "run": 1, "table": 1, "total": 3}
+    assert planned_jobs(project) == {"all": 1, "case": 1, "run": 1, "table": 1, "total": 4}

@@ -136,7 +136,8 @@ def disks(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Itera
                     row["ended"] = "wrong"
                 disk.empty()
                 yield row | {"afterwards": afterwards(project, wanted, stage)}
-        for name, done, after in piv_commands(project, disk.fill, disk.empty):
+        commands = piv_commands(project, disk.fill, disk.empty) if "piv" in stages else ()
+        for name, done, after in commands:
             row = outcome("disk full", name, done, folder)
             yield row | {"ended": row["ended"] if row["ended"] == "refused" else "wrong", "afterwards": after}
     finally:

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from postprocess import compare, draw_mesh, draw_series, figures, report, wording
+from postprocess import compare, draw_mesh, draw_series, figures, flow_figures, report, run_figures, wording
 from postprocess.stagefiles import StageFiles
 from tests.synthetic_pinch import GAIN, SHIFT, write_pinch
 from tests.synthetic_stroke import copy_findings, write_case
@@ -24,7 +24,7 @@ def build(root, write=write_case, **options):
     """A made-up case taken through compare, figures and report with few frames."""
     files = StageFiles(copy_findings(write(root, spacing=0.004, frames=21, **options)), "coarse")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "FRAMES", 3)
+        patch.setattr(flow_figures, "FRAMES", 3)
         for stage in (compare, figures, report):
             assert stage.main([str(files.case), "--level", "coarse"]) == 0
     return files
@@ -209,10 +209,10 @@ def test_every_axis_of_every_series_names_its_unit(made):
     drawn = [
         draw_series.circulation({s: [track] for s, track in found.items()}, middle),
         draw_series.agreement(pd.read_csv(made.out / "comparison.csv"), 0.4, middle),
-        draw_series.forces(read_table(made.out / "run/forces.csv", figures.FORCE_COLUMNS)),
-        draw_series.power(read_table(made.out / "run/power.csv", figures.POWER_COLUMNS)),
-        draw_series.history(read_table(made.out / "run/history.csv", figures.HISTORY_COLUMNS)),
-        draw_series.mesh_quality(read_table(made.out / "mesh_quality.csv", figures.QUALITY_COLUMNS)),
+        draw_series.forces(read_table(made.out / "run/forces.csv", run_figures.FORCE_COLUMNS)),
+        draw_series.power(read_table(made.out / "run/power.csv", run_figures.POWER_COLUMNS)),
+        draw_series.history(read_table(made.out / "run/history.csv", run_figures.HISTORY_COLUMNS)),
+        draw_series.mesh_quality(read_table(made.out / "mesh_quality.csv", run_figures.QUALITY_COLUMNS)),
     ]
     for figure in drawn:
         assert all(UNIT.search(ax.get_ylabel().replace("\n", " ")) for ax in figure.axes)

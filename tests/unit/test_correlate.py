@@ -54,7 +54,7 @@ def test_bad_images_are_refused_in_one_sentence(a, b):
 
 @pytest.mark.parametrize(
     "options",
-    [{"window": 4}, {"spacing": 0}, {"spacing": 2.5}, {"preset": "best"}, {"epsilon": 0}, {"max_masked": 1.5},
+    [{"window": 4}, {"spacing": 0}, {"spacing": 2.5}, {"preset": "best"}, {"epsilon": 0}, {"max_masked": 1.5}, {"max_std": 0},
      {"method": "magic"}, {"mask": np.zeros((3, 3))}, {"mask": [None, None, None]}],
 )  # fmt: skip
 def test_bad_options_are_refused_in_one_sentence(pair, options):

@@ -72,19 +72,29 @@ def test_a_sample_is_whole_or_cut_off(tmp_path):
         read_surface(path)
 
 
-def test_a_run_goes_on_before_its_first_damaged_sample(tmp_path):
-    for name, times in (("sheetSurface", ("0.1", "0.2", "0.4", "0.5")), ("fingerSurface", ("0.2", "0.4"))):
+def sampled(case, times_of):
+    for name, times in times_of.items():
         for time in times:
-            folder = tmp_path / "postProcessing" / name / time
+            folder = case / "postProcessing" / name / f"{time:g}"
             folder.mkdir(parents=True)
             (folder / "a.vtk").write_bytes(surface([0, 0, 0]))
-    assert first_damaged(tmp_path) == pytest.approx(
-        0.3
-    )  # recorders have intervals of their own, and keep them
+
+
+def test_a_run_goes_on_before_its_first_damaged_sample(tmp_path):
+    sampled(tmp_path, {"sheetSurface": (0.1, 0.2, 0.3), "fingerSurface": (0.1, 0.2)})
+    assert first_damaged(tmp_path) == pytest.approx(0.3)  # of which one recorder has none
     path = tmp_path / "postProcessing" / "fingerSurface" / "0.2" / "a.vtk"
     path.write_bytes(path.read_bytes()[:-1])
     assert first_damaged(tmp_path) == 0.2
     assert first_damaged(tmp_path / "nothing") == np.inf
+
+
+def test_recorders_of_different_rates_are_no_damage(tmp_path):
+    sampled(tmp_path, {"sheetSurface": (0.2, 0.4, 0.6), "fingerSurface": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)})
+    assert first_damaged(tmp_path) == np.inf
+    (tmp_path / "postProcessing" / "fingerSurface" / "0.5" / "a.vtk").unlink()
+    (tmp_path / "postProcessing" / "fingerSurface" / "0.5").rmdir()
+    assert first_damaged(tmp_path) == pytest.approx(0.5)
 
 
 def test_a_number_that_is_none_is_told_by_quantity_and_instant(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.io import savemat
+from scipy.io import loadmat, savemat
 
 from piv.exchange import read_vectors, write_vectors
 from piv.plane import make_plane, read_plane
@@ -174,9 +174,34 @@ def test_pivlab(tmp_path, version):
     from piv.exchange import to_plane
     from piv.vector_files import read_pivlab
 
-    kept = to_plane(read_pivlab(path, keep_replaced=True), "a", **told)
+    kept = to_plane(next(read_pivlab(path, keep_replaced=True)), "a", **told)
     assert kept["flag"].values[1, 2] == 4
     assert kept["valid"].values[1, 2] == 1
+
+
+def test_a_session_of_pivlab_is_read_once(tmp_path, monkeypatch):
+    from piv import pivlab_mat
+
+    x, y = np.meshgrid([8.0, 16.0, 24.0], [8.0, 16.0])
+    cells: dict = {}
+    for name in ("x", "y", "u_original", "v_original", "typevector_original"):
+        cells[name] = np.empty((3, 1), object)
+    for k in range(3):
+        for name, values in zip(cells, (x, y, k + 0 * x, -k + 0 * x, 1 + 0 * x), strict=True):
+            cells[name][k, 0] = values
+    savemat(tmp_path / "a.mat", cells | {"units": "[px] respectively [px/frame]"})
+    loads = []
+    monkeypatch.setattr(pivlab_mat, "loadmat", lambda *a, **k: loads.append(a) or loadmat(*a, **k))
+    told = {"scale_m_per_px": 1e-3, "interval_s": 0.5, "image_rows": 32}
+    series = read_vectors([tmp_path / "a.mat"], frame_rate_hz=2.0, **told)
+    assert len(loads) == 1
+    np.testing.assert_allclose(series["u"][:, 0, 0], [0, 2e-3, 4e-3])
+    np.testing.assert_allclose(series["time"], [0, 0.5, 1.0])
+    for name in cells:
+        cells[name] = np.empty((0, 0), object)
+    savemat(tmp_path / "b.mat", cells)
+    with pytest.raises(ValueError, match=r"b\.mat: no vectors in it"):
+        read_vectors([tmp_path / "b.mat"], **told)
 
 
 def test_davis_through_lvpyio(tmp_path):

@@ -96,6 +96,11 @@ def test_single_finger_asks_for_what_the_project_promises():
         ('comparison = "<="', 'comparison = "in range"', r"needs value = \[low, high\]"),
         ("value = 1.5e-3", 'value = "small"', "only be compared by 'equals'"),
         ('of = ["piv-cfd"]', 'of = ["guess"]', "of = 'guess' is not one of"),
+        (
+            'of = ["piv-cfd"]',
+            'of = ["cfd", "lab"]',
+            "of = 'lab' is not one of cfd, piv, piv-cfd",
+        ),  # never judged
         ("value = 1.5e-3", "value = 1.5e-3\ntolerance = -1", "tolerance = -1.0 is negative"),
         ("format_version = 1", "format_version = 2", "needs format"),
         ('kind = "agreement"', "kind = agreement", "not valid TOML"),

@@ -9,7 +9,7 @@ from scipy.io import loadmat, savemat
 
 from piv.exchange import read_vectors
 from piv.mat_check import DEEPEST, check_mat
-from piv.vector_files import pivlab_frames
+from piv.pivlab_mat import instants
 
 DOUBLE, CELL, CHAR, STRUCT = 6, 1, 4, 2  # classes
 
@@ -52,7 +52,7 @@ def test_a_data_type_that_does_not_exist(put, data, inside):
     """scipy takes it as an index into a table of twenty pointers, some of them empty: a segmentation fault."""
     bad = matrix(numbers(data), name=b"" if inside else b"x")
     path = put(matrix(bad, name=b"x", kind=CELL, shape=(1, 1)) if inside else bad)
-    for read in (pivlab_frames, lambda p: read_vectors([p])):
+    for read in (lambda p: list(instants(p)), lambda p: read_vectors([p])):
         with pytest.raises(
             ValueError, match=rf"a\.mat: damaged.*'x': .*data type {data}, which does not exist"
         ):

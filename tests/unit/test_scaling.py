@@ -7,17 +7,9 @@ import re
 import pytest
 
 from pipeline.errors import StageError
-from pipeline.scaling import (
-    Network,
-    Solver,
-    fit,
-    imbalance,
-    measured,
-    read_data,
-    report,
-    step_time,
-    useful_ranks,
-)
+from pipeline.scaling import report
+from pipeline.scaling_data import measured, read_data
+from pipeline.scaling_model import Network, Solver, fit, imbalance, step_time, useful_ranks
 from tests.conftest import write_scene
 
 NETWORK = Network(latency=2e-6, bandwidth=1e9, ranks_per_node=64, saturated=2.0)

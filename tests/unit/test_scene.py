@@ -88,6 +88,21 @@ def test_the_grid_of_the_sheet_and_the_seeding_do_not_solve_again(tmp_path):
     assert "case" in write_settings(write_scene(folder, more="[sheet]\nrate_hz = 250.0"))
 
 
+@pytest.mark.parametrize(
+    "old, new",
+    [("time_step = 1e-3", "time_step = 5e-4"), ("[levels.tiny]", "[sheet]\nrate_hz = 250.0\n[levels.tiny]")],
+)
+def test_the_mesh_is_made_again_where_its_legs_begin_elsewhere(tmp_path, old, new):
+    """Legs begin with pictures, and shapes cover run-ins of so many steps: at another step they would be continued beyond."""
+    scene = write_scene(tmp_path / "scene")
+    write_settings(scene)
+    path = scene.folder / "scene.toml"
+    path.write_text(path.read_text().replace(old, new))
+    assert {"mesh", "case"} <= set(write_settings(load_scene(scene.folder, "tiny")))
+    path.write_text(path.read_text().replace("write_interval = 0.01", "write_interval = 0.02"))
+    assert write_settings(load_scene(scene.folder, "tiny")) == ["case"]  # of the rest nothing is the mesh's
+
+
 @pytest.mark.parametrize("level", ["smoke", "coarse"])
 @pytest.mark.parametrize("folder", SCENES, ids=lambda p: p.name)
 def test_a_shipped_scene_finds_the_states_it_names_or_inherits(folder, level):

@@ -65,10 +65,35 @@ def test_equal_stages_are_computed_once(tmp_path):
         "a, tiny, run, 1, , , , \nb, tiny, run, 2, , , , \nc, tiny, run, 1, 5e-4, , , \nd, tiny, vortices, 1, , , 48, \n",
     )
     owners = {row["run"]: row["owners"] for row in json.loads(plan(table).read_text())["runs"]}
-    assert {o["mesh"] for o in owners.values()} == {"a"}
+    assert {o["kinematics"] for o in owners.values()} == {"a"}
+    assert [owners[r]["mesh"] for r in "abcd"] == ["a", "a", "c", "a"]  # its legs begin at time steps
     assert [owners[r]["run"] for r in "abcd"] == ["a", "b", "c", "a"]  # other ranks and steps are other runs
     assert owners["d"]["images"] == "a"
     assert owners["d"]["piv"] == "d"
+
+
+def test_the_plan_says_what_each_result_is_to_be_made_with(tmp_path):
+    scene = write_scene(tmp_path / "small")
+    found = json.loads(
+        plan(study(scene.folder, "a, tiny, vortices, 1, , , 48, \nb, tiny, run, 1, 5e-4, , , \n")).read_text()
+    )
+    a, b = found["runs"]
+    assert a["stages"] == [
+        "kinematics",
+        "mesh",
+        "case",
+        "run",
+        "sheet",
+        "vortices_cfd",
+        "images",
+        "piv",
+        "vortices_piv",
+    ]
+    assert b["stages"] == ["kinematics", "mesh", "case", "run"]
+    assert a["settings"]["piv"]["window"] == 48
+    assert b["settings"]["case"]["numerics"]["time_step"] == 5e-4
+    assert a["settings"]["kinematics"] == b["settings"]["kinematics"]  # whatever the folders are called
+    assert set(found["files"]) >= set(a["stages"])
 
 
 def test_scene_text_is_toml_that_says_only_what_differs():
@@ -146,13 +171,31 @@ def test_the_name_of_a_folder_does_not_lead_into_the_other_run(tmp_path):
     assert (a / "run" / "run.json").samefile(b / "run" / "run.json")
 
 
+def test_what_was_taken_over_of_a_run_stays_when_a_later_stage_is_taken_over(tmp_path):
+    """Eleven PIV runs had lost their run.json so, and with it their rows on the page of the trade."""
+    a, b = tmp_path / "a", tmp_path / "b"
+    for name in ("run/run.json", "case/leg_0/U", "sheet.h5"):
+        (a / name).parent.mkdir(parents=True, exist_ok=True)
+        (a / name).write_text("of a")
+    b.mkdir()
+    (b / "run").symlink_to("../a/run")  # of before
+    (b / "case").symlink_to("../a/case")
+    link(a, b, "sheet")
+    assert (b / "run" / "run.json").exists()
+    assert (b / "case" / "leg_0" / "U").exists()
+    link(a, b, "run")
+    link(a, b, "sheet")
+    assert (b / "run" / "run.json").exists()
+    assert (b / "case" / "leg_0" / "U").exists()
+
+
 def test_a_study_that_was_not_run_gives_a_table_of_what_was_asked(tmp_path):
     scene = write_scene(tmp_path / "small")
     path = plan(study(scene.folder, "a, tiny, run, 1, 5e-4, , , \n"))
     table = study_table(read_plan(path))
     assert list(table["run"]) == ["a"]
     assert table["numerics.time_step"][0] == 5e-4
-    assert table["cpu_total_s"][0] == 0
+    assert table["missing"][0] == "kinematics.h5 is not there"
 
 
 def test_the_table_says_how_runs_ended_and_what_actuators_gave(tmp_path):

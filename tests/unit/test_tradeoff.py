@@ -12,7 +12,7 @@ from pipeline.choose import Setting, accuracy, budget, choose, predicted, read_r
 from pipeline.costs import main as with_cost
 from pipeline.errors import StageError
 from pipeline.study import Row
-from postprocess.tradeoff import force_error, front, own_errors, vortex_errors, worst
+from postprocess.tradeoff import finest, force_error, front, own_errors, vortex_errors, worst
 from postprocess.tradeoff_page import axis_sentence, draw, page, results_text
 
 SETTINGS = [
@@ -133,9 +133,12 @@ def test_page_figure_and_results_that_can_be_chosen_from(tmp_path):
     assert sentence is not None
     assert "tip circulation +80.0%" in sentence
     assert axis_sentence(table, "coarse", "draft", "Level") is None
-    text = page("single_finger", table, "medium", ["coarse"])
+    text = page("single_finger", table, "medium", {"coarse": "sheet.h5 is not there"})
     assert "**draft_2d**" in text
-    assert "Not run yet, and so not below: coarse." in text
+    assert (
+        "**Incomplete.** Not below, until `make tradeoff` has made them: coarse (sheet.h5 is not there)."
+        in text
+    )
     assert draw(table, tmp_path / "front.svg").stat().st_size > 5000
     assert draw(
         table[table["kind"] == "flow"].drop(columns="cpu_piv_per_field_s"), tmp_path / "flow.svg"
@@ -158,3 +161,22 @@ def test_a_command_is_measured_and_its_failure_passed_on(tmp_path):
     path.unlink()
     assert with_cost([str(path), "--", "false"]) == 1
     assert not path.exists()
+
+
+def test_the_others_are_judged_by_the_finest_run_that_is_there(tmp_path):
+    rows = []
+    for name, cells, steps, until in (
+        ("draft", 10, 400, "vortices_cfd"),
+        ("fine", 90, 400, "vortices_cfd"),
+        ("fine_dt", 90, 800, "vortices_cfd"),
+        ("gone", 200, 400, "vortices_cfd"),
+        ("piv", 10, 400, "vortices"),
+    ):
+        folder = tmp_path / name
+        rows.append({"run": name, "folder": str(folder), "level": "draft", "until": until})
+        (folder / "out" / "draft" / "run").mkdir(parents=True)
+        record = json.dumps({"cells": cells, "steps": steps})
+        (folder / "out" / "draft" / "run" / "run.json").write_text(record)
+    assert finest({"runs": rows}, {"gone": "sheet.h5 is not there"}) == "fine_dt"
+    with pytest.raises(ValueError, match="no finished run"):
+        finest({"runs": rows[3:]}, {"gone": "sheet.h5 is not there"})
