@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import h5py
-from pydantic import ValidationError
 
 from pipeline.errors import StageError
-from pipeline.fea.settings import Actuator, Fea
+from pipeline.fea.sections import sections
 from pipeline.scene import Scene
 from pipeline.scene_file import read_tables
 
@@ -31,14 +30,7 @@ def check_states(scene: Scene) -> None:
     made = _provenance(path)
     if made is None:
         return
-    try:
-        actuator, fea = Actuator(**scene.actuator), Fea(**scene.fea)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"])) or "[actuator] or [fea]"
-        raise StageError(
-            f"{scene.folder / 'scene.toml'}: {key}: {first['msg']} (got {first['input']!r}); correct it"
-        ) from None
+    actuator, fea = sections(scene)
     now = _what_is_bent(actuator.model_dump(mode="json"), fea.model_dump(mode="json"))
     for key, was in _what_is_bent(*made).items():
         if key in now and now[key] != was:

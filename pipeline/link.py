@@ -26,10 +26,11 @@ MODULES = {"sheet": "sheets"}  # stages whose module, and so their cost, goes by
 
 
 def link(source: Path, target: Path, stage: str) -> None:
-    """Link a stage's files from one level's folder to another's: files hard (a copy where that cannot be), folders by name.
+    """Take a stage's results from one level's folder to another's: copies of its files, the names of its folders.
 
-    Only the solver's case is a folder: Snakemake deletes what a rule will make, and would reach the other run's files
-    through the name of a folder. The names of folders are taken away with the run alone: what was taken over of it stays
+    Snakemake dates what a rule has made anew: with a hard link the other run's file would seem new, and be made into its later
+    stages again. Only the solver's case is a folder: Snakemake deletes what a rule will make, and would reach the other
+    run's files through the name of a folder. The names of folders are taken away with the run alone: what was taken over of it stays
     when a later stage is taken over anew.
     """
     if stage == "run":
@@ -45,10 +46,7 @@ def link(source: Path, target: Path, stage: str) -> None:
             shutil.rmtree(new)
         if old.is_dir():
             new.symlink_to(os.path.relpath(old.resolve(), new.parent.resolve()))
-            continue
-        try:
-            os.link(old, new)
-        except OSError:
+        else:
             shutil.copy2(old, new)
 
 

@@ -6,13 +6,12 @@ import argparse
 import sys
 from pathlib import Path
 
-from pydantic import ValidationError
 from tqdm import tqdm
 
 from pipeline.errors import StageError
 from pipeline.fea.engines import bending_states
+from pipeline.fea.sections import sections
 from pipeline.fea.sensitivity import variations, with_uncertainty
-from pipeline.fea.settings import Actuator, Fea
 from pipeline.fea.states import write
 from pipeline.scene import load_scene
 from pipeline.stage import guarded
@@ -21,14 +20,7 @@ from pipeline.stage import guarded
 def run(case: Path, level: str, processes: int) -> None:
     """Analyse, add the uncertainty of the unit cell's inputs, write."""
     scene = load_scene(case, level)
-    try:
-        actuator, fea = Actuator(**scene.actuator), Fea(**scene.fea)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"])) or "[actuator] or [fea]"
-        raise StageError(
-            f"{case / 'scene.toml'}: {key}: {first['msg']} (got {first['input']!r}): correct it"
-        ) from error
+    actuator, fea = sections(scene)
     try:
         with tqdm(total=len(fea.pressures), unit="state", disable=not sys.stderr.isatty()) as bar:
             states = bending_states(case, actuator, fea, bar.update)

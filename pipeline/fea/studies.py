@@ -15,6 +15,7 @@ from pipeline.errors import StageError
 from pipeline.fea.calculix import release
 from pipeline.fea.engines import solid
 from pipeline.fea.figures import draw
+from pipeline.fea.sections import sections
 from pipeline.fea.settings import Actuator, Fea, SolidMesh
 from pipeline.fea.states import read
 from pipeline.fea.tables import Bends, write_results, write_table
@@ -60,7 +61,7 @@ def run(case: Path, docs: Path, calculix: bool) -> None:
     write_table(docs / "studies.csv", bends)
     if calculix:
         scene = load_scene(case)
-        compared = against_calculix(Actuator(**scene.actuator), Fea(**scene.fea), case / "out" / "calculix")
+        compared = against_calculix(*sections(scene), case / "out" / "calculix")
         write_table(docs / "calculix.csv", compared, last="fit_residual_mm")
     states = read(case / "kinematics" / "states.h5")
     write_results(docs / "results.md", bends, states, docs / "calculix.csv")
