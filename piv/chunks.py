@@ -12,6 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from piv.json_file import parse_json
 from piv.plane import FINGER_VARIABLES
 from piv.series_writer import FIELDS, SeriesWriter
 
@@ -105,7 +106,7 @@ def join(parts: list[Path], output: str | Path) -> Path:
         with h5py.File(path, "r") as file:
             if "chunk" not in file.attrs:
                 raise ValueError(f"{path}: not a chunk of a series (attribute 'chunk' is missing)")
-            head = json.loads(file.attrs["chunk"])
+            head = parse_json(file.attrs["chunk"], path, "make it again")
             times.append(file["time"][...])
         if heads and head["identity"] != heads[0]["identity"]:
             raise ValueError(f"{path}: of another recording or other settings than {parts[0]}; make it again")

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -108,12 +107,6 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
     return to_dataset(vectors, errors, x, y, keep, images.shape, settings)
 
 
-@lru_cache
-def recorded(options: Options) -> dict[str, str]:
-    """Provenance of these options: looking versions up takes as long as a Newton step."""
-    return provenance(**asdict(options))
-
-
 def both_seen(seen: list[np.ndarray | None]) -> np.ndarray | None:
     """Where all images may be used, or None for everywhere."""
     masks = [s for s in seen if s is not None]
@@ -204,11 +197,11 @@ def to_dataset(
         np.sqrt(var + missed + INTERPOLATION**2)
         for var, missed in ((var_x, errors.missed_x), (var_y, errors.missed_y))
     )
-    unsure = known & (np.maximum(std_x, std_y) > options.max_std)
+    above = known & (np.maximum(std_x, std_y) > options.max_std)
     if v.narrow is not None:
-        unsure &= ~v.narrow  # their uncertainty is a bound (Errors.of_narrow), and regrow has tested them
-    if unsure.any():
-        known = supported(known & ~unsure, v.masked, v.correlation, doubtful=doubtful, across=across)
+        above &= ~v.narrow  # their uncertainty is a bound (Errors.of_narrow), and regrow has tested them
+    if above.any():
+        known = supported(known & ~above, v.masked, v.correlation, doubtful=doubtful, across=across)
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER
     flag[v.second & known] = SECOND_PEAK
@@ -240,7 +233,7 @@ def to_dataset(
             "x": ("x", x[columns], {"units": "px"}),
             "y": ("y", (shape[0] - 1 - y[rows])[::-1].copy(), {"units": "px"}),
         },
-        attrs={"source": "piv", **recorded(options)},
+        attrs={"source": "piv", **provenance(**asdict(options))},
     )
     out["flag"].attrs["meanings"] = "; ".join(f"{k} {name}" for k, name in enumerate(FLAGS))
     return out

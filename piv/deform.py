@@ -136,7 +136,6 @@ class Image:
         padded = (slice(top, bottom + 2 * PAD), slice(left, right + 2 * PAD))
         part.pixels = self.pixels[top:bottom, left:right]
         part.usable, part.samples = self.usable[padded].copy(), self.samples[padded].copy()
-        part.warped = np.empty(part.pixels.shape, np.float32)
         return part
 
     def warp(

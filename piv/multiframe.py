@@ -47,7 +47,7 @@ def correlate_frames(
     instants = np.arange(-reach, reach + 1)
     x, y, keep = node_axes(images.shape, settings)
     acceleration = np.zeros((2, y.size, x.size), np.float32)
-    work = {f: np.empty((3, images.shape[0] // f, images.shape[1] // f), np.float32) for f in (1, 2)}
+    work = {f: np.empty((2, images.shape[0] // f, images.shape[1] // f), np.float32) for f in (1, 2)}
     held: dict[int, list] = {}
     calls = {1: 0, 2: 0}
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from piv.hdf5_check import check_walkable
-from piv.hdf5_disk import DiskFile
-from piv.whole_file import settle
+from piv.hdf5_disk import DiskFile, finish, resumed
 
 FORMAT = "recording"
 FORMAT_VERSION = 1
@@ -60,25 +57,16 @@ class RecordingWriter:
         whole = [self.shape, str(self.dtype), self.n_frames, self.times.tolist(), mask, dict(attrs)]
         text = json.dumps(whole, sort_keys=True, default=_plain)
         self._identity = hashlib.sha256(text.encode()).hexdigest()
-        self.resumed = self._resume()
-        if not self.resumed:
+        found = resumed(self.part, self._identity)
+        self.resumed = found is not None
+        if found is not None:
+            self._file = found
+        else:
             self._begin(attrs, mask)
         self.done = np.flatnonzero(self._file["_done"][...])
 
-    def _resume(self) -> bool:
-        if not self.part.exists():
-            return False
-        try:
-            check_walkable(self.part)
-            self._file = DiskFile(self.part, "r+")
-        except (OSError, ValueError):
-            return False  # killed while the file was being created
-        if self._file.attrs.get("_identity") == self._identity:
-            return True
-        self._file.close()
-        return False
-
     def _begin(self, attrs: Mapping[str, Any], mask: bool) -> None:
+        self._file = DiskFile(self.part, "w")
         try:
             self._create(attrs, mask)
         except BaseException:
@@ -87,7 +75,6 @@ class RecordingWriter:
             raise
 
     def _create(self, attrs: Mapping[str, Any], mask: bool) -> None:
-        self._file = DiskFile(self.part, "w")
         rows, columns = self.shape
         self._axis("time", self.times)
         self._axis("row", np.arange(rows, dtype=np.int32))
@@ -183,12 +170,7 @@ class RecordingWriter:
             raise ValueError(
                 f"{self.path}: {missing.size} of {self.n_frames} frames were not written, the first is {missing[0]}"
             )
-        self._file.flush()  # what is lacking room is told while the file can still be gone on with
-        del self._file["_done"]
-        del self._file.attrs["_identity"]
-        self._file.close()
-        settle(self.part)
-        os.replace(self.part, self.path)
+        finish(self._file, self.part, self.path)
         return self.path
 
     def close(self) -> None:

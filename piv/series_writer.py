@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -12,10 +11,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from piv.hdf5_check import check_walkable
-from piv.hdf5_disk import DiskFile
+from piv.hdf5_disk import DiskFile, finish, resumed
 from piv.plane import FORMAT, FORMAT_VERSION, UNITS
-from piv.whole_file import settle
 
 FIELDS = {
     "u": "f4",
@@ -46,25 +43,16 @@ class SeriesWriter:
             [identity, list(map(float, x)), list(map(float, y)), list(map(float, time))], default=str
         )
         self._identity = hashlib.sha256(key.encode()).hexdigest()
-        if not self._resume():
+        found = resumed(self.part, self._identity)
+        if found is not None:
+            self._file = found
+        else:
             self._begin({"x": x, "y": y, "time": time}, units, attrs)
         self._fields = {name: self._file[name] for name in FIELDS}
         self.done = set(np.flatnonzero(self._file["_done"][...]).tolist())
 
-    def _resume(self) -> bool:
-        if not self.part.exists():
-            return False
-        try:
-            check_walkable(self.part)
-            self._file = DiskFile(self.part, "r+")
-        except (OSError, ValueError):
-            return False  # killed while the file was being created
-        if self._file.attrs.get("_identity") == self._identity:
-            return True
-        self._file.close()
-        return False
-
     def _begin(self, axes: dict[str, Any], units: dict[str, str], attrs: dict[str, Any]) -> None:
+        self._file = DiskFile(self.part, "w")
         try:
             self._create(axes, units, attrs)
         except BaseException:
@@ -73,7 +61,6 @@ class SeriesWriter:
             raise
 
     def _create(self, axes: dict[str, Any], units: dict[str, str], attrs: dict[str, Any]) -> None:
-        self._file = DiskFile(self.part, "w")
         for name, values in axes.items():
             axis = self._file.create_dataset(name, data=np.asarray(values, float))
             axis.make_scale(name)
@@ -137,12 +124,7 @@ class SeriesWriter:
             raise ValueError(
                 f"{self.path}: {missing.size} of {self.count} fields are missing, the first is {missing[0]}"
             )
-        self._file.flush()  # what is lacking room is told while the file can still be gone on with
-        del self._file["_done"]
-        del self._file.attrs["_identity"]
-        self._file.close()
-        settle(self.part)
-        os.replace(self.part, self.path)
+        finish(self._file, self.part, self.path)
         return self.path
 
     def close(self) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
+
+from piv.json_file import read_json
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
@@ -38,12 +39,7 @@ def merged(args: argparse.Namespace, known: set[str]) -> dict[str, Any]:
     given: dict[str, Any] = {}
     if getattr(args, "settings", None):
         path = existing(args.settings)
-        try:
-            given = json.loads(path.read_text(encoding="utf-8"))
-        except json.JSONDecodeError as error:
-            raise ValueError(f"{path}: not valid JSON ({error})") from error
-        if not isinstance(given, dict):
-            raise ValueError(f"{path}: settings must be one JSON object of keys and values")
+        given = read_json(path, "settings are one JSON object of keys and values")
         given = {key.replace("-", "_"): value for key, value in given.items()}
         unknown = sorted(set(given) - known)
         if unknown:

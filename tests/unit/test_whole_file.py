@@ -13,6 +13,7 @@ from piv.errors import sentence
 from piv.hdf5_disk import Disk, DiskFile, whole_hdf5
 from piv.plane import make_plane, write_plane
 from piv.recording import RecordingWriter
+from piv.series_writer import SeriesWriter
 from piv.whole_file import check_room, naming, whole, write_bytes, write_text
 
 SHAPE = (64, 96)
@@ -198,3 +199,25 @@ def test_a_film_that_ffmpeg_cannot_finish_is_told_in_its_words(tmp_path):
     with pytest.raises(OSError, match="No space"):
         film._check(1, f"av_interleaved_write_frame(): {os.strerror(errno.ENOSPC)}\n", path)
     assert os.listdir(tmp_path) == ["film.mp4"]
+
+
+def test_a_folder_that_is_not_there_is_told_by_both_writers(tmp_path):
+    path = tmp_path / "nosuch" / "a.h5"
+    with pytest.raises(FileNotFoundError) as caught:
+        RecordingWriter(path, SHAPE, np.uint8, 2, {"frame_rate_hz": 100.0})
+    assert "nosuch" in (sentence(caught.value) or "")
+    units = {"x": "px", "y": "px", "time": "1", "u": "px"}
+    with pytest.raises(FileNotFoundError):
+        SeriesWriter(path, [0.0, 1.0], [0.0, 1.0], [0.0], units, {}, "a")
+
+
+def test_an_unfinished_file_that_may_not_be_opened_is_kept(tmp_path, monkeypatch):
+    def refused(*_):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(part))
+
+    part = tmp_path / "a.h5.part"
+    part.write_bytes(b"frames of another day")
+    monkeypatch.setattr(hdf5_disk, "Disk", refused)
+    with pytest.raises(PermissionError):
+        RecordingWriter(tmp_path / "a.h5", SHAPE, np.uint8, 2, {"frame_rate_hz": 100.0})
+    assert part.read_bytes() == b"frames of another day"
