@@ -10,6 +10,9 @@ import os
 import shutil
 from pathlib import Path
 
+from pipeline.stage import guarded
+from piv.whole_file import whole
+
 # What each stage leaves behind, besides its costs; a run's case folder goes with it.
 FILES = {
     "kinematics": ("kinematics.h5",),
@@ -47,7 +50,8 @@ def link(source: Path, target: Path, stage: str) -> None:
         if old.is_dir():
             new.symlink_to(os.path.relpath(old.resolve(), new.parent.resolve()))
         else:
-            shutil.copy2(old, new)
+            with whole(new, sync=False) as part:
+                shutil.copy2(old, part)
 
 
 def unlink_folders(out: Path) -> None:
@@ -64,7 +68,7 @@ def main() -> None:
     parser.add_argument("target", type=Path, help="out/<level> of the run that takes it over")
     parser.add_argument("stage", choices=FILES)
     args = parser.parse_args()
-    link(args.source, args.target, args.stage)
+    guarded("link", lambda: link(args.source, args.target, args.stage))
 
 
 if __name__ == "__main__":

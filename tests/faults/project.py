@@ -47,6 +47,11 @@ PRODUCTS = {
     "report": ("report.html", "figures/figures.json"),
 }
 ROUNDING = 1e-9  # of the table's largest number but the time: what is smaller is no result
+OUTER_MAKE = (
+    "MAKEFLAGS",
+    "MFLAGS",
+    "MAKELEVEL",
+)  # a make that runs the tests is none of the make that they try
 SOLVER_TOLERANCE = 1e-6  # of the largest value in a column: a resumed run repeats the forces to nine digits
 
 
@@ -97,15 +102,20 @@ def start(project: Path, target: str, log: Path, **env: str) -> subprocess.Popen
             stdout=output,
             stderr=output,
             start_new_session=True,
-            env=os.environ | env,
+            env=_environment(env),
         )
 
 
 def make(project: Path, target: str, **env: str) -> subprocess.CompletedProcess:
     """A make of `target` to its end."""
     return subprocess.run(
-        command(target), cwd=project, capture_output=True, text=True, check=False, env=os.environ | env
+        command(target), cwd=project, capture_output=True, text=True, check=False, env=_environment(env)
     )
+
+
+def _environment(added: dict[str, str]) -> dict[str, str]:
+    """This process's environment without an outer make's jobs, of which the inner would complain, and with `added`."""
+    return {name: value for name, value in os.environ.items() if name not in OUTER_MAKE} | added
 
 
 def kill(process: subprocess.Popen) -> None:

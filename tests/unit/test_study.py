@@ -163,12 +163,13 @@ def test_the_name_of_a_folder_does_not_lead_into_the_other_run(tmp_path):
     """Studies of before had run/ linked by name as well."""
     a, b = tmp_path / "a", tmp_path / "b"
     (a / "run").mkdir(parents=True)
-    (a / "run" / "run.json").write_text("{}")
+    (a / "run" / "run.json").write_text('{"of": "a"}')
     b.mkdir()
     (b / "run").symlink_to("../a/run")
     link(a, b, "run")
     assert not (b / "run").is_symlink()
-    assert (a / "run" / "run.json").samefile(b / "run" / "run.json")
+    assert (b / "run" / "run.json").read_text() == '{"of": "a"}'
+    assert not (a / "run" / "run.json").samefile(b / "run" / "run.json")
 
 
 def test_what_was_taken_over_of_a_run_stays_when_a_later_stage_is_taken_over(tmp_path):
