@@ -21,6 +21,7 @@ FLOWS: dict[str, Callable[[Scene], Result]] = {
     "impulsive_cylinder": cylinders.impulsive,
     "accelerating_cylinder": cylinders.accelerating,
     "plate_impulsive": plates.measure,
+    "plate_medium_layer": plates.measure,
     "plate_thin_layer": plates.measure,
     "plate_accelerating": plates.measure,
 }

@@ -136,6 +136,7 @@ FIGURES: dict[str, Callable[[Curves, Path], None]] = {
     "impulsive_cylinder": impulsive,
     "accelerating_cylinder": accelerating,
     "plate_impulsive": plate,
+    "plate_medium_layer": plate,
     "plate_thin_layer": plate,
     "plate_accelerating": plate,
     "deforming_mesh": deforming,

@@ -13,7 +13,8 @@ from tests.validation.figures import FIGURES
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 ORDER = (
-    "oscillating_cylinder", "impulsive_cylinder", "accelerating_cylinder", "plate_impulsive", "plate_thin_layer",
+    "oscillating_cylinder", "impulsive_cylinder", "accelerating_cylinder", "plate_impulsive",
+    "plate_medium_layer", "plate_thin_layer",
     "plate_accelerating", "deforming_mesh", "exact_fields", "finger_2d", "finger",
 )  # fmt: skip
 HEAD = """# Verification and validation
