@@ -26,6 +26,11 @@ AXES = (
     ("draft_dt2", "draft", "Time step, 2 ms against 1 ms"),
     ("draft_2ranks", "draft", "Ranks, two against one"),
     ("coarse", "draft", "Level, coarse against draft"),
+    ("coarse_near", "coarse", "Cells of the water that the tip passes, 1.2 against 2.2 mm"),
+    ("coarse_wall", "coarse", "Cells at the wall, half as large at the tip and 0.3 mm thick instead of 0.5 mm"),
+    ("coarse_layers", "coarse", "Layers across the half width and beyond, 9 and 10 against 6 and 6"),
+    ("coarse_both", "coarse", "Both of these, at the wall and in layers"),
+    ("medium_layers", "medium", "Layers across the half width and beyond, 12 and 14 against 9 and 10"),
     ("piv_fast", "piv", "Preset, fast against balanced"),
     ("piv_accurate", "piv", "Preset, accurate against balanced"),
     ("piv_window16", "piv", "Window, 16 against 32 px"),
@@ -78,7 +83,8 @@ def axis_sentence(table: pd.DataFrame, run: str, base: str, title: str) -> str |
         f"**{title}** (`{run}` against `{base}`): {cost:.2f} × the CPU time; tip circulation {circulation:+.1%},"
         f" largest force {force:+.1%}; error against the best run: circulation"
         f" {percent(b['error_circulation'])} → {percent(a['error_circulation'])} %, velocity {percent(b['error_velocity'])}"
-        f" → {percent(a['error_velocity'])} %, force {percent(b['error_force'])} → {percent(a['error_force'])} %."
+        f" → {percent(a['error_velocity'])} %, force {percent(b['error_force'])} → {percent(a['error_force'])} %,"
+        f" centre {b['error_centre_mm']:.2f} → {a['error_centre_mm']:.2f} mm."
     )
 
 
