@@ -61,7 +61,7 @@ LIMITS = {
     "sine of 28 px, `--window 16`": Limit(sine(28, 1), 10, NOISY, {"window": 16}),
     "sine of 24 px": Limit(sine(24, 1), 10, NOISY),
     "sine of 24 px, `--window 16`": Limit(sine(24, 1), 10, NOISY, {"window": 16}),
-    **{f"uniform, `--window {w}`": Limit(SHIFT, 4, NOISY, {"window": w}) for w in (16, 24, 48, 64)},
+    **{f"uniform, `--window {w}`": Limit(SHIFT, 4, NOISY, {"window": w}) for w in (16, 20, 24, 28, 48, 64)},
     "vortex, 0.01 ppp": Limit(drifting_vortex, 4, SPARSE),
     "vortex, 0.01 ppp, `--no-smoothing`": Limit(drifting_vortex, 4, SPARSE, {"smoothing": False}),
     "the same without the count of cells (6)": Limit(
