@@ -27,7 +27,7 @@ FLAGS  := $(if $(QUIET),--quiet)
 
 .SUFFIXES:
 .SECONDARY:
-.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-register lab-sheets study-sheets validate convergence clean clean-all bench-piv bench-steps stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
+.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-register lab-sheets study-sheets validate convergence clean clean-all bench-piv piv-limits bench-steps stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
 
 help: ## this list
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"
@@ -120,8 +120,12 @@ include postprocess/lab/compare.mk
 fea: $(READY) ## bending analysis of the actuator of SCENE (single_finger): cases/SCENE/kinematics/states.h5
 	$(PY) -m pipeline.fea cases/$(SCENE)
 
-bench-piv: $(READY) ## PIV against its peers (own environment); table into docs/piv.md
+bench-piv: piv-limits ## PIV against its peers (own environment), and its limits; every table of docs/piv.md
 	$(PY) tests/benchmarks/piv_bench.py --docs
+
+piv-limits: $(READY) ## PIV where it becomes worse, and on flows that served no tuning; tables into docs/piv.md
+	$(PY) tests/benchmarks/limits.py --docs
+	$(PY) tests/benchmarks/unseen.py --docs
 
 faults: $(READY) ## kills, full disks, damaged files, two makes at once: docs/stability
 	$(PY) -m tests.faults

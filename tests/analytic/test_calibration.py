@@ -1,7 +1,6 @@
 """Calibration against targets drawn with exactly known lenses, and against a real ChArUco recording."""
 
 import json
-import os
 from pathlib import Path
 
 import cv2
@@ -21,6 +20,7 @@ from piv.calibrate import (
 )
 from piv.images import open_recording, row_to_y_px
 from piv.targets import Target, calibrate_target, find_corners
+from tests.shared_data import shared_data
 
 MATRIX = np.array([[900.0, 0, 319.5], [0, 900.0, 239.5], [0, 0, 1]])
 BARREL = np.array([-0.25, 0.08, 0.001, -0.0015, 0.0])
@@ -29,12 +29,10 @@ BOARD = Target(7, 10, 0.01)
 
 
 def shared(name: str) -> Path:
-    root = os.environ.get("SHARED_DATA")
-    places = [Path(root)] if root else [p / "shared" / "data" for p in Path(__file__).resolve().parents]
-    found = next((p / name for p in places if (p / name).is_dir()), None)
-    if found is None:
+    folder = shared_data()
+    if folder is None or not (folder / name).is_dir():
         pytest.skip("shared data are absent")
-    return found
+    return folder / name
 
 
 def draw_board(rotation, shift) -> np.ndarray:

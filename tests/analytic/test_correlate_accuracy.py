@@ -124,15 +124,24 @@ def test_waves_as_short_as_the_window_are_followed_or_flagged():
     assert 0.55 < np.mean(np.abs(error) < std, where=valid) < 0.80  # 60-76 % asked; ±4 % of so few windows
 
 
-def test_uncertainty_covers_two_thirds_of_the_errors():
+@pytest.mark.parametrize(
+    "ppp, seeds, least, most",
+    [
+        # 68 % is meant, 60-76 % asked; three small images hold about 150 independent windows: ±4 %
+        (0.04, (27, 28, 29), 0.58, 0.80),
+        # 60-76 % asked; eight images scatter by ±0.8 % (2.2 % each), and without the count of cells it is 56 %
+        (0.01, range(1701, 1709), 0.60, 0.76),
+    ],
+)
+def test_uncertainty_covers_two_thirds_of_the_errors(ppp, seeds, least, most):
     flow = shift(1.3, 2.6)
     inside = []
-    for seed in (27, 28, 29):
-        a, b = render(flow, shape=SHAPE, seed=seed, noise=0.05)
+    for seed in seeds:
+        a, b = render(flow, shape=SHAPE, seed=seed, noise=0.05, ppp=ppp)
         ds = inner(correlate_pair(a, b, smoothing=False))
-        inside.append((np.abs(ds["u"] - 1.3) < ds["u_std"]).values.mean())
-    # 68 % is meant, 60-76 % asked; three small images hold about 150 independent windows: ±4 %
-    assert 0.58 < np.mean(inside) < 0.80
+        covered = np.abs(ds["u"] - 1.3) < ds["u_std"]
+        inside.append(covered.values[ds["valid"].values > 0].mean())
+    assert least < np.mean(inside) < most
 
 
 def test_large_displacement_and_out_of_plane_loss():

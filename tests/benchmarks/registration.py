@@ -19,6 +19,7 @@ from piv.readers import Recording
 from postprocess.lab.family import Family
 from postprocess.lab.registration import register
 from postprocess.lab.stand_in import SetUp, camera_for
+from tests.benchmarks.pages import write_between
 from tests.lab_scene import finger_family, stated_pose, still_picture
 
 PICTURES = 42
@@ -92,13 +93,6 @@ def summary(trials: pd.DataFrame) -> str:
         )
     lines.append(f"| all | | | | | **{np.mean(held):.0%}** (target 90–99 %) |")
     return "\n".join(lines)
-
-
-def write_between(page: Path, mark: str, text: str) -> None:
-    """Put a text between the comments `<!-- mark -->` and `<!-- end of mark -->` of a page."""
-    head, rest = page.read_text(encoding="utf-8").split(f"<!-- {mark} -->\n")
-    _, tail = rest.split(f"<!-- end of {mark} -->")
-    page.write_text(f"{head}<!-- {mark} -->\n{text}\n<!-- end of {mark} -->{tail}", encoding="utf-8")
 
 
 def main() -> None:

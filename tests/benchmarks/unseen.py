@@ -1,7 +1,11 @@
-"""Flows that served no tuning, with seeds of their own: python tests/benchmarks/unseen.py (Markdown, own results only)."""
+"""Flows that served no tuning, with seeds of their own: python tests/benchmarks/unseen.py [--docs]   (make piv-limits).
+
+Own results only; --docs writes the table into docs/piv.md.
+"""
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 from pathlib import Path
@@ -11,6 +15,8 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[2]), str(Path(__file__).par
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 from flows import CENTRE, SHAPE, lamb_oseen  # noqa: E402
+from pages import PIV, libraries, write_between  # noqa: E402
+from scores import HEAD, errors, row  # noqa: E402
 
 from piv.correlate import correlate_pair  # noqa: E402
 from piv.synthetic import render_pair  # noqa: E402
@@ -59,30 +65,30 @@ def results(flow, masked: bool, seed: int):
         rows = np.arange(SHAPE[0])[:, None] > SHAPE[0] - 1 - WALL
         mask = np.broadcast_to(rows, SHAPE)
         a, b = (np.where(mask, 5, i).astype(i.dtype) for i in (a, b))
-    ds = correlate_pair(a, b, mask=mask)
-    x, y = np.meshgrid(ds["x"], ds["y"])
-    u, v = flow(x, y)
+    x, y, e, std = errors(correlate_pair(a, b, mask=mask), flow)
     inside = (x >= EDGE) & (x <= SHAPE[1] - 1 - EDGE) & (y <= SHAPE[0] - 1 - EDGE)
     inside &= y > WALL if masked else y >= EDGE
-    e = np.stack([ds["u"].values - u, ds["v"].values - v])
-    return e[:, inside], np.stack([ds["u_std"].values, ds["v_std"].values])[:, inside]
+    return e[:, inside], std[:, inside]
+
+
+def table() -> str:
+    """All flows as Markdown."""
+    lines = [f"| flow (5 % noise) | {HEAD}"]
+    for label, (flow, masked) in FLOWS.items():
+        lines.append(f"| {label} | {row([results(flow, masked, seed) for seed in SEEDS])}")
+    return "\n".join([*lines, "", f"Seeds {SEEDS[0]}-{SEEDS[-1]}; {libraries()}."])
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table, and write it to the docs where asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--docs", action="store_true", help="write the table into docs/piv.md")
+    args = parser.parse_args()
     cv2.setNumThreads(1)
-    print(
-        "| flow (5 % noise) | RMS error, px | coverage of ±1 standard uncertainty | unflagged > 0.5 px | absent |"
-    )
-    print("|---|---|---|---|---|")
-    for label, (flow, masked) in FLOWS.items():
-        parts = [results(flow, masked, seed) for seed in SEEDS]
-        e, std = (np.concatenate([p[k] for p in parts], axis=1) for k in (0, 1))
-        known = np.isfinite(e).all(axis=0)
-        cover = np.mean(np.abs(e[:, known]) < std[:, known])
-        far = np.mean(np.hypot(*e[:, known]) > 0.5)
-        rms = np.sqrt(np.mean(e[:, known] ** 2))
-        print(f"| {label} | {rms:.4f} | {cover:.0%} | {far:.3%} | {np.mean(~known):.2%} |")
+    text = table()
+    print(text)
+    if args.docs:
+        write_between(PIV, "unseen", text)
 
 
 if __name__ == "__main__":

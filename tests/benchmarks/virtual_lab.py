@@ -35,8 +35,8 @@ from postprocess.lab.seeding import seeding_like
 from postprocess.lab.sides import appearance_of, outlines_px, with_finger
 from postprocess.lab.stand_in import SetUp, camera_for, make_recording
 from postprocess.strokes import stroke_window
+from tests.benchmarks.pages import write_between
 from tests.benchmarks.registration import summary as registration_summary
-from tests.benchmarks.registration import write_between
 
 PAIRS_HZ, INTERVAL = 50.0, 0.002
 WINDOW, SPACING = 24, 8

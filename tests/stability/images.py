@@ -70,7 +70,7 @@ def flow(case: ImageCase):
     return displacement
 
 
-def run_case(case: ImageCase, preset: str) -> dict[str, Any]:
+def run_case(case: ImageCase, preset: str, seed: int = 3) -> dict[str, Any]:
     """Render and evaluate; how it ended, and by how much it is wrong."""
     row: dict[str, Any] = {"axis": case.axis, "value": case.value, "preset": preset}
     mask = None
@@ -78,9 +78,9 @@ def run_case(case: ImageCase, preset: str) -> dict[str, Any]:
         mask = np.zeros(SHAPE, bool)
         mask[:, : SHAPE[1] if case.masked == "all" else SHAPE[1] // 2] = True
     settings = DEFAULT | case.render
-    first, second = render_pair(flow(case), SHAPE, mask=mask, seed=3, **settings)
+    first, second = render_pair(flow(case), SHAPE, mask=mask, seed=seed, **settings)
     if case.unlike:
-        second = render_pair(flow(case), SHAPE, mask=mask, seed=4, **settings)[1]
+        second = render_pair(flow(case), SHAPE, mask=mask, seed=seed + 1, **settings)[1]
     try:
         plane = correlate_pair(first, second, mask=mask, preset=preset, **case.piv)
     except ValueError as error:

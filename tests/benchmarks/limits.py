@@ -1,0 +1,126 @@
+"""PIV where it becomes worse: short waves, few particles, divergence, other windows, extremes, walls, edges, real pictures.
+
+python tests/benchmarks/limits.py [--docs]   (make piv-limits)
+Own results only, seeds 3001 and up, which served no tuning; --docs writes them into docs/piv.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+sys.path[:0] = [str(Path(__file__).resolve().parents[2]), str(Path(__file__).parent)]
+import cv2  # noqa: E402
+import numpy as np  # noqa: E402
+from extremes import extremes  # noqa: E402
+from flows import SHAPE, lamb_oseen, random_field, sine, uniform  # noqa: E402
+from noise import sampling, smoothing  # noqa: E402
+from pages import PIV, libraries, write_between  # noqa: E402
+from real_pictures import real_pictures  # noqa: E402
+from scores import HEAD, errors, row  # noqa: E402
+from walls import walls  # noqa: E402
+
+from piv import uncertainty  # noqa: E402
+from piv.correlate import correlate_pair  # noqa: E402
+from piv.synthetic import render_pair  # noqa: E402
+
+FIRST = 3001
+EDGE = 24
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Pairs of pictures of a flow and how they are evaluated."""
+
+    flow: Callable
+    pairs: int = 4
+    render: dict[str, Any] = field(default_factory=dict)
+    piv: dict[str, Any] = field(default_factory=dict)
+    few: bool = True  # windows that hold few particles are told so
+
+
+def drifting_vortex(x, y):
+    """A vortex of 40 px in a drift, as in the pictures at the extremes (docs/stability.md)."""
+    u, v = lamb_oseen(40, 2)(x, y)
+    return u + 4, v
+
+
+NOISY = {"noise": 0.05, "background": 5.0}
+SPARSE = NOISY | {"density_ppp": 0.01}
+SHIFT = uniform(4.63, -2.28)
+GENERAL = random_field(3000, divergent=True)
+LIMITS = {
+    "sine of 32 px": Limit(sine(32, 1), 10, NOISY),
+    "sine of 28 px": Limit(sine(28, 1), 10, NOISY),
+    "sine of 28 px, `--window 16`": Limit(sine(28, 1), 10, NOISY, {"window": 16}),
+    "sine of 24 px": Limit(sine(24, 1), 10, NOISY),
+    "sine of 24 px, `--window 16`": Limit(sine(24, 1), 10, NOISY, {"window": 16}),
+    **{f"uniform, `--window {w}`": Limit(SHIFT, 4, NOISY, {"window": w}) for w in (16, 20, 24, 28, 48, 64)},
+    "vortex, 0.01 ppp": Limit(drifting_vortex, 4, SPARSE),
+    "vortex, 0.01 ppp, `--no-smoothing`": Limit(drifting_vortex, 4, SPARSE, {"smoothing": False}),
+    "the same without the count of cells (6)": Limit(
+        drifting_vortex, 4, SPARSE, {"smoothing": False}, few=False
+    ),
+    "random field with divergence": Limit(GENERAL, 4, NOISY),
+    "random field with divergence, `--no-smoothing`": Limit(GENERAL, 4, NOISY, {"smoothing": False}),
+}
+
+
+def inner(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Vectors (bool) that the tables count."""
+    return (x >= EDGE) & (x <= SHAPE[1] - 1 - EDGE) & (y >= EDGE) & (y <= SHAPE[0] - 1 - EDGE)
+
+
+def measured(limit: Limit) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Errors and standard uncertainties (2, n) of each pair."""
+    parts, few = [], uncertainty.FEW
+    try:
+        if not limit.few:
+            uncertainty.FEW = 1e-9  # no window has so few
+        for seed in range(FIRST, FIRST + limit.pairs):
+            pair = render_pair(limit.flow, SHAPE, seed=seed, **limit.render)
+            x, y, e, std = errors(correlate_pair(*pair, **limit.piv), limit.flow)
+            parts.append((e[:, inner(x, y)], std[:, inner(x, y)]))
+    finally:
+        uncertainty.FEW = few
+    return parts
+
+
+def table() -> str:
+    """Every limit as a row."""
+    lines = [f"| pictures | pairs | {HEAD.replace('|---|', '|---|---|', 1)}"]
+    lines += [f"| {label} | {limit.pairs} | {row(measured(limit))}" for label, limit in LIMITS.items()]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Measure, print, and write to the docs where asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--docs", action="store_true", help="write what is found into docs/piv.md")
+    args = parser.parse_args()
+    cv2.setNumThreads(1)
+    found = [
+        table(),
+        "",
+        extremes(FIRST),
+        "",
+        walls(FIRST),
+        "",
+        smoothing(FIRST + 100),
+        sampling(),
+        real_pictures(),
+    ]
+    text = "\n".join([*found, "", f"Seeds from {FIRST}; {libraries()}."])
+    print(text)
+    if args.docs:
+        write_between(PIV, "limits", text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""A vortex core that touches a moving body, as behind a finger's tip: vectors at the wall and the fit's circulation."""
+
+from __future__ import annotations
+
+import numpy as np
+from particles import render
+from scores import errors, rms
+
+from piv.correlate import correlate_pair
+from piv.vortices import find_vortices
+
+SHAPE = (320, 384)
+MIDDLE = 159.5
+WALL = 165.0  # px from the left: side of the body
+CORES = (28, 24, 20, 16, 12)  # px
+PEAK = 6.0  # px
+PAIRS = 5
+SPACING = 8  # px
+SWIRL = 0.638173  # peak of a Lamb-Oseen vortex in units of Γ/(2πr_c)
+
+
+def vortex(core: float):
+    """Lamb-Oseen vortex (px) whose core touches the wall."""
+
+    def flow(x, y):
+        rx, ry = x - WALL - core, y - MIDDLE
+        r2 = rx**2 + ry**2 + 1e-9
+        swirl = PEAK / SWIRL * core / r2 * (1 - np.exp(-r2 / core**2))
+        return -swirl * ry, swirl * rx
+
+    return flow
+
+
+def evaluated(core: float, seed: int):
+    """Vectors of a pair in which the body moves by a pixel."""
+    a, b = render(vortex(core), shape=SHAPE, seed=seed, noise=0.02)
+    column = np.arange(SHAPE[1])
+    masks = [np.broadcast_to(column < WALL + side, SHAPE) for side in (-0.5, 0.5)]
+    for image, mask in zip((a, b), masks, strict=True):
+        image[mask] = 8
+    return correlate_pair(a, b, spacing=SPACING, mask=tuple(masks))
+
+
+def circulation_error(ds, core: float) -> float:
+    """Relative error of the fitted circulation; NaN where no vortex is found within a core radius."""
+    exact = 2 * np.pi * core * PEAK / SWIRL
+    near = [w for w in find_vortices(ds) if np.hypot(w.x - WALL - core, w.y - MIDDLE) < core]
+    return near[0].circulation / exact - 1 if near else np.nan
+
+
+def line(core: float, first: int) -> str:
+    """A row of the table."""
+    near, measured, exact = [], [], []
+    for seed in range(first, first + PAIRS):
+        ds = evaluated(core, seed)
+        x, y, e, _ = errors(ds, vortex(core))
+        near.append(e[:, (x > WALL) & (x < WALL + core) & (np.abs(y - MIDDLE) < 3 * core)])
+        measured.append(circulation_error(ds, core))
+        u, v = vortex(core)(x, y)
+        exact.append(circulation_error(ds.assign(u=(("y", "x"), u), v=(("y", "x"), v)), core))
+    e = np.concatenate(near, axis=1)
+    gone = np.mean(~np.isfinite(e).all(axis=0))
+    worst = np.nanmax(np.hypot(*e))
+    cells = [
+        f"{100 * rms(np.array(g)):.1f} %" if np.isfinite(g).all() else "none found" for g in (measured, exact)
+    ]
+    steep = PEAK / SWIRL / core
+    return f"| {core} px ({core / SPACING:.1f}) | {steep:.2f} px/px | {rms(e):.3f} px | {worst:.2f} px | {gone:.1%} | {cells[0]} | {cells[1]} |"
+
+
+def walls(first: int) -> str:
+    """Markdown table; seeds from `first`."""
+    head = (
+        f"| core radius (spacings of {SPACING} px) | steepest | RMS error between core and wall | largest | absent | circulation of the fit "
+        "| of a fit to exact vectors |\n|---|---|---|---|---|---|---|"
+    )
+    return "\n".join([head, *(line(core, first) for core in CORES)])
