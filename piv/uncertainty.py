@@ -17,6 +17,7 @@ from piv.passes import NARROW, Vectors
 # every condition of the benchmark but for structures shorter than the window, whose damping no noise estimate sees.
 CALIBRATION = 0.86  # on the variance
 ALIKE = 1.75  # what neighbouring cells add to the variance in narrow windows; set on a rendered sine of 32 px
+LEAST_KEPT = 0.25  # share of the noise left in neighbouring cells together: below it (windows of 24 px) they tell nothing
 LARGEST = 100.0  # px²
 FEW = 5.0  # cells with texture: where as few make up a window, what they have in common says half of the variance
 INTERPOLATION = 0.0005  # px: what sampling leaves however little noise there is
@@ -46,6 +47,8 @@ def errors_of(nodes: Nodes, v: Vectors, options: Options) -> Errors:
     sigma, passes, alike = options.sigma, options.full_steps, 0.0
     if v.fine is not None:
         sigma, spacing, alike = NARROW * sigma, spacing / 2, ALIKE
+    elif noise_budget(sigma, spacing, passes)[1] < LEAST_KEPT:
+        alike = ALIKE
     gain, kept = noise_budget(sigma, spacing, passes, not alike)
     var = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, sigma, kept, alike)
     missed = unresolved(nodes, v.cells, v.step_x, v.step_y, options.sigma)

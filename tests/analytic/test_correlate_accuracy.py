@@ -144,6 +144,17 @@ def test_uncertainty_covers_two_thirds_of_the_errors(ppp, seeds, least, most):
     assert least < np.mean(inside) < most
 
 
+@pytest.mark.parametrize("window", [16, 20, 24])
+def test_narrow_windows_know_their_uncertainty(window):
+    flow = shift(1.3, 2.6)
+    inside = []
+    for seed in (1711, 1712, 1713):
+        a, b = render(flow, shape=SHAPE, seed=seed, noise=0.05)
+        ds = inner(correlate_pair(a, b, window=window, smoothing=False))
+        inside.append((np.abs(ds["u"] - 1.3) < ds["u_std"]).values[ds["valid"].values > 0].mean())
+    assert 0.58 < np.mean(inside) < 0.80  # 60-76 % asked, a few small images; 0 % and 90 % when it was wrong
+
+
 def test_large_displacement_and_out_of_plane_loss():
     flow = shift(17.4, -9.2)
     a, b = render(flow, shape=SHAPE, seed=30, noise=0.05, out_of_plane=0.25)
