@@ -18,6 +18,7 @@ from pipeline.scene_file import level_tables, merge, read_tables
 from pipeline.scene_picture import Camera, Piv, Sheet, Vortices, piv_settings, render_settings
 from pipeline.scene_pinch import Pinch, Support, check_pinch, check_support
 from pipeline.scene_section import Pair, Positive, Section
+from pipeline.templates import templates_digest
 
 
 class Tank(Section):
@@ -306,13 +307,15 @@ class Scene(Section):
         return digest(self.model_dump(mode="json", exclude={"folder"}))
 
     def settings(self, stage: str) -> dict[str, Any]:
-        """The part of the scene that a stage's results depend on, with the digests of the files it names."""
+        """The part of the scene that a stage's results depend on, with the digests of the files it names or is written from."""
         if stage in FLAT_SETTINGS:
             return FLAT_SETTINGS[stage](self)
         settings = self.model_dump(mode="json", include=STAGE_SECTIONS[stage])
         if stage == "kinematics":
             named = [self.motion.states, self.motion.pressure_csv, self.motion.recording]
             settings["files"] = {name: _file_digest(self.folder / name) for name in named if name}
+        if stage == "case":
+            settings["templates"] = templates_digest()
         return settings
 
 

@@ -19,6 +19,7 @@ from pipeline.scene_file import FILE_KEYS
 from pipeline.settings import run as write_settings
 from pipeline.stage import guarded, versions, write_text
 from pipeline.study_file import Row, read_study
+from pipeline.templates import templates_digest
 
 # What each stage is made from, besides its own settings. `ranks` belongs to the case: a run writes into its folder.
 BEFORE = {
@@ -129,9 +130,10 @@ def write_scenes(scene: Path, study: str, rows: list[Row]) -> list[Scene | Stage
 
 
 def write_asked(folder: Path, level: str, scene: Scene | StageError) -> None:
-    """Note what the ending of a run that may fail depends on, where it changed: the scene, and what computes."""
+    """Note what the ending of a run that may fail depends on, where it changed: the scene, the base case, and what computes."""
     asked = {
         "scene": scene.digest() if isinstance(scene, Scene) else str(scene),
+        "templates": templates_digest(),
         "versions": {"OpenFOAM": foam_version()} | versions(),
     }
     path, text = folder / "out" / level / ASKED, json.dumps(asked, indent=1) + "\n"
