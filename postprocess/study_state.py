@@ -8,9 +8,11 @@ from typing import Any
 
 import h5py
 
+from piv.json_file import flat, parse_json
 from postprocess.stagefiles import StageFiles
 
 MAY_GO = "images"  # large, and nothing but PIV reads them
+AGAIN = "delete it and run the study again"
 
 
 def files_of(row: dict[str, Any]) -> StageFiles:
@@ -51,17 +53,19 @@ def missing_sentence(missing: dict[str, str], total: int, command: str) -> str:
 
 def made_with(path: Path) -> dict[str, Any]:
     """The settings that a result records; empty where it records none. ValueError where it cannot be read."""
+    text: str | bytes = "{}"
     try:
         if path.suffix == ".h5":
             with h5py.File(path, "r") as file:
-                return json.loads(file.attrs.get("settings", "{}"))
+                text = file.attrs.get("settings", text)
         if path.suffix == ".csv":
             with path.open(encoding="utf-8") as table:
                 head = table.readline()
-            return json.loads(json.loads(head[1:]).get("settings", "{}")) if head.startswith("# {") else {}
-    except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not readable ({error}); delete it and run the study again") from error
-    return {}
+            if head.startswith("# {"):
+                text = parse_json(head[1:], f"{path}: first line", AGAIN).get("settings", text)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not readable ({error}); {AGAIN}") from error
+    return parse_json(text, f"{path}: settings", AGAIN)
 
 
 def differing(wanted: dict[str, Any], found: dict[str, Any]) -> str | None:
@@ -71,17 +75,10 @@ def differing(wanted: dict[str, Any], found: dict[str, Any]) -> str | None:
     """
     if isinstance(found.get("files"), dict):  # by name, which differs from folder to folder
         found = found | {"files": sorted(found["files"].values())}
-    had = _flat(found)
+    had = flat(found)
     by_last = {key.rsplit(".", 1)[-1]: value for key, value in had.items()}
-    for key, value in _flat(wanted).items():
+    for key, value in flat(wanted).items():
         was = had.get(key, by_last.get(key, value))
         if was != value:
             return f"{key} ({json.dumps(was)}, not {json.dumps(value)})"
     return None
-
-
-def _flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in table.items():
-        found |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
-    return found
