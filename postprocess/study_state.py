@@ -12,6 +12,14 @@ from piv.json_file import flat, parse_json
 from postprocess.stagefiles import StageFiles
 
 MAY_GO = "images"  # large, and nothing but PIV reads them
+UNRECORDED = {"images": {"truth"}}  # whether there is a file beside the images: it changes nothing of them
+SECTIONS = ("kinematics", "mesh", "case", "sheet")  # record the scene's sections and nothing but
+UNASKED = {
+    "motion.states",
+    "motion.pressure_csv",
+    "motion.recording",
+    "digest",
+}  # names of files; sum of the rest
 AGAIN = "delete it and run the study again"
 
 
@@ -33,7 +41,7 @@ def unfinished(plan: dict[str, Any], row: dict[str, Any]) -> str | None:
             if stage == MAY_GO and stage != row["stages"][-1]:
                 continue
             return f"{plan['files'][stage]} is not there"
-        changed = differing(row["settings"].get(stage, {}), made_with(path))
+        changed = differing(stage, row["settings"].get(stage, {}), made_with(path))
         if changed:
             return f"{plan['files'][stage]} was made with another {changed}"
     return None
@@ -68,17 +76,22 @@ def made_with(path: Path) -> dict[str, Any]:
     return parse_json(text, f"{path}: settings", AGAIN)
 
 
-def differing(wanted: dict[str, Any], found: dict[str, Any]) -> str | None:
-    """The first key of `wanted` that `found` has with another value; None where there is none.
+def differing(stage: str, wanted: dict[str, Any], found: dict[str, Any]) -> str | None:
+    """The first key in which what a stage's result was made with is not what is `wanted`; None where there is none.
 
-    Keys are compared by their path, or by their last part where a file keeps flags in groups of its own (images).
+    Keys are compared by their path; those of images by their last part, for they are recorded in groups.
     """
     if isinstance(found.get("files"), dict):  # by name, which differs from folder to folder
         found = found | {"files": sorted(found["files"].values())}
-    had = flat(found)
-    by_last = {key.rsplit(".", 1)[-1]: value for key, value in had.items()}
-    for key, value in flat(wanted).items():
-        was = had.get(key, by_last.get(key, value))
-        if was != value:
-            return f"{key} ({json.dumps(was)}, not {json.dumps(value)})"
+    had, asked = flat(found), flat(wanted)
+    if stage == "images":
+        had = {key.rsplit(".", 1)[-1]: value for key, value in had.items()}
+    for key, value in asked.items():
+        if key not in had and key not in UNRECORDED.get(stage, ()):
+            return f"{key} (none is recorded, not {json.dumps(value)})"
+        if had.get(key, value) != value:
+            return f"{key} ({json.dumps(had[key])}, not {json.dumps(value)})"
+    if stage in SECTIONS:  # the plan leaves out some keys that have their default
+        for key in sorted(had.keys() - asked.keys() - UNASKED):
+            return f"{key} ({json.dumps(had[key])}, which the plan does not ask for)"
     return None
