@@ -11,7 +11,6 @@ import h5py
 from piv.json_file import flat, parse_json
 from postprocess.stagefiles import StageFiles
 
-MAY_GO = "images"  # large, and nothing but PIV reads them
 UNRECORDED = {"images": {"truth"}}  # whether there is a file beside the images: it changes nothing of them
 SECTIONS = ("kinematics", "mesh", "case", "sheet")  # record the scene's sections and nothing but
 UNASKED = {
@@ -31,16 +30,17 @@ def files_of(row: dict[str, Any]) -> StageFiles:
 def unfinished(plan: dict[str, Any], row: dict[str, Any]) -> str | None:
     """Why a run's results are not those that the plan asks for; None where they are.
 
-    A job that fails takes its own result away but not what was made of it before: so every file up to the last stage
-    must be there, and where a file says what it was made with, that must be what the plan says.
+    A job that fails takes its own result away but not what was made of it before: so every file that is wanted of the run
+    must be there, and where a stage's file says what it was made with, that must be what the plan says. Of a bending
+    analysis and of the ending of a run that may fail only the file is looked for.
     """
-    out = files_of(row).out
+    for name in row["wanted"]:
+        if not (Path(row["folder"]) / name).exists():
+            return f"{name.removeprefix('out/' + row['level'] + '/')} is not there"
     for stage in row["stages"]:
-        path = out / plan["files"][stage]
-        if not path.exists():
-            if stage == MAY_GO and stage != row["stages"][-1]:
-                continue
-            return f"{plan['files'][stage]} is not there"
+        path = files_of(row).out / plan["files"][stage]
+        if not path.exists():  # and is not wanted: images of a PIV that is done
+            continue
         changed = differing(stage, row["settings"].get(stage, {}), made_with(path))
         if changed:
             return f"{plan['files'][stage]} was made with another {changed}"

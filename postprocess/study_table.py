@@ -34,7 +34,7 @@ STAGES = (
 )
 SOURCES = {"cfd": "vortices_cfd.csv", "piv": "vortices_piv.csv"}
 MB = 1e-6
-PLAN_VERSION = 3
+PLAN_VERSION = 4
 
 
 def read_plan(path: Path) -> dict[str, Any]:

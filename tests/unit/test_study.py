@@ -90,6 +90,10 @@ def test_the_plan_says_what_each_result_is_to_be_made_with(tmp_path):
         "vortices_piv",
     ]
     assert b["stages"] == ["kinematics", "mesh", "case", "run"]
+    names = ("kinematics.h5", "planform.h5", "sweep.h5", "run/run.json")
+    assert b["wanted"] == [f"out/tiny/{name}" for name in names]
+    assert "out/tiny/images.h5" not in a["wanted"]  # may go when PIV is done
+    assert len(a["wanted"]) == len(a["stages"]) - 1
     assert a["settings"]["piv"]["window"] == 48
     assert b["settings"]["case"]["numerics"]["time_step"] == 5e-4
     assert a["settings"]["kinematics"] == b["settings"]["kinematics"]  # whatever the folders are called

@@ -1,6 +1,7 @@
 """Results of a study pass for those of its plan only where they are all there and made with the plan's numbers."""
 
 import json
+from pathlib import Path
 
 import h5py
 import pytest
@@ -145,6 +146,25 @@ def test_studies_leave_out_what_is_not_the_plans(planned):
     made(planned["runs"][0], {"vortices_cfd": {"min_circulation": 1.0}})
     with pytest.raises(FileNotFoundError, match="no run of the study"):
         studies.gather(planned)
+
+
+def test_a_bending_analysis_and_a_run_that_may_fail_are_missing_until_they_are_there(tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.study.foam_version", lambda: "v1912")
+    scene = write_scene(tmp_path / "small")
+    (scene.folder / "studies").mkdir()
+    table = scene.folder / "studies" / "mixed.csv"
+    table.write_text(
+        "run, level, until, may_fail, actuator.width\nwide, tiny, fea, , 0.03\nedge, tiny, run, yes,\n"
+    )
+    planned = read_plan(plan(table))
+    wanted = {"wide": "kinematics/states.h5", "edge": "ending.json"}
+    assert missing_runs(planned) == {run: f"{name} is not there" for run, name in wanted.items()}
+    for row in planned["runs"]:
+        [name] = row["wanted"]
+        path = Path(row["folder"]) / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("")
+        assert row["run"] not in missing_runs(planned)
 
 
 def test_what_is_missing_is_said_in_one_sentence():
