@@ -2,6 +2,7 @@
 
 import json
 import struct
+import tracemalloc
 
 import numpy as np
 import pandas as pd
@@ -70,6 +71,29 @@ def test_a_sample_is_whole_or_cut_off(tmp_path):
         assert not is_whole_vtk(path), size
     with pytest.raises(StageError, match=r"cut off, as by a full disk; delete .*progress\.json"):
         read_surface(path)
+
+
+@pytest.mark.parametrize("count", [b"-9", b"9" * 30, b"x"])
+def test_a_header_of_impossible_numbers_is_damage(tmp_path, count):
+    path = tmp_path / "a.vtk"
+    for told in (b"POINTS 3 ", b"p 1 3 "):
+        path.write_bytes(surface([1.0, 2.0, 3.0]).replace(told, told.replace(b"3", count)))
+        assert not is_whole_vtk(path)
+
+
+def test_values_of_a_sample_are_passed_over(tmp_path):
+    """All samples of a run are looked at when it ends and whenever it is resumed."""
+    path, many = tmp_path / "large.vtk", 2**27
+    head = surface([0, 0, 0]).replace(b"p 1 3 float", b"p 1 %d float" % many)[: -4 * 3 - 1]
+    path.write_bytes(head)
+    with path.open("ab") as file:
+        file.truncate(len(head) + 4 * many)  # takes no room on the disk
+        file.seek(0, 2)
+        file.write(b"\n")
+    tracemalloc.start()
+    assert is_whole_vtk(path)
+    assert tracemalloc.get_traced_memory()[1] < 1e6
+    tracemalloc.stop()
 
 
 def sampled(case, times_of):
