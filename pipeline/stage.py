@@ -85,7 +85,6 @@ def read_json(path: Path, remedy: str) -> dict[str, Any]:
 
 def write_dataset(dataset: xr.Dataset, path: Path, groups: Mapping[str, xr.Dataset] | None = None) -> None:
     """Write an HDF5 file, and its groups, whole or not at all, with the versions that made it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     with whole(path) as part, Disk(part, "w") as disk:
         dataset.assign_attrs(versions=json.dumps(versions())).to_netcdf(disk, engine="h5netcdf")
         for name, group in (groups or {}).items():

@@ -171,6 +171,5 @@ def motion_dataset(
 
 def write_motion(dataset: xr.Dataset, path: Path) -> None:
     """Write whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     with whole(path) as part, Disk(part, "w") as disk:
         dataset.to_netcdf(disk, engine="h5netcdf")
