@@ -75,7 +75,7 @@ $(1).vortices: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv
 $(1).compare: $(2)/comparison.json
 $(1).report: $(2)/report.html
 
-$(2)/settings/.stamp: $(wildcard cases/*/scene.toml cases/*/*.csv cases/*/kinematics/* $(CASES)/$(1)/scene.toml) | $(READY)
+$(2)/settings/.stamp: $(wildcard cases/*/scene.toml cases/*/*.csv cases/*/kinematics/* cases/_base cases/_base/* cases/_base/*/* $(CASES)/$(1)/scene.toml) | $(READY)
 	@$(PY) -m pipeline.settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/settings/%.json: $(2)/settings/.stamp
 	@:

@@ -13,6 +13,7 @@ from pipeline.errors import StageError
 from pipeline.fea.sections import sections
 from pipeline.scene import Scene
 from pipeline.scene_file import read_tables
+from piv.json_file import flat
 
 SAME_STATES = {"uncertainty", "partial"}  # of [fea]: what is said of the states, not the states
 
@@ -73,13 +74,6 @@ def _what_is_bent(actuator: dict[str, Any], fea: dict[str, Any]) -> dict[str, An
         fea.pop("solid_mesh" if fea.get("engine") == "unit_cell" else "mesh", None)
     return {
         key: value
-        for key, value in _flat({"actuator": actuator, "fea": fea}).items()
+        for key, value in flat({"actuator": actuator, "fea": fea}).items()
         if not key.endswith(".name")
     }
-
-
-def _flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in table.items():
-        found |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
-    return found

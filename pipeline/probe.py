@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sparse
 
+from piv.whole_file import write_text
+
 SIDE = 40  # cells along the edge of the cube of 64,000 that the solver's piece works on
 REPEATS = 3
 
@@ -63,7 +65,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m pipeline.probe", description=__doc__)
     parser.add_argument("output", type=Path, help="file to write (.json)")
     args = parser.parse_args()
-    args.output.write_text(json.dumps(probe()) + "\n", encoding="utf-8")
+    write_text(args.output, json.dumps(probe()) + "\n")
 
 
 if __name__ == "__main__":

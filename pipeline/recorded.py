@@ -11,6 +11,7 @@ from pipeline.errors import StageError
 from pipeline.motion_law import PressureLaw, history_law
 from pipeline.shapes import States
 from pipeline.states import check_states
+from piv.netcdf import open_netcdf
 
 FORMAT = "recorded-motion"
 
@@ -21,9 +22,9 @@ def _open(path: Path) -> xr.Dataset:
             f"{path}: motion.recording names no file; python -m postprocess.lab motion writes one from a recording"
         )
     try:
-        dataset = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
-    except Exception as error:
-        raise StageError(f"{path}: not a readable HDF5 file ({error}); write it again") from None
+        dataset = open_netcdf(path, load=True)
+    except ValueError as error:
+        raise StageError(f"{error}; write it again") from None
     if dataset.attrs.get("format") != FORMAT:
         raise StageError(f"{path}: format is {dataset.attrs.get('format')!r}, expected {FORMAT!r}")
     missing = [

@@ -17,7 +17,8 @@ from pipeline.rigid_scene import Body, Law
 from pipeline.scene_file import level_tables, merge, read_tables
 from pipeline.scene_picture import Camera, Piv, Sheet, Vortices, piv_settings, render_settings
 from pipeline.scene_pinch import Pinch, Support, check_pinch, check_support
-from pipeline.scene_section import Pair, Positive, Section
+from pipeline.scene_section import Pair, Positive, Section, validation_sentence
+from pipeline.templates import templates_digest
 
 
 class Tank(Section):
@@ -306,13 +307,15 @@ class Scene(Section):
         return digest(self.model_dump(mode="json", exclude={"folder"}))
 
     def settings(self, stage: str) -> dict[str, Any]:
-        """The part of the scene that a stage's results depend on, with the digests of the files it names."""
+        """The part of the scene that a stage's results depend on, with the digests of the files it names or is written from."""
         if stage in FLAT_SETTINGS:
             return FLAT_SETTINGS[stage](self)
         settings = self.model_dump(mode="json", include=STAGE_SECTIONS[stage])
         if stage == "kinematics":
             named = [self.motion.states, self.motion.pressure_csv, self.motion.recording]
             settings["files"] = {name: _file_digest(self.folder / name) for name in named if name}
+        if stage == "case":
+            settings["templates"] = templates_digest()
         return settings
 
 
@@ -365,22 +368,8 @@ def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
     try:
         return Scene(**table, name=folder.name, level=level, folder=folder).placed()
     except ValidationError as error:
-        raise StageError(f"{path}: {_sentence(error)}") from None
+        raise StageError(f"{path}: {validation_sentence(error)}") from None
     except ArithmeticError as error:
         raise StageError(
             f"{path}: a number is too large or too small to reckon with ({error}); lengths are in m, times in s"
         ) from None
-
-
-def _sentence(error: ValidationError) -> str:
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"]) or "scene"
-    message = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "extra_forbidden":
-        message = "this key is not known; check its spelling or remove it"
-    elif first["type"] == "missing":
-        message = "this key is missing; add it"
-    elif first["loc"]:
-        message = f"{message} (got {first['input']!r})"
-    more = len(error.errors()) - 1
-    return f"{key}: {message}" + (f"; and {more} more" if more else "")

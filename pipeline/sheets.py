@@ -188,7 +188,6 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path 
         x, y = view_axes((-reach, reach, *view[2:]) if track.mirror else view, scene)
     count = len(sampled_planes(scene.out / "case", read_legs(scene.out)))
     path = path or scene.out / "sheet.h5"
-    path.parent.mkdir(parents=True, exist_ok=True)
     with whole(path) as part, Disk(part, "w") as disk, h5netcdf.File(disk, "w") as file:
         fingers = 2 if track.mirror else 1
         file.dimensions = {"time": count, "y": len(y), "x": len(x), "finger": fingers, "axis": 2}

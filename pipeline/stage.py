@@ -17,11 +17,9 @@ from pipeline.costs import NOTHING, record_cost
 from pipeline.errors import StageError
 from pipeline.scene import Scene, load_scene
 from piv import json_file
-from piv.errors import one_line, sentence
+from piv.errors import sentence
 from piv.exclusive import exclusive
-from piv.hdf5_check import check_walkable
-from piv.hdf5_disk import Disk
-from piv.whole_file import whole
+from piv.netcdf import open_netcdf, whole_netcdf
 from piv.whole_file import write_text as write_text  # the stages take it from here
 
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "gmsh", "pyvista", "pydantic")
@@ -85,11 +83,7 @@ def read_json(path: Path, remedy: str) -> dict[str, Any]:
 
 def write_dataset(dataset: xr.Dataset, path: Path, groups: Mapping[str, xr.Dataset] | None = None) -> None:
     """Write an HDF5 file, and its groups, whole or not at all, with the versions that made it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole(path) as part, Disk(part, "w") as disk:
-        dataset.assign_attrs(versions=json.dumps(versions())).to_netcdf(disk, engine="h5netcdf")
-        for name, group in (groups or {}).items():
-            group.to_netcdf(disk, engine="h5netcdf", mode="a", group=name)
+    whole_netcdf(dataset.assign_attrs(versions=json.dumps(versions())), path, groups)
 
 
 def read_dataset(path: Path, file_format: str, group: str | None = None) -> xr.Dataset:
@@ -100,14 +94,9 @@ def read_dataset(path: Path, file_format: str, group: str | None = None) -> xr.D
     if not path.exists():
         raise StageError(f"{path}: missing; run the stage that writes it first, or make")
     try:
-        check_walkable(path)
-        dataset = xr.open_dataset(
-            path, engine="h5netcdf", phony_dims="access"
-        ).load()  # damage shows here, not in the middle of a stage
-    except Exception as error:
-        raise StageError(
-            f"{path}: not a readable HDF5 file ({one_line(error)}); delete it and run make again"
-        ) from None
+        dataset = open_netcdf(path, load=True)  # damage shows here, not in the middle of a stage
+    except ValueError as error:
+        raise StageError(f"{error}; delete it and run make again") from None
     if dataset.attrs.get("format") != file_format:
         raise StageError(f"{path}: format is {dataset.attrs.get('format')!r}, expected {file_format!r}")
     if group is None:
@@ -115,7 +104,7 @@ def read_dataset(path: Path, file_format: str, group: str | None = None) -> xr.D
     attributes = dataset.attrs
     dataset.close()
     try:
-        dataset = xr.open_dataset(path, engine="h5netcdf", phony_dims="access", group=group).load()
-    except (OSError, KeyError):
+        dataset = open_netcdf(path, load=True, group=group)
+    except ValueError:
         raise StageError(f"{path}: no group {group!r}; delete it and run make again") from None
     return dataset.assign_attrs(attributes | dataset.attrs)

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from pipeline.errors import StageError
 from pipeline.shapes import States
 from piv.errors import one_line
-from piv.hdf5_check import check_walkable
+from piv.netcdf import open_netcdf
 
 
 def read_states(path: Path, thickness: float) -> States:
@@ -26,9 +26,13 @@ def read_states(path: Path, thickness: float) -> States:
 
 
 def _read_hdf5(path: Path) -> States:
+    remedy = "write it with python -m pipeline.fea"
     try:
-        check_walkable(path)
-        with xr.open_dataset(path, engine="h5netcdf", phony_dims="access") as file:
+        file = open_netcdf(path, "states file", load=True)
+    except ValueError as error:
+        raise StageError(f"{error}; {remedy}") from None
+    try:
+        with file:
             if file.attrs.get("format") != "bending-states":
                 raise StageError(f"{path}: format is {file.attrs.get('format')!r}, expected 'bending-states'")
             converged = file["converged"].values.astype(bool) if "converged" in file else None
@@ -40,10 +44,8 @@ def _read_hdf5(path: Path) -> States:
             )
     except StageError:
         raise
-    except Exception as error:  # HDF5 raises many kinds on damaged files
-        raise StageError(
-            f"{path}: not a readable states file ({one_line(error)}); write it with python -m pipeline.fea"
-        ) from None
+    except Exception as error:  # a variable is missing, or of another shape or kind
+        raise StageError(f"{path}: not a readable states file ({one_line(error)}); {remedy}") from None
     if converged is not None and not converged.all():
         bad = states.pressure[~converged] / 1000
         raise StageError(

@@ -11,6 +11,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from pipeline.ending import NAME as ENDING
 from pipeline.errors import StageError
 from pipeline.estimate import estimates
 from pipeline.openfoam import foam_version
@@ -19,6 +20,7 @@ from pipeline.scene_file import FILE_KEYS
 from pipeline.settings import run as write_settings
 from pipeline.stage import guarded, versions, write_text
 from pipeline.study_file import Row, read_study
+from pipeline.templates import templates_digest
 
 # What each stage is made from, besides its own settings. `ranks` belongs to the case: a run writes into its folder.
 BEFORE = {
@@ -46,6 +48,8 @@ RESULT = {
     "compare": "comparison.json",
     "report": "report.html",
 }
+MAY_GO = "images"  # large, and nothing but PIV reads them
+STATES = "kinematics/states.h5"  # of a run whose bending is analysed first
 ASKED = "asked.json"  # of a run that may fail: what its ending depends on
 
 
@@ -69,7 +73,7 @@ def scene_text(parent: str, row: Row) -> str:
     overrides = dict(row.overrides)
     if needs_fea(row):
         overrides.setdefault("motion.source", "fea")
-        overrides["motion.states"] = "kinematics/states.h5"
+        overrides["motion.states"] = STATES
     lines = [f"extends = {json.dumps(parent)}", "", f"[levels.{row.level}]"]
     lines += [f"{key} = {toml(value)}" for key, value in sorted(overrides.items())]
     return "\n".join(lines) + "\n"
@@ -129,9 +133,10 @@ def write_scenes(scene: Path, study: str, rows: list[Row]) -> list[Scene | Stage
 
 
 def write_asked(folder: Path, level: str, scene: Scene | StageError) -> None:
-    """Note what the ending of a run that may fail depends on, where it changed: the scene, and what computes."""
+    """Note what the ending of a run that may fail depends on, where it changed: the scene, the base case, and what computes."""
     asked = {
         "scene": scene.digest() if isinstance(scene, Scene) else str(scene),
+        "templates": templates_digest(),
         "versions": {"OpenFOAM": foam_version()} | versions(),
     }
     path, text = folder / "out" / level / ASKED, json.dumps(asked, indent=1) + "\n"
@@ -180,6 +185,18 @@ def stages_until(last: str) -> list[str]:
     return needed + {"compare": ["compare"], "report": ["compare", "report"]}.get(last, [])
 
 
+def wanted_of(row: Row) -> list[str]:
+    """Files that a run is to leave behind, relative to its folder: one of every stage, for what is lost on the way must not
+    pass for made, but for the images of a PIV that is done; the ending alone of a run that may fail."""
+    out = f"out/{row.level}"
+    if row.may_fail:
+        return [f"{out}/{ENDING}"]
+    if row.until == "fea":
+        return [STATES]
+    stages = stages_until(row.until)
+    return [f"{out}/{RESULT[stage]}" for stage in stages if stage != MAY_GO or stage == row.until]
+
+
 def settings_of(scene: Scene, stages: list[str]) -> dict[str, dict[str, Any]]:
     """By stage the numbers that its result is to be made with, without names of files."""
     names = {stage: "vortices" if stage.startswith("vortices") else stage for stage in stages}
@@ -219,6 +236,7 @@ def plan(table: Path, scene: Path | None = None) -> Path:
                 "overrides": row.overrides,
                 "folder": str(folder),
                 "owners": mine,
+                "wanted": wanted_of(row),
                 "stages": [] if row.may_fail else stages_until(row.until),
                 "settings": settings_of(loaded, stages_until(row.until))
                 if isinstance(loaded, Scene) and not row.may_fail
@@ -230,7 +248,7 @@ def plan(table: Path, scene: Path | None = None) -> Path:
         )
     _one_place_each(runs)
     path = home / "out" / "studies" / study / "plan.json"
-    content = {"format": "study-plan", "format_version": 3, "scene": home.name, "folder": str(home),
+    content = {"format": "study-plan", "format_version": 4, "scene": home.name, "folder": str(home),
                "study": study, "files": RESULT, "runs": runs}  # fmt: skip
     write_text(path, json.dumps(content, indent=1) + "\n")
     return path

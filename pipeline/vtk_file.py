@@ -6,7 +6,10 @@ OpenFOAM goes on where the disk is full and leaves what was cut off; VTK reads i
 from __future__ import annotations
 
 import io
+import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import pyvista as pv
 
@@ -19,10 +22,15 @@ SIZES = {"float": 4, "double": 8, "int": 4, "long": 8}  # bytes
 def is_whole_vtk(path: Path) -> bool:
     """Whether a file of OpenFOAM's (version 2.0 of the format) holds all that its headers announce; False where it is missing."""
     try:
-        content = path.read_bytes()
+        with path.open("rb") as file:
+            return _is_whole(file)
     except FileNotFoundError:
         return False
-    file = io.BytesIO(content)
+
+
+def _is_whole(file: BinaryIO) -> bool:
+    """Whether an open file does: its headers are read, and its values passed over."""
+    size = os.fstat(file.fileno()).st_size
     sections: list[bytes] = []
     try:
         version = file.readline()
@@ -35,14 +43,16 @@ def is_whole_vtk(path: Path) -> bool:
                 continue
             sections.append(line.split()[0])
             for count, kind in _arrays(line.split(), file):
+                if not 0 <= count <= size:
+                    return False
                 file.seek(count * SIZES[kind] + 1, io.SEEK_CUR)
     except (ValueError, IndexError, KeyError):
         return False
     values = sections[-2:] in ([b"POINT_DATA", b"FIELD"], [b"CELL_DATA", b"FIELD"])
-    return values and b"POINTS" in sections and file.tell() == len(content)
+    return values and b"POINTS" in sections and file.tell() == size
 
 
-def _arrays(line: list[bytes], file: io.BytesIO):
+def _arrays(line: list[bytes], file: BinaryIO) -> Iterator[tuple[int, str]]:
     """Number of values and their type of each array of the section that begins with `line`."""
     if line[0] == b"POINTS":
         yield 3 * int(line[1]), line[2].decode()

@@ -12,9 +12,8 @@ import pandas as pd
 import xarray as xr
 
 from piv.errors import one_line
-from piv.hdf5_check import check_walkable
-from piv.hdf5_disk import Disk
 from piv.images import natural_key
+from piv.netcdf import open_netcdf, whole_netcdf
 from piv.plane import FORMAT, check_plane, checked, make_plane, read_checked_plane, write_plane
 from piv.vector_files import (
     Vectors,
@@ -160,13 +159,7 @@ def read_vectors(
 def _read_nc_or_plane(path: Path) -> xr.Dataset:
     if path.suffix.lower() != ".nc":
         return read_checked_plane(path)
-    check_walkable(path)
-    try:
-        data = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
-    except FileNotFoundError:
-        raise
-    except Exception as error:
-        raise ValueError(f"{path}: not a readable netCDF-4 file ({one_line(error)})") from error
+    data = open_netcdf(path, "netCDF-4 file")
     if data.attrs.get("format") == FORMAT and "t" in data.dims:
         back = data.rename(t="time").transpose("time", "y", "x").rename(chc="valid")
         back.set_close(data.close)
@@ -221,8 +214,7 @@ def write_pivpy(plane: xr.Dataset, path: Path) -> None:
     interval = float(np.diff(out["t"].values[:2])[0]) if out.sizes["t"] > 1 else 0.0
     out.attrs = plane.attrs | {"format": FORMAT, "format_version": 1, "delta_t": interval}
     out["t"].attrs["units"] = "s"
-    with whole(path) as part, Disk(part, "w") as disk:
-        out.to_netcdf(disk, engine="h5netcdf")
+    whole_netcdf(out, path)
 
 
 def _frame_table(plane: xr.Dataset) -> pd.DataFrame:

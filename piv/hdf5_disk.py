@@ -168,6 +168,5 @@ def finish(file: DiskFile, part: Path, path: Path) -> None:
 @contextmanager
 def whole_hdf5(path: str | Path, **options: Any) -> Iterator[h5py.File]:
     """A new HDF5 file that becomes `path` where the block ends well, and is removed otherwise; its folder is made."""
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
     with whole(path) as part, DiskFile(part, "w", **options) as file:
         yield file

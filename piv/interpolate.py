@@ -155,6 +155,13 @@ def _sample_run(p0, p1, p2, p3, frac_x, frac_y, out):
         )
 
 
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+def snapped(position):
+    """Whole pixel below a position (px) and the fraction beyond it; what is nearer than SNAP to a whole pixel is there."""
+    whole = np.floor(position + SNAP)
+    return whole, position - whole if position - whole > SNAP else np.float32(0)
+
+
 @njit(cache=True, nogil=True, fastmath=True)
 def _split(factor, shift_x, shift_y, first_row, low, high_x, high_y, stride, offset, frac_x, frac_y):
     """Whole-pixel offset (in a flat image) and fractions of the positions moved by factor * shift, kept within limits."""
@@ -163,9 +170,9 @@ def _split(factor, shift_x, shift_y, first_row, low, high_x, high_y, stride, off
         x = np.float32(i)
         px = min(max(factor * shift_x[i], low - x), high_x - x)
         py = min(max(factor * shift_y[i], low - y), high_y - y)
-        whole_x, whole_y = np.floor(px + SNAP), np.floor(py + SNAP)
-        frac_x[i] = px - whole_x if px - whole_x > SNAP else np.float32(0)
-        frac_y[i] = py - whole_y if py - whole_y > SNAP else np.float32(0)
+        whole_x, part_x = snapped(px)
+        whole_y, part_y = snapped(py)
+        frac_x[i], frac_y[i] = part_x, part_y
         offset[i] = np.int32(whole_y) * stride + np.int32(whole_x)
 
 

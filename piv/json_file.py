@@ -18,6 +18,14 @@ def parse_json(text: str | bytes, place: str | Path, remedy: str, kind: type = d
     return found
 
 
+def flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
+    """The values of a table and of the tables in it, by their keys joined with dots."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        found |= flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
+    return found
+
+
 def read_json(path: Path, remedy: str, kind: type = dict) -> Any:
     """What a file holds; ValueError as `parse_json`."""
     return parse_json(path.read_bytes(), path, remedy, kind)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from piv.interpolate import LANES, PAD, SNAP, run_end, spline_row, taps
+from piv.interpolate import LANES, PAD, run_end, snapped, spline_row, taps
 from piv.refine import BLOCK, CELL, MOMENTS, cell_row
 
 ROWS = 8  # held of the warped images: those of a row of cells and two on either side
@@ -25,9 +25,9 @@ def _split(w, x0, x1, x2, x3, y0, y1, y2, y3, reach_x, reach_y, stride, offset, 
         y = w0 * y0[i] + w1 * y1[i] + w2 * y2[i] + w3 * y3[i]
         x = min(max(x, -reach_x[i]), reach_x[i])
         y = min(max(y, -reach_y), reach_y)
-        whole_x, whole_y = np.floor(x + SNAP), np.floor(y + SNAP)
-        frac_x[i] = x - whole_x if x - whole_x > SNAP else np.float32(0)
-        frac_y[i] = y - whole_y if y - whole_y > SNAP else np.float32(0)
+        whole_x, part_x = snapped(x)
+        whole_y, part_y = snapped(y)
+        frac_x[i], frac_y[i] = part_x, part_y
         offset[i] = np.int32(whole_y) * stride + np.int32(whole_x)
 
 

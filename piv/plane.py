@@ -12,9 +12,7 @@ import numpy as np
 import xarray as xr
 
 from piv.errors import one_line
-from piv.hdf5_check import check_walkable
-from piv.hdf5_disk import Disk
-from piv.whole_file import whole
+from piv.netcdf import open_netcdf, whole_netcdf
 
 FORMAT = "plane-series"
 FORMAT_VERSION = 1
@@ -142,19 +140,12 @@ def write_plane(plane: xr.Dataset, path: str | Path, **attrs: Any) -> None:
     check_plane(plane)
     out = plane.assign_attrs(plane.attrs | {"format": FORMAT, "format_version": FORMAT_VERSION} | attrs)
     deflate = {str(n): {"zlib": True, "complevel": 1} for n, d in out.data_vars.items() if d.ndim >= 2}
-    with whole(path) as part, Disk(part, "w") as disk:
-        out.to_netcdf(disk, engine="h5netcdf", encoding=deflate)
+    whole_netcdf(out, path, encoding=deflate)
 
 
 def read_plane(path: str | Path) -> xr.Dataset:
     """Open a plane series lazily; ValueError where the file is another one or damaged."""
-    check_walkable(path)
-    try:
-        plane = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
-    except FileNotFoundError:
-        raise
-    except Exception as error:
-        raise ValueError(f"{path}: not a readable HDF5 plane series ({one_line(error)})") from error
+    plane = open_netcdf(path, "HDF5 plane series")
     if plane.attrs.get("format") != FORMAT:
         raise ValueError(f"{path}: format is {plane.attrs.get('format')!r}, expected {FORMAT!r}")
     if int(plane.attrs.get("format_version", 0)) > FORMAT_VERSION:

@@ -82,7 +82,8 @@ def correlate_recording(
     """Correlate a recording into the plane series `output` (docs/formats.md).
 
     SI where the recording knows its scale and its times, else px, with time in frames. mask: static, true = body,
-    together with the recording's own; finger: dataset whose finger variables (one per frame) are passed on. Finished
+    with the frame's own where the recording has masks, alone otherwise; finger: dataset whose finger variables (one per
+    frame) are passed on. Finished
     fields survive an interruption in `<output>.part` and are not computed again; the result does not depend on
     that nor on the number of threads. chunk: (k, n) computes only the k-th of n parts of the fields, which
     piv.chunks.join puts together again.
@@ -97,13 +98,14 @@ def correlate_recording(
 
     def frame(i: int) -> tuple[np.ndarray, Any]:
         own = recording.mask(i)
-        return clean(recording.frame(i)), own if mask is None or own is None else own | mask
+        hidden = mask if own is None else own if mask is None else own | mask
+        return clean(recording.frame(i)), hidden
 
     def load(indices: tuple[int, ...]) -> tuple[list[np.ndarray], list[Any]]:
         now = {i: held[i] if i in held else frame(i) for i in indices}
         held.clear()
         held.update(now)
-        return [image for image, _ in now.values()], [mask if m is None else m for _, m in now.values()]
+        return [image for image, _ in now.values()], [hidden for _, hidden in now.values()]
 
     calibration = Calibration.of(recording, sets)
     x, y = calibration.axes(*vector_axes(recording.shape, options))

@@ -73,23 +73,23 @@ def correlation_statistics(
     around = np.ones((3, 3), np.float32)
     sum_x = cv2.filter2D(gx, cv2.CV_32F, around, borderType=cv2.BORDER_CONSTANT)
     sum_y = cv2.filter2D(gy, cv2.CV_32F, around, borderType=cv2.BORDER_CONSTANT)
-    texture = cells[2] + cells[4]
-    products = np.stack(
-        [gx * sum_x, gy * sum_y, 0.5 * (gx * sum_y + gy * sum_x), gx * gx, gy * gy, texture * texture]
-    )
+    products = [gx * sum_x, gy * sum_y, 0.5 * (gx * sum_y + gy * sum_x), gx * gx, gy * gy]
+    if not alike:
+        products.append((cells[2] + cells[4]) ** 2)
     # the square of a Gaussian weight is the Gaussian weight of σ/√2
-    spread, _ = nodes.window_sums(products, sigma / np.sqrt(2))
-    # one or two particles agree with themselves whatever the flow does between them: no spread tells of that
-    count = np.maximum(sums[2] + sums[4], 0) ** 2 / np.maximum(
-        spread[5], 1e-12
-    )  # cells that make up the window
-    few = (FEW / np.maximum(count, 0.1 * FEW)) ** 2
+    spread, _ = nodes.window_sums(np.stack(products), sigma / np.sqrt(2))
+    few: np.ndarray | float = 0.0  # as set with narrow windows
+    if not alike:
+        # one or two particles agree with themselves whatever the flow does between them: no spread tells of that
+        count = np.maximum(sums[2] + sums[4], 0) ** 2 / np.maximum(
+            spread[5], 1e-12
+        )  # cells that make up the window
+        few = (FEW / np.maximum(count, 0.1 * FEW)) ** 2
     # a few dozen cells determine a variance poorly: average it over neighbouring windows
     spread = np.stack([cv2.GaussianBlur(s, (0, 0), 1.0, borderType=cv2.BORDER_REPLICATE) for s in spread[:5]])
     sxx, syy = np.maximum(spread[0], 0.3 * spread[3]), np.maximum(spread[1], 0.3 * spread[4])
     if alike:
         sxx, syy = alike * spread[3], alike * spread[4]
-        few = 0  # as set with narrow windows
     bound = 0.9 * np.sqrt(sxx * syy)
     sxy = np.clip(spread[2], -bound, bound)
     hxx, hxy, hyy = sums[2], sums[3], sums[4]

@@ -34,11 +34,12 @@ def settle(path: Path) -> None:
 def whole(path: str | Path, *, suffix: bool = False, sync: bool = True) -> Iterator[Path]:
     """Yield the name of a file beside `path` to be written, which becomes `path` where the block ends well, else is removed.
 
-    `suffix`: the name ends as that of `path` does, for writers that go by it. `sync`: on the disk first; without it a
+    Its folder is made. `suffix`: the name ends as that of `path` does, for writers that go by it. `sync`: on the disk first; without it a
     power cut may leave an empty file. An OSError names `path`.
     """
     path = Path(path)
     part = path.with_name(f"{path.stem}.part{path.suffix}" if suffix else f"{path.name}.part")
+    path.parent.mkdir(parents=True, exist_ok=True)
     try:
         with naming(path, str(part)):
             yield part
@@ -52,7 +53,6 @@ def whole(path: str | Path, *, suffix: bool = False, sync: bool = True) -> Itera
 
 def write_bytes(path: str | Path, content: bytes | memoryview, *, sync: bool = True) -> None:
     """Write a file whole or not at all; its folder is made. `sync` as in `whole`."""
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
     with whole(path, sync=sync) as part:
         part.write_bytes(content)
 

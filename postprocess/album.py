@@ -16,7 +16,6 @@ class Album:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.entries: list[dict[str, Any]] = []
-        folder.mkdir(parents=True, exist_ok=True)
 
     def add(self, figure: Figure | None, name: str, section: str, alt: str, caption: str = "") -> None:
         """Save a figure (None: the file is there already) and list it under a section of the report."""

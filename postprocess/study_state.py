@@ -8,9 +8,18 @@ from typing import Any
 
 import h5py
 
+from piv.json_file import flat, parse_json
 from postprocess.stagefiles import StageFiles
 
-MAY_GO = "images"  # large, and nothing but PIV reads them
+UNRECORDED = {"images": {"truth"}}  # whether there is a file beside the images: it changes nothing of them
+SECTIONS = ("kinematics", "mesh", "case", "sheet")  # record the scene's sections and nothing but
+UNASKED = {
+    "motion.states",
+    "motion.pressure_csv",
+    "motion.recording",
+    "digest",
+}  # names of files; sum of the rest
+AGAIN = "delete it and run the study again"
 
 
 def files_of(row: dict[str, Any]) -> StageFiles:
@@ -21,17 +30,18 @@ def files_of(row: dict[str, Any]) -> StageFiles:
 def unfinished(plan: dict[str, Any], row: dict[str, Any]) -> str | None:
     """Why a run's results are not those that the plan asks for; None where they are.
 
-    A job that fails takes its own result away but not what was made of it before: so every file up to the last stage
-    must be there, and where a file says what it was made with, that must be what the plan says.
+    A job that fails takes its own result away but not what was made of it before: so every file that is wanted of the run
+    must be there, and where a stage's file says what it was made with, that must be what the plan says. Of a bending
+    analysis and of the ending of a run that may fail only the file is looked for.
     """
-    out = files_of(row).out
+    for name in row["wanted"]:
+        if not (Path(row["folder"]) / name).exists():
+            return f"{name.removeprefix('out/' + row['level'] + '/')} is not there"
     for stage in row["stages"]:
-        path = out / plan["files"][stage]
-        if not path.exists():
-            if stage == MAY_GO and stage != row["stages"][-1]:
-                continue
-            return f"{plan['files'][stage]} is not there"
-        changed = differing(row["settings"].get(stage, {}), made_with(path))
+        path = files_of(row).out / plan["files"][stage]
+        if not path.exists():  # and is not wanted: images of a PIV that is done
+            continue
+        changed = differing(stage, row["settings"].get(stage, {}), made_with(path))
         if changed:
             return f"{plan['files'][stage]} was made with another {changed}"
     return None
@@ -51,37 +61,37 @@ def missing_sentence(missing: dict[str, str], total: int, command: str) -> str:
 
 def made_with(path: Path) -> dict[str, Any]:
     """The settings that a result records; empty where it records none. ValueError where it cannot be read."""
+    text: str | bytes = "{}"
     try:
         if path.suffix == ".h5":
             with h5py.File(path, "r") as file:
-                return json.loads(file.attrs.get("settings", "{}"))
+                text = file.attrs.get("settings", text)
         if path.suffix == ".csv":
             with path.open(encoding="utf-8") as table:
                 head = table.readline()
-            return json.loads(json.loads(head[1:]).get("settings", "{}")) if head.startswith("# {") else {}
-    except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not readable ({error}); delete it and run the study again") from error
-    return {}
+            if head.startswith("# {"):
+                text = parse_json(head[1:], f"{path}: first line", AGAIN).get("settings", text)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not readable ({error}); {AGAIN}") from error
+    return parse_json(text, f"{path}: settings", AGAIN)
 
 
-def differing(wanted: dict[str, Any], found: dict[str, Any]) -> str | None:
-    """The first key of `wanted` that `found` has with another value; None where there is none.
+def differing(stage: str, wanted: dict[str, Any], found: dict[str, Any]) -> str | None:
+    """The first key in which what a stage's result was made with is not what is `wanted`; None where there is none.
 
-    Keys are compared by their path, or by their last part where a file keeps flags in groups of its own (images).
+    Keys are compared by their path; those of images by their last part, for they are recorded in groups.
     """
     if isinstance(found.get("files"), dict):  # by name, which differs from folder to folder
         found = found | {"files": sorted(found["files"].values())}
-    had = _flat(found)
-    by_last = {key.rsplit(".", 1)[-1]: value for key, value in had.items()}
-    for key, value in _flat(wanted).items():
-        was = had.get(key, by_last.get(key, value))
-        if was != value:
-            return f"{key} ({json.dumps(was)}, not {json.dumps(value)})"
+    had, asked = flat(found), flat(wanted)
+    if stage == "images":
+        had = {key.rsplit(".", 1)[-1]: value for key, value in had.items()}
+    for key, value in asked.items():
+        if key not in had and key not in UNRECORDED.get(stage, ()):
+            return f"{key} (none is recorded, not {json.dumps(value)})"
+        if had.get(key, value) != value:
+            return f"{key} ({json.dumps(had[key])}, not {json.dumps(value)})"
+    if stage in SECTIONS:  # the plan leaves out some keys that have their default
+        for key in sorted(had.keys() - asked.keys() - UNASKED):
+            return f"{key} ({json.dumps(had[key])}, which the plan does not ask for)"
     return None
-
-
-def _flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in table.items():
-        found |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
-    return found

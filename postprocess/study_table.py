@@ -34,7 +34,7 @@ STAGES = (
 )
 SOURCES = {"cfd": "vortices_cfd.csv", "piv": "vortices_piv.csv"}
 MB = 1e-6
-PLAN_VERSION = 3
+PLAN_VERSION = 4
 
 
 def read_plan(path: Path) -> dict[str, Any]:
@@ -136,9 +136,9 @@ def bending(files: StageFiles) -> dict[str, Any]:
     }
 
 
-def study_table(plan: dict[str, Any]) -> pd.DataFrame:
-    """One row per run of the plan: what was varied, what it cost, what it gave; or why that is `missing`."""
-    rows, missing = [], missing_runs(plan)
+def study_table(plan: dict[str, Any], missing: dict[str, str]) -> pd.DataFrame:
+    """One row per run of the plan: what was varied, what it cost, what it gave; or why that is `missing`, by run."""
+    rows = []
     for row in plan["runs"]:
         files = files_of(row)
         varied = {
@@ -161,7 +161,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("-o", "--output", type=Path, required=True, help="table to write (.csv)")
     args = parser.parse_args(argv)
     try:
-        write_text(args.output, study_table(read_plan(args.plan)).to_csv(index=False))
+        plan = read_plan(args.plan)
+        write_text(args.output, study_table(plan, missing_runs(plan)).to_csv(index=False))
     except (ValueError, OSError) as error:
         print(f"study_table: {error}", file=sys.stderr)
         return 2

@@ -180,9 +180,9 @@ def finest(plan: dict[str, Any], missing: dict[str, str]) -> str:
     return str(max(done, key=size)["run"])
 
 
-def evaluate(plan: dict[str, Any], best: str) -> pd.DataFrame:
-    """The study's table with errors, the front, and the predicted cost of each setting to the report."""
-    missing = missing_runs(plan)
+def evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.DataFrame:
+    """The study's table with errors, the front, and the predicted cost of each setting to the report; without the runs that
+    are `missing`."""
     plan = plan | {"runs": [row for row in plan["runs"] if row["run"] not in missing]}
     rows = {row["run"]: files_of(row) for row in plan["runs"]}
     if best not in rows:
@@ -190,7 +190,7 @@ def evaluate(plan: dict[str, Any], best: str) -> pd.DataFrame:
         raise ValueError(
             f"the study has no finished run {best!r} to judge the others by ({why}); name one with --best"
         )
-    table = study_table(plan).set_index("run", drop=False)
+    table = study_table(plan, {}).set_index("run", drop=False)
     if table["until"].eq("report").any():
         for stage in ("compare", "figures", "report"):
             for run, files in rows.items():
@@ -258,7 +258,7 @@ def main(argv: list[str] | None = None) -> int:
             print(f"tradeoff: {said}", file=sys.stderr)
         probe = read_json(args.plan.with_name("probe.json"))
         best = args.best or finest(plan, missing)
-        table = evaluate(plan, best)
+        table = evaluate(plan, best, missing)
         write_results(plan["scene"], table, best, probe, args.docs, missing)
     except (ValueError, OSError, json.JSONDecodeError) as error:
         print(f"tradeoff: {error}", file=sys.stderr)

@@ -114,7 +114,6 @@ def deck(solid: Solid, actuator: Actuator, pressures: FloatArray) -> str:
 def run(folder: Path, text: str, threads: int = 1) -> Path:
     """Solve in `folder` (finger.inp → finger.frd); raises StageError with the log's last line where it fails."""
     program = executable()
-    folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "finger.inp", text)
     environment = os.environ | {"OMP_NUM_THREADS": str(threads)}
     done = subprocess.run(

@@ -105,7 +105,6 @@ def _shapes(states: BendingStates) -> Figure:
 
 def draw(folder: Path, bends: dict[str, Bends], states: BendingStates) -> None:
     """Write theta.svg, width.svg, materials.svg, default.svg and shapes.svg."""
-    folder.mkdir(parents=True, exist_ok=True)
     wedges = {name: f"θ = {name.split('_')[1]}°" for name in bends if name.startswith("theta_")}
     widths = {name: f"W = {name.split('_')[1]} mm" for name in bends if name.startswith("width_")}
     pairs = {"u10_l30": "upper DS10, lower DS30", "u30_l30": "both DS30", "u30_l10": "upper DS30, lower DS10"}

@@ -7,15 +7,15 @@ from pydantic import ValidationError
 from pipeline.errors import StageError
 from pipeline.fea.settings import Actuator, Fea
 from pipeline.scene import Scene
+from pipeline.scene_section import validation_sentence
 
 
 def sections(scene: Scene) -> tuple[Actuator, Fea]:
     """What a scene says of its actuator and its analysis; StageError naming the first key that is wrong."""
+    section = "actuator"
     try:
-        return Actuator(**scene.actuator), Fea(**scene.fea)
+        actuator = Actuator(**scene.actuator)
+        section = "fea"
+        return actuator, Fea(**scene.fea)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"])) or "[actuator] or [fea]"
-        raise StageError(
-            f"{scene.folder / 'scene.toml'}: {key}: {first['msg']} (got {first['input']!r}); correct it"
-        ) from None
+        raise StageError(f"{scene.folder / 'scene.toml'}: {validation_sentence(error, section)}") from None

@@ -118,5 +118,4 @@ def write_results(path: Path, bends: dict[str, Bends], states: BendingStates, ca
             "fit residual in 3-D (mm)",
         ]
         text += [_markdown(columns, compared)]
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, "\n".join(text))

@@ -15,6 +15,7 @@ from piv.chunks import chunk_path, join, parse, parts_of
 from piv.ensemble import correlate_ensemble_to
 from piv.images import open_recording
 from piv.masks import read_mask
+from piv.netcdf import open_netcdf
 from piv.options import Options
 from piv.plane import FINGER_VARIABLES
 from piv.readers import COLOURS
@@ -171,7 +172,7 @@ def finger_of(sources: list[str]) -> xr.Dataset | None:
     """The finger's variables of a recording file, lazily, or None where there are none."""
     if len(sources) != 1 or Path(sources[0]).suffix.lower() not in (".h5", ".hdf5"):
         return None
-    dataset = xr.open_dataset(sources[0], engine="h5netcdf", phony_dims="access", decode_times=False)
+    dataset = open_netcdf(sources[0], decode_times=False)
     if not any(name in dataset for name in FINGER_VARIABLES):
         dataset.close()
         return None

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import xarray as xr
 from tqdm import tqdm
 
 from piv.images import Recording, open_recording
 from piv.masks import dark_body, outline_masks, polygons_mask, read_mask
+from piv.netcdf import open_netcdf
 from piv.whole_file import write_bytes
 
 
@@ -84,13 +84,7 @@ def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], np
         raise ValueError(f"{recording.name}: no scale or origin in it; give --scale-mm-per-px and --origin")
     if recording.times is None:
         raise ValueError(f"{recording.name}: no frame rate in it; give --frame-rate")
-    try:
-        series = xr.open_dataset(args.outline, engine="h5netcdf", phony_dims="access")
-    except FileNotFoundError:
-        raise
-    except Exception as error:
-        raise ValueError(f"{args.outline}: not a readable HDF5 file ({str(error)[:80]})") from error
-    with series:
+    with open_netcdf(args.outline) as series:
         bodies = outline_masks(series, recording.times, recording.shape, scale, (origin[0], origin[1]))
     return lambda i: polygons_mask(bodies[i], recording.shape)
 

@@ -14,8 +14,7 @@ import xarray as xr
 from scipy.interpolate import LSQUnivariateSpline
 from scipy.optimize import minimize
 
-from piv.hdf5_disk import Disk
-from piv.whole_file import whole
+from piv.netcdf import whole_netcdf
 from postprocess.lab.family import Family
 from postprocess.lab.pose import Pose
 from postprocess.lab.silhouette import counter_clockwise, inside_sum
@@ -171,6 +170,4 @@ def motion_dataset(
 
 def write_motion(dataset: xr.Dataset, path: Path) -> None:
     """Write whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole(path) as part, Disk(part, "w") as disk:
-        dataset.to_netcdf(disk, engine="h5netcdf")
+    whole_netcdf(dataset, path)

@@ -50,7 +50,6 @@ def make_report(files: LabFiles) -> Path:
 def _saved(files: LabFiles, name: str, figure: Figure) -> str:
     """The figure on disk as SVG and PDF, and as an address for the page (a bitmap where it holds a picture)."""
     folder = files.folder / "figures"
-    folder.mkdir(parents=True, exist_ok=True)
     svg = save(figure, folder / f"{name}.svg", bbox_inches="tight")
     save(figure, folder / f"{name}.pdf", bbox_inches="tight")
     if name.startswith(("field", "picture")):

@@ -26,6 +26,7 @@ from pipeline.ranks import Ranks
 from pipeline.scaling_data import size
 from pipeline.scene import Scene, load_scene
 from pipeline.solver import reset_displacement, set_number
+from piv.whole_file import whole
 
 ROOT = Path(__file__).resolve().parents[2]
 MIDDLE = 0.15  # s: the finger is near its highest speed
@@ -140,8 +141,7 @@ def main() -> None:
         "versions": {"OpenFOAM": foam_version()},
         "scene_hash": scene.digest(),
     }
-    args.output.parent.mkdir(parents=True, exist_ok=True)
-    with args.output.open("w", encoding="utf-8") as file:
+    with whole(args.output) as part, part.open("w", encoding="utf-8") as file:
         file.write(f"# {json.dumps(made)}\n")
         table.to_csv(file, index=False, float_format="%.5g", lineterminator="\n")
     cost = table.set_index(["ranks", "mesh", "samples"])["step_s"]

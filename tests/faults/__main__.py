@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import random
 import sys
 import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
 
+from piv.whole_file import whole
 from tests.faults import conditions, kill
 from tests.faults.project import PRODUCTS, SCENE, copy_project, make
 
@@ -24,13 +24,10 @@ CONDITION_COLUMNS = ("condition", "stage", "ended", "sentence", "afterwards", "d
 
 def write_table(path: Path, columns: tuple[str, ...], rows: list[dict[str, object]]) -> None:
     """A CSV, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    with part.open("w", encoding="utf-8", newline="") as file:
+    with whole(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows({"date": datetime.now(UTC).date().isoformat()} | row for row in rows)
-    os.replace(part, path)
 
 
 def make_before(project: Path, stage: str) -> None:

@@ -10,7 +10,6 @@ import argparse
 import csv
 import hashlib
 import json
-import os
 import random
 import re
 import subprocess
@@ -21,6 +20,8 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
+
+from piv.whole_file import whole, write_bytes
 
 COLUMNS = ("reader", "engine", "inputs", "read", "refused", "faults", "cpu_s", "date")
 NOTE_EVERY = 500  # inputs
@@ -57,15 +58,14 @@ class Tally:
             return
         self.seen.add(kind)
         name = f"{hashlib.sha256(content).hexdigest()[:8]}-{self.target.name}"
-        self.kept.mkdir(parents=True, exist_ok=True)
-        (self.kept / name).write_bytes(content)
-        (self.kept / (name + ".txt")).write_text(message + "\n", encoding="utf-8", errors="replace")
+        write_bytes(self.kept / name, content)
+        write_bytes(self.kept / (name + ".txt"), f"{message}\n".encode(errors="replace"))
 
     def note(self) -> None:
         """Write the counts beside the reader's folder."""
         spent = time.process_time()
         text = json.dumps(self.counts | {"cpu_s": round(spent, 1)})
-        self.folder.with_suffix(".json").write_text(text)
+        write_bytes(self.folder.with_suffix(".json"), text.encode(), sync=False)
 
 
 def fuzz_one(name: str, inputs: int, seed: int, engine: str, work: Path, kept: Path) -> None:
@@ -176,12 +176,10 @@ def main() -> int:
     print(f"{total} inputs, {broken} faults" + (f"; the inputs are in {args.kept}" if broken else ""))
     if args.table:
         rows = merged(args.table, rows) if args.readers else rows
-        part = args.table.with_name(args.table.name + ".part")
-        with part.open("w", encoding="utf-8", newline="") as file:
+        with whole(args.table) as part, part.open("w", encoding="utf-8", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)
-        os.replace(part, args.table)
     return 1 if broken else 0
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import csv
 import json
-import os
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,6 +18,7 @@ from tqdm import tqdm
 
 from pipeline.openfoam import foam_version
 from pipeline.stage import guarded, versions
+from piv.whole_file import whole
 from tests.stability import images, page
 from tests.stability.solver import read_plans, result
 
@@ -35,9 +35,7 @@ IMAGE_COLUMNS = ("axis", "value", "preset", "ended", "valid", "rms_px", "wrong_u
 
 def write_table(path: Path, columns: tuple[str, ...], rows: Iterable[dict[str, Any]]) -> None:
     """A CSV with the versions that made it, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    with part.open("w", encoding="utf-8", newline="") as file:
+    with whole(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         made = {
             "date": datetime.now(UTC).date().isoformat(),
             "versions": {"OpenFOAM": foam_version()} | versions(),
@@ -46,7 +44,6 @@ def write_table(path: Path, columns: tuple[str, ...], rows: Iterable[dict[str, A
         writer = csv.DictWriter(file, columns, extrasaction="ignore", restval="", lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    os.replace(part, path)
 
 
 def main() -> None:

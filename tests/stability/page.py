@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,8 @@ import matplotlib
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Patch
+
+from piv.whole_file import whole, write_text
 
 COLOURS = {
     "completed": "#4c9f70",
@@ -67,9 +68,8 @@ def read_rows(path: Path) -> tuple[dict[str, Any], list[dict[str, str]]]:
 
 def save(figure: plt.Figure, path: Path) -> None:
     """Write a picture whole or not at all, without a date in it."""
-    part = path.with_name(path.stem + ".part" + path.suffix)
-    figure.savefig(part, bbox_inches="tight", metadata={"Date": None})
-    os.replace(part, path)
+    with whole(path, suffix=True) as part:
+        figure.savefig(part, bbox_inches="tight", metadata={"Date": None})
     plt.close(figure)
 
 
@@ -245,9 +245,7 @@ def write(docs: Path) -> None:
     if made:
         versions = ", ".join(f"{k} {v}" for k, v in made["versions"].items())
         text.append(f"Made by `make stability` on {made['date']} with {versions}.\n")
-    part = docs / "stability.md.part"
-    part.write_text("\n".join(text), encoding="utf-8")
-    os.replace(part, docs / "stability.md")
+    write_text(docs / "stability.md", "\n".join(text))
 
 
 if __name__ == "__main__":

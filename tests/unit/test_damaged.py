@@ -2,18 +2,25 @@
 
 import json
 import struct
+import tracemalloc
 
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 from pipeline.checkpoint import first_damaged
 from pipeline.errors import StageError
 from pipeline.prepare import STATE, prepared_for
+from pipeline.recorded import recorded_law
 from pipeline.solver import PROGRESS, read_progress
+from pipeline.stage import read_dataset
+from pipeline.states import read_states
 from pipeline.vtk_file import is_whole_vtk, read_surface
+from piv.commands.correlate import finger_of
 from piv.errors import sentence
 from piv.json_file import parse_json
+from piv.netcdf import open_netcdf, whole_netcdf
 from piv.plane import make_plane
 from postprocess.finite import check_finger, check_table, checked_frame, first_not_finite
 
@@ -70,6 +77,56 @@ def test_a_sample_is_whole_or_cut_off(tmp_path):
         assert not is_whole_vtk(path), size
     with pytest.raises(StageError, match=r"cut off, as by a full disk; delete .*progress\.json"):
         read_surface(path)
+
+
+@pytest.mark.parametrize("count", [b"-9", b"9" * 30, b"x"])
+def test_a_header_of_impossible_numbers_is_damage(tmp_path, count):
+    path = tmp_path / "a.vtk"
+    for told in (b"POINTS 3 ", b"p 1 3 "):
+        path.write_bytes(surface([1.0, 2.0, 3.0]).replace(told, told.replace(b"3", count)))
+        assert not is_whole_vtk(path)
+
+
+def test_values_of_a_sample_are_passed_over(tmp_path):
+    """All samples of a run are looked at when it ends and whenever it is resumed."""
+    path, many = tmp_path / "large.vtk", 2**27
+    head = surface([0, 0, 0]).replace(b"p 1 3 float", b"p 1 %d float" % many)[: -4 * 3 - 1]
+    path.write_bytes(head)
+    with path.open("ab") as file:
+        file.truncate(len(head) + 4 * many)  # takes no room on the disk
+        file.seek(0, 2)
+        file.write(b"\n")
+    tracemalloc.start()
+    assert is_whole_vtk(path)
+    assert tracemalloc.get_traced_memory()[1] < 1e6
+    tracemalloc.stop()
+
+
+def test_a_damaged_or_foreign_hdf5_file_is_one_sentence_wherever_it_is_opened(tmp_path):
+    """Also as an outline or as the finger's own recording, which two commands had opened by themselves."""
+    path = tmp_path / "a.h5"
+    path.write_bytes(b"no HDF5")
+    remedies = (
+        (lambda: finger_of([str(path)]), ValueError, "not a readable HDF5 file"),
+        (lambda: open_netcdf(path, "netCDF-4 file"), ValueError, "not a readable netCDF-4 file"),
+        (lambda: read_dataset(path, "sweep"), StageError, "delete it and run make again"),
+        (lambda: read_states(path, 0.01), StageError, "write it with python -m pipeline.fea"),
+        (lambda: recorded_law(path, 1.0), StageError, "write it again"),
+    )
+    for read, kind, words in remedies:
+        with pytest.raises(kind, match=words) as caught:
+            read()
+        assert str(caught.value).count(str(path)) == 1
+        assert "\n" not in str(caught.value)
+    with pytest.raises(FileNotFoundError):
+        open_netcdf(tmp_path / "none.h5")
+
+
+def test_groups_of_a_file_are_written_with_it(tmp_path):
+    root, group = (xr.Dataset({"a": ("x", [float(k)])}) for k in (1, 2))
+    whole_netcdf(root, tmp_path / "new" / "a.h5", {"more": group})
+    assert open_netcdf(tmp_path / "new" / "a.h5")["a"] == 1
+    assert open_netcdf(tmp_path / "new" / "a.h5", group="more")["a"] == 2
 
 
 def sampled(case, times_of):

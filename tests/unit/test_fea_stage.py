@@ -43,9 +43,17 @@ def test_import_writes_states(tmp_path):
     assert states.width == ACTUATOR.width
 
 
-def test_impossible_actuator_is_one_sentence(tmp_path):
-    write_case(tmp_path, "[actuator]\nh2 = 0.02\n")
-    with pytest.raises(StageError, match=r"scene\.toml: .*must be below h1") as error:
+@pytest.mark.parametrize(
+    "more, words",
+    [
+        ("[actuator]\nh2 = 0.02\n", r"scene\.toml: actuator: h2 = 0\.02 m must be below h1"),
+        ("[actuator]\nwidht = 0.02\n", r"actuator\.widht: this key is not known; check its spelling"),
+        ("[fea]\nmesh = { wall = 0 }\n", r"fea\.mesh\.wall: .*\(got 0\)"),
+    ],
+)
+def test_impossible_actuator_or_analysis_is_one_sentence(tmp_path, more, words):
+    write_case(tmp_path, more)
+    with pytest.raises(StageError, match=words) as error:
         run(tmp_path, "coarse", 1)
     assert "\n" not in str(error.value)
 

@@ -49,6 +49,16 @@ def test_the_docs_are_made_at_the_level_that_their_page_says(scene):
     assert load_scene(ROOT / "cases" / scene, DOCUMENTED[scene]).level == DOCUMENTED[scene]
 
 
+def test_settings_are_looked_at_again_when_a_template_of_the_case_changes():
+    """And when one is added or goes, which dates its folder."""
+    stamp = "cases/single_finger/out/coarse/settings/.stamp"
+    asked = ["make", "-npr", "READY=Makefile", "LEVEL=coarse", "single_finger.kinematics"]
+    rules = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    named = set(re.search(rf"(?m)^{re.escape(stamp)}: ([^|\n]*)", rules).group(1).split())
+    base = ROOT / "cases" / "_base"
+    assert named >= {str(path.relative_to(ROOT)) for path in (base, *base.rglob("*"))}
+
+
 def test_every_page_that_comes_from_a_run_is_made_by_make_docs():
     made = {
         p.stem

@@ -1,5 +1,6 @@
 """A scene is refused in one sentence that names file, key and remedy."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from pipeline.errors import StageError
 from pipeline.scene import STAGE_SECTIONS, Numerics, load_scene
 from pipeline.settings import make_rules, write_settings
+from pipeline.templates import template_files, templates_digest
 from tests.conftest import ROOT, write_scene
 
 SCENES = sorted(p.parent for p in (ROOT / "cases").glob("*/scene.toml"))
@@ -76,6 +78,47 @@ def test_touching_one_number_changes_only_the_stages_that_use_it(tmp_path):
     assert write_settings(after) == ["piv"]
     after = write_scene(folder, more="[fluid]\ndensity = 1000.0")
     assert set(write_settings(after)) == {"case", "piv"}  # piv goes back
+
+
+def base_case(folder: Path, files: dict[str, str]) -> Path:
+    """A base case of few files, written in the order given."""
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return folder
+
+
+def test_the_digest_of_the_templates_is_of_names_and_content_alone(tmp_path):
+    files = {"system/fvSolution": "tolerance 1e-6;", "system/fvSchemes": "Euler", "0/p": "0"}
+    one = base_case(tmp_path / "one", files)
+    other = base_case(tmp_path / "elsewhere" / "two", dict(reversed(files.items())))
+    assert [str(path.relative_to(one)) for path in template_files(one)] == sorted(files)
+    assert templates_digest(one) == templates_digest(other)
+    changes = (
+        ("system/fvSolution", "tolerance 1e-7;"),  # another content
+        ("system/fvConstraints", ""),  # one more
+        ("0/p", "0system"),
+    )
+    found = {
+        templates_digest(base_case(tmp_path / f"{k}", files | {name: text}))
+        for k, (name, text) in enumerate(changes)
+    }
+    moved = {name.replace("0/p", "1/p"): text for name, text in files.items()}
+    found |= {templates_digest(one), templates_digest(base_case(tmp_path / "moved", moved))}
+    assert len(found) == 5
+    with pytest.raises(StageError, match="git checkout cases/_base"):
+        templates_digest(tmp_path / "nowhere")
+
+
+def test_another_template_makes_the_case_again_and_what_is_before_it_not(tmp_path, monkeypatch):
+    scene = write_scene(tmp_path / "scene")
+    write_settings(scene)
+    base = tmp_path / "base"
+    shutil.copytree(ROOT / "cases" / "_base", base)
+    monkeypatch.setattr("pipeline.scene.templates_digest", lambda: templates_digest(base))
+    assert write_settings(scene) == []
+    (base / "system" / "fvSolution").open("a").write("// a remark\n")
+    assert write_settings(scene) == ["case"]
 
 
 def test_the_grid_of_the_sheet_and_the_seeding_do_not_solve_again(tmp_path):

@@ -1,10 +1,12 @@
 """Results of a study pass for those of its plan only where they are all there and made with the plan's numbers."""
 
 import json
+from pathlib import Path
 
 import h5py
 import pytest
 
+from pipeline.scene_file import merge
 from pipeline.study import RESULT, plan
 from postprocess import studies, tradeoff
 from postprocess.study_state import differing, missing_runs, missing_sentence, unfinished
@@ -77,14 +79,39 @@ def test_a_hole_on_the_way_is_no_result_though_what_was_made_of_it_before_is_the
 )
 def test_results_of_an_older_plan_are_not_taken_for_those_of_the_new(planned, stage, settings, words):
     row = planned["runs"][1]
-    made(row, {stage: settings})
+    made(row, {stage: merge(row["settings"][stage], settings)})
     assert words in unfinished(planned, row)
 
 
-def test_names_of_files_and_groups_of_flags_do_not_count():
-    wanted = {"background": 8.0, "files": ["1e3b"], "truth": True}
-    assert differing(wanted, {"camera": {"background": 8.0}, "files": {"../a/states.h5": "1e3b"}}) is None
-    assert "background (9.0, not 8.0)" in differing(wanted, {"camera": {"background": 9.0}})
+def test_names_of_files_do_not_count():
+    wanted = {"motion": {"end_time": 0.4}, "files": ["1e3b"]}
+    made = {"motion": {"end_time": 0.4, "states": "../a/states.h5"}, "files": {"../a/states.h5": "1e3b"}}
+    assert differing("kinematics", wanted, made) is None
+
+
+def test_groups_of_flags_count_for_images_only():
+    wanted = {"background": 8.0, "truth": True}  # what is written beside the images is not recorded in them
+    assert differing("images", wanted, {"camera": {"background": 8.0}}) is None
+    assert differing("images", wanted, {"camera": {"background": 9.0}}) == "background (9.0, not 8.0)"
+    assert differing("piv", {"window": 32}, {"first": {"window": 32}}) == "window (none is recorded, not 32)"
+
+
+def test_what_is_not_recorded_is_not_what_was_asked_for(planned):
+    """A result of before a number was recorded may have been made with any."""
+    row = planned["runs"][1]
+    for stage, key in (("mesh", "numerics"), ("piv", "window"), ("images", "seed"), ("case", "templates")):
+        made(row, {stage: {k: v for k, v in row["settings"][stage].items() if k != key}})
+        assert f"another {key}" in unfinished(planned, row)
+        assert "none is recorded" in unfinished(planned, row)
+
+
+def test_what_the_plan_leaves_out_at_its_default_must_not_be_recorded_otherwise(planned):
+    row = planned["runs"][1]
+    case = row["settings"]["case"]
+    made(row, {"case": case | {"numerics": case["numerics"] | {"interpolation": "skewCorrected"}}})
+    assert 'numerics.interpolation ("skewCorrected", which the plan does not ask for)' in unfinished(
+        planned, row
+    )
 
 
 def test_the_trade_is_not_written_with_runs_missing_unless_asked(planned, tmp_path, capsys):
@@ -119,6 +146,25 @@ def test_studies_leave_out_what_is_not_the_plans(planned):
     made(planned["runs"][0], {"vortices_cfd": {"min_circulation": 1.0}})
     with pytest.raises(FileNotFoundError, match="no run of the study"):
         studies.gather(planned)
+
+
+def test_a_bending_analysis_and_a_run_that_may_fail_are_missing_until_they_are_there(tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.study.foam_version", lambda: "v1912")
+    scene = write_scene(tmp_path / "small")
+    (scene.folder / "studies").mkdir()
+    table = scene.folder / "studies" / "mixed.csv"
+    table.write_text(
+        "run, level, until, may_fail, actuator.width\nwide, tiny, fea, , 0.03\nedge, tiny, run, yes,\n"
+    )
+    planned = read_plan(plan(table))
+    wanted = {"wide": "kinematics/states.h5", "edge": "ending.json"}
+    assert missing_runs(planned) == {run: f"{name} is not there" for run, name in wanted.items()}
+    for row in planned["runs"]:
+        [name] = row["wanted"]
+        path = Path(row["folder"]) / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("")
+        assert row["run"] not in missing_runs(planned)
 
 
 def test_what_is_missing_is_said_in_one_sentence():

@@ -201,6 +201,16 @@ def test_a_film_that_ffmpeg_cannot_finish_is_told_in_its_words(tmp_path):
     assert os.listdir(tmp_path) == ["film.mp4"]
 
 
+def test_what_is_written_in_one_go_makes_its_folder(tmp_path):
+    path = tmp_path / "new" / "folder" / "a.txt"
+    with whole(path) as part:
+        part.write_text("text")
+    assert path.read_text() == "text"
+    plane = make_plane(np.arange(3.0), np.arange(2.0), np.zeros((2, 3)), np.zeros((2, 3)))
+    write_plane(plane, tmp_path / "other" / "a.h5")
+    assert os.listdir(tmp_path / "other") == ["a.h5"]
+
+
 def test_a_folder_that_is_not_there_is_told_by_both_writers(tmp_path):
     path = tmp_path / "nosuch" / "a.h5"
     with pytest.raises(FileNotFoundError) as caught:

@@ -13,6 +13,7 @@ import numpy as np
 from pipeline.openfoam import foam_version
 from pipeline.scene import Scene, load_scene
 from pipeline.stage import write_text
+from pipeline.templates import templates_digest
 from tests.validation.checks import Check, Result
 from tests.validation.solve import CASES, cpu_seconds
 from tests.validation.transparent import Cells, Field, at_end, solve_transparent
@@ -90,7 +91,7 @@ def vortex_cells(
     scene = variant(load_scene(folder / NAME, level), f"{flow.name}_{outer}_{interpolation}",
                     outer_correctors=outer, interpolation=interpolation)  # fmt: skip
     stamp = scene.out / "transparent.json"
-    wanted = {"scene_hash": scene.digest()}
+    wanted = {"scene_hash": scene.digest(), "templates": templates_digest()}
     if again or not stamp.exists() or json.loads(stamp.read_text()) != wanted:
         solve_transparent(scene, flow.field(scene.fluid.kinematic_viscosity), flow.boundary)
         write_text(stamp, json.dumps(wanted))
