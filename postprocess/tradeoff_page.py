@@ -27,7 +27,11 @@ AXES = (
     ("draft_2ranks", "draft", "Ranks, two against one"),
     ("coarse", "draft", "Level, coarse against draft"),
     ("coarse_near", "coarse", "Cells of the water that the tip passes, 1.2 against 2.2 mm"),
-    ("coarse_wall", "coarse", "Cells at the wall, half as large at the tip and 0.3 mm thick instead of 0.5 mm"),
+    (
+        "coarse_wall",
+        "coarse",
+        "Cells at the wall, half as large at the tip and 0.3 mm thick instead of 0.5 mm",
+    ),
     ("coarse_layers", "coarse", "Layers across the half width and beyond, 9 and 10 against 6 and 6"),
     ("coarse_both", "coarse", "Both of these, at the wall and in layers"),
     ("medium_layers", "medium", "Layers across the half width and beyond, 12 and 14 against 9 and 10"),
