@@ -13,10 +13,15 @@ from piv.criteria import Gradients, gamma2, q_criterion, swirling_strength, vort
 # 71.5 % of its circulation.
 REGION_RADIUS = 1.12
 REGION_PART = 0.715
+LEAST_SEEN = 0.3  # share of a disc below which it is not made up for what is hidden
+RADIUS_STEPS = 8  # the share changes slowly with the radius: each step leaves about a third of the error
 
 
 class Candidate(NamedTuple):
-    """A first guess: centre, circulation, core radius, and the number of grid points of its region."""
+    """A first guess: centre, circulation, core radius, and the number of grid points of its region.
+
+    What bodies and border hide round the centre is left out of the circulation and made up for in the core radius.
+    """
 
     x: float
     y: float
@@ -60,17 +65,35 @@ def find_candidates(
             weight = (sense * size[j, i] - threshold + 1e-3) * np.abs(swirl[j, i])
             if _elongation(x[i], y[j], dx, dy) > max_elongation:
                 continue
-            area = j.size * dx * dy
-            found.append(
-                Candidate(
-                    float(np.average(x[i], weights=weight)),
-                    float(np.average(y[j], weights=weight)),
-                    float(omega[j, i].sum() * dx * dy / REGION_PART),
-                    float(np.sqrt(area / np.pi) / REGION_RADIUS),
-                    int(j.size),
-                )
-            )
+            cx, cy = (float(np.average(q, weights=weight)) for q in (x[i], y[j]))
+            radius = _whole_radius(x, y, valid, cx, cy, j.size)
+            circulation = float(omega[j, i].sum() * dx * dy / REGION_PART)
+            found.append(Candidate(cx, cy, circulation, radius / REGION_RADIUS, int(j.size)))
     return sorted(found, key=lambda c: -abs(c.circulation))
+
+
+def _whole_radius(
+    x: np.ndarray, y: np.ndarray, valid: np.ndarray, cx: float, cy: float, points: int
+) -> float:
+    """Radius of the disc round (cx, cy) of which as much is seen as the region has points: a wall cuts both alike."""
+    cell = float((x[1] - x[0]) * (y[1] - y[0]))
+    radius = float(np.sqrt(points * cell / np.pi))
+    seen = radius
+    for _ in range(RADIUS_STEPS):
+        share = min(1.0, max(LEAST_SEEN, seen_share(x, y, valid, cx, cy, seen)))
+        seen = radius / float(np.sqrt(share))
+    return seen
+
+
+def seen_share(x: np.ndarray, y: np.ndarray, valid: np.ndarray, cx: float, cy: float, radius: float) -> float:
+    """Part of the disc's grid points that hold a vector; those beyond the plane's border count as absent."""
+    dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
+    i = np.arange(np.ceil((cx - radius - x[0]) / dx), np.floor((cx + radius - x[0]) / dx) + 1).astype(int)
+    j = np.arange(np.ceil((cy - radius - y[0]) / dy), np.floor((cy + radius - y[0]) / dy) + 1).astype(int)
+    ii, jj = np.meshgrid(i, j)
+    disc = np.hypot(x[0] + ii * dx - cx, y[0] + jj * dy - cy) <= radius
+    inside = disc & (ii >= 0) & (ii < x.size) & (jj >= 0) & (jj < y.size)
+    return float(np.count_nonzero(valid[jj[inside], ii[inside]]) / max(1, np.count_nonzero(disc)))
 
 
 def _elongation(x: np.ndarray, y: np.ndarray, dx: float, dy: float) -> float:
