@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil, floor
 from typing import NamedTuple
 
 import numpy as np
@@ -87,13 +88,17 @@ def _whole_radius(
 
 def seen_share(x: np.ndarray, y: np.ndarray, valid: np.ndarray, cx: float, cy: float, radius: float) -> float:
     """Part of the disc's grid points that hold a vector; those beyond the plane's border count as absent."""
-    dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
-    i = np.arange(np.ceil((cx - radius - x[0]) / dx), np.floor((cx + radius - x[0]) / dx) + 1).astype(int)
-    j = np.arange(np.ceil((cy - radius - y[0]) / dy), np.floor((cy + radius - y[0]) / dy) + 1).astype(int)
-    ii, jj = np.meshgrid(i, j)
-    disc = np.hypot(x[0] + ii * dx - cx, y[0] + jj * dy - cy) <= radius
-    inside = disc & (ii >= 0) & (ii < x.size) & (jj >= 0) & (jj < y.size)
-    return float(np.count_nonzero(valid[jj[inside], ii[inside]]) / max(1, np.count_nonzero(disc)))
+    i, j = np.meshgrid(_across(x, cx, radius), _across(y, cy, radius))
+    disc = np.hypot(x[0] + i * (x[1] - x[0]) - cx, y[0] + j * (y[1] - y[0]) - cy) <= radius
+    there = disc & (i >= 0) & (i < x.size) & (j >= 0) & (j < y.size)
+    return float(np.count_nonzero(valid[j[there], i[there]])) / max(1, int(np.count_nonzero(disc)))
+
+
+def _across(axis: np.ndarray, centre: float, radius: float) -> np.ndarray:
+    """Indices of the axis within `radius` of `centre`, counted on beyond its ends."""
+    first, step = float(axis[0]), float(axis[1] - axis[0])
+    low, high = ceil((centre - radius - first) / step), floor((centre + radius - first) / step)
+    return np.arange(low, high + 1)
 
 
 def _elongation(x: np.ndarray, y: np.ndarray, dx: float, dy: float) -> float:
