@@ -58,7 +58,7 @@ class VortexSettings:
     gamma2: least |Gamma2| of a region (2/pi: rotation exceeds strain).
     min_points: least grid points of a region. max_elongation: longest region, length over width.
     min_circulation: least |circulation|; None = `min_part` of the strongest in the plane.
-    significance: least |circulation| over its standard error.
+    significance: least |circulation| over its standard error, that of the vectors alone (without `region_prior`).
     fit_radius: radius of the fitted disc in core radii; where vectors know their uncertainty it is doubled in steps as long
     as the residuals are no larger than that (the background's rotation is hardly told from the vortex' in a small disc).
     neighbour_part: neighbours weaker than this part of a vortex belong to its background.
@@ -185,8 +185,8 @@ def _significant(fits: list[_Fitted], s: VortexSettings) -> np.ndarray:
     keep = [
         [*f.vortices[0], region]
         for f, *_, region in fits
-        if abs(f.vortices[0, 2]) >= max(least, s.significance * np.sqrt(max(f.covariance[2, 2], 0.0)))
-        and f.explained >= s.min_explained
+        # the vectors alone must tell it: a layer on a wall is no vortex for what its region says
+        if abs(f.vortices[0, 2]) >= max(least, s.significance * f.free_std) and f.explained >= s.min_explained
     ]
     return np.array(keep).reshape(-1, 5)
 
@@ -309,7 +309,7 @@ def _fit_disc(
     factor = _correlation_factor(step, fit, use, s.correlation_length)
     square = p.weight_u[box][use] * fit.residual_u**2 + p.weight_v[box][use] * fit.residual_v**2
     return _Fitted(
-        fit._replace(covariance=fit.covariance * factor),
+        fit._replace(covariance=fit.covariance * factor, free_std=fit.free_std * np.sqrt(factor)),
         int(np.count_nonzero(use)),
         factor * step[0] * step[1],
         float(square.mean()) / 2,
