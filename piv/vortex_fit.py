@@ -31,13 +31,11 @@ class Vectors(NamedTuple):
 
 class Fit(NamedTuple):
     """Result of `fit_vortices`: vortices (n, 4: x, y, circulation, core_radius), background (6: u, du/dx, du/dy, v, dv/dx,
-    dv/dy at the first vortex' start), covariance of all (unscaled by error correlation), the first vortex' standard error of
-    circulation had nothing been expected of its core (unscaled, too), residuals and explained part."""
+    dv/dy at the first vortex' start), covariance of all (unscaled by error correlation), residuals and explained part."""
 
     vortices: np.ndarray
     background: np.ndarray
     covariance: np.ndarray
-    free_std: float
     residual_u: np.ndarray
     residual_v: np.ndarray
     explained: float
@@ -168,8 +166,6 @@ def fit_vortices(
     spread = float(weight @ (data - average) ** 2)
     variance = max(float(r @ r) / dof, 0.0)
     covariance = variance * _inverse(j.T @ j + prior)
-    prior[3, 3] = 0.0
-    free_std = float(np.sqrt(max(variance * _inverse(j.T @ j + prior)[2, 2], 0.0)))
     vortices = p[: 4 * n].reshape(n, 4).copy()
     vortices[:, 3] = np.exp(vortices[:, 3])
     to_radius = np.ones(p.size)
@@ -178,7 +174,7 @@ def fit_vortices(
     residual = data - _model(p, n, d, ox, oy)[0]
     m = d.x.size
     explained = 1 - float(r @ r) / spread if spread > 0 else 1.0
-    return Fit(vortices, p[4 * n :], covariance, free_std, residual[:m], residual[m:], explained, converged)
+    return Fit(vortices, p[4 * n :], covariance, residual[:m], residual[m:], explained, converged)
 
 
 def _prior(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -58,7 +58,7 @@ class VortexSettings:
     gamma2: least |Gamma2| of a region (2/pi: rotation exceeds strain).
     min_points: least grid points of a region. max_elongation: longest region, length over width.
     min_circulation: least |circulation|; None = `min_part` of the strongest in the plane.
-    significance: least |circulation| over its standard error, that of the vectors alone (without `region_prior`).
+    significance: least |circulation| over its standard error.
     fit_radius: radius of the fitted disc in core radii; where vectors know their uncertainty it is doubled in steps as long
     as the residuals are no larger than that (the background's rotation is hardly told from the vortex' in a small disc).
     neighbour_part: neighbours weaker than this part of a vortex belong to its background.
@@ -108,7 +108,7 @@ class _Plane(NamedTuple):
 
 
 class _Fitted(NamedTuple):
-    """Fit of a vortex, its vectors' number and area per independent one, how well they fit, and its region's core radius.
+    """Fit of a vortex, its vectors' number and area per independent one, how well they fit, and its region: x, y, circulation, core radius.
 
     `misfit`: mean square of the residuals over the vectors' variance; `seen`: share of the disc that holds vectors.
     """
@@ -118,7 +118,7 @@ class _Fitted(NamedTuple):
     area: float
     misfit: float
     seen: float
-    region: float
+    region: np.ndarray
 
 
 WIDER = (1.5, 2.0)  # times fit_radius
@@ -159,18 +159,11 @@ def find_vortices(
         return []
     least = s.min_circulation
     rough = 0.3 * (s.min_part * abs(candidates[0].circulation) if least is None else least)
-    # x, y, circulation, core radius and, as it stays through all fits, the core radius of the region
-    start = np.array([[*c[:4], c.core_radius] for c in candidates if abs(c.circulation) >= rough])
-    fits: list[_Fitted] = []
-    while len(
-        start
-    ):  # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
-        fits = _fit_all(p, start, s)
-        before, start = len(start), _significant(fits, s)
-        if len(start) == before:
-            break
-    else:
-        return []
+    regions = np.array([c[:4] for c in candidates if abs(c.circulation) >= rough]).reshape(-1, 4)
+    # which vortices there are the vectors alone decide: with its region's help every layer on a wall would pass for one
+    fits = _settle(p, regions, replace(s, region_prior=np.inf))
+    if any(f.seen < 1 for f in fits):
+        fits = _settle(p, np.array([f.region for f in fits]), s)
     omega = vorticity(g)
     distance = distance_to_invalid(p.valid, dx, dy)
     return sorted(
@@ -178,17 +171,28 @@ def find_vortices(
     )
 
 
+def _settle(p: _Plane, regions: np.ndarray, s: VortexSettings) -> list[_Fitted]:
+    """Fits of the regions (n, 4) that are vortices, fitted anew until none has to be left out."""
+    start = np.hstack([regions, regions])
+    while len(start):  # a weak vortex may not shape the fit of a strong one
+        fits = _fit_all(p, start, s)
+        before, start = len(start), _significant(fits, s)
+        if len(start) == before:
+            return fits
+    return []
+
+
 def _significant(fits: list[_Fitted], s: VortexSettings) -> np.ndarray:
-    """Parameters of the fits that are strong enough to be reported, and their regions' core radii."""
+    """Parameters of the fits that are strong enough to be reported, and of their regions: (n, 8)."""
     strongest = max((abs(f.fit.vortices[0, 2]) for f in fits), default=0.0)
     least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
     keep = [
-        [*f.vortices[0], region]
+        [*f.vortices[0], *region]
         for f, *_, region in fits
-        # the vectors alone must tell it: a layer on a wall is no vortex for what its region says
-        if abs(f.vortices[0, 2]) >= max(least, s.significance * f.free_std) and f.explained >= s.min_explained
+        if abs(f.vortices[0, 2]) >= max(least, s.significance * np.sqrt(max(f.covariance[2, 2], 0.0)))
+        and f.explained >= s.min_explained
     ]
-    return np.array(keep).reshape(-1, 5)
+    return np.array(keep).reshape(-1, 8)
 
 
 def _settings(settings: VortexSettings | None, options: dict[str, float | str]) -> VortexSettings:
@@ -229,13 +233,13 @@ def _arrays(plane: xr.Dataset, weighting: str) -> _Plane:
 
 def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[_Fitted]:
     """Fit every candidate in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
-    now = start[:, :4]
+    now = start[:, :4].copy()
     area = np.full(len(now), 10.0 * (p.x[1] - p.x[0]) * (p.y[1] - p.y[0]))  # per independent vector
     for sweep in range(SWEEPS):
         fits: list[_Fitted | None] = []
         for k in range(len(now)):
             widen = p.noise_known and sweep == SWEEPS - 1  # neighbours are as good as they get
-            fits.append(_fit_one(p, now, k, start[k, 4], float(area[k]), s, WIDER if widen else ()))
+            fits.append(_fit_one(p, now, k, start[k, 4:], float(area[k]), s, WIDER if widen else ()))
         keep = [k for k, f in enumerate(fits) if f is not None and _plausible(p, f.fit, start[k])]
         start = start[keep]
         fits = [fits[k] for k in keep]
@@ -252,7 +256,7 @@ def _fit_one(
     p: _Plane,
     now: np.ndarray,
     k: int,
-    region: float,
+    region: np.ndarray,
     area: float,
     s: VortexSettings,
     wider: tuple[float, ...],
@@ -268,7 +272,7 @@ def _fit_one(
 
 
 def _fit_disc(
-    p: _Plane, now: np.ndarray, k: int, region: float, area: float, s: VortexSettings, radius: float
+    p: _Plane, now: np.ndarray, k: int, region: np.ndarray, area: float, s: VortexSettings, radius: float
 ) -> _Fitted | None:
     """Fit of vortex k over a disc of `radius` core radii: neighbours in it are fitted along, others taken off as they are."""
     x0, y0, _, a = now[k]
@@ -303,13 +307,13 @@ def _fit_disc(
         now[[k, *along]],
         strain_prior=s.strain_prior,
         rotation_prior=s.rotation_prior,
-        core=(region, core_std),
+        core=(float(region[3]), core_std),
         correlated=max(1.0, area / (step[0] * step[1])),
     )
     factor = _correlation_factor(step, fit, use, s.correlation_length)
     square = p.weight_u[box][use] * fit.residual_u**2 + p.weight_v[box][use] * fit.residual_v**2
     return _Fitted(
-        fit._replace(covariance=fit.covariance * factor, free_std=fit.free_std * np.sqrt(factor)),
+        fit._replace(covariance=fit.covariance * factor),
         int(np.count_nonzero(use)),
         factor * step[0] * step[1],
         float(square.mean()) / 2,
