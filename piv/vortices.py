@@ -161,9 +161,9 @@ def find_vortices(
     rough = 0.3 * (s.min_part * abs(candidates[0].circulation) if least is None else least)
     regions = np.array([c[:4] for c in candidates if abs(c.circulation) >= rough]).reshape(-1, 4)
     # which vortices there are the vectors alone decide: with its region's help every layer on a wall would pass for one
-    fits = _settle(p, regions, replace(s, region_prior=np.inf))
+    fits = _settle(p, np.hstack([regions, regions]), replace(s, region_prior=np.inf))
     if any(f.seen < 1 for f in fits):
-        fits = _settle(p, np.array([f.region for f in fits]), s)
+        fits = _settle(p, np.array([[*f.fit.vortices[0], *f.region] for f in fits]), s)
     omega = vorticity(g)
     distance = distance_to_invalid(p.valid, dx, dy)
     return sorted(
@@ -171,9 +171,8 @@ def find_vortices(
     )
 
 
-def _settle(p: _Plane, regions: np.ndarray, s: VortexSettings) -> list[_Fitted]:
-    """Fits of the regions (n, 4) that are vortices, fitted anew until none has to be left out."""
-    start = np.hstack([regions, regions])
+def _settle(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[_Fitted]:
+    """Fits from `start` (n, 8: x, y, circulation, core radius, and those of the region), anew until all are vortices."""
     while len(start):  # a weak vortex may not shape the fit of a strong one
         fits = _fit_all(p, start, s)
         before, start = len(start), _significant(fits, s)
