@@ -96,6 +96,7 @@ def fit_vortices(
     *,
     strain_prior: float = np.inf,
     rotation_prior: float = np.inf,
+    core: tuple[float, float] = (1.0, np.inf),
     correlated: float = 1.0,
     step_limit: float = 1.0,
 ) -> Fit:
@@ -104,7 +105,8 @@ def fit_vortices(
     Levenberg-Marquardt with the analytic Jacobian. `strain_prior`, `rotation_prior`: standard deviations of the
     background's gradient and of its vorticity expected beforehand, as parts of the first vortex' peak vorticity; they
     only matter where the vectors do not tell background from vortex (one half hidden by a body, or not quite
-    Lamb-Oseen). `correlated`: number of vectors per independent one, which puts the vectors' information in
+    Lamb-Oseen). `core`: the first vortex' core radius expected beforehand and its relative standard deviation.
+    `correlated`: number of vectors per independent one, which puts the vectors' information in
     proportion to the prior's whatever the grid. `step_limit`: largest move of a centre per iteration, in core radii.
     A core radius stays within a factor e of its start. The covariance is scaled with the residuals' weighted variance
     and does not hold `correlated`.
@@ -120,7 +122,7 @@ def fit_vortices(
     slopes = 4 * n + np.array([1, 2, 4, 5])
     dof = max(1, int(np.count_nonzero(root)) - p.size)
     scale = abs(start[0, 2]) / (np.pi * start[0, 3] ** 2)
-    unit, mean = _prior(start, p, slopes, strain_prior * scale, rotation_prior * scale)
+    unit, mean = _prior(start, p, slopes, strain_prior * scale, rotation_prior * scale, core)
     prior = np.zeros_like(unit)
 
     def cost_of(q: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -176,10 +178,16 @@ def fit_vortices(
 
 
 def _prior(
-    start: np.ndarray, p: np.ndarray, slopes: np.ndarray, strain: float, rotation: float
+    start: np.ndarray,
+    p: np.ndarray,
+    slopes: np.ndarray,
+    strain: float,
+    rotation: float,
+    core: tuple[float, float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse covariance and mean of what is expected beforehand of the background and of the neighbours."""
+    """Inverse covariance and mean of what is expected beforehand of background, core radius and neighbours."""
     unit, mean = np.zeros((p.size, p.size)), np.zeros(p.size)
+    unit[3, 3], mean[3] = 1 / core[1] ** 2, np.log(core[0])
     unit[slopes, slopes] = 1 / strain**2
     unit[np.ix_(slopes[1:3], slopes[1:3])] += np.array([[1, -1], [-1, 1]]) / rotation**2
     for k in range(1, len(start)):

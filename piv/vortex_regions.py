@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil, floor
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +14,15 @@ from piv.criteria import Gradients, gamma2, q_criterion, swirling_strength, vort
 # 71.5 % of its circulation.
 REGION_RADIUS = 1.12
 REGION_PART = 0.715
+LEAST_SEEN = 0.3  # share of a disc below which it is not made up for what is hidden
+RADIUS_STEPS = 8  # the share changes slowly with the radius: each step leaves about a third of the error
 
 
 class Candidate(NamedTuple):
-    """A first guess: centre, circulation, core radius, and the number of grid points of its region."""
+    """A first guess: centre, circulation, core radius, and the number of grid points of its region.
+
+    What bodies and border hide round the centre is left out of the circulation and made up for in the core radius.
+    """
 
     x: float
     y: float
@@ -60,17 +66,39 @@ def find_candidates(
             weight = (sense * size[j, i] - threshold + 1e-3) * np.abs(swirl[j, i])
             if _elongation(x[i], y[j], dx, dy) > max_elongation:
                 continue
-            area = j.size * dx * dy
-            found.append(
-                Candidate(
-                    float(np.average(x[i], weights=weight)),
-                    float(np.average(y[j], weights=weight)),
-                    float(omega[j, i].sum() * dx * dy / REGION_PART),
-                    float(np.sqrt(area / np.pi) / REGION_RADIUS),
-                    int(j.size),
-                )
-            )
+            cx, cy = (float(np.average(q, weights=weight)) for q in (x[i], y[j]))
+            radius = _whole_radius(x, y, valid, cx, cy, j.size)
+            circulation = float(omega[j, i].sum() * dx * dy / REGION_PART)
+            found.append(Candidate(cx, cy, circulation, radius / REGION_RADIUS, int(j.size)))
     return sorted(found, key=lambda c: -abs(c.circulation))
+
+
+def _whole_radius(
+    x: np.ndarray, y: np.ndarray, valid: np.ndarray, cx: float, cy: float, points: int
+) -> float:
+    """Radius of the disc round (cx, cy) of which as much is seen as the region has points: a wall cuts both alike."""
+    cell = float((x[1] - x[0]) * (y[1] - y[0]))
+    radius = float(np.sqrt(points * cell / np.pi))
+    seen = radius
+    for _ in range(RADIUS_STEPS):
+        share = min(1.0, max(LEAST_SEEN, seen_share(x, y, valid, cx, cy, seen)))
+        seen = radius / float(np.sqrt(share))
+    return seen
+
+
+def seen_share(x: np.ndarray, y: np.ndarray, valid: np.ndarray, cx: float, cy: float, radius: float) -> float:
+    """Part of the disc's grid points that hold a vector; those beyond the plane's border count as absent."""
+    i, j = np.meshgrid(_across(x, cx, radius), _across(y, cy, radius))
+    disc = np.hypot(x[0] + i * (x[1] - x[0]) - cx, y[0] + j * (y[1] - y[0]) - cy) <= radius
+    there = disc & (i >= 0) & (i < x.size) & (j >= 0) & (j < y.size)
+    return float(np.count_nonzero(valid[j[there], i[there]])) / max(1, int(np.count_nonzero(disc)))
+
+
+def _across(axis: np.ndarray, centre: float, radius: float) -> np.ndarray:
+    """Indices of the axis within `radius` of `centre`, counted on beyond its ends."""
+    first, step = float(axis[0]), float(axis[1] - axis[0])
+    low, high = ceil((centre - radius - first) / step), floor((centre + radius - first) / step)
+    return np.arange(low, high + 1)
 
 
 def _elongation(x: np.ndarray, y: np.ndarray, dx: float, dy: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ import xarray as xr
 from piv.circulation import area_circulation, clear_radius, contour_circulation, distance_to_invalid
 from piv.criteria import gradients, vorticity
 from piv.vortex_fit import PEAK_RADIUS, PEAK_SWIRL, Fit, Vectors, fit_vortices, lamb_oseen
-from piv.vortex_regions import find_candidates
+from piv.vortex_regions import find_candidates, seen_share
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,8 @@ class VortexSettings:
     as the residuals are no larger than that (the background's rotation is hardly told from the vortex' in a small disc).
     neighbour_part: neighbours weaker than this part of a vortex belong to its background.
     strain_prior, rotation_prior: see `vortex_fit.fit_vortices`.
+    region_prior: relative standard deviation of a core radius as told by its region, where half of the disc is hidden; it
+    weighs as the hidden part over the seen one, nothing where all is seen.
     correlation_length: distance over which the vectors' errors are correlated (the interrogation window's
     width for PIV); None = estimated from the residuals.
     scheme: of the gradients, `least-squares` or `fourth-order`.
@@ -82,6 +84,7 @@ class VortexSettings:
     neighbour_part: float = 0.3
     strain_prior: float = 0.3
     rotation_prior: float = 0.03
+    region_prior: float = 0.2
     correlation_length: float | None = None
     scheme: str = "least-squares"
     weights: str = "uncertainty"
@@ -102,6 +105,20 @@ class _Plane(NamedTuple):
     xx: np.ndarray
     yy: np.ndarray
     noise_known: bool  # weights are inverse variances
+
+
+class _Fitted(NamedTuple):
+    """Fit of a vortex, its vectors' number and area per independent one, how well they fit, and its region: x, y, circulation, core radius.
+
+    `misfit`: mean square of the residuals over the vectors' variance; `seen`: share of the disc that holds vectors.
+    """
+
+    fit: Fit
+    n_vectors: int
+    area: float
+    misfit: float
+    seen: float
+    region: np.ndarray
 
 
 WIDER = (1.5, 2.0)  # times fit_radius
@@ -142,35 +159,39 @@ def find_vortices(
         return []
     least = s.min_circulation
     rough = 0.3 * (s.min_part * abs(candidates[0].circulation) if least is None else least)
-    start = np.array([c[:4] for c in candidates if abs(c.circulation) >= rough])
-    fits: list[tuple[Fit, int, float]] = []
-    while len(
-        start
-    ):  # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
-        fits = _fit_all(p, start, s)
-        before, start = len(start), _significant(fits, s)
-        if len(start) == before:
-            break
-    else:
-        return []
+    regions = np.array([c[:4] for c in candidates if abs(c.circulation) >= rough]).reshape(-1, 4)
+    # which vortices there are the vectors alone decide: with its region's help every layer on a wall would pass for one
+    fits = _settle(p, np.hstack([regions, regions]), replace(s, region_prior=np.inf))
+    if any(f.seen < 1 for f in fits):
+        fits = _settle(p, np.array([[*f.fit.vortices[0], *f.region] for f in fits]), s)
     omega = vorticity(g)
     distance = distance_to_invalid(p.valid, dx, dy)
     return sorted(
-        (_record(p, fit, omega, distance, n) for fit, n, _ in fits), key=lambda w: -abs(w.circulation)
+        (_record(p, f.fit, omega, distance, f.n_vectors) for f in fits), key=lambda w: -abs(w.circulation)
     )
 
 
-def _significant(fits: list[tuple[Fit, int, float]], s: VortexSettings) -> np.ndarray:
-    """Parameters of the fits that are strong enough to be reported."""
-    strongest = max((abs(f.vortices[0, 2]) for f, _, _ in fits), default=0.0)
+def _settle(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[_Fitted]:
+    """Fits from `start` (n, 8: x, y, circulation, core radius, and those of the region), anew until all are vortices."""
+    while len(start):  # a weak vortex may not shape the fit of a strong one
+        fits = _fit_all(p, start, s)
+        before, start = len(start), _significant(fits, s)
+        if len(start) == before:
+            return fits
+    return []
+
+
+def _significant(fits: list[_Fitted], s: VortexSettings) -> np.ndarray:
+    """Parameters of the fits that are strong enough to be reported, and of their regions: (n, 8)."""
+    strongest = max((abs(f.fit.vortices[0, 2]) for f in fits), default=0.0)
     least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
     keep = [
-        f.vortices[0]
-        for f, _, _ in fits
+        [*f.vortices[0], *region]
+        for f, *_, region in fits
         if abs(f.vortices[0, 2]) >= max(least, s.significance * np.sqrt(max(f.covariance[2, 2], 0.0)))
         and f.explained >= s.min_explained
     ]
-    return np.array(keep).reshape(-1, 4)
+    return np.array(keep).reshape(-1, 8)
 
 
 def _settings(settings: VortexSettings | None, options: dict[str, float | str]) -> VortexSettings:
@@ -209,48 +230,50 @@ def _arrays(plane: xr.Dataset, weighting: str) -> _Plane:
     return _Plane(x, y, u, v, valid, weights[0], weights[1], xx, yy, noise_known)
 
 
-def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[tuple[Fit, int, float]]:
+def _fit_all(p: _Plane, start: np.ndarray, s: VortexSettings) -> list[_Fitted]:
     """Fit every candidate in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
-    now = start.copy()
+    now = start[:, :4].copy()
     area = np.full(len(now), 10.0 * (p.x[1] - p.x[0]) * (p.y[1] - p.y[0]))  # per independent vector
     for sweep in range(SWEEPS):
-        fits: list[tuple[Fit, int, float] | None] = []
+        fits: list[_Fitted | None] = []
         for k in range(len(now)):
             widen = p.noise_known and sweep == SWEEPS - 1  # neighbours are as good as they get
-            fits.append(_fit_one(p, now, k, float(area[k]), s, WIDER if widen else ()))
-        keep = [k for k, f in enumerate(fits) if f is not None and _plausible(p, f[0], start[k])]
+            fits.append(_fit_one(p, now, k, start[k, 4:], float(area[k]), s, WIDER if widen else ()))
+        keep = [k for k, f in enumerate(fits) if f is not None and _plausible(p, f.fit, start[k])]
         start = start[keep]
         fits = [fits[k] for k in keep]
-        now = np.array([f[0].vortices[0] for f in fits if f is not None]).reshape(-1, 4)
-        order = _distinct(now, [f[0].explained for f in fits if f is not None])
+        now = np.array([f.fit.vortices[0] for f in fits if f is not None]).reshape(-1, 4)
+        order = _distinct(now, [f.fit.explained for f in fits if f is not None])
         now, start, fits = now[order], start[order], [fits[k] for k in order]
-        area = np.array([f[2] for f in fits if f is not None])
+        area = np.array([f.area for f in fits if f is not None])
         if not len(now):
             break
     return [f for f in fits if f is not None]
 
 
 def _fit_one(
-    p: _Plane, now: np.ndarray, k: int, area: float, s: VortexSettings, wider: tuple[float, ...]
-) -> tuple[Fit, int, float] | None:
+    p: _Plane,
+    now: np.ndarray,
+    k: int,
+    region: np.ndarray,
+    area: float,
+    s: VortexSettings,
+    wider: tuple[float, ...],
+) -> _Fitted | None:
     """Fit of vortex k over its own disc, or the widest of the `wider` ones that the model holds in."""
-    best = _fit_disc(p, now, k, area, s, s.fit_radius)
+    best = _fit_disc(p, now, k, region, area, s, s.fit_radius)
     for factor in wider if best is not None else ():
-        found = _fit_disc(p, now, k, area, s, factor * s.fit_radius)
-        if found is None or found[3] > MODEL_HOLDS or found[4] < WATER:
+        found = _fit_disc(p, now, k, region, area, s, factor * s.fit_radius)
+        if found is None or found.misfit > MODEL_HOLDS or found.seen < WATER:
             break
         best = found
-    return None if best is None else best[:3]
+    return best
 
 
 def _fit_disc(
-    p: _Plane, now: np.ndarray, k: int, area: float, s: VortexSettings, radius: float
-) -> tuple[Fit, int, float, float, float] | None:
-    """Fit of vortex k over a disc of `radius` core radii: neighbours in it are fitted along, others taken off as they are.
-
-    Returns the fit, its vectors' number and area per independent one, the mean square of its residuals over the
-    vectors' variance, and the share of the disc that holds vectors.
-    """
+    p: _Plane, now: np.ndarray, k: int, region: np.ndarray, area: float, s: VortexSettings, radius: float
+) -> _Fitted | None:
+    """Fit of vortex k over a disc of `radius` core radii: neighbours in it are fitted along, others taken off as they are."""
     x0, y0, _, a = now[k]
     reach = max(radius * a, 3.0 * max(p.x[1] - p.x[0], p.y[1] - p.y[0]))
     i0, i1 = np.searchsorted(p.x, [x0 - reach, x0 + reach])
@@ -274,22 +297,27 @@ def _fit_disc(
             du, dv = lamb_oseen(x, y, *now[m])
             u, v = u - du, v - dv
     vectors = Vectors(x, y, u, v, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)
+    seen = seen_share(p.x, p.y, p.valid, x0, y0, reach)
+    # a disc half hidden hardly tells core radius and circulation apart: the less it shows, the more the region is asked
+    core_std = s.region_prior * np.sqrt(seen / (1 - seen)) if seen < 1 else np.inf
     step = [skip[0] * (p.y[1] - p.y[0]), skip[1] * (p.x[1] - p.x[0])]
     fit = fit_vortices(
         vectors,
         now[[k, *along]],
         strain_prior=s.strain_prior,
         rotation_prior=s.rotation_prior,
+        core=(float(region[3]), core_std),
         correlated=max(1.0, area / (step[0] * step[1])),
     )
     factor = _correlation_factor(step, fit, use, s.correlation_length)
     square = p.weight_u[box][use] * fit.residual_u**2 + p.weight_v[box][use] * fit.residual_v**2
-    return (
+    return _Fitted(
         fit._replace(covariance=fit.covariance * factor),
         int(np.count_nonzero(use)),
         factor * step[0] * step[1],
         float(square.mean()) / 2,
-        np.count_nonzero(use) * step[0] * step[1] / (np.pi * reach**2),
+        seen,
+        region,
     )
 
 

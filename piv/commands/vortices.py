@@ -25,6 +25,7 @@ HELPS = {
     "neighbour_part": "neighbours weaker than this part of a vortex belong to its background",
     "strain_prior": "expected background strain over the vortex' peak vorticity",
     "rotation_prior": "expected background vorticity over the vortex' peak vorticity",
+    "region_prior": "expected scatter of a core radius about its region's, the disc half hidden",
     "correlation_length": "distance over which vector errors are correlated: the window's width",
     "weights": "of the vectors in the fit: uncertainty (where given) or equal",
     "scheme": "of the gradients: least-squares or fourth-order",
