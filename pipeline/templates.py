@@ -11,8 +11,8 @@ BASE = Path(__file__).resolve().parent.parent / "cases" / "_base"
 
 
 def template_files(base: Path = BASE) -> list[Path]:
-    """Every file of the base case, in the order of its name relative to `base`. StageError where there is none."""
-    found = [path for path in base.rglob("*") if path.is_file()]
+    """Every file of the base case but what editors leave, in the order of its name relative to `base`. StageError where there is none."""
+    found = [p for p in base.rglob("*") if p.is_file() and not p.name.startswith(".") and p.name[-1] != "~"]
     if not found:
         raise StageError(f"{base}: the base case is missing; restore it with git checkout cases/_base")
     return sorted(found, key=lambda path: path.relative_to(base).as_posix())

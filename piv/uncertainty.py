@@ -17,9 +17,10 @@ from piv.passes import NARROW, Vectors
 # every condition of the benchmark but for structures shorter than the window, whose damping no noise estimate sees.
 CALIBRATION = 0.86  # on the variance
 ALIKE = 1.75  # what neighbouring cells add to the variance in narrow windows; set on a rendered sine of 32 px
-LEAST_KEPT = 0.25  # share of the noise left in neighbouring cells together: below it (windows of 24 px) they tell nothing
+LEAST_KEPT = 0.25  # share of the noise left in neighbouring cells together: below it (24 px windows, vectors 8 px apart) they tell nothing
 LARGEST = 100.0  # px²
 FEW = 5.0  # cells with texture: where as few make up a window, what they have in common says half of the variance
+FEW_NARROW = 7.0  # where vectors follow nearly all noise: 5 leaves a tenth of sparse pictures' vectors wrong, 9 doubts dense ones
 INTERPOLATION = 0.0005  # px: what sampling leaves however little noise there is
 
 
@@ -50,13 +51,22 @@ def errors_of(nodes: Nodes, v: Vectors, options: Options) -> Errors:
     elif noise_budget(sigma, spacing, passes)[1] < LEAST_KEPT:
         alike = ALIKE
     gain, kept = noise_budget(sigma, spacing, passes, not alike)
-    var = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, sigma, kept, alike)
+    sparse = v.fine is None  # in the others the factor is in ALIKE
+    var = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, sigma, kept, alike, sparse)
     missed = unresolved(nodes, v.cells, v.step_x, v.step_y, options.sigma)
     return Errors(gain * var[0], gain * var[1], *missed)
 
 
 def correlation_statistics(
-    nodes: Nodes, cells, sums, step_x, step_y, sigma: float, kept: float, alike: float = 0.0
+    nodes: Nodes,
+    cells,
+    sums,
+    step_x,
+    step_y,
+    sigma: float,
+    kept: float,
+    alike: float = 0.0,
+    sparse: bool = True,
 ):
     """Variances (x, y, px²) of one measurement of each vector.
 
@@ -66,6 +76,7 @@ def correlation_statistics(
     step_x, step_y: last step (px of this level); kept: share of the noise that is left after it (noise_budget).
     alike: if given, neighbouring cells are taken to raise the variance by that factor, in place of being summed: they
     tell nothing where vectors follow the noise of windows little wider than they are.
+    sparse: whether a window's few cells raise the variance.
     """
     x, y = nodes.at_cells(step_x), nodes.at_cells(step_y)
     gx = cells[0] - cells[2] * x - cells[3] * y
@@ -74,17 +85,18 @@ def correlation_statistics(
     sum_x = cv2.filter2D(gx, cv2.CV_32F, around, borderType=cv2.BORDER_CONSTANT)
     sum_y = cv2.filter2D(gy, cv2.CV_32F, around, borderType=cv2.BORDER_CONSTANT)
     products = [gx * sum_x, gy * sum_y, 0.5 * (gx * sum_y + gy * sum_x), gx * gx, gy * gy]
-    if not alike:
+    if sparse:
         products.append((cells[2] + cells[4]) ** 2)
     # the square of a Gaussian weight is the Gaussian weight of σ/√2
     spread, _ = nodes.window_sums(np.stack(products), sigma / np.sqrt(2))
-    few: np.ndarray | float = 0.0  # as set with narrow windows
-    if not alike:
+    few: np.ndarray | float = 0.0
+    if sparse:
         # one or two particles agree with themselves whatever the flow does between them: no spread tells of that
         count = np.maximum(sums[2] + sums[4], 0) ** 2 / np.maximum(
             spread[5], 1e-12
         )  # cells that make up the window
-        few = (FEW / np.maximum(count, 0.1 * FEW)) ** 2
+        least = FEW_NARROW if alike else FEW
+        few = (least / np.maximum(count, 0.1 * least)) ** 2
     # a few dozen cells determine a variance poorly: average it over neighbouring windows
     spread = np.stack([cv2.GaussianBlur(s, (0, 0), 1.0, borderType=cv2.BORDER_REPLICATE) for s in spread[:5]])
     sxx, syy = np.maximum(spread[0], 0.3 * spread[3]), np.maximum(spread[1], 0.3 * spread[4])

@@ -92,6 +92,11 @@ class VortexSettings:
     def __post_init__(self) -> None:
         if self.weights not in ("uncertainty", "equal"):
             raise ValueError(f"weights = {self.weights!r}: give 'uncertainty' or 'equal'")
+        for name in ("strain_prior", "rotation_prior", "region_prior"):
+            if not getattr(self, name) > 0:
+                raise ValueError(
+                    f"{name} = {getattr(self, name):g}: give a positive number, 1e9 to switch it off"
+                )
 
 
 class _Plane(NamedTuple):
@@ -162,7 +167,7 @@ def find_vortices(
     regions = np.array([c[:4] for c in candidates if abs(c.circulation) >= rough]).reshape(-1, 4)
     # which vortices there are the vectors alone decide: with its region's help every layer on a wall would pass for one
     fits = _settle(p, np.hstack([regions, regions]), replace(s, region_prior=np.inf))
-    if any(f.seen < 1 for f in fits):
+    if np.isfinite(s.region_prior) and any(f.seen < 1 for f in fits):
         fits = _settle(p, np.array([[*f.fit.vortices[0], *f.region] for f in fits]), s)
     omega = vorticity(g)
     distance = distance_to_invalid(p.valid, dx, dy)

@@ -43,7 +43,7 @@ def unfinished(plan: dict[str, Any], row: dict[str, Any]) -> str | None:
             continue
         changed = differing(stage, row["settings"].get(stage, {}), made_with(path))
         if changed:
-            return f"{plan['files'][stage]} was made with another {changed}"
+            return f"{plan['files'][stage]} was made with another {changed}; {AGAIN}"
     return None
 
 

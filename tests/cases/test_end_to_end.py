@@ -11,6 +11,7 @@ import pytest
 
 from piv.plane import read_plane
 from tests.conftest import ROOT
+from tests.inner_make import inner_environment
 
 pytestmark = [
     pytest.mark.openfoam,
@@ -35,7 +36,9 @@ def project(tmp_path_factory):
 
 def make(project: Path, *arguments: str) -> subprocess.CompletedProcess:
     command = ["make", "--no-print-directory", "LEVEL=smoke", "QUIET=1", "READY=Makefile", *arguments]
-    return subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        command, cwd=project, capture_output=True, text=True, check=False, env=inner_environment()
+    )
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from tests.inner_make import inner_environment
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 PARTS = ("Makefile", "requirements.lock", "cases", "pipeline", "piv", "postprocess")
 SCENE, LEVEL = "small", "tiny"
@@ -47,11 +49,6 @@ PRODUCTS = {
     "report": ("report.html", "figures/figures.json"),
 }
 ROUNDING = 1e-9  # of the table's largest number but the time: what is smaller is no result
-OUTER_MAKE = (
-    "MAKEFLAGS",
-    "MFLAGS",
-    "MAKELEVEL",
-)  # a make that runs the tests is none of the make that they try
 SOLVER_TOLERANCE = 1e-6  # of the largest value in a column: a resumed run repeats the forces to nine digits
 
 
@@ -102,20 +99,20 @@ def start(project: Path, target: str, log: Path, **env: str) -> subprocess.Popen
             stdout=output,
             stderr=output,
             start_new_session=True,
-            env=_environment(env),
+            env=inner_environment(**env),
         )
 
 
 def make(project: Path, target: str, **env: str) -> subprocess.CompletedProcess:
     """A make of `target` to its end."""
     return subprocess.run(
-        command(target), cwd=project, capture_output=True, text=True, check=False, env=_environment(env)
+        command(target),
+        cwd=project,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=inner_environment(**env),
     )
-
-
-def _environment(added: dict[str, str]) -> dict[str, str]:
-    """This process's environment without an outer make's jobs, of which the inner would complain, and with `added`."""
-    return {name: value for name, value in os.environ.items() if name not in OUTER_MAKE} | added
 
 
 def kill(process: subprocess.Popen) -> None:

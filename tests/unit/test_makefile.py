@@ -6,7 +6,9 @@ import subprocess
 import pytest
 
 from pipeline.scene import load_scene
+from pipeline.templates import template_files
 from tests.conftest import ROOT
+from tests.inner_make import inner_environment
 
 MAKEFILES = [ROOT / "Makefile", ROOT / "postprocess" / "lab" / "compare.mk"]
 TEXT = "\n".join(path.read_text(encoding="utf-8") for path in MAKEFILES)
@@ -53,10 +55,15 @@ def test_settings_are_looked_at_again_when_a_template_of_the_case_changes():
     """And when one is added or goes, which dates its folder."""
     stamp = "cases/single_finger/out/coarse/settings/.stamp"
     asked = ["make", "-npr", "READY=Makefile", "LEVEL=coarse", "single_finger.kinematics"]
-    rules = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    rules = subprocess.run(
+        asked, cwd=ROOT, capture_output=True, text=True, check=False, env=inner_environment()
+    ).stdout
     named = set(re.search(rf"(?m)^{re.escape(stamp)}: ([^|\n]*)", rules).group(1).split())
     base = ROOT / "cases" / "_base"
-    assert named >= {str(path.relative_to(ROOT)) for path in (base, *base.rglob("*"))}
+    assert named >= {
+        str(path.relative_to(ROOT))
+        for path in (base, *(p.parent for p in template_files()), *template_files())
+    }
 
 
 def test_every_page_that_comes_from_a_run_is_made_by_make_docs():
