@@ -26,11 +26,11 @@ AXES = (
     ("draft_dt2", "draft", "Time step, 2 ms against 1 ms"),
     ("draft_2ranks", "draft", "Ranks, two against one"),
     ("coarse", "draft", "Level, coarse against draft"),
-    ("coarse_near", "coarse", "Cells of the water that the tip passes, 1.2 against 2.2 mm"),
+    ("coarse_near", "coarse", "Water that the tip passes, cells of 1.2 mm within 18 mm against 2.2 mm within 22 mm"),
     (
         "coarse_wall",
         "coarse",
-        "Cells at the wall, half as large at the tip and 0.3 mm thick instead of 0.5 mm",
+        "Wall, cells of 1.2 mm (tip 0.5 mm, first layer 0.3 mm) against 1.8 mm (1 mm, 0.5 mm)",
     ),
     ("coarse_layers", "coarse", "Layers across the half width and beyond, 9 and 10 against 6 and 6"),
     ("coarse_both", "coarse", "Both of these, at the wall and in layers"),

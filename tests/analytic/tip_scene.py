@@ -55,21 +55,28 @@ def tip_scene(
 
 
 def young_scene(
-    step: float, *, hidden: float = 0.0, noise: float = 0.0, seed: int = 0
+    step: float,
+    *,
+    core: float = 2.4e-3,
+    gap: float = 0.1,
+    layer_part: float = 0.3,
+    hidden: float = 0.0,
+    noise: float = 0.0,
+    seed: int = 0,
 ) -> tuple[xr.Dataset, float, float]:
     """Plane (m, m/s) of a vortex that has hardly left the wall x = 0, its circulation with its layer's, its core radius.
 
-    The centre is a tenth of the core radius off the wall, so that the body hides nearly half of it; along the wall lies
-    the layer that feeds it, 30 % of its circulation. `hidden` (m): vectors nearer to the wall are absent, as in PIV;
+    The centre is `gap` core radii off the wall, a tenth: the body hides nearly half of it; along the wall lies the
+    layer that feeds it, `layer_part` of its circulation. `hidden` (m): vectors nearer to the wall are absent, as in PIV;
     `noise` (m/s), correlated as windows that overlap, twice as large at the wall; `seed` also shifts the grid.
     """
-    core, circulation = 2.4e-3, 5e-3
+    circulation = 5e-3 * core / 2.4e-3
     shift = seed * 1e-4  # the grid lies anyhow to the vortex
     x, y = np.arange(-0.02, 0.012, step) + shift, np.arange(-0.02, 0.02, step) + shift
     xx, yy = np.meshgrid(x, y)
     u, v = np.full(xx.shape, 0.08), np.full(xx.shape, -0.02)
-    layer = [(-1e-3, s, 0.3 * circulation / 24, 1e-3) for s in np.linspace(-4e-3, 4e-3, 24)]
-    for blob in [(-0.1 * core, 0.0, circulation, core), *layer]:
+    layer = [(-1e-3, s, layer_part * circulation / 24, 1e-3) for s in np.linspace(-4e-3, 4e-3, 24)]
+    for blob in [(-gap * core, 0.0, circulation, core), *layer]:
         du, dv = lamb_oseen(xx, yy, *blob)
         u, v = u + du, v + dv
     rng = np.random.default_rng(seed)
@@ -77,4 +84,8 @@ def young_scene(
         e = ndimage.gaussian_filter(rng.normal(size=f.shape), 1.0)
         f += noise * (1 + np.exp(xx / 1.5e-3)) * e / e.std()
     ok = xx < -hidden
-    return make_plane(x, y, np.where(ok, u, np.nan), np.where(ok, v, np.nan)), 1.3 * circulation, core
+    return (
+        make_plane(x, y, np.where(ok, u, np.nan), np.where(ok, v, np.nan)),
+        (1 + layer_part) * circulation,
+        core,
+    )
