@@ -24,6 +24,15 @@ COMMANDS = {
 }
 
 
+def check_output(output: Path, args: argparse.Namespace) -> None:
+    """ValueError where the output would be written over one of the command's inputs."""
+    given = [v for name, value in vars(args).items() if name != "output" for v in
+             (value if isinstance(value, list | tuple) else [value]) if isinstance(v, str | Path)]  # fmt: skip
+    for path in map(Path, given):
+        if output.is_file() and path.is_file() and output.samefile(path):
+            raise ValueError(f"{output}: is an input of this command and would be lost; give -o another name")
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run one subcommand; returns the exit code (0 good, 2 bad input, 130 interrupted)."""
     parser = argparse.ArgumentParser(prog="python -m piv", description=__doc__)
@@ -37,6 +46,8 @@ def main(argv: list[str] | None = None) -> int:
     args = parser.parse_args(arguments)
     output = getattr(args, "output", None)
     try:
+        if output:
+            check_output(Path(output), args)
         with exclusive(Path(output)) if output else nullcontext():
             importlib.import_module(f"piv.commands.{args.command}").run(args)
     except Exception as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
@@ -31,13 +32,15 @@ def polygon_mask(polygon_px: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 
 
 def read_polygon(path: str | Path) -> np.ndarray:
-    """Corners `x_px, y_px` (y up), one per line, from a CSV file; ValueError where it is another thing."""
+    """Corners x, y (px, y up), two numbers a line, from a CSV file with or without a line of names; ValueError where it is another thing."""
+    lines = Path(path).read_text(encoding="utf-8").splitlines()
+    named = bool(lines) and re.fullmatch(r"\s*[A-Za-z_]+\s*,\s*[A-Za-z_]+\s*", lines[0]) is not None
     try:
-        corners = np.loadtxt(path, delimiter=",", comments="#", ndmin=2)
+        corners = np.loadtxt(lines[named:], delimiter=",", comments="#", ndmin=2)
     except ValueError as error:
-        raise ValueError(f"{path}: expected lines 'x_px, y_px' ({error})") from None
+        raise ValueError(f"{path}: expected two numbers a line, x and y in px ({error})") from None
     if corners.shape[1] != 2 or len(corners) < 3:
-        raise ValueError(f"{path}: expected at least 3 lines 'x_px, y_px', got shape {corners.shape}")
+        raise ValueError(f"{path}: expected at least 3 lines of x and y in px, got shape {corners.shape}")
     return corners
 
 

@@ -8,6 +8,7 @@ from dataclasses import fields
 from multiprocessing import get_context
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
@@ -106,6 +107,7 @@ def run(args: argparse.Namespace) -> None:
     """Correlate and write."""
     known = {f.name for kind in (Options, SequenceOptions) for f in fields(kind)}
     given = merged(args, known | set(CAMERA) | {"ensemble", "colour"})
+    check_camera(given)
     chunk = parse(args.chunk) if args.chunk else None
     if args.processes < 1:
         raise ValueError(f"processes must be at least 1, got {args.processes}")
@@ -120,6 +122,15 @@ def run(args: argparse.Namespace) -> None:
         path = correlate(args, given, chunk)
     if not args.quiet:
         print(path)
+
+
+def check_camera(given: dict) -> None:
+    """ValueError where a number of the camera cannot be one."""
+    for name in CAMERA:
+        value = float(given.get(name, 1.0))
+        if not np.isfinite(value) or (value <= 0 and not name.startswith("origin")):
+            wanted = "a finite number" if name.startswith("origin") else "a positive number"
+            raise ValueError(f"{name} = {value:g}: give {wanted}")
 
 
 def share_out(args: argparse.Namespace) -> None:
@@ -153,6 +164,10 @@ def correlate(args: argparse.Namespace, given: dict, chunk: tuple[int, int] | No
         if len(recording) < 2:
             raise ValueError(f"{recording.name}: one frame is no pair; give two images or a recording")
         recording.attrs |= {name: float(given[name]) for name in CAMERA[:3] if name in given}
+        if "scale_m_per_px" in given and recording.times is None:
+            raise ValueError(
+                f"{recording.name}: scale_m_per_px gives m/s with the times of its frames; give frame_rate_hz too"
+            )
         mask = read_mask(args.mask, recording.shape) if args.mask else None
         if given.get("ensemble"):
             return correlate_ensemble_to(
