@@ -26,7 +26,11 @@ AXES = (
     ("draft_dt2", "draft", "Time step, 2 ms against 1 ms"),
     ("draft_2ranks", "draft", "Ranks, two against one"),
     ("coarse", "draft", "Level, coarse against draft"),
-    ("coarse_near", "coarse", "Water that the tip passes, cells of 1.2 mm within 18 mm against 2.2 mm within 22 mm"),
+    (
+        "coarse_near",
+        "coarse",
+        "Water that the tip passes, cells of 1.2 mm within 18 mm against 2.2 mm within 22 mm",
+    ),
     (
         "coarse_wall",
         "coarse",
