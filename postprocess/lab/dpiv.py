@@ -79,6 +79,9 @@ class Evaluation(Table):
     window: Annotated[int, Field(ge=8)]
     spacing: Annotated[int, Field(ge=1)]
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
+    smoothing: bool | None = (
+        None  # this project's adaptive one; where it is not said: pictures yes, vectors (another program's) no
+    )
     pairing: Literal["1-2,2-3", "1-2,3-4"] | None = None  # of pictures
     interval_s: Positive | None = None  # between the exposures of a pair "1-2,3-4"
     every: Annotated[int, Field(ge=1)] = 1

@@ -30,7 +30,9 @@ def evaluate(
     """PIV of some frames (at `times`, s) with the finger's outlines (px) masked: a plane series in the camera frame."""
     assert piv.pairing is not None  # the schema's own check
     frames = MaskedRecording(recording, indices, times, outlines, 1 / pose.px_per_m)
-    options = Options(window=piv.window, spacing=piv.spacing, preset=piv.preset)
+    options = Options(
+        window=piv.window, spacing=piv.spacing, preset=piv.preset, smoothing=piv.smoothing is not False
+    )
     sequence = SequenceOptions(
         piv.pairing or "1-2,2-3", 0, piv.every, preprocess=piv.preprocess, threads=threads
     )

@@ -206,11 +206,11 @@ def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):
     interval = vector_tables(dpiv).interval_s
     pairs = np.column_stack([times - interval / 2, times + interval / 2]).ravel()
     camera_pose, corner = camera_before(data, pose, c)
+    alike = {"pairing": "1-2,3-4", "interval_s": interval, "smoothing": dpiv.piv.smoothing is True}
     virtual = virtual_experiment(
         sheet, camera_pose, _camera(c.columns, c.rows, c.bits, seen, 1 / interval),
         seeding_like(seen, c.bits, dpiv.sheet_thickness_mm * 1e-3), pairs, outlines_px(family, camera_pose, family.law(pairs)),
-        dpiv.piv.model_copy(update={"pairing": "1-2,3-4", "interval_s": interval}), files.folder, seed=seed,
-        threads=threads, quiet=quiet,
+        dpiv.piv.model_copy(update=alike), files.folder, seed=seed, threads=threads, quiet=quiet,
     )  # fmt: skip
     virtual = virtual.assign_coords(x=virtual["x"] + corner[0], y=virtual["y"] + corner[1])
     velocity, whole = on_grid(virtual, data["x"].values, data["y"].values)

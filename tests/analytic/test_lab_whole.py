@@ -113,8 +113,8 @@ def test_virtual_camera_is_put_before_the_vectors(finger, tmp_path):
     result = run_comparison(lab, dpiv)
     found = {q["name"]: q for q in result["quantities"]}
     assert found["velocity_field"]["verdict"] != "model error"
-    # windows of 4 mm take a tenth of so small a vortex from the virtual PIV (10.2 %), nothing from the data
-    assert abs(found["circulation"]["error"][0]) < 0.12 * abs(found["circulation"]["data"][0])
+    # 0.04 %; 10 % where the virtual experiment smooths and the data, another program's vectors, are not smoothed
+    assert abs(found["circulation"]["error"][0]) < 0.03 * abs(found["circulation"]["data"][0])
 
 
 @pytest.fixture(scope="module")
