@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import glob
 import importlib
 import sys
 from contextlib import nullcontext
@@ -25,11 +26,20 @@ COMMANDS = {
 
 
 def check_output(output: Path, args: argparse.Namespace) -> None:
-    """ValueError where the output would be written over one of the command's inputs."""
+    """ValueError where the output would be written over one of the command's inputs, those of a folder or glob included."""
+    if not output.is_file():
+        return
     given = [v for name, value in vars(args).items() if name != "output" for v in
              (value if isinstance(value, list | tuple) else [value]) if isinstance(v, str | Path)]  # fmt: skip
-    for path in map(Path, given):
-        if output.is_file() and path.is_file() and output.samefile(path):
+    for source in map(str, given):
+        if Path(source).is_dir():  # of which images are read
+            from piv.images import IMAGE_SUFFIXES  # slow to load, and seldom asked for
+
+            lost = output.suffix.lower() in IMAGE_SUFFIXES and output.parent.samefile(source)
+        else:
+            found = [Path(source), *map(Path, glob.glob(source))]
+            lost = any(path.is_file() and output.samefile(path) for path in found)
+        if lost:
             raise ValueError(f"{output}: is an input of this command and would be lost; give -o another name")
 
 

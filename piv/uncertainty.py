@@ -45,14 +45,14 @@ class Errors(NamedTuple):
 def errors_of(nodes: Nodes, v: Vectors, options: Options) -> Errors:
     """`Errors` of vectors as measured last: in the window, or where they are marked fine in the narrow one."""
     spacing = float(nodes.x[1] - nodes.x[0])
-    sigma, passes, alike = options.sigma, options.full_steps, 0.0
+    sigma, passes, alike, few = options.sigma, options.full_steps, 0.0, FEW
     if v.fine is not None:
         sigma, spacing, alike = NARROW * sigma, spacing / 2, ALIKE
+        few = 0.0  # ALIKE was set without
     elif noise_budget(sigma, spacing, passes)[1] < LEAST_KEPT:
-        alike = ALIKE
+        alike, few = ALIKE, FEW_NARROW
     gain, kept = noise_budget(sigma, spacing, passes, not alike)
-    sparse = v.fine is None  # in the others the factor is in ALIKE
-    var = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, sigma, kept, alike, sparse)
+    var = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, sigma, kept, alike, few)
     missed = unresolved(nodes, v.cells, v.step_x, v.step_y, options.sigma)
     return Errors(gain * var[0], gain * var[1], *missed)
 
@@ -66,7 +66,7 @@ def correlation_statistics(
     sigma: float,
     kept: float,
     alike: float = 0.0,
-    sparse: bool = True,
+    few: float = FEW,
 ):
     """Variances (x, y, px²) of one measurement of each vector.
 
@@ -76,7 +76,7 @@ def correlation_statistics(
     step_x, step_y: last step (px of this level); kept: share of the noise that is left after it (noise_budget).
     alike: if given, neighbouring cells are taken to raise the variance by that factor, in place of being summed: they
     tell nothing where vectors follow the noise of windows little wider than they are.
-    sparse: whether a window's few cells raise the variance.
+    few: how few cells with texture raise the variance of a window; 0: none do.
     """
     x, y = nodes.at_cells(step_x), nodes.at_cells(step_y)
     gx = cells[0] - cells[2] * x - cells[3] * y
@@ -85,18 +85,13 @@ def correlation_statistics(
     sum_x = cv2.filter2D(gx, cv2.CV_32F, around, borderType=cv2.BORDER_CONSTANT)
     sum_y = cv2.filter2D(gy, cv2.CV_32F, around, borderType=cv2.BORDER_CONSTANT)
     products = [gx * sum_x, gy * sum_y, 0.5 * (gx * sum_y + gy * sum_x), gx * gx, gy * gy]
-    if sparse:
-        products.append((cells[2] + cells[4]) ** 2)
+    products.append((cells[2] + cells[4]) ** 2)
     # the square of a Gaussian weight is the Gaussian weight of σ/√2
     spread, _ = nodes.window_sums(np.stack(products), sigma / np.sqrt(2))
-    few: np.ndarray | float = 0.0
-    if sparse:
-        # one or two particles agree with themselves whatever the flow does between them: no spread tells of that
-        count = np.maximum(sums[2] + sums[4], 0) ** 2 / np.maximum(
-            spread[5], 1e-12
-        )  # cells that make up the window
-        least = FEW_NARROW if alike else FEW
-        few = (least / np.maximum(count, 0.1 * least)) ** 2
+    # one or two particles agree with themselves whatever the flow does between them: no spread tells of that
+    texture = np.maximum(sums[2] + sums[4], 0)
+    count = texture**2 / np.maximum(spread[5], 1e-12)  # cells that make up the window
+    doubt = (few / np.maximum(count, max(0.1 * few, 1e-12))) ** 2
     # a few dozen cells determine a variance poorly: average it over neighbouring windows
     spread = np.stack([cv2.GaussianBlur(s, (0, 0), 1.0, borderType=cv2.BORDER_REPLICATE) for s in spread[:5]])
     sxx, syy = np.maximum(spread[0], 0.3 * spread[3]), np.maximum(spread[1], 0.3 * spread[4])
@@ -108,7 +103,7 @@ def correlation_statistics(
     # a window without texture knows nothing: its variance ends at LARGEST
     det = np.maximum(hxx * hyy - hxy**2, 1e-3 * np.maximum(sums[5] * sums[6], 1e-12))
     ixx, ixy, iyy = hyy / det, -hxy / det, hxx / det
-    scale = CALIBRATION * nodes.factor**2 / kept * (1 + few)
+    scale = CALIBRATION * nodes.factor**2 / kept * (1 + doubt)
     var_x = ixx**2 * sxx + 2 * ixx * ixy * sxy + ixy**2 * syy
     var_y = ixy**2 * sxx + 2 * ixy * iyy * sxy + iyy**2 * syy
     return np.clip(var_x * scale, 0, LARGEST), np.clip(var_y * scale, 0, LARGEST)

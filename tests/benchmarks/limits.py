@@ -10,6 +10,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,10 +24,9 @@ from flows import SHAPE, lamb_oseen, random_field, sine, uniform  # noqa: E402
 from noise import sampling, smoothing  # noqa: E402
 from pages import PIV, libraries, write_between  # noqa: E402
 from real_pictures import real_pictures  # noqa: E402
-from scores import HEAD, errors, row  # noqa: E402
+from scores import HEAD, errors, row, without_count_of_cells  # noqa: E402
 from walls import walls  # noqa: E402
 
-from piv import uncertainty  # noqa: E402
 from piv.correlate import correlate_pair  # noqa: E402
 from piv.synthetic import render_pair  # noqa: E402
 
@@ -62,6 +62,7 @@ LIMITS = {
     "sine of 24 px": Limit(sine(24, 1), 10, NOISY),
     "sine of 24 px, `--window 16`": Limit(sine(24, 1), 10, NOISY, {"window": 16}),
     **{f"uniform, `--window {w}`": Limit(SHIFT, 4, NOISY, {"window": w}) for w in (16, 20, 24, 28, 48, 64)},
+    **{f"uniform, clean, `--window {w}`": Limit(SHIFT, 4, {}, {"window": w}) for w in (16, 24)},
     "uniform, `--window 24`, 0.01 ppp": Limit(SHIFT, 4, SPARSE, {"window": 24}),
     "uniform, `--window 24`, 0.002 ppp": Limit(SHIFT, 4, SPARSE | {"density_ppp": 0.002}, {"window": 24}),
     "uniform, 0.002 ppp": Limit(SHIFT, 4, SPARSE | {"density_ppp": 0.002}),
@@ -82,16 +83,12 @@ def inner(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def measured(limit: Limit) -> list[tuple[np.ndarray, np.ndarray]]:
     """Errors and standard uncertainties (2, n) of each pair."""
-    parts, few = [], uncertainty.FEW
-    try:
-        if not limit.few:
-            uncertainty.FEW = 1e-9  # no window has so few
-        for seed in range(FIRST, FIRST + limit.pairs):
-            pair = render_pair(limit.flow, SHAPE, seed=seed, **limit.render)
+    parts = []
+    for seed in range(FIRST, FIRST + limit.pairs):
+        pair = render_pair(limit.flow, SHAPE, seed=seed, **limit.render)
+        with nullcontext() if limit.few else without_count_of_cells():
             x, y, e, std = errors(correlate_pair(*pair, **limit.piv), limit.flow)
-            parts.append((e[:, inner(x, y)], std[:, inner(x, y)]))
-    finally:
-        uncertainty.FEW = few
+        parts.append((e[:, inner(x, y)], std[:, inner(x, y)]))
     return parts
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import cv2
+from scores import without_count_of_cells
 
-from piv import uncertainty
 from piv.correlate import correlate_pair
 from tests.shared_data import shared_data
 
@@ -18,14 +18,10 @@ ANY = 100.0  # px: no vector is less sure
 
 def valid_share(a, b, limited: bool) -> float:
     """Share of the vectors called valid, with the limit on uncertainty and the count of cells or without both."""
-    few = uncertainty.FEW
-    try:
-        if not limited:
-            uncertainty.FEW = 1e-9
-        options = {} if limited else {"max_std": ANY}
-        return float(correlate_pair(a, b, **options)["valid"].mean())
-    finally:
-        uncertainty.FEW = few
+    if limited:
+        return float(correlate_pair(a, b)["valid"].mean())
+    with without_count_of_cells():
+        return float(correlate_pair(a, b, max_std=ANY)["valid"].mean())
 
 
 def real_pictures() -> str:

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import xarray as xr
 
+from piv import uncertainty
+
 HEAD = "RMS error, px | coverage of ±1 standard uncertainty | unflagged > 0.5 px | absent |\n|---|---|---|---|---|"
 FAR = 0.5  # px
+
+
+@contextmanager
+def without_count_of_cells() -> Iterator[None]:
+    """No window has so few cells that they raise its variance."""
+    few = uncertainty.FEW
+    uncertainty.FEW = 1e-9
+    try:
+        yield
+    finally:
+        uncertainty.FEW = few
 
 
 def errors(ds: xr.Dataset, flow: Callable) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

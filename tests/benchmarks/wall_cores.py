@@ -17,6 +17,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[2])]
 
 from piv.criteria import gradients  # noqa: E402
 from piv.vortex_regions import REGION_RADIUS, Candidate, find_candidates  # noqa: E402
+from piv.vortex_settings import VortexSettings  # noqa: E402
 from tests.analytic.tip_scene import young_scene  # noqa: E402
 
 CORES = (2.4e-3, 3.5e-3, 5e-3)  # m
@@ -32,18 +33,18 @@ def region_of(plane, core: float, gap: float) -> Candidate | None:
     """The candidate whose centre is within a core radius of the vortex."""
     u, v = (np.where(plane["valid"] > 0, plane[name], np.nan) for name in ("u", "v"))
     x, y, valid = plane["x"].values, plane["y"].values, plane["valid"].values > 0
-    step = float(x[1] - x[0])
+    step, usual = float(x[1] - x[0]), VortexSettings()
     found = find_candidates(
         x,
         y,
         u,
         v,
         valid,
-        gradients(u, v, valid, step, step, "least-squares"),
+        gradients(u, v, valid, step, step, usual.scheme),
         stencil_radius=3e-3,
-        threshold=2 / np.pi,
-        min_points=5,
-        max_elongation=4.0,
+        threshold=usual.gamma2,
+        min_points=usual.min_points,
+        max_elongation=usual.max_elongation,
     )
     near = [c for c in found if c.circulation > 0 and np.hypot(c.x + gap * core, c.y) < core]
     return near[0] if near else None

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from flows import lamb_oseen
 from particles import render
 from scores import errors, rms
 
 from piv.correlate import correlate_pair
+from piv.vortex_fit import PEAK_SWIRL
 from piv.vortices import find_vortices
 
 SHAPE = (320, 384)
@@ -16,19 +18,11 @@ CORES = (28, 24, 20, 16, 12)  # px
 PEAK = 6.0  # px
 PAIRS = 5
 SPACING = 8  # px
-SWIRL = 0.638173  # peak of a Lamb-Oseen vortex in units of Γ/(2πr_c)
 
 
 def vortex(core: float):
     """Lamb-Oseen vortex (px) whose core touches the wall."""
-
-    def flow(x, y):
-        rx, ry = x - WALL - core, y - MIDDLE
-        r2 = rx**2 + ry**2 + 1e-9
-        swirl = PEAK / SWIRL * core / r2 * (1 - np.exp(-r2 / core**2))
-        return -swirl * ry, swirl * rx
-
-    return flow
+    return lamb_oseen(core, PEAK, centre=(WALL + core, MIDDLE))
 
 
 def evaluated(core: float, seed: int):
@@ -43,9 +37,16 @@ def evaluated(core: float, seed: int):
 
 def circulation_error(ds, core: float) -> float:
     """Relative error of the fitted circulation; NaN where no vortex is found within a core radius."""
-    exact = 2 * np.pi * core * PEAK / SWIRL
+    exact = 2 * np.pi * core * PEAK / PEAK_SWIRL
     near = [w for w in find_vortices(ds) if np.hypot(w.x - WALL - core, w.y - MIDDLE) < core]
     return near[0].circulation / exact - 1 if near else np.nan
+
+
+def told(found: list[float]) -> str:
+    """RMS of the circulations that were found, and of how many pairs."""
+    there = np.array(found)[np.isfinite(found)]
+    share = "" if there.size == len(found) else f" ({there.size} of {len(found)} found)"
+    return (f"{100 * rms(there):.1f} %" if there.size else "none") + share
 
 
 def line(core: float, first: int) -> str:
@@ -61,10 +62,8 @@ def line(core: float, first: int) -> str:
     e = np.concatenate(near, axis=1)
     gone = np.mean(~np.isfinite(e).all(axis=0))
     worst = np.nanmax(np.hypot(*e))
-    cells = [
-        f"{100 * rms(np.array(g)):.1f} %" if np.isfinite(g).all() else "none found" for g in (measured, exact)
-    ]
-    steep = PEAK / SWIRL / core
+    cells = [told(g) for g in (measured, exact)]
+    steep = PEAK / PEAK_SWIRL / core
     return f"| {core} px ({core / SPACING:.1f}) | {steep:.2f} px/px | {rms(e):.3f} px | {worst:.2f} px | {gone:.1%} | {cells[0]} | {cells[1]} |"
 
 

@@ -17,12 +17,20 @@ def pair(tmp_path):
     return tmp_path / "a.tif", tmp_path / "b.tif"
 
 
-def test_an_input_is_not_written_over(pair, capsys):
-    a, b = pair
-    before = a.read_bytes()
-    assert main(["correlate", str(a), str(b), "-o", str(a), "--quiet"]) == 2
+@pytest.mark.parametrize("source", [("a.tif", "b.tif"), (".",), ("*.tif",)])
+def test_an_input_is_not_written_over(pair, capsys, source):
+    """Given by name, as a folder or by a glob."""
+    a, before = pair[0], pair[0].read_bytes()
+    given = [str(a.parent / name) for name in source]
+    assert main(["correlate", *given, "-o", str(a), "--quiet"]) == 2
     assert "give -o another name" in capsys.readouterr().err
     assert a.read_bytes() == before
+
+
+def test_a_result_beside_the_images_may_be_made_again(pair):
+    output = pair[0].parent / "o.h5"
+    for _ in range(2):
+        assert main(["correlate", str(pair[0].parent), "-o", str(output), "--preset", "fast", "--quiet"]) == 0
 
 
 @pytest.mark.parametrize(

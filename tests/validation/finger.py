@@ -100,7 +100,7 @@ def checks_of(runs: list[Run], along: str, judged: str, prefix: str, words: str)
             gap, scale, unit = float(e.uncertainty[at]), abs(e.extrapolated), "1"
             tolerance, why = (
                 0.1,
-                "what the comparison with a laboratory needs: PIV of this vortex is off by about 5 % (docs/tradeoff.md)",
+                "what the comparison with a laboratory needs: of the size of the findings' own limits (reference/findings.toml)",
             )
         order = f", observed order {e.order:.2g}" if e.order is not None else ", no single order"
         checks.append(
