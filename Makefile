@@ -53,12 +53,12 @@ define scene_rules
 ifneq ($(ACCURACY)$(BUDGET),)
 # the cheapest setting that was measured to reach it (docs/tradeoff.md), in a folder of its own
 $(1): $(READY)
-	@set -e; found=$$$$($(PY) -m pipeline.choose cases/$(1) $(if $(ACCURACY),--accuracy "$(ACCURACY)",--budget "$(BUDGET)")); \
+	@set -e; found=$$$$($(PY) -m pipeline.study.ask_accuracy cases/$(1) $(if $(ACCURACY),--accuracy "$(ACCURACY)",--budget "$(BUDGET)")); \
 	set -- $$$$found; $$(MAKE) --no-print-directory CASES=cases/$(1)/out/studies/asked LEVEL=$$$$2 NP=$$$$3 ACCURACY= BUDGET= $$$$1$(if $(SLURM),,; \
-	$(PY) -m pipeline.choose cases/$(1) --after)
+	$(PY) -m pipeline.study.ask_accuracy cases/$(1) --after)
 else ifneq ($(SLURM),)
 $(1): $(READY)
-	@$(PY) -m pipeline.batch $(CASES)/$(1) --level $(LEVEL) $(if $(filter file,$(origin NP)),,--ranks $(NP)) --submit $(if $(MINUTES),--minutes $(MINUTES)) $(if $(NODES),--nodes $(NODES)) $(if $(PARTITION),--partition $(PARTITION)) $(if $(ACCOUNT),--account $(ACCOUNT)) $(if $(COLLATED),--collated) $(FLAGS)
+	@$(PY) -m pipeline.study.slurm $(CASES)/$(1) --level $(LEVEL) $(if $(filter file,$(origin NP)),,--ranks $(NP)) --submit $(if $(MINUTES),--minutes $(MINUTES)) $(if $(NODES),--nodes $(NODES)) $(if $(PARTITION),--partition $(PARTITION)) $(if $(ACCOUNT),--account $(ACCOUNT)) $(if $(COLLATED),--collated) $(FLAGS)
 else
 $(1): $(1).report
 	@echo "report: $$(abspath $(CASES)/$(1)/out/$(LEVEL)/report.html)"
@@ -76,32 +76,32 @@ $(1).compare: $(2)/comparison.json
 $(1).report: $(2)/report.html
 
 $(2)/settings/.stamp: $(wildcard cases/*/scene.toml cases/*/*.csv cases/*/kinematics/* cases/_base cases/_base/* cases/_base/*/* $(CASES)/$(1)/scene.toml) | $(READY)
-	@$(PY) -m pipeline.settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
+	@$(PY) -m pipeline.stage_settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/settings/%.json: $(2)/settings/.stamp
 	@:
 $(2)/kinematics.h5: $(2)/settings/kinematics.json
-	$(PY) -m pipeline.kinematics $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m pipeline.kinematics.stage $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/planform.h5: $(2)/kinematics.h5 $(2)/settings/mesh.json
-	$(PY) -m pipeline.mesh $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m pipeline.mesh.stage $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/sweep.h5: $(2)/planform.h5 $(2)/settings/case.json
 	$(PY) -m pipeline.case $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/run/run.json: $(2)/sweep.h5
-	$(PY) -m pipeline.run $(CASES)/$(1) --level $(LEVEL) --ranks $(NP) $(if $(HOSTS),--hosts $(HOSTS)) $(if $(COLLATED),--collated) $(FLAGS)
+	$(PY) -m pipeline.run.stage $(CASES)/$(1) --level $(LEVEL) --ranks $(NP) $(if $(HOSTS),--hosts $(HOSTS)) $(if $(COLLATED),--collated) $(FLAGS)
 $(2)/sheet.h5: $(2)/run/run.json $(2)/settings/sheet.json
-	$(PY) -m pipeline.sheets $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m pipeline.sheet $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/images.h5: $(2)/sheet.h5 $(2)/settings/images.json
-	$(PY) -m pipeline.costs $(2)/costs/images.json -- $(PY) -m piv render $$< -o $$@ --settings $(2)/settings/images.json $(FLAGS)
+	$(PY) -m fileio.cost $(2)/costs/images.json -- $(PY) -m piv render $$< -o $$@ --settings $(2)/settings/images.json $(FLAGS)
 $(2)/piv.h5: $(2)/images.h5 $(2)/settings/piv.json
-	$(PY) -m pipeline.costs $(2)/costs/piv.json -- $(PY) -m piv correlate $$< -o $$@ --threads $(JOBS) --settings $(2)/settings/piv.json $(FLAGS)
+	$(PY) -m fileio.cost $(2)/costs/piv.json -- $(PY) -m piv correlate $$< -o $$@ --threads $(JOBS) --settings $(2)/settings/piv.json $(FLAGS)
 $(2)/vortices_cfd.csv: $(2)/sheet.h5 $(2)/settings/vortices.json
-	$(PY) -m pipeline.costs $(2)/costs/vortices_cfd.json -- $(PY) -m piv vortices $$< -o $$@ --threads $(JOBS) --settings $(2)/settings/vortices.json $(FLAGS)
+	$(PY) -m fileio.cost $(2)/costs/vortices_cfd.json -- $(PY) -m piv vortices $$< -o $$@ --threads $(JOBS) --settings $(2)/settings/vortices.json $(FLAGS)
 $(2)/vortices_piv.csv: $(2)/piv.h5 $(2)/settings/vortices.json
-	$(PY) -m pipeline.costs $(2)/costs/vortices_piv.json -- $(PY) -m piv vortices $$< -o $$@ --threads $(JOBS) --settings $(2)/settings/vortices.json $(FLAGS)
+	$(PY) -m fileio.cost $(2)/costs/vortices_piv.json -- $(PY) -m piv vortices $$< -o $$@ --threads $(JOBS) --settings $(2)/settings/vortices.json $(FLAGS)
 $(2)/comparison.json: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv $(wildcard $(CASES)/$(1)/reference/*) $(3)
-	$(PY) -m postprocess.compare $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m postprocess.compare.stage $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/report.html: $(2)/comparison.json $(2)/settings/report.json
-	$(PY) -m postprocess.figures $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
-	$(PY) -m postprocess.report $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m postprocess.report.figures $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
+	$(PY) -m postprocess.report.stage $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 endef
 # A pinch is compared with the single finger at the same level, where that was run; make single_finger first.
 SINGLE := $(wildcard cases/single_finger/out/$(LEVEL)/vortices_*.csv)
@@ -121,19 +121,19 @@ fea: $(READY) ## bending analysis of the actuator of SCENE (single_finger): case
 	$(PY) -m pipeline.fea cases/$(SCENE)
 
 bench-piv: piv-limits ## PIV against its peers (own environment), and its limits; every table of docs/piv.md
-	$(PY) tests/benchmarks/piv_bench.py --docs
+	$(PY) -m tests.studies.piv.benchmark --docs
 
 piv-limits: $(READY) ## PIV where it becomes worse, and on flows that served no tuning; tables into docs/piv.md
-	$(PY) tests/benchmarks/limits.py --docs
-	$(PY) tests/benchmarks/unseen.py --docs
+	$(PY) -m tests.studies.piv.limits --docs
+	$(PY) -m tests.studies.piv.unseen --docs
 
 faults: $(READY) ## kills, full disks, damaged files, two makes at once: docs/stability
-	$(PY) -m tests.faults
-	$(PY) -m tests.stability.page
+	$(PY) -m tests.studies.faults
+	$(PY) -m tests.studies.stability.page
 
 fuzz: $(READY) ## damaged files for every reader, with atheris where it is installed: docs/stability
-	$(PY) -m tests.fuzz --table docs/stability/fuzz.csv
-	$(PY) -m tests.stability.page
+	$(PY) -m tests.studies.fuzz --table docs/stability/fuzz.csv
+	$(PY) -m tests.studies.stability.page
 
 # The level that each scene's page is made at. One after the other: each solver takes all ranks, and a pinch is compared with
 # the single finger at its level.
@@ -141,14 +141,14 @@ DOCS ?= single_finger:coarse single_deflate:coarse cycle:coarse pinch:medium
 docs: | $(READY) ## pages and pictures of the docs that come from runs (hours; one page: DOCS=pinch:medium)
 	+set -e; for page in $(DOCS); do scene=$${page%:*}; level=$${page#*:}; run="$(MAKE) --no-print-directory LEVEL=$$level"; \
 	case $$scene in *pinch*) $$run single_finger.vortices;; esac; \
-	$$run $$scene.report; $(PY) -m postprocess.summary cases/$$scene --level $$level; done
-	$(PY) -m tests.pictures.vortices docs/vortices.png
-	$(PY) -m tests.pictures.synthetic docs/synthetic.png
+	$$run $$scene.report; $(PY) -m postprocess.report.docs_page cases/$$scene --level $$level; done
+	$(PY) -m tests.studies.pictures.vortices docs/vortices.png
+	$(PY) -m tests.studies.pictures.synthetic docs/synthetic.png
 
 # Studies: many runs by Snakemake, in an environment of its own; everything that computes stays in .venv.
 STUDY_READY := .venv-study/.ready
 SNAKEFLAGS  ?=
-SNAKEMAKE    = .venv-study/bin/snakemake -s pipeline/Snakefile $(SNAKEFLAGS)
+SNAKEMAKE    = .venv-study/bin/snakemake -s pipeline/study/Snakefile $(SNAKEFLAGS)
 EXECUTOR    := $(if $(SLURM),--executor slurm -j100 --retries 3,-j$(JOBS))
 empty :=
 comma := ,
@@ -165,36 +165,36 @@ study: $(STUDY_READY) ## the runs of a table: make study STUDY=my_table.csv [SCE
 
 tradeoff: $(STUDY_READY) ## what accuracy costs: the study of SCENE (single_finger), docs/tradeoff.md and docs/tradeoff/
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/$(SCENE)/studies/tradeoff.csv
-	$(PY) -m postprocess.tradeoff cases/$(SCENE)/out/studies/tradeoff/plan.json
+	$(PY) -m postprocess.studies.tradeoff cases/$(SCENE)/out/studies/tradeoff/plan.json
 
 fea-studies: $(STUDY_READY) ## studies over wedge, width and materials: docs/fea
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/bending.csv
-	$(PY) -m pipeline.fea.studies
+	$(PY) -m pipeline.fea.studies.studies
 
 pinch-studies: $(STUDY_READY) ## studies of the pinch (STUDIES="gap1 gap2": only some): docs/pinch_studies.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/variations.csv $(ONLY); made=$$?; \
-	$(PY) -m postprocess.studies cases/pinch/out/studies/variations/plan.json --words cases/pinch/studies/variations.md -o docs/pinch_studies \
+	$(PY) -m postprocess.studies.judge cases/pinch/out/studies/variations/plan.json --words cases/pinch/studies/variations.md -o docs/pinch_studies \
 	&& exit $$made # a run that was stopped is named on the page, and in the exit code
 
 bench-steps: $(READY) ## a time step on moving and static mesh, 1 and 2 ranks, with and without samples: docs/tradeoff/steps.csv
-	$(PY) -m tests.benchmarks.step_cost --level $(LEVEL)
+	$(PY) -m tests.studies.step_cost --level $(LEVEL)
 
 validate: $(STUDY_READY) ## flows of known answer through the project's own stages: docs/verification.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/validation.csv
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/convergence.csv
-	nice $(PY) -m tests.validation $(FLAGS)
+	nice $(PY) -m tests.studies.validation $(FLAGS)
 
 convergence: $(STUDY_READY) ## the finger on several grids and time steps: rows of docs/verification.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/convergence.csv
-	nice $(PY) -m tests.validation finger_2d finger $(FLAGS)
+	nice $(PY) -m tests.studies.validation finger_2d finger $(FLAGS)
 
 stability: $(STUDY_READY) ## runs and images at the extremes: docs/stability.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/stability.csv
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/stability.csv
-	$(PY) -m tests.stability
+	$(PY) -m tests.studies.stability
 
 predict: cases/$(SCENE)/out/$(LEVEL)/sweep.h5 ## hours of SCENE at LEVEL on 1 to 256 ranks, and how many ranks pay
-	@$(PY) -m pipeline.scaling cases/$(SCENE) --level $(LEVEL)
+	@$(PY) -m pipeline.study.predict cases/$(SCENE) --level $(LEVEL)
 
 test-slurm: $(STUDY_READY) ## a real Slurm of one node, started and stopped by the test (slurm-wlm, root); log in docs/cluster.md
 	$(PY) -m pytest tests/slurm -p no:cacheprovider -s

@@ -9,19 +9,22 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from pipeline.cover import covering_cells
-from pipeline.errors import StageError
-from pipeline.foamfile import write_bytes
-from pipeline.frames import steps_of, time_name
-from pipeline.legs import Leg, read_legs, read_stage
-from pipeline.link import unlink_folders
-from pipeline.lock import LOCK, only_one
-from pipeline.motion import read_motion
-from pipeline.polymesh import BODY_PATCHES, OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
-from pipeline.quality import planform_edges
-from pipeline.scene import Scene, digest
-from pipeline.stage import run_stage, write_dataset, write_text
-from pipeline.templates import BASE, template_files
+from fileio.atomic import unlink_folders, write_text
+from fileio.errors import StageError
+from fileio.formats.mesh_intervals import Leg, read_legs, read_stage
+from fileio.formats.node_motion import read_motion
+from fileio.hdf5 import write_dataset
+from fileio.lock import LOCK, only_one
+from fileio.provenance import digest
+from pipeline.geometry.quality import planform_edges
+from pipeline.geometry.sweep import BODY_PATCHES, OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
+from pipeline.openfoam.base_case import BASE, template_files
+from pipeline.openfoam.covering_columns import covering_cells
+from pipeline.openfoam.displacement_files import steps_of, time_name
+from pipeline.openfoam.foamfile import write_bytes
+from pipeline.scene.command import run_stage
+from pipeline.scene.scene import Scene
+from pipeline.stage_settings import settings_of
 
 SYMMETRIC = ("half", "quarter")
 INTERPOLATION = {"linear": "linear", "skewCorrected": "skewCorrected linear"}
@@ -187,7 +190,9 @@ def check_legs(legs: tuple[Leg, ...], time_step: float, planform: Path) -> None:
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write the folders `case/leg_<k>` and `sweep.h5` (the columns of their meshes)."""
     folder = scene.out / "case"
-    settings = scene.settings("case")  # before the old case is deleted: refuses where a template is missing
+    settings = settings_of(
+        scene, "case"
+    )  # before the old case is deleted: refuses where a template is missing
     legs = read_legs(scene.out)
     check_legs(legs, scene.numerics.time_step, scene.out / "planform.h5")
     planforms = {stage: read_stage(scene.out, stage) for stage in {leg.stage for leg in legs}}

@@ -55,5 +55,5 @@ if ! command -v pimpleFoam >/dev/null && [ -z "${WM_PROJECT_DIR:-}" ]; then
     echo "setup: OpenFOAM"
     install openfoam
 fi
-.venv/bin/python -m pipeline.openfoam
+.venv/bin/python -m pipeline.openfoam.environment
 rm -f .setup.log

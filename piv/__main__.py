@@ -9,8 +9,8 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
-from piv.errors import sentence
-from piv.exclusive import exclusive
+from fileio.errors import sentence
+from fileio.lock import exclusive
 
 COMMANDS = {
     "correlate": "image pairs or a recording to a vector plane series",
@@ -33,7 +33,7 @@ def check_output(output: Path, args: argparse.Namespace) -> None:
              (value if isinstance(value, list | tuple) else [value]) if isinstance(v, str | Path)]  # fmt: skip
     for source in map(str, given):
         if Path(source).is_dir():  # of which images are read
-            from piv.images import IMAGE_SUFFIXES  # slow to load, and seldom asked for
+            from piv.images.open_recording import IMAGE_SUFFIXES
 
             lost = output.suffix.lower() in IMAGE_SUFFIXES and output.parent.samefile(source)
         else:

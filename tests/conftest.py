@@ -7,8 +7,10 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from pipeline import case, kinematics, mesh
-from pipeline.scene import Scene, load_scene
+from pipeline import case
+from pipeline.kinematics import stage as kinematics
+from pipeline.mesh import stage as mesh
+from pipeline.scene.scene import Scene, load_scene
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 from scipy.io import savemat
 
-from piv.exchange import write_vectors
+from piv.foreign.write import write_vectors
 
 SCALE, INTERVAL, ROWS = 0.25e-3, 0.002, 520
 TOML = """format = "dpiv"

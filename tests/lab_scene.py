@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from pipeline.kinematics import kinematics_dataset
-from pipeline.scene import load_scene
-from pipeline.stage import write_dataset
-from piv.camera import Camera, Seeding
-from piv.particles import Box, seed_particles
-from piv.plane import make_plane
-from piv.render import Body, add_particles, expose, fill_polygon, sheet_light
-from postprocess.lab.family import Family, read_family
-from postprocess.lab.pose import Pose
-from postprocess.lab.stand_in import SetUp, camera_for
+from fileio.formats.kinematics import Family, read_family
+from fileio.formats.plane_series import make_plane
+from fileio.hdf5 import write_dataset
+from pipeline.kinematics.stage import kinematics_dataset
+from pipeline.scene.scene import load_scene
+from piv.synthetic.camera import Camera, Seeding
+from piv.synthetic.particle_images import Body, add_particles, expose, fill_polygon, sheet_light
+from piv.synthetic.particles import Box, seed_particles
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.virtual.virtual_laboratory import SetUp, camera_for
 
 CASE = Path(__file__).parents[1] / "cases" / "single_finger"
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from piv.plane import FINGER_VARIABLES, make_plane, read_plane, write_plane
+from fileio.formats.plane_series import FINGER_VARIABLES, make_plane, read_plane, write_plane
 from tests.synthetic_stroke import write_case
 
 GAIN = 0.99  # of the right vortex against the left one, in the PIV

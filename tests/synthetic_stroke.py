@@ -15,7 +15,7 @@ import pandas as pd
 import xarray as xr
 from scipy.special import expit
 
-from piv.plane import make_plane, write_plane
+from fileio.formats.plane_series import make_plane, write_plane
 
 ROOT = np.array([0.0, 0.24])
 LENGTH, THICKNESS, WIDTH = 0.070, 0.0145, 0.028

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pipeline.fea import plane
+from fileio.formats.bending_states import BendingStates
+from pipeline.fea.cell import plane
+from pipeline.fea.cell.path import follow
+from pipeline.fea.cell.unit_cell import State, UnitCell
 from pipeline.fea.finger import FloatArray, arc_length, chain, fit_circle, smoothed
-from pipeline.fea.path import follow
 from pipeline.fea.settings import Actuator, Fea
-from pipeline.fea.states import BendingStates
-from pipeline.fea.unit_cell import State, UnitCell
 
 
 def cell_thickness(cell: UnitCell, state: State) -> float:

@@ -10,15 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import StageError
-from pipeline.fea import analyse, calculix, solid_mesh
-from pipeline.fea.frd import read_frd
-from pipeline.fea.importing import Fields, Profile, height_along, profiles_of, states_of
-from pipeline.fea.read_abaqus import read_abaqus
-from pipeline.fea.read_profiles import read_profiles
-from pipeline.fea.read_series import read_vtk, read_xdmf
+from fileio.errors import StageError
+from fileio.formats.bending_states import BendingStates
+from pipeline.fea import analyse
+from pipeline.fea.imported.abaqus import read_abaqus
+from pipeline.fea.imported.importing import Fields, Profile, height_along, profiles_of, states_of
+from pipeline.fea.imported.profiles import read_profiles
+from pipeline.fea.imported.series import read_vtk, read_xdmf
 from pipeline.fea.settings import Actuator, Fea, Import
-from pipeline.fea.states import BendingStates
+from pipeline.fea.solid import calculix
+from pipeline.fea.solid import mesh as solid_mesh
+from pipeline.fea.solid.frd import read_frd
 
 LIBRARIES = ("felupe", "gmsh", "meshio", "numpy", "pyvista", "scipy", "tensortrax")
 

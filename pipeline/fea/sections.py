@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pydantic import ValidationError
 
-from pipeline.errors import StageError
+from fileio.errors import StageError
 from pipeline.fea.settings import Actuator, Fea
-from pipeline.scene import Scene
-from pipeline.scene_section import validation_sentence
+from pipeline.scene.scene import Scene
+from pipeline.scene.section import validation_sentence
 
 
 def sections(scene: Scene) -> tuple[Actuator, Fea]:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fileio.formats.bending_states import BendingStates
 from pipeline.fea.analyse import bend
 from pipeline.fea.settings import Actuator, Fea, Material
-from pipeline.fea.states import BendingStates
 
 FloatArray = NDArray[np.float64]
 PRESSURES_KPA = np.array([-40.0, -30, -20, -15, -10, -5, 5, 10, 15, 20, 30, 40])

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from fileio.atomic import write_bytes
+from fileio.formats.plane_series import read_checked_plane
 from piv.commands.plot import add_style
-from piv.film import write_film
-from piv.plane import read_checked_plane
-from piv.whole_file import write_bytes
+from piv.plots.film import write_film
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> None:
     """Draw all instants with one scale of colour and arrows, and join them."""
     import matplotlib.pyplot as plt
 
-    from piv.figures import Style, draw, read_vortices, speed_scale, vortices_at, vorticity_scale
+    from piv.plots.vectors import Style, draw, read_vortices, speed_scale, vortices_at, vorticity_scale
 
     if args.output.suffix.lower() not in (".mp4", ".gif"):
         raise ValueError(f"{args.output}: an animation is .mp4 or .gif")

@@ -8,7 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from piv.calibrate import (
+from fileio.atomic import write_bytes
+from fileio.formats.plane_series import read_checked_plane, write_plane
+from piv.images.calibration import (
     MODELS_HELP,
     Calibration,
     calibrate_plane,
@@ -17,9 +19,7 @@ from piv.calibrate import (
     rectify_image,
     save_calibration,
 )
-from piv.images import open_recording
-from piv.plane import read_checked_plane, write_plane
-from piv.whole_file import write_bytes
+from piv.images.open_recording import open_recording
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _from_target(args: argparse.Namespace) -> Calibration:
-    from piv.targets import Target, calibrate_target
+    from piv.images.calibration_target import Target, calibrate_target
 
     for option in ("images", "rows", "columns", "square_mm"):
         if getattr(args, option) is None:

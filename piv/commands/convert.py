@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from piv.calibrate import load_calibration
-from piv.exchange import read_vectors, write_vectors
+from piv.foreign.read import read_vectors
+from piv.foreign.write import write_vectors
+from piv.images.calibration import load_calibration
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -12,16 +12,16 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from piv.chunks import chunk_path, join, parse, parts_of
-from piv.ensemble import correlate_ensemble_to
-from piv.images import open_recording
-from piv.masks import read_mask
-from piv.netcdf import open_netcdf
-from piv.options import Options
-from piv.plane import FINGER_VARIABLES
-from piv.readers import COLOURS
-from piv.sequence import SequenceOptions, correlate_recording
-from piv.settings import add_fields, add_settings, build, merged
+from fileio.formats.plane_series import FINGER_VARIABLES
+from fileio.hdf5 import open_netcdf
+from piv.commands.settings import add_fields, add_settings, build, merged
+from piv.correlation.options import Options
+from piv.images.image_files import COLOURS
+from piv.images.masks import read_mask
+from piv.images.open_recording import open_recording
+from piv.sequence.chunks import chunk_path, join, parse, parts_of
+from piv.sequence.ensemble import correlate_ensemble_to
+from piv.sequence.sequence import SequenceOptions, correlate_recording
 
 HELPS = {
     "window": "side of the correlation window, px",
@@ -43,7 +43,7 @@ SEQUENCE_HELPS = {
     "skip": "frames left out between the two of a pair",
     "every": "keep each so many-th field",
     "frames": "2 for pairs; 3, 5, … for the multi-frame mode",
-    "preprocess": "steps of piv.preprocess with commas, such as background=min,cap=3",
+    "preprocess": "steps of piv.images.preprocess with commas, such as background=min,cap=3",
     "threads": "fields computed at a time",
 }
 CHUNKS_PER_PROCESS = 4  # so that no process waits long for the last

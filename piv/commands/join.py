@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from piv.chunks import join, parts_of
+from piv.sequence.chunks import join, parts_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
-from piv.images import Recording, open_recording
-from piv.masks import dark_body, outline_masks, polygons_mask, read_mask
-from piv.netcdf import open_netcdf
-from piv.whole_file import write_bytes
+from fileio.atomic import write_bytes
+from fileio.hdf5 import open_netcdf
+from piv.images.masks import dark_body, outline_masks, polygons_mask, read_mask
+from piv.images.open_recording import Recording, open_recording
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

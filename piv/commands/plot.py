@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from piv.plane import read_checked_plane
-from piv.whole_file import write_bytes
+from fileio.atomic import write_bytes
+from fileio.formats.plane_series import read_checked_plane
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> None:
     """Draw one instant."""
     import matplotlib.pyplot as plt
 
-    from piv.figures import Style, draw, read_vortices, vortices_at
+    from piv.plots.vectors import Style, draw, read_vortices, vortices_at
 
     if args.output.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise ValueError(f"{args.output}: a picture is .png, .pdf or .svg")

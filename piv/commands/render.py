@@ -6,10 +6,10 @@ import argparse
 import sys
 from dataclasses import fields
 
-from piv.camera import Camera, Seeding
-from piv.plane import read_plane
-from piv.settings import add_fields, add_settings, build, existing, merged
-from piv.synthetic import render_recording
+from fileio.formats.plane_series import read_plane
+from piv.commands.settings import add_fields, add_settings, build, existing, merged
+from piv.synthetic.camera import Camera, Seeding
+from piv.synthetic.render_recording import render_recording
 
 HELPS = {
     "width_px": "picture width",

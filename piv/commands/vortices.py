@@ -6,11 +6,12 @@ import argparse
 from dataclasses import asdict, fields
 from pathlib import Path
 
-from piv.plane import read_plane
-from piv.settings import add_fields, add_settings, build, existing, merged
-from piv.tracking import TrackingSettings
-from piv.vortex_table import tabulate_vortices, write_vortices
-from piv.vortices import VortexSettings
+from fileio.formats.plane_series import read_plane
+from fileio.formats.vortex_table import write_vortices
+from piv.commands.settings import add_fields, add_settings, build, existing, merged
+from piv.vortices.find import VortexSettings
+from piv.vortices.table import tabulate_vortices
+from piv.vortices.tracking import TrackingSettings
 
 HELPS = {
     "stencil_radius": "radius of the Gamma2 disc, in the plane's unit of length",

@@ -6,14 +6,14 @@ import argparse
 import sys
 from pathlib import Path
 
-from piv.errors import sentence
-from piv.exclusive import exclusive
-from postprocess.lab.compare import run_comparison
-from postprocess.lab.dpiv import Dpiv
-from postprocess.lab.files import LabFiles
-from postprocess.lab.inputs import read_inputs, write_runs, write_virtual
-from postprocess.lab.register_step import lab_files, run_registration
-from postprocess.stagefiles import StageFiles
+from fileio.errors import sentence
+from fileio.lock import exclusive
+from postprocess.evidence.stage_files import StageFiles
+from postprocess.lab.data.dpiv_toml import Dpiv
+from postprocess.lab.data.files import LabFiles
+from postprocess.lab.data.inputs_toml import read_inputs, write_runs, write_virtual
+from postprocess.lab.judgement.compare import run_comparison
+from postprocess.lab.registration.step import lab_files, run_registration
 
 
 def parser() -> argparse.ArgumentParser:
@@ -88,13 +88,13 @@ def run_step(args: argparse.Namespace, files: LabFiles, dpiv: Dpiv) -> None:
                 )
             print(f"verdict: {result['verdict']}")
     elif args.step == "motion":
-        from postprocess.lab.measured import run_motion
+        from postprocess.lab.judgement.recorded_motion import run_motion
 
         folder = run_motion(files, dpiv)
         if not args.quiet:
             print(folder)
     else:
-        from postprocess.lab.report import make_report
+        from postprocess.lab.report.report import make_report
 
         path = make_report(files)
         if not args.quiet:

@@ -26,10 +26,10 @@ $(LABOUT)/lab/$(LABNAME)/registration.json: $(LABOUT)/kinematics.h5 $(wildcard $
 VARIATIONS = $(if $(INPUTS),$(notdir $(patsubst %/scene.toml,%,$(wildcard $(LABOUT)/inputs/*/scene.toml))))
 lab-sheets: $(LABOUT)/lab/$(LABNAME)/sheet.h5 $(patsubst %,$(LABOUT)/lab/$(LABNAME)/inputs/%.h5,$(VARIATIONS))
 $(LABOUT)/lab/$(LABNAME)/sheet.h5: $(LABOUT)/run/run.json $(LABOUT)/settings/sheet.json $(LABOUT)/lab/$(LABNAME)/view.txt
-	$(PY) -m pipeline.sheets $(CASE) --level $(LEVEL) --view $$(cat $(@D)/view.txt) -o $@ $(FLAGS)
+	$(PY) -m pipeline.sheet $(CASE) --level $(LEVEL) --view $$(cat $(@D)/view.txt) -o $@ $(FLAGS)
 define variation_rule
 $(LABOUT)/lab/$(LABNAME)/inputs/$(1).h5: $(addprefix $(LABOUT)/inputs/$(1)/out/$(LEVEL)/,run/run.json settings/sheet.json) $(LABOUT)/lab/$(LABNAME)/view.txt
-	$(PY) -m pipeline.sheets $(LABOUT)/inputs/$(1) --level $(LEVEL) --view $$$$(cat $(LABOUT)/lab/$(LABNAME)/view.txt) -o $$@ $(FLAGS)
+	$(PY) -m pipeline.sheet $(LABOUT)/inputs/$(1) --level $(LEVEL) --view $$$$(cat $(LABOUT)/lab/$(LABNAME)/view.txt) -o $$@ $(FLAGS)
 endef
 $(foreach v,$(VARIATIONS),$(eval $(call variation_rule,$(v))))
 
@@ -45,8 +45,8 @@ virtual-lab: | $(READY) ## a stand-in recording to try compare on, where no labo
 	+@$(SUB) $(SCENE).kinematics
 	$(LAB) virtual $(CASE) --level $(LEVEL) --pressure-kpa $(PRESSURE) $(FLAGS)
 	+@$(SUB) $(patsubst $(CASES)/%,%,$(VIRTUAL)).run
-	$(PY) -m pipeline.sheets $(VIRTUAL) --level $(LEVEL) --view -0.075 0.12 0.115 0.275 -o $(VIRTUAL)/view.h5 $(FLAGS)
-	$(PY) -m postprocess.lab.stand_in $(VIRTUAL) --level $(LEVEL) --sheet $(VIRTUAL)/view.h5 -o $(VIRTUAL)/virtual_$(PRESSURE)kpa --pairs-hz 100
+	$(PY) -m pipeline.sheet $(VIRTUAL) --level $(LEVEL) --view -0.075 0.12 0.115 0.275 -o $(VIRTUAL)/view.h5 $(FLAGS)
+	$(PY) -m postprocess.lab.virtual.virtual_laboratory $(VIRTUAL) --level $(LEVEL) --sheet $(VIRTUAL)/view.h5 -o $(VIRTUAL)/virtual_$(PRESSURE)kpa --pairs-hz 100
 	@echo "now: make compare SCENE=$(SCENE) LEVEL=$(LEVEL) DPIV=$(VIRTUAL)/virtual_$(PRESSURE)kpa"
 
 LAB_STUDY = $(LABOUT)/virtual/study
@@ -55,10 +55,10 @@ virtual-lab-study: | $(READY) ## registration, verdicts and coverage over 20 see
 	@$(LAB) runs $(CASE) --level $(LEVEL) --quiet
 	$(LAB) virtual $(CASE) --level $(LEVEL) --pressure-kpa 21 --quiet
 	+@$(SUB) SCENE=$(SCENE) study-sheets
-	$(PY) -m tests.benchmarks.registration --seeds 20 -o $(LAB_STUDY)/registration.csv --docs docs/comparison.md
-	$(PY) -m tests.benchmarks.virtual_lab --case $(CASE) --level $(LEVEL) --seeds 20 -o $(LAB_STUDY)/trials.csv --docs docs/comparison.md
+	$(PY) -m tests.studies.laboratory.registration --seeds 20 -o $(LAB_STUDY)/registration.csv --docs docs/comparison.md
+	$(PY) -m tests.studies.laboratory.virtual_lab --case $(CASE) --level $(LEVEL) --seeds 20 -o $(LAB_STUDY)/trials.csv --docs docs/comparison.md
 study-sheets: $(LAB_STUDY)/nominal.h5 $(LAB_STUDY)/21kpa.h5 $(patsubst %,$(LAB_STUDY)/%.h5,$(VARIATIONS))
-LAB_STUDY_SHEET = $(PY) -m pipeline.sheets $(patsubst %/out/$(LEVEL)/run/run.json,%,$<) --level $(LEVEL) --view -0.08 0.12 0.10 0.28 -o $@ $(FLAGS)
+LAB_STUDY_SHEET = $(PY) -m pipeline.sheet $(patsubst %/out/$(LEVEL)/run/run.json,%,$<) --level $(LEVEL) --view -0.08 0.12 0.10 0.28 -o $@ $(FLAGS)
 $(LAB_STUDY)/nominal.h5: $(LABOUT)/run/run.json
 	$(LAB_STUDY_SHEET)
 $(LAB_STUDY)/21kpa.h5: $(LABOUT)/virtual/21kpa/out/$(LEVEL)/run/run.json

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from piv.plane import read_plane
+from fileio.formats.plane_series import read_plane
 from tests.conftest import ROOT
 from tests.inner_make import inner_environment
 

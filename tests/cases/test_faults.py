@@ -6,14 +6,14 @@ import shutil
 
 import pytest
 
-from pipeline.ending import NAME, ending
-from pipeline.study import write_scene
-from pipeline.study_file import Row
-from tests.faults.conditions import disks, twice
-from tests.faults.kill import kills_in
-from tests.faults.project import PRODUCTS, SCENE, copy_project, make, out_of
-from tests.stability import images
-from tests.stability.solver import result
+from pipeline.study.outcome import NAME, ending
+from pipeline.study.plan import write_scene
+from pipeline.study.table import Row
+from tests.studies.faults.conditions import disks, twice
+from tests.studies.faults.kill import kills_in
+from tests.studies.faults.project import PRODUCTS, SCENE, copy_project, make, out_of
+from tests.studies.stability import images
+from tests.studies.stability.solver import result
 
 pytestmark = [
     pytest.mark.openfoam,

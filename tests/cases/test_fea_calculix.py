@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import StageError
-from pipeline.fea import calculix
+from fileio.errors import StageError
+from pipeline.fea.solid import calculix
 from pipeline.fea.engines import solid
 from pipeline.fea.finger import fit_circle
-from pipeline.fea.path import follow
+from pipeline.fea.cell.path import follow
 from pipeline.fea.settings import Actuator, Fea, Material, SolidMesh, UnitCellMesh
-from pipeline.fea.unit_cell import UnitCell
-from pipeline.scene import load_scene
+from pipeline.fea.cell.unit_cell import UnitCell
+from pipeline.scene.scene import load_scene
 
 ROOT = Path(__file__).parents[2]
 SCENE = load_scene(ROOT / "cases" / "single_finger")

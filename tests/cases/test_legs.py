@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from pipeline import case as case_stage
-from pipeline import prepare as preparing
-from pipeline import run as run_stage
-from pipeline import sheets
-from pipeline.errors import StageError
-from pipeline.legs import read_legs
-from pipeline.lock import only_one
-from pipeline.scene import Scene, load_scene
-from piv.plane import read_plane
+from pipeline.run import prepare as preparing
+from pipeline.run import stage as run_stage
+from pipeline import sheet as sheets
+from fileio.errors import StageError
+from fileio.formats.mesh_intervals import read_legs
+from fileio.lock import only_one
+from pipeline.scene.scene import Scene, load_scene
+from fileio.formats.plane_series import read_plane
 from tests.conftest import ROOT, prepare, write_scene
 
 pytestmark = [
@@ -162,7 +162,7 @@ def test_a_run_killed_in_its_second_leg_and_while_carrying_ends_with_the_same_fo
             run_stage.run(scene, quiet=True)
     first, second = (scene.out / "case" / leg.name for leg in read_legs(scene.out)[:2])
     logged = (first / "log.pimpleFoam").stat().st_mtime_ns
-    command = [sys.executable, "-m", "pipeline.run", str(scene.folder), "--level", "tiny", "--quiet"]
+    command = [sys.executable, "-m", "pipeline.run.stage", str(scene.folder), "--level", "tiny", "--quiet"]
     process = subprocess.Popen(command, cwd=ROOT)
     deadline = time.monotonic() + 120
     while len(list(second.glob("0.*/uniform/time"))) < 3 and time.monotonic() < deadline:

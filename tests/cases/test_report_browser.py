@@ -7,10 +7,10 @@ import time
 
 import pytest
 
-from postprocess import figures, flow_figures
-from postprocess.compare import compare
-from postprocess.report import make_report
-from postprocess.stagefiles import StageFiles
+from postprocess.report import figures, flow_figures
+from postprocess.compare.stage import compare
+from postprocess.report.stage import make_report
+from postprocess.evidence.stage_files import StageFiles
 from tests.synthetic_stroke import copy_findings, write_case
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 

@@ -13,20 +13,20 @@ import numpy as np
 import pytest
 from tqdm import tqdm
 
-from pipeline import run as run_stage
-from pipeline import solver, supervise
+from pipeline.run import stage as run_stage
+from pipeline.run import solver, checks as supervise
 from pipeline.case import numbers_text
-from pipeline.costs import Spent
-from pipeline.errors import StageError
-from pipeline.foamfile import is_complete
-from pipeline.guards import Guard
-from pipeline.legs import read_legs, read_stage
-from pipeline.motion import read_motion
-from pipeline.prepare import prepare as lay_frames
-from pipeline.ranks import Ranks
-from pipeline.scene import Scene, load_scene
-from pipeline.solver import read_progress, set_number
-from pipeline.stage import read_dataset
+from fileio.cost import Spent
+from fileio.errors import StageError
+from pipeline.openfoam.foamfile import is_complete
+from pipeline.run.guards import Guard
+from fileio.formats.mesh_intervals import read_legs, read_stage
+from fileio.formats.node_motion import read_motion
+from pipeline.run.prepare import prepare as lay_frames
+from pipeline.openfoam.ranks import Ranks
+from pipeline.scene.scene import Scene, load_scene
+from pipeline.run.solver import read_progress, set_number
+from fileio.hdf5 import read_dataset
 from tests.conftest import ROOT, prepare, write_scene
 
 pytestmark = [
@@ -160,7 +160,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
     scene = short_scene(tmp_path / "straight", end=0.06, numerics=f', time_scheme = "{scheme}"')
     killed = copy_of(scene, tmp_path / "killed")
     run_stage.run(scene, quiet=True)
-    command = [sys.executable, "-m", "pipeline.run", str(killed.folder), "--level", "tiny", "--quiet"]
+    command = [sys.executable, "-m", "pipeline.run.stage", str(killed.folder), "--level", "tiny", "--quiet"]
     process = subprocess.Popen(command, cwd=ROOT)
     checkpoint = killed.out / "case" / "leg_0" / "0.03" / "uniform" / "time"
     deadline = time.monotonic() + 600

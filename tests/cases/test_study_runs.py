@@ -53,7 +53,7 @@ def snakemake(project: Path, *more: str) -> subprocess.Popen[str]:
     command = [
         SNAKEMAKE,
         "-s",
-        "pipeline/Snakefile",
+        "pipeline/study/Snakefile",
         "-j2",
         *more,
         "--config",
@@ -115,7 +115,7 @@ def test_the_runs_lie_where_the_table_says(project):
 
 
 def test_what_is_lost_on_the_way_to_a_result_is_made_again(project):
-    """Else the result would not pass for made (postprocess.study_state), and nothing would make it."""
+    """Else the result would not pass for made (postprocess.studies.state), and nothing would make it."""
     out = project / "cases" / "small" / "out" / "studies" / "trial" / "thick" / "out" / "tiny"
     kept = (out / "planform.h5").rename(out / "kept.h5")
     jobs = planned_jobs(project)

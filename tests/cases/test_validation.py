@@ -5,13 +5,14 @@ import shutil
 import numpy as np
 import pytest
 
-from pipeline import run, sheets
-from pipeline.errors import StageError
-from pipeline.legs import read_legs
-from pipeline.scene import load_scene
+from pipeline.run import stage as run
+from pipeline import sheet as sheets
+from fileio.errors import StageError
+from fileio.formats.mesh_intervals import read_legs
+from pipeline.scene.scene import load_scene
 from tests.conftest import prepare
-from tests.validation import cylinders, deforming
-from tests.validation.solve import CASES, solved
+from tests.studies.validation import cylinders, deforming
+from tests.studies.validation.solve import CASES, solved
 
 pytestmark = [
     pytest.mark.openfoam,

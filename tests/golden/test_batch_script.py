@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import batch
-from pipeline.batch import Request, asked, scripts, slurm_time
-from pipeline.errors import StageError
-from pipeline.scene import load_scene
+from fileio.errors import StageError
+from pipeline.scene.scene import load_scene
+from pipeline.study import slurm as batch
+from pipeline.study.slurm import Request, asked, scripts, slurm_time
 from tests.conftest import write_scene
 
 GOLDEN = Path(__file__).with_name("run.sbatch")

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from foamlib import FoamFile
 
+from fileio.errors import StageError
+from fileio.formats.mesh_intervals import Leg
 from pipeline.case import check_legs, numbers, numbers_text, regions_text
-from pipeline.errors import StageError
-from pipeline.legs import Leg
-from pipeline.scene import load_scene
+from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT, write_scene
 
 HERE = Path(__file__).parent

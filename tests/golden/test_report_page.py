@@ -12,8 +12,13 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from postprocess import compare, draw_mesh, draw_series, figures, flow_figures, report, run_figures, wording
-from postprocess.stagefiles import StageFiles
+from postprocess.compare import stage as compare
+from postprocess.draw import mesh as draw_mesh
+from postprocess.draw import series as draw_series
+from postprocess.draw import solver as draw_solver
+from postprocess.evidence.stage_files import StageFiles
+from postprocess.report import figures, flow_figures, run_figures, wording
+from postprocess.report import stage as report
 from tests.synthetic_pinch import GAIN, SHIFT, write_pinch
 from tests.synthetic_stroke import copy_findings, write_case
 
@@ -199,8 +204,8 @@ UNIT = re.compile(r", (s|m|mm|m/s|°|kPa|mN|mW|mJ|GB|cm²/s|1/s|1|% of tip speed
 
 
 def test_every_axis_of_every_series_names_its_unit(made):
-    from postprocess.stagefiles import read_table
-    from postprocess.tracks import dominant_tracks, read_vortices
+    from postprocess.evidence.stage_files import read_table
+    from postprocess.evidence.tip_vortex import dominant_tracks, read_vortices
 
     middle = tuple(result(made)["middle_of_stroke_s"])
     found = dominant_tracks(
@@ -209,10 +214,10 @@ def test_every_axis_of_every_series_names_its_unit(made):
     drawn = [
         draw_series.circulation({s: [track] for s, track in found.items()}, middle),
         draw_series.agreement(pd.read_csv(made.out / "comparison.csv"), 0.4, middle),
-        draw_series.forces(read_table(made.out / "run/forces.csv", run_figures.FORCE_COLUMNS)),
-        draw_series.power(read_table(made.out / "run/power.csv", run_figures.POWER_COLUMNS)),
-        draw_series.history(read_table(made.out / "run/history.csv", run_figures.HISTORY_COLUMNS)),
-        draw_series.mesh_quality(read_table(made.out / "mesh_quality.csv", run_figures.QUALITY_COLUMNS)),
+        draw_solver.forces(read_table(made.out / "run/forces.csv", run_figures.FORCE_COLUMNS)),
+        draw_solver.power(read_table(made.out / "run/power.csv", run_figures.POWER_COLUMNS)),
+        draw_solver.history(read_table(made.out / "run/history.csv", run_figures.HISTORY_COLUMNS)),
+        draw_solver.mesh_quality(read_table(made.out / "mesh_quality.csv", run_figures.QUALITY_COLUMNS)),
     ]
     for figure in drawn:
         assert all(UNIT.search(ax.get_ylabel().replace("\n", " ")) for ax in figure.axes)

@@ -19,7 +19,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pipeline.scene import load_scene
+from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT, TINY
 
 pytestmark = [

@@ -1,0 +1,1 @@
+"""Files, errors and command lines that all packages share."""

@@ -1,0 +1,38 @@
+"""Where every node of the planform is at any time: shapes of the mesh stage, run through by the pressure law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from fileio.formats.mesh_intervals import read_stage
+from fileio.hdf5 import read_dataset
+
+
+@dataclass(frozen=True)
+class NodeMotion:
+    """Twice continuously differentiable motion of planform nodes; exact at the knots of the shape parameter."""
+
+    pressure: CubicSpline
+    shape: CubicSpline
+
+    def nodes(self, time: float) -> np.ndarray:
+        """Positions (node, 2) at `time` s, m; at rest before 0."""
+        return self.shape(float(self.pressure(max(time, 0.0))))
+
+    def velocity(self, time: float) -> np.ndarray:
+        """Velocities (node, 2) at `time` s, m/s."""
+        if time <= 0:
+            return np.zeros(self.shape.c.shape[2:])
+        return self.shape(float(self.pressure(time)), 1) * float(self.pressure(time, 1))
+
+
+def read_motion(out: Path, stage: int = 0) -> NodeMotion:
+    """Motion of the nodes of one stage's planform, from `kinematics.h5` and `planform.h5` of a level's folder."""
+    with read_dataset(out / "kinematics.h5", "kinematics") as file:
+        pressure = CubicSpline(file["time"].values, file["pressure"].values)
+    planform = read_stage(out, stage)
+    return NodeMotion(pressure, CubicSpline(planform["shape_parameter"].values, planform["points"].values))

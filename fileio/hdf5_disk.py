@@ -1,0 +1,172 @@
+"""HDF5 files on disks that may be full.
+
+The library crashes, at once or when the process ends, of a write that fails. It therefore writes through `Disk`, which
+never fails it: what the disk refuses stays in memory, and is told by DiskFile's `flush` and `close`.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+from fileio.atomic import settle, whole
+from fileio.child_process import check_walkable
+
+
+class Disk(io.RawIOBase):
+    """A file to write for h5py, xarray or h5netcdf: mode "w" (new) or "r+".
+
+    It takes every write; `check` and `close` raise the first error of the disk, or the interruption, that befell one.
+    """
+
+    def __init__(self, path: str | Path, mode: str) -> None:
+        self._path = path
+        flags = os.O_CREAT | os.O_TRUNC if mode == "w" else 0
+        self._descriptor = os.open(path, os.O_RDWR | flags, 0o666)
+        self._position = 0
+        self._end = os.fstat(self._descriptor).st_size
+        self._reserved = 0
+        self._refused: list[tuple[int, bytes]] = []
+        self._failure: BaseException | None = None
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """As of any file."""
+        self._position = offset + {os.SEEK_CUR: self._position, os.SEEK_END: self._end}.get(whence, 0)
+        return self._position
+
+    def tell(self) -> int:
+        """As of any file."""
+        return self._position
+
+    def readinto(self, buffer: Any) -> int:
+        """What was written, be it on the disk or in memory; zeros beyond the end."""
+        view = memoryview(buffer).cast("B")
+        start, size = self._position, len(view)
+        found = os.pread(self._descriptor, size, start)
+        view[: len(found)] = found
+        view[len(found) :] = bytes(size - len(found))
+        for offset, content in self._refused:
+            first, last = max(start, offset), min(start + size, offset + len(content))
+            if first < last:
+                view[first - start : last - start] = content[first - offset : last - offset]
+        self._position += size
+        return size
+
+    def write(self, content: Any) -> int:
+        """Write at the position; in memory from the first failure on, so that the disk is left as it was then."""
+        view = memoryview(content).cast("B")
+        start, size = self._position, len(view)
+        try:
+            written = 0
+            while self._failure is None and written < size:
+                written += os.pwrite(self._descriptor, view[written:], start + written)
+        except (OSError, KeyboardInterrupt) as error:
+            self._failure = error
+        if self._failure is not None:
+            self._refused.append((start, bytes(view)))
+        self._position = start + size
+        self._end = max(self._end, self._position)
+        return size
+
+    def truncate(self, size: int | None = None) -> int:
+        """Set the file's length."""
+        self._end = self._position if size is None else size
+        try:
+            if self._failure is None:
+                os.ftruncate(self._descriptor, self._end)
+        except (OSError, KeyboardInterrupt) as error:
+            self._failure = error
+        return self._end
+
+    def reserve(self, size: int) -> None:
+        """Take the room for the first `size` bytes; where there is none, the disk is left as it is."""
+        if size <= self._reserved or self._failure is not None:
+            return
+        before = os.fstat(self._descriptor).st_size
+        try:
+            os.posix_fallocate(self._descriptor, 0, size)
+            self._reserved = size
+        except (OSError, KeyboardInterrupt) as error:
+            self._failure = error
+            os.ftruncate(self._descriptor, before)
+
+    def check(self) -> None:
+        """Raise what befell a write."""
+        if isinstance(self._failure, OSError):
+            raise OSError(self._failure.errno, self._failure.strerror, str(self._path)) from self._failure
+        if self._failure is not None:
+            raise self._failure
+
+    def close(self) -> None:
+        """Let the file go."""
+        if not self.closed:
+            os.close(self._descriptor)
+            super().close()
+            self.check()
+
+
+class DiskFile(h5py.File):
+    """An HDF5 file to write: mode "w" or "r+". `flush` and `close` raise what the disk has refused as OSError.
+
+    The disk is then left with what the last good `flush` has written: the room for all that was created is taken first.
+    """
+
+    def __init__(self, path: str | Path, mode: str, **options: Any) -> None:
+        self._disk = Disk(path, mode)
+        try:
+            super().__init__(self._disk, mode, **options)
+        except BaseException:
+            self._disk.close()
+            raise
+
+    def flush(self) -> None:
+        """Hand everything to the system."""
+        self._disk.reserve(self.id.get_filesize())
+        super().flush()
+        self._disk.check()
+
+    def close(self) -> None:
+        """Write the rest, and let the file go."""
+        if self:
+            self._disk.reserve(self.id.get_filesize())
+        super().close()
+        self._disk.close()
+
+
+def resumed(part: Path, identity: str) -> DiskFile | None:
+    """An unfinished file of this `identity` to go on with; None where there is none, or it is another's or damaged."""
+    if not part.exists():
+        return None
+    try:
+        check_walkable(part)
+        file = DiskFile(part, "r+")
+    except (OSError, ValueError):
+        return None  # killed while the file was being created
+    if file.attrs.get("_identity") == identity:
+        return file
+    file.close()
+    return None
+
+
+def finish(file: DiskFile, part: Path, path: Path) -> None:
+    """Give an unfinished file its name, without what tells how far it is."""
+    file.flush()
+    settle(part)  # what is lacking room is told while the file can still be gone on with
+    del file["_done"]
+    del file.attrs["_identity"]
+    file.close()
+    settle(part)
+    os.replace(part, path)
+
+
+@contextmanager
+def whole_hdf5(path: str | Path, **options: Any) -> Iterator[h5py.File]:
+    """A new HDF5 file that becomes `path` where the block ends well, and is removed otherwise; its folder is made."""
+    with whole(path) as part, DiskFile(part, "w", **options) as file:
+        yield file

@@ -1,0 +1,43 @@
+"""JSON that must hold an object, or a list: files, and attributes of HDF5 files."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from fileio.errors import StageError
+
+
+def parse_json(text: str | bytes, place: str | Path, remedy: str, kind: type = dict) -> Any:
+    """What `text` holds, of `kind`; else StageError with `place`, what is wrong and `remedy` in one sentence."""
+    try:
+        found = json.loads(text)
+    except (TypeError, ValueError) as error:
+        raise StageError(f"{place}: not valid JSON ({error}); {remedy}") from error
+    if not isinstance(found, kind):
+        raise StageError(f"{place}: holds a {type(found).__name__}, not a {kind.__name__}; {remedy}")
+    return found
+
+
+def flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
+    """The values of a table and of the tables in it, by their keys joined with dots."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        found |= flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
+    return found
+
+
+def read_json(path: Path, remedy: str, kind: type = dict) -> Any:
+    """What a file holds; StageError as `parse_json`."""
+    return parse_json(path.read_bytes(), path, remedy, kind)
+
+
+def natural_key(path: str | Path) -> list[tuple[int, int | str]]:
+    """Sort key in which numbers inside names count as numbers."""
+    parts = re.split(r"(\d+)", str(path))
+    return [(1, int(p)) if p.isdecimal() else (0, p.lower()) for p in parts]
+
+
+AGAIN = "run the stage that writes it again"

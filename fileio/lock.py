@@ -1,0 +1,72 @@
+"""One writer at a time of a file or folder, by a lock that the kernel gives back however its holder ends."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from fileio.errors import StageError
+
+
+@contextmanager
+def exclusive(target: Path, *, wait: bool = False) -> Iterator[None]:
+    """Hold the lock on `target`, the hidden file `.<name>.lock` beside it, which is removed afterwards.
+
+    Where another process holds it: BlockingIOError, or with `wait` its end is waited for.
+    """
+    path = target.with_name(f".{target.name}.lock")
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except OSError:
+            os.close(descriptor)
+            raise BlockingIOError(
+                errno.EWOULDBLOCK,
+                "another make or command is writing it; wait for it or stop it",
+                str(target),
+            ) from None
+        try:  # its last holder may have removed it between our opening and locking it
+            if os.path.samestat(os.fstat(descriptor), os.stat(path)):
+                break
+        except FileNotFoundError:
+            pass
+        os.close(descriptor)
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def held(folder: Path) -> str | None:
+    """Name of a file in `folder` that another process holds the lock on, or None."""
+    for path in sorted(folder.glob(".*.lock")):
+        try:
+            with path.open() as file:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except FileNotFoundError:
+            continue
+        except OSError:
+            return path.name[1:].removesuffix(".lock")
+    return None
+
+
+LOCK = ".lock"
+
+
+@contextmanager
+def only_one(folder: Path) -> Iterator[None]:
+    """Hold the lock on `folder`; StageError where there is no such folder, or another run holds it."""
+    if not folder.is_dir():
+        raise StageError(f"{folder}: no case; run the case stage first")
+    with open(folder / LOCK, "w", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise StageError(f"{folder}: another run is at work here; wait for it or stop it") from None
+        yield

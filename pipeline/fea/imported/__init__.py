@@ -1,0 +1,1 @@
+"""The user's own finite-element results or digitised profiles."""

@@ -1,0 +1,1 @@
+"""The whole finger in 3-D by CalculiX."""

@@ -1,0 +1,86 @@
+"""The paper's studies of θ, W and materials, from the states that the study `bending` computed → docs/fea/ (tables and figures).
+
+Command: python -m pipeline.fea.studies.studies (make fea-studies, which has Snakemake run cases/single_finger/studies/bending.csv first)
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fileio.command import guarded
+from fileio.errors import StageError
+from fileio.formats.bending_states import read
+from fileio.json_text import read_json
+from pipeline.fea.engines import solid
+from pipeline.fea.sections import sections
+from pipeline.fea.settings import Actuator, Fea, SolidMesh
+from pipeline.fea.solid.calculix import release
+from pipeline.fea.studies.figures import draw
+from pipeline.fea.studies.tables import Bends, write_results, write_table
+from pipeline.scene.scene import load_scene
+
+STUDY = "bending"
+
+
+def bends_of(plan: dict[str, Any]) -> dict[str, Bends]:
+    """The states of every run of a study's plan, by its name. StageError where one was not computed."""
+    found = {}
+    for run in plan["runs"]:
+        path = Path(run["folder"]) / "kinematics" / "states.h5"
+        if not path.exists():
+            raise StageError(f"{path}: {run['run']} was not analysed; run make fea-studies")
+        states = read(path)
+        gap = states.wall_gap if states.wall_gap is not None else np.zeros_like(states.radius)
+        found[run["run"]] = Bends(states.pressure, states.radius, gap)
+    return found
+
+
+def against_calculix(actuator: Actuator, fea: Fea, work: Path) -> dict[str, Bends]:
+    """The default finger in 3-D at 10, 20 and 30 kPa, meshed as finely as the unit cell."""
+    m = fea.mesh
+    same = SolidMesh(**m.model_dump() | {"cavity": 2 * m.cavity, "gap": 2 * m.gap})
+    asked = {
+        "solid_mesh": same,
+        "first_pressure_kpa": 10.0,
+        "last_pressure_kpa": 30.0,
+        "pressure_step_kpa": 10.0,
+    }
+    states = solid(work, actuator, fea.model_copy(update=asked))
+    return {f"CalculiX {release()}": Bends(states.pressure, states.radius, states.fit_residual)}
+
+
+def run(case: Path, docs: Path, calculix: bool) -> None:
+    """Gather the study's states, write tables, draw figures."""
+    path = case / "out" / "studies" / STUDY / "plan.json"
+    if not path.exists():
+        raise StageError(f"{path}: no plan; run make fea-studies, which makes the runs first")
+    bends = bends_of(read_json(path, "run make fea-studies, which writes it anew"))
+    write_table(docs / "studies.csv", bends)
+    if calculix:
+        scene = load_scene(case)
+        compared = against_calculix(*sections(scene), case / "out" / "calculix")
+        write_table(docs / "calculix.csv", compared, last="fit_residual_mm")
+    states = read(case / "kinematics" / "states.h5")
+    write_results(docs / "results.md", bends, states, docs / "calculix.csv")
+    draw(docs, bends, states)
+    print(f"tables and figures → {docs}")
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m pipeline.fea.studies.studies", description=__doc__)
+    parser.add_argument("case", type=Path, nargs="?", default=Path("cases/single_finger"))
+    parser.add_argument("--docs", type=Path, default=Path("docs/fea"), help="where tables and figures go")
+    parser.add_argument(
+        "--calculix", action="store_true", help="run the comparison in 3-D again (several minutes)"
+    )
+    given = parser.parse_args()
+    guarded("fea.studies", lambda: run(given.case, given.docs, given.calculix))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The swept mesh: planform, cells, volumes and quality."""

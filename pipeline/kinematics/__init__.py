@@ -1,0 +1,1 @@
+"""Stage kinematics: the pressure law and the finger's shapes."""

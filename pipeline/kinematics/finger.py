@@ -1,0 +1,124 @@
+"""A finger in motion: the pressure law, the family of shapes, and where the scene hangs it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fileio.errors import StageError
+from fileio.formats.bending_states import States, read_states
+from pipeline.fea import paper_equations as paper_model
+from pipeline.kinematics.contact import closing_law, gap
+from pipeline.kinematics.pressure_law import PressureLaw, measured_law, stroke_law
+from pipeline.kinematics.recorded_motion import recorded_law, recorded_states
+from pipeline.kinematics.shapes import ShapeFamily, add_tip, circular_states, rounded_strip
+from pipeline.scene.scene import Scene
+from pipeline.scene.sections import Finger, Motion
+
+PAPER_LOWEST_PRESSURE = paper_model.LOWEST_VALID_PRESSURE
+LAW_SAMPLES_PER_SECOND = 4000
+LENGTH_TOLERANCE = 0.02  # of finger.length against that of its states: digitised profiles are no better
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """A pressure law and the shapes it runs through, with the placement in the tank.
+
+    `law` is that of the shapes: in a pinch the fingers stop where they meet, while the chambers' own pressure,
+    `free_law`, goes on.
+    """
+
+    law: PressureLaw
+    free_law: PressureLaw
+    family: ShapeFamily
+    finger: Finger
+    states: States
+
+    def to_tank(self, points: np.ndarray) -> np.ndarray:
+        """Points (…, 2) from the actuator's frame (origin at the middle of the root) to the tank's."""
+        return self.turn(points) + np.asarray(self.finger.root)
+
+    def outline(self, pressure: float) -> np.ndarray:
+        """Closed outline (point, 2) of finger 0 in the tank frame at a pressure of the shape in Pa."""
+        return self.to_tank(self.family.outline(pressure))
+
+    def turn(self, vectors: np.ndarray) -> np.ndarray:
+        """Vectors (…, 2) from the actuator's axes to the tank's."""
+        side = 1.0 if self.finger.ventral == "+x" else -1.0
+        hanging = np.stack([side * vectors[..., 1], -vectors[..., 0]], axis=-1)
+        c, s = np.cos(np.radians(self.finger.tilt_deg)), np.sin(np.radians(self.finger.tilt_deg))
+        return hanging @ np.array([[c, s], [-s, c]])
+
+
+def load_kinematics(scene: Scene) -> Kinematics:
+    """The motion that a scene asks for. Raises StageError where it cannot be."""
+    motion, finger = scene.motion, scene.finger
+    law = _pressure_law(motion, scene.folder)
+    time = law_times(motion.end_time)
+    pressure = law(time)
+    states = _states(motion, finger, scene.folder, float(pressure.min()), float(pressure.max()))
+    low, high = states.pressure[0], states.pressure[-1]
+    if pressure.min() < low - 1e-6 or pressure.max() > high + 1e-6:
+        raise StageError(
+            f"{scene.folder / 'scene.toml'}: motion runs over {pressure.min() / 1e3:.3g}…{pressure.max() / 1e3:.3g} kPa"
+            f" but the states cover {low / 1e3:.3g}…{high / 1e3:.3g} kPa; shorten the stroke or add states"
+        )
+    rest = int(np.argmin(np.abs(states.pressure)))
+    length = float(np.hypot(*np.diff(states.profile[rest], axis=0).T).sum())
+    if abs(length - finger.length) > LENGTH_TOLERANCE * finger.length:
+        raise StageError(
+            f"{scene.folder / 'scene.toml'}: finger.length = {finger.length:g} m but the states of motion.states are"
+            f" {length:.4g} m long; give that length"
+        )
+    states = add_tip(states, finger.tip.length, finger.tip.thickness)
+    s = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(states.profile[rest], axis=0).T))])
+    strip = rounded_strip(
+        s[-1], states.thickness[rest], s, finger.root_corner_radius, finger.tip.corner_radius
+    )
+    free = Kinematics(law, law, ShapeFamily(states, strip), finger, states)
+    pinch = scene.pinch
+    if pinch is None:
+        return free
+    closed = closing_law(
+        law,
+        lambda p: float(gap(free.outline(p), pinch)),
+        float(law(np.zeros(1))[0]),
+        float(high),
+        pinch,
+        str(scene.folder / "scene.toml"),
+    )
+    return replace(free, law=closed)
+
+
+def law_times(end_time: float) -> np.ndarray:
+    """Instants (s) at which the law is written; a spline through them is exact to rounding."""
+    return np.linspace(0.0, end_time, int(np.ceil(end_time * LAW_SAMPLES_PER_SECOND)) + 1)
+
+
+def _pressure_law(motion: Motion, folder: Path) -> PressureLaw:
+    if motion.source == "recording":
+        assert motion.recording is not None  # the scene's own check
+        return recorded_law(folder / motion.recording, motion.recording_factor)
+    if motion.pressure_csv:
+        return measured_law(folder / motion.pressure_csv)
+    strokes = [(s.pressure_kpa * 1e3, s.start, s.duration) for s in motion.strokes]
+    return stroke_law(motion.start_pressure_kpa * 1e3, strokes)
+
+
+def _states(motion: Motion, finger: Finger, folder: Path, lowest: float, highest: float) -> States:
+    if motion.source == "recording":
+        assert motion.recording is not None  # the scene's own check
+        return recorded_states(folder / motion.recording)
+    if motion.source == "fea":
+        assert motion.states is not None  # the scene's own check
+        return read_states(folder / motion.states, finger.thickness)
+    if lowest < PAPER_LOWEST_PRESSURE:
+        raise StageError(
+            f"{folder / 'scene.toml'}: motion reaches {lowest / 1e3:.3g} kPa, but equations (1)-(6) let the chambers'"
+            f" walls cross below {PAPER_LOWEST_PRESSURE / 1e3:g} kPa; set motion.source = 'fea'"
+        )
+    pressure = np.linspace(min(lowest, -1e3), max(highest, 1e3), 41)
+    bend, _ = paper_model.bend(pressure, length=finger.length)
+    return circular_states(pressure, bend, finger.length, finger.thickness)

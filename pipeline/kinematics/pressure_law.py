@@ -1,0 +1,95 @@
+"""Pressure over time: three-pole strokes, or a measured history; both twice continuously differentiable."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from fileio.errors import StageError
+
+SETTLING_2_PERCENT = 7.5166  # x at which 1 - (1 + x + x^2/2) exp(-x) = 0.98
+
+
+class PressureLaw(Protocol):
+    """Pressure (Pa) and its time derivatives at times in s."""
+
+    def __call__(self, time: np.ndarray, derivative: int = 0) -> np.ndarray: ...
+
+
+def three_pole(x: np.ndarray, derivative: int = 0) -> np.ndarray:
+    """Step response of three equal real poles, 0 for x <= 0; `derivative` (0, 1, 2) with respect to x."""
+    x = np.maximum(x, 0.0)
+    if derivative == 0:
+        return 1 - (1 + x + x**2 / 2) * np.exp(-x)
+    if derivative == 1:
+        return x**2 / 2 * np.exp(-x)
+    if derivative == 2:
+        return (x - x**2 / 2) * np.exp(-x)
+    raise ValueError(f"derivative = {derivative} of the pressure law: give 0, 1 or 2")
+
+
+def stroke_law(start_pressure: float, strokes: list[tuple[float, float, float]]) -> PressureLaw:
+    """Strokes (pressure Pa, start s, duration s) superposed; each is 2 % from its end after its duration."""
+    steps = np.diff([start_pressure] + [stroke[0] for stroke in strokes])
+
+    def law(time: np.ndarray, derivative: int = 0) -> np.ndarray:
+        time = np.asarray(time, float)
+        total = np.full(time.shape, start_pressure if derivative == 0 else 0.0)
+        for step, (_, start, duration) in zip(steps, strokes, strict=True):
+            tau = duration / SETTLING_2_PERCENT
+            total += step * three_pole((time - start) / tau, derivative) / tau**derivative
+        return total
+
+    return law
+
+
+def measured_law(path: Path) -> PressureLaw:
+    """Cubic spline through a CSV with columns `t, p` (s, Pa), held constant before and after."""
+    try:
+        table = np.array([row.split(",") for row in _data_rows(path)], float, ndmin=2)
+    except (OSError, ValueError) as error:
+        raise StageError(f"{path}: not a table of t,p in s and Pa: {error}") from None
+    if table.ndim != 2 or table.shape[1] != 2 or len(table) < 3:
+        raise StageError(f"{path}: needs two columns t,p and at least three rows, found shape {table.shape}")
+    times, pressure = table.T
+    if not np.isfinite(table).all():
+        raise StageError(
+            f"{path}: row {int(np.argmin(np.isfinite(table).all(1))) + 1} is not a number; remove it"
+        )
+    if not np.all(np.diff(times) > 0):
+        raise StageError(
+            f"{path}: times must increase; row {int(np.argmin(np.diff(times) > 0)) + 2} does not"
+        )
+    if np.ptp(pressure) < 200:
+        raise StageError(f"{path}: pressures span {np.ptp(pressure):.3g}, which looks like kPa; give Pa")
+    return history_law(times, pressure)
+
+
+def history_law(times: np.ndarray, pressure: np.ndarray) -> PressureLaw:
+    """Cubic spline through a history (s, Pa), held constant before and after; twice continuously differentiable."""
+    step = np.min(np.diff(times))
+    rest = step * np.arange(1, 5)
+    spline = CubicSpline(  # constant knots at both ends let the spline settle: C2 there too
+        np.concatenate([times[0] - rest[::-1], times, times[-1] + rest]),
+        np.concatenate([np.full(4, pressure[0]), pressure, np.full(4, pressure[-1])]),
+        bc_type="clamped",
+    )
+    first, last = spline.x[0], spline.x[-1]
+
+    def law(time: np.ndarray, derivative: int = 0) -> np.ndarray:
+        t = np.asarray(time, float)
+        inside = (t >= first) & (t <= last)
+        outside = np.where(t < first, pressure[0], pressure[-1]) if derivative == 0 else 0.0
+        return np.where(inside, spline(np.clip(t, first, last), derivative), outside)
+
+    return law
+
+
+def _data_rows(path: Path) -> list[str]:
+    """Lines without comments, blank ones and the header, if there is one."""
+    lines = [line.split("#")[0].strip() for line in path.read_text(encoding="utf-8").splitlines()]
+    lines = [line for line in lines if line]
+    return lines[1:] if lines and lines[0].replace(" ", "").lower() == "t,p" else lines

@@ -1,0 +1,178 @@
+"""Kinematics of a rigid body: kinematics.h5 with the way travelled in place of the pressure."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import CubicSpline
+
+from fileio.errors import StageError
+from fileio.provenance import digest
+from pipeline.scene.rigid_body import Body, Law
+from pipeline.scene.scene import Scene
+from pipeline.stage_settings import settings_of
+
+SAMPLES_PER_SMOOTHING = 200  # of the law: a cubic spline through them is exact to 1e-9 of its step
+
+
+def smooth_step(x: np.ndarray, derivative: int = 0) -> np.ndarray:
+    """0 before 0, 1 after 1, three times continuously differentiable between (degree 7); `derivative` 0 or 1."""
+    x = np.clip(x, 0.0, 1.0)
+    if derivative == 0:
+        return x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3)
+    return 140 * x**3 * (1 - x) ** 3
+
+
+@dataclass(frozen=True)
+class Path:
+    """The way (m or rad) and its rate over `time` (s), and the smooth functions through them."""
+
+    time: np.ndarray
+    way: np.ndarray
+    rate: np.ndarray
+
+
+def travelled(law: Law, end_time: float) -> Path:
+    """The law sampled finely enough for a cubic spline; a rotation's degrees become radians elsewhere."""
+    count = int(np.ceil(end_time / law.smoothing * SAMPLES_PER_SMOOTHING)) + 1
+    time = np.linspace(0.0, end_time, min(max(count, 2001), 400_001))
+    since = np.maximum(time - law.start, 0.0)
+    begun = smooth_step(since / law.smoothing)
+    if law.kind == "sine":
+        assert law.amplitude is not None
+        assert law.period is not None
+        turn = 2 * np.pi * since / law.period
+        way = law.amplitude * begun * np.sin(turn)
+        begins = smooth_step(since / law.smoothing, 1) / law.smoothing
+        rate = law.amplitude * (begins * np.sin(turn) + begun * 2 * np.pi / law.period * np.cos(turn))
+        return Path(time, way, np.where(since > 0, rate, 0.0))
+    assert law.rate is not None
+    assert law.exponent is not None
+    rate = law.rate * begun * since**law.exponent
+    return Path(time, CubicSpline(time, rate).antiderivative()(time), rate)
+
+
+def rest_outline(body: Body) -> np.ndarray:
+    """Closed outline (point, 2) about the body's centre, m, counter-clockwise; a plate's ends are half circles."""
+    if body.shape == "circle":
+        turn = np.linspace(0, 2 * np.pi, body.points, endpoint=False)
+        return 0.5 * body.size * np.column_stack([np.cos(turn), np.sin(turn)])
+    assert body.thickness is not None
+    radius, straight = 0.5 * body.thickness, body.size - body.thickness
+    around = np.pi * radius
+    walk = np.linspace(0, 2 * (around + straight), body.points, endpoint=False)
+    side = walk // (around + straight)  # 0: right end and upper side, 1: the same turned by 180°
+    s = walk - side * (around + straight)
+    turn = np.minimum(s, around) / radius - 0.5 * np.pi
+    x = 0.5 * straight + radius * np.cos(turn) - np.maximum(s - around, 0)
+    y = radius * np.sin(turn)
+    sign = 1 - 2 * side
+    return turned(np.column_stack([sign * x, sign * y]), np.radians(body.angle_deg))
+
+
+def edges(body: Body) -> np.ndarray:
+    """Where the mesh must be fine (edge, 2), about the body's centre, m: a plate's ends, a circle's centre."""
+    half = 0.5 * body.size if body.shape == "plate" else 0.0
+    ends = np.array([[half, 0.0], [-half, 0.0]]) if half else np.zeros((1, 2))
+    return turned(ends, np.radians(body.angle_deg))
+
+
+def turned(points: np.ndarray, angle: float) -> np.ndarray:
+    """Points (…, 2) rotated counter-clockwise by `angle` rad."""
+    c, s = np.cos(angle), np.sin(angle)
+    return points @ np.array([[c, s], [-s, c]])
+
+
+def kinematics_dataset(scene: Scene) -> xr.Dataset:
+    """Everything of docs/formats.md, Kinematics, for a scene with a rigid body.
+
+    Raises StageError where the body leaves the water.
+    """
+    body, motion = scene.body, scene.motion
+    assert body is not None
+    law = motion.displacement or motion.rotation
+    assert law is not None
+    path = travelled(law, motion.end_time)
+    unit = np.radians(1.0) if motion.rotation else 1.0
+    way, speed = unit * path.way, unit * path.rate
+    low, high = float(way.min()), float(way.max())
+    if high - low < 1e-12:
+        raise StageError(
+            f"{scene.folder / 'scene.toml'}: the body never moves; motion.end_time must exceed the law's start"
+        )
+    step = motion.path_step or (np.radians(5.0) if motion.rotation else 0.1 * body.size)
+    knots = np.linspace(low, high, max(5, int(np.ceil((high - low) / step)) + 1))
+    outline, centre = rest_outline(body), np.asarray(body.centre)
+    direction = turned(np.array([1.0, 0.0]), np.radians(law.direction_deg))
+
+    def placed(at: np.ndarray, points: np.ndarray = outline) -> np.ndarray:
+        if motion.rotation:
+            return np.array([turned(points, q) for q in at]) + centre
+        return points + centre + at[:, None, None] * direction
+
+    def rates(at: np.ndarray) -> np.ndarray:
+        if motion.rotation:
+            return np.array([turned(outline, q + 0.5 * np.pi) for q in at])
+        return np.broadcast_to(direction, (len(at), *outline.shape))
+
+    shapes = placed(knots)
+    _check(shapes, scene)
+    turn = knots if motion.rotation else np.zeros_like(knots)
+    middle = (
+        centre + np.zeros_like(knots)[:, None] if motion.rotation else centre + knots[:, None] * direction
+    )
+    look = np.linspace(0, motion.end_time, 101)
+    law_at = CubicSpline(path.time, way)
+    at = law_at(look)
+    bend = at if motion.rotation else np.zeros_like(at)
+    units = "rad" if motion.rotation else "m"
+    along = np.stack([np.cos(turn), np.sin(turn)], -1)
+    across = np.stack([-np.sin(turn), np.cos(turn)], -1)
+    point = ("point", "axis")
+    return xr.Dataset(
+        {
+            "pressure": ("time", way, {"units": units, "long_name": "way travelled"}),
+            "pressure_rate": ("time", speed, {"units": f"{units}/s"}),
+            "bend": ("look", bend, {"units": "rad", "long_name": "turn of the body"}),
+            "outline": (("look", *point), placed(at), {"units": "m"}),
+            "outline_velocity": (
+                ("look", *point),
+                rates(at) * law_at(look, 1)[:, None, None],
+                {"units": "m/s"},
+            ),
+            "shape_outline": (("shape_parameter", *point), shapes, {"units": "m"}),
+            "shape_outline_rate": (("shape_parameter", *point), rates(knots), {"units": f"m/{units}"}),
+            "shape_edges": (("shape_parameter", "edge", "axis"), placed(knots, edges(body)), {"units": "m"}),
+            "shape_bend": ("shape_parameter", turn, {"units": "rad"}),
+            "shape_tip": (("shape_parameter", "axis"), middle, {"units": "m"}),
+            "shape_tip_direction": (("shape_parameter", "axis"), along, {"units": "1"}),
+            "shape_dorsal_direction": (("shape_parameter", "axis"), across, {"units": "1"}),
+        },
+        coords={
+            "time": ("time", path.time, {"units": "s"}),
+            "look": ("look", look, {"units": "s"}),
+            "shape_parameter": ("shape_parameter", knots, {"units": units}),
+        },
+        attrs={
+            "format": "kinematics",
+            "format_version": 1,
+            "source": motion.source,
+            "finger_width": body.depth,
+            "tip_thickness": body.size,
+            "scene_hash": digest(settings_of(scene, "kinematics")),
+            "settings": json.dumps(settings_of(scene, "kinematics")),
+        },
+    )
+
+
+def _check(shapes: np.ndarray, scene: Scene) -> None:
+    half, depth = 0.5 * scene.tank.size[0], scene.tank.water_depth
+    x, y = shapes[..., 0], shapes[..., 1]
+    if np.abs(x).max() >= half or y.min() <= 0 or y.max() >= depth:
+        raise StageError(
+            f"{scene.folder / 'scene.toml'}: the body leaves the water (x {x.min():.3g}…{x.max():.3g} m,"
+            f" y {y.min():.3g}…{y.max():.3g} m); enlarge tank.size or move body.centre"
+        )

@@ -1,0 +1,56 @@
+"""Shapes that no finger can take: through itself, through another body, out of the water."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from fileio.errors import StageError
+from pipeline.kinematics.contact import gap
+from pipeline.scene.pinch import Pinch, Support
+from pipeline.scene.scene import Scene
+
+ROOT_PLAY = 1e-4  # m: the clamped root itself rises by microns as the finger bends
+GAP_TOLERANCE = 1e-9  # m: rounding of the pressure at which the tips are held
+
+
+def check_shapes(outlines: np.ndarray, bends: np.ndarray, scene: Scene) -> None:
+    """StageError where an outline (knot, point, 2) crosses itself, another body, or leaves the water or the tank."""
+    half, depth = scene.tank.size[0] / 2, scene.tank.water_depth
+    where = scene.folder / "scene.toml"
+    for outline, bend in zip(outlines, np.degrees(bends), strict=True):
+        if not shapely.Polygon(outline).is_valid:
+            raise StageError(
+                f"{where}: the finger's outline crosses itself at {bend:.1f}° of bend; bend it less"
+            )
+        if outline[:, 1].max() >= depth:
+            raise StageError(
+                f"{where}: the finger leaves the water at {bend:.1f}° of bend (it reaches y = {outline[:, 1].max():.3f} m,"
+                f" the surface is at {depth:g} m); lower finger.root"
+            )
+        if np.abs(outline[:, 0]).max() >= half or outline[:, 1].min() <= 0:
+            raise StageError(f"{where}: the finger touches the tank at {bend:.1f}° of bend; move finger.root")
+        if scene.pinch is not None:
+            _check_gap(float(gap(outline, scene.pinch)), bend, scene.pinch, where)
+        if scene.support is not None and _enters(outline, scene.support):
+            raise StageError(
+                f"{where}: the finger touches the support at {bend:.1f}° of bend; raise support.bottom"
+            )
+
+
+def _check_gap(found: float, bend: float, pinch: Pinch, where: Path) -> None:
+    if found < pinch.residual_gap - GAP_TOLERANCE:
+        what = "crosses the plane between the fingers" if pinch.object is None else "crosses plane or object"
+        raise StageError(
+            f"{where}: the finger {what}, or comes nearer than pinch.residual_gap = {pinch.residual_gap:g} m, at"
+            f" {bend:.1f}° of bend (gap {found * 1e3:.3f} mm); raise pinch.half_distance or begin more open"
+        )
+
+
+def _enters(outline: np.ndarray, support: Support) -> bool:
+    """Whether the outline (point, 2) enters the block; a root at the height of its lower face does not."""
+    half, bottom = 0.5 * support.size[0], support.bottom
+    block = shapely.box(-half, bottom + ROOT_PLAY, half, bottom + support.size[1])
+    return shapely.Polygon(outline).intersects(block)

@@ -1,0 +1,164 @@
+"""Shapes of the finger over pressure: tables of states in, closed outlines and their rate of change out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from fileio.formats.bending_states import States
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Material points of the outline: arc length `s` (m) at rest and height `eta` (0 ventral ... 1 dorsal)."""
+
+    s: np.ndarray
+    eta: np.ndarray
+
+
+def rounded_strip(length: float, thickness: np.ndarray, s: np.ndarray, root_radius: float, tip_radius: float,
+                  points: int = 480) -> Strip:  # fmt: skip
+    """Outline of the undeformed finger with rounded corners, counter-clockwise in (s, height to the dorsal side).
+
+    `thickness` (point,) is given at arc lengths `s` (point,); `points` are spread evenly along the outline.
+    """
+    height_root, height_tip = thickness[0], thickness[-1]
+    limit = 0.49 * min(height_root, height_tip)
+    root_radius, tip_radius = min(root_radius, limit), min(tip_radius, limit)
+    fine = np.linspace(0, length, 2001)
+    height = np.interp(fine, s, thickness)
+
+    def rounded(distance_root: np.ndarray, distance_tip: np.ndarray) -> np.ndarray:
+        """How far a corner's arc cuts into the strip at a distance from its end."""
+        cut = np.zeros_like(fine)
+        for r, d in ((root_radius, distance_root), (tip_radius, distance_tip)):
+            near = d < r
+            cut[near] += r - np.sqrt(np.maximum(r**2 - (r - d[near]) ** 2, 0))
+        return cut
+
+    cut = rounded(fine, length - fine)
+    lower = np.column_stack([fine, cut])
+    upper = np.column_stack([fine, height - cut])[::-1]
+    loop = np.vstack([lower, upper, lower[:1]])
+    walk = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(loop, axis=0).T))])
+    at = np.linspace(0, walk[-1], points, endpoint=False)
+    x, y = np.interp(at, walk, loop[:, 0]), np.interp(at, walk, loop[:, 1])
+    return Strip(s=x, eta=y / np.interp(x, s, thickness))
+
+
+class ShapeFamily:
+    """Finger shapes as smooth functions of pressure.
+
+    Between states the tangent angle, the stretch and the thickness of each piece of the profile are interpolated
+    by cubic splines, not the points, so that few states suffice and lengths stay true.
+    """
+
+    def __init__(self, states: States, strip: Strip) -> None:
+        piece = np.diff(states.profile, axis=1)
+        self.pressure = states.pressure
+        angle = np.unwrap(np.arctan2(piece[..., 1], piece[..., 0]), axis=1)
+        angle = angle - 2 * np.pi * np.round(angle[:, :1] / (2 * np.pi))
+        self._angle = CubicSpline(states.pressure, angle)
+        self._length = CubicSpline(states.pressure, np.hypot(piece[..., 0], piece[..., 1]))
+        self._thickness = CubicSpline(states.pressure, states.thickness)
+        rest = int(np.argmin(np.abs(states.pressure)))
+        self._s = np.concatenate([[0], np.cumsum(np.hypot(*piece[rest].T))])
+        self._strip = strip
+        self._root_thickness = float(states.thickness[rest, 0])
+        self._tip_thickness = float(states.thickness[rest, -1])
+
+    @property
+    def length(self) -> float:
+        """Arc length of the profile at rest, m."""
+        return float(self._s[-1])
+
+    @property
+    def tip_thickness(self) -> float:
+        """Thickness of the finger's end at rest, m."""
+        return self._tip_thickness
+
+    def bend(self, pressure: float, derivative: int = 0) -> float:
+        """Bend angle γ (rad): the turn of the tangent from root to tip."""
+        angle = self._node_angle(pressure, derivative)
+        return float(angle[-1] - angle[0])
+
+    def outline(self, pressure: float) -> np.ndarray:
+        """Closed outline (point, 2) in the actuator frame, origin at the middle of the root."""
+        return self._place(self._strip.s, self._strip.eta, pressure, 0)
+
+    def outline_rate(self, pressure: float) -> np.ndarray:
+        """Derivative of the outline with respect to pressure (point, 2), m/Pa."""
+        return self._place(self._strip.s, self._strip.eta, pressure, 1)
+
+    def tip(self, pressure: float) -> np.ndarray:
+        """Rows: middle of the tip, unit tangent out of it, unit vector to the dorsal side."""
+        end = np.array([self._s[-1]])
+        middle = self._place(end, np.array([0.5]), pressure, 0)[0]
+        angle = self._node_angle(pressure, 0)[-1]
+        return np.array([middle, [np.cos(angle), np.sin(angle)], [np.sin(angle), -np.cos(angle)]])
+
+    def _node_angle(self, pressure: float, derivative: int) -> np.ndarray:
+        """Tangent angle at the profile's points, from those of its pieces."""
+        angle = self._angle(pressure, derivative)
+        inner = 0.5 * (angle[1:] + angle[:-1])
+        return np.concatenate([[1.5 * angle[0] - 0.5 * angle[1]], inner, [1.5 * angle[-1] - 0.5 * angle[-2]]])
+
+    def _place(self, s: np.ndarray, eta: np.ndarray, pressure: float, derivative: int) -> np.ndarray:
+        angle, length = self._angle(pressure), self._length(pressure)
+        node_angle = self._node_angle(pressure, 0)
+        thickness = np.interp(s, self._s, self._thickness(pressure))
+        tangent = np.column_stack([np.cos(angle), np.sin(angle)])
+        turn = np.interp(s, self._s, node_angle)
+        dorsal = np.column_stack([np.sin(turn), -np.cos(turn)])
+        offset = (eta * thickness)[:, None]
+        if derivative == 0:
+            curve = _sum_from_root(length[:, None] * tangent)
+            on_curve = np.column_stack([np.interp(s, self._s, c) for c in curve.T])
+            return on_curve + offset * dorsal - np.array([0.0, -0.5 * self._root_thickness])
+        angle_rate, length_rate = self._angle(pressure, 1), self._length(pressure, 1)
+        normal = np.column_stack([-np.sin(angle), np.cos(angle)])
+        curve = _sum_from_root(length_rate[:, None] * tangent + (length * angle_rate)[:, None] * normal)
+        on_curve = np.column_stack([np.interp(s, self._s, c) for c in curve.T])
+        turn_rate = np.interp(s, self._s, self._node_angle(pressure, 1))[:, None]
+        thickness_rate = np.interp(s, self._s, self._thickness(pressure, 1))
+        along = np.column_stack([np.cos(turn), np.sin(turn)])
+        return on_curve + (eta * thickness_rate)[:, None] * dorsal + offset * turn_rate * along
+
+
+def _sum_from_root(pieces: np.ndarray) -> np.ndarray:
+    return np.vstack([np.zeros((1, 2)), np.cumsum(pieces, axis=0)])
+
+
+def add_tip(states: States, length: float, thickness: float | None, pieces: int = 8) -> States:
+    """States with a straight tip of `length` along the end's tangent, tapering to `thickness`."""
+    if length <= 0:
+        return states
+    last = np.diff(states.profile[:, -2:], axis=1)[:, 0]
+    tangent = last / np.hypot(last[:, :1], last[:, 1:])
+    steps = np.linspace(0, length, pieces + 1)[1:]
+    extension = states.profile[:, -1:, :] + steps[None, :, None] * tangent[:, None, :]
+    end = states.thickness[:, -1:]
+    goal = end if thickness is None else np.full_like(end, thickness)
+    taper = end + (goal - end) * steps[None, :] / length
+    return States(
+        states.pressure,
+        np.concatenate([states.profile, extension], axis=1),
+        np.concatenate([states.thickness, taper], axis=1),
+        states.curvature_std,
+    )
+
+
+def circular_states(pressure: np.ndarray, bend: np.ndarray, length: float, thickness: float,
+                    points: int = 141) -> States:  # fmt: skip
+    """States of constant curvature: a profile of fixed `length` bent by `bend` (state,) rad."""
+    s = np.linspace(0, 1, points)
+    middle = 0.5 * (s[1:] + s[:-1])
+    angle = np.asarray(bend)[:, None] * middle[None]
+    piece = (length / (points - 1)) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    # chords of a circle are shorter than its arc: keep the points on the circle
+    half = np.asarray(bend)[:, None] / (points - 1) / 2
+    piece = piece * np.sinc(half / np.pi)[..., None]
+    profile = np.concatenate([np.zeros((len(pressure), 1, 2)), np.cumsum(piece, axis=1)], axis=1)
+    return States(np.asarray(pressure, float), profile, np.full((len(pressure), points), thickness))

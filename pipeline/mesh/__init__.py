@@ -1,0 +1,1 @@
+"""Stage mesh: planforms and how they follow the motion."""

@@ -1,0 +1,135 @@
+"""The planform: a 2-D mesh of tank, finger and fixed bodies, quads along the finger's wall and triangles elsewhere."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import shapely
+
+from pipeline.geometry.planform import Planform
+from pipeline.mesh.fixed_bodies import Body
+from pipeline.mesh.triangulate import triangulate
+from pipeline.mesh.wall_layers import (
+    GAP_CELL,
+    Clearance,
+    nothing_near,
+    outline_at,
+    ring_layers,
+    spread,
+    wall_nodes,
+)
+from pipeline.scene.sections import Mesh
+
+
+def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, depth: float, mesh: Mesh,
+                   path: np.ndarray, mirror: bool = False, bodies: tuple[Body, ...] = ()) -> Planform:  # fmt: skip
+    """Mesh the water around (and the footprint of) a finger given by its closed `outline` (point, 2).
+
+    `path` (n, 2) holds points that the tip passes: cells stay small within `near_distance` of them. The tank spans
+    ±`half_width` and 0…`depth`; where `mirror`, its right side is the plane x = 0, on which nodes may slide. `bodies`
+    are numbered from 2 in their order.
+    """
+    box = (-half_width, 0.0 if mirror else half_width, depth)
+    near: list[shapely.Geometry] = [shapely.LinearRing(np.vstack(body.pieces)) for body in bodies]
+    if mirror:
+        near.append(shapely.LineString([(0, 0), (0, depth)]))
+    clearance = distance_to(near)
+    area = 0.5 * np.sum(
+        outline[:, 0] * np.roll(outline[:, 1], -1) - np.roll(outline[:, 0], -1) * outline[:, 1]
+    )
+    material = wall_nodes(outline, tip, mesh, clearance)
+    if area < 0:
+        material = material[::-1]
+    layers = ring_layers(outline_at(outline, material), mesh, clearance)
+    count = len(material)
+    to_finger = distance_to([shapely.LinearRing(outline)])
+    lines = _body_lines(bodies, to_finger, mesh)
+    crowded = np.vstack([layers[0], layers[-1], *lines])
+    size = GAP_CELL * np.concatenate([np.tile(clearance(layers[0]), 2), *(to_finger(line) for line in lines)])
+    narrow = size < mesh.tip_cell
+    found = triangulate(layers[0], layers[-1], box, mesh, path, lines, (crowded[narrow], size[narrow]))
+    # gmsh numbers: outer rim first, then the wall, then its own; put the ring's inner polygons behind them
+    middle = np.vstack(layers[1:-1]) if len(layers) > 2 else np.empty((0, 2))
+    first_middle = len(found.nodes)
+    nodes = np.vstack([found.nodes, middle])
+    row = [np.arange(count) + count]
+    row += [first_middle + k * count + np.arange(count) for k in range(len(layers) - 2)]
+    row += [np.arange(count)]
+    quads = np.vstack([np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)]) for a, b in pairwise(row)])
+    body = found.inside.astype(int)
+    centre = nodes[found.triangles].mean(1)
+    for number, thing in enumerate(bodies, 2):
+        body[shapely.contains_xy(thing.polygon, *centre.T)] = number
+    fixed = np.zeros((len(nodes), 2), bool)
+    fixed[row[0]] = fixed[found.outer] = True
+    if mirror:
+        x, y = nodes[found.outer].T
+        fixed[found.outer[(x == 0) & (y > 0) & (y < depth)], 1] = False
+    fixed[found.on_bodies] = True
+    return Planform(
+        nodes, found.triangles, quads, body, row[0], material, found.outer, fixed, ((box[0], 0.0), box[1:])
+    )
+
+
+def distance_to(things: list[shapely.Geometry]) -> Clearance:
+    """Function of points (n, 2): distance (m) to the nearest of `things`, infinite where there are none."""
+    if not things:
+        return nothing_near
+    together = shapely.GeometryCollection(things)
+    shapely.prepare(together)
+    return lambda points: shapely.distance(together, shapely.points(points))
+
+
+def _body_lines(bodies: tuple[Body, ...], to_finger: Clearance, mesh: Mesh) -> list[np.ndarray]:
+    """Nodes (node, 2) along the outline of each body; a closed one ends where it starts."""
+
+    def size(points: np.ndarray) -> np.ndarray:
+        return np.clip(GAP_CELL * to_finger(points), None, mesh.wall_cell)
+
+    lines = []
+    for body in bodies:
+        pieces = [outline_at(piece, spread(piece, size, 4)) for piece in body.pieces]
+        lines.append(np.vstack([pieces[0], *(piece[1:] for piece in pieces[1:])]))
+    return lines
+
+
+def mirror_nodes(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For a planform whose right side is x = 0: nodes (…, node, 2) off that plane, and each node's image (node,).
+
+    Images of nodes off the plane follow the nodes themselves, in their order.
+    """
+    off = np.flatnonzero(nodes[:, 0] != 0)
+    image = np.arange(len(nodes))
+    image[off] = len(nodes) + np.arange(len(off))
+    return off, image
+
+
+def mirrored(planform: Planform, mirrored_finger: int) -> Planform:
+    """A planform and its image in x = 0 as one; the image of the finger's footprint has a body number of its own."""
+    off, image = mirror_nodes(planform.nodes)
+    flip = np.array([-1.0, 1.0])
+    left, right = planform.outer, image[planform.outer]
+    (x0, _), (_, depth) = planform.corners
+    low = int(np.flatnonzero((planform.nodes[left] == [0.0, 0.0]).all(1))[0])
+    high = int(np.flatnonzero((planform.nodes[left] == [0.0, depth]).all(1))[0])
+    outer = np.concatenate([left[: low + 1], right[:low][::-1], right[high + 1 :][::-1], left[high:]])
+    other = np.where(planform.body == 1, mirrored_finger, planform.body)
+    fixed = np.vstack([planform.fixed, planform.fixed[off]])
+    return Planform(
+        np.vstack([planform.nodes, planform.nodes[off] * flip]),
+        np.vstack([planform.triangles, image[planform.triangles][:, ::-1]]),
+        np.vstack([planform.quads, image[planform.quads][:, ::-1]]),
+        np.concatenate([planform.body, other]),
+        planform.wall,
+        planform.material,
+        outer,
+        fixed,
+        ((x0, 0.0), (-x0, depth)),
+    )
+
+
+def mirrored_shapes(shapes: np.ndarray, planform: Planform) -> np.ndarray:
+    """Shapes (…, node, 2) of a planform, with those of its image added as `mirrored` orders nodes."""
+    off, _ = mirror_nodes(planform.nodes)
+    return np.concatenate([shapes, shapes[..., off, :] * np.array([-1.0, 1.0])], axis=-2)

@@ -1,0 +1,301 @@
+"""Stage mesh: planforms and the parts of the motion they serve, their shapes, the layers of the sweep, and their quality."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+import xarray as xr
+from scipy.interpolate import CubicSpline
+from tqdm import tqdm
+
+from fileio.atomic import write_text
+from fileio.errors import StageError
+from fileio.formats.mesh_intervals import run_in_steps
+from fileio.hdf5 import read_dataset, write_dataset
+from fileio.provenance import digest
+from pipeline.geometry.planform import Planform
+from pipeline.geometry.quality import Quality, shape_quality
+from pipeline.mesh.fixed_bodies import Body, fixed_bodies
+from pipeline.mesh.intervals import Part, deformation, divide, last_move
+from pipeline.mesh.morph import MorphError
+from pipeline.mesh.planform import build_planform, mirrored, mirrored_shapes
+from pipeline.mesh.shape_sequence import Family, between, morph_family
+from pipeline.mesh.sweep_levels import graded_layers
+from pipeline.scene.command import run_stage
+from pipeline.scene.scene import Scene
+from pipeline.scene.sections import Mesh
+from pipeline.stage_settings import settings_of
+
+QUALITY_COLUMNS = (
+    "leg", "stage", "time_share", "bend_deg", "shape_parameter", "max_non_orthogonality_deg",
+    "mean_non_orthogonality_deg", "max_skewness", "min_area_ratio",
+)  # fmt: skip
+MOST_STAGES = 6
+USUAL_SHARE = 0.95  # of the time in which mesh.usual_non_orthogonality_deg is not exceeded
+LEAST_CLEARANCE = 0.001  # m between the finger and the support
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all planforms of a scene share: where nodes are wanted, and what is around the finger."""
+
+    scene: Scene
+    family: Family
+    way: np.ndarray  # of each shape of the family: pipeline.mesh.intervals.deformation
+    path: np.ndarray  # points (n, 2) near which cells stay small
+    bodies: tuple[Body, ...]
+    motion: np.ndarray  # shape parameter after each time step, Pa
+
+    @property
+    def walked(self) -> np.ndarray:
+        """Way (step + 1,) of the shape after each time step."""
+        return np.interp(self.motion, self.family.parameter, self.way)
+
+    @property
+    def mirror(self) -> bool:
+        """Whether the planform ends at the plane between two fingers."""
+        return self.scene.pinch is not None
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A planform, its shapes (knot, node, 2) over a part of the family, and the part of the motion it serves."""
+
+    part: Part
+    planform: Planform
+    family: Family
+    frames: np.ndarray
+
+
+def read_setting(scene: Scene, levels: np.ndarray) -> Setting:
+    """The shapes of kinematics.h5 and what surrounds them. Raises StageError where the finger meets the support."""
+    step = scene.numerics.time_step
+    with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
+        fine = "shape_edges" if "shape_edges" in file else "shape_tip"
+        family = Family(*(file[n].values for n in ("shape_parameter", "shape_outline", fine, "shape_bend")))
+        time = step * np.arange(round(scene.motion.end_time / step) + 1)
+        motion = CubicSpline(file["time"].values, file["pressure"].values)(time)
+    mirror = scene.pinch is not None
+    bodies = fixed_bodies(scene, levels, mirror)
+    outlines = shapely.linearrings(family.outline)
+    for body in bodies:
+        clear = float(shapely.distance(outlines, body.polygon).min())
+        if scene.support is not None and body.name == "support" and clear < LEAST_CLEARANCE:
+            raise StageError(
+                f"{scene.folder / 'scene.toml'}: support.bottom = {scene.support.bottom:g} m leaves {clear * 1e3:.2g} mm"
+                f" above the finger, too little to mesh; raise it by {(LEAST_CLEARANCE - clear) * 1e3:.2g} mm"
+            )
+    gap, path = np.full(len(family.bend), np.inf), family.tip.reshape(-1, 2)
+    if mirror:
+        plane = shapely.LineString([(0.0, 0.0), (0.0, scene.tank.water_depth)])
+        facing = shapely.union_all([plane, *(body.polygon for body in bodies if body.name == "object")])
+        gap = shapely.distance(outlines, facing)
+        nearest = shapely.shortest_line(facing, outlines[int(np.argmin(gap))])
+        height = shapely.get_coordinates(nearest)[0, 1]
+        count = int(np.ceil(2 * scene.mesh.jet_reach / scene.mesh.near_cell)) + 1
+        jet = height + np.linspace(-scene.mesh.jet_reach, scene.mesh.jet_reach, count)
+        path = np.vstack([path, np.column_stack([np.zeros(count), jet])])
+    # a body that is only moved does not bend: its way is the measure
+    way = family.parameter - family.parameter[0] if scene.body else deformation(family.bend, gap)
+    return Setting(scene, family, way, path, bodies, motion)
+
+
+def build_stage(setting: Setting, part: Part, bar: tqdm) -> Stage:
+    """The planform of a part of the motion and all its shapes; MorphError where one of them is of no use."""
+    mesh, family = setting.scene.mesh, setting.family
+    low, high, middle = np.interp([part.low, part.high, part.middle], setting.way, family.parameter)
+    family = family.within(low, high)
+    built = int(np.argmin(np.abs(family.parameter - middle)))
+    tank = 0.5 * setting.scene.tank.size[0], setting.scene.tank.water_depth
+    planform = build_planform(
+        family.outline[built], family.tip[built], *tank, mesh, setting.path, setting.mirror, setting.bodies
+    )
+
+    share = np.zeros(len(family.parameter))  # of the time, by the nearest knot
+    for first, end in part.legs:
+        nearest = np.abs(setting.motion[first:end, None] - family.parameter).argmin(1)
+        share += np.bincount(nearest, minlength=len(share)) / len(setting.motion)
+    unusual = 0.0
+
+    def look(knot: int, nodes: np.ndarray) -> None:
+        nonlocal unusual
+        bar.update()
+        quality = shape_quality(planform, nodes)
+        check_quality(quality, family.bend[knot], mesh)
+        unusual += share[knot] * (quality.max_non_orthogonality_deg > mesh.usual_non_orthogonality_deg)
+        check_share(unusual, mesh)
+
+    return Stage(part, planform, family, morph_family(planform, family, built, look))
+
+
+def check_quality(quality: Quality, bend: float, mesh: Mesh) -> None:
+    """MorphError where a shape breaks mesh.max_non_orthogonality_deg, naming the bend at which it does."""
+    worst = quality.max_non_orthogonality_deg
+    if worst > mesh.max_non_orthogonality_deg or quality.min_area_ratio <= 0:
+        raise MorphError(
+            f"non-orthogonality reaches {worst:.1f}° at {np.degrees(bend):.1f}° of bend, more than"
+            f" mesh.max_non_orthogonality_deg = {mesh.max_non_orthogonality_deg:g}"
+        )
+
+
+def check_share(unusual: float, mesh: Mesh) -> None:
+    """MorphError where mesh.usual_non_orthogonality_deg is exceeded for too great a share of the time."""
+    if unusual > 1 - USUAL_SHARE:
+        raise MorphError(
+            f"non-orthogonality exceeds mesh.usual_non_orthogonality_deg = {mesh.usual_non_orthogonality_deg:g}°"
+            f" for {unusual:.1%} of the time, more than {1 - USUAL_SHARE:.0%}"
+        )
+
+
+def choose_stages(setting: Setting, quiet: bool) -> tuple[list[Stage], list[tuple]]:
+    """As few stages as keep the limits of mesh quality over the motion, and the rows of mesh_quality.csv.
+
+    Raises StageError where MOST_STAGES do not.
+    """
+    scene = setting.scene
+    way = setting.walked
+    sampling = scene.numerics.sampling_steps(scene.sheet.rate_hz)
+    run_in = run_in_steps(scene.numerics.time_step)
+    reason = ""
+    for count in range(1, MOST_STAGES + 1):
+        try:
+            with tqdm(desc=f"mesh, {count} planforms", disable=quiet or None, unit="shape") as bar:
+                stages = [build_stage(setting, part, bar) for part in divide(way, count, sampling, run_in)]
+            rows = quality_rows(stages, setting.motion, run_in, scene.mesh)
+            check_share(
+                sum(row[2] for row in rows if row[5] > scene.mesh.usual_non_orthogonality_deg), scene.mesh
+            )
+        except MorphError as error:
+            reason = str(error)
+        else:
+            return stages, rows
+    raise StageError(
+        f"mesh: with {MOST_STAGES} planforms {reason}: shorten the stroke, change mesh.wall_cell, or raise the limit"
+    )
+
+
+def quality_rows(stages: list[Stage], parameter: np.ndarray, run_in: int, mesh: Mesh) -> list[tuple]:
+    """Rows of QUALITY_COLUMNS: each shape that a leg, or its run-in, takes; `parameter` (step + 1,) Pa is the motion's.
+
+    Raises MorphError where a shape breaks the limit.
+    """
+    legs = sorted((leg, k) for k, stage in enumerate(stages) for leg in stage.part.legs)
+    shapes = [between(stage.family, stage.frames) for stage in stages]
+    quality = [
+        [shape_quality(s.planform, x) for x in fine[1]] for s, fine in zip(stages, shapes, strict=True)
+    ]
+    rows = []
+    for number, ((first, last), k) in enumerate(legs):
+        family = shapes[k][0]
+        begin = max(0, first - run_in)
+        taken = np.abs(parameter[begin : last + 1, None] - family.parameter).argmin(1)
+        own = taken[first - begin :] if last == len(parameter) - 1 else taken[first - begin : -1]
+        share = np.bincount(own, minlength=len(family.parameter)) / len(parameter)
+        for at in range(taken.min(), taken.max() + 1):
+            found = quality[k][at]
+            check_quality(found, family.bend[at], mesh)
+            shape = float(np.degrees(family.bend[at])), float(family.parameter[at])
+            rows.append((number, k, share[at], *shape, *found.values()))
+    return rows
+
+
+def run(scene: Scene, quiet: bool = False) -> None:
+    """Write planform.h5 and mesh_quality.csv."""
+    levels = graded_layers(scene)
+    setting = read_setting(scene, levels)
+    stages, rows = choose_stages(setting, quiet)
+    table = io.StringIO()
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow(QUALITY_COLUMNS)
+    writer.writerows([[f"{value:.6g}" for value in row] for row in rows])
+    write_text(scene.out / "mesh_quality.csv", table.getvalue())
+    groups = {f"stage_{k}": stage_dataset(stage, setting, levels) for k, stage in enumerate(stages)}
+    write_dataset(legs_dataset(stages, setting), scene.out / "planform.h5", groups)
+    if not quiet:
+        cells = ", ".join(str(len(s.planform.triangles) + len(s.planform.quads)) for s in stages)
+        usual = scene.mesh.usual_non_orthogonality_deg
+        print(
+            f"mesh: planform of {cells} cells, {len(levels) - 1} layers, non-orthogonality ≤"
+            f" {max(row[5] for row in rows):.1f}°, {usual:g}° for {sum(r[2] for r in rows if r[5] <= usual):.1%} of the time"
+        )
+
+
+def legs_dataset(stages: list[Stage], setting: Setting) -> xr.Dataset:
+    """The root of planform.h5: which stage serves from when to when (s), and what all stages share."""
+    scene = setting.scene
+    legs = sorted((leg, k) for k, stage in enumerate(stages) for leg in stage.part.legs)
+    step = scene.numerics.time_step
+    rest = last_move(setting.walked) + run_in_steps(step)
+    return xr.Dataset(
+        {
+            "leg_start": ("leg", np.array([step * leg[0] for leg, _ in legs]), {"units": "s"}),
+            "leg_end": ("leg", np.array([step * leg[1] for leg, _ in legs]), {"units": "s"}),
+            "leg_stage": ("leg", np.array([k for _, k in legs]), {"long_name": "stage of the mesh"}),
+            "leg_moving": (
+                "leg",
+                np.array([int(leg[0] <= rest) for leg, _ in legs]),
+                {"long_name": "0: the mesh rests"},
+            ),
+        },
+        attrs={
+            "format": "planform",
+            "format_version": 3,
+            "finger_width": scene.finger.width,
+            "model": scene.model.kind,
+            "mirror": int(scene.pinch is not None and not _both_fingers(scene)),
+            "scene_hash": digest(settings_of(scene, "mesh")),
+            "settings": json.dumps(settings_of(scene, "mesh")),
+        },
+    )
+
+
+def _both_fingers(scene: Scene) -> bool:
+    """Whether the mesh holds both fingers of a pinch."""
+    return scene.pinch is not None and scene.model.kind in ("half", "full")
+
+
+def stage_dataset(stage: Stage, setting: Setting, levels: np.ndarray) -> xr.Dataset:
+    """A stage's group of planform.h5 (docs/formats.md)."""
+    planform, frames, family = stage.planform, stage.frames, stage.family
+    names = ["water", "finger", *(body.name for body in setting.bodies)]
+    half = 0.5 * setting.scene.finger.width
+    reach = [0.0, half, *(body.half_width for body in setting.bodies)]
+    if _both_fingers(setting.scene):
+        frames = mirrored_shapes(frames, planform)
+        planform = mirrored(planform, len(names))
+        names.append("mirrored_finger")
+        reach.append(half)
+    return xr.Dataset(
+        {
+            "points": (("shape_parameter", "node", "axis"), frames, {"units": "m"}),
+            "bend": ("shape_parameter", family.bend, {"units": "rad"}),
+            "triangles": (("triangle", "corner3"), planform.triangles),
+            "quads": (("quad", "corner4"), planform.quads),
+            "body": (
+                "triangle",
+                planform.body.astype(np.uint8),
+                {"long_name": "number of the body in whose footprint it lies, 0 in the water"},
+            ),
+            "body_name": ("number", np.array(names, object)),
+            "body_half_width": ("number", np.array(reach), {"units": "m", "long_name": "reach in |z|"}),
+            "wall": ("wall_node", planform.wall),
+            "material": (
+                "wall_node",
+                planform.material,
+                {"long_name": "position along the outline, point index"},
+            ),
+            "outer": ("outer_node", planform.outer),
+            "levels": ("level", levels, {"units": "m", "long_name": "z of the sweep"}),
+        },
+        coords={"shape_parameter": ("shape_parameter", family.parameter, {"units": "Pa"})},
+        attrs={"corners": np.array(planform.corners).ravel()},
+    )
+
+
+if __name__ == "__main__":
+    run_stage("mesh", __doc__, run)

@@ -1,0 +1,155 @@
+"""Triangles of a planform, by gmsh: the water beyond the finger's ring, and the finger's footprint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import gmsh
+import numpy as np
+
+from fileio.errors import StageError
+from pipeline.scene.sections import Mesh
+
+GROWTH = 0.3  # of the cell size with the distance from a gap
+BIN = 1.25  # points in gaps are taken together where their sizes differ by less than this factor
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """Nodes (node, 2) m, first the rim's, then the wall's; triangles, 1 in `inside` for those within the wall."""
+
+    nodes: np.ndarray
+    triangles: np.ndarray
+    inside: np.ndarray
+    outer: np.ndarray  # nodes of the tank's outline, counter-clockwise from the lower left
+    on_bodies: np.ndarray  # nodes of the outlines of bodies
+
+
+def triangulate(wall: np.ndarray, rim: np.ndarray, box: tuple[float, float, float], mesh: Mesh,
+                path: np.ndarray, bodies: list[np.ndarray], gaps: tuple[np.ndarray, np.ndarray]) -> Triangles:  # fmt: skip
+    """Mesh a tank with sides `box` (left, right, depth) around and within closed polygons rim and wall.
+
+    `bodies`: polylines that the triangles follow; a closed one repeats its first point, an open one ends on the right
+    side. `gaps`: points (n, 2) in narrow gaps and the size (n,) of cells about them, m.
+    """
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.Algorithm", 6)
+        gmsh.option.setNumber("Mesh.RandomSeed", 1)
+        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+        rim_lines, wall_lines = _polygon(rim), _polygon(wall)
+        box_lines, body_lines = _outer_lines(box, bodies)
+        geo = gmsh.model.geo
+        rim_loop, wall_loop, box_loop = (geo.addCurveLoop(x) for x in (rim_lines, wall_lines, box_lines))
+        water = geo.addPlaneSurface([box_loop, rim_loop])
+        footprint = geo.addPlaneSurface([wall_loop])
+        track, narrow = ([geo.addPoint(x, y, 0) for x, y in points] for points in (path, gaps[0]))
+        geo.synchronize()
+        for line in rim_lines + wall_lines + body_lines:
+            gmsh.model.mesh.setTransfiniteCurve(line, 2)
+        if body_lines:
+            gmsh.model.mesh.embed(1, body_lines, 2, water)
+        _size_field(rim_lines + wall_lines + body_lines, track, narrow, gaps[1], mesh)
+        gmsh.model.mesh.generate(2)
+        return _collect(water, footprint, rim_lines + wall_lines, box_lines, body_lines)
+    finally:
+        gmsh.finalize()
+
+
+def _polygon(points: np.ndarray) -> list[int]:
+    tags = [gmsh.model.geo.addPoint(x, y, 0) for x, y in points]
+    return [gmsh.model.geo.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1], strict=True)]
+
+
+def _outer_lines(box: tuple[float, float, float], bodies: list[np.ndarray]) -> tuple[list[int], list[int]]:
+    """Lines of the tank, split where bodies end on its right side, and of the bodies."""
+    left, right, depth = box
+    geo = gmsh.model.geo
+    ends = [line[k] for line in bodies if not (line[0] == line[-1]).all() for k in (0, -1)]
+    heights = sorted(float(y) for _, y in ends)
+    corners = [(left, 0.0), (right, 0.0), *((right, y) for y in heights), (right, depth), (left, depth)]
+    tags = [geo.addPoint(x, y, 0) for x, y in corners]
+    outer = [geo.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1], strict=True)]
+    on_side = dict(zip(heights, tags[2:], strict=False))
+    inner = []
+    for line in bodies:
+        points = [geo.addPoint(x, y, 0) for x, y in line[1:-1]]
+        if (line[0] == line[-1]).all():
+            first = geo.addPoint(*line[0], 0)
+            points = [first, *points, first]
+        else:
+            points = [on_side[float(line[0, 1])], *points, on_side[float(line[-1, 1])]]
+        inner += [geo.addLine(a, b) for a, b in pairwise(points)]
+    return outer, inner
+
+
+def _collect(
+    water: int, footprint: int, first_lines: list[int], box_lines: list[int], body_lines: list[int]
+) -> Triangles:
+    """What gmsh has meshed, renumbered: nodes at the starts of `first_lines` first."""
+    tags, xyz, _ = gmsh.model.mesh.getNodes()
+    position = dict(zip(tags.tolist(), range(len(tags)), strict=True))
+    xy = xyz.reshape(-1, 3)[:, :2]
+    cells = []
+    for surface in (water, footprint):
+        kinds, _, members = gmsh.model.mesh.getElements(2, surface)
+        if list(kinds) != [2]:
+            raise StageError(
+                "the planform could not be meshed; make mesh.wall_cell or mesh.near_cell smaller"
+            )
+        cells.append(np.array([position[t] for t in members[0].tolist()]).reshape(-1, 3))
+
+    def ends(line: int) -> list[int]:
+        points = gmsh.model.getAdjacencies(1, line)[1]
+        return [position[int(gmsh.model.mesh.getNodes(0, int(p))[0][0])] for p in points]
+
+    outer = []
+    for line in box_lines:
+        outer.append(ends(line)[0])
+        line_tags, _, parameter = gmsh.model.mesh.getNodes(1, line)
+        outer += [position[int(t)] for t in line_tags[np.argsort(parameter)]]
+    first = np.array([ends(line)[0] for line in first_lines])
+    rest = np.setdiff1d(np.unique(np.concatenate([c.ravel() for c in cells])), first)
+    order = np.concatenate([first, rest])
+    new = np.full(len(xy), -1)
+    new[order] = np.arange(len(order))
+    triangles = new[np.vstack(cells)]
+    nodes = xy[order]
+    a, b, c = (nodes[triangles[:, k]] for k in range(3))
+    flipped = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
+    triangles[flipped] = triangles[flipped][:, ::-1]
+    inside = np.repeat([0, 1], [len(cells[0]), len(cells[1])])
+    on_bodies = np.unique([n for line in body_lines for n in ends(line)]).astype(int)
+    return Triangles(nodes, triangles, inside, new[np.array(outer)], new[on_bodies])
+
+
+def _size_field(walls: list[int], track: list[int], narrow: list[int], size: np.ndarray, mesh: Mesh) -> None:
+    """Cell size growing from the walls, and from the tip's path, to that of the far water; `size` at points `narrow`."""
+    fields = gmsh.model.mesh.field
+
+    def graded(kind: str, members: list[int], size: float, near: float, far: float) -> int:
+        distance = fields.add("Distance")
+        fields.setNumbers(distance, kind, members)
+        fields.setNumber(distance, "Sampling", 2)
+        threshold = fields.add("Threshold")
+        fields.setNumber(threshold, "InField", distance)
+        fields.setNumber(threshold, "SizeMin", size)
+        fields.setNumber(threshold, "SizeMax", mesh.far_cell)
+        fields.setNumber(threshold, "DistMin", near)
+        fields.setNumber(threshold, "DistMax", far)
+        return threshold
+
+    reach = mesh.near_distance + 5 * mesh.far_cell
+    parts = [graded("CurvesList", walls, 1.1 * mesh.wall_cell, 0.002, reach)]
+    parts.append(graded("PointsList", track, mesh.near_cell, mesh.near_distance, reach))
+    bins, points = np.round(np.log(size) / np.log(BIN)), np.array(narrow)
+    for chosen in np.unique(bins):
+        least = float(BIN**chosen)
+        far = least + (mesh.far_cell - least) / GROWTH
+        parts.append(graded("PointsList", points[bins == chosen].tolist(), least, least, far))
+    smallest = fields.add("Min")
+    fields.setNumbers(smallest, "FieldsList", parts)
+    fields.setAsBackgroundMesh(smallest)

@@ -1,0 +1,75 @@
+"""The ring of quadrilaterals around the finger: where nodes lie on its outline, and the layers that follow it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pipeline.scene.sections import Mesh
+
+# In a narrow gap between the finger and something else, as shares of the gap's width: size of a cell along the walls, and what
+# the ring may take. With two rows of triangles in the other half, and the layers of the ring, four cells or more span it.
+GAP_CELL = 0.3
+GAP_RING = 0.5
+
+Clearance = Callable[[np.ndarray], np.ndarray]  # points (n, 2) -> distance to what is near the finger (n,), m
+
+
+def nothing_near(points: np.ndarray) -> np.ndarray:
+    """The clearance where there is nothing but water around the finger."""
+    return np.full(len(points), np.inf)
+
+
+def outline_at(outline: np.ndarray, material: np.ndarray) -> np.ndarray:
+    """Points (…, node, 2) of closed outlines (…, point, 2) at fractional point indices."""
+    closed = np.concatenate([outline, outline[..., :1, :]], axis=-2)
+    index = np.minimum(material.astype(int), outline.shape[-2] - 1)
+    part = (material - index)[:, None]
+    return closed[..., index, :] * (1 - part) + closed[..., index + 1, :] * part
+
+
+def spread(line: np.ndarray, size: Callable[[np.ndarray], np.ndarray], least: int) -> np.ndarray:
+    """Fractional point indices along an open polyline (point, 2), both ends included, `size` (m) apart.
+
+    `size` maps points (n, 2) to wanted distances; at least `least` intervals are made.
+    """
+    walk = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    fine = np.linspace(0, walk[-1], 20 * (len(line) - 1) + 1)
+    x, y = np.interp(fine, walk, line[:, 0]), np.interp(fine, walk, line[:, 1])
+    cells = (fine[1] - fine[0]) / size(np.column_stack([x, y])[:-1])
+    count_walk = np.concatenate([[0], np.cumsum(cells)])
+    count = max(least, round(count_walk[-1]))
+    at = np.interp(np.linspace(0, count_walk[-1], count + 1), count_walk, fine)
+    return np.interp(at, walk, np.arange(len(walk)))
+
+
+def wall_nodes(outline: np.ndarray, tip: np.ndarray, mesh: Mesh, clearance: Clearance) -> np.ndarray:
+    """Fractional point indices along a closed outline: `tip_cell` apart near the tip (or tips), `wall_cell` elsewhere, less in gaps."""
+
+    def size(points: np.ndarray) -> np.ndarray:
+        distance = np.min([np.hypot(*(points - end).T) for end in np.atleast_2d(tip)], axis=0)
+        blend = np.clip((distance - 0.012) / 0.02, 0, 1)
+        wanted = mesh.tip_cell + (mesh.wall_cell - mesh.tip_cell) * blend
+        return np.minimum(wanted, GAP_CELL * clearance(points))
+
+    return spread(np.vstack([outline, outline[:1]]), size, 24)[:-1]
+
+
+def ring_layers(wall: np.ndarray, mesh: Mesh, clearance: Clearance) -> list[np.ndarray]:
+    """Closed polygons from the wall outwards; smoothed normals keep neighbouring spokes from crossing.
+
+    The ring is thinner where the clearance is small.
+    """
+    ahead, behind = np.roll(wall, -1, axis=0), np.roll(wall, 1, axis=0)
+    edge = ahead - behind
+    normal = np.column_stack([edge[:, 1], -edge[:, 0]])  # outwards of a counter-clockwise polygon
+    normal /= np.hypot(*normal.T)[:, None]
+    heights = np.cumprod([mesh.wall_first_layer, *[mesh.wall_growth] * (mesh.wall_layers - 1)])
+    thin = np.minimum(1.0, GAP_RING * clearance(wall) / heights.sum())[:, None]
+    layers = [wall]
+    for height in heights:
+        normal = normal + 0.5 * (np.roll(normal, 1, axis=0) + np.roll(normal, -1, axis=0))
+        normal /= np.hypot(*normal.T)[:, None]
+        layers.append(layers[-1] + height * thin * normal)
+    return layers

@@ -1,0 +1,1 @@
+"""OpenFOAM's files and programs."""

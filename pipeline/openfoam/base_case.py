@@ -1,0 +1,27 @@
+"""The base case: the templates of the OpenFOAM dictionaries that every leg begins with, and their digest."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from fileio.errors import StageError
+
+BASE = Path(__file__).resolve().parents[2] / "cases" / "_base"
+
+
+def template_files(base: Path = BASE) -> list[Path]:
+    """Every file of the base case but what editors leave, in the order of its name relative to `base`. StageError where there is none."""
+    found = [p for p in base.rglob("*") if p.is_file() and not p.name.startswith(".") and p.name[-1] != "~"]
+    if not found:
+        raise StageError(f"{base}: the base case is missing; restore it with git checkout cases/_base")
+    return sorted(found, key=lambda path: path.relative_to(base).as_posix())
+
+
+def templates_digest(base: Path = BASE) -> str:
+    """Short SHA-256 of the relative names and the content of the templates: wherever and however old they are."""
+    total = hashlib.sha256()
+    for path in template_files(base):
+        content = hashlib.sha256(path.read_bytes()).hexdigest()
+        total.update(f"{path.relative_to(base).as_posix()}\0{content}\n".encode())
+    return total.hexdigest()[:16]

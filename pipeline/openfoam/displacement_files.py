@@ -1,0 +1,86 @@
+"""The motion as OpenFOAM reads it: one field of point displacements per time step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from fileio.formats.node_motion import NodeMotion
+from pipeline.openfoam.foamfile import END, binary_list, header, write_bytes
+from pipeline.openfoam.ranks import collated_content
+
+FIELD = "wantedDisplacement"
+PADDING = 3  # frames beyond the last time step
+
+BOUNDARY = b"""
+boundaryField
+{
+    ".*"                { type calculated; }
+    "proc.*"            { type processor; }
+    sheet               { type %s; }
+    back                { type %s; }
+    mirror              { type symmetryPlane; }
+}
+"""
+
+
+def time_name(time: float) -> str:
+    """A time as OpenFOAM names its folder (timeFormat general, timePrecision 8)."""
+    return f"{time:.8g}"
+
+
+def steps_of(time: float, time_step: float) -> int:
+    """Number of time steps in `time` s."""
+    return round(time / time_step)
+
+
+def checkpoint_interval(duration: float, wanted: float) -> float:
+    """Interval (s) near `wanted` that divides `duration`, so that its end is saved; no whole number of steps is needed."""
+    return duration / max(1, round(duration / wanted)) if duration > 1e-9 else wanted
+
+
+HEADER = header("pointVectorField", "", FIELD, binary=True)
+
+
+def frame_body(displacement: np.ndarray, flat: bool) -> bytes:
+    """A pointVectorField with internal values (point, 3) m, but for its HEADER."""
+    kinds = (b"empty", b"empty") if flat else (b"symmetryPlane", b"calculated")
+    field = b"dimensions [0 1 0 0 0 0 0];\n\ninternalField nonuniform List<vector> "
+    return field + binary_list(displacement) + b";\n" + BOUNDARY % kinds + END
+
+
+def write_frames(folders: list[Path], motion: NodeMotion, nodes: list[np.ndarray], driving: list[np.ndarray],
+                 time_step: float, first: int, last: int, flat: bool, collated: bool = False) -> Iterator[int]:  # fmt: skip
+    """Lay `<time>/wantedDisplacement` for the steps `first` to `last` into each rank's folder; yields the steps done.
+
+    Displacements are relative to the shape at `first`. Of each rank: `nodes` (point,) maps its mesh points to planform
+    nodes; only `driving` points (on walls that drive a column) carry values, the others stay zero so that the files
+    compress to almost nothing. `collated`: one file of all ranks per step, in the only folder.
+    """
+    start = motion.nodes(first * time_step)
+    for step in range(first, last + PADDING + 1):
+        moved = motion.nodes(step * time_step) - start
+        bodies = []
+        for node, drives in zip(nodes, driving, strict=True):
+            displacement = np.zeros((len(node), 3))
+            displacement[drives, :2] = moved[node[drives]]
+            bodies.append(frame_body(displacement, flat))
+        bodies[0] = HEADER + bodies[0]
+        if collated:
+            contents = [collated_content(FIELD, bodies)]
+        else:
+            contents = [bodies[0], *(HEADER + body for body in bodies[1:])]
+        for folder, content in zip(folders, contents, strict=True):
+            # thousands of them: the disk is not waited for; the solver refuses one that a power cut has emptied
+            write_bytes(folder / time_name(step * time_step) / FIELD, content, compress=True, sync=False)
+        yield step
+
+
+def remove_frames(case: Path) -> None:
+    """Take the frames away again, and the folders that hold nothing else."""
+    for path in case.glob(f"*/{FIELD}*"):
+        path.unlink()
+        if not any(path.parent.iterdir()):
+            path.parent.rmdir()

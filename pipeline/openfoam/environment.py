@@ -1,0 +1,131 @@
+"""Finding OpenFOAM and running its programs."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import re
+import shutil
+import signal
+import subprocess
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+from fileio.atomic import check_room, naming
+from fileio.errors import StageError
+
+INSTALL = "apt-get install openfoam"
+COLLATED = ("-fileHandler", "collated")
+# What OpenFOAM's programs need of their environment.
+FORWARDED = ("WM_", "FOAM_", "PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
+PROJECT_DIRS = ("/usr/share/openfoam",)  # Debian's package sets no WM_PROJECT_DIR
+
+
+@cache
+def environment() -> dict[str, str]:
+    """Environment in which OpenFOAM's programs run. Raises StageError where there is none."""
+    env = dict(os.environ)
+    project = Path(env.get("WM_PROJECT_DIR", ""))
+    if shutil.which("pimpleFoam") is None and (project / "etc" / "bashrc").is_file():
+        env = sourced(project / "etc" / "bashrc")
+    if shutil.which("pimpleFoam", path=env.get("PATH")) is None:
+        raise StageError(f"OpenFOAM is not installed (no pimpleFoam on the path); run: sudo {INSTALL}")
+    if "WM_PROJECT_DIR" not in env:
+        found = next((folder for folder in PROJECT_DIRS if Path(folder, "etc").is_dir()), None)
+        if found is None:
+            raise StageError("WM_PROJECT_DIR is not set; source OpenFOAM's etc/bashrc first")
+        env["WM_PROJECT_DIR"] = found
+    env.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")  # one more busy process would stall spinning ranks
+    env["OMP_NUM_THREADS"] = "1"
+    return env if in_whole_job(env) else {k: v for k, v in env.items() if not k.startswith("SLURM_")}
+
+
+def in_whole_job(env: Mapping[str, str]) -> bool:
+    """Whether this is a Slurm job that tells mpirun its nodes; Snakemake's jobs keep a part of Slurm's names alone."""
+    return "SLURM_JOB_ID" in env and {"SLURM_NODELIST", "SLURM_TASKS_PER_NODE"} <= env.keys()
+
+
+def sourced(bashrc: Path) -> dict[str, str]:
+    """The environment after `source <bashrc>`: for an OpenFOAM whose WM_PROJECT_DIR alone is set."""
+    command = ["bash", "-c", 'source "$1" >/dev/null 2>&1; env -0', "bash", str(bashrc)]
+    text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    return dict(entry.split("=", 1) for entry in text.split("\0") if "=" in entry)
+
+
+def environment_in(folder: Path) -> dict[str, str]:
+    """The environment for a program started in `folder`: OpenFOAM trusts PWD over the working directory.
+
+    Raises StageError where the path holds a space: OpenFOAM would drop it and look elsewhere.
+    """
+    path = str(folder.resolve())
+    if any(c.isspace() for c in path):
+        raise StageError(
+            f"{path}: OpenFOAM reads no path with a space in it; move the project to one without"
+        )
+    return environment() | {"PWD": path}
+
+
+def die_with_parent() -> None:
+    """For a child, before it starts: end when the parent ends, however that ends (Linux; elsewhere nothing)."""
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
+
+
+@cache
+def foam_version() -> str:
+    """OpenFOAM's version, as v1912; StageError where it is older than v1912 or not openfoam.com's."""
+    text = subprocess.run(["pimpleFoam", "-help"], env=environment(), capture_output=True, text=True).stdout
+    found = re.search(r"Using:\s*OpenFOAM-\s*\(?v?(\d{4})", text)
+    number = next((g for g in found.groups() if g), None) if found else None
+    if number is None or int(number) < 1912:
+        raise StageError(
+            f"OpenFOAM {number or 'of unknown version'} found; openfoam.com v1912 or later is needed"
+        )
+    return f"v{number}"
+
+
+def run_tool(arguments: list[str], case: Path, log: str) -> None:
+    """Run one of OpenFOAM's utilities in `case`, its output in `log`.
+
+    StageError with its last lines on failure; OSError where the disk is full.
+    """
+    path = case / log
+    with naming(path), open(path, "w", encoding="utf-8") as output:
+        done = subprocess.run(
+            arguments, cwd=case, env=environment_in(case), stdout=output, stderr=subprocess.STDOUT
+        )
+    if done.returncode != 0:
+        check_room(case)
+        raise StageError(f"{arguments[0]} failed in {case}; its last lines:\n{last_lines(path)}")
+
+
+def last_lines(path: Path, count: int = 25) -> str:
+    """The end of a log."""
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
+    return "\n".join(lines[-count:])
+
+
+def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False) -> list[str]:
+    """pimpleFoam, through MPI where `ranks` > 1; in a Slurm job on the cores that it was given."""
+    if ranks == 1:
+        return ["pimpleFoam"]
+    mpi = ["mpirun", "-np", str(ranks)]
+    if hosts is not None or not in_whole_job(os.environ):
+        # a machine that is shared with others: ranks yield, move, and may be more than its cores
+        mpi += ["--mca", "mpi_yield_when_idle", "1", "--bind-to", "none", "--oversubscribe"]
+    if hosts is not None:
+        mpi += ["--hostfile", str(hosts)]
+        # on the other hosts there is what a login by ssh sets, in which OpenFOAM's programs do not start
+        for name in sorted(name for name in environment() if name.startswith(FORWARDED)):
+            mpi += ["-x", name]
+    if hasattr(os, "geteuid") and os.geteuid() == 0:
+        mpi.insert(1, "--allow-run-as-root")
+    return [*mpi, "pimpleFoam", "-parallel", *(COLLATED if collated else ())]
+
+
+if __name__ == "__main__":
+    from fileio.command import guarded
+
+    guarded("setup", lambda: print(f"setup: OpenFOAM {foam_version()}"))

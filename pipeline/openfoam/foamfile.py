@@ -1,0 +1,103 @@
+"""Writing OpenFOAM files whole and fast: headers, binary lists, point fields."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+
+from fileio import atomic as whole_file
+from fileio.errors import StageError
+
+ARCH = "LSB;label=32;scalar=64"
+END = b"\n\n// ************************************************************************* //\n"
+
+
+def header(foam_class: str, location: str, name: str, *, binary: bool, note: str = "") -> bytes:
+    """The FoamFile dictionary at the top of a file."""
+    lines = ["FoamFile", "{", "    version     2.0;", f"    format      {'binary' if binary else 'ascii'};"]
+    if binary:
+        lines.append(f'    arch        "{ARCH}";')
+    lines.append(f"    class       {foam_class};")
+    if note:
+        lines.append(f'    note        "{note}";')
+    lines += [f'    location    "{location}";', f"    object      {name};", "}", "", ""]
+    return "\n".join(lines).encode()
+
+
+def binary_list(values: np.ndarray) -> bytes:
+    """A List in OpenFOAM's binary form: size, then raw bytes in brackets; ints become 32-bit labels."""
+    values = np.ascontiguousarray(values, "<i4" if values.dtype.kind in "iu" else "<f8")
+    return b"%d\n(" % len(values) + values.tobytes() + b")"
+
+
+def write_bytes(path: Path, content: bytes, compress: bool = False, sync: bool = True) -> None:
+    """Write a file whole or not at all, on the disk first unless `sync` is False; gzipped as `<path>.gz` where asked."""
+    if compress:
+        path, content = path.with_name(path.name + ".gz"), gzip.compress(content, compresslevel=1, mtime=0)
+    whole_file.write_bytes(path, content, sync=sync)
+
+
+def write_list(path: Path, foam_class: str, location: str, *lists: np.ndarray, note: str = "") -> None:
+    """Write a binary list file (points, owner, faces, …)."""
+    body = b"\n".join(binary_list(v) for v in lists)
+    write_bytes(path, header(foam_class, location, path.name, binary=True, note=note) + body + END)
+
+
+def labels_of(content: bytes) -> np.ndarray:
+    """A labelList (pointProcAddressing), ASCII or binary; binary where it has no header, as in a collated file."""
+    head = content.find(b"FoamFile")
+    start = content.index(b"}", head) + 1 if head >= 0 else 0
+    is_binary = b"binary" in content[:start] or not start
+    opening = content.index(b"(", start)
+    count = int(content[start:opening].split()[-1])
+    if is_binary:
+        return np.frombuffer(content, "<i4", count, opening + 1)
+    return np.array(content[opening + 1 : content.index(b")", opening)].split(), dtype=np.int64)
+
+
+def is_complete(path: Path) -> bool:
+    """Whether OpenFOAM finished writing a file: its last line is the closing rule."""
+    if path.suffix == ".gz":
+        try:
+            return gzip.decompress(path.read_bytes()).rstrip().endswith(b"* //")
+        except (OSError, EOFError):
+            return False
+    with open(path, "rb") as file:
+        file.seek(0, os.SEEK_END)
+        file.seek(max(0, file.tell() - 200))
+        return file.read().rstrip().endswith(b"* //")
+
+
+def read_field(path: Path, cells: int) -> np.ndarray:
+    """Internal values (cell,) or (cell, 3) of a binary volScalarField or volVectorField."""
+    return field_of(path.read_bytes(), cells, path)
+
+
+def field_of(content: bytes, cells: int, path: Path) -> np.ndarray:
+    """The same from a field's bytes; `path` is where they are from."""
+    found = re.search(
+        rb"\ninternalField\s+(uniform ([^;]+);|nonuniform List<(scalar|vector)>\s*(\d+)\s*\()", content
+    )
+    if found is None:
+        raise StageError(f"{path}: no field of OpenFOAM's; delete the case folder and run make again")
+    if found.group(2):
+        value = np.array(found.group(2).replace(b"(", b" ").replace(b")", b" ").split(), float)
+        return np.tile(value, (cells, 1)) if len(value) > 1 else np.full(cells, value[0])
+    size = 3 if found.group(3) == b"vector" else 1
+    values = np.frombuffer(content, "<f8", size * int(found.group(4)), found.end())
+    return values.reshape(-1, 3) if size == 3 else values
+
+
+def write_field(path: Path, template: Path, values: np.ndarray) -> None:
+    """Write `template`, a field given as text, with internal values (cell,) or (cell, 3) instead of its own."""
+    kind, name = ("vector", "volVectorField") if values.ndim == 2 else ("scalar", "volScalarField")
+    body = template.read_bytes().split(b"}", 1)[1]
+    field = b"internalField nonuniform List<%s> " % kind.encode() + binary_list(values) + b";"
+    head, count = re.subn(rb"internalField[^;]*;", lambda _: field, body, count=1)
+    if count != 1:
+        raise StageError(f"{template}: no internalField; run the case stage again")
+    write_bytes(path, header(name, path.parent.name, path.name, binary=True) + head + END)

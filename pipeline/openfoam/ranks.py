@@ -1,0 +1,112 @@
+"""How a case lies on disk for its ranks: in a folder of each, or in one folder of files that hold a block of each (collated).
+
+Collated files are OpenFOAM's decomposedBlockData: a header, then for each rank its size and its bytes in brackets. The
+header of what is in the blocks stands in the first one only.
+"""
+
+from __future__ import annotations
+
+import gzip
+import re
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+from fileio.errors import StageError
+from pipeline.openfoam.foamfile import header, is_complete, write_bytes
+
+LEAST_CELLS = 5000  # of a rank: with fewer, ranks wait for each other longer than they work
+COLLATED = b"decomposedBlockData"
+HEAD = 2000  # bytes within which a file's header lies
+MESH_PAST = ("V0", "meshPhi")
+BLOCK = re.compile(rb"\s*// Processor\d+\s+(\d+)\s*\(")
+
+
+@dataclass(frozen=True)
+class Ranks:
+    """MPI ranks, and whether their files are collated (never of one rank)."""
+
+    count: int = 1
+    collated: bool = False
+
+    def folders(self, case: Path) -> list[Path]:
+        """Folders of `case` in which times are written."""
+        if self.count == 1:
+            return [case]
+        if self.collated:
+            return [case / f"processors{self.count}"]
+        return [case / f"processor{rank}" for rank in range(self.count)]
+
+    def announce(self, case: Path, time: str) -> None:
+        """Let a resumed run find the mesh's own past of collated files: its old volumes, and the fluxes of its motion.
+
+        v1912 reads them only where it sees their names in each rank's own folder, where collated files are not; without
+        them it would go on as if the mesh had stood still. Empty files stand there until `withdraw`.
+        """
+        if self.collated:
+            for name in (name for name in MESH_PAST if (self.folders(case)[0] / time / name).exists()):
+                for rank in range(self.count):
+                    write_bytes(case / f"processor{rank}" / time / name, b"")
+
+    def withdraw(self, case: Path) -> None:
+        """Remove what `announce` has laid, also for a run that was killed since."""
+        if self.collated:
+            for rank in range(self.count):
+                shutil.rmtree(case / f"processor{rank}", ignore_errors=True)
+
+    def contents(self, case: Path, name: str) -> list[bytes]:
+        """What the file `name` holds, rank by rank. StageError where it is missing or cut off."""
+        found = [read_content(folder / name) for folder in self.folders(case)]
+        if not self.collated or self.count == 1:
+            return found
+        blocks = read_blocks(found[0])
+        if len(blocks) != self.count:
+            raise StageError(
+                f"{self.folders(case)[0] / name}: {len(blocks)} of {self.count} ranks are in it; delete {case} and run make again"
+            )
+        return blocks
+
+
+def read_content(path: Path) -> bytes:
+    """A file's bytes, unzipped where it is `<path>.gz`."""
+    zipped = path.with_name(path.name + ".gz")
+    if zipped.exists():
+        return gzip.decompress(zipped.read_bytes())
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise StageError(f"{path}: missing; delete the case folder and run make again") from None
+
+
+def read_blocks(content: bytes) -> list[bytes]:
+    """The whole blocks of a collated file, in order."""
+    blocks: list[bytes] = []
+    at = content.find(b"// Processor0")
+    while at >= 0 and (found := BLOCK.match(content, at)):
+        end = found.end() + int(found.group(1))
+        if content[end : end + 1] != b")":
+            break  # cut off
+        blocks.append(content[found.end() : end])
+        at = end + 1
+    return blocks
+
+
+def collated_content(name: str, blocks: list[bytes]) -> bytes:
+    """A collated file of one block per rank, the first with the header of what is in them."""
+    parts = [
+        b"\n// Processor%d\n\n%d\n(%b)\n" % (rank, len(block), block) for rank, block in enumerate(blocks)
+    ]
+    return header(COLLATED.decode(), "", name, binary=True) + b"".join(parts)
+
+
+def is_whole(path: Path, ranks: Ranks) -> bool:
+    """Whether OpenFOAM finished writing a file, for all ranks where it is collated."""
+    if not ranks.collated:
+        return is_complete(path)
+    try:
+        content = gzip.decompress(path.read_bytes()) if path.suffix == ".gz" else path.read_bytes()
+    except (OSError, EOFError):
+        return False
+    if COLLATED not in content[:HEAD]:
+        return is_complete(path)  # written by one rank for all
+    return len(read_blocks(content)) == ranks.count

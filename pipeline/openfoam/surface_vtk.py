@@ -1,0 +1,78 @@
+"""Surfaces that the solver has sampled (VTK's legacy format, binary): whether they are whole, and reading them.
+
+OpenFOAM goes on where the disk is full and leaves what was cut off; VTK reads it as far as it comes.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import pyvista as pv
+
+from fileio.atomic import check_room
+from fileio.errors import StageError
+
+SIZES = {"float": 4, "double": 8, "int": 4, "long": 8}  # bytes
+
+
+def is_whole_vtk(path: Path) -> bool:
+    """Whether a file of OpenFOAM's (version 2.0 of the format) holds all that its headers announce; False where it is missing."""
+    try:
+        with path.open("rb") as file:
+            return _is_whole(file)
+    except FileNotFoundError:
+        return False
+
+
+def _is_whole(file: BinaryIO) -> bool:
+    """Whether an open file does: its headers are read, and its values passed over."""
+    size = os.fstat(file.fileno()).st_size
+    sections: list[bytes] = []
+    try:
+        version = file.readline()
+        if version.startswith(b"# vtk") and version.endswith(b"\n") and b" 2.0" not in version:
+            return True  # another layout than OpenFOAM's: for VTK to judge
+        for _ in range(3):  # title, BINARY, DATASET
+            file.readline()
+        while line := file.readline():
+            if not line.strip():
+                continue
+            sections.append(line.split()[0])
+            for count, kind in _arrays(line.split(), file):
+                if not 0 <= count <= size:
+                    return False
+                file.seek(count * SIZES[kind] + 1, io.SEEK_CUR)
+    except (ValueError, IndexError, KeyError):
+        return False
+    values = sections[-2:] in ([b"POINT_DATA", b"FIELD"], [b"CELL_DATA", b"FIELD"])
+    return values and b"POINTS" in sections and file.tell() == size
+
+
+def _arrays(line: list[bytes], file: BinaryIO) -> Iterator[tuple[int, str]]:
+    """Number of values and their type of each array of the section that begins with `line`."""
+    if line[0] == b"POINTS":
+        yield 3 * int(line[1]), line[2].decode()
+    elif line[0] == b"POLYGONS":
+        yield int(line[2]), "int"
+    elif line[0] == b"FIELD":
+        for _ in range(int(line[2])):
+            words = file.readline().split()
+            yield int(words[1]) * int(words[2]), words[3].decode()
+    elif line[0] not in (b"POINT_DATA", b"CELL_DATA"):
+        raise ValueError(line[0])
+
+
+def read_surface(path: Path) -> pv.DataSet:
+    """A surface. StageError where it was cut off; OSError where that is because the disk is full."""
+    if not is_whole_vtk(path):
+        check_room(path.parent)
+        case = path.parents[3]  # <case>/postProcessing/<recorder>/<time>/<surface>.vtk
+        raise StageError(
+            f"{path}: cut off, as by a full disk; delete {case / 'progress.json'} and run/run.json, if they are"
+            " there, and run make again: the solver goes on before that time"
+        )
+    return pv.read(path)

@@ -1,0 +1,1 @@
+"""Stage run: the solver, its guards and its results."""

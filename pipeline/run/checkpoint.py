@@ -1,0 +1,111 @@
+"""Finding the last whole set of fields a run has written, and clearing what a later start would collide with."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.openfoam.ranks import Ranks, is_whole
+from pipeline.openfoam.surface_vtk import is_whole_vtk
+
+FIELDS = ("U", "p", "phi", "uniform/time")
+MOVED = ("pointDisplacement", "polyMesh/points")  # written where the mesh moves
+
+
+def saved_times(folder: Path, ranks: Ranks, moving: bool = True) -> list[tuple[float, str]]:
+    """Times in a case's folder, or in one of its ranks', at which every file is whole, ascending."""
+    wanted = FIELDS + (MOVED if moving else ())
+    found = []
+    for place in folder.iterdir() if folder.is_dir() else ():
+        time = _number(place.name)
+        if time is None or time <= 0 or not all(_exists(place / name) for name in wanted):
+            continue
+        # the old-time fields of the second-order scheme count as well, whatever their names
+        if all(is_whole(path, ranks) for path in place.rglob("*") if path.is_file()):
+            found.append((time, place.name))
+    return sorted(found)
+
+
+def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[float, str] | None:
+    """Latest time that all ranks have written whole and whose samples are on disk; None where there is none."""
+    sampled = min(sampled_until(case), np.nextafter(first_damaged(case), 0.0))
+    common: dict[float, str] | None = None
+    for folder in ranks.folders(case):
+        times = {t: n for t, n in saved_times(folder, ranks, moving) if t <= sampled * (1 + 1e-9)}
+        common = times if common is None else {t: n for t, n in common.items() if t in times}
+    return max(common.items()) if common else None
+
+
+def first_damaged(case: Path) -> float:
+    """Earliest time (s) of which a sampled surface is missing or cut off, as where the disk was full; infinite without one.
+
+    Each kind of surface is sampled at an interval of its own, the least between two of its times.
+    """
+    found: list[dict[float, bool]] = []
+    for surfaces in (case / "postProcessing").glob("*Surface"):
+        folders = [
+            (time, folder) for folder in surfaces.iterdir() if (time := _number(folder.name)) is not None
+        ]
+        found.append({t: any(map(is_whole_vtk, folder.glob("*.vtk"))) for t, folder in folders})
+    last = max((time for whole in found for time in whole), default=0.0)
+    damaged = [time for whole in found for time, good in whole.items() if not good]
+    for whole in found:
+        times = sorted(whole)
+        if len(times) > 1:
+            interval = min(b - a for a, b in pairwise(times))
+            damaged += [a + interval for a, b in pairwise(times) if b - a > 1.5 * interval]
+            if last - times[-1] > (1 - 1e-6) * interval:
+                damaged.append(times[-1] + interval)
+    return min(damaged, default=np.inf)
+
+
+def sampled_until(case: Path) -> float:
+    """Latest time (s) whose samples are surely whole.
+
+    OpenFOAM writes the fields of a time before its samples: those are whole when the forces of the step after are there.
+    """
+    parts = _parts(case / "postProcessing" / "forces")
+    if not parts:
+        return 0.0
+    start, folder = parts[-1]
+    times = [
+        _number(line.split()[0])
+        for path in folder.glob("force*.dat")
+        for line in path.read_text(errors="replace").splitlines()[:-1]  # the last line may be cut off
+        if line.strip() and not line.startswith("#")
+    ]
+    rows = sorted(t for t in times if t is not None)
+    return max(start, rows[-2]) if len(rows) > 1 else start
+
+
+def drop_tables(case: Path, start: float) -> None:
+    """Remove the tables that a run (re)started at `start` (s) or later has written.
+
+    OpenFOAM would not overwrite them but write `<name>_<time>.dat` beside them, and what began at a later, damaged
+    checkpoint must not replace what is computed anew.
+    """
+    for recorder in (case / "postProcessing").glob("*"):
+        for time, folder in _parts(recorder):
+            if time >= start - 1e-9:
+                for path in folder.glob("*.dat"):
+                    path.unlink()
+
+
+def _parts(recorder: Path) -> list[tuple[float, Path]]:
+    """Folders of a function object that hold tables, by the time at which the run began, ascending."""
+    folders = recorder.iterdir() if recorder.is_dir() else ()
+    timed = [(_number(folder.name), folder) for folder in folders if any(folder.glob("*.dat"))]
+    return sorted((time, folder) for time, folder in timed if time is not None)
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _exists(path: Path) -> bool:
+    return path.exists() or path.with_name(path.name + ".gz").exists()

@@ -1,0 +1,94 @@
+"""The switch between two legs: the flow at its end carried to the next mesh, and what was lost on the way."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from fileio.atomic import write_text
+from fileio.errors import StageError
+from fileio.formats.mesh_intervals import Leg, read_stage
+from fileio.formats.node_motion import read_motion
+from fileio.hdf5 import read_dataset
+from pipeline.geometry.swept_cells import SweptCells, carry, overlap_of, swept_cells
+from pipeline.openfoam.displacement_files import steps_of, time_name
+from pipeline.openfoam.foamfile import END, field_of, header, labels_of, read_field, write_bytes, write_field
+from pipeline.openfoam.ranks import Ranks
+from pipeline.scene.scene import Scene
+
+SWITCH = "switch.json"  # in a leg's folder: what carrying the flow to it has cost
+
+
+def cells_of(scene: Scene, leg: Leg, time: float) -> SweptCells:
+    """The mesh of a leg in its shape at `time` s."""
+    planform = read_stage(scene.out, leg.stage)
+    motion = read_motion(scene.out, leg.stage)
+    with read_dataset(scene.out / "sweep.h5", "sweep", leg.name) as sweep:
+        return swept_cells(planform, sweep.load(), motion.nodes(time), motion.velocity(time))
+
+
+def read_cells(case: Path, time: str, name: str, ranks: Ranks, cells: int) -> np.ndarray:
+    """A field of all cells in the mesh's own order, from one folder or from those of all ranks."""
+    if ranks.count == 1:
+        return read_field(case / time / name, cells)
+    whole: np.ndarray | None = None
+    addressing = ranks.contents(case, "constant/polyMesh/cellProcAddressing")
+    for labels, content in zip(addressing, ranks.contents(case, f"{time}/{name}"), strict=True):
+        members = labels_of(labels)
+        part = field_of(content, len(members), case / time / name)
+        if whole is None:
+            whole = np.full((cells, *part.shape[1:]), np.nan)
+        whole[members] = part
+    if whole is None or np.isnan(whole).any():
+        raise StageError(
+            f"{case}: {name} at {time} s is not whole; delete the case folder and run make again"
+        )
+    return whole
+
+
+def square_sum(cells: SweptCells, a: np.ndarray, b: np.ndarray) -> float:
+    """Integral of the product of two velocity fields (cell, 3) over the computed part of the tank, m⁵/s²."""
+    return float(np.sum(cells.volume * (a * b).sum(1)))
+
+
+def energy_share(source: SweptCells, target: SweptCells, velocity: np.ndarray, averaged: np.ndarray,
+                 sampled: np.ndarray) -> float:  # fmt: skip
+    """The share s of `sampled` at which averaged + s (sampled - averaged) has the kinetic energy of the source.
+
+    Both are of second order; averages over cells like the source's have lost some energy, over finer cells gained some.
+    Held to -1…2, so that a flow which neither describes is not forced to have the energy.
+    """
+    change = sampled - averaged
+    a, b = square_sum(target, change, change), 2 * square_sum(target, averaged, change)
+    c = square_sum(target, averaged, averaged) - square_sum(source, velocity, velocity)
+    if a == 0:
+        return 0.0
+    return float(np.clip((-b + np.sqrt(max(b * b - 4 * a * c, 0.0))) / (2 * a), -1.0, 2.0))
+
+
+def carry_over(scene: Scene, before: Leg, leg: Leg, ranks: Ranks) -> None:
+    """Write the fields with which `leg` begins into its case, from those of the leg before it at that time."""
+    old, new = scene.out / "case" / before.name, scene.out / "case" / leg.name
+    step = scene.numerics.time_step
+    begin = leg.begin(step)
+    name = time_name(begin)
+    source, target = (cells_of(scene, of, begin) for of in (before, leg))
+    velocity, pressure = (read_cells(old, name, field, ranks, len(source.column)) for field in ("U", "p"))
+    overlap = overlap_of(source, target)
+    averaged, sampled = carry(source, target, overlap, velocity, no_slip=True)
+    carried = averaged + energy_share(source, target, velocity, averaged, sampled) * (sampled - averaged)
+    write_field(new / name / "U", new / "0.orig" / "U", carried)
+    first_guess = carry(source, target, overlap, pressure[:, None], no_slip=False)[0][:, 0]
+    write_field(new / name / "p", new / "0.orig" / "p", first_guess)
+    for path in (new / "0.orig").iterdir():
+        if not (new / name / path.name).exists():
+            write_bytes(new / name / path.name, path.read_bytes() + END)
+    # the sheet's pictures keep their phase over the switch
+    index = b"index %d;\n" % steps_of(begin, step)
+    time_header = header("dictionary", f"{name}/uniform", "time", binary=False)
+    write_bytes(new / name / "uniform" / "time", time_header + index + END)
+    squares = [square_sum(*pair) for pair in ((source, velocity, velocity), (target, carried, carried))]
+    jump = squares[1] / squares[0] - 1 if squares[0] else 0.0
+    write_text(new / SWITCH, json.dumps({"carried_at": begin, "carried_jump_fraction": jump}))

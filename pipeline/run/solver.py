@@ -1,0 +1,196 @@
+"""The solver at work on one leg: started from the last whole checkpoint, watched, stopped where it goes wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from fileio.atomic import check_room, naming, settle, write_text
+from fileio.errors import StageError
+from fileio.formats.mesh_intervals import Leg
+from fileio.json_text import read_json
+from pipeline.openfoam.displacement_files import checkpoint_interval, time_name
+from pipeline.openfoam.environment import die_with_parent, environment_in, last_lines, solver_command
+from pipeline.openfoam.foamfile import END, write_bytes
+from pipeline.openfoam.ranks import Ranks
+from pipeline.run.checkpoint import drop_tables, first_damaged, last_checkpoint, sampled_until
+from pipeline.run.guards import FINER, SILENCE, Guard, Watchdog
+from pipeline.scene.sections import Numerics
+
+LOG = "log.pimpleFoam"
+PROGRESS = "progress.json"  # what the leg has cost so far, and whether it has ended
+NOTE_EVERY = 10.0  # s between notes of the time spent, for a run that is killed
+BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
+
+
+def read_progress(case: Path) -> dict[str, Any]:
+    """What a leg has cost so far (`wall_time`, `cpu_time`, s), the times it was resumed at, and whether it has `ended`.
+
+    StageError where the file is damaged.
+    """
+    path = case / PROGRESS
+    remedy = "delete it and run make again: the solver goes on from its last checkpoint, its cost counts from there"
+    known = read_json(path, remedy) if path.exists() else {}
+    return {"wall_time": 0.0, "cpu_time": 0.0, "resumed": []} | known
+
+
+def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
+    """Change one entry of system/numbers, or of another file there."""
+    path = case / "system" / file
+    text, count = re.subn(rf"(?m)^{key}\s.*?;", f"{key:<23} {value};", path.read_text())
+    if count != 1:
+        raise StageError(f"{path}: entry {key!r} occurs {count} times; run the case stage again")
+    write_text(path, text)
+
+
+def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Ranks, hosts: Path | None,
+          bar: tqdm, guard: Guard) -> None:  # fmt: skip
+    """Run the solver to the end of a leg from its last whole checkpoint, unless it has got there before.
+
+    `handover` is the time (s) whose fields the next leg needs: that of the last checkpoint. StageError where `guard`
+    stops it, it fails by itself, or what it has sampled for a guard of the energy ends before the leg; its files are kept.
+    """
+    record = read_progress(case)
+    if record.get("ended"):
+        return
+    checkpoint = last_checkpoint(case, ranks, leg.moving)
+    begin = leg.begin(numerics.time_step)
+    start, name = checkpoint or (begin, time_name(begin))
+    if checkpoint is not None:
+        record["resumed"] = [*record["resumed"], start]
+        if leg.moving:
+            reset_displacement(ranks.folders(case), time_name(begin), name, whole=ranks.collated)
+        ranks.announce(case, name)
+    drop_tables(case, start)
+    set_number(case, "startTime", name)
+    set_number(
+        case, "writeInterval", f"{checkpoint_interval(handover - start, numerics.write_interval):.12g}"
+    )
+    clock = time.monotonic()
+    noted = clock
+    cpu = 0.0  # s of all ranks
+
+    def note(ended: bool = False) -> None:
+        spent = {
+            "wall_time": record["wall_time"] + time.monotonic() - clock,
+            "cpu_time": record["cpu_time"] + cpu,
+        }
+        write_text(case / PROGRESS, json.dumps({**record, **spent, "ended": ended}))
+
+    if guard.energy and (leg.index or checkpoint):
+        guard.energy.from_rest = False
+    log = case / LOG
+
+    def stopped(cause: str) -> StageError:
+        return StageError(
+            f"stopped at {guard.time:g} s by a guard: {cause}; the fields are kept in {case}: {guard.remedy}"
+        )
+
+    # line by line: what a kill leaves in the log is whole lines
+    with naming(log), open(log, "a" if checkpoint else "w", buffering=1, encoding="utf-8") as output:
+        output.write("\n")  # the run before may have ended within a line
+        process = subprocess.Popen(
+            solver_command(ranks.count, hosts, ranks.collated),
+            cwd=case,
+            env=environment_in(case),
+            preexec_fn=die_with_parent,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            bufsize=1,
+            start_new_session=True,
+        )
+        assert process.stdout is not None
+        with Watchdog(SILENCE, lambda: _stop(process)) as watchdog:
+            try:
+                for line in process.stdout:
+                    output.write(line)
+                    watchdog.fed()
+                    cause = guard.verdict(line)
+                    if cause:
+                        raise stopped(cause)
+                    if line.startswith("ExecutionTime"):
+                        cpu = ranks.count * float(line.split()[2])
+                    if line.startswith("Time = "):
+                        if time.monotonic() - noted > NOTE_EVERY:
+                            noted = time.monotonic()
+                            note()
+                        bar.update(min(guard.time, leg.end) - bar.n)
+            except BaseException:
+                _stop(process)
+                raise
+            finally:
+                ranks.withdraw(case)
+                note()
+    code = process.wait()
+    if watchdog.barked:
+        guard.remedy = "look at the machine, then run make again to go on"
+        raise stopped(f"the solver has said nothing for {SILENCE / 60:g} minutes")
+    if code != 0:
+        raise failed(case, guard)
+    # of a flow without a body nothing is sampled, and no energy guarded (tests/studies/validation)
+    sampled = sampled_until(case) + 2.5 * numerics.time_step if guard.energy else leg.end
+    until = min(sampled, first_damaged(case))
+    if until < leg.end:
+        check_room(case)
+        raise StageError(
+            f"{case / 'postProcessing'}: what the solver has sampled is cut off at {until:g} s, as by a full disk;"
+            " run make again: it goes on before that time"
+        )
+    if cause := guard.look(ended=True):
+        raise stopped(cause)
+    for table in [log, *(case / "postProcessing").glob("*/*/*.dat")]:
+        settle(
+            table
+        )  # a power cut must not shorten what is said to be complete; fields and samples show that they are cut
+    note(ended=True)
+
+
+def failed(case: Path, guard: Guard) -> StageError:
+    """What to say of a solver that ended by itself: numbers that overflowed are a run gone wrong, not a defect.
+
+    OSError where its disk is full.
+    """
+    check_room(case)
+    log = case / LOG
+    tail = last_lines(log)
+    if re.search(r"Floating point exception|sigFpe|SIGFPE|signal 8", tail):
+        return StageError(
+            f"stopped at {guard.time:g} s: the solver's numbers overflowed; the fields are kept in {case}: {FINER}"
+        )
+    return StageError(f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{tail}")
+
+
+def reset_displacement(folders: list[Path], first: str, resumed: str, whole: bool = False) -> None:
+    """Start a resumed run's pointDisplacement from that of the leg's first time; both are folders' names.
+
+    `whole`: the files need no closing rule to be whole, as collated ones do not.
+
+    It is computed anew from the frames in the first step, and v1912 cannot read back a list of values on a patch with a
+    patchType ("compound has already been transferred").
+    """
+    for folder in folders:
+        content = (folder / first / "pointDisplacement").read_bytes().rstrip()
+        if not whole and not content.endswith(END.strip()):
+            content += END  # a whole file, for the next resumption
+        write_bytes(folder / resumed / "pointDisplacement", content)
+
+
+def _stop(process: subprocess.Popen[str]) -> None:
+    """End the solver and all its ranks."""
+    try:
+        os.killpg(process.pid, signal.SIGTERM)
+        process.wait(timeout=10)
+    except ProcessLookupError:
+        pass
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()

@@ -1,0 +1,1 @@
+"""scene.toml: its sections, checks and levels."""

@@ -1,0 +1,112 @@
+"""Tables of a scene with two fingers: [pinch], [pinch.object] and [support], and what they must satisfy."""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol
+
+from pipeline.scene.section import Pair, Positive, Section
+
+
+class Object(Section):
+    """A fixed body between the tips, centred on the plane between the fingers and on the sheet; lengths in m.
+
+    A cylinder lies along z and is as long as the finger is wide; `centre_height` is y of the centre in the tank frame.
+    """
+
+    shape: Literal["cylinder", "sphere"] = "cylinder"
+    diameter: Positive
+    centre_height: Positive
+
+
+class Pinch(Section):
+    """Two fingers, mirror images in the plane x = 0; lengths in m.
+
+    `half_distance`: from that plane to the middle of each root. Contact: `residual_gap` is where the tips stop before the
+    plane (or the object), `slowing_distance` over how much of the gap the closing law decelerates them
+    (pipeline/kinematics/contact.py).
+    """
+
+    half_distance: Positive
+    residual_gap: Positive = 0.0005
+    slowing_distance: Positive = 0.003
+    closing_law: Literal["ramp", "exponential"] = "ramp"
+    object: Object | None = None
+
+
+class Support(Section):
+    """A fixed block above the roots: size (x, height, z) and the height of its lower face, m; centred on x = 0, z = 0."""
+
+    size: tuple[Positive, Positive, Positive]
+    bottom: Positive
+
+
+class _Tank(Protocol):
+    size: tuple[float, float, float]
+    water_depth: float
+
+
+class _Finger(Protocol):
+    root: Pair
+    thickness: float
+    width: float
+    ventral: Literal["+x", "-x"]
+
+
+def check_pinch(pinch: Pinch, finger: _Finger, tank: _Tank, start_pressure_kpa: float) -> None:
+    """ValueError where two such fingers cannot hang in the tank."""
+    opening = pinch.half_distance - 0.5 * finger.thickness
+    if finger.root[0] != 0:
+        raise ValueError(
+            f"finger.root[0] = {finger.root[0]:g} m must be 0 beside [pinch], which places the fingers at"
+            " -half_distance and +half_distance; give pinch.half_distance only"
+        )
+    if finger.ventral != "+x":
+        raise ValueError("finger.ventral must be '+x' beside [pinch]: the fingers close towards each other")
+    if pinch.half_distance + 0.5 * finger.thickness >= 0.5 * tank.size[0]:
+        raise ValueError(
+            f"pinch.half_distance = {pinch.half_distance:g} m puts the fingers into the walls of the tank;"
+            f" give less than {0.5 * tank.size[0] - 0.5 * finger.thickness:g}"
+        )
+    if opening <= pinch.residual_gap + pinch.slowing_distance:
+        raise ValueError(
+            f"pinch.half_distance = {pinch.half_distance:g} m leaves {opening:g} m between a finger of"
+            f" {finger.thickness:g} m thickness and the plane, not more than residual_gap + slowing_distance ="
+            f" {pinch.residual_gap + pinch.slowing_distance:g} m; raise half_distance"
+        )
+    if pinch.object is not None:
+        _check_object(pinch.object, opening - pinch.residual_gap, finger, tank, start_pressure_kpa)
+
+
+def _check_object(
+    thing: Object, free: float, finger: _Finger, tank: _Tank, start_pressure_kpa: float
+) -> None:
+    radius = 0.5 * thing.diameter
+    if not radius < thing.centre_height < tank.water_depth - radius:
+        raise ValueError(
+            f"pinch.object.centre_height = {thing.centre_height:g} m puts the object out of the water; give"
+            f" {radius:g} to {tank.water_depth - radius:g}"
+        )
+    if thing.shape == "sphere" and thing.diameter >= tank.size[2]:
+        raise ValueError(
+            f"pinch.object.diameter = {thing.diameter:g} m does not fit between the tank's walls"
+        )
+    if start_pressure_kpa >= 0 and radius >= free and thing.centre_height + radius > finger.root[1] - 0.1:
+        raise ValueError(
+            f"pinch.object.diameter = {thing.diameter:g} m is wider than the opening of the straight fingers,"
+            f" {2 * free:g} m; raise half_distance, or start opened by a negative motion.start_pressure_kpa"
+        )
+
+
+def check_support(support: Support, finger: _Finger, tank: _Tank) -> None:
+    """ValueError where the block does not hang above the roots and in the water."""
+    if support.bottom < finger.root[1]:
+        raise ValueError(
+            f"support.bottom = {support.bottom:g} m lies below the roots at {finger.root[1]:g} m; raise it"
+        )
+    if support.bottom + support.size[1] >= tank.water_depth:
+        raise ValueError(
+            f"support.size[1] = {support.size[1]:g} m reaches the surface at {tank.water_depth:g} m;"
+            f" give less than {tank.water_depth - support.bottom:g}"
+        )
+    if support.size[0] >= tank.size[0] or support.size[2] >= tank.size[2]:
+        raise ValueError(f"support.size = {list(support.size)} m does not fit into the tank; make it smaller")

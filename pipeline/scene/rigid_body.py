@@ -1,0 +1,66 @@
+"""What a scene says of a rigid body in place of a finger: its shape, and how it moves."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from pipeline.scene.section import Pair, Positive, Section
+
+
+class Body(Section):
+    """A rigid body, m; `centre` is where it begins, `depth` its extent along z (2-D: forces are those on this depth)."""
+
+    shape: Literal["circle", "plate"]
+    centre: Pair
+    diameter: Positive | None = None
+    chord: Positive | None = None
+    thickness: Positive | None = None
+    angle_deg: float = 0.0  # of the chord from the x axis, counter-clockwise
+    depth: Positive = 1.0
+    points: Annotated[int, Field(ge=24)] = 720
+
+    @model_validator(mode="after")
+    def _sized(self) -> Body:
+        if (self.shape == "circle") != (self.diameter is not None):
+            raise ValueError("give a diameter to a circle, and to a circle only")
+        plate = self.chord is not None and self.thickness is not None
+        if (self.shape == "plate") != plate or (not plate and (self.chord or self.thickness)):
+            raise ValueError("give chord and thickness to a plate, and to a plate only")
+        if self.chord and self.thickness and self.thickness >= self.chord:
+            raise ValueError(f"thickness = {self.thickness} m is not less than the chord, {self.chord} m")
+        return self
+
+    @property
+    def size(self) -> float:
+        """Diameter or chord, m."""
+        return self.diameter or self.chord or 0.0
+
+
+class Law(Section):
+    """A displacement (m, along `direction_deg`) or a rotation (deg, counter-clockwise) over time.
+
+    `sine`: amplitude · sin(2π (t − start) / period). `power`: the speed is rate · (t − start)^exponent. Both begin
+    through a smooth step of `smoothing` s that multiplies the amplitude, or the speed.
+    """
+
+    kind: Literal["sine", "power"]
+    start: Annotated[float, Field(ge=0)] = 0.0
+    smoothing: Positive
+    direction_deg: float = 0.0
+    amplitude: float | None = None
+    period: Positive | None = None
+    rate: float | None = None
+    exponent: Annotated[float, Field(ge=0, le=4)] | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Law:
+        wanted = {"sine": ("amplitude", "period"), "power": ("rate", "exponent")}
+        for kind, keys in wanted.items():
+            for key in keys:
+                if (kind == self.kind) != (getattr(self, key) is not None):
+                    raise ValueError(
+                        f"kind = '{self.kind}' takes {' and '.join(wanted[self.kind])}, no more and no less"
+                    )
+        return self

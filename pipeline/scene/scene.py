@@ -1,0 +1,153 @@
+"""The scene: every number of a case, read from scene.toml, resolved for one level and checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, ValidationError, model_validator
+
+from fileio.errors import StageError
+from fileio.provenance import digest
+from pipeline.scene.limits import check_numbers
+from pipeline.scene.measurement import Camera, Piv, Sheet, Vortices
+from pipeline.scene.pinch import Pinch, Support, check_pinch, check_support
+from pipeline.scene.read_toml import level_tables, merge, read_tables
+from pipeline.scene.rigid_body import Body
+from pipeline.scene.section import Section, validation_sentence
+from pipeline.scene.sections import Finger, Fluid, Mesh, Model, Motion, Numerics, Tank
+
+
+class Scene(Section):
+    """One scene at one level."""
+
+    name: str
+    title: str
+    level: str
+    folder: Path
+    tank: Tank = Tank()
+    fluid: Fluid = Fluid()
+    finger: Finger
+    body: Body | None = None  # in the finger's place: validation against what is known of it
+    pinch: Pinch | None = None
+    support: Support | None = None
+    motion: Motion
+    model: Model = Model()
+    mesh: Mesh
+    numerics: Numerics
+    sheet: Sheet = Sheet()
+    camera: Camera
+    piv: Piv = Piv()
+    vortices: Vortices = Vortices()
+    actuator: dict[str, Any] = Field(default_factory=dict)
+    fea: dict[str, Any] = Field(default_factory=dict)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _quarter_of_a_pinch(cls, table: Any) -> Any:
+        if isinstance(table, dict) and table.get("pinch") is not None and "model" not in table:
+            return table | {"model": {"kind": "quarter"}}
+        return table
+
+    @model_validator(mode="before")
+    @classmethod
+    def _body_for_finger(cls, table: Any) -> Any:
+        """A rigid body takes the finger's place: its centre is the root, its depth the width."""
+        body = table.get("body") if isinstance(table, dict) else None
+        if isinstance(body, dict) and "centre" in body:
+            if "finger" in table:
+                raise ValueError("give either finger or body")
+            table = {**table, "finger": {"root": body["centre"], "width": body.get("depth", 1.0)}}
+        return table
+
+    @model_validator(mode="after")
+    def _one_body(self) -> Scene:
+        if (self.body is None) == (self.motion.source == "rigid"):
+            raise ValueError("body and motion.source = 'rigid' belong together; give both or neither")
+        return self
+
+    @model_validator(mode="after")
+    def _physical(self) -> Scene:
+        tank, finger = self.tank, self.finger
+        if tank.water_depth > tank.size[1]:
+            raise ValueError(
+                f"tank.water_depth = {tank.water_depth} m exceeds the tank's height {tank.size[1]} m"
+            )
+        if self.body is None and (finger.length > 1 or max(tank.size) > 20):
+            raise ValueError("finger.length or tank.size looks like millimetres; give metres")
+        if not abs(finger.root[0]) < tank.size[0] / 2 or not 0 < finger.root[1] < tank.water_depth:
+            raise ValueError(
+                f"finger.root = {list(finger.root)} is not in the water; move it inside the tank"
+            )
+        reach = finger.length + finger.tip.length
+        if finger.root[1] - reach < 0.1:
+            raise ValueError(
+                f"finger.root leaves the tip {finger.root[1] - reach:.3f} m above the bottom,"
+                " less than the experiment's 0.1 m; raise finger.root"
+            )
+        if finger.width >= tank.size[2]:
+            raise ValueError(f"finger.width = {finger.width} m does not fit between the tank's walls")
+        if self.pinch is not None:
+            check_pinch(self.pinch, finger, tank, self.motion.start_pressure_kpa)
+        elif self.model.kind == "quarter":
+            raise ValueError(
+                "model.kind = 'quarter' needs the second symmetry plane of [pinch]; give 'half' for a single finger"
+            )
+        if self.support is not None:
+            check_support(self.support, finger, tank)
+        check_numbers(self)
+        self.numerics.sampling_steps(self.sheet.rate_hz)
+        steps = self.motion.end_time / self.numerics.time_step
+        if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
+            raise ValueError(
+                f"motion.end_time = {self.motion.end_time:g} s is no whole number of numerics.time_step ="
+                f" {self.numerics.time_step:g} s; give {max(1, round(steps)) * self.numerics.time_step:g}"
+            )
+        if self.camera.pairs_every > 1 and self.piv.frames > 2:
+            raise ValueError(
+                f"piv.frames = {self.piv.frames} needs every frame; give camera.pairs_every = 1, or piv.frames = 2"
+            )
+        if abs(self.sheet.z) >= tank.size[2] / 2:
+            raise ValueError(f"sheet.z = {self.sheet.z} m lies outside the tank")
+        if self.model.kind != "full" and self.sheet.z != 0:
+            raise ValueError("sheet.z must be 0 unless model.kind = 'full': the sheet is the symmetry plane")
+        return self
+
+    def placed(self) -> Scene:
+        """The scene with the fingers of a pinch where it hangs them; itself without a pinch."""
+        if self.pinch is None:
+            return self
+        finger = self.finger.model_copy(update={"root": (-self.pinch.half_distance, self.finger.root[1])})
+        return self.model_copy(update={"finger": finger})
+
+    @property
+    def out(self) -> Path:
+        """Folder of everything generated at this level."""
+        return self.folder / "out" / self.level
+
+    def digest(self) -> str:
+        """Hash of every number of the scene at this level."""
+        return digest(self.model_dump(mode="json", exclude={"folder"}))
+
+
+def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
+    """Read `<folder>/scene.toml`, apply `[levels.<level>]`, and check it.
+
+    A scene may say `extends = "../other"`: it then holds only what differs. Raises StageError in one sentence.
+    """
+    folder = Path(folder)
+    path = folder / "scene.toml"
+    table = read_tables(path)
+    levels = table.pop("levels", {})
+    table = merge(table, level_tables(levels, level, path))
+    for key in ("name", "level", "folder"):
+        if key in table:
+            raise StageError(f"{path}: {key}: this key is not known; check its spelling or remove it")
+    try:
+        return Scene(**table, name=folder.name, level=level, folder=folder).placed()
+    except ValidationError as error:
+        raise StageError(f"{path}: {validation_sentence(error)}") from None
+    except ArithmeticError as error:
+        raise StageError(
+            f"{path}: a number is too large or too small to reckon with ({error}); lengths are in m, times in s"
+        ) from None

@@ -1,0 +1,185 @@
+"""The sections of a scene.toml: tank, fluid, finger, motion, mesh, model and numerics."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from pipeline.scene.rigid_body import Law
+from pipeline.scene.section import Pair, Positive, Section
+
+
+class Tank(Section):
+    """Inner size (x, y up, z) and water depth, m; origin at the centre of the bottom."""
+
+    size: tuple[Positive, Positive, Positive] = (0.600, 0.330, 0.300)
+    water_depth: Positive = 0.300
+
+
+class Fluid(Section):
+    """Water, and what is modelled of its turbulence."""
+
+    density: Positive = 998.2
+    kinematic_viscosity: Positive = 1.004e-6
+    turbulence: Literal["laminar", "WALE"] = "laminar"
+
+
+class Tip(Section):
+    """End of the finger: a straight, tapered extension and rounded corners, m."""
+
+    length: Annotated[float, Field(ge=0)] = 0.0
+    thickness: Positive | None = None
+    corner_radius: Positive = 0.002
+
+    @model_validator(mode="after")
+    def _taper_has_length(self) -> Tip:
+        if self.thickness is not None and self.length == 0:
+            raise ValueError("a thickness is given but no length to taper over; give finger.tip.length")
+        return self
+
+
+class Finger(Section):
+    """Pose and envelope, m; `root` is the middle of the root in the tank frame.
+
+    Of a pinch it is finger 0, the left one: `root` in scene.toml says x = 0, the loaded scene -pinch.half_distance.
+    """
+
+    root: Pair
+    length: Positive = 0.070
+    thickness: Positive = 0.0145
+    width: Positive = 0.028
+    root_corner_radius: Positive = 0.002
+    tilt_deg: float = 0.0  # about the root, counter-clockwise
+    ventral: Literal["+x", "-x"] = "+x"
+    tip: Tip = Tip()
+
+
+class Segment(Section):
+    """One stroke of a motion: go to `pressure_kpa` from `start` on, 2 % settled after `duration`, s."""
+
+    pressure_kpa: float
+    start: Annotated[float, Field(ge=0)]
+    duration: Positive
+
+
+class Motion(Section):
+    """Where shapes and the pressure history come from."""
+
+    source: Literal["fea", "paper_equations", "recording", "rigid"] = "paper_equations"
+    states: str | None = None
+    recording: str | None = None  # of source "recording": motion as a camera saw it (docs/formats.md)
+    recording_factor: Positive = 1.0  # on its bending, to measure what an error of it does
+    start_pressure_kpa: float = 0.0
+    strokes: tuple[Segment, ...] = ()
+    pressure_csv: str | None = None
+    end_time: Positive
+    max_bend_step_deg: Positive = 5.0
+
+    displacement: Law | None = None  # of a rigid body, m
+    rotation: Law | None = None  # of a rigid body, deg
+    path_step: Positive | None = None  # way of a rigid body between two shapes of the mesh
+
+    @model_validator(mode="after")
+    def _one_history(self) -> Motion:
+        rigid = (self.displacement is not None) + (self.rotation is not None)
+        if rigid != (self.source == "rigid") or (rigid and (self.strokes or self.pressure_csv)):
+            raise ValueError(
+                "motion.source = 'rigid' takes either motion.displacement or motion.rotation and nothing else"
+            )
+        if rigid:
+            return self
+        if self.source == "recording":
+            if not self.recording or self.strokes or self.pressure_csv:
+                raise ValueError(
+                    "motion.source = 'recording' needs motion.recording, the path of a motion.h5, and no strokes (strokes = [])"
+                    " and no pressure_csv beside it"
+                )
+            return self
+        if self.recording or self.recording_factor != 1:
+            raise ValueError(
+                "motion.recording and recording_factor belong to motion.source = 'recording'; remove them"
+            )
+        if bool(self.strokes) == bool(self.pressure_csv):
+            raise ValueError("give either motion.strokes or motion.pressure_csv, not both and not neither")
+        if self.pressure_csv and self.start_pressure_kpa != 0:
+            raise ValueError(
+                "motion.start_pressure_kpa belongs to motion.strokes; remove it beside motion.pressure_csv"
+            )
+        if any(b.start <= a.start for a, b in pairwise(self.strokes)):
+            raise ValueError("motion.strokes must start one after the other; sort them by start")
+        if self.source == "fea" and not self.states:
+            raise ValueError("motion.source = 'fea' needs motion.states, the path of a states.h5 or CSV")
+        return self
+
+
+class Mesh(Section):
+    """Planform and sweep: target cell sizes and layers, m."""
+
+    wall_cell: Positive
+    wall_first_layer: Positive
+    wall_layers: Annotated[int, Field(ge=1, le=40)]
+    wall_growth: Annotated[float, Field(ge=1, le=2)] = 1.3
+    tip_cell: Positive
+    near_cell: Positive
+    near_distance: Positive = 0.045
+    far_cell: Positive
+    layers_on_finger: Annotated[int, Field(ge=1)] = 6
+    layers_beyond: Annotated[int, Field(ge=1)] = 7
+    max_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = 65.0
+    usual_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = (
+        70.0  # not exceeded for 95 % of the time
+    )
+    jet_reach: Annotated[float, Field(ge=0)] = (
+        0.03  # pinch: along the plane from the contact, cells stay small
+    )
+
+
+class Model(Section):
+    """How much of the tank is computed: a plane, half of it (symmetry at the sheet), or all.
+
+    A pinch has a second symmetry plane, x = 0 between its fingers: a `quarter` uses both, and `2d` uses that one too;
+    `half` and `full` then hold both fingers.
+    """
+
+    kind: Literal["2d", "quarter", "half", "full"] = "half"
+
+
+LONGEST_BALANCE = 2e-3  # s between two samples of power and energy: bursts of 8 ms have been seen
+
+
+class Numerics(Section):
+    """Time step (s) and what the solver does with it."""
+
+    time_step: Positive
+    write_interval: Positive = 0.02
+    time_scheme: Literal["Euler", "backward"] = "backward"
+    convection: Literal["LUST", "linearUpwind"] = "LUST"
+    # values and gradients at faces; a scene that does not ask keeps the hash that it had before this could be asked
+    interpolation: Literal["linear", "skewCorrected"] = Field(
+        default="linear", exclude_if=lambda value: value == "linear"
+    )
+    outer_correctors: Annotated[int, Field(ge=1)] = 1
+    pressure_correctors: Annotated[int, Field(ge=1)] = 2
+    non_orthogonal_correctors: Annotated[int, Field(ge=0)] = 1
+    max_courant: Positive = 20.0
+
+    def sampling_steps(self, rate_hz: float) -> int:
+        """Time steps between two pictures of the sheet; ValueError where that is no whole number."""
+        steps = 1 / (rate_hz * self.time_step)
+        if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
+            raise ValueError(
+                f"numerics.time_step = {self.time_step:g} s does not divide the sheet's interval"
+                f" {1 / rate_hz:g} s; give {1 / rate_hz / max(1, round(steps)):g}"
+            )
+        return round(steps)
+
+    def balance_steps(self, rate_hz: float) -> int:
+        """Time steps between two samples of power and energy: those of the sheet, or a part of them where they are rare.
+
+        A burst of work between two samples would be missed, and the energy guard take it for energy from nothing.
+        """
+        sampling = self.sampling_steps(rate_hz)
+        most = max(1, int(LONGEST_BALANCE / self.time_step * (1 + 1e-9)))
+        return next(k for k in range(min(most, sampling), 0, -1) if sampling % k == 0)

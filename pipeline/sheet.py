@@ -1,0 +1,225 @@
+"""Stage sheet: what the laser sheet shows — the solver's symmetry plane on a regular grid, as a plane series."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+import pyvista as pv
+import shapely
+from tqdm import tqdm
+
+from fileio.atomic import whole
+from fileio.command import guarded
+from fileio.errors import StageError
+from fileio.formats.kinematics import FingerTrack, read_track
+from fileio.formats.mesh_intervals import Leg, read_legs, read_stage
+from fileio.formats.plane_series import FORMAT, FORMAT_VERSION, UNITS
+from fileio.hdf5_disk import Disk
+from fileio.lock import exclusive
+from fileio.provenance import digest, versions
+from pipeline.openfoam.surface_vtk import read_surface
+from pipeline.scene.command import parser, timed
+from pipeline.scene.measurement import Camera
+from pipeline.scene.scene import Scene, load_scene
+from pipeline.stage_settings import settings_of
+
+FIELDS = ("u", "v", "w", "dwdz", "p")
+ODD = ("u",)  # across the plane x = 0 between two fingers; the other fields are even
+MARGIN = 0.006  # m beyond the camera's view, so that particles that enter it have come from somewhere
+INSET = 1e-7  # m: points of the mirror plane are sampled this much inside the mesh
+
+
+def sheet_axes(camera: Camera, spacing: float, symmetric: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Grid axes (m) that cover the camera's view and a margin; x about 0 where `symmetric`."""
+    axes: list[np.ndarray] = []
+    for middle, pixels in zip(camera.centre, (camera.columns, camera.rows), strict=True):
+        half = 0.5 * pixels * camera.scale_mm_per_px * 1e-3 + MARGIN
+        if symmetric and not axes:
+            middle, half = 0.0, abs(middle) + half
+        count = int(np.ceil(half / spacing))
+        axes.append(middle + spacing * np.arange(-count, count + 1))
+    return axes[0], axes[1]
+
+
+def view_axes(view: View, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Grid axes (m) that cover x0 … x1, y0 … y1 as far as there is water. StageError where there is none."""
+    half, depth, spacing = scene.tank.size[0] / 2, scene.tank.water_depth, scene.sheet.spacing
+    low, high = np.maximum(view[::2], (-half, 0.0)), np.minimum(view[1::2], (half, depth))
+    if np.any(high - low < 2 * spacing):
+        raise StageError(
+            f"--view {view} m shows no water of {scene.folder}; give x0 x1 y0 y1 in the tank frame"
+        )
+    first, last = np.ceil(low / spacing - 1e-6), np.floor(high / spacing + 1e-6)
+    x, y = (spacing * np.arange(a, b + 1) for a, b in zip(first, last, strict=True))
+    return x, y
+
+
+def sampled_planes(case: Path, legs: tuple[Leg, ...]) -> list[tuple[float, Path]]:
+    """Times and files of the sheet's pictures over all legs, ascending; StageError where there is none."""
+    found = []
+    for leg in legs:
+        folder = case / leg.name / "postProcessing" / "sheetSurface"
+        times = sorted(
+            (float(f.name), f / "sheet.vtk") for f in folder.glob("*") if (f / "sheet.vtk").exists()
+        )
+        if not times:
+            raise StageError(f"{folder}: the solver wrote no sheet; run python -m pipeline.run.stage first")
+        found += [
+            (time, path) for time, path in times if time > leg.start + 1e-9
+        ]  # not what its run-in repeats
+    return found
+
+
+def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
+    """FIELDS on the grid (y, x), kinematic pressure; NaN outside the water."""
+    plane = read_surface(path)
+    grid = pv.RectilinearGrid(x, y, plane.points[:1, 2])
+    sampled = grid.sample(plane)
+    shape = (len(y), len(x))
+    outside = np.asarray(sampled["vtkValidPointMask"]).reshape(shape) == 0
+    velocity = np.asarray(sampled["U"]).reshape(*shape, 3)
+    fields = {
+        "u": velocity[..., 0],
+        "v": velocity[..., 1],
+        "w": np.zeros(shape) if flat else velocity[..., 2],
+        "dwdz": np.zeros(shape) if flat else np.asarray(sampled["gradU"]).reshape(*shape, 9)[..., 8],
+        "p": np.asarray(sampled["p"]).reshape(shape),
+    }
+    return {name: np.where(outside, np.nan, field).astype(np.float32) for name, field in fields.items()}
+
+
+def sample_mirrored(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
+    """FIELDS on a grid about x = 0 from a plane that holds x <= 0 only: nothing flows through the plane of symmetry."""
+    left = x[: len(x) // 2 + 1].copy()
+    left[-1] -= INSET
+    fields = sample_plane(path, left, y, flat)
+    fields["u"][:, -1] *= 0.0  # NaN stays NaN
+    return {name: whole_picture(name, field) for name, field in fields.items()}
+
+
+def whole_picture(name: str, left: np.ndarray) -> np.ndarray:
+    """A field (y, x) of x <= 0, its last column on the plane of symmetry, with its mirror image on the right."""
+    sign = left.dtype.type(-1 if name in ODD else 1)
+    return np.concatenate([left, sign * left[:, -2::-1]], axis=1)
+
+
+def frames(
+    scene: Scene, track: FingerTrack, x: np.ndarray, y: np.ndarray
+) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
+    """Time and variables of each picture of the sheet; absent inside the fingers."""
+    mesh_x, mesh_y = np.meshgrid(x, y)
+    flat = scene.model.kind == "2d"
+    legs = read_legs(scene.out)
+    sample = sample_mirrored if read_stage(scene.out, legs[0].stage).attrs["mirror"] else sample_plane
+    for time, path in sampled_planes(scene.out / "case", legs):
+        fields = sample(path, x, y, flat)
+        fields["p"] = fields["p"] * np.float32(scene.fluid.density)
+        fingers = track.at(time)
+        inside = shapely.contains_xy(shapely.Polygon(fingers["outline"][0]), mesh_x, mesh_y)
+        if track.mirror:
+            inside |= inside[:, ::-1]
+        valid = ~inside & np.isfinite(fields["u"])
+        for name in FIELDS:
+            fields[name][~valid] = np.nan
+        yield time, fields | {"valid": valid.astype(np.uint8)} | fingers
+
+
+View = tuple[float, float, float, float]
+
+
+def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path | None = None) -> None:
+    """Write sheet.h5 frame by frame; `view` (m) in place of the camera's, to another file `path`."""
+    track = read_track(scene.out)
+    if view is None:
+        x, y = sheet_axes(scene.camera, scene.sheet.spacing, symmetric=track.mirror)
+    else:
+        reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet has as much on either side
+        x, y = view_axes((-reach, reach, *view[2:]) if track.mirror else view, scene)
+    count = len(sampled_planes(scene.out / "case", read_legs(scene.out)))
+    path = path or scene.out / "sheet.h5"
+    with whole(path) as part, Disk(part, "w") as disk, h5netcdf.File(disk, "w") as file:
+        fingers = 2 if track.mirror else 1
+        file.dimensions = {"time": count, "y": len(y), "x": len(x), "finger": fingers, "axis": 2}
+        for name, values in (("x", x), ("y", y), ("time", np.zeros(count))):
+            _variable(file, name, (name,), np.float64)[...] = values
+        for k, (time, fields) in enumerate(
+            tqdm(frames(scene, track, x, y), "sheet", count, disable=quiet or None)
+        ):
+            if k == 0:
+                _create(file, fields)
+            file.variables["time"][k] = time
+            for name, values in fields.items():
+                file.variables[name][k] = values
+        file.attrs.update(
+            {
+                "format": FORMAT,
+                "format_version": FORMAT_VERSION,
+                "source": "cfd",
+                "tip_width": track.tip_width,
+                "versions": json.dumps(versions()),
+                "scene_hash": scene.digest(),
+                "settings": json.dumps(
+                    settings_of(scene, "sheet") | {"digest": digest(settings_of(scene, "sheet"))}
+                ),
+            }
+        )
+    if not quiet:
+        print(f"sheet: {count} planes of {len(x)}×{len(y)} points")
+
+
+def _variable(file: h5netcdf.File, name: str, dimensions: tuple[str, ...], kind: type, **more: object):
+    variable = file.create_variable(name, dimensions, kind, **more)
+    variable.attrs["units"] = UNITS[name]
+    return variable
+
+
+def _create(file: h5netcdf.File, fields: dict[str, np.ndarray]) -> None:
+    """Variables for what a frame holds."""
+    for name, values in fields.items():
+        if values.shape == (file.dimensions["y"].size, file.dimensions["x"].size):
+            more = {
+                "chunks": (1, *values.shape),
+                "compression": "gzip",
+                "compression_opts": 1,
+                "shuffle": True,
+            }
+            _variable(file, name, ("time", "y", "x"), values.dtype.type, **more)
+            continue
+        if name == "outline":
+            file.dimensions["point"] = values.shape[1]
+        axes = {"outline": ("point", "axis"), "outline_velocity": ("point", "axis"), "bend": ()}.get(
+            name, ("axis",)
+        )
+        _variable(file, name, ("time", "finger", *axes), np.float64)
+
+
+def other_view(args: argparse.Namespace) -> None:
+    """Write the sheet over `args.view` to the file `args.output`, one command at a time."""
+    args.output.parent.mkdir(parents=True, exist_ok=True)
+    with exclusive(args.output):
+        run(load_scene(args.scene, args.level), args.quiet, tuple(args.view), args.output)
+
+
+def main() -> None:
+    """Command line: the scene's own sheet, or another view of it for a laboratory's camera."""
+    arguments = parser("sheets", __doc__)
+    arguments.add_argument(
+        "--view", nargs=4, type=float, metavar=("X0", "X1", "Y0", "Y1"), help="m; needs -o"
+    )
+    arguments.add_argument("-o", "--output", type=Path, help="file to write in place of sheet.h5")
+    args = arguments.parse_args()
+    if (args.view is None) != (args.output is None):
+        arguments.error("--view and --output belong together: another view goes to another file")
+    if args.view is None:
+        guarded("sheets", lambda: timed("sheets", args, run))
+    else:
+        guarded("sheets", lambda: other_view(args))
+
+
+if __name__ == "__main__":
+    main()

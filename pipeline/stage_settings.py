@@ -1,0 +1,120 @@
+"""Stage settings: the scene resolved for one level, one small file per stage that changes only if its content does."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from fileio.atomic import write_text
+from fileio.command import guarded
+from fileio.errors import StageError
+from fileio.lock import exclusive, held
+from pipeline.fea.up_to_date import check_states
+from pipeline.openfoam.base_case import templates_digest
+from pipeline.scene.command import parser
+from pipeline.scene.measurement import piv_settings, render_settings
+from pipeline.scene.read_toml import scene_files
+from pipeline.scene.scene import Scene
+
+# What each stage's results depend on, so that touching a key redoes only what follows from it.
+STAGE_SECTIONS: dict[str, Any] = {
+    "kinematics": {"tank", "finger", "body", "pinch", "support", "motion"},
+    # a leg begins with a picture of the sheet, and its planform's shapes cover a run-in of so many time steps
+    "mesh": {"mesh": True, "model": True, "support": True, "numerics": {"time_step"}, "sheet": {"rate_hz"}},
+    # the solver needs no more of the sheet than this: a finer grid does not solve again
+    "case": {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
+    "run": set(),
+    "sheet": {"sheet": {"spacing"}, "camera": {"columns", "rows", "scale_mm_per_px", "centre"}},
+    "images": {"camera", "sheet"},
+    "piv": {"piv"},
+    "vortices": {"vortices"},
+    "report": {"title"},
+}
+
+
+# The stages of piv/ know nothing of scenes: they get their own flags, by name, as a settings file.
+FLAT_SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
+    "images": lambda scene: render_settings(scene.camera, scene.sheet),
+    "piv": lambda scene: piv_settings(scene.piv, scene.camera),
+    "vortices": lambda scene: scene.vortices.model_dump(mode="json"),
+}
+
+
+def _file_digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.exists() else "missing"
+
+
+def settings_of(scene: Scene, stage: str) -> dict[str, Any]:
+    """The part of the scene that a stage's results depend on, with the digests of the files it names or is written from."""
+    if stage in FLAT_SETTINGS:
+        return FLAT_SETTINGS[stage](scene)
+    settings = scene.model_dump(mode="json", include=STAGE_SECTIONS[stage])
+    if stage == "kinematics":
+        named = [scene.motion.states, scene.motion.pressure_csv, scene.motion.recording]
+        settings["files"] = {name: _file_digest(scene.folder / name) for name in named if name}
+    if stage == "case":
+        settings["templates"] = templates_digest()
+    return settings
+
+
+def changed_settings(scene: Scene) -> dict[str, str]:
+    """Text of `settings/<stage>.json` for each stage whose file is missing or says otherwise."""
+    found = {}
+    for stage in STAGE_SECTIONS:
+        path = scene.out / "settings" / f"{stage}.json"
+        text = json.dumps(settings_of(scene, stage), indent=1, sort_keys=True) + "\n"
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            found[stage] = text
+    return found
+
+
+def write_settings(scene: Scene) -> list[str]:
+    """Write `settings/<stage>.json` where its content changed; returns the names of the stages that changed."""
+    changed = changed_settings(scene)
+    for stage, text in changed.items():
+        write_text(scene.out / "settings" / f"{stage}.json", text)
+    return list(changed)
+
+
+def make_rules(scene: Scene) -> str:
+    """What tells make that settings/.stamp follows from every scene.toml and file of the motion that the scene is made of.
+
+    Each is also a target of nothing, so that make does not stop where one is gone since.
+    """
+    motion = [scene.folder / name for name in settings_of(scene, "kinematics")["files"]]
+    names = [re.sub(r"([\s#:%])", r"\\\1", str(path)).replace("$", "$$") for path in
+             (scene.out / "settings" / ".stamp", *scene_files(scene.folder / "scene.toml"), *motion)]  # fmt: skip
+    return f"{names[0]}: {' '.join(names[1:])}\n" + "".join(f"{name}:\n" for name in names[1:])
+
+
+def run(scene: Scene, quiet: bool = False, fea_follows: bool = False) -> None:
+    """Write settings/*.json and, for make, settings/.files.mk; touch settings/.stamp.
+
+    StageError where the scene's bending states are another actuator's, unless `fea_follows`, which will make them.
+    """
+    if not fea_follows:
+        check_states(scene)
+    folder = scene.out / "settings"
+    folder.mkdir(parents=True, exist_ok=True)
+    with exclusive(folder / ".stamp", wait=True):
+        # a stage that began with the old numbers would otherwise end later than the new ones, and pass for made of them
+        if changed_settings(scene) and (stage := held(scene.out)):
+            raise StageError(
+                f"{scene.out}: the scene has changed while another make is at work here ({stage}); wait for it or stop it"
+            )
+        changed = write_settings(scene)
+        write_text(folder / ".files.mk", make_rules(scene))
+        (folder / ".stamp").touch()
+    if changed and not quiet:
+        print(f"settings: {', '.join(changed)} changed in {scene.folder} at level {scene.level}")
+
+
+if __name__ == "__main__":
+    from pipeline.scene.scene import load_scene
+
+    args = parser("settings", __doc__).parse_args()
+    guarded("settings", lambda: run(load_scene(args.scene, args.level), args.quiet))

@@ -1,0 +1,1 @@
+"""Many runs: study tables, predictions, batch jobs."""

@@ -1,0 +1,101 @@
+"""Run a scene's stages to their end, whatever it is, and note it: for runs of a study that may fail.
+
+Command: python -m pipeline.study.outcome cases/…/pressure_60 --level smoke --until run (what the Snakefile calls for may_fail)
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from fileio.atomic import write_text
+from fileio.command import guarded
+from pipeline.openfoam.environment import die_with_parent
+from pipeline.scene.command import parser
+from pipeline.study.reuse import MODULES
+from pipeline.study.table import MAY_FAIL_UNTIL
+
+LONGEST = 7200.0  # s of a stage, beyond which it is taken to hang
+LONGEST_REASON = 400  # characters
+NAME = "ending.json"
+
+
+def how_it_ended(code: int, said: str) -> dict[str, Any]:
+    """The ending of a stage by its exit code and its last words: refused, stopped (by a guard), failed or crashed.
+
+    Exit code 2 is a foreseen failure in one sentence; any other is one of the program's own.
+    """
+    lines = [line for line in said.splitlines() if line.strip()]
+    if code != 2 or "Traceback (most recent call last)" in said:
+        return {"ended": "crashed", "reason": lines[-1] if lines else f"exit code {code}"}
+    text = " ".join(said.split())
+    stopped = re.search(r"stopped at ([-+\d.e]+) s", text)
+    if stopped:
+        return {"ended": "stopped", "stopped_at_s": float(stopped.group(1)), "reason": text}
+    return {"ended": "failed" if re.search(r"failed (at|in)\b", text) else "refused", "reason": text}
+
+
+def run_stage(command: list[str], longest: float = LONGEST) -> tuple[int, str] | None:
+    """Exit code and standard error of a stage; None where it was not over after `longest` seconds."""
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=die_with_parent
+    )
+    try:
+        _, said = process.communicate(timeout=longest)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        return None
+    return process.returncode, said
+
+
+def ending(folder: Path, level: str, until: str, ranks: int) -> dict[str, Any]:
+    """Run the stages up to `until`; how it ended, at which stage, why, and the CPU seconds it took."""
+    found: dict[str, Any] = {"ended": "completed", "stage": until, "reason": ""}
+    for stage in MAY_FAIL_UNTIL[: MAY_FAIL_UNTIL.index(until) + 1]:
+        command = [sys.executable, "-m", f"pipeline.{MODULES.get(stage, stage)}", str(folder), "--level", level, "--quiet"]  # fmt: skip
+        done = run_stage([*command, "--ranks", str(ranks)] if stage == "run" else command)
+        if done is None:
+            found = {"ended": "hung", "stage": stage, "reason": f"not over after {LONGEST / 60:g} minutes"}
+            break
+        if done[0] != 0:
+            found = {"stage": stage} | how_it_ended(*done)
+            break
+    for place in (folder.resolve(), folder):  # reasons hold wherever the project lies
+        found["reason"] = found["reason"].replace(f"{place}/", "")
+    found["reason"] = found["reason"][:LONGEST_REASON]
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return {"format": "ending", "format_version": 1} | found | {"cpu_s": round(used.ru_utime + used.ru_stime, 1)}  # fmt: skip
+
+
+def main() -> None:
+    """Command line. The solver's case is removed where no later stage of the run would read it."""
+    arguments = parser("ending", __doc__)
+    arguments.add_argument(
+        "--until", choices=MAY_FAIL_UNTIL, default="run", help="last stage (default: %(default)s)"
+    )
+    arguments.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
+    args = arguments.parse_args()
+
+    def action() -> None:
+        out = args.scene / "out" / args.level
+        found = ending(args.scene, args.level, args.until, args.ranks)
+        if args.until == "run":
+            shutil.rmtree(out / "case", ignore_errors=True)
+        write_text(out / NAME, json.dumps(found, indent=1) + "\n")
+        if not args.quiet:
+            print(f"ending: {found['ended']} at {found['stage']} {found['reason']}".rstrip())
+
+    guarded("ending", action)
+
+
+if __name__ == "__main__":
+    main()

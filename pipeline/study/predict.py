@@ -1,0 +1,111 @@
+"""How long a run takes on n ranks, predicted (pipeline.study.scaling_model), and how many ranks pay.
+
+Command: python -m pipeline.study.predict cases/pinch --level fine (make predict SCENE=pinch LEVEL=fine)
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+
+from fileio.command import guarded
+from fileio.errors import StageError
+from fileio.formats.mesh_intervals import read_legs
+from pipeline.openfoam.ranks import LEAST_CELLS
+from pipeline.scene.command import parser
+from pipeline.scene.scene import Scene, load_scene
+from pipeline.study.scaling_data import measured, read_data, size
+from pipeline.study.scaling_model import fit, step_time, useful_ranks
+
+WEAK_CELLS = 20000  # of a rank, in the weak-scaling column
+
+
+def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
+    """The prediction as text, with its assumptions."""
+    one, two, network = read_data()
+    solver = fit(one, two, network)
+    steps = round(scene.motion.end_time / scene.numerics.time_step)
+    correctors = scene.numerics.pressure_correctors * (1 + scene.numerics.non_orthogonal_correctors)
+    factor = correctors / one.get("correctors", correctors)
+    ranks = [n for n in ranks if n == 1 or n * LEAST_CELLS <= cells]
+    hours = {n: factor * steps * step_time(cells, n, columns, solver, network) / 3600 for n in ranks}
+    pays = useful_ranks(cells, columns, solver, network)
+    best = factor * steps * step_time(cells, pays, columns, solver, network) / 3600
+    spread = ""
+    if network.saturated_range and pays > 2:
+        ends = [
+            factor * steps * step_time(cells, pays, columns, solver, replace(network, saturated=end)) / 3600
+            for end in network.saturated_range
+        ]
+        spread = f" ({' to '.join(map(_duration, ends))}, by how well a node's memory feeds its ranks)"
+    lines = [
+        f"{scene.level} {scene.name}: {cells} cells in {columns} columns, {steps} steps of {scene.numerics.time_step * 1e3:g} ms",
+        "",
+        "ranks   hours   speed-up   efficiency   weak efficiency",
+    ]
+    alone = factor * steps * step_time(cells, 1, columns, solver, network) / 3600
+    base, per_cell = step_time(WEAK_CELLS, 1, 1, solver, network), columns / cells
+    for n, time in hours.items():
+        weak = base / step_time(WEAK_CELLS * n, n, WEAK_CELLS * n * per_cell, solver, network)
+        lines.append(f"{n:5d} {time:7.3g} {alone / time:10.1f} {alone / time / n:11.0%} {weak:16.0%}")
+    lines += [
+        "",
+        f"{scene.level} {scene.name}: about {_duration(best)} on {pays} ranks{spread}; more than {pays} ranks no longer pay"
+        f" (twice as many would save less than a quarter, or have less than {LEAST_CELLS} cells each).",
+        "",
+        "Assumptions:",
+        f"- one rank: {1e6 * solver.seconds_per_cell:.2f} µs per cell and step (measured, {int(one['cells'])} cells,"
+        f" {one['cycles']:.1f} pressure cycles a step), in proportion to cells and pressure correctors;",
+        f"- two ranks of a machine slow each other down by {solver.pair_slowdown - 1:.0%}"
+        + (" (measured);" if two else " (not measured);"),
+        f"- a full node ({network.ranks_per_node} ranks) by {network.saturated - 1:.0%}; latency {1e6 * network.latency:.1f} µs,"
+        f" {network.bandwidth / 1e9:.2g} GB/s per rank: {network.source or 'pipeline/study/scaling.toml'};",
+        f"- pictures of the sheet are collected by one rank: {1e9 * solver.serial_seconds_per_cell:.1f} ns per cell and step;",
+        "- messages and sums of GAMG are counted, six halos per level and cycle; the machine is this one's kind, and idle.",
+    ]
+    return "\n".join(lines)
+
+
+def _duration(hours: float) -> str:
+    return f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.0f} min"
+
+
+def main() -> None:
+    """Command line."""
+    arguments = parser("scaling", __doc__)
+    arguments.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 4, 8, 16, 32, 64, 128, 256])
+    arguments.add_argument("--json", action="store_true", help="seconds of a step by ranks, for programs")
+    arguments.add_argument(
+        "--measure",
+        action="store_true",
+        help="print this run's measured step, for pipeline/study/scaling.toml, instead",
+    )
+    args: argparse.Namespace = arguments.parse_args()
+
+    def action() -> None:
+        if min(args.ranks) < 1:
+            raise StageError(f"--ranks {min(args.ranks)}: give 1 or more")
+        scene = load_scene(args.scene, args.level)
+        cells, columns = size(scene)
+        numerics = scene.numerics
+        if args.measure:
+            step = measured(
+                scene.out / "case" / read_legs(scene.out)[0].name,
+                numerics.sampling_steps(scene.sheet.rate_hz),
+            )
+            correctors = numerics.pressure_correctors * (1 + numerics.non_orthogonal_correctors)
+            print(f"cells = {cells}\ncolumns = {columns}\ncorrectors = {correctors}")
+            print("\n".join(f"{key} = {value:.5g}" for key, value in step.items()))
+        elif args.json:
+            one, two, network = read_data()
+            solver = fit(one, two, network)
+            print(json.dumps({n: step_time(cells, n, columns, solver, network) for n in args.ranks}))
+        else:
+            print(report(scene, cells, columns, args.ranks))
+
+    guarded("predict", action)
+
+
+if __name__ == "__main__":
+    main()

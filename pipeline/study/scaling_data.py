@@ -1,0 +1,102 @@
+"""What the scaling model is fitted to: measured steps, the network, and the size of a scene's mesh."""
+
+from __future__ import annotations
+
+import csv
+import tomllib
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from fileio.errors import StageError
+from fileio.formats.mesh_intervals import read_legs
+from fileio.hdf5 import read_dataset
+from pipeline.scene.scene import Scene
+from pipeline.study.scaling_model import Network
+
+MEASURED = {"cells", "columns", "correctors", "step_s", "pressure_iterations"}  # of steps.csv
+DATA = Path(__file__).with_name("scaling.toml")
+STEPS = Path(__file__).resolve().parents[2] / "docs" / "tradeoff" / "steps.csv"  # of make bench-steps
+
+
+def read_steps(
+    path: Path, serial_seconds_per_cell: float
+) -> tuple[dict[str, float], dict[str, float]] | None:
+    """What `make bench-steps` measured of a step on one rank and on two, for `fit`; None where it was not run."""
+    if not path.exists():
+        return None
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    rows = {
+        row["ranks"]: row
+        for row in csv.DictReader(lines)
+        if (row["mesh"], row["samples"]) == ("moving", "True")
+    }
+    try:
+        one, two = (
+            {key: float(value) for key, value in rows[n].items() if key in MEASURED} for n in ("1", "2")
+        )
+        mesh = {key: one[key] for key in ("cells", "columns")}
+        serial = serial_seconds_per_cell * one["cells"]
+        return (
+            {**mesh, "correctors": one["correctors"], "step_s": one["step_s"], "serial_s": serial, "cycles": one["pressure_iterations"]},
+            {**mesh, "alone_s": one["step_s"], "step_s": two["step_s"]},
+        )  # fmt: skip
+    except (KeyError, ValueError) as error:
+        raise StageError(f"{path}: {error} is missing or no number; run make bench-steps again") from None
+
+
+def read_data(
+    path: Path = DATA, steps: Path = STEPS
+) -> tuple[dict[str, float], dict[str, float] | None, Network]:
+    """The runs measured by `make bench-steps`, or else those of scaling.toml, and its network."""
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    network = dict(table["network"])
+    if "saturated_range" in network:
+        network["saturated_range"] = tuple(network["saturated_range"])
+    two = {key: value for key, value in table.get("two_ranks", {}).items() if key != "source"}
+    one = table["one_rank"]
+    measured_here = read_steps(steps, one.get("serial_s", 0.0) / one["cells"])
+    return (*(measured_here or (one, two or None)), Network(**network))
+
+
+def measured(case: Path, sampling: int) -> dict[str, float]:
+    """What a run's log says of a step: CPU seconds of a rank (of the quiet quarter of the steps), pressure cycles.
+
+    `serial_s` is what a picture of the sheet adds, spread over the `sampling` steps between two of them.
+    """
+    clock, cycles = [], []
+    for line in (case / "log.pimpleFoam").read_text(errors="replace").splitlines():
+        if line.startswith("Time = "):
+            cycles.append(0)
+        elif "Solving for p," in line and cycles:
+            cycles[-1] += int(line.split()[-1])
+        elif line.startswith("ExecutionTime"):
+            clock.append(float(line.split()[2]))
+    steps = [b - a for a, b in pairwise(clock)]  # step k + 1 is element k
+    with_picture = [t for k, t in enumerate(steps) if (k + 2) % sampling == 0]
+    plain = steps if sampling == 1 else [t for k, t in enumerate(steps) if (k + 2) % sampling]
+    if len(plain) < 20 or not with_picture:
+        raise StageError(f"{case}: {len(clock)} steps are too few to measure by; run more")
+    quiet = _low(plain)
+    picture = max(0.0, _low(with_picture) - quiet) if sampling > 1 else 0.0
+    return {
+        "step_s": quiet + picture / sampling,
+        "serial_s": picture / sampling,
+        "cycles": sum(cycles) / len(cycles),
+    }
+
+
+def _low(values: list[float]) -> float:
+    """Mean of the lowest quarter but the very lowest: the clock of the log ticks in hundredths of a second."""
+    ordered = sorted(values)
+    part = ordered[1 : max(2, len(ordered) // 4)]
+    return sum(part) / len(part)
+
+
+def size(scene: Scene) -> tuple[int, int]:
+    """Cells and columns of a scene's mesh, of its longest leg; StageError where it was not made."""
+    leg = max(read_legs(scene.out), key=lambda leg: leg.end - leg.start)
+    with read_dataset(scene.out / "sweep.h5", "sweep", leg.name) as sweep:
+        column = sweep["cell_column"].values
+    return len(column), len(np.unique(column))

@@ -1,0 +1,98 @@
+"""Reading the table of a study: a row per run, and what each says of itself."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fileio.errors import StageError
+from pipeline.study.reuse import FILES
+
+STAGES = tuple(FILES)  # in order
+LAST = ("fea", *STAGES, "vortices", "compare", "report")
+MAY_FAIL_UNTIL = STAGES[: STAGES.index("sheet") + 1]  # what pipeline.study.outcome runs
+OWN_COLUMNS = {"run", "scene", "level", "ranks", "until", "piv_chunks", "may_fail"}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run of a study.
+
+    overrides: dotted keys of the scene; until: the last stage wanted; scene: another scene's folder, relative to that of
+    the study; may_fail: whether a refusal, or a stop by a guard, is a result like any other.
+    """
+
+    run: str
+    level: str
+    ranks: int = 1
+    until: str = "vortices"
+    piv_chunks: int = 1
+    overrides: dict[str, Any] = field(default_factory=dict)
+    scene: str | None = None
+    may_fail: bool = False
+
+
+def read_study(path: Path) -> list[Row]:
+    """Rows of a study table (docs/formats.md). Raises StageError with file, row and key."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        raise StageError(
+            f"{path}: no such study; give a table, as cases/single_finger/studies/tradeoff.csv"
+        ) from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    reader = csv.DictReader(lines, skipinitialspace=True)
+    header = [name.strip() for name in reader.fieldnames or ()]
+    reader.fieldnames = header
+    unknown = [c for c in header if c not in OWN_COLUMNS and not re.fullmatch(r"\w+(\.\w+)+", c)]
+    if "run" not in header or unknown:
+        raise StageError(
+            f"{path}: column {(unknown or ['run'])[0]!r}: the header must be run, {', '.join(sorted(OWN_COLUMNS - {'run'}))}"
+            " and dotted keys of the scene, as numerics.time_step"
+        )
+    rows = [_row(path, record) for record in reader]
+    names = [row.run for row in rows]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice or not rows:
+        raise StageError(
+            f"{path}: " + (f"run {twice!r} occurs twice; rename one" if twice else "no rows; add runs")
+        )
+    return rows
+
+
+def _row(path: Path, record: dict[str | None, Any]) -> Row:
+    name = (record.get("run") or "").strip()
+    if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", name):
+        raise StageError(f"{path}: run = {name!r}: give a name of letters, digits, '_', '-' and '.'")
+    if record.get(None):
+        raise StageError(f"{path}: run {name}: more cells than columns; put a cell with a comma in quotes")
+    given = {key: value.strip() for key, value in record.items() if key and value and value.strip()}
+    counts = {}
+    for key in ("ranks", "piv_chunks"):
+        if not given.get(key, "1").isdecimal() or int(given.get(key, "1")) < 1:
+            raise StageError(f"{path}: run {name}: {key} = {given[key]!r}: give a whole number, 1 or more")
+        counts[key] = int(given.get(key, "1"))
+    until, may_fail = given.get("until", "vortices"), given.get("may_fail", "no")
+    if until not in LAST:
+        raise StageError(f"{path}: run {name}: until = {until!r}: give one of {', '.join(LAST)}")
+    if may_fail not in ("yes", "no"):
+        raise StageError(f"{path}: run {name}: may_fail = {may_fail!r}: give yes or no")
+    if may_fail == "yes" and until not in MAY_FAIL_UNTIL:
+        raise StageError(
+            f"{path}: run {name}: until = {until!r}: a run that may fail ends with one of {', '.join(MAY_FAIL_UNTIL)}"
+        )
+    overrides = {key: parse_cell(text) for key, text in given.items() if key not in OWN_COLUMNS}
+    return Row(name, given.get("level", "coarse"), until=until, overrides=overrides, scene=given.get("scene"),
+               may_fail=may_fail == "yes", **counts)  # fmt: skip
+
+
+def parse_cell(text: str) -> Any:
+    """A cell as JSON where it is (numbers, true, lists, tables), as text otherwise."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return text

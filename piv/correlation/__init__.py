@@ -1,0 +1,1 @@
+"""Displacement fields of image pairs by correlation."""

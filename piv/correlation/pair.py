@@ -1,0 +1,239 @@
+"""Displacement fields of particle images: `correlate_pair` (and, of more images, piv.sequence.multiframe, piv.sequence.ensemble).
+
+FFT passes at half resolution find the displacement to a few tenths of a pixel. Then both images are warped half-way
+towards each other along the vectors found so far, and a Newton step on their windowed correlation gives what is left;
+its sums of products need no FFT. After the first step at full resolution the spectra of what the warped images share
+and of what they do not give each frequency its maximum-likelihood weight. docs/piv.md has the whole story.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from fileio.formats.plane_series import provenance
+from piv.correlation import passes, prefilter
+from piv.correlation.buffers import scratch
+from piv.correlation.deform import Image, Nodes
+from piv.correlation.fft_pass import window_maps
+from piv.correlation.options import Options
+from piv.correlation.pair_images import Prepared
+from piv.correlation.passes import Vectors
+from piv.correlation.small_windows import measure_finer, too_coarse, unsure
+from piv.correlation.steep_regions import regrow
+from piv.correlation.uncertainty import INTERPOLATION, Errors, errors_of
+from piv.validation.denoise import damp_noise
+from piv.validation.outliers import fill_absent, supported
+
+__all__ = ["FLAGS", "Options", "correlate_pair"]
+
+VALID, OUTLIER, MASKED, SECOND_PEAK, REPLACED = range(5)
+FLAGS = ("valid", "outlier", "masked", "second peak taken", "replaced on request")
+
+
+def correlate_pair(
+    a: Any,
+    b: Any,
+    *,
+    window: float = 32,
+    spacing: int = 8,
+    preset: str = "balanced",
+    mask: Any = None,
+    **options: Any,
+) -> xr.Dataset:
+    """Displacement from image `a` to image `b`, in px, on a regular grid of vectors.
+
+    a, b: 2-D, row 0 at the top, any real dtype; mask: 2-D, true = body, one for both or (mask_a, mask_b); options:
+    see piv.correlation.options.Options. The result has coordinates x (px right of the centre of the left column), y (px up from
+    the centre of the bottom row), ascending, and u, v (px per frame interval, v positive upward; NaN where absent),
+    valid, flag (FLAGS), u_std, v_std (standard uncertainty), correlation. ValueError where the input cannot be used.
+    """
+    settings = Options(window=window, spacing=spacing, preset=preset, **options)
+    if settings.method == "preview":
+        from piv.correlation.optical_flow import optical_flow
+
+        return optical_flow(a, b, mask, settings)
+    with scratch(np.shape(a)) as new:
+        return _correlate(Prepared([a, b], mask, settings.window, new), settings)
+
+
+def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
+    """The result of `correlate_pair`."""
+    held: dict[int, list[Image]] = {}
+    seen = both_seen(images.seen)
+
+    def maps_of(columns, rows, shift_x, shift_y, size):
+        half, _ = images.at(2)
+        return window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
+
+    def at(factor: int) -> list[Image]:
+        if factor not in held:
+            held[factor] = images.images(factor)
+        return held[factor]
+
+    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:
+        a, b = at(nodes.factor)
+        a.filter(kernel)
+        b.filter(kernel)
+        return nodes.moments(a, b, dx, dy)
+
+    def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray) -> tuple | None:
+        moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
+        return prefilter.radial_spectra(passes.strip_spectra(nodes, at(1), moves, seen, kernel))
+
+    def reseed(nodes: Nodes, vectors: Vectors) -> Vectors:
+        vectors = passes.reseed(nodes, images.pixels, vectors, settings)
+        return regrow(nodes, held[1], vectors, settings)
+
+    x, y, keep = node_axes(images.shape, settings)
+    half_seen = both_seen(images.at(2)[1])
+    vectors, nodes = run_passes(
+        images.shape, x, y, half_seen, settings, maps_of, cells_of, spectra_of, reseed
+    )
+    errors = errors_of(nodes, vectors, settings)
+    fine = too_coarse(vectors, errors)
+    if fine.any():
+        new = measure_finer(nodes, held[1], vectors, fine, settings)
+        errors = errors.replaced(fine, errors_of(nodes, new, settings))
+        vectors = vectors.replaced(fine, new)
+    vectors = regrow(nodes, held[1], vectors, settings, final=True)
+    if vectors.narrow is not None:
+        errors = errors.of_narrow(vectors.narrow & ~fine)
+    vectors.known[unsure(fine, errors)] = False
+    return to_dataset(vectors, errors, x, y, keep, images.shape, settings)
+
+
+def both_seen(seen: list[np.ndarray | None]) -> np.ndarray | None:
+    """Where all images may be used, or None for everywhere."""
+    masks = [s for s in seen if s is not None]
+    return np.logical_and.reduce(masks) if masks else None
+
+
+def vector_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, np.ndarray]:
+    """x and y (px, y up, ascending) of the vectors that images of `shape` give."""
+    return passes.grid(shape[1], options.spacing), shape[0] - 1 - passes.grid(shape[0], options.spacing)[::-1]
+
+
+def node_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, np.ndarray, tuple[slice, slice]]:
+    """Columns and rows of the vectors that are computed, and which of them are asked for.
+
+    Images are deformed by vectors no farther apart than a quarter of the window, whatever spacing is asked for.
+    """
+    k = int(np.ceil(options.spacing / max(options.window / 4, 1)))
+    axes, keep = [], []
+    for length in (shape[1], shape[0]):
+        asked = passes.grid(length, options.spacing)
+        if k > 1:
+            step = options.spacing / k
+            before = int((asked[0] + 0.5) // step)
+            count = before + (asked.size - 1) * k + 1 + int((length - 0.5 - asked[-1]) // step)
+            axes.append(asked[0] + step * (np.arange(count) - before))
+            keep.append(slice(before, before + (asked.size - 1) * k + 1, k))
+        else:
+            axes.append(asked)
+            keep.append(slice(None))
+    return axes[0], axes[1], (keep[1], keep[0])
+
+
+def run_passes(
+    shape: tuple[int, int],
+    x: np.ndarray,
+    y: np.ndarray,
+    seen: np.ndarray | None,
+    options: Options,
+    maps_of: Callable[..., np.ndarray],
+    cells_of: Callable[..., np.ndarray],
+    spectra_of: Callable[..., tuple | None],
+    reseed: Callable[[Nodes, Vectors], Vectors],
+) -> tuple[Vectors, Nodes]:
+    """All passes over whatever images the callbacks hold; vectors in image axes at the nodes (x, y)."""
+    half_shape = (shape[0] // 2, shape[1] // 2)
+    dx, dy = passes.first_passes(maps_of, half_shape, seen, options.search, x, y)
+    frequency = prefilter.radial_frequency()
+    response = prefilter.default_response(frequency)
+    kernel = prefilter.kernel(response)
+    nodes = Nodes(x, y, half_shape, 2)
+    for _ in range(options.half_steps):
+        cells = cells_of(nodes, kernel, dx, dy)
+        vectors = passes.measure(
+            nodes, cells, dx, dy, 1.2 * options.sigma, options, max(options.epsilon, 0.5)
+        )
+        dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
+    nodes = Nodes(x, y, shape, 1)
+    second = np.zeros(dx.shape, bool)
+    for step in range(options.full_steps):
+        if step < options.spectra and (spectra := spectra_of(nodes, kernel, dx, dy)) is not None:
+            spectra = prefilter.undo(response, spectra)
+            response = prefilter.optimal_response(*spectra)
+            kernel = prefilter.kernel(response)
+        cells = cells_of(nodes, kernel, dx, dy)
+        vectors = passes.measure(nodes, cells, dx, dy, options.sigma, options, options.epsilon)
+        if step == options.full_steps - 1:
+            break
+        vectors = reseed(nodes, vectors)
+        second |= vectors.second
+        dx, dy = vectors.dx, vectors.dy
+    vectors.second[:] = second & vectors.known
+    return vectors, nodes
+
+
+def to_dataset(
+    v: Vectors, errors: Errors, x, y, keep: tuple[slice, slice], shape: tuple[int, int], options: Options
+) -> xr.Dataset:
+    """Smooth where asked, flag, turn y up and name everything."""
+    dx, dy, spacing = v.dx, v.dy, float(x[1] - x[0])
+    doubtful, across = 2 * options.min_correlation, 2 * round(1.125 * options.window / spacing) + 1
+    known = supported(v.known, v.masked, v.correlation, doubtful=doubtful, across=across)
+    var_x, var_y = errors.var_x, errors.var_y
+    if options.smoothing:
+        dx, dy, var_x, var_y = damp_noise(
+            dx, dy, var_x, var_y, known, sigma=options.sigma, spacing=spacing, passes=options.full_steps
+        )
+    std_x, std_y = (
+        np.sqrt(var + missed + INTERPOLATION**2)
+        for var, missed in ((var_x, errors.missed_x), (var_y, errors.missed_y))
+    )
+    above = known & (np.maximum(std_x, std_y) > options.max_std)
+    if v.narrow is not None:
+        above &= ~v.narrow  # their uncertainty is a bound (Errors.of_narrow), and regrow has tested them
+    if above.any():
+        known = supported(known & ~above, v.masked, v.correlation, doubtful=doubtful, across=across)
+    flag = np.full(known.shape, VALID, np.uint8)
+    flag[~known] = OUTLIER
+    flag[v.second & known] = SECOND_PEAK
+    flag[v.masked] = MASKED
+    present = known.copy()
+    if options.replace and known.any():
+        put = ~known & ~v.masked
+        dx, dy = fill_absent(dx, dy, known)
+        std_x[put] = std_y[put] = np.nan  # a replacement was not measured
+        flag[put] = REPLACED
+        present |= put
+    fields = {
+        "u": np.where(present, dx, np.nan),
+        "v": np.where(present, -dy, np.nan),
+        "valid": present.astype(np.uint8),
+        "flag": flag,
+        "u_std": np.where(present, std_x, np.nan),
+        "v_std": np.where(present, std_y, np.nan),
+        "correlation": np.where(v.masked, np.nan, v.correlation),
+    }
+    units = {"valid": "1", "flag": "1", "correlation": "1"}
+    rows, columns = keep
+    out = xr.Dataset(
+        {
+            n: (("y", "x"), f[rows, columns][::-1].copy(), {"units": units.get(n, "px")})
+            for n, f in fields.items()
+        },
+        coords={
+            "x": ("x", x[columns], {"units": "px"}),
+            "y": ("y", (shape[0] - 1 - y[rows])[::-1].copy(), {"units": "px"}),
+        },
+        attrs={"source": "piv", **provenance(**asdict(options))},
+    )
+    out["flag"].attrs["meanings"] = "; ".join(f"{k} {name}" for k, name in enumerate(FLAGS))
+    return out

@@ -1,0 +1,112 @@
+"""Images of a pair (or more) prepared for correlation: checked, background removed, at full and half resolution."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from piv.correlation.buffers import New, fresh
+from piv.correlation.deform import Image
+from piv.correlation.prefilter import remove_background
+
+SMALLEST = 32  # px: fewer do not hold two windows
+
+
+def check_images(images: list[Any], window: float) -> list[np.ndarray]:
+    """The images as 2-D arrays; ValueError with one sentence where they are not images to correlate."""
+    arrays = [np.asarray(i) for i in images]
+    for a in arrays:
+        if a.ndim != 2:
+            raise ValueError(
+                f"images must be 2-D grey values, got shape {a.shape}; convert colour to grey first"
+            )
+        if a.dtype.kind not in "uifb":
+            raise ValueError(f"images must hold real numbers, got {a.dtype}")
+        if a.shape != arrays[0].shape:
+            raise ValueError(f"images must be of one shape, got {arrays[0].shape} and {a.shape}")
+    if min(arrays[0].shape) < max(SMALLEST, window):
+        raise ValueError(
+            f"images of {arrays[0].shape[1]}x{arrays[0].shape[0]} px are too small for a window of {window:g} px; "
+            f"at least {int(np.ceil(max(SMALLEST, window)))} px each way are needed"
+        )
+    return arrays
+
+
+def check_masks(mask: Any, count: int, shape: tuple[int, int]) -> list[np.ndarray | None]:
+    """One mask (True = body) or None per image from None, one array for all, or one per image."""
+    if mask is None:
+        return [None] * count
+    masks = list(mask) if isinstance(mask, tuple | list) else [mask] * count
+    if len(masks) != count:
+        raise ValueError(f"give one mask, or one per image: got {len(masks)} for {count} images")
+    out: list[np.ndarray | None] = []
+    for m in masks:
+        if m is not None:
+            m = np.asarray(m)
+            if m.shape != shape:
+                raise ValueError(f"the mask is of shape {m.shape}, the images of {shape}")
+            m = m.astype(bool)
+        out.append(m)
+    return out
+
+
+class Prepared:
+    """Several images without background, and where they may be seen."""
+
+    def __init__(self, images: list[Any], mask: Any, window: float, new: New = fresh):
+        self.new = new
+        arrays = check_images(images, window)
+        self.shape = arrays[0].shape
+        masks = check_masks(mask, len(arrays), self.shape)
+        self.seen = [None if m is None else ~m for m in masks]
+        pixels, levels = [], []
+        for k, image in enumerate(arrays):
+            grey = new(*self.shape)
+            grey[...] = image
+            image, seen = grey, self.seen[k]
+            # a sum is finite only where every term is, and costs one pass
+            finite = np.isfinite(image) if not np.isfinite(cv2.sumElems(image)[0]) else None
+            if finite is not None:
+                bad = ~finite if seen is None else ~finite & seen
+                if bad.any():
+                    raise ValueError(
+                        f"image {k + 1} holds {int(bad.sum())} pixels that are not finite; mask them"
+                    )
+                image = np.where(finite, image, 0)
+            levels.append(cv2.norm(image, cv2.NORM_INF))
+            pixels.append(remove_background(image, seen, new))
+        energy = float(np.sqrt(np.mean([cv2.norm(p) ** 2 / p.size for p in pixels])))
+        for k, p in enumerate(pixels):
+            seen = self.seen[k]
+            if (seen is None or seen.any()) and not cv2.norm(p, cv2.NORM_INF) > 1e-6 * levels[k]:
+                raise ValueError(
+                    f"image {k + 1} is of one grey level where it is not masked; there is nothing to correlate"
+                )
+        self.pixels = [np.multiply(p, np.float32(1 / energy), out=p) if energy > 0 else p for p in pixels]
+        self._half: tuple[list[np.ndarray], list[np.ndarray | None]] | None = None
+
+    def at(self, factor: int) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
+        """Pixels and seen-masks at full (1) or half (2) resolution."""
+        if factor == 1:
+            return self.pixels, self.seen
+        if self._half is None:
+            self._half = self._coarser(factor)
+        return self._half
+
+    def _coarser(self, factor: int) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
+        size = (self.shape[1] // factor, self.shape[0] // factor)
+        whole = (slice(0, size[1] * factor), slice(0, size[0] * factor))
+        pixels = [cv2.resize(p[whole], size, interpolation=cv2.INTER_AREA) for p in self.pixels]
+        seen = [
+            None
+            if s is None
+            else cv2.resize(s[whole].astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.99
+            for s in self.seen
+        ]
+        return pixels, seen
+
+    def images(self, factor: int) -> list[Image]:
+        """The images at one resolution, to be filtered before they are sampled."""
+        return [Image(p, s, self.new) for p, s in zip(*self.at(factor), strict=True)]

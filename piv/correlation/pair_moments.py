@@ -1,0 +1,135 @@
+"""Products of two images warped half-way towards each other, made a few rows at a time in a core's cache.
+
+The displacement of a row of pixels, both images there and the products of four rows at a time never reach main
+memory. The images move by as much in opposite directions, so that one has the other's sampling weights backwards.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from piv.correlation.interpolate import LANES, PAD, run_end, snapped, spline_row, taps
+from piv.correlation.newton_step import BLOCK, CELL, MOMENTS, cell_row
+
+ROWS = 8  # held of the warped images: those of a row of cells and two on either side
+MARGIN = PAD - 3  # px: farther outside the image no sample is taken
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _split(w, x0, x1, x2, x3, y0, y1, y2, y3, reach_x, reach_y, stride, offset, frac_x, frac_y):
+    """Whole-pixel offset (in a flat image) and fractions of a row's displacement, a B-spline of four rows with weights `w`."""
+    w0, w1, w2, w3 = w[0], w[1], w[2], w[3]
+    for i in range(reach_x.size):
+        x = w0 * x0[i] + w1 * x1[i] + w2 * x2[i] + w3 * x3[i]
+        y = w0 * y0[i] + w1 * y1[i] + w2 * y2[i] + w3 * y3[i]
+        x = min(max(x, -reach_x[i]), reach_x[i])
+        y = min(max(y, -reach_y), reach_y)
+        whole_x, part_x = snapped(x)
+        whole_y, part_y = snapped(y)
+        frac_x[i], frac_y[i] = part_x, part_y
+        offset[i] = np.int32(whole_y) * stride + np.int32(whole_x)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _sample_run(a, p, b, q, stride, frac_x, frac_y, c, n, out_a, out_b):
+    """Samples of both images (flat) at the n pixels from `c` on, which have one offset; p, q: the first ones' upper left neighbours.
+
+    Indices are unsigned: signed ones would be tested for being negative, and slices cost as much as ten pixels.
+    """
+    p0, p1 = p, p + stride
+    p2, p3 = p1 + stride, p1 + stride + stride
+    q0, q1 = q, q + stride
+    q2, q3 = q1 + stride, q1 + stride + stride
+    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
+    for j in range(n):
+        i = np.uint64(j)
+        x0, x1, x2, x3 = taps(frac_x[c + i])
+        y0, y1, y2, y3 = taps(frac_y[c + i])
+        out_a[c + i] = (
+            y0 * (x0 * a[p0 + i] + x1 * a[p0 + i + one] + x2 * a[p0 + i + two] + x3 * a[p0 + i + three])
+            + y1 * (x0 * a[p1 + i] + x1 * a[p1 + i + one] + x2 * a[p1 + i + two] + x3 * a[p1 + i + three])
+            + y2 * (x0 * a[p2 + i] + x1 * a[p2 + i + one] + x2 * a[p2 + i + two] + x3 * a[p2 + i + three])
+            + y3 * (x0 * a[p3 + i] + x1 * a[p3 + i + one] + x2 * a[p3 + i + two] + x3 * a[p3 + i + three])
+        )
+        out_b[c + i] = (
+            y3 * (x3 * b[q0 + i] + x2 * b[q0 + i + one] + x1 * b[q0 + i + two] + x0 * b[q0 + i + three])
+            + y2 * (x3 * b[q1 + i] + x2 * b[q1 + i + one] + x1 * b[q1 + i + two] + x0 * b[q1 + i + three])
+            + y1 * (x3 * b[q2 + i] + x2 * b[q2 + i + one] + x1 * b[q2 + i + two] + x0 * b[q2 + i + three])
+            + y0 * (x3 * b[q3 + i] + x2 * b[q3 + i + one] + x1 * b[q3 + i + two] + x0 * b[q3 + i + three])
+        )
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _weigh(usable_a, p, usable_b, q, c, n, weight):
+    """Whether both samples of such a run may be used, as 1 or 0."""
+    for j in range(n):
+        i = np.uint64(j)
+        weight[c + i] = np.float32(usable_a[p + i] & usable_b[q + i])
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _warp_row(first, stride, a, b, usable_a, usable_b, offset, frac_x, frac_y, out_a, out_b, weight):
+    """Both images (flat) along one row, whose first pixel is the `first`-th; the outputs are LANES longer than the row."""
+    c = 0
+    while c < offset.size:
+        end = run_end(offset, c)
+        # what is written beyond the run is written again with the next one
+        n = (end - c + LANES - 1) // LANES * LANES
+        p = first + c + offset[c] - stride - 1
+        q = first + c - offset[c] - 2 * stride - 2
+        at = np.uint64(c)
+        _sample_run(a, np.uint64(p), b, np.uint64(q), np.uint64(stride), frac_x, frac_y, at, n, out_a, out_b)
+        # the second image moves the other way, so its pixel is the next one: both are the same where nothing moves
+        p, q = p + stride + 1, q + 2 * stride + 2
+        _weigh(usable_a, np.uint64(p), usable_b, np.uint64(q), at, n, weight)
+        c = end
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def pair_moments(a, usable_a, b, usable_b, knots_x, knots_y, first_y, weights_y, first_x, weights_x, out):
+    """Products of image `a` moved by the B-spline of the knots and `b` moved against it: see refine.cell_moments.
+
+    a, b: images padded by PAD px, float32; usable: the same shape, uint8, 0 where they must take no part; knots
+    (ny+4, nx+4) with the tables of interpolate.bspline_table for every row and column; out: (MOMENTS, cells).
+    """
+    stride = a.shape[1]
+    rows, columns = a.shape[0] - 2 * PAD, stride - 2 * PAD
+    flat_a, flat_b = a.reshape(-1), b.reshape(-1)
+    flat_usable_a, flat_usable_b = usable_a.reshape(-1), usable_b.reshape(-1)
+    # rows outside the image are never written: they must be finite, as their weight is zero
+    wide = (ROWS, columns + LANES)
+    warped_a, warped_b = np.zeros(wide, np.float32), np.zeros(wide, np.float32)
+    weight = np.zeros(wide, np.float32)
+    along_x, along_y = np.empty((4, columns), np.float32), np.empty((4, columns), np.float32)
+    frac_x, frac_y = np.zeros(columns + LANES, np.float32), np.zeros(columns + LANES, np.float32)
+    offset = np.empty(columns, np.int32)
+    reach_x = np.empty(columns, np.float32)
+    for i in range(columns):
+        reach_x[i] = min(i, columns - 1 - i) + MARGIN
+    sums = np.empty(MOMENTS * BLOCK, np.float32)
+    held = np.empty(ROWS, np.int64)
+    w = np.empty(4, np.float32)
+    knot, done = first_y[0], 0
+    for j in range(out.shape[1]):
+        for r in range(done, min(CELL * (j + 1) + 2, rows)):
+            while knot < first_y[r] + 4:
+                spline_row(knots_x[knot], first_x, weights_x, along_x[knot % 4])
+                spline_row(knots_y[knot], first_x, weights_x, along_y[knot % 4])
+                knot += 1
+            k = first_y[r]
+            k0, k1, k2, k3 = k % 4, (k + 1) % 4, (k + 2) % 4, (k + 3) % 4
+            w[:] = weights_y[:, r]
+            _split(
+                w, along_x[k0], along_x[k1], along_x[k2], along_x[k3],
+                along_y[k0], along_y[k1], along_y[k2], along_y[k3],
+                reach_x, np.float32(min(r, rows - 1 - r) + MARGIN), np.int32(stride), offset, frac_x, frac_y,
+            )  # fmt: skip
+            _warp_row(
+                (r + PAD) * stride + PAD, stride, flat_a, flat_b, flat_usable_a, flat_usable_b,
+                offset, frac_x, frac_y, warped_a[r % ROWS], warped_b[r % ROWS], weight[r % ROWS],
+            )  # fmt: skip
+            done = r + 1
+        for k in range(ROWS):
+            held[k] = (CELL * j - 2 + k) % ROWS
+        cell_row(warped_a, warped_b, weight, j, held, rows, columns, sums, out)

@@ -1,0 +1,150 @@
+"""Image filters ahead of the correlation: background removal and the weight of each spatial frequency."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import scipy.fft
+from scipy.optimize import nnls
+
+from piv.correlation.buffers import New, fresh
+from piv.correlation.interpolate import kernel_response
+
+TILE = 64  # px: side of the tiles whose spectra are averaged
+TILES = 50  # so many of them: a radial bin is then known to some per cent
+TAPS = 17  # px: length of the filter kernels
+
+
+def remove_background(
+    image: np.ndarray, seen: np.ndarray | None, new: New = fresh, size: int = 7
+) -> np.ndarray:
+    """Image (float32) minus its local mean (a triangle of 4·size px), zero where `seen` is False.
+
+    Only seen pixels enter the local mean, which is smooth enough to be taken at half resolution.
+    """
+    shape = image.shape[1], image.shape[0]
+
+    def blur(field):
+        coarse = cv2.resize(field, (shape[0] // 2, shape[1] // 2), interpolation=cv2.INTER_AREA)
+        return cv2.blur(cv2.blur(coarse, (size, size)), (size, size))
+
+    weight = None if seen is None else seen.astype(np.float32)
+    mean = blur(image) if weight is None else blur(image * weight) / np.maximum(blur(weight), 1e-6)
+    out = cv2.resize(mean, shape, dst=new(*image.shape), interpolation=cv2.INTER_LINEAR)
+    np.subtract(image, out, out=out)
+    if seen is not None:
+        out[~seen] = 0
+    return out
+
+
+def default_response(frequency: np.ndarray, lowpass: float = 0.35) -> np.ndarray:
+    """Gaussian low-pass of `lowpass` px: the amplitude response before anything is known of the images."""
+    return np.exp(-2 * (np.pi * lowpass * frequency) ** 2)
+
+
+Kernel = tuple[np.ndarray, np.ndarray]  # along rows, along columns
+
+
+def kernel(response: np.ndarray) -> Kernel:
+    """Filter by `response` that also prepares an image for sampling (piv.correlation.interpolate).
+
+    response: amplitude on the rfft2 frequencies of a TILE × TILE field. Any error of the filter is the same for
+    both images and moves no vector, so the nearest separable kernel will do.
+    """
+    f = np.abs(np.fft.fftfreq(TILE))
+    # frequencies next to the sampling limit cannot be interpolated: taper them off
+    one = np.cos(np.clip((f - 0.36) / 0.14, 0, 1) * np.pi / 2) ** 2 / kernel_response(f)
+    full = response * one[:, None] * one[None, : TILE // 2 + 1]
+    taps = np.fft.fftshift(np.fft.irfft2(full, s=(TILE, TILE)))
+    middle = slice(TILE // 2 - TAPS // 2, TILE // 2 + TAPS // 2 + 1)
+    columns, weights, rows = np.linalg.svd(taps[middle, middle])
+    root = np.sqrt(weights[0])
+    return (rows[0] * root).astype(np.float32), (columns[:, 0] * root).astype(np.float32)
+
+
+def apply(image: np.ndarray, separable: Kernel, out: np.ndarray | None = None) -> np.ndarray:
+    """The image filtered, float32, in `out` if given; mirrored at its edges."""
+    return cv2.sepFilter2D(image, cv2.CV_32F, *separable, dst=out, borderType=cv2.BORDER_REFLECT_101)
+
+
+def radial_frequency() -> np.ndarray:
+    """|f| (cycles/px) on the rfft2 frequencies of a tile."""
+    return np.hypot(np.fft.fftfreq(TILE)[:, None], np.fft.rfftfreq(TILE)[None, :])
+
+
+def tile_rows(rows: int, columns: int, seen: np.ndarray | None) -> np.ndarray:
+    """First rows of strips of tiles, spread over the image, that hold about TILES tiles free of masked pixels."""
+    first = np.arange(0, rows - TILE + 1, TILE)
+    whole = np.full(first.size, columns // TILE)
+    if seen is not None:
+        across = columns // TILE * TILE
+        whole = np.array([seen[r : r + TILE, :across].all(0).reshape(-1, TILE).all(1).sum() for r in first])
+    first, whole = first[whole > 0], whole[whole > 0]
+    count = min(first.size, int(np.ceil(TILES / max(whole.mean(), 1)))) if first.size else 0
+    return first[((np.arange(count) + 0.5) * first.size / max(count, 1)).astype(int)]
+
+
+Powers = tuple[np.ndarray, np.ndarray]  # sums over tiles of what is shared and of what is not
+
+
+def strip_powers(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> Powers | None:
+    """Powers of the tiles of two aligned strips (TILE, columns) where weight is not zero; None where there is no such tile."""
+    across = a.shape[1] // TILE * TILE
+    whole = (weight[:, :across].min(axis=0) > 0).reshape(-1, TILE).all(axis=1)
+    if not whole.any():
+        return None
+    taper = np.hanning(TILE + 2)[1:-1].astype(np.float32)
+    taper = taper[:, None] * taper[None, :]
+    tiles = (i[:, :across].reshape(TILE, -1, TILE).swapaxes(0, 1)[whole] for i in (a, b))
+    fa, fb = (scipy.fft.rfft2(t * taper) for t in tiles)
+    difference = fa - fb
+    return (
+        np.sum(fa.real * fb.real + fa.imag * fb.imag, axis=0),
+        0.5 * np.sum(difference.real**2 + difference.imag**2, axis=0),
+    )
+
+
+def radial_spectra(powers: list[Powers]):
+    """Radial spectra of what two aligned images share and of what they do not: (frequency, signal, noise); None of none."""
+    if not powers:
+        return None
+    bins = np.rint(radial_frequency() * TILE).astype(int).ravel()
+    count = np.bincount(bins)
+    signal, noise = (
+        np.bincount(bins, np.sum([p[k] for p in powers], axis=0).ravel()) / count for k in (0, 1)
+    )
+    return np.arange(count.size) / TILE, signal, noise
+
+
+def undo(response: np.ndarray, spectra: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Spectra (frequency, signal, noise) of images before they were filtered by `response`, below 0.5 cycles/px."""
+    frequency, signal, noise = spectra
+    below = frequency < 0.5
+    along = np.interp(frequency, radial_frequency()[0], response[0]) ** 2
+    return frequency[below], (signal / along)[below], (noise / along)[below]
+
+
+def optimal_response(frequency: np.ndarray, signal: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Amplitude response, on the rfft2 frequencies of a tile, that gives the displacement the least variance.
+
+    The correlation's power weight S/(2SN + N²) is that of the maximum-likelihood delay estimator (Hannan &
+    Thomson 1973; Knapp & Carter 1976): white noise leaves it flat until the signal drowns, particles without a
+    partner (N ∝ S) make it whiten the spectrum, aliasing cuts its high end. Each image gets the square root.
+    """
+    signal = np.maximum(signal, 1e-3 * np.maximum(noise, 1e-12 * signal.max()))
+    noise = _without_misalignment(frequency, signal, np.maximum(noise, 1e-5 * signal))
+    response = np.sqrt(signal / (2 * signal * noise + noise**2))
+    response = np.interp(radial_frequency(), frequency[1:], response[1:])
+    return response / response.max()
+
+
+def _without_misalignment(frequency, signal, noise):
+    """Noise spectrum less the part that a displacement error of the alignment itself makes, κ f² S."""
+    fit = (frequency > 0.06) & (frequency < 0.28)
+    f, s, n = frequency[fit], signal[fit], noise[fit]
+    # N/S = c + κ f² + n0/S, least squares with non-negative coefficients
+    design = np.stack([np.ones_like(f), f**2 / np.mean(f**2), s.mean() / s], axis=1)
+    weight = s / n
+    c = nnls(design * weight[:, None], np.ones_like(f))[0]
+    part = c[1] * frequency**2 / np.mean(f**2) * signal
+    return np.maximum(noise - part, 0.1 * noise)

@@ -1,0 +1,175 @@
+"""Standard uncertainty of each vector from the spread of what its window's cells say (correlation statistics)."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from piv.correlation import newton_step as refine
+from piv.correlation.deform import Nodes
+from piv.correlation.options import Options
+from piv.correlation.passes import NARROW, Vectors
+
+# Set on rendered images so that one standard uncertainty holds two thirds of the errors (74 % without); it holds 60-76 % in
+# every condition of the benchmark but for structures shorter than the window, whose damping no noise estimate sees.
+CALIBRATION = 0.86  # on the variance
+ALIKE = 1.75  # what neighbouring cells add to the variance in narrow windows; set on a rendered sine of 32 px
+LEAST_KEPT = 0.25  # share of the noise left in neighbouring cells together: below it (24 px windows, vectors 8 px apart) they tell nothing
+LARGEST = 100.0  # px²
+FEW = 5.0  # cells with texture: where as few make up a window, what they have in common says half of the variance
+FEW_NARROW = 7.0  # where vectors follow nearly all noise: 5 leaves a tenth of sparse pictures' vectors wrong, 9 doubts dense ones
+INTERPOLATION = 0.0005  # px: what sampling leaves however little noise there is
+
+
+class Errors(NamedTuple):
+    """Variances (px²) of each vector: of its noise, and of displacement in its window that it does not follow."""
+
+    var_x: np.ndarray
+    var_y: np.ndarray
+    missed_x: np.ndarray
+    missed_y: np.ndarray
+
+    def replaced(self, where: np.ndarray, other: Errors) -> Errors:
+        """These, but the `other` ones at `where`."""
+        return Errors(*(np.where(where, b, a) for a, b in zip(self, other, strict=True)))
+
+    def of_narrow(self, where: np.ndarray) -> Errors:
+        """At `where` those of the narrow window: of fewer particles, so the noise's variance goes with its area."""
+        x, y = self.var_x / NARROW**2, self.var_y / NARROW**2
+        return self.replaced(where, Errors(x, y, self.missed_x, self.missed_y))
+
+
+def errors_of(nodes: Nodes, v: Vectors, options: Options) -> Errors:
+    """`Errors` of vectors as measured last: in the window, or where they are marked fine in the narrow one."""
+    spacing = float(nodes.x[1] - nodes.x[0])
+    sigma, passes, alike, few = options.sigma, options.full_steps, 0.0, FEW
+    if v.fine is not None:
+        sigma, spacing, alike = NARROW * sigma, spacing / 2, ALIKE
+        few = 0.0  # ALIKE was set without
+    elif noise_budget(sigma, spacing, passes)[1] < LEAST_KEPT:
+        alike, few = ALIKE, FEW_NARROW
+    gain, kept = noise_budget(sigma, spacing, passes, not alike)
+    var = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, sigma, kept, alike, few)
+    missed = unresolved(nodes, v.cells, v.step_x, v.step_y, options.sigma)
+    return Errors(gain * var[0], gain * var[1], *missed)
+
+
+def correlation_statistics(
+    nodes: Nodes,
+    cells,
+    sums,
+    step_x,
+    step_y,
+    sigma: float,
+    kept: float,
+    alike: float = 0.0,
+    few: float = FEW,
+):
+    """Variances (x, y, px²) of one measurement of each vector.
+
+    The displacement solves H d = Σ w g over the window's cells; its covariance is H⁻¹ (Σ w² g gᵀ) H⁻¹, where g is
+    what remains of each cell's gradient after the displacement found. Neighbouring cells are taken together because
+    particle images span them (Wieneke 2015, with cells instead of pixels).
+    step_x, step_y: last step (px of this level); kept: share of the noise that is left after it (noise_budget).
+    alike: if given, neighbouring cells are taken to raise the variance by that factor, in place of being summed: they
+    tell nothing where vectors follow the noise of windows little wider than they are.
+    few: how few cells with texture raise the variance of a window; 0: none do.
+    """
+    x, y = nodes.at_cells(step_x), nodes.at_cells(step_y)
+    gx = cells[0] - cells[2] * x - cells[3] * y
+    gy = cells[1] - cells[3] * x - cells[4] * y
+    around = np.ones((3, 3), np.float32)
+    sum_x = cv2.filter2D(gx, cv2.CV_32F, around, borderType=cv2.BORDER_CONSTANT)
+    sum_y = cv2.filter2D(gy, cv2.CV_32F, around, borderType=cv2.BORDER_CONSTANT)
+    products = [gx * sum_x, gy * sum_y, 0.5 * (gx * sum_y + gy * sum_x), gx * gx, gy * gy]
+    products.append((cells[2] + cells[4]) ** 2)
+    # the square of a Gaussian weight is the Gaussian weight of σ/√2
+    spread, _ = nodes.window_sums(np.stack(products), sigma / np.sqrt(2))
+    # one or two particles agree with themselves whatever the flow does between them: no spread tells of that
+    texture = np.maximum(sums[2] + sums[4], 0)
+    count = texture**2 / np.maximum(spread[5], 1e-12)  # cells that make up the window
+    doubt = (few / np.maximum(count, max(0.1 * few, 1e-12))) ** 2
+    # a few dozen cells determine a variance poorly: average it over neighbouring windows
+    spread = np.stack([cv2.GaussianBlur(s, (0, 0), 1.0, borderType=cv2.BORDER_REPLICATE) for s in spread[:5]])
+    sxx, syy = np.maximum(spread[0], 0.3 * spread[3]), np.maximum(spread[1], 0.3 * spread[4])
+    if alike:
+        sxx, syy = alike * spread[3], alike * spread[4]
+    bound = 0.9 * np.sqrt(sxx * syy)
+    sxy = np.clip(spread[2], -bound, bound)
+    hxx, hxy, hyy = sums[2], sums[3], sums[4]
+    # a window without texture knows nothing: its variance ends at LARGEST
+    det = np.maximum(hxx * hyy - hxy**2, 1e-3 * np.maximum(sums[5] * sums[6], 1e-12))
+    ixx, ixy, iyy = hyy / det, -hxy / det, hxx / det
+    scale = CALIBRATION * nodes.factor**2 / kept * (1 + doubt)
+    var_x = ixx**2 * sxx + 2 * ixx * ixy * sxy + ixy**2 * syy
+    var_y = ixy**2 * sxx + 2 * ixy * iyy * sxy + iyy**2 * syy
+    return np.clip(var_x * scale, 0, LARGEST), np.clip(var_y * scale, 0, LARGEST)
+
+
+@lru_cache
+def noise_budget(sigma: float, spacing: float, passes: int, neighbours: bool = True) -> tuple[float, float]:
+    """(variance of the iterated measurement over that of one window, share of noise left in the cells, `neighbours` together).
+
+    Each pass replaces the vectors d by P d + G (n - P d): G is the response of the window (σ px), P that of the
+    B-spline through vectors `spacing` px apart, n the noise of the images. Part of the noise is thus followed by
+    the vectors and no longer seen in the cells.
+    """
+    k = np.fft.fftfreq(128, refine.CELL)
+    square = k[:, None] ** 2 + k[None, :] ** 2
+    spline = np.sinc(k * spacing) ** 4
+    spline = spline[:, None] * spline[None, :]
+    window = np.exp(-2 * np.pi**2 * sigma**2 * square)
+    total = np.zeros_like(window)
+    for _ in range(passes):
+        total = spline * total + window * (1 - spline * total)
+    box = (1 + 2 * np.cos(2 * np.pi * k * refine.CELL)) / 3 if neighbours else np.ones_like(k)
+    box = box[:, None] * box[None, :]
+    return float(np.sum(total**2) / np.sum(window**2)), float(np.sum((1 - total) ** 2 * box) / np.sum(box))
+
+
+LAG = 2  # cells: farther apart than particle images reach, nearer than the shortest structures of interest
+WIDER = 2.0  # times the window: area over which unresolved displacement is averaged
+SURE = 4.0  # standard errors: below it what cells have in common may be noise
+
+
+def unresolved(nodes: Nodes, cells, step_x, step_y, sigma: float):
+    """Variances (x, y, px²) of displacement inside the windows that the vectors do not follow.
+
+    Cells LAG apart share no particle, hence no noise: what the displacements left in them have in common is real,
+    as where structures are shorter than the window. Zero where it does not stand out of the noise.
+    """
+    x, y = nodes.at_cells(step_x), nodes.at_cells(step_y)
+    left = (cells[0] - cells[2] * x - cells[3] * y, cells[1] - cells[3] * x - cells[4] * y)
+    width = WIDER * sigma / (nodes.factor * refine.CELL)
+    count = 4 * np.pi * width**2 * 2
+    apart = np.zeros(2 * LAG + 1, np.float32)
+    apart[0] = apart[-1] = 0.5
+
+    def mean(field):
+        return cv2.GaussianBlur(field, (0, 0), width, borderType=cv2.BORDER_REPLICATE)
+
+    out = []
+    for g, h in ((left[0], cells[2]), (left[1], cells[4])):
+        found = np.zeros(g.shape, np.float32)
+        # short waves are alike along their crests only: each direction by itself
+        for kernel in (apart[:, None], apart[None, :]):
+            product = g * cv2.filter2D(g, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
+            shared = mean(product)
+            sure = shared > SURE * np.sqrt(mean(product**2) / count * 2)
+            if sure.any():
+                other = cv2.filter2D(h, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
+                curvature = np.maximum(mean(h * other), 1e-12)
+                found = np.maximum(found, np.where(sure, shared / curvature, 0))
+        out.append(cv2.remap(found, *_at_nodes(nodes), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+    return out[0], out[1]
+
+
+def _at_nodes(nodes: Nodes) -> tuple[np.ndarray, np.ndarray]:
+    """Positions of the nodes in cells, as maps for cv2.remap."""
+    middle = (refine.CELL - 1) / 2
+    i, j = (nodes.column - middle) / refine.CELL, (nodes.row - middle) / refine.CELL
+    map_x, map_y = np.meshgrid(i.astype(np.float32), j.astype(np.float32))
+    return map_x, map_y

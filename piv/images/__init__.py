@@ -1,0 +1,1 @@
+"""Recordings: opening them, masks, preprocessing and calibration."""

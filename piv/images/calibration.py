@@ -1,0 +1,300 @@
+"""Pixels to metres: scale and origin, lens distortion and the tilt of the sheet; of vectors or of images.
+
+Pixel positions here are those of results: x right of the centre of the left column, y **up** from the centre of the
+bottom row. Metres are right-handed, x right, y up. Without a lens: m = (px - origin) * scale. With one, px are turned to
+image rows, freed of distortion (OpenCV's model, Zhang 2000), taken by a homography to px of the sheet and then scaled.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import xarray as xr
+from scipy import ndimage
+from scipy.interpolate import RegularGridInterpolator
+
+from fileio.atomic import write_text
+from fileio.formats.plane_series import make_plane
+from piv.images.open_recording import row_to_y_px
+
+DISTORTION_COUNTS = (4, 5, 8, 12, 14)  # that OpenCV knows
+MODELS_HELP = "distortion model: standard (5 coefficients) or rational (8, for very wide lenses)"
+FORMAT = "piv-calibration"
+FORMAT_VERSION = 1
+NEWTON_STEPS = 8
+MAX_STRETCH = 3.0  # in area against the board: more is the lens model running away where it saw no target
+INVERSE_PX = 1e-3  # where undistorting misses by more, the lens model has no inverse: such points are absent
+UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Distortion and view of the sheet, in OpenCV's image px (y down) of frames of `size_px` (width, height)."""
+
+    size_px: tuple[int, int]
+    camera_matrix: np.ndarray  # (3, 3)
+    distortion: np.ndarray  # (4..14,)
+    to_sheet: np.ndarray  # (3, 3) homography: undistorted px -> px of the sheet seen squarely, y down
+    reprojection_rms_px: float
+    views: int
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """m = (px - origin) * scale, after the lens where there is one."""
+
+    scale_m_per_px: float
+    origin_x_px: float = 0.0
+    origin_y_px: float = 0.0
+    lens: Lens | None = None
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.scale_m_per_px) and self.scale_m_per_px > 0):
+            raise ValueError(f"scale_m_per_px must be positive, got {self.scale_m_per_px}")
+
+    @property
+    def origin_px(self) -> np.ndarray:
+        """Position of x = y = 0 in px of the sheet, (2,)."""
+        return np.array([self.origin_x_px, self.origin_y_px])
+
+    def to_m(self, points_px: np.ndarray) -> np.ndarray:
+        """Positions (..., 2) in px (y up) to metres; NaN where the lens model has no inverse."""
+        points = np.asarray(points_px, float)
+        if self.lens is not None:
+            points = _flip(_sheet(self.lens, _flip(points, self.lens)), self.lens)
+        return (points - self.origin_px) * self.scale_m_per_px
+
+    def to_px(self, points_m: np.ndarray) -> np.ndarray:
+        """Positions (..., 2) in metres to px (y up); inverse of `to_m`."""
+        points = np.asarray(points_m, float) / self.scale_m_per_px + self.origin_px
+        if self.lens is None:
+            return points
+        return _flip(_unsheet(self.lens, _flip(points, self.lens)), self.lens)
+
+    def displacement_m(self, points_px: np.ndarray, shift_px: np.ndarray) -> np.ndarray:
+        """Displacements (..., 2) in px at mid positions to metres: the difference of the mapped ends."""
+        half = 0.5 * np.asarray(shift_px, float)
+        return self.to_m(points_px + half) - self.to_m(points_px - half)
+
+    def jacobian(self, points_px: np.ndarray) -> np.ndarray:
+        """d(m)/d(px), (..., 2, 2), by central differences over one pixel."""
+        steps = [np.array([0.5, 0.0]), np.array([0.0, 0.5])]
+        return np.stack([self.to_m(points_px + s) - self.to_m(points_px - s) for s in steps], axis=-1)
+
+
+def from_points(
+    first_px: tuple[float, float],
+    second_px: tuple[float, float],
+    distance_m: float,
+    origin_px: tuple[float, float] = (0.0, 0.0),
+) -> Calibration:
+    """Scale from two points in px whose distance in metres is known."""
+    length = float(np.hypot(second_px[0] - first_px[0], second_px[1] - first_px[1]))
+    if not length > 0 or not distance_m > 0:
+        raise ValueError(
+            f"two different points and a positive distance are needed, got {length:g} px, {distance_m:g} m"
+        )
+    return Calibration(distance_m / length, *origin_px, notes={"points_px": [*first_px, *second_px]})
+
+
+def _flip(points: np.ndarray, lens: Lens) -> np.ndarray:
+    return np.stack([points[..., 0], row_to_y_px(points[..., 1], lens.size_px[1])], axis=-1)
+
+
+def _project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    x, y = points[..., 0], points[..., 1]
+    depth = g * x + h * y + i
+    return np.stack([(a * x + b * y + c) / depth, (d * x + e * y + f) / depth], axis=-1)
+
+
+def _sheet(lens: Lens, points: np.ndarray) -> np.ndarray:
+    seen = np.ascontiguousarray(points.reshape(-1, 2), np.float64)
+    matrix = lens.camera_matrix
+    ideal = cv2.undistortPoints(seen[:, None], matrix, lens.distortion, P=matrix, criteria=UNDISTORT)[:, 0]
+    # OpenCV's fixed-point iteration crawls or diverges under strong distortion: Newton steps end it.
+    steps = np.array([[0.05, 0.0], [0.0, 0.05]])
+    for _ in range(NEWTON_STEPS):
+        wrong = _distort(lens, ideal) - seen
+        (xx, yx), (xy, yy) = [
+            ((_distort(lens, ideal + h) - _distort(lens, ideal - h)) / 0.1).T for h in steps
+        ]
+        det = xx * yy - xy * yx
+        det[np.abs(det) < 1e-3] = np.inf  # at a turning point: no step
+        ideal = (
+            ideal
+            - np.stack([yy * wrong[:, 0] - xy * wrong[:, 1], xx * wrong[:, 1] - yx * wrong[:, 0]], 1)
+            / det[:, None]
+        )
+    lost = ~(np.abs(_distort(lens, ideal) - seen).max(axis=1) < INVERSE_PX)
+    ideal[lost] = np.nan
+    return _project(lens.to_sheet, ideal).reshape(points.shape)
+
+
+def _distort(lens: Lens, ideal: np.ndarray) -> np.ndarray:
+    """OpenCV's model without sensor tilt (tested against cv2.projectPoints, which is 50 times slower)."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = np.pad(lens.distortion, (0, 8))[:8]
+    x, y = _project(np.linalg.inv(lens.camera_matrix), ideal).T
+    r2 = x * x + y * y
+    radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+    bent = np.stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ]
+    )
+    return _project(lens.camera_matrix, bent.T)
+
+
+def _unsheet(lens: Lens, points: np.ndarray) -> np.ndarray:
+    flat = _project(np.linalg.inv(lens.to_sheet), points).reshape(-1, 2)
+    return _distort(lens, flat).reshape(points.shape)
+
+
+def save_calibration(calibration: Calibration, path: str | Path) -> None:
+    """Write the small JSON file."""
+    whole = {"format": FORMAT, "format_version": FORMAT_VERSION} | asdict(calibration)
+    write_text(path, json.dumps(whole, indent=1, default=lambda a: a.tolist()) + "\n")
+
+
+def load_calibration(path: str | Path) -> Calibration:
+    """Read the JSON file; ValueError where it is another thing."""
+    try:
+        whole = json.loads(Path(path).read_text())
+        if not isinstance(whole, dict) or whole.get("format") != FORMAT:
+            raise ValueError(f"format is not {FORMAT!r}")
+        if int(whole.get("format_version", 0)) > FORMAT_VERSION:
+            raise ValueError("written by a newer version of this project")
+        lens = whole.get("lens")
+        if lens is not None:
+            count = np.size(lens["distortion"])
+            if count not in DISTORTION_COUNTS:
+                raise ValueError(f"a lens has 4, 5, 8, 12 or 14 distortion coefficients, not {count}")
+            lens = Lens(
+                (int(lens["size_px"][0]), int(lens["size_px"][1])),
+                np.array(lens["camera_matrix"], float).reshape(3, 3),
+                np.array(lens["distortion"], float).ravel(),
+                np.array(lens["to_sheet"], float).reshape(3, 3),
+                float(lens["reprojection_rms_px"]),
+                int(lens["views"]),
+            )
+        scale, x0, y0 = (float(whole[k]) for k in ("scale_m_per_px", "origin_x_px", "origin_y_px"))
+        return Calibration(scale, x0, y0, lens=lens, notes=whole.get("notes", {}))
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise ValueError(f"{path}: not a calibration file ({error})") from error
+
+
+def calibrate_plane(
+    plane_px: xr.Dataset, calibration: Calibration, interval_s: float, *, spacing_px: float | None = None
+) -> xr.Dataset:
+    """A plane (series) in px per frame interval to m and m/s.
+
+    Without a lens the grid is scaled. With one, the field is sampled (linearly) on a regular grid in the sheet: a
+    vector is absent where one of the four around it is. `interval_s`: time between the exposures of a pair.
+    """
+    if not interval_s > 0:
+        raise ValueError(f"interval_s must be positive, got {interval_s}")
+    x, y = plane_px["x"].values.astype(float), plane_px["y"].values.astype(float)
+    order = ("y", "x") if "time" not in plane_px.dims else ("time", "y", "x")
+    fields = {n: plane_px[n].transpose(*order).values for n in ("u", "v") if n in plane_px}
+    spread = {n: plane_px[n].transpose(*order).values for n in ("u_std", "v_std") if n in plane_px}
+    flag = plane_px["flag"].transpose(*order).values if "flag" in plane_px else None
+    valid = plane_px["valid"].transpose(*order).values.astype(bool)
+    per_second = calibration.scale_m_per_px / interval_s
+    more: dict[str, np.ndarray] = {}
+    if calibration.lens is None:
+        corner = calibration.to_m(np.array([x[0], y[0]]))
+        x_m, y_m = (corner[k] + (c - c[0]) * calibration.scale_m_per_px for k, c in enumerate((x, y)))
+        u, v = fields["u"] * per_second, fields["v"] * per_second
+        more = {n: a * per_second for n, a in spread.items()}
+    else:
+        x_m, y_m = _sheet_grid(calibration, x, y, spacing_px)
+        at = calibration.to_px(np.stack(np.meshgrid(x_m, y_m), axis=-1))
+        ok = (_sample(valid.astype(float), x, y, at) > 1 - 1e-9) & _same(calibration, at, x_m, y_m)
+        shift = [_sample(np.where(valid, fields[n], 0.0), x, y, at) for n in ("u", "v")]
+        moved = calibration.displacement_m(at, np.stack(shift, axis=-1)) / interval_s
+        ok &= np.isfinite(moved).all(axis=-1)
+        u, v = (np.where(ok, moved[..., k], np.nan) for k in range(2))
+        if len(spread) == 2:
+            var = [_sample(np.where(valid, spread[n], 0.0), x, y, at) ** 2 for n in ("u_std", "v_std")]
+            j2 = (calibration.jacobian(at) / interval_s) ** 2
+            for k, n in enumerate(("u_std", "v_std")):
+                more[n] = np.where(ok, np.sqrt(j2[..., k, 0] * var[0] + j2[..., k, 1] * var[1]), np.nan)
+        valid = ok
+        if flag is not None:
+            flag = _sample(flag, x, y, at, method="nearest").astype(np.uint8)
+    if flag is not None:
+        more["flag"] = flag
+    time = plane_px["time"].values if "time" in plane_px.dims else None
+    out = make_plane(x_m, y_m, u, v, time=time, valid=valid, **more)
+    return out.assign_attrs(plane_px.attrs | {"calibration": json.dumps(calibration_summary(calibration))})
+
+
+def calibration_summary(calibration: Calibration) -> dict[str, Any]:
+    """What to store with results."""
+    short: dict[str, Any] = {
+        k: getattr(calibration, k) for k in ("scale_m_per_px", "origin_x_px", "origin_y_px")
+    }
+    if calibration.lens is not None:
+        short["reprojection_rms_px"] = calibration.lens.reprojection_rms_px
+    return short
+
+
+def _sheet_grid(
+    calibration: Calibration, x: np.ndarray, y: np.ndarray, spacing_px: float | None
+) -> tuple[np.ndarray, np.ndarray]:
+    step = (spacing_px or float(x[1] - x[0])) * calibration.scale_m_per_px
+    edge = calibration.to_m(np.stack(np.meshgrid(x, y), axis=-1))
+    low, high = np.nanmin(edge.reshape(-1, 2), axis=0), np.nanmax(edge.reshape(-1, 2), axis=0)
+    return low[0] + step * np.arange(int((high[0] - low[0]) / step) + 1), low[1] + step * np.arange(
+        int((high[1] - low[1]) / step) + 1
+    )
+
+
+def _same(calibration: Calibration, at: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    """Where px -> m gives the grid point back (beyond the model's turning point it does not) at a sane scale."""
+    miss = calibration.to_m(at) - np.stack(np.meshgrid(x_m, y_m), axis=-1)
+    same = np.abs(miss).max(axis=-1) < INVERSE_PX * calibration.scale_m_per_px
+    jacobian = calibration.jacobian(at)
+    stretch = (
+        np.abs(jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0])
+        / calibration.scale_m_per_px**2
+    )
+    return same & (stretch < MAX_STRETCH) & (stretch > 1 / MAX_STRETCH)
+
+
+def _sample(
+    values: np.ndarray, x: np.ndarray, y: np.ndarray, at: np.ndarray, method: str = "linear"
+) -> np.ndarray:
+    stack = np.moveaxis(values.reshape(-1, *values.shape[-2:]), 0, -1)
+    found = RegularGridInterpolator((y, x), stack, method=method, bounds_error=False, fill_value=0.0)(
+        at[..., ::-1]
+    )
+    return np.moveaxis(found, -1, 0).reshape(*values.shape[:-2], *at.shape[:-1])
+
+
+def rectify_image(image: np.ndarray, calibration: Calibration) -> np.ndarray:
+    """The frame as a square view of the sheet, same shape, dtype and scale; outside is 0.
+
+    Cubic splines, not `cv2.remap`, whose coordinates are rounded to 1/32 px. Afterwards the calibration without
+    its lens holds.
+    """
+    lens = calibration.lens
+    if lens is None:
+        raise ValueError("this calibration has no lens: its images need no rectification")
+    rows, columns = image.shape
+    if (columns, rows) != tuple(lens.size_px):
+        raise ValueError(
+            f"the image is {columns}x{rows} px, the calibration is for {lens.size_px[0]}x{lens.size_px[1]} px"
+        )
+    row, column = np.mgrid[:rows, :columns].astype(float)
+    seen = _unsheet(lens, np.stack([column, row], axis=-1))
+    flat = ndimage.map_coordinates(image.astype(np.float32), [seen[..., 1], seen[..., 0]], order=3, cval=0.0)
+    top = np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else np.inf
+    return np.clip(np.round(flat) if np.isfinite(top) else flat, 0, top).astype(image.dtype)

@@ -1,0 +1,133 @@
+"""Lens and sheet from pictures of a flat target: chessboard or ChArUco board."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from piv.images.calibration import Calibration, Lens
+
+MODELS = {"standard": 0, "rational": cv2.CALIB_RATIONAL_MODEL}
+MIN_CORNERS = 8  # of a view: fewer leave its pose loose
+
+
+@dataclass(frozen=True)
+class Target:
+    """A board of `rows` x `columns` squares of `square_m`; with `marker_m` a ChArUco board, else a chessboard."""
+
+    rows: int
+    columns: int
+    square_m: float
+    marker_m: float | None = None
+    dictionary: str = "DICT_4X4_1000"
+
+    def __post_init__(self) -> None:
+        if self.rows < 3 or self.columns < 3 or not self.square_m > 0:
+            raise ValueError(f"a target needs at least 3 x 3 squares of positive size, got {self}")
+        if self.marker_m is not None and not 0 < self.marker_m < self.square_m:
+            raise ValueError(f"markers ({self.marker_m} m) must be smaller than squares ({self.square_m} m)")
+        if not hasattr(cv2.aruco, self.dictionary):
+            raise ValueError(f"unknown ArUco dictionary {self.dictionary!r}, for example DICT_4X4_1000")
+
+
+def find_corners(image: np.ndarray, target: Target) -> tuple[np.ndarray, np.ndarray]:
+    """Inner corners of the target in one 8-bit frame.
+
+    Returns (corners (n, 2) in image px, y down; positions (n, 3) on the board in m, z = 0), empty where no
+    target is seen. A ChArUco board is tried in both layouts (OpenCV's before and since 4.6, which begin with
+    another square) and the one with more corners is taken.
+    """
+    if image.dtype == np.uint16:
+        image = cv2.convertScaleAbs(image, alpha=255 / max(int(image.max()), 1))
+    if target.marker_m is None:
+        size = (target.columns - 1, target.rows - 1)
+        found, corners = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_ACCURACY)
+        if not found:
+            return np.empty((0, 2)), np.empty((0, 3))
+        grid = np.mgrid[: target.rows - 1, : target.columns - 1][::-1].reshape(2, -1).T * target.square_m
+        return corners.reshape(-1, 2).astype(float), np.column_stack([grid, np.zeros(len(grid))])
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, target.dictionary))
+    best = np.empty((0, 2)), np.empty((0, 3))
+    for legacy in (False, True):
+        size = (target.columns, target.rows)
+        board = cv2.aruco.CharucoBoard(size, target.square_m, target.marker_m, dictionary)
+        board.setLegacyPattern(legacy)
+        corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(image)
+        if ids is not None and len(ids) > len(best[0]):
+            places = np.asarray(board.getChessboardCorners(), float)[ids.ravel()]
+            best = corners.reshape(-1, 2).astype(float), places
+    return best
+
+
+def calibrate_target(
+    views: Sequence[np.ndarray],
+    target: Target,
+    *,
+    sheet_view: int = 0,
+    model: str = "standard",
+    origin_px: tuple[float, float] = (0.0, 0.0),
+) -> tuple[Calibration, list[int]]:
+    """Calibration from frames of a target, one of which (`sheet_view`) shows it in the light sheet.
+
+    The sheet keeps the direction of the image's rows at the board and the scale there; distortion and tilt are
+    taken out. With one view only the tilt is found, not the lens. Returns the calibration and the views used;
+    views with fewer than 8 corners are left out. `origin_px`: of the rectified image, y up.
+    """
+    if model not in MODELS:
+        raise ValueError(f"lens model must be one of {', '.join(MODELS)}, got {model!r}")
+    if not views or len({v.shape for v in views}) != 1:
+        raise ValueError("the target's pictures must be at least one, all of the same size")
+    found = [find_corners(v, target) for v in views]
+    used = [k for k, (corners, _) in enumerate(found) if len(corners) >= MIN_CORNERS]
+    if sheet_view not in used:
+        raise ValueError(
+            f"picture {sheet_view}, which shows the target in the sheet: {len(found[sheet_view][0])} corners "
+            "found; check rows, columns, marker size and dictionary"
+        )
+    rows, columns = views[0].shape
+    image_points = [found[k][0].astype(np.float32) for k in used]
+    board_points = [found[k][1].astype(np.float32) for k in used]
+    if len(used) > 1:
+        rms, matrix, distortion, _, _ = cv2.calibrateCamera(
+            board_points, image_points, (columns, rows), None, None, flags=MODELS[model]
+        )
+    else:
+        matrix, distortion, rms = np.diag([columns, columns, 1.0]), np.zeros(5), np.nan
+        matrix[:2, 2] = (columns - 1) / 2, (rows - 1) / 2
+    corners, places = found[sheet_view]
+    straight = cv2.undistortPoints(
+        corners.reshape(-1, 1, 2), matrix, distortion, P=matrix, criteria=(3, 200, 1e-12)
+    ).reshape(-1, 2)
+    to_board, _ = cv2.findHomography(straight, places[:, :2])
+    if not np.isfinite(rms):
+        back = cv2.perspectiveTransform(places[None, :, :2], np.linalg.inv(to_board))[0]
+        rms = float(np.sqrt(np.mean(np.sum((back - straight) ** 2, axis=1))))
+    to_sheet, scale = _square_view(to_board, straight.mean(axis=0))
+    lens = Lens((columns, rows), matrix, np.ravel(distortion), to_sheet, float(rms), len(used))
+    notes = {"target": repr(target), "model": model, "corners": sum(len(p) for p in image_points)}
+    return Calibration(scale, *origin_px, lens=lens, notes=notes), used
+
+
+def _square_view(to_board: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, float]:
+    """(undistorted px -> square px, m per px): the board's plane turned, scaled and shifted to fit at `centre`."""
+    here = _apply(to_board, centre)
+    right, below = np.array([0.5, 0.0]), np.array([0.0, 0.5])
+    along = _apply(to_board, centre + right) - _apply(to_board, centre - right)
+    down = _apply(to_board, centre + below) - _apply(to_board, centre - below)
+    area = along[0] * down[1] - along[1] * down[0]
+    scale = float(np.sqrt(abs(area)))  # of the board per px, the mean over directions
+    turn = np.array([[along[0], along[1]], [-along[1], along[0]]]) / np.hypot(*along)
+    if area < 0:  # the board is seen from behind
+        turn[1] *= -1
+    affine = np.eye(3)
+    affine[:2, :2] = turn / scale
+    affine[:2, 2] = centre - affine[:2, :2] @ here
+    return affine @ to_board, scale
+
+
+def _apply(matrix: np.ndarray, point: np.ndarray) -> np.ndarray:
+    end = matrix @ np.array([point[0], point[1], 1.0])
+    return end[:2] / end[2]

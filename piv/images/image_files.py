@@ -1,0 +1,112 @@
+"""Recordings that are image files, one frame or several in each."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from piv.images.recording import Recording
+
+COLOURS = ("refuse", "luma", "green")
+
+
+def to_grey(image: np.ndarray, colour: str, name: str) -> np.ndarray:
+    """2-D uint8/uint16 from a decoded image: equal colour channels are one; an alpha channel is ignored.
+
+    Really coloured images need a rule: "luma" (Rec. 601) or "green" (the sharpest channel of a Bayer
+    sensor under green laser light); with "refuse" they raise ValueError.
+    """
+    if colour not in COLOURS:
+        raise ValueError(f"colour must be one of {', '.join(COLOURS)}, got {colour!r}")
+    if image.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"{name}: pixels are {image.dtype}; convert to 8 or 16 bit unsigned integers")
+    if image.ndim == 2:
+        return image
+    if image.shape[2] < 3:  # grey and alpha
+        return image[:, :, 0]
+    blue, green, red = image[:, :, 0], image[:, :, 1], image[:, :, 2]
+    if np.array_equal(blue, green) and np.array_equal(red, green):
+        return np.ascontiguousarray(green)
+    if colour == "luma":
+        return cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2GRAY)
+    if colour == "green":
+        return np.ascontiguousarray(green)
+    raise ValueError(f"{name}: a colour image; say with colour 'luma' or 'green' how to make it grey")
+
+
+class ImageFiles(Recording):
+    """Image files in the order given, TIFF stacks page by page (8 to 16 bit; 10 and 12 bit in 16)."""
+
+    def __init__(
+        self, paths: Sequence[Path], *, frame_rate_hz: float | None = None, colour: str = "refuse"
+    ) -> None:
+        pages = [(p, k) for p in paths for k in range(_page_count(p))]
+        super().__init__(_common_name(paths), len(pages), frame_rate_hz)
+        self.pages = pages
+        self.colour = colour
+
+    def _frame_name(self, i: int) -> str:
+        path, page = self.pages[i]
+        return f"{path}: page {page}" if page else str(path)
+
+    def _read(self, i: int) -> np.ndarray:
+        path, page = self.pages[i]
+        try:
+            done, images = cv2.imreadmulti(str(path), start=page, count=1, flags=cv2.IMREAD_UNCHANGED)
+        except cv2.error:
+            done, images = False, ()
+        if not done or not len(images):
+            raise ValueError(f"{self._frame_name(i)}: not readable as an image (damaged, or another format)")
+        return to_grey(images[0], self.colour, self._frame_name(i))
+
+
+def _page_count(path: Path) -> int:
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such file")
+    suffix = path.suffix.lower()
+    if suffix in (".jpg", ".jpeg") and b"\xff\xd9" not in path.read_bytes()[-1024:]:
+        raise ValueError(f"{path}: the JPEG image is cut off")  # OpenCV would fill the rest with grey
+    return tiff_pages(path) if suffix in (".tif", ".tiff") else 1
+
+
+def tiff_pages(path: Path) -> int:
+    """Number of pages by the chain of directories (TIFF 6.0, BigTIFF); ValueError where the chain is broken.
+
+    OpenCV's own count stops silently at a break, so that half a stack would pass for a whole one.
+    """
+    size = path.stat().st_size
+    broken = ValueError(f"{path}: not readable as a TIFF image (damaged, or another format)")
+    with path.open("rb") as file:
+        head = file.read(16)
+        order = {b"II": "<", b"MM": ">"}.get(head[:2])
+        if order is None or len(head) < 8:
+            raise broken
+        big = struct.unpack(order + "H", head[2:4])[0] == 43
+        count_code, entry, link_code = (
+            (order + "Q", 20, order + "Q") if big else (order + "H", 12, order + "I")
+        )
+        count_size, link_size = struct.calcsize(count_code), struct.calcsize(link_code)
+        link = head[8:16] if big else head[4:8]
+        seen: set[int] = set()
+        while (offset := struct.unpack(link_code, link)[0]) != 0:
+            file.seek(offset)
+            number = file.read(count_size)
+            if offset in seen or len(number) < count_size:
+                raise broken
+            seen.add(offset)
+            end = offset + count_size + struct.unpack(count_code, number)[0] * entry
+            file.seek(end)
+            link = file.read(link_size)
+            if end + link_size > size or len(link) < link_size:
+                raise broken
+    if not seen:
+        raise broken
+    return len(seen)
+
+
+def _common_name(paths: Sequence[Path]) -> str:
+    return str(paths[0]) if len(paths) == 1 else f"{paths[0]} ... {paths[-1].name}"

@@ -1,0 +1,164 @@
+"""Masks: bool arrays in image order, True = body (takes no part in correlation)."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import xarray as xr
+
+from piv.images.open_recording import row_to_y_px
+
+MIN_CONTRAST = 1.6  # of particle images to a body: below it a threshold would cut the light sheet's own shade
+SUBPIXEL_BITS = 6  # fixed-point digits of polygon corners in OpenCV
+
+
+def polygon_mask(polygon_px: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Body inside a polygon, its edge included.
+
+    `polygon_px` (n, 2): x right and y up from the centre of the bottom row of pixels, as in every result in px.
+    """
+    polygon = np.asarray(polygon_px, float)
+    if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3 or not np.isfinite(polygon).all():
+        raise ValueError(f"a mask polygon needs at least 3 finite corners (n, 2), got shape {polygon.shape}")
+    corners = np.column_stack([polygon[:, 0], row_to_y_px(polygon[:, 1], shape[0])])
+    limit = 2 ** (31 - SUBPIXEL_BITS) - 1
+    fixed = np.round(np.clip(corners, -limit, limit) * 2**SUBPIXEL_BITS).astype(np.int32)
+    mask = np.zeros(shape, np.uint8)
+    cv2.fillPoly(mask, [fixed], 1, lineType=cv2.LINE_8, shift=SUBPIXEL_BITS)
+    return mask.astype(bool)
+
+
+def read_polygon(path: str | Path) -> np.ndarray:
+    """Corners x, y (px, y up), two numbers a line, from a CSV file with or without a line of names; ValueError where it is another thing."""
+    lines = Path(path).read_text(encoding="utf-8").splitlines()
+    named = bool(lines) and re.fullmatch(r"\s*[A-Za-z_]+\s*,\s*[A-Za-z_]+\s*", lines[0]) is not None
+    try:
+        corners = np.loadtxt(lines[named:], delimiter=",", comments="#", ndmin=2)
+    except ValueError as error:
+        raise ValueError(f"{path}: expected two numbers a line, x and y in px ({error})") from None
+    if corners.shape[1] != 2 or len(corners) < 3:
+        raise ValueError(f"{path}: expected at least 3 lines of x and y in px, got shape {corners.shape}")
+    return corners
+
+
+def read_mask(path: str | Path, shape: tuple[int, int]) -> np.ndarray:
+    """A static mask for frames of `shape` from a polygon (.csv, .txt) or an image (not black = body)."""
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such mask")
+    if path.suffix.lower() in (".csv", ".txt"):
+        return polygon_mask(read_polygon(path), shape)
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    if image is None:
+        raise ValueError(f"{path}: not readable as an image; a mask is an image or a polygon (.csv)")
+    if image.shape != shape:
+        raise ValueError(
+            f"{path}: the mask is {image.shape[1]}x{image.shape[0]} px, the frames are {shape[1]}x{shape[0]} px"
+        )
+    return image > 0
+
+
+def outline_px(outline: np.ndarray, scale_m_per_px: float, origin_px: tuple[float, float]) -> np.ndarray:
+    """Outline in metres (..., 2) to px: right of the left column and up from the bottom row."""
+    if not scale_m_per_px > 0:
+        raise ValueError(f"scale_m_per_px must be positive, got {scale_m_per_px}")
+    return np.asarray(outline, float) / scale_m_per_px + np.asarray(origin_px, float)
+
+
+def outline_masks(
+    series: xr.Dataset,
+    times: np.ndarray,
+    shape: tuple[int, int],
+    scale_m_per_px: float,
+    origin_px: tuple[float, float],
+) -> list[list[np.ndarray]]:
+    """Corner lists in px, one list of bodies per time, from the `outline` of a plane series or kinematics.
+
+    The outline is interpolated linearly in time; a time outside the series raises ValueError (a frozen body
+    would be a guess). Draw with `polygons_mask`.
+    """
+    if "outline" not in series:
+        raise ValueError("the file has no variable 'outline' to make masks from")
+    outline = series["outline"]
+    if "finger" not in outline.dims:
+        outline = outline.expand_dims("finger", 1)
+    outline = outline.transpose("time", "finger", "point", "axis")
+    first, last = float(series["time"].min()), float(series["time"].max())
+    slack = 1e-9 + 1e-6 * (last - first)
+    if times.min() < first - slack or times.max() > last + slack:
+        raise ValueError(
+            f"the outline covers {first:g} to {last:g} s, the recording {times.min():g} to {times.max():g} s"
+        )
+    at = (
+        outline.interp(time=np.clip(times, first, last)).values
+        if outline.sizes["time"] > 1
+        else outline.values
+    )
+    corners = outline_px(at, scale_m_per_px, origin_px)
+    return [list(frame) for frame in corners]
+
+
+def polygons_mask(polygons_px: list[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
+    """Body inside any of several polygons."""
+    mask = np.zeros(shape, bool)
+    for polygon in polygons_px:
+        mask |= polygon_mask(polygon, shape)
+    return mask
+
+
+def dark_body(
+    image: np.ndarray,
+    *,
+    threshold: float | None = None,
+    smooth_px: float = 6.0,
+    open_px: int = 15,
+    close_px: int = 25,
+    min_area: float = 0.002,
+    grow_px: int = 3,
+) -> np.ndarray:
+    """The dark body in a frame of bright particles, by threshold and morphology.
+
+    Gaps between particles are closed over (grey closing by a disc of `smooth_px`, which keeps the body's edge)
+    and the image is cut at `threshold` (grey levels of the closed image; without one, the geometric mean of its
+    darkest part and its median). Thin bridges are opened (`open_px`), gaps closed (`close_px`), regions below
+    `min_area` (fraction of the image) dropped, holes filled and the rest grown by `grow_px`.
+    Raises ValueError where no region is left: a mask that vanishes would let the body be correlated.
+    """
+    grey = image.astype(np.float32)
+    closed = cv2.morphologyEx(grey, cv2.MORPH_CLOSE, _disc(round(smooth_px)))
+    smooth = cv2.GaussianBlur(closed, (0, 0), max(smooth_px / 3, 0.5))
+    if threshold is None:
+        dark, middle = np.percentile(smooth, [100 * min_area, 50])
+        if not middle > MIN_CONTRAST * max(dark, 1.0):
+            raise ValueError(
+                f"no dark body: the darkest part of the frame has {dark:.3g} grey levels, the median {middle:.3g}; "
+                "give --threshold"
+            )
+        threshold = float(np.sqrt(max(dark, 1.0) * middle))
+    body: np.ndarray = (smooth < threshold).astype(np.uint8)
+    # The frame's edge is no edge of the body: pad with what is there.
+    pad = 2 * max(open_px, close_px, 1)
+    body = cv2.copyMakeBorder(body, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
+    body = cv2.morphologyEx(body, cv2.MORPH_OPEN, _disc(open_px // 2))
+    body = cv2.morphologyEx(body, cv2.MORPH_CLOSE, _disc(close_px // 2))
+    body = body[pad:-pad, pad:-pad]
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(np.ascontiguousarray(body), connectivity=4)
+    large = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] >= min_area * body.size]
+    if not large:
+        raise ValueError(
+            f"no dark region of at least {min_area:g} of the image is below grey level {threshold:.3g}; "
+            "give --threshold, or a lower --min-area"
+        )
+    body = np.isin(labels, large).astype(np.uint8)
+    contours, _ = cv2.findContours(body, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(body, contours, -1, 1, cv2.FILLED)
+    # The blur moves the threshold's edge into the body's dark side: growing gives it back, with a margin.
+    return cv2.dilate(body, _disc(grow_px)).astype(bool)
+
+
+def _disc(radius: int) -> np.ndarray:
+    size = 2 * max(int(radius), 0) + 1
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))

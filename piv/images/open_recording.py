@@ -1,0 +1,119 @@
+"""Opening recordings of any kind, and pairing their frames.
+
+Frames stay in image order (row 0 at the top) through masks and pre-processing. `piv.correlation.pair` gives its result in
+px with y up from the centre of the bottom row of pixels; `piv.images.calibration` takes such px to metres. `row_to_y_px` is the
+relation between the two, the only flip of y in the project.
+"""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fileio.json_text import natural_key
+from piv.images.image_files import ImageFiles
+from piv.images.photron import Photron
+from piv.images.recording import Recording
+from piv.images.recording_file import RecordingFile
+from piv.images.video import Video
+
+IMAGE_SUFFIXES = (".tif", ".tiff", ".png", ".bmp", ".jpg", ".jpeg", ".pgm")
+VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".wmv", ".m4v", ".webm")
+PHOTRON_SUFFIXES = (".mraw", ".cihx", ".cih")
+HDF5_SUFFIXES = (".h5", ".hdf5")
+PAIRINGS = ("1-2,2-3", "1-2,3-4")
+
+__all__ = ["PAIRINGS", "Recording", "open_recording", "pairs", "row_to_y_px"]
+
+
+def open_recording(
+    source: str | Path | Sequence[str | Path],
+    *,
+    frame_rate_hz: float | None = None,
+    colour: str = "refuse",
+) -> Recording:
+    """Open a recording for lazy reading.
+
+    `source`: image files in the order given, a folder or a glob of images (names in natural order: 2 before 10), a
+    TIFF stack, a video, a Photron .mraw/.cihx/.cih, or a recording .h5. `frame_rate_hz` gives times to images and
+    videos and overrides what a file says. `colour`: see `piv.images.image_files.to_grey`.
+    Raises FileNotFoundError or ValueError with one sentence.
+    """
+    if isinstance(source, str | Path):
+        paths = _expand(source)
+    else:
+        paths = _expand(source[0]) if len(source) == 1 else [Path(p) for p in source]
+    if not paths:
+        raise ValueError("no recording given: name image files, a folder, a video, an .mraw or an .h5")
+    suffixes = {p.suffix.lower() for p in paths}
+    if suffixes <= set(IMAGE_SUFFIXES):
+        return ImageFiles(paths, frame_rate_hz=frame_rate_hz, colour=colour)
+    if len(paths) > 1:
+        raise ValueError(
+            f"{paths[0]} and {len(paths) - 1} more: only image files can be joined to a recording"
+        )
+    path, suffix = paths[0], paths[0].suffix.lower()
+    if suffix in VIDEO_SUFFIXES:
+        return Video(path, frame_rate_hz=frame_rate_hz)
+    if suffix in PHOTRON_SUFFIXES:
+        return Photron(path, frame_rate_hz=frame_rate_hz)
+    if suffix in HDF5_SUFFIXES:
+        return RecordingFile(path, frame_rate_hz=frame_rate_hz)
+    known = IMAGE_SUFFIXES + VIDEO_SUFFIXES + PHOTRON_SUFFIXES + HDF5_SUFFIXES
+    raise ValueError(f"{path}: unknown kind of recording {suffix!r}; known are {' '.join(known)}")
+
+
+def _expand(source: str | Path) -> list[Path]:
+    path = Path(source)
+    if path.is_dir():
+        images = [p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
+        if not images:
+            raise ValueError(f"{path}: the folder holds no image ({' '.join(IMAGE_SUFFIXES)})")
+        kinds = sorted({p.suffix.lower() for p in images})
+        if len(kinds) > 1:
+            raise ValueError(
+                f"{path}: the folder mixes {' and '.join(kinds)}; choose with a glob such as '*{kinds[0]}'"
+            )
+        return sorted(images, key=natural_key)
+    if path.exists() or not glob.has_magic(str(source)):
+        if not path.exists():
+            raise FileNotFoundError(f"{path}: no such file or folder")
+        return [path]
+    found = [Path(p) for p in glob.glob(str(source))]
+    if not found:
+        raise FileNotFoundError(f"{source}: no file matches")
+    return sorted(found, key=natural_key)
+
+
+def pairs(n: int, mode: str = "1-2,2-3", *, skip: int = 0, every: int = 1) -> list[tuple[int, int]]:
+    """Indices of the two frames of every pair in a recording of `n` frames.
+
+    `mode` "1-2,2-3": time-resolved, each frame with the one `1 + skip` later; "1-2,3-4": frame-straddling
+    couples, where `skip` has no meaning. `every`: keep each `every`-th pair. Raises ValueError where no pair
+    remains, and for an odd `n` in couples.
+    """
+    if mode not in PAIRINGS:
+        raise ValueError(f"pairing must be one of {' and '.join(map(repr, PAIRINGS))}, got {mode!r}")
+    if skip < 0 or every < 1:
+        raise ValueError(f"skip must be at least 0 and every at least 1, got skip={skip}, every={every}")
+    if mode == "1-2,2-3":
+        found = [(i, i + 1 + skip) for i in range(n - 1 - skip)]
+    else:
+        if skip:
+            raise ValueError(
+                "skip has no meaning with the pairing '1-2,3-4'; use 'every' to leave out couples"
+            )
+        if n % 2:
+            raise ValueError(f"{n} frames cannot be paired '1-2,3-4': the last frame has no partner")
+        found = [(i, i + 1) for i in range(0, n, 2)]
+    if not found:
+        raise ValueError(f"{n} frames give no pair with the pairing {mode!r} and skip={skip}")
+    return found[::every]
+
+
+def row_to_y_px(row: np.ndarray | float, rows: int) -> np.ndarray:
+    """Image row (0 at the top) to y in px (up, 0 at the centre of the bottom row); its own inverse."""
+    return (rows - 1) - np.asarray(row, float)

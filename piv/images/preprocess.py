@@ -1,0 +1,110 @@
+"""Cleaning of particle images before correlation; every step is optional and named in the result.
+
+`Preprocessor(["background=min", "highpass=8", "cap=3"], recording)` is called with a frame and gives the cleaned one
+as float32; `Preprocessor.steps` is the list to store in the result's attributes. Steps run in the order given:
+`background=min|mean` (temporal, of the whole recording), `clahe=<tile px>`, `highpass=<sigma px>`,
+`cap=<n>` (intensities above median + n standard deviations are cut, Shavit et al. 2007).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import cv2
+import numpy as np
+
+from piv.images.recording import Recording
+
+STEPS = ("background", "clahe", "highpass", "cap")
+BACKGROUND_FRAMES = 500  # of a longer recording, evenly chosen: more changes nothing that is visible
+
+
+def background(recording: Recording, kind: str = "min", *, frames: int = BACKGROUND_FRAMES) -> np.ndarray:
+    """Temporal minimum or mean of at most `frames` frames, float32; memory is that of one frame."""
+    if kind not in ("min", "mean"):
+        raise ValueError(f"background must be 'min' or 'mean', got {kind!r}")
+    if len(recording) < 3:
+        raise ValueError(f"{recording.name}: a background needs at least 3 frames, this has {len(recording)}")
+    chosen = np.unique(np.linspace(0, len(recording) - 1, min(frames, len(recording))).astype(int))
+    total = recording.frame(int(chosen[0])).astype(np.float64)
+    for i in chosen[1:]:
+        image = recording.frame(int(i))
+        total = np.minimum(total, image) if kind == "min" else total + image
+    return (total if kind == "min" else total / len(chosen)).astype(np.float32)
+
+
+def subtract_background(image: np.ndarray, dark: np.ndarray) -> np.ndarray:
+    """Image minus background, cut at zero; float32."""
+    if image.shape != dark.shape:
+        raise ValueError(f"the background is {dark.shape}, the image {image.shape}")
+    return np.maximum(image.astype(np.float32) - dark, 0)
+
+
+def clahe(image: np.ndarray, tile_px: float = 64, *, clip: float = 2.0) -> np.ndarray:
+    """Contrast-limited adaptive histogram equalisation in tiles of `tile_px`; 16-bit levels, float32."""
+    if not tile_px >= 8:
+        raise ValueError(f"clahe: tiles need at least 8 px, got {tile_px}")
+    top = float(image.max())
+    if top <= 0:
+        return image.astype(np.float32)
+    tiles = [max(1, round(n / tile_px)) for n in image.shape]
+    levels = np.round(image.astype(np.float32) * (65535 / top)).astype(np.uint16)
+    equal = cv2.createCLAHE(clip, (tiles[1], tiles[0])).apply(levels)
+    return equal.astype(np.float32) * (top / 65535)
+
+
+def highpass(image: np.ndarray, sigma_px: float = 8.0) -> np.ndarray:
+    """Image minus its Gaussian mean of width `sigma_px`, cut at zero: takes away light-sheet gradients."""
+    if not sigma_px > 0:
+        raise ValueError(f"highpass: sigma must be positive, got {sigma_px}")
+    image = image.astype(np.float32)
+    return np.maximum(image - cv2.GaussianBlur(image, (0, 0), sigma_px), 0)
+
+
+def cap_intensity(image: np.ndarray, n: float = 3.0) -> np.ndarray:
+    """Cut intensities above median + n standard deviations, so that single bright particles do not rule."""
+    if not n > 0:
+        raise ValueError(f"cap: n must be positive, got {n}")
+    image = image.astype(np.float32)
+    return np.minimum(image, float(np.median(image)) + n * float(image.std()))
+
+
+def parse_step(text: str) -> tuple[str, str]:
+    """("highpass", "8") from "highpass=8"; a step without a value takes its default."""
+    name, _, value = text.partition("=")
+    if name not in STEPS:
+        raise ValueError(f"unknown pre-processing step {text!r}; known are {', '.join(STEPS)}")
+    value = value or {"background": "min", "clahe": "64", "highpass": "8", "cap": "3"}[name]
+    if name != "background":
+        try:
+            float(value)
+        except ValueError:
+            raise ValueError(f"pre-processing step {text!r}: {value!r} is not a number") from None
+    return name, value
+
+
+class Preprocessor:
+    """The chain of named steps as one function of a frame; picklable, so that worker processes can have it."""
+
+    def __init__(self, steps: Sequence[str] | Iterable[str] = (), recording: Recording | None = None) -> None:
+        parsed = [parse_step(s) for s in steps]
+        self.steps = [f"{name}={value}" for name, value in parsed]
+        self._chain: list[tuple[Callable[..., np.ndarray], object]] = []
+        functions: dict[str, Callable[..., np.ndarray]] = {
+            "clahe": clahe,
+            "highpass": highpass,
+            "cap": cap_intensity,
+        }
+        for name, value in parsed:
+            if name == "background":
+                if recording is None:
+                    raise ValueError("background subtraction needs the recording")
+                self._chain.append((subtract_background, background(recording, value)))
+            else:
+                self._chain.append((functions[name], float(value)))
+
+    def __call__(self, image: np.ndarray) -> np.ndarray:
+        """The cleaned frame: float32, or the frame itself where no step was asked for."""
+        for function, argument in self._chain:
+            image = function(image, argument)
+        return image

@@ -1,0 +1,82 @@
+"""One class per kind of recording; each reads a frame when it is asked for and keeps none of the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import cv2
+import numpy as np
+
+LARGEST_CHUNK = 2**28  # px that reading one frame may bring into memory
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # each failure becomes one sentence of ours
+
+
+class Recording:
+    """Frames of equal size, read one by one.
+
+    `len(rec)`; `rec.shape` (rows, columns); `rec.frame(i)`: 2-D uint8 or uint16, row 0 at the top;
+    `rec.mask(i)`: 2-D bool, True = body, or None; `rec.times`: (n,) s, or None where the frame rate is
+    unknown; `rec.attrs`: what is known of `bits`, `scale_m_per_px`, `origin_x_px`, `origin_y_px`,
+    `frame_rate_hz`. A context manager. Frames raise ValueError where they cannot be read.
+    """
+
+    def __init__(self, name: str, count: int, frame_rate_hz: float | None) -> None:
+        if frame_rate_hz is not None and not frame_rate_hz > 0:
+            raise ValueError(f"{name}: frame_rate_hz must be positive, got {frame_rate_hz}")
+        self.name = name
+        self.count = count
+        self.attrs: dict[str, Any] = {}
+        self.times: np.ndarray | None = None
+        if frame_rate_hz is not None:
+            self.attrs["frame_rate_hz"] = float(frame_rate_hz)
+            self.times = np.arange(count) / float(frame_rate_hz)
+        self._shape: tuple[int, int] | None = None
+
+    def __len__(self) -> int:
+        return self.count
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns) of every frame."""
+        if self._shape is None:
+            self.frame(0)
+        assert self._shape is not None
+        return self._shape
+
+    def frame(self, i: int) -> np.ndarray:
+        """Frame `i`, 2-D, native dtype, row 0 at the top."""
+        if not 0 <= i < self.count:
+            raise IndexError(f"{self.name}: frame {i} is outside the recording's {self.count} frames")
+        image = self._read(i)
+        if self._shape is None:
+            self._shape = (image.shape[0], image.shape[1])
+            self.attrs.setdefault("bits", 8 * image.dtype.itemsize)
+        elif image.shape != self._shape:
+            raise ValueError(
+                f"{self._frame_name(i)}: {image.shape[1]}x{image.shape[0]} px, "
+                f"but the recording began with {self._shape[1]}x{self._shape[0]} px"
+            )
+        return image
+
+    def mask(self, i: int) -> np.ndarray | None:
+        """The body in frame `i` where the recording knows it."""
+        return None
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        return (self.frame(i) for i in range(self.count))
+
+    def _read(self, i: int) -> np.ndarray:
+        raise NotImplementedError
+
+    def _frame_name(self, i: int) -> str:
+        return f"{self.name}: frame {i}"
+
+    def close(self) -> None:
+        """Release files; frames cannot be read afterwards."""
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,106 @@
+"""The project's own recordings, images.h5."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from fileio.child_process import check_walkable
+from fileio.errors import one_line
+from piv.images.recording import LARGEST_CHUNK, Recording
+
+HDF5_ERRORS = (
+    OSError,
+    RuntimeError,
+    KeyError,
+    ValueError,
+    TypeError,
+    MemoryError,
+    AttributeError,
+)  # of damaged files
+
+
+ATTRIBUTES = ("bits", "scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz", "camera", "seed")
+
+
+class RecordingFile(Recording):
+    """The project's own `images.h5` (docs/formats.md)."""
+
+    def __init__(self, path: Path, *, frame_rate_hz: float | None = None) -> None:
+        check_walkable(path)
+        try:
+            self._file = h5py.File(path, "r")
+        except FileNotFoundError:
+            raise FileNotFoundError(f"{path}: no such file") from None
+        except OSError as error:
+            raise ValueError(f"{path}: not a readable HDF5 file ({one_line(error)})") from error
+        try:
+            count = self._checked()
+            super().__init__(str(path), count, frame_rate_hz)
+            self.attrs = {k: _scalar(v) for k, v in self._file.attrs.items() if k in ATTRIBUTES} | self.attrs
+            self._check_attributes()
+            if frame_rate_hz is None and "time" in self._file:
+                self.times = self._numbers("time", (count,))
+        except HDF5_ERRORS as error:
+            self._file.close()
+            raise ValueError(f"{path}: damaged, or not a recording ({one_line(error, 200)})") from error
+
+    def _checked(self) -> int:
+        """Number of frames; ValueError where the file holds no recording."""
+        kind = self._file.attrs.get("format")
+        if kind != "recording" or "frames" not in self._file:
+            raise ValueError(f"format is {kind!r}, expected 'recording' with frames (time, row, column)")
+        frames = self._file["frames"]
+        if frames.ndim != 3 or 0 in frames.shape or frames.dtype not in (np.uint8, np.uint16):
+            raise ValueError(
+                f"frames are {frames.shape} {frames.dtype}, expected (time, row, column) of uint8 or uint16"
+            )
+        if "mask" in self._file and (
+            self._file["mask"].shape != frames.shape or self._file["mask"].dtype.kind not in "uib"
+        ):
+            raise ValueError(f"the masks are {self._file['mask'].shape}, the frames {frames.shape}")
+        if frames.chunks is not None and np.prod(frames.chunks) > LARGEST_CHUNK:
+            raise ValueError(f"chunks of {frames.chunks} are too large to read frame by frame")
+        return int(frames.shape[0])
+
+    def _check_attributes(self) -> None:
+        for key in ("scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz"):
+            value = self.attrs.get(key, 1.0)
+            if not isinstance(value, int | float) or not np.isfinite(value):
+                raise ValueError(f"attribute {key} is {value!r}, expected a number")
+            if key in ("scale_m_per_px", "frame_rate_hz") and not value > 0:
+                raise ValueError(f"attribute {key} is {value!r}, expected a positive number")
+
+    def _numbers(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
+        values = np.asarray(self._file[name][...], float)
+        if values.shape != shape or not np.isfinite(values).all():
+            raise ValueError(f"{name} has shape {values.shape}, expected {shape} finite numbers")
+        return values
+
+    def _read(self, i: int) -> np.ndarray:
+        return self._part("frames", i)
+
+    def mask(self, i: int) -> np.ndarray | None:
+        """The stored mask of frame `i`, True = body, or None."""
+        return self._part("mask", i).astype(bool) if "mask" in self._file else None
+
+    def _part(self, name: str, i: int) -> np.ndarray:
+        try:
+            return self._file[name][i]
+        except HDF5_ERRORS as error:
+            raise ValueError(f"{self._frame_name(i)}: cannot be read ({one_line(error)})") from error
+
+    def variable(self, name: str) -> np.ndarray | None:
+        """A further variable, such as `outline` or `tip`, whole; None where the file has none."""
+        return self._file[name][...] if name in self._file else None
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def _scalar(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value

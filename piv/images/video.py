@@ -1,0 +1,69 @@
+"""Recordings that are video files."""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from piv.images.image_files import to_grey
+from piv.images.recording import Recording
+
+RECENT_FRAMES = 8  # of a video, so that neighbouring pairs need no seeking
+
+
+class Video(Recording):
+    """A video through OpenCV: 8 bit; colour becomes luma, because video codecs store luma in full resolution.
+
+    Frames are decoded in order; going back further than a few frames decodes from the start again, because
+    seeking by number is not exact in every container.
+    """
+
+    def __init__(self, path: Path, *, frame_rate_hz: float | None = None) -> None:
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # our one sentence is enough
+        self.path = path
+        self._open()
+        count = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        if count < 1:
+            raise ValueError(f"{path}: a video without frames, or whose container does not say how many")
+        played = self._capture.get(cv2.CAP_PROP_FPS)
+        super().__init__(str(path), count, frame_rate_hz)
+        # A high-speed film is usually stored with a playing rate, not with the camera's: never taken as time.
+        self.attrs["playing_rate_hz"] = float(played)
+
+    def _open(self) -> None:
+        if not self.path.is_file():
+            raise FileNotFoundError(f"{self.path}: no such file")
+        if self.path.stat().st_size == 0:
+            raise ValueError(f"{self.path}: the file is empty")
+        self._capture = cv2.VideoCapture(str(self.path))
+        if not self._capture.isOpened():
+            raise ValueError(f"{self.path}: not readable as a video (damaged, or an unknown codec)")
+        self._next = 0
+        self._recent: OrderedDict[int, np.ndarray] = OrderedDict()
+
+    def _read(self, i: int) -> np.ndarray:
+        if i in self._recent:
+            return self._recent[i]
+        if i < self._next:
+            self._capture.release()
+            self._open()
+        while self._next <= i:
+            if not self._capture.grab():
+                raise ValueError(
+                    f"{self.path}: decoding ended before frame {i}, though the container says {self.count} frames"
+                )
+            self._next += 1
+            if self._next > i - RECENT_FRAMES:
+                _, image = self._capture.retrieve()
+                self._recent[self._next - 1] = to_grey(image, "luma", str(self.path))
+            while len(self._recent) > RECENT_FRAMES:
+                self._recent.popitem(last=False)
+        return self._recent[i]
+
+    def close(self) -> None:
+        """Close the video."""
+        self._capture.release()

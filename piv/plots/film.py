@@ -1,0 +1,60 @@
+"""H.264 films, image by image."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
+
+from fileio.atomic import whole
+
+
+def write_film(
+    images: Iterable[np.ndarray], path: Path, rate_hz: float, *, crf: int = 24, preset: str = "veryfast"
+) -> None:
+    """Encode images (row, column, RGB), of even sides, to an MP4 (yuv420p), whole or not at all.
+
+    `crf`, `preset`: quality and speed as libx264 names them. ValueError without an image, or with ffmpeg's reason;
+    OSError where the disk is full.
+    """
+    images = iter(images)
+    first = next(images, None)
+    if first is None:
+        raise ValueError(f"{path}: no frame to make a film of")
+    rows, columns = first.shape[:2]
+    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{columns}x{rows}", "-r", f"{rate_hz:.02f}"]
+    coded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", str(crf), "-preset", preset, "-threads", "1"]
+    with whole(path, suffix=True) as part, ThreadPoolExecutor(1) as pool:
+        program = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", *given, "-i", "-", "-an"]
+        command = [*program, *coded, "-movflags", "+faststart", str(part)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+            assert process.stdin is not None
+            assert process.stderr is not None
+            said = pool.submit(process.stderr.read)
+            try:
+                process.stdin.write(first.tobytes())
+                for image in images:
+                    process.stdin.write(image.tobytes())
+                process.stdin.close()
+            except BrokenPipeError:
+                pass  # it says below why it has ended
+            except BaseException:
+                process.kill()
+                raise
+            reason = said.result().decode(errors="replace")
+        _check(process.returncode, reason, path)
+
+
+def _check(code: int, reason: str, path: Path) -> None:
+    """Raise what ffmpeg has ended with."""
+    for number in (errno.ENOSPC, errno.EDQUOT):
+        if os.strerror(number) in reason:
+            raise OSError(number, os.strerror(number), str(path))
+    if code != 0:
+        raise ValueError(f"{path}: ffmpeg ended with code {code}: {' '.join(reason.split())[-200:]}")

@@ -1,0 +1,1 @@
+"""Whole recordings: field by field, several frames at once, ensembles, chunks."""

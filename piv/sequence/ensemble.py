@@ -1,0 +1,143 @@
+"""Ensemble correlation: one mean field from the summed correlations of many pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from tqdm import tqdm
+
+from fileio.formats.plane_series import provenance
+from fileio.formats.resumable import SeriesWriter
+from piv.correlation import newton_step as refine
+from piv.correlation import passes, prefilter
+from piv.correlation.deform import Nodes
+from piv.correlation.fft_pass import window_maps
+from piv.correlation.options import Options
+from piv.correlation.pair import both_seen, node_axes, run_passes, to_dataset
+from piv.correlation.pair_images import Prepared
+from piv.correlation.uncertainty import errors_of
+from piv.images.preprocess import Preprocessor
+from piv.images.recording import Recording
+from piv.sequence.sequence import Calibration, SequenceOptions, carried, frame_sets
+
+Pair = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
+
+
+def correlate_ensemble(
+    load: Callable[[int], Pair],
+    count: int,
+    *,
+    window: float = 32,
+    spacing: int = 8,
+    preset: str = "balanced",
+    quiet: bool = True,
+    **options: Any,
+) -> xr.Dataset:
+    """Mean displacement of `count` pairs in px: correlations are summed over the pairs before peaks are sought.
+
+    load(i) gives pair i as (a, b, mask) and is called once per pass, so that one pair at a time is in memory; the
+    other arguments and the result are as of `correlate_pair`. A mean over runs of a repeated flow, or of a steady
+    one with too few particles for one pair (Meinhart et al. 2000).
+    """
+    if count < 1:
+        raise ValueError("an ensemble needs at least one pair")
+    settings = Options(window=window, spacing=spacing, preset=preset, **options)
+    if settings.method != "correlation":
+        raise ValueError("the ensemble has no preview; use method 'correlation'")
+    first = prepared(load, 0, settings)
+    shape = first.shape
+    x, y, keep = node_axes(shape, settings)
+    steps = 2 + settings.half_steps + settings.full_steps + settings.spectra
+    bar = tqdm(total=steps * count, unit="pair", desc="ensemble", disable=quiet)
+
+    def each() -> Iterable[Prepared]:
+        for i in range(count):
+            images = prepared(load, i, settings)
+            if images.shape != shape:
+                raise ValueError(f"pair {i + 1} is of shape {images.shape}, the first of {shape}")
+            yield images
+            bar.update()
+
+    def maps_of(columns, rows, shift_x, shift_y, size):
+        total = None
+        for images in each():
+            half, _ = images.at(2)
+            maps = window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
+            total = maps if total is None else np.add(total, maps, out=total)
+        return total
+
+    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> np.ndarray:
+        total = np.zeros((refine.MOMENTS, *nodes.cell_shape), np.float32)
+        for images in each():
+            a, b = images.images(nodes.factor)
+            a.filter(kernel)
+            b.filter(kernel)
+            total += nodes.moments(a, b, dx, dy)
+        return total
+
+    def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> tuple | None:
+        moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
+        powers = []
+        for images in each():
+            seen = both_seen(images.seen)
+            powers += passes.strip_spectra(nodes, images.images(1), moves, seen, kernel)
+        return prefilter.radial_spectra(powers)
+
+    def reseed(nodes: Nodes, vectors: passes.Vectors) -> passes.Vectors:
+        return passes.reseed(nodes, first.pixels, vectors, settings)
+
+    seen = both_seen(first.at(2)[1])
+    vectors, nodes = run_passes(shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
+    bar.close()
+    # the share of usable pixels is that of all pairs together
+    return to_dataset(vectors, errors_of(nodes, vectors, settings), x, y, keep, shape, settings)
+
+
+def prepared(load: Callable[[int], Pair], index: int, options: Options) -> Prepared:
+    """Pair `index` without background."""
+    a, b, mask = load(index)
+    return Prepared([a, b], mask, options.window)
+
+
+def correlate_ensemble_to(
+    recording: Recording,
+    output: str | Path,
+    options: Options,
+    sequence: SequenceOptions,
+    *,
+    mask: np.ndarray | None = None,
+    quiet: bool = True,
+) -> Path:
+    """The ensemble mean of a recording's pairs as a plane series of one field, at the mean of their times."""
+    if sequence.frames != 2:
+        raise ValueError("the ensemble is of pairs; leave out --frames")
+    sets = frame_sets(len(recording), sequence)
+    clean = Preprocessor([s for s in sequence.preprocess.split(",") if s], recording)
+
+    def load(i: int) -> Pair:
+        masks = [recording.mask(k) for k in sets[i]]
+        if mask is not None:
+            masks = [mask if m is None else m | mask for m in masks]
+        return clean(recording.frame(sets[i][0])), clean(recording.frame(sets[i][1])), masks
+
+    plane = correlate_ensemble(load, len(sets), quiet=quiet, **asdict(options))
+    calibration = Calibration.of(recording, sets)
+    if np.ptp(calibration.interval) > 1e-6 * calibration.interval[0]:
+        raise ValueError(f"{recording.name}: an ensemble needs pairs of equal intervals")
+    settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps, "ensemble": True}
+    attrs = {"source": "piv", **provenance(**settings), **carried(recording, None)}
+    x, y = calibration.axes(plane["x"].values, plane["y"].values)
+    time = [float(calibration.time.mean())]
+    writer = SeriesWriter(
+        output, x, y, time, calibration.units, attrs, [recording.name, settings, "ensemble"]
+    )
+    try:
+        writer.write(0, calibration.fields(plane, 0))
+        return writer.finish()
+    finally:
+        writer.close()

@@ -1,0 +1,230 @@
+"""A whole recording to a plane series: field by field, in parallel, resumable, with constant memory."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import xarray as xr
+from tqdm import tqdm
+
+from fileio.formats.plane_series import FINGER_VARIABLES, provenance
+from fileio.formats.resumable import SeriesWriter
+from piv.correlation.options import Options
+from piv.correlation.pair import correlate_pair, vector_axes
+from piv.images.open_recording import pairs
+from piv.images.preprocess import Preprocessor
+from piv.images.recording import Recording
+from piv.sequence.chunks import BLOCK, Chunk, is_chunk, series_key
+from piv.sequence.multiframe import correlate_frames
+
+HAND_OVER = 5e-4  # s: a thread that needs Python's lock for a moment does not wait ten times as long for it
+
+
+@dataclass(frozen=True)
+class SequenceOptions:
+    """Which frames make a vector field: pairing and skip (piv.images.open_recording.pairs), each `every`-th one; frames: 2 for pairs,
+    3, 5, … for multi-frame sets; preprocess: steps of piv.images.preprocess, comma-separated; threads: fields at a time."""
+
+    pairing: str = "1-2,2-3"
+    skip: int = 0
+    every: int = 1
+    frames: int = 2
+    preprocess: str = ""
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        if self.threads < 1:
+            raise ValueError(f"threads must be at least 1, got {self.threads}")
+        if self.frames != 2 and (self.frames < 3 or self.frames % 2 == 0):
+            raise ValueError(f"frames must be 2, or odd for the multi-frame mode, got {self.frames}")
+        if self.frames > 2 and (self.pairing != "1-2,2-3" or self.skip):
+            raise ValueError(
+                "the multi-frame mode needs equally spaced frames: pairing '1-2,2-3' without skip"
+            )
+
+
+def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
+    """Indices of the frames of every vector field."""
+    if options.frames == 2:
+        return [tuple(p) for p in pairs(count, options.pairing, skip=options.skip, every=options.every)]
+    if count < options.frames:
+        raise ValueError(f"{count} frames are too few for sets of {options.frames}")
+    return [tuple(range(i, i + options.frames)) for i in range(0, count - options.frames + 1, options.every)]
+
+
+def correlate_set(images: list[np.ndarray], masks: list[Any], options: Options) -> xr.Dataset:
+    """Vector field of a pair or a multi-frame set, in px per frame interval."""
+    correlate: Callable[..., xr.Dataset] = correlate_frames
+    if len(images) == 2:
+        return correlate_pair(*images, mask=masks, **asdict(options))
+    return correlate(images, mask=masks, **asdict(options))
+
+
+def correlate_recording(
+    recording: Recording,
+    output: str | Path,
+    options: Options,
+    sequence: SequenceOptions,
+    *,
+    mask: np.ndarray | None = None,
+    finger: xr.Dataset | None = None,
+    chunk: tuple[int, int] | None = None,
+    quiet: bool = True,
+) -> Path:
+    """Correlate a recording into the plane series `output` (docs/formats.md).
+
+    SI where the recording knows its scale and its times, else px, with time in frames. mask: static, true = body,
+    with the frame's own where the recording has masks, alone otherwise; finger: dataset whose finger variables (one per
+    frame) are passed on. Finished
+    fields survive an interruption in `<output>.part` and are not computed again; the result does not depend on
+    that nor on the number of threads. chunk: (k, n) computes only the k-th of n parts of the fields, which
+    piv.sequence.chunks.join puts together again.
+    """
+    sets = frame_sets(len(recording), sequence)
+    part = Chunk.of_series(len(sets), *chunk) if chunk else None
+    if part is not None:
+        sets = sets[part.first : part.first + part.count]
+    clean = Preprocessor([s for s in sequence.preprocess.split(",") if s], recording)
+
+    held: dict[int, tuple[np.ndarray, Any]] = {}  # frames of the last set: most sets share some with the next
+
+    def frame(i: int) -> tuple[np.ndarray, Any]:
+        own = recording.mask(i)
+        hidden = mask if own is None else own if mask is None else own | mask
+        return clean(recording.frame(i)), hidden
+
+    def load(indices: tuple[int, ...]) -> tuple[list[np.ndarray], list[Any]]:
+        now = {i: held[i] if i in held else frame(i) for i in indices}
+        held.clear()
+        held.update(now)
+        return [image for image, _ in now.values()], [hidden for _, hidden in now.values()]
+
+    calibration = Calibration.of(recording, sets)
+    x, y = calibration.axes(*vector_axes(recording.shape, options))
+    settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps}
+    settings.pop("threads")
+    attrs = {"source": "piv", **provenance(**settings), **carried(recording, finger)}
+    identity = series_key([_seen(recording), settings, _digest(mask), calibration.scale, calibration.origin])
+    if part is not None:
+        attrs["chunk"] = part.to_json(identity)
+        if is_chunk(output, attrs["chunk"]):
+            return Path(output)
+        identity = attrs["chunk"]
+    writer = SeriesWriter(output, x, y, calibration.time, calibration.units, attrs, identity)
+    threads_before = cv2.getNumThreads()
+    cv2.setNumThreads(1)  # fields are the unit of parallel work
+    interval_before = sys.getswitchinterval()
+    sys.setswitchinterval(HAND_OVER)
+    try:
+        missing = [k for k in range(len(sets)) if k not in writer.done]
+        bar = tqdm(total=len(sets), initial=len(writer.done), unit="field", desc="correlate", disable=quiet)
+        for k, plane in _in_parallel(missing, sets, load, options, sequence.threads):
+            writer.write(k, calibration.fields(plane, k))
+            bar.update()
+        bar.close()
+        if finger is not None:
+            for name in FINGER_VARIABLES:
+                if name in finger:
+                    variable = finger[name]
+                    shape = (len(sets), *variable.shape[1:])
+                    writer.add(name, tuple(map(str, variable.dims)), shape, finger_in_sets(variable, sets))
+        return writer.finish()
+    finally:
+        sys.setswitchinterval(interval_before)
+        cv2.setNumThreads(threads_before)
+        writer.close()
+
+
+def _seen(recording: Recording) -> list[Any]:
+    """What tells one recording from another: name, length, size, its first frame's mean, its first and last time."""
+    times = recording.times
+    ends = None if times is None else [float(times[0]), float(times[-1])]
+    return [recording.name, len(recording), list(recording.shape), float(np.mean(recording.frame(0))), ends]
+
+
+def _digest(mask: np.ndarray | None) -> str | None:
+    return None if mask is None else hashlib.sha256(np.packbits(np.asarray(mask, bool)).tobytes()).hexdigest()
+
+
+def _in_parallel(missing, sets, load, options: Options, threads: int) -> Iterator[tuple[int, xr.Dataset]]:
+    """Fields in order; frames are read here, at most threads + 1 sets wait in memory."""
+    with ThreadPoolExecutor(threads) as pool:
+        running: list[tuple[int, Future]] = []
+        try:
+            for k in missing:
+                images, masks = load(sets[k])
+                running.append((k, pool.submit(correlate_set, images, masks, options)))
+                if len(running) > threads:
+                    done, future = running.pop(0)
+                    yield done, future.result()
+            for done, future in running:
+                yield done, future.result()
+        except BaseException:
+            for _, future in running:
+                future.cancel()
+            raise
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """From px and frames to the units of the file."""
+
+    scale: float
+    origin: tuple[float, float]
+    time: np.ndarray
+    interval: np.ndarray  # per field
+    units: dict[str, str]
+
+    @classmethod
+    def of(cls, recording: Recording, sets: list[tuple[int, ...]]) -> Calibration:
+        """SI where scale and times are known, px and frames otherwise."""
+        scale = recording.attrs.get("scale_m_per_px")
+        times = recording.times
+        if scale is None or times is None:
+            middle = np.array([0.5 * (s[0] + s[-1]) for s in sets])
+            units = {"x": "px", "y": "px", "time": "frame", "u": "px"}
+            return cls(1.0, (0.0, 0.0), middle, np.ones(len(sets)), units)
+        origin = float(recording.attrs.get("origin_x_px", 0)), float(recording.attrs.get("origin_y_px", 0))
+        middle = np.array([0.5 * (times[s[0]] + times[s[-1]]) for s in sets])
+        interval = np.array([(times[s[-1]] - times[s[0]]) / (len(s) - 1) for s in sets])
+        if not (interval > 0).all():
+            raise ValueError(f"{recording.name}: the frames' times do not ascend")
+        return cls(float(scale), origin, middle, interval, {"x": "m", "y": "m", "time": "s", "u": "m/s"})
+
+    def axes(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates of the vectors from those in px."""
+        return (x - self.origin[0]) * self.scale, (y - self.origin[1]) * self.scale
+
+    def fields(self, plane: xr.Dataset, index: int) -> dict[str, np.ndarray]:
+        """Variables of one field in the file's units."""
+        factor = dict.fromkeys(("u", "v", "u_std", "v_std"), self.scale / self.interval[index])
+        return {str(n): plane[n].values * factor.get(str(n), 1) for n in plane.data_vars}
+
+
+def carried(recording: Recording, finger: xr.Dataset | None) -> dict[str, Any]:
+    """Root attributes of the recording that stay true of its vectors."""
+    names = ("scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz", "seed")
+    out = {n: recording.attrs[n] for n in names if recording.attrs.get(n) is not None}
+    if finger is not None:
+        out |= {n: finger.attrs[n] for n in ("scene_hash", "tip_width") if n in finger.attrs}
+    return out
+
+
+def finger_in_sets(variable: xr.DataArray, sets: list[tuple[int, ...]]) -> Iterator[np.ndarray]:
+    """A finger variable at the middle of each set, block by block; directions stay unit vectors."""
+    for begin in range(0, len(sets), BLOCK):
+        block = sets[begin : begin + BLOCK]
+        first = block[0][0]
+        values = variable[first : block[-1][-1] + 1].values
+        middle = np.stack([0.5 * (values[s[0] - first] + values[s[-1] - first]) for s in block])
+        if str(variable.name).endswith("_direction"):
+            middle /= np.linalg.norm(middle, axis=-1, keepdims=True)
+        yield middle

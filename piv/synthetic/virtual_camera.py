@@ -1,0 +1,235 @@
+"""A plane series as a camera sees it: particles that persist from frame to frame, and the exact truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from fileio.formats.plane_series import FINGER_VARIABLES
+from piv.synthetic.camera import Camera, Seeding
+from piv.synthetic.particle_images import (
+    SLAB_HALF_WIDTH,
+    Body,
+    add_particles,
+    expose,
+    fill_polygon,
+    in_mask,
+    shadow_of,
+    sheet_light,
+)
+from piv.synthetic.particles import Box, Motion, advance, by_tiles, exact_displacement, motion, seed_particles
+from piv.synthetic.plane_spline import PlaneField
+
+TRUTH_SPACING_PX = 8.0
+
+
+class Frame(NamedTuple):
+    """One rendered picture (row 0 at the top), its body mask and the particles (x, y, z in m, diameter in px)."""
+
+    number: int
+    image: np.ndarray
+    mask: np.ndarray
+    particles: np.ndarray
+
+
+class Recorder:
+    """Renders a plane series as a camera would see it, frame by frame, with particles that persist.
+
+    Particles fill a slab of 2.5 sheet thicknesses a little larger than the picture. At each step the surroundings of
+    that slab - a rim, and the inside of the body - are filled with fresh particles; those that the flow carries in stay,
+    those that leave are dropped, so the density keeps its mean wherever the flow is free of divergence.
+    Random numbers depend on the seed and the frame's number only.
+    """
+
+    def __init__(self, series: xr.Dataset, camera: Camera, seeding: Seeding, seed: int = 0) -> None:
+        # read once: opening a variable costs more than drawing an outline
+        series = series.assign({n: series[n].load() for n in FINGER_VARIABLES if n in series})
+        self.field = PlaneField(series)
+        self.series, self.camera, self.seeding, self.seed = series, camera, seeding, seed
+        self.origin_px = camera.origin_px or _centred(self.field, camera)
+        first, last = self.field.time[[0, -1]]
+        self.n_frames = math.floor((last - first) * camera.frame_rate_hz + 1e-6) + 1
+        self.time = first + np.arange(self.n_frames) / camera.frame_rate_hz
+        number = np.arange(
+            self.n_frames - (self.n_frames % camera.pairs_every == 1)
+        )  # no half pair at the end
+        self.taken = number[number % camera.pairs_every < 2]
+        scale = camera.scale_m_per_px
+        self.rim_px = math.ceil(3 * seeding.diameter_px)
+        left, bottom = ((-0.5 - self.rim_px - o) * scale for o in self.origin_px)
+        self.box = Box(
+            left,
+            left + (camera.width_px + 2 * self.rim_px) * scale,
+            bottom,
+            bottom + (camera.height_px + 2 * self.rim_px) * scale,
+            SLAB_HALF_WIDTH * seeding.sheet_thickness,
+        )
+        self._check_view()
+
+    def _check_view(self) -> None:
+        f, b, rim = self.field, self.box, self.rim_px * self.camera.scale_m_per_px
+        for axis, low, high, nodes, step in (
+            ("x", b.x0 + rim, b.x1 - rim, f.x, f.dx),
+            ("y", b.y0 + rim, b.y1 - rim, f.y, f.dy),
+        ):
+            if low < nodes[0] - 2 * step or high > nodes[-1] + 2 * step:
+                raise ValueError(
+                    f"the camera sees {axis} from {low:.4g} to {high:.4g} m but the plane series reaches only from "
+                    f"{nodes[0]:.4g} to {nodes[-1]:.4g} m; change origin_px, scale_m_per_px or the picture's size"
+                )
+
+    def to_px(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Tank coordinates (m) to column and row of the picture (row 0 at the top)."""
+        scale = self.camera.scale_m_per_px
+        return x / scale + self.origin_px[0], self.camera.height_px - 1 - (y / scale + self.origin_px[1])
+
+    def body(self, t: float) -> Body:
+        """The body at instant `t` on the picture grown by the rim: from `outline`, else where vectors are absent."""
+        rim = self.rim_px
+        mask = np.zeros((self.camera.height_px + 2 * rim, self.camera.width_px + 2 * rim), np.uint8)
+        if "outline" in self.series:
+            polygons = []
+            for points in finger_at(self.series, "outline", t):
+                ok = np.isfinite(points).all(axis=1)
+                column, row = self.to_px(points[ok, 0], points[ok, 1])
+                polygons.append((column + rim, row + rim))
+                fill_polygon(mask, *polygons[-1])
+            return Body(mask, tuple(polygons))
+        f, scale = self.field, self.camera.scale_m_per_px
+        absent = self.series["valid"].isel(time=int(np.argmin(np.abs(f.time - t)))).values == 0
+        if absent.any():
+            x = (np.arange(mask.shape[1]) - rim - self.origin_px[0]) * scale
+            y = (self.camera.height_px - 1 - (np.arange(mask.shape[0]) - rim) - self.origin_px[1]) * scale
+            i = np.clip(np.rint((x - f.x[0]) / f.dx).astype(int), 0, f.x.size - 1)
+            j = np.clip(np.rint((y - f.y[0]) / f.dy).astype(int), 0, f.y.size - 1)
+            mask[:] = absent[np.ix_(j, i)]
+        return Body(mask)
+
+    def _in_body(self, body: Body, p: np.ndarray) -> np.ndarray:
+        column, row = self.to_px(p[0], p[1])
+        return body.holds(column + self.rim_px, row + self.rim_px)
+
+    def _draw(self, index: int, margin: float = 0.0, margin_z: float = 0.0) -> np.ndarray:
+        s, scale = self.seeding, self.camera.scale_m_per_px
+        per_volume = s.density_ppp / (scale**2 * s.sheet_thickness)
+        rng = np.random.default_rng([self.seed, index, 0])
+        return seed_particles(self.box, per_volume, s.diameter_px, s.diameter_std_px, rng, margin, margin_z)
+
+    def step(self, particles: np.ndarray, index: int, body: Body, next_body: Body) -> np.ndarray:
+        """Particles of frame `index` + 1 from those of frame `index`."""
+        t0, t1 = self.time[index], self.time[index + 1]
+        most = self.motion(index)
+        margin = 1.5 * most.along + self.camera.scale_m_per_px
+        fresh = self._draw(index + 1, margin, min(1.5 * most.across, self.box.half_width))
+        fresh = fresh[:, ~self.box.holds(fresh) | self._in_body(body, fresh)]
+        carried = by_tiles(np.concatenate([particles, fresh], axis=1), self.box)
+        moved = advance(self.field, carried, t0, t1, most.substeps)
+        return moved[:, self.box.holds(moved) & ~self._in_body(next_body, moved)]
+
+    def motion(self, index: int) -> Motion:
+        """How far particles go from frame `index` to the next, and in how many steps: the truth's as the particles'."""
+        return motion(self.field, self.time[index], self.time[index + 1], self.box.half_width)
+
+    def picture(self, particles: np.ndarray, index: int, mask: np.ndarray) -> np.ndarray:
+        """The camera's picture of `particles` at frame `index`; `mask` of the `body` then."""
+        c, s, rim = self.camera, self.seeding, self.rim_px
+        column, row = self.to_px(particles[0], particles[1])
+        peak = s.peak * (2**c.bits - 1)
+        light = peak * sheet_light(particles[2], s.sheet_thickness) * (particles[3] / s.diameter_px) ** 2
+        if s.shadow > 0:
+            dark = in_mask(shadow_of(mask), column + rim, row + rim)
+            light[dark] *= 1 - s.shadow
+        image = np.zeros((c.height_px, c.width_px), np.float32)
+        add_particles(image, column, row, light, particles[3])
+        rng = np.random.default_rng([self.seed, index, 1])
+        return expose(
+            image,
+            rng,
+            bits=c.bits,
+            background=c.background,
+            read_noise=c.read_noise,
+            electrons_per_level=c.electrons_per_level,
+        )
+
+    def frames(self, start: int = 0, state: tuple[int, np.ndarray] | None = None) -> Iterator[Frame]:
+        """The frames taken from `start` on; `state`: an earlier frame's number and particles (None: from the first frame)."""
+        index, particles = state if state is not None else (0, self._draw(0))
+        body = self.body(self.time[index])
+        if state is None:
+            particles = particles[:, ~self._in_body(body, particles)]
+        inner = (slice(self.rim_px, -self.rim_px),) * 2
+        taken, last = set(self.taken.tolist()), int(self.taken[-1])
+        while True:
+            if index >= start and index in taken:
+                mask = body.mask
+                yield Frame(index, self.picture(particles, index, mask), mask[inner].copy(), particles)
+            if index >= last:
+                return
+            next_body = self.body(self.time[index + 1])
+            particles = self.step(particles, index, body, next_body)
+            body, index = next_body, index + 1
+
+    @property
+    def truth_stride(self) -> int:
+        """Every so many-th node of the plane has its truth written: no finer than vectors are wanted."""
+        return max(
+            1, int(TRUTH_SPACING_PX * self.camera.scale_m_per_px / max(self.field.dx, self.field.dy) + 1e-6)
+        )
+
+    def truth(self, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Exact u, v (m/s; NaN where absent) and `valid` on (every `truth_stride`-th node of) the plane's grid between frames `index` and `index` + 1.
+
+        Particle displacement over the frame interval, put at the middle of its end points.
+        """
+        t0, t1 = self.time[index], self.time[index + 1]
+        every = self.truth_stride
+        x, y = np.meshgrid(self.field.x[::every], self.field.y[::every])
+        dx, dy = exact_displacement(self.field, x, y, t0, t1, self.motion(index).substeps)
+        near = self.series["valid"].isel(time=sorted({self._plane_before(t0), self._plane_after(t1)})).values
+        valid = (near != 0).all(axis=0)[::every, ::every]
+        u, v = (np.where(valid, d / (t1 - t0), np.nan) for d in (dx, dy))
+        return u, v, valid.astype(np.uint8)
+
+    def _plane_before(self, t: float) -> int:
+        return max(0, int(np.searchsorted(self.field.time, t + 1e-9, side="right")) - 1)
+
+    def _plane_after(self, t: float) -> int:
+        return min(self.field.time.size - 1, int(np.searchsorted(self.field.time, t - 1e-9)))
+
+    def attributes(self) -> dict[str, Any]:
+        """Root attributes of the recording (docs/formats.md) but for provenance."""
+        return {
+            "scale_m_per_px": self.camera.scale_m_per_px,
+            "origin_x_px": float(self.origin_px[0]),
+            "origin_y_px": float(self.origin_px[1]),
+            "frame_rate_hz": self.camera.frame_rate_hz,
+            "bits": self.camera.bits,
+            "camera": asdict(self.camera),
+            "seeding": asdict(self.seeding),
+            "seed": self.seed,
+        }
+
+
+def _centred(field: PlaneField, camera: Camera) -> tuple[float, float]:
+    middle = (field.x[0] + field.x[-1]) / 2, (field.y[0] + field.y[-1]) / 2
+    size = camera.width_px - 1, camera.height_px - 1
+    x, y = (s / 2 - m / camera.scale_m_per_px for s, m in zip(size, middle, strict=True))
+    return float(x), float(y)
+
+
+def finger_at(series: xr.Dataset, name: str, t: float) -> np.ndarray:
+    """A finger variable (finger, ...) at instant `t`, linear between instants (equal material points); held at the ends."""
+    time = series["time"].values
+    i = int(np.clip(np.searchsorted(time, t, side="right") - 1, 0, max(time.size - 2, 0)))
+    a = series[name].isel(time=i).values
+    if time.size == 1:
+        return a
+    s = min(max((t - time[i]) / (time[i + 1] - time[i]), 0.0), 1.0)
+    if s <= 1e-9 or s >= 1 - 1e-9:
+        return a if s <= 0.5 else series[name].isel(time=i + 1).values
+    return (1 - s) * a + s * series[name].isel(time=i + 1).values

@@ -1,0 +1,1 @@
+"""Outliers and noise of vector fields."""

@@ -1,0 +1,175 @@
+"""Adaptive smoothing of a vector field: averaged where nothing but noise is seen, untouched where there is more."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import scipy.fft
+
+# The low-pass is 1 - Π(1 - aL) of a Gaussian L: flat up to its cut-off like a high-order kernel, and steep beyond it.
+STEPS = (1.0, 1.0, 1 / 0.82, 1 / 0.58, 1 / 0.38, 1 / 0.25, 1 / 0.16)
+# of L in σ of the correlation window: half is left of waves of 1.5, 2.6 and 4.4 windows
+SCALES = (2.4, 4.2, 7.0)
+NODES = 1.9  # of L in vectors, at least: coarser scales are worked out on fewer vectors
+AROUND = 1.0  # of L: where mean squares are taken
+LARGEST = 25.0  # variance counted as noise, in medians of the field
+NOISE_ONLY, SIGNAL = 1.7, 8.0  # mean square over that of noise: damped wholly below, kept above
+SHARED = 0.5  # how far the noise of a part that is damped is taken to stay in the one that is kept
+
+
+def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, passes: int):
+    """Displacements and variances after damping the fine part of the field where it is no stronger than noise.
+
+    For each of SCALES the field is split into a smooth part and the rest, and the rest into its divergence-free and its
+    curl-free part, of which measurement noise fills both alike and a flow in the plane of the sheet the first only. Where
+    the mean square of a part around a vector is q times what noise leaves there, its share (1 - NOISE_ONLY/q) is kept,
+    scaled to reach one at q = SIGNAL: a Wiener filter with known noise (Lee 1980; for PIV Wieneke 2017), with dead bands
+    that take uniform flow for uniform and spare steep vortex cores any damping.
+    var_x, var_y: variance of the iterated measurement (px²); known: bool; sigma, spacing (px), passes: as measured.
+    """
+    weight = known.astype(np.float32)
+    fields = [np.where(known, d, 0).astype(np.float32) for d in (dx, dy)]
+    variance = np.where(known, var_x + var_y, 0).astype(np.float32)
+    if known.any():  # a few vectors that know nothing must not let all around them pass for noise
+        some = variance[known][:: max(known.sum() // 2000, 1)]  # enough for a median
+        variance = np.minimum(variance, LARGEST * np.median(some))
+    trends = [
+        _quadratic(f, weight) for f in fields
+    ]  # what has no fine part needs no neighbours beyond an edge
+    fields = [f - trend for f, trend in zip(fields, trends, strict=True)]
+    size = weight.shape[::-1]
+    gain, lost = np.ones_like(weight), np.zeros_like(weight)
+    for (width, coarser), (fine, left) in zip(
+        scales(sigma, spacing), noise_shares(sigma, spacing, passes), strict=True
+    ):
+        noise = variance * gain * weight
+        parts, share = [f * weight for f in fields], weight
+        if coarser > 1:
+            few = tuple(-(-n // coarser) for n in size)
+            share, noise, *parts = (
+                cv2.resize(a, few, interpolation=cv2.INTER_AREA) for a in (share, noise, *parts)
+            )
+            parts = [p / np.maximum(share, 1e-6) for p in parts]
+        *cut, kept, more, there = _damped(parts, share, noise * (fine / 2), width / coarser)
+        if coarser > 1:
+            cut = [cv2.resize(c, size, interpolation=cv2.INTER_CUBIC) for c in cut]
+            kept, more, there = (
+                cv2.resize(a, size, interpolation=cv2.INTER_LINEAR) for a in (kept, more, there)
+            )
+        fields = [f - c for f, c in zip(fields, cut, strict=True)]
+        smooth = np.minimum(left / there, 1)  # at an edge fewer vectors share the noise
+        gain = gain * (smooth + (1 - smooth) * kept)
+        lost = lost + more
+    dx, dy = (f + trend for f, trend in zip(fields, trends, strict=True))
+    return dx, dy, var_x * gain + lost, var_y * gain + lost
+
+
+@lru_cache(8)
+def _powers(shape: tuple[int, int]) -> np.ndarray:
+    """1, x, y, x², xy, y² over the field, x and y within -1 … 1: (6, nodes)."""
+    y, x = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y]).reshape(6, -1).astype(np.float32)
+
+
+def _quadratic(field: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """The quadratic that fits the whole field best."""
+    powers = _powers(field.shape)
+    weighted = powers * weight.ravel()
+    factors = np.linalg.lstsq(weighted @ powers.T, weighted @ field.ravel(), rcond=1e-5)[0]
+    return (factors @ powers).reshape(field.shape)
+
+
+def _damped(fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, width: float) -> tuple:
+    """What to take off both fields, the share of their fine noise that stays, what signal is lost (px²), and how much
+    of the low-pass' weight is known; noise: weighted variance expected in each part of the fine field."""
+    there = np.maximum(_gauss(weight, width), 1e-6)
+    ex, ey = (_fine(f, weight, there, width) for f in fields)
+    tx, ty = mirrored(ex, ey)
+    inner = ex * ex + ey * ey + tx * tx + ty * ty
+    cross = 2 * (ex * tx + ey * ty)
+    inner, cross, noise, total = (_gauss(a, AROUND * width) for a in (inner, cross, noise, weight))
+    total = np.maximum(total, 1e-6)
+    noise = np.maximum(noise / total, 1e-12)
+    keep, lost = [], 0
+    for energy in ((inner - cross) / (4 * total), (inner + cross) / (4 * total)):
+        ratio = np.maximum(energy / noise, 1e-6)
+        keep.append(np.clip((1 - NOISE_ONLY / ratio) / (1 - NOISE_ONLY / SIGNAL), 0, 1))
+        lost = lost + (1 - keep[-1]) ** 2 * noise * np.maximum(ratio - NOISE_ONLY, 0) / 2
+    mean, half = (keep[0] + keep[1]) / 2, (keep[1] - keep[0]) / 2
+    kept = SHARED * np.maximum(*keep) + (1 - SHARED) * mean
+    return ex - mean * ex - half * tx, ey - mean * ey - half * ty, kept, lost, np.minimum(there, 1)
+
+
+def _fine(field: np.ndarray, weight: np.ndarray, there: np.ndarray, width: float) -> np.ndarray:
+    """The field less its low-pass, zero where it is not known; each step is a mean over what is."""
+    rest, share = field * weight, weight / there
+    for step in STEPS:  # the rest less a mean of it over what is known
+        mean = _gauss(rest, width)
+        mean *= share
+        mean *= np.float32(step)
+        rest -= mean
+    return rest
+
+
+def _gauss(field: np.ndarray, sigma: float) -> np.ndarray:
+    across = 2 * int(np.ceil(3 * sigma)) + 1
+    return cv2.GaussianBlur(field, (across, across), sigma, borderType=cv2.BORDER_CONSTANT)
+
+
+@lru_cache
+def scales(sigma: float, spacing: float) -> tuple[tuple[float, int], ...]:
+    """(width of the low-pass' Gaussian in vectors, every how many vectors it is worked out) for each of SCALES."""
+    widths = [scale * sigma / spacing for scale in SCALES]
+    return tuple((w, max(int(w / NODES), 1)) for w in widths)
+
+
+@lru_cache
+def noise_shares(sigma: float, spacing: float, passes: int) -> tuple[tuple[float, float], ...]:
+    """For each scale: shares of the noise variance held by the fine part, and left when it is damped away."""
+    k = np.fft.fftfreq(64)  # per vector
+    square = k[:, None] ** 2 + k[None, :] ** 2
+    spline = (2 + np.cos(2 * np.pi * k)) / 3
+    spline = spline[:, None] * spline[None, :]
+    window = np.exp(-2 * np.pi**2 * (sigma / spacing) ** 2 * square)
+    total = np.zeros_like(window)
+    for _ in range(passes):
+        total = spline * total + window * (1 - spline * total)
+    power = total**2
+    out = []
+    for width, coarser in scales(sigma, spacing):
+        low = np.exp(-2 * np.pi**2 * width**2 * square)
+        mean = np.sinc(k * coarser) / np.sinc(k)  # of neighbours, where fewer vectors stand for them
+        fine = mean[:, None] * mean[None, :] * np.prod([1 - step * low for step in STEPS], axis=0)
+        after = power * (1 - fine) ** 2
+        out.append((float(np.sum(power * fine**2) / power.sum()), float(after.sum() / power.sum())))
+        power = after
+    return tuple(out)
+
+
+BEYOND = 12  # nodes of zeros beyond the field: opposite sides then know little of each other
+
+
+@lru_cache(16)
+def _turn(shape: tuple[int, int]) -> np.ndarray:
+    """(kx + i ky)²/k² on the FFT frequencies of `shape`: 0 where there is no direction."""
+    k = np.fft.fftfreq(shape[1])[None, :] + 1j * np.fft.fftfreq(shape[0])[:, None]
+    square = np.abs(k) ** 2
+    square[0, 0] = 1
+    return (k**2 / square).astype(np.complex64)
+
+
+def mirrored(ex: np.ndarray, ey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The field (ny, nx, float32) with its divergence-free part reversed: curl-free minus divergence-free part.
+
+    So (e + mirrored)/2 is curl-free and (e - mirrored)/2 divergence-free. Nodes are equally spaced; absent ones are
+    zero. With z = ex + i ey it is the Beurling transform of the conjugate of z.
+    """
+    shape = tuple(scipy.fft.next_fast_len(n + BEYOND) for n in ex.shape)
+    conjugate = np.empty(ex.shape, np.complex64)
+    conjugate.real, conjugate.imag = ex, -ey
+    spectrum = scipy.fft.fft2(conjugate, s=shape, overwrite_x=True)
+    spectrum *= _turn(shape)
+    turned = scipy.fft.ifft2(spectrum, overwrite_x=True)[: ex.shape[0], : ex.shape[1]]
+    return np.ascontiguousarray(turned.real), np.ascontiguousarray(turned.imag)

@@ -1,0 +1,1 @@
+"""Vortices of plane fields: detection, fit, circulation, tracks."""

@@ -1,0 +1,121 @@
+"""Vortices of a plane field: detection by Gamma2 and swirling strength, then a joint Lamb-Oseen fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from piv.vortices.circulation import area_circulation, clear_radius, contour_circulation, distance_to_invalid
+from piv.vortices.criteria import gradients, vorticity
+from piv.vortices.joint_fit import Plane, fit_regions
+from piv.vortices.lamb_oseen_fit import PEAK_SWIRL, Fit
+from piv.vortices.regions import find_candidates
+from piv.vortices.settings import VortexSettings
+from piv.vortices.vortex import Vortex
+
+
+def find_vortices(
+    plane: xr.Dataset, settings: VortexSettings | None = None, **options: float | str
+) -> list[Vortex]:
+    """Vortices of one plane (dimensions y, x; variables u, v, valid, optional u_std, v_std), strongest first.
+
+    Works in whatever units the plane has. `options` are fields of `VortexSettings`. Candidates are regions of Gamma2 and
+    swirling strength; each is then fitted with a Lamb-Oseen vortex on a background of drift and linear gradient, its
+    neighbours taken along or taken off. Raises ValueError where the plane still has a time axis or an option is unknown.
+    """
+    s = _settings(settings, options)
+    p = _arrays(plane, s.weights)
+    dx, dy = float(p.x[1] - p.x[0]), float(p.y[1] - p.y[0])
+    g = gradients(p.u, p.v, p.valid, dx, dy, s.scheme)
+    candidates = find_candidates(
+        p.x,
+        p.y,
+        p.u,
+        p.v,
+        p.valid,
+        g,
+        stencil_radius=s.stencil_radius or 2 * max(dx, dy),
+        threshold=s.gamma2,
+        min_points=s.min_points,
+        max_elongation=s.max_elongation,
+    )
+    if not candidates:
+        return []
+    least = s.min_circulation
+    rough = 0.3 * (s.min_part * abs(candidates[0].circulation) if least is None else least)
+    regions = np.array([c[:4] for c in candidates if abs(c.circulation) >= rough]).reshape(-1, 4)
+    fits = fit_regions(p, regions, s)
+    omega = vorticity(g)
+    distance = distance_to_invalid(p.valid, dx, dy)
+    return sorted(
+        (_record(p, f.fit, omega, distance, f.n_vectors) for f in fits), key=lambda w: -abs(w.circulation)
+    )
+
+
+def _settings(settings: VortexSettings | None, options: dict[str, float | str]) -> VortexSettings:
+    base = settings or VortexSettings()
+    unknown = sorted(set(options) - set(vars(base)))
+    if unknown:
+        raise ValueError(f"unknown vortex option {unknown[0]!r}; the options are {', '.join(vars(base))}")
+    return VortexSettings(**(vars(base) | options))
+
+
+def _arrays(plane: xr.Dataset, weighting: str) -> Plane:
+    for name in ("u", "v"):
+        if name not in plane or set(plane[name].dims) != {"y", "x"}:
+            found = plane[name].dims if name in plane else "none"
+            raise ValueError(
+                f"vortices are found in one plane with {name!r} over (y, x), got dimensions {found}"
+            )
+    u, v = (plane[n].transpose("y", "x").values.astype(float) for n in ("u", "v"))
+    x, y = plane["x"].values.astype(float), plane["y"].values.astype(float)
+    valid = np.isfinite(u) & np.isfinite(v)
+    if "valid" in plane:
+        valid &= plane["valid"].transpose("y", "x").values != 0
+    weights = []
+    for name in ("u_std", "v_std"):
+        if name in plane and weighting == "uncertainty":
+            std = plane[name].transpose("y", "x").values.astype(float)
+            good = valid & np.isfinite(std) & (std > 0)
+            # a few vectors with an implausibly small error must not rule the fit
+            floor = 0.3 * np.median(std[good]) if good.any() else 1.0
+            weights.append(np.where(good, 1 / np.maximum(np.where(good, std, 1.0), floor) ** 2, 0.0))
+        else:
+            weights.append(valid.astype(float))
+    xx, yy = np.meshgrid(x, y)
+    u, v = (np.where(valid, q, np.nan) for q in (u, v))
+    noise_known = weighting == "uncertainty" and "u_std" in plane and "v_std" in plane
+    return Plane(x, y, u, v, valid, weights[0], weights[1], xx, yy, noise_known)
+
+
+def _record(p: Plane, fit: Fit, omega: np.ndarray, distance: np.ndarray, n: int) -> Vortex:
+    x, y, circulation, a = (float(q) for q in fit.vortices[0])
+    x_std, y_std, circulation_std, a_std = (
+        float(q) for q in np.sqrt(np.maximum(np.diag(fit.covariance)[:4], 0))
+    )
+    peak = PEAK_SWIRL * abs(circulation) / (2 * np.pi * a)
+    slope = np.array([peak / circulation, -peak / a])
+    peak_std = float(np.sqrt(max(slope @ fit.covariance[2:4, 2:4] @ slope, 0.0)))
+    radius = clear_radius(distance, p.x, p.y, x, y, 2 * a)
+    room = radius >= 0.5 * a
+    gradient = fit.background[[1, 2, 4, 5]]
+    return Vortex(
+        x,
+        y,
+        circulation,
+        a,
+        float(peak),
+        x_std,
+        y_std,
+        circulation_std,
+        a_std,
+        peak_std,
+        area_circulation(p.x, p.y, omega, x, y, radius) if room else np.nan,
+        contour_circulation(p.x, p.y, p.u, p.v, x, y, radius) if room else np.nan,
+        radius if room else np.nan,
+        float(fit.background[0]),
+        float(fit.background[3]),
+        float(np.hypot.reduce(gradient)),
+        fit.explained,
+        n,
+    )

@@ -1,0 +1,238 @@
+"""The joint fit of all vortices of a plane: each over a disc of its own, with its neighbours, on a linear background."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from piv.vortices.lamb_oseen_fit import Fit, Vectors, fit_vortices, lamb_oseen
+from piv.vortices.regions import seen_share
+from piv.vortices.settings import VortexSettings
+
+
+class Plane(NamedTuple):
+    """Vectors of a plane on their grid: axes, components (NaN where absent), which are valid, and the fit's weights.
+
+    `noise_known`: weights are inverse variances.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    valid: np.ndarray
+    weight_u: np.ndarray
+    weight_v: np.ndarray
+    xx: np.ndarray
+    yy: np.ndarray
+    noise_known: bool
+
+
+class Fitted(NamedTuple):
+    """Fit of a vortex, its vectors' number and area per independent one, how well they fit, and its region: x, y, circulation, core radius.
+
+    `misfit`: mean square of the residuals over the vectors' variance; `seen`: share of the disc that holds vectors.
+    """
+
+    fit: Fit
+    n_vectors: int
+    area: float
+    misfit: float
+    seen: float
+    region: np.ndarray
+
+
+WIDER = (1.5, 2.0)  # times fit_radius
+MODEL_HOLDS = (
+    2.0  # mean square of the residuals over the vectors' variance; 1 of an exact model and uncertainty
+)
+WATER = 0.95  # share of a disc that holds vectors in open water; with less, beside a body, the vortex is hardly Lamb-Oseen's
+POINTS_PER_CORE = 8
+SWEEPS = 3  # passes of the fit over all vortices: neighbours and fit discs settle to 1e-3 within three
+
+
+def fit_regions(p: Plane, regions: np.ndarray, s: VortexSettings) -> list[Fitted]:
+    """Fits of the vortices among `regions` (n, 4: x, y, circulation, core radius).
+
+    Which vortices there may be the vectors alone decide: with its region's help every layer on a wall would pass for one.
+    Those that a body half hides are then fitted once more, with it, and must still be vortices.
+    """
+    start, alone = np.hstack([regions, regions]), replace(s, region_prior=np.inf)
+    fits: list[Fitted] = []
+    while len(
+        start
+    ):  # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
+        fits = _significant(_fit_all(p, start, alone), s)
+        if len(fits) == len(start):
+            break
+        start = _parameters(fits)
+    if np.isinf(s.region_prior) or all(f.seen >= WATER for f in fits):
+        return fits
+    return _significant(_fit_all(p, _parameters(fits), s), s)
+
+
+def _parameters(fits: list[Fitted]) -> np.ndarray:
+    """Of the fits, and of their regions: (n, 8)."""
+    return np.array([[*f.fit.vortices[0], *f.region] for f in fits]).reshape(-1, 8)
+
+
+def _significant(fits: list[Fitted], s: VortexSettings) -> list[Fitted]:
+    """The fits that are strong enough to be reported."""
+    strongest = max((abs(f.fit.vortices[0, 2]) for f in fits), default=0.0)
+    least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
+    return [
+        f
+        for f in fits
+        if abs(f.fit.vortices[0, 2]) >= max(least, s.significance * np.sqrt(max(f.fit.covariance[2, 2], 0.0)))
+        and f.fit.explained >= s.min_explained
+    ]
+
+
+def _fit_all(p: Plane, start: np.ndarray, s: VortexSettings) -> list[Fitted]:
+    """Fit every candidate in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
+    now = start[:, :4].copy()
+    area = np.full(len(now), 10.0 * (p.x[1] - p.x[0]) * (p.y[1] - p.y[0]))  # per independent vector
+    for sweep in range(SWEEPS):
+        fits: list[Fitted | None] = []
+        for k in range(len(now)):
+            widen = p.noise_known and sweep == SWEEPS - 1  # neighbours are as good as they get
+            fits.append(_fit_one(p, now, k, start[k, 4:], float(area[k]), s, WIDER if widen else ()))
+        keep = [k for k, f in enumerate(fits) if f is not None and _plausible(p, f.fit, start[k])]
+        start = start[keep]
+        fits = [fits[k] for k in keep]
+        now = np.array([f.fit.vortices[0] for f in fits if f is not None]).reshape(-1, 4)
+        order = _distinct(now, [f.fit.explained for f in fits if f is not None])
+        now, start, fits = now[order], start[order], [fits[k] for k in order]
+        area = np.array([f.area for f in fits if f is not None])
+        if not len(now):
+            break
+    return [f for f in fits if f is not None]
+
+
+def _fit_one(
+    p: Plane,
+    now: np.ndarray,
+    k: int,
+    region: np.ndarray,
+    area: float,
+    s: VortexSettings,
+    wider: tuple[float, ...],
+) -> Fitted | None:
+    """Fit of vortex k over its own disc, or the widest of the `wider` ones that the model holds in."""
+    best = _fit_disc(p, now, k, region, area, s, s.fit_radius)
+    for factor in wider if best is not None else ():
+        found = _fit_disc(p, now, k, region, area, s, factor * s.fit_radius)
+        if found is None or found.misfit > MODEL_HOLDS or found.seen < WATER:
+            break
+        best = found
+    return best
+
+
+def _fit_disc(
+    p: Plane, now: np.ndarray, k: int, region: np.ndarray, area: float, s: VortexSettings, radius: float
+) -> Fitted | None:
+    """Fit of vortex k over a disc of `radius` core radii: neighbours in it are fitted along, others taken off as they are."""
+    x0, y0, _, a = now[k]
+    reach = max(radius * a, 3.0 * max(p.x[1] - p.x[0], p.y[1] - p.y[0]))
+    i0, i1 = np.searchsorted(p.x, [x0 - reach, x0 + reach])
+    j0, j1 = np.searchsorted(p.y, [y0 - reach, y0 + reach])
+    # a grid much finer than the core is thinned: its vectors add no information, only time
+    skip = [max(1, int(a / (POINTS_PER_CORE * (c[1] - c[0])))) for c in (p.y, p.x)]
+    box = np.s_[j0 : j1 : skip[0], i0 : i1 : skip[1]]
+    distance = np.hypot(p.xx[box] - x0, p.yy[box] - y0)
+    use = p.valid[box] & (distance <= reach)
+    if np.count_nonzero(use) < 12:
+        return None
+    # weights fall smoothly to zero at the disc's edge, so that no single vector decides where the disc ends
+    taper = np.clip(2 * (1 - distance[use] / reach), 0, 1)
+    near = np.hypot(now[:, 0] - x0, now[:, 1] - y0)
+    strong = np.abs(now[:, 2]) >= s.neighbour_part * abs(now[k, 2])
+    strong[k] = False
+    along = [m for m in np.argsort(near) if strong[m] and near[m] < reach][:4]
+    x, y, u, v = (q[box][use] for q in (p.xx, p.yy, p.u, p.v))
+    for m in range(len(now)):
+        if strong[m] and m not in along:
+            du, dv = lamb_oseen(x, y, *now[m])
+            u, v = u - du, v - dv
+    vectors = Vectors(x, y, u, v, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)
+    seen = seen_share(p.x, p.y, p.valid, x0, y0, reach)
+    # a disc half hidden hardly tells core radius and circulation apart: the less it shows, the more the region is asked
+    core_std = s.region_prior * np.sqrt(seen / (1 - seen)) if seen < WATER else np.inf
+    step = [skip[0] * (p.y[1] - p.y[0]), skip[1] * (p.x[1] - p.x[0])]
+    fit = fit_vortices(
+        vectors,
+        now[[k, *along]],
+        strain_prior=s.strain_prior,
+        rotation_prior=s.rotation_prior,
+        core=(float(region[3]), core_std),
+        correlated=max(1.0, area / (step[0] * step[1])),
+    )
+    factor = _correlation_factor(step, fit, use, s.correlation_length)
+    square = p.weight_u[box][use] * fit.residual_u**2 + p.weight_v[box][use] * fit.residual_v**2
+    return Fitted(
+        fit._replace(covariance=fit.covariance * factor),
+        int(np.count_nonzero(use)),
+        factor * step[0] * step[1],
+        float(square.mean()) / 2,
+        seen,
+        region,
+    )
+
+
+def _correlation_factor(step: list[float], fit: Fit, use: np.ndarray, length: float | None) -> float:
+    """By how much correlated errors raise the variance of fitted values: number of vectors per independent one.
+
+    With a correlation length L (box window, triangular autocorrelation) (L/dx) (L/dy), at least 1; otherwise the sum of
+    the residuals' autocorrelation over all lags up to its first fall below 0.05, per direction.
+    """
+    if length is not None:
+        return max(1.0, length / step[0]) * max(1.0, length / step[1])
+    r = np.full((2, *use.shape), np.nan)
+    r[0][use], r[1][use] = fit.residual_u, fit.residual_v
+    factor = 1.0
+    for axis in (1, 2):
+        total = 1.0
+        for lag in range(1, r.shape[axis] // 2):
+            a = np.take(r, range(r.shape[axis] - lag), axis)
+            b = np.take(r, range(lag, r.shape[axis]), axis)
+            both = np.isfinite(a) & np.isfinite(b)
+            power = float((a[both] ** 2 + b[both] ** 2).sum()) / 2
+            rho = float((a[both] * b[both]).sum()) / power if power > 0 else 0.0
+            if rho < 0.05:
+                break
+            total += 2 * rho
+        factor *= total
+    return factor
+
+
+def _plausible(p: Plane, fit: Fit, start: np.ndarray) -> bool:
+    """Whether a fit is still the vortex it started from, inside the plane and resolved by the grid."""
+    x, y, circulation, a = fit.vortices[0]
+    step = max(p.x[1] - p.x[0], p.y[1] - p.y[0])
+    span = min(p.x[-1] - p.x[0], p.y[-1] - p.y[0])
+    inside = p.x[0] <= x <= p.x[-1] and p.y[0] <= y <= p.y[-1]
+    moved = np.hypot(x - start[0], y - start[1])
+    return bool(
+        inside
+        and circulation * start[2] > 0
+        and 0.4 * step <= a <= min(0.5 * span, 3 * max(start[3], step))
+        and moved <= 2 * max(start[3], step)
+        and np.all(np.isfinite(fit.covariance))
+    )
+
+
+def _distinct(now: np.ndarray, explained: list[float]) -> list[int]:
+    """Indices without those that ended on top of a better fitted vortex of the same sense (half a core away)."""
+    kept: list[int] = []
+    for k in np.argsort(explained)[::-1]:
+        near = [
+            m
+            for m in kept
+            if now[m, 2] * now[k, 2] > 0
+            and np.hypot(*(now[m, :2] - now[k, :2])) < 0.5 * max(now[m, 3], now[k, 3])
+        ]
+        if not near:
+            kept.append(int(k))
+    return sorted(kept)

@@ -1,0 +1,82 @@
+"""Vortices of a plane series over time: found plane by plane, followed, and seen from the finger's tip."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import asdict
+from multiprocessing import get_context
+
+import pandas as pd
+import xarray as xr
+from tqdm import tqdm
+
+from fileio.formats.plane_series import FINGER_VARIABLES, check_vectors
+from fileio.formats.vortex_table import COLUMNS
+from piv.vortices.find import VortexSettings, find_vortices
+from piv.vortices.tip_frame import place_at_tip
+from piv.vortices.tracking import Tracker, TrackingSettings
+from piv.vortices.vortex import Vortex
+
+USED = ("u", "v", "valid", "u_std", "v_std", "outline", "tip", "tip_direction", "dorsal_direction", "bend")
+
+
+def tabulate_vortices(
+    series: xr.Dataset,
+    settings: VortexSettings | None = None,
+    tracking: TrackingSettings | None = None,
+    *,
+    processes: int = 1,
+    quiet: bool = True,
+) -> pd.DataFrame:
+    """One row per vortex and instant of a plane series (or of one plane: time empty), columns as `COLUMNS`.
+
+    `lifetime` is the time from a track's first to its last detection. The planes are shared out to `processes`; each
+    has one in memory at once, and the result does not depend on their number.
+    """
+    tracker = Tracker(tracking)
+    rows = []
+    for plane, found in _found(series, settings, processes, quiet):
+        time = float(plane["time"]) if "time" in plane.coords else None
+        for vortex, track in zip(found, tracker.update(0.0 if time is None else time, found), strict=True):
+            place = place_at_tip(vortex.x, vortex.y, plane)
+            rows.append({"time": time, "track": track} | asdict(vortex) | (place._asdict() if place else {}))
+    table = pd.DataFrame(rows, columns=[c for c in COLUMNS if c != "lifetime"])
+    span = table.groupby("track")["time"].agg(lambda t: t.max() - t.min()) if len(table) else None
+    table["lifetime"] = table["track"].map(span) if span is not None else []
+    table["finger"] = table["finger"].astype("Int64")
+    return table
+
+
+def _found(
+    series: xr.Dataset, settings: VortexSettings | None, processes: int, quiet: bool
+) -> Iterator[tuple[xr.Dataset, list[Vortex]]]:
+    """Each plane of the series, in order, with its vortices."""
+    series = series[[name for name in USED if name in series]]
+    # read once: opening a variable costs more than finding the vortices of a small plane
+    series = series.assign({n: series[n].load() for n in FINGER_VARIABLES if n in series})
+    single = "time" not in series["u"].dims
+    steps: list[int | None] = [None] if single else list(range(series.sizes["time"]))
+    bar = tqdm(steps, unit="plane", desc="vortices", disable=quiet or None)
+    if processes <= 1 or single:
+        for i in bar:
+            plane = _plane(series, i)
+            yield plane, find_vortices(plane, settings)
+        return
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        waiting: deque[tuple[xr.Dataset, Future[list[Vortex]]]] = deque()
+        for i in bar:
+            plane = _plane(series, i)
+            waiting.append((plane, pool.submit(find_vortices, plane, settings)))
+            if len(waiting) > 2 * processes:  # enough to keep all busy, few enough to keep memory flat
+                plane, future = waiting.popleft()
+                yield plane, future.result()
+        for plane, future in waiting:
+            yield plane, future.result()
+
+
+def _plane(series: xr.Dataset, i: int | None) -> xr.Dataset:
+    plane = (series if i is None else series.isel(time=i)).load()
+    check_vectors(plane)
+    return plane

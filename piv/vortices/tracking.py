@@ -1,0 +1,120 @@
+"""Vortices followed over frames: Hungarian assignment to constant-velocity Kalman predictions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from piv.vortices.vortex import Vortex
+
+
+@dataclass(frozen=True)
+class TrackingSettings:
+    """How detections join to tracks; lengths in core radii, so that the same numbers serve every unit.
+
+    agility: standard deviation of the velocity change per frame. scatter: part of a position's scatter beside its standard
+    error. gate: largest Mahalanobis distance, and max_step: largest distance, between prediction and detection.
+    circulation_change: relative change of circulation that costs as much as one standard deviation of distance.
+    max_missed: frames without detection after which a track ends.
+    """
+
+    agility: float = 0.2
+    scatter: float = 0.1
+    gate: float = 4.0
+    max_step: float = 1.5
+    circulation_change: float = 0.5
+    max_missed: int = 3
+
+
+class _Track:
+    def __init__(self, identity: int, time: float, vortex: Vortex, noise: np.ndarray) -> None:
+        self.identity, self.time, self.last = identity, time, vortex
+        self.missed = 0
+        self.state = np.array([vortex.x, vortex.y, 0.0, 0.0])
+        self.covariance = np.zeros((4, 4))
+        self.covariance[:2, :2] = noise
+        self.young = True
+
+    def predict(self, time: float, s: TrackingSettings) -> tuple[np.ndarray, np.ndarray]:
+        """State and covariance at `time`."""
+        dt, a = time - self.time, self.last.core_radius
+        f = np.eye(4)
+        f[0, 2] = f[1, 3] = dt
+        p = self.covariance.copy()
+        if (
+            self.young
+        ):  # nothing is known of the velocity yet: a step of one core radius is one standard deviation
+            p[2, 2] = p[3, 3] = (a / dt) ** 2
+        g = np.array([[dt / 2, 0], [0, dt / 2], [1, 0], [0, 1]])
+        frames = 1 + self.missed
+        return f @ self.state, f @ p @ f.T + g @ g.T * (s.agility * a * frames / dt) ** 2
+
+    def update(
+        self,
+        time: float,
+        vortex: Vortex,
+        predicted: tuple[np.ndarray, np.ndarray],
+        noise: np.ndarray,
+    ) -> None:
+        state, p = predicted
+        gain = p[:, :2] @ np.linalg.inv(p[:2, :2] + noise)
+        self.state = state + gain @ (np.array([vortex.x, vortex.y]) - state[:2])
+        self.covariance = (np.eye(4) - gain @ np.eye(2, 4)) @ p
+        self.time, self.last, self.missed, self.young = time, vortex, 0, False
+
+
+class Tracker:
+    """Gives each vortex the number of its track, frame by frame; numbers count from 0 and are never used twice."""
+
+    def __init__(self, settings: TrackingSettings | None = None) -> None:
+        self.settings = settings or TrackingSettings()
+        self._tracks: list[_Track] = []
+        self._next = 0
+
+    def update(self, time: float, vortices: Sequence[Vortex]) -> list[int]:
+        """Track numbers of the `vortices` found at `time` (later than the last); new ones are born, old ones die."""
+        s = self.settings
+        if self._tracks and time <= max(t.time for t in self._tracks):
+            raise ValueError(f"tracking needs ascending times, got {time} after an equal or later one")
+        predictions = [t.predict(time, s) for t in self._tracks]
+        noises = [_noise(v, s) for v in vortices]
+        cost = np.full((len(self._tracks), len(vortices)), 1e9)
+        for i, (track, (state, p)) in enumerate(zip(self._tracks, predictions, strict=True)):
+            for j, vortex in enumerate(vortices):
+                cost[i, j] = _cost(track, state, p, vortex, noises[j], s)
+        numbers = [-1] * len(vortices)
+        for i, j in zip(*linear_sum_assignment(cost), strict=True):
+            if cost[i, j] < 1e9:
+                self._tracks[i].update(time, vortices[j], predictions[i], noises[j])
+                numbers[j] = self._tracks[i].identity
+        seen = set(numbers)
+        for track in self._tracks:
+            if track.identity not in seen:
+                track.missed += 1
+        self._tracks = [t for t in self._tracks if t.missed <= s.max_missed]
+        for j, vortex in enumerate(vortices):
+            if numbers[j] < 0:
+                numbers[j] = self._next
+                self._tracks.append(_Track(self._next, time, vortex, noises[j]))
+                self._next += 1
+        return numbers
+
+
+def _noise(v: Vortex, s: TrackingSettings) -> np.ndarray:
+    return np.diag([v.x_std**2, v.y_std**2]) + np.eye(2) * (s.scatter * v.core_radius) ** 2
+
+
+def _cost(
+    track: _Track, state: np.ndarray, p: np.ndarray, vortex: Vortex, noise: np.ndarray, s: TrackingSettings
+) -> float:
+    old = track.last
+    d = np.array([vortex.x, vortex.y]) - state[:2]
+    far = s.max_step * max(old.core_radius, vortex.core_radius) * (1 + track.missed)
+    squared = float(d @ np.linalg.solve(p[:2, :2] + noise, d))
+    if old.circulation * vortex.circulation <= 0 or np.hypot(*d) > far or squared > s.gate**2:
+        return 1e9
+    change = abs(np.log(vortex.circulation / old.circulation)) / s.circulation_change
+    return squared + change**2

@@ -1,0 +1,1 @@
+"""Stage compare: CFD and PIV, judged by a scene's findings."""

@@ -1,0 +1,178 @@
+"""Comparison of CFD and PIV, judged by a scene's findings: comparison.json and comparison.csv.
+
+Command: python -m postprocess.compare.stage cases/single_finger --level coarse
+A laboratory's data are compared by postprocess.lab (make compare).
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import sys
+from importlib.metadata import version
+from typing import Any
+
+import xarray as xr
+
+from fileio.atomic import write_text
+from fileio.provenance import settings_in, sha256
+from postprocess.compare.findings import Finding, is_met, read_findings
+from postprocess.compare.pinch_summary import pinch_summary
+from postprocess.compare.quantities import QUANTITIES
+from postprocess.compare.series import series_table, summary
+from postprocess.evidence.check_finite import first_not_finite
+from postprocess.evidence.evidence import Evidence, Measured
+from postprocess.evidence.load import FILES, load_evidence, read_clock
+from postprocess.evidence.stage_command import run_stage
+from postprocess.evidence.stage_files import StageFiles, read_json
+from postprocess.evidence.strokes import MIDDLE, stroke_window
+from postprocess.evidence.time_windows import Clock, interval
+
+INPUTS = (
+    "sheet.h5",
+    "piv.h5",
+    "images.h5",
+    "vortices_cfd.csv",
+    "vortices_piv.csv",
+    "kinematics.h5",
+    "run/run.json",
+)
+
+
+def judge(finding: Finding, evidence: Evidence, clock: Clock) -> dict[str, Any]:
+    """One check: what each source measures, and whether the finding is met (None where something was not run)."""
+    measured: dict[str, Measured | None] = dict.fromkeys(finding.of)
+    notes: dict[str, str] = {}
+    absent = {of for of in finding.of if not evidence.has(of)}
+    window = None
+    try:
+        window = interval(finding.window, clock)
+    except ValueError as error:  # what never happens is a finding not met, and says why
+        notes["window"] = str(error)
+    for of in finding.of:
+        if of in absent or window is None:
+            continue
+        try:
+            value = QUANTITIES[finding.quantity].measure(evidence, of, window, finding.finger)
+            if first_not_finite(value) is not None:
+                raise ValueError(
+                    f"{finding.quantity} of {of} between {window[0]:.3f} and {window[1]:.3f} s is no number"
+                )
+            measured[of] = value
+        except ValueError as error:  # what cannot be measured is a finding not met, and says why
+            notes[of] = str(error)
+        except FileNotFoundError as error:  # what was not run is not judged
+            notes[of] = str(error)
+            absent.add(of)
+    judged = {of: is_met(finding, value) for of, value in measured.items() if value is not None}
+    failed = any(of not in absent and measured[of] is None for of in finding.of)
+    missing = bool(absent)
+    met = False if failed or not all(judged.values()) else None if missing else True
+    return {
+        **{
+            key: getattr(finding, key)
+            for key in ("id", "kind", "finding", "figure", "quantity", "comparison")
+        },
+        "label": QUANTITIES[finding.quantity].label,
+        "unit": QUANTITIES[finding.quantity].unit,
+        "value": finding.value,
+        "tolerance": finding.tolerance,
+        "reason": finding.reason,
+        "window": finding.window.words(),
+        "window_s": window,
+        "measured": measured,
+        "met_by": judged,
+        "met": met,
+        "notes": list(dict.fromkeys(notes.values())),
+    }
+
+
+def verdict(checks: list[dict[str, Any]]) -> dict[str, Any]:
+    """Whether the simulation agrees with PIV (None: not judged), and how many checks of each kind are met."""
+    counts = {
+        kind: {
+            "met": sum(c["met"] is True for c in checks if c["kind"] == kind),
+            "not_met": sum(c["met"] is False for c in checks if c["kind"] == kind),
+            "not_judged": sum(c["met"] is None for c in checks if c["kind"] == kind),
+        }
+        for kind in ("agreement", "paper")
+    }
+    agreement = [c["met"] for c in checks if c["kind"] == "agreement"]
+    agrees = False if False in agreement else None if None in agreement or not agreement else True
+    return {"agrees": agrees, "counts": counts}
+
+
+def provenance(files: StageFiles, planes: dict[str, xr.Dataset]) -> dict[str, Any]:
+    """Versions, hashes of the inputs, seeds and settings that the result rests on."""
+    run = read_json(files.required("run/run.json", "run"))
+    names = ("numpy", "scipy", "xarray", "h5py", "pandas")
+    return {
+        "versions": {"python": platform.python_version()}
+        | {n: version(n) for n in names}
+        | run.get("versions", {}),
+        "scene_hash": str(run.get("scene_hash", "")),
+        "inputs_sha256": {n: sha256(files.out / n) for n in INPUTS if (files.out / n).exists()},
+        "findings_sha256": sha256(files.findings),
+        "seeds": {s: int(p.attrs["seed"]) for s, p in planes.items() if "seed" in p.attrs},
+        "settings": {
+            s: settings_in(p, files.out / FILES[s]) for s, p in planes.items() if p.attrs.get("settings")
+        },
+    }
+
+
+def _pinch(evidence: Evidence, clock: Clock) -> dict[str, Any]:
+    return {"pinch": pinch_summary(evidence, clock)} if evidence.pairs else {}
+
+
+def compare(files: StageFiles) -> dict[str, Any]:
+    """Run the comparison of one scene at one level and write its two files; returns what comparison.json holds."""
+    if not files.findings.exists():
+        raise FileNotFoundError(f"{files.findings} is missing; a scene needs its findings to be judged by")
+    findings = read_findings(files.findings, frozenset(QUANTITIES))
+    evidence = load_evidence(files)
+    clock = read_clock(files, evidence.planes["cfd"])
+    checks = [judge(finding, evidence, clock) for finding in findings]
+    middle = stroke_window(clock.time, clock.bend, MIDDLE)
+    result = {
+        "format": "comparison",
+        "format_version": 1,
+        "scene": files.scene,
+        "level": files.level,
+        "sources": list(evidence.planes),
+        "scale": {"name": "peak speed of the finger's tip", "value": evidence.scale, "unit": "m/s"},
+        "middle_of_stroke_s": middle,
+        "verdict": verdict(checks),
+        "checks": checks,
+        "summary": summary(evidence, middle) | _pinch(evidence, clock),
+        "provenance": provenance(files, evidence.planes),
+    }
+    write_text(files.out / "comparison.csv", series_table(evidence, middle).to_csv(index=False))
+    for source, table in evidence.pairs.items():
+        write_text(files.out / f"pairs_{source}.csv", table.to_csv(index=False))
+        write_text(files.out / f"centreline_{source}.csv", evidence.lines[source].to_csv(index=False))
+    if bad := first_not_finite(result):
+        raise ValueError(
+            f"{files.out / 'comparison.json'}: {bad} would be no number; see the empty cells of comparison.csv from"
+            f" {middle[0]:.3f} to {middle[1]:.3f} s"
+        )
+    # last: make takes it for the whole stage
+    write_text(files.out / "comparison.json", json.dumps(result, indent=1, allow_nan=False, default=float))
+    for plane in evidence.planes.values():
+        plane.close()
+    return result
+
+
+def _tell(files: StageFiles, result: dict[str, Any]) -> None:
+    for check in result["checks"]:
+        word = {True: "met", False: "NOT MET", None: "not judged"}[check["met"]]
+        print(f"{check['id']:32s} {word:10s} {check['measured']}")
+    print(files.out / "comparison.json")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns 0 good, 2 bad input."""
+    return run_stage("compare", __doc__, compare, _tell, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,193 @@
+"""The flow around the finger in the manner of the paper's Fig. 10: vectors, black finger, vortex with its sense."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib import patheffects
+from matplotlib.figure import Figure
+
+from postprocess.draw.style import MM, NAMES, new_figure
+from postprocess.evidence.fields import frame
+
+ARROW_EVERY = 0.0045  # m between drawn vectors: about 35 of them across the camera's picture
+HALO = [patheffects.withStroke(linewidth=4.0, foreground="white")]
+
+
+def view_limits(planes: dict[str, xr.Dataset]) -> tuple[float, float, float, float]:
+    """Common field of view of all planes: x from, x to, y from, y to (m)."""
+    low = lambda axis: max(float(p[axis][0]) for p in planes.values())  # noqa: E731
+    high = lambda axis: min(float(p[axis][-1]) for p in planes.values())  # noqa: E731
+    return low("x"), high("x"), low("y"), high("y")
+
+
+def vorticity(field: np.ndarray, valid: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """∂v/∂x − ∂u/∂y (1/s) by central differences, not a number next to invalid points."""
+    u, v = np.where(valid, field, np.nan)
+    return np.gradient(v, x, axis=1) - np.gradient(u, y, axis=0)
+
+
+def vorticity_limit(plane: xr.Dataset, times: np.ndarray) -> float:
+    """A symmetric colour limit (1/s), rounded: the 99.5th percentile of |vorticity| at the given instants."""
+    x, y = plane["x"].values, plane["y"].values
+    worst = 0.0
+    for time in times:
+        field, valid = frame(plane, nearest(plane, time))
+        worst = max(worst, float(np.nanpercentile(np.abs(vorticity(field, valid, x, y)), 99.5)))
+    return float(np.ceil(worst / 5) * 5) or 1.0
+
+
+def nearest(plane: xr.Dataset, time: float) -> int:
+    """Index of the instant closest to `time`."""
+    return int(np.argmin(np.abs(plane["time"].values - time)))
+
+
+def vortex_mark(x: float, y: float, radius: float, circulation: float) -> tuple[np.ndarray, np.ndarray]:
+    """A circle with two arrow heads that show the sense of rotation; lengths in the unit of `radius`."""
+    sense = 1.0 if circulation > 0 else -1.0
+    angle = np.linspace(0, 2 * np.pi, 49)
+    xs, ys = [np.cos(angle)], [np.sin(angle)]
+    for start in (0.0, np.pi):
+        tip = np.array([np.cos(start), np.sin(start)])
+        along = sense * np.array([-np.sin(start), np.cos(start)])
+        for side in (0.3, -0.3):
+            back = tip - 0.42 * along + side * tip
+            xs.append(np.array([np.nan, back[0], tip[0]]))
+            ys.append(np.array([np.nan, back[1], tip[1]]))
+    return x + radius * np.concatenate(xs), y + radius * np.concatenate(ys)
+
+
+def flow_figure(
+    planes: dict[str, xr.Dataset],
+    vortices: dict[str, list[pd.DataFrame]],
+    scale: float,
+    limit: float,
+    *,
+    dpi: float = 110,
+) -> tuple[Figure, Callable[[float], None]]:
+    """A figure with one panel per source, and the function that shows an instant (s) in it.
+
+    `vortices` holds each source's tip vortex of every finger over time, `scale` the velocity scale (m/s), `limit` the
+    vorticity limit (1/s).
+    """
+    x0, x1, y0, y1 = view_limits(planes)
+    panel = 5.0
+    height = panel * (y1 - y0) / (x1 - x0) + 0.8
+    figure, axes = new_figure(
+        panel * len(planes) + 0.9, height, 1, len(planes), dpi=dpi, sharey=True, squeeze=False
+    )
+    updates = []
+    shade = None
+    for ax, (source, plane) in zip(axes[0], planes.items(), strict=True):
+        shade, update = _panel(ax, plane, vortices.get(source, []), scale, limit)
+        ax.set(xlim=(x0 * MM, x1 * MM), ylim=(y0 * MM, y1 * MM), aspect="equal", xlabel="x, mm")
+        ax.set_title(NAMES[source])
+        ax.grid(False)
+        updates.append(update)
+    axes[0, 0].set_ylabel("y, mm")
+    bar = figure.colorbar(shade, ax=list(axes[0]), shrink=0.85, pad=0.01, aspect=30)
+    bar.set_label("vorticity, 1/s (blue: clockwise)")
+    bar.outline.set_visible(False)
+    figure.canvas.draw()
+    figure.set_layout_engine("none")  # laid out once: every further frame only moves what moves
+
+    def show(time: float) -> None:
+        bend = _bend(next(iter(planes.values())), time)
+        told = f"t = {time:.3f} s" + ("" if bend is None else f", bent by {bend:.0f}°")
+        for ax, source, update in zip(axes[0], planes, updates, strict=True):
+            ax.set_title(f"{NAMES[source]}, {told}")
+            update(time)
+
+    return figure, show
+
+
+def _bend(plane: xr.Dataset, time: float) -> float | None:
+    if "bend" not in plane:
+        return None
+    return float(np.degrees(plane["bend"].values[nearest(plane, time), 0]))
+
+
+def _panel(ax, plane: xr.Dataset, vortices: list[pd.DataFrame], scale: float, limit: float):
+    x, y = plane["x"].values, plane["y"].values
+    dx, dy = x[1] - x[0], y[1] - y[0]
+    every = max(1, round(ARROW_EVERY / dx))
+    rows, columns = np.arange(every // 2, y.size, every), np.arange(every // 2, x.size, every)
+    extent = np.array([x[0] - dx / 2, x[-1] + dx / 2, y[0] - dy / 2, y[-1] + dy / 2]) * MM
+    blank = np.full((y.size, x.size), np.nan)
+    shade = ax.imshow(
+        blank,
+        origin="lower",
+        extent=extent,
+        cmap="RdBu_r",
+        vmin=-limit,
+        vmax=limit,
+        alpha=0.75,
+        interpolation="bilinear",
+    )
+    gx, gy = np.meshgrid(x[columns] * MM, y[rows] * MM)
+    hidden = np.ma.masked_all(gx.shape)
+    unit = 0.45 * scale / (every * dx * MM)  # 45 % of the tip's peak speed reaches to the next vector
+    arrows = ax.quiver(
+        gx,
+        gy,
+        hidden,
+        hidden,
+        units="xy",
+        angles="xy",
+        scale_units="xy",
+        scale=unit,
+        width=0.5,
+        headwidth=3.4,
+        headlength=4,
+        color="#1c2733",
+    )
+    known = float(f"{0.5 * scale:.1g}")
+    ax.quiverkey(
+        arrows,
+        0.86,
+        1.03,
+        known,
+        f"{known:g} m/s",
+        labelpos="E",
+        coordinates="axes",
+        fontproperties={"size": 9},
+    )
+    bodies = [ax.fill([], [], color="black", zorder=3)[0] for _ in range(plane.sizes.get("finger", 0))]
+    marks = [
+        ax.plot([], [], color="#0a7d2c", linewidth=2.0, zorder=4, path_effects=HALO)[0] for _ in vortices
+    ]
+
+    def update(time: float) -> None:
+        index = nearest(plane, time)
+        field, valid = frame(plane, index)
+        shade.set_data(vorticity(field, valid, x, y))
+        drawn = np.ma.masked_array(field, mask=np.broadcast_to(~valid, field.shape))[
+            :, rows[:, None], columns
+        ]
+        arrows.set_UVC(drawn[0], drawn[1])
+        for number, body in enumerate(bodies):
+            body.set_xy(
+                plane["outline"].values[index, number] * MM if "outline" in plane else np.empty((0, 2))
+            )
+        for mark, vortex in zip(marks, vortices, strict=True):
+            mark.set_data(*_mark_at(vortex, time))
+
+    return shade, update
+
+
+def _mark_at(vortex: pd.DataFrame, time: float) -> tuple[np.ndarray, np.ndarray]:
+    """The mark between the two rows around `time`; none outside them, or where they are of two vortices."""
+    times = vortex["time"].to_numpy()
+    after = int(np.clip(np.searchsorted(times, time), 1, max(times.size - 1, 1)))
+    if times.size < 2 or not times[after - 1] - 2e-3 <= time <= times[after] + 2e-3:
+        return np.empty(0), np.empty(0)
+    rows = vortex.iloc[after - 1 : after + 1]
+    if rows["track"].nunique() > 1:
+        rows = rows.iloc[[int(np.argmin(np.abs(rows["time"].to_numpy() - time)))] * 2]
+    value = {
+        n: float(np.interp(time, rows["time"], rows[n])) for n in ("x", "y", "core_radius", "circulation")
+    }
+    return vortex_mark(value["x"] * MM, value["y"] * MM, value["core_radius"] * MM, value["circulation"])

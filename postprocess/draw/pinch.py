@@ -1,0 +1,126 @@
+"""Series of two fingers over time: the pair of vortices, the flow between the fingers, the closing of the gap."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from postprocess.draw.style import CFD, COLOURS, GREY, MM, NAMES, PIV, THIRD, new_figure
+from postprocess.evidence.vortex_pairs import broken
+
+
+def _contact(axes, met: float | None) -> None:
+    for ax in axes:
+        if met is not None:
+            ax.axvline(met, color=GREY, linewidth=1.0, linestyle=":", label="contact")
+
+
+def pair(pairs: dict[str, pd.DataFrame], met: float | None) -> Figure:
+    """Imbalance of circulation, mirror distance of the centres and place as seen from the tips over time; `met`: contact, s."""
+    figure, axes = new_figure(8.6, 7.4, 4, 1, sharex=True)
+    for source, whole in pairs.items():
+        table = broken(whole, "track_0")
+        more = {"color": COLOURS[source], "label": NAMES[source]}
+        axes[0].plot(table["time"], table["imbalance"] * 100, **more)
+        axes[1].plot(table["time"], table["mirror_distance"] * MM, **more)
+        for ax, name in ((axes[2], "along_tip"), (axes[3], "across_tip")):
+            for finger, style in ((0, "-"), (1, "--")):
+                label = f"{NAMES[source]}, {('left', 'right')[finger]}"
+                ax.plot(
+                    table["time"],
+                    table[f"{name}_{finger}"] * MM,
+                    color=COLOURS[source],
+                    ls=style,
+                    label=label,
+                )
+    axes[0].set(ylabel="imbalance, %", ylim=(0, 15), title="The two tip vortices against each other")
+    axes[1].set(ylabel="mirror\ndistance, mm", ylim=(0, None))
+    axes[2].set(ylabel="along the\ntip, mm")
+    axes[3].set(ylabel="to the dorsal\nside, mm", xlabel="time, s")
+    _contact(axes, met)
+    for ax in (axes[0], axes[2]):
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def centreline(
+    lines: dict[str, pd.DataFrame], tip_time: np.ndarray, tip_height: np.ndarray, met: float | None
+) -> Figure:
+    """Height at which the flow between the fingers parts, and the fastest flow below and above it; tip height (n) in m."""
+    figure, axes = new_figure(8.6, 5.8, 2, 1, sharex=True)
+    axes[0].plot(tip_time, tip_height * MM, color=GREY, linestyle="--", linewidth=1.2, label="tips")
+    for source, table in lines.items():
+        colour = COLOURS[source]
+        axes[0].plot(
+            table["time"], table["stagnation_y"] * MM, color=colour, label=f"parting, {NAMES[source]}"
+        )
+        axes[0].plot(
+            table["time"],
+            table["jet_y"].where(table["jet_speed"] > 0.02) * MM,
+            color=colour,
+            linestyle=":",
+            label=f"fastest of the jet, {NAMES[source]}",
+        )
+        axes[1].plot(table["time"], table["jet_speed"], color=colour, label=f"down, {NAMES[source]}")
+        axes[1].plot(
+            table["time"], table["rise_speed"], color=colour, linestyle="--", label=f"up, {NAMES[source]}"
+        )
+    axes[0].set(ylabel="y, mm", title="On the plane between the fingers")
+    axes[1].set(ylabel="peak speed, m/s", xlabel="time, s", ylim=(0, None))
+    _contact(axes, met)
+    for ax in axes:
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def closing(
+    time: np.ndarray, gap: np.ndarray, free_gap: np.ndarray, lines: pd.DataFrame, met: float | None
+) -> Figure:
+    """Gap and closing speed of one tip, with the law and without it (m over s), and what they do to pressure and jet."""
+    figure, axes = new_figure(8.6, 8.2, 4, 1, sharex=True)
+    axes[0].semilogy(time, gap * MM, color=CFD, label="as it closes")
+    axes[0].semilogy(
+        time, free_gap * MM, color=GREY, linestyle="--", label="unhindered, until the tips would meet"
+    )
+    axes[0].set(ylabel="gap between tip\nand plane, mm", title="Closing")
+    axes[1].plot(time, -np.gradient(gap, time), color=CFD)
+    axes[1].plot(time, -np.gradient(free_gap, time), color=GREY, linestyle="--")
+    axes[1].set(ylabel="closing speed\nof a tip, m/s")
+    if "pressure_gap" in lines:
+        axes[2].plot(lines["time"], lines["pressure_gap"], color=CFD, label="between the tips")
+        axes[2].plot(lines["time"], lines["pressure_tip_max"], color=PIV, label="largest at the tips")
+        axes[2].plot(lines["time"], lines["pressure_tip_min"], color=THIRD, label="least at the tips")
+    axes[2].set(ylabel="pressure, Pa")
+    axes[3].plot(lines["time"], lines["jet_speed"], color=CFD)
+    axes[3].set(ylabel="jet, m/s", xlabel="time, s", ylim=(0, None))
+    _contact(axes, met)
+    for ax in (axes[0], axes[2]):
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def beside_single(
+    pinch: dict[str, pd.DataFrame], single: dict[str, pd.DataFrame], limits: tuple[float, float]
+) -> Figure:
+    """Place of the vortex as seen from its tip over the bend angle: both fingers of the pinch, and the single finger.
+
+    Tables with `bend` (rad), `along_tip`, `across_tip` (m), the pinch's by name; `limits` of the bend shown, degrees.
+    """
+    figure, axes = new_figure(8.6, 5.6, 2, 1, sharex=True)
+    for tables, style, name in ((single, "--", "single finger"), (pinch, "-", "pinch")):
+        for source, table in tables.items():
+            for ax, column in zip(axes, ("along_tip", "across_tip"), strict=True):
+                ax.plot(
+                    np.degrees(table["bend"]),
+                    table[column] * MM,
+                    color=COLOURS[source],
+                    linestyle=style,
+                    marker="." if len(table) < 60 else None,
+                    label=f"{name}, {NAMES[source]}",
+                )
+    axes[0].set(ylabel="beyond the tip, mm", title="The vortex at the same bend, pinch and single finger")
+    axes[1].set(ylabel="to the dorsal side, mm", xlabel="bend angle, °", xlim=limits)
+    axes[1].axhline(0, color=GREY, linewidth=0.8)
+    axes[0].legend(loc="best")
+    return figure

@@ -1,0 +1,54 @@
+"""How every picture looks: one set of sizes and colours, and saving whole files."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from fileio.atomic import write_bytes
+
+CFD, PIV, THIRD, GREY = "#0b5fa5", "#c8501e", "#3f7d4e", "#5f6670"
+COLOURS = {"cfd": CFD, "piv": PIV}
+NAMES = {"cfd": "CFD", "piv": "PIV"}
+MM = 1e3
+
+RC: dict[str, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 10,
+    "axes.titlesize": 11,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e3e6ea",
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.8,
+    "legend.frameon": False,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "softfinger",  # equal pictures give equal files
+}
+# not a context around drawing: titles and labels take their style when they are set
+mpl.rcParams.update(RC)  # type: ignore[arg-type]
+
+
+def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, dpi: float = 110, **more):
+    """An off-screen figure (inches) and its axes; no display and no global state of pyplot."""
+    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, **more)
+
+
+def save(figure: Figure, path: Path, **more) -> Path:
+    """Write a figure in the format of its suffix, whole or not at all."""
+    metadata = {"Date": None} if path.suffix == ".svg" else {}
+    content = io.BytesIO()
+    figure.savefig(content, format=path.suffix[1:], metadata=metadata, facecolor="white", **more)
+    write_bytes(path, content.getbuffer())
+    return path

@@ -1,0 +1,1 @@
+"""What is compared: planes, vortices and what follows from them."""

@@ -1,0 +1,58 @@
+"""Numbers that are none, told by quantity and instant before they spoil a result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from fileio.formats.plane_series import check_vectors
+
+
+def check_finger(plane: xr.Dataset, names: Iterable[str], path: Path) -> None:
+    """ValueError with the variable and the instant where one of the finger's, over (time, …), holds no number."""
+    for name in names:
+        values = plane[name].values
+        bad = np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))
+        if bad.size:
+            at = float(plane["time"].values[bad[0]])
+            raise ValueError(f"{path}: {name} at {at:g} s (frame {bad[0]}) is no number; make the file again")
+
+
+def check_table(table: pd.DataFrame, names: Iterable[str], path: Path) -> None:
+    """ValueError with the column, track and instant where a table of vortices holds no number."""
+    for name in names:
+        bad = table[~np.isfinite(table[name].astype(float))]
+        if len(bad):
+            row = bad.iloc[0]
+            raise ValueError(
+                f"{path}: {name} of track {row['track']:g} at {row['time']:g} s is no number; make the file again"
+            )
+
+
+def checked_frame(plane: xr.Dataset, index: int) -> xr.Dataset:
+    """u, v and valid of one instant, in memory; ValueError with the file and the instant where a valid vector is none."""
+    now = plane[["u", "v", "valid"]].isel(time=index).load()
+    try:
+        check_vectors(now)
+    except ValueError as error:
+        file = plane.encoding.get("source", "a series")
+        raise ValueError(f"{file}: frame {index}: {error}; make the file again") from None
+    return now
+
+
+def first_not_finite(found: Any, place: str = "") -> str | None:
+    """Where in nested dicts and lists the first number stands that is none, as "summary.piv.circulation_mean"."""
+    if isinstance(found, dict):
+        parts = ((f"{place}.{key}" if place else str(key), value) for key, value in found.items())
+    elif isinstance(found, list | tuple):
+        parts = ((f"{place}[{k}]", value) for k, value in enumerate(found))
+    else:
+        number = isinstance(found, float | np.floating)
+        return (place or "it") if number and not isfinite(found) else None
+    return next((where for name, value in parts if (where := first_not_finite(value, name))), None)

@@ -1,0 +1,121 @@
+"""Where a scene's stage files are, and reading them with one-sentence errors."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+
+from fileio import json_text
+from fileio.atomic import write_text as write_text
+from fileio.json_text import AGAIN
+from fileio.provenance import settings_in
+
+
+@dataclass(frozen=True)
+class StageFiles:
+    """Paths of one scene at one level; `case` is the folder cases/<scene>."""
+
+    case: Path
+    level: str
+
+    @property
+    def scene(self) -> str:
+        return self.case.resolve().name
+
+    @property
+    def out(self) -> Path:
+        return self.case / "out" / self.level
+
+    @property
+    def figures(self) -> Path:
+        return self.out / "figures"
+
+    @property
+    def findings(self) -> Path:
+        return self.case / "reference" / "findings.toml"
+
+    def required(self, name: str, stage: str) -> Path:
+        """Path of out/<level>/<name>; FileNotFoundError in one sentence that names the stage to run."""
+        path = self.out / name
+        if not path.exists():
+            raise FileNotFoundError(
+                f"{path} is missing; run the stage '{stage}' of {self.scene} at level {self.level} first"
+            )
+        return path
+
+    def optional(self, name: str) -> Path | None:
+        """Path of out/<level>/<name>, or None where the stage that makes it was not run."""
+        path = self.out / name
+        return path if path.exists() else None
+
+
+def read_table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
+    """A CSV of docs/formats.md (lines starting with # are comments); ValueError where a column is missing."""
+    try:
+        table = pd.read_csv(path, comment="#", skipinitialspace=True)
+    except pd.errors.EmptyDataError as error:
+        raise ValueError(f"{path}: the file is empty, expected the columns {', '.join(columns)}") from error
+    missing = [name for name in columns if name not in table.columns]
+    if missing:
+        raise ValueError(f"{path}: column {missing[0]!r} is missing; the file has {', '.join(table.columns)}")
+    return table
+
+
+def read_json(path: Path, kind: type = dict) -> Any:
+    """What a stage's JSON file holds, of `kind`; ValueError in one sentence where it is damaged."""
+    return json_text.read_json(path, AGAIN, kind)
+
+
+def read_arrays(path: Path, names: tuple[str, ...], optional: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
+    """Variables of an HDF5 file by name; ValueError where one is missing that is not `optional`."""
+    try:
+        with h5py.File(path, "r") as file:
+            missing = [name for name in names if name not in file]
+            if missing:
+                raise ValueError(
+                    f"{path}: variable {missing[0]!r} is missing; the file has {', '.join(file)}"
+                )
+            return {name: np.asarray(file[name]) for name in (*names, *optional) if name in file}
+    except OSError as error:
+        raise ValueError(f"{path}: not a readable HDF5 file ({error})") from error
+
+
+def read_stages(path: Path) -> list[dict[str, np.ndarray]]:
+    """The planforms of planform.h5 in their order; ValueError where there is none."""
+    with h5py.File(path, "r") as file:
+        names = sorted((name for name in file if name.startswith("stage_")), key=lambda n: int(n[6:]))
+        if not names:
+            raise ValueError(f"{path}: no group 'stage_0'; run the stage 'mesh' again")
+        return [{name: np.asarray(values) for name, values in file[stage].items()} for stage in names]
+
+
+def scene_numbers(files: StageFiles) -> dict[str, Any]:
+    """The scene's sections (tank, finger, motion, model, fluid …) as the stages that used them recorded them."""
+    numbers: dict[str, Any] = {}
+    for name, stage in (("kinematics.h5", "kinematics"), ("planform.h5", "mesh"), ("sweep.h5", "case")):
+        path = files.required(name, stage)
+        with h5py.File(path, "r") as file:
+            numbers |= settings_in(file, path)
+    missing = [key for key in ("tank", "finger", "fluid", "model") if key not in numbers]
+    if missing:
+        raise ValueError(
+            f"{files.out}: no stage recorded the scene's section {missing[0]!r}; run kinematics and mesh again"
+        )
+    return numbers
+
+
+def scene_title(case: Path) -> str:
+    """`title` of scene.toml, or of the scene that it extends; ValueError where there is none."""
+    path = case / "scene.toml"
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    if "title" in table:
+        return str(table["title"])
+    if "extends" not in table:
+        raise ValueError(f'{path}: title is missing; add title = "…"')
+    return scene_title(case / table["extends"])

@@ -1,0 +1,134 @@
+"""The window of time over which a finding is judged: by bend angle, by gap, around contact, or within one stroke."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from postprocess.evidence.strokes import stroke_window
+
+CONTACT = 1e-4  # m above the residual gap: nearer, the tips count as in contact
+FORMS = "[a, b], { gap = [a, b] }, { contact = [a, b] }, { stroke = k, part = [a, b] } or { stroke = k, after = [a, b] }"
+
+
+@dataclass(frozen=True)
+class Window:
+    """Two edges of a `kind`: "bend" (fractions of the change of bend angle), "gap" (m, falling), "contact" (s from contact),
+    "part" (fractions of the change of bend within one stroke) or "after" (s from the start of one stroke)."""
+
+    kind: str
+    edges: tuple[float, float]
+    stroke: int = 0
+
+    def words(self) -> str:
+        """The window as a reader needs it."""
+        a, b = self.edges
+        return {
+            "bend": f"{100 * a:.0f} to {100 * b:.0f} % of the bend",
+            "gap": f"from a gap of {a * 1e3:g} mm between tip and plane down to {b * 1e3:g} mm",
+            "contact": f"{a:+g} to {b:+g} s from contact",
+            "part": f"{100 * a:.0f} to {100 * b:.0f} % of the bend of stroke {self.stroke + 1}",
+            "after": f"{a:g} to {b:g} s after the start of stroke {self.stroke + 1}",
+        }[self.kind]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """What windows are told by: bend (n) over time (n), and where there are any, gap (m) over gap_time and the strokes' starts.
+
+    Times in s, bend in rad, `residual_gap` in m.
+    """
+
+    time: np.ndarray
+    bend: np.ndarray
+    gap_time: np.ndarray | None = None
+    gap: np.ndarray | None = None
+    residual_gap: float = 0.0
+    starts: tuple[float, ...] = ()
+
+    def gaps(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (s) and gaps (m); ValueError where there is no second finger."""
+        if self.gap is None or self.gap_time is None:
+            raise ValueError(
+                "the scene has one finger, so there is no gap to count from; kinematics.h5 has none"
+            )
+        return self.gap_time, self.gap
+
+    def gap_at(self, time: np.ndarray) -> np.ndarray:
+        """The gap (m) at other times (s)."""
+        return np.interp(time, *self.gaps())
+
+    def met(self) -> float | None:
+        """When the tips meet, s: the gap has come within `CONTACT` of the residual gap; None where it never does."""
+        _, gap = self.gaps()
+        return (
+            gap_reached(self, self.residual_gap + CONTACT)
+            if gap.min() <= self.residual_gap + CONTACT
+            else None
+        )
+
+
+def read_window(value: Any, where: str) -> Window:
+    """The window that a finding gives; ValueError names the place where it is none of the forms."""
+    table = {"bend": value} if isinstance(value, list) else value
+    if not isinstance(table, dict):
+        raise ValueError(f"{where}: window = {value!r} must be one of {FORMS}")
+    kinds = [key for key in table if key != "stroke"]
+    kind = kinds[0] if len(kinds) == 1 else ""
+    needs_stroke = kind in ("part", "after")
+    if kind not in ("bend", "gap", "contact", "part", "after") or needs_stroke != ("stroke" in table):
+        raise ValueError(f"{where}: window = {value!r} must be one of {FORMS}")
+    edges = table[kind]
+    if not isinstance(edges, list) or len(edges) != 2:
+        raise ValueError(f"{where}: window = {value!r} needs two edges")
+    a, b = (float(edge) for edge in edges)
+    if kind in ("bend", "part") and not 0 <= a < b <= 1:
+        raise ValueError(f"{where}: window = {value!r} must be two fractions of the stroke, rising, in 0…1")
+    if kind == "gap" and not a > b >= 0:
+        raise ValueError(f"{where}: window = {value!r} must be two gaps in m, falling, as the fingers close")
+    if kind in ("contact", "after") and not a < b:
+        raise ValueError(f"{where}: window = {value!r} must be two times in s, rising")
+    stroke = int(table.get("stroke", 0))
+    if stroke < 0:
+        raise ValueError(f"{where}: window = {value!r}: strokes are counted from 0")
+    return Window(kind, (a, b), stroke)
+
+
+def interval(window: Window, clock: Clock) -> tuple[float, float]:
+    """The window's first and last instant, s; ValueError where the motion has no such gap, contact or stroke."""
+    a, b = window.edges
+    if window.kind == "bend":
+        return stroke_window(clock.time, clock.bend, (a, b))
+    if window.kind == "gap":
+        return gap_reached(clock, a), gap_reached(clock, b)
+    if window.kind == "contact":
+        at = gap_reached(clock, clock.residual_gap + CONTACT)
+        return at + a, at + b
+    if window.stroke >= len(clock.starts):
+        raise ValueError(
+            f"the window names stroke {window.stroke} (from 0) and the motion has {len(clock.starts)} strokes"
+        )
+    start = clock.starts[window.stroke]
+    if window.kind == "after":
+        return start + a, start + b
+    end = (*clock.starts, np.inf)[window.stroke + 1]
+    within = (clock.time >= start) & (clock.time <= end)
+    return stroke_window(clock.time[within], clock.bend[within], (a, b))
+
+
+def gap_reached(clock: Clock, gap: float) -> float:
+    """When the gap first falls to `gap` (m), in s; ValueError where it never does, or there is no second finger."""
+    times, gaps = clock.gaps()
+    below = np.flatnonzero(gaps <= gap)
+    if below.size == 0:
+        raise ValueError(
+            f"the fingers never come within {gap * 1e3:.3g} mm of the plane between them;"
+            f" the least gap is {gaps.min() * 1e3:.3g} mm"
+        )
+    k = int(below[0])
+    if k == 0:
+        return float(times[0])
+    pair = slice(k - 1, k + 1)
+    return float(np.interp(-gap, -gaps[pair], times[pair]))

@@ -1,0 +1,124 @@
+"""Vortex tables: the dominant vortex of a tip, and two of them against each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from postprocess.evidence.check_finite import check_table
+from postprocess.evidence.stage_files import read_table
+
+COLUMNS = ("time", "track", "x", "y", "circulation", "core_radius", "finger", "side", "tip_distance")
+REACH = 2.5  # tip widths; a vortex further off is not the tip's
+RIVAL = 0.5  # of the strongest's circulation: still a candidate for the vortex that another source sees
+COMPARED = ("circulation", "x", "y", "core_radius")
+
+
+def read_vortices(path: Path) -> pd.DataFrame:
+    """vortices.csv, sorted by time; an absent side is the empty string. ValueError where a vortex has no number."""
+    table = read_table(path, COLUMNS)
+    check_table(table, ("time", *COMPARED), path)
+    return table.assign(side=table["side"].astype(object).fillna("").astype(str)).sort_values(
+        "time", ignore_index=True
+    )
+
+
+def near_tip(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> pd.DataFrame:
+    """Rows within `REACH` of one finger's tip and within a window of time (s, both ends in)."""
+    inside = table["time"].between(*window) & (table["finger"] == finger) & (table["tip_distance"] <= REACH)
+    return table[inside]
+
+
+def strengths(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> pd.Series:
+    """Mean |circulation| (m²/s) of each track near the tip over the window, strongest first.
+
+    A track counts as zero at instants where it is absent, so that a flicker cannot win.
+    """
+    near = near_tip(table, finger, window)
+    instants = table.loc[table["time"].between(*window), "time"].nunique()
+    total = near["circulation"].abs().groupby(near["track"]).sum()
+    return (total / max(instants, 1)).sort_values(ascending=False)
+
+
+def dominant_track(table: pd.DataFrame, finger: int, window: tuple[float, float], name: str) -> pd.DataFrame:
+    """All rows of the track that is strongest near the tip over the window; ValueError where there is none."""
+    ranking = strengths(table, finger, window)
+    if ranking.empty:
+        raise ValueError(
+            f"{name}: no vortex within {REACH:g} tip widths of the tip of finger {finger}"
+            f" between {window[0]:.3f} and {window[1]:.3f} s"
+        )
+    return table[table["track"] == ranking.index[0]].reset_index(drop=True)
+
+
+def counterpart(
+    table: pd.DataFrame, of: pd.DataFrame, finger: int, window: tuple[float, float]
+) -> pd.DataFrame:
+    """The track of `table` that is the same vortex as the track `of` another source.
+
+    Where several vortices of one sense share a tip, the strongest of two sources may be different ones: among those
+    at least `RIVAL` as strong as the strongest, the nearest over the window is taken.
+    """
+    ranking = strengths(table, finger, window)
+    rivals = ranking.index[ranking >= RIVAL * ranking.iloc[0]]
+    found = {name: table[table["track"] == name].reset_index(drop=True) for name in rivals}
+
+    def distance(name: int) -> float:
+        rows = pair_tracks(found[name], of)
+        rows = rows[rows["time"].between(*window)]
+        return centre_distance(rows) if len(rows) else np.inf
+
+    return found[min(rivals, key=distance)]
+
+
+def dominant_tracks(
+    tables: dict[str, pd.DataFrame], finger: int, window: tuple[float, float]
+) -> dict[str, pd.DataFrame]:
+    """The tip's vortex in each source: the dominant track of the last, and its counterpart in those before.
+
+    A source without a vortex near the tip is left out.
+    """
+    seen = {s: t for s, t in tables.items() if not strengths(t, finger, window).empty}
+    if not seen:
+        return {}
+    *others, last = seen
+    chosen = dominant_track(seen[last], finger, window, last)
+    return {s: counterpart(seen[s], chosen, finger, window) for s in others} | {last: chosen}
+
+
+def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
+    """`reference` linear in time at `other`'s instants (only where it exists), and the two side by side.
+
+    Columns: time, and each of circulation, x, y, core_radius with _reference and _other; centre_distance (m).
+    """
+    inside = other["time"].between(reference["time"].iloc[0] - 1e-9, reference["time"].iloc[-1] + 1e-9)
+    at = other[inside].reset_index(drop=True)
+    pair = pd.DataFrame({"time": at["time"]})
+    for name in COMPARED:
+        pair[f"{name}_reference"] = np.interp(at["time"], reference["time"], reference[name])
+        pair[f"{name}_other"] = at[name]
+    dx, dy = pair["x_other"] - pair["x_reference"], pair["y_other"] - pair["y_reference"]
+    return pair.assign(centre_distance=np.hypot(dx, dy))
+
+
+def within(pair: pd.DataFrame, window: tuple[float, float]) -> pd.DataFrame:
+    """Rows of a pairing inside a window; ValueError where the two vortices never exist together there."""
+    rows = pair[pair["time"].between(*window)]
+    if rows.empty:
+        raise ValueError(
+            f"the two vortices do not exist together between {window[0]:.3f} and {window[1]:.3f} s"
+        )
+    return rows
+
+
+def circulation_difference(pair: pd.DataFrame) -> float:
+    """RMS of the difference of circulation over the RMS circulation of the reference."""
+    difference = pair["circulation_other"] - pair["circulation_reference"]
+    return float(np.sqrt((difference**2).mean() / (pair["circulation_reference"] ** 2).mean()))
+
+
+def centre_distance(pair: pd.DataFrame) -> float:
+    """RMS distance of the two centres, m."""
+    return float(np.sqrt((pair["centre_distance"] ** 2).mean()))

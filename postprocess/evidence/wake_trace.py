@@ -1,0 +1,43 @@
+"""The flow along the trace of the finger: where it has passed and water is now."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.path import Path as Polygon
+
+from postprocess.evidence.fields import frame
+
+
+def inside(outline: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Mask (y, x) of the grid points within a closed outline (point, axis), m."""
+    gx, gy = np.meshgrid(x, y)
+    return Polygon(outline).contains_points(np.c_[gx.ravel(), gy.ravel()]).reshape(gx.shape)
+
+
+def trace_velocity(
+    plane: xr.Dataset, window: tuple[float, float], finger: int, since: float = 0.0
+) -> tuple[float, float]:
+    """Mean upward velocity (m/s) and share of rising points on the trace, over the instants of a window (s).
+
+    The trace is every grid point that was inside the finger at an earlier instant, from `since` (s) on, and is measured now.
+    ValueError where the plane has no outline or the trace is empty.
+    """
+    if "outline" not in plane:
+        raise ValueError("the plane series has no outline of the finger, so its trace is not known")
+    x, y, times = plane["x"].values, plane["y"].values, plane["time"].values
+    passed = np.zeros((y.size, x.size), bool)
+    total, rising, points = 0.0, 0, 0
+    for index in np.flatnonzero((times >= since) & (times <= window[1])):
+        if times[index] >= window[0]:
+            field, valid = frame(plane, int(index))
+            upward = field[1][passed & valid]
+            total, rising, points = (
+                total + upward.sum(),
+                rising + int((upward > 0).sum()),
+                points + upward.size,
+            )
+        passed |= inside(plane["outline"].values[index, finger], x, y)
+    if points == 0:
+        raise ValueError(f"the finger leaves no trace between {window[0]:.3f} and {window[1]:.3f} s")
+    return float(total / points), rising / points

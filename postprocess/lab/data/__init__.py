@@ -1,0 +1,1 @@
+"""What a laboratory gives: dpiv.toml, pictures, vectors."""

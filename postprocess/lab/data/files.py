@@ -1,0 +1,128 @@
+"""Files of one comparison, `cases/<scene>/out/<level>/lab/<name>/`: paths, and the registration on disk."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fileio.atomic import write_text
+from postprocess.evidence.stage_files import StageFiles, read_json
+from postprocess.lab.data.pose import Pose
+
+
+@dataclass(frozen=True)
+class LabFiles:
+    """Paths of a scene's comparison with one laboratory's data."""
+
+    stage: StageFiles
+    name: str
+
+    @property
+    def folder(self) -> Path:
+        """Everything of this comparison."""
+        return self.stage.out / "lab" / self.name
+
+    @property
+    def registration(self) -> Path:
+        return self.folder / "registration.json"
+
+    @property
+    def view(self) -> Path:
+        """Four numbers: what part of the tank the camera sees."""
+        return self.folder / "view.txt"
+
+    @property
+    def sheet(self) -> Path:
+        """The simulation's sheet over the camera's view."""
+        return self.folder / "sheet.h5"
+
+    def run_sheet(self, name: str) -> Path:
+        """The same of a run beside the nominal one."""
+        return self.folder / "inputs" / f"{name}.h5"
+
+    def side(self, name: str) -> Path:
+        """Plane series of one side: data, virtual or direct."""
+        return self.folder / f"{name}.h5"
+
+    @property
+    def comparison(self) -> Path:
+        return self.folder / "comparison.json"
+
+    @property
+    def motion(self) -> Path:
+        """The finger's motion as the recording shows it, for motion.source = "recording"."""
+        return self.folder / "motion.h5"
+
+
+def write_registration(registration: Registration, path: Path, **more: Any) -> None:
+    """registration.json (docs/formats.md)."""
+    whole = {"format": "registration", "format_version": 1} | asdict(registration) | more
+    write_text(path, json.dumps(whole, indent=1, default=lambda a: a.tolist()) + "\n")
+
+
+def read_registration(path: Path) -> Registration:
+    """The registration of a file; FileNotFoundError or ValueError in one sentence."""
+    if not path.exists():
+        raise FileNotFoundError(f"{path} is missing; run python -m postprocess.lab register first")
+    whole = read_json(path)
+    if whole.get("format") != "registration":
+        raise ValueError(f"{path}: format is {whole.get('format')!r}, expected 'registration'")
+    law = whole["law"]
+    return Registration(
+        _pose(whole["pose"]),
+        np.array(whole["covariance"]),
+        float(whole["edge_px"]),
+        Law(np.array(law["values"]), np.array(law["covariance"]), float(law["misfit"])),
+        np.array(whole["times"]),
+        np.array(whole["pressures"]),
+        np.array(whole["pressures_std"]),
+        _pose(whole["stated"]) if whole["stated"] else None,
+    )
+
+
+def _pose(values: dict[str, Any]) -> Pose:
+    return Pose(
+        float(values["px_per_m"]), float(values["angle"]), tuple(values["anchor"]), tuple(values["at_px"])
+    )
+
+
+LAW = ("factor", "delay", "stretch")
+
+
+@dataclass(frozen=True)
+class Law:
+    """The recording's motion in terms of the simulation's: (factor, delay s, stretch), covariance, rms misfit (Pa)."""
+
+    values: np.ndarray
+    covariance: np.ndarray
+    misfit: float
+
+    @property
+    def delay(self) -> float:
+        """Clock of the recording minus that of the simulation, s."""
+        return float(self.values[1])
+
+    def std(self, name: str) -> float:
+        """Standard uncertainty of factor, delay or stretch."""
+        return float(np.sqrt(self.covariance[LAW.index(name), LAW.index(name)]))
+
+
+@dataclass(frozen=True)
+class Registration:
+    """Pose of the tank frame in the pictures with the covariance of (x px, y px, angle, ln scale), and the motion's law.
+
+    `times` (frame,) s of the recording's clock, `pressures` and `pressures_std` (Pa): what each frame shows nearly by itself.
+    """
+
+    pose: Pose
+    covariance: np.ndarray
+    edge_px: float
+    law: Law
+    times: np.ndarray
+    pressures: np.ndarray
+    pressures_std: np.ndarray
+    stated: Pose | None

@@ -1,0 +1,107 @@
+"""A laboratory's pictures as the evaluation takes them: upright, freed of the lens, with times, scale and the finger masked."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from piv.images.calibration import Calibration, load_calibration, rectify_image
+from piv.images.open_recording import open_recording
+from piv.images.recording import Recording
+from postprocess.lab.data.dpiv_toml import NAME, Dpiv
+from postprocess.lab.data.pose import Pose
+
+GROW_PX = 2.0  # of the mask beyond the outline: particle images reach over the body's edge
+
+
+def frame_times(dpiv: Dpiv, count: int) -> np.ndarray:
+    """Times (s) of `count` pictures after the first one."""
+    if dpiv.piv.interval_s is None:
+        return np.arange(count) / dpiv.frame_rate_hz
+    return np.arange(count) // 2 / dpiv.frame_rate_hz + np.arange(count) % 2 * dpiv.piv.interval_s
+
+
+def check_rate(dpiv: Dpiv, source: Recording) -> None:
+    """ValueError where the recording states its own frame rate and dpiv.toml another one."""
+    stated = source.attrs.get("frame_rate_hz")
+    interval = dpiv.piv.interval_s or 1 / dpiv.frame_rate_hz
+    if stated and dpiv.piv.pairing == "1-2,2-3" and abs(stated * interval - 1) > 0.01:
+        raise ValueError(
+            f"{dpiv.folder / NAME}: frame_rate_hz is {dpiv.frame_rate_hz:g}, but {source.name} states {stated:g}; correct the one that is wrong"
+        )
+
+
+class LabRecording(Recording):
+    """The pictures of a dpiv.toml: mirrored where it says so, rectified where its calibration has a lens."""
+
+    def __init__(self, dpiv: Dpiv) -> None:
+        self._source = open_recording(dpiv.sources(), colour=dpiv.colour)
+        check_rate(dpiv, self._source)
+        super().__init__(self._source.name, len(self._source), None)
+        self.times = frame_times(dpiv, len(self._source))
+        self.bits = int(self._source.attrs.get("bits", 8 if self._source.frame(0).dtype == np.uint8 else 16))
+        self._mirror = dpiv.axes.x == "left"
+        name = dpiv.scale.calibration
+        self.calibration: Calibration | None = load_calibration(dpiv.folder / name) if name else None
+
+    def _read(self, i: int) -> np.ndarray:
+        image = self._source.frame(i)
+        if self.calibration is not None and self.calibration.lens is not None:
+            image = rectify_image(image, self.calibration)
+        return np.ascontiguousarray(image[:, ::-1]) if self._mirror else image
+
+    def close(self) -> None:
+        """Close the files."""
+        self._source.close()
+
+
+def stated_pose(
+    dpiv: Dpiv, recording: LabRecording, root: tuple[float, float]
+) -> tuple[Pose | None, float | None]:
+    """The pose that dpiv.toml states and the relative standard uncertainty of its scale; None where the finger gives it."""
+    if dpiv.scale.from_finger:
+        return None, None
+    assert dpiv.axes.root_px is not None
+    assert dpiv.scale.std_percent is not None
+    calibration = recording.calibration
+    mm_per_px = dpiv.scale.mm_per_px or calibration.scale_m_per_px * 1e3  # type: ignore[union-attr]
+    rows, columns = recording.shape
+    x, y = dpiv.axes.root_px
+    at = (columns - 1 - x if dpiv.axes.x == "left" else x, rows - 1 - y if dpiv.axes.y == "down" else y)
+    return Pose(
+        1e3 / mm_per_px, float(np.radians(dpiv.axes.turn_deg)), root, at
+    ), dpiv.scale.std_percent / 100
+
+
+class MaskedRecording(Recording):
+    """Some frames of a recording, on the simulation's clock, with outlines (…, point, 2) in px for each as mask."""
+
+    def __init__(
+        self,
+        source: Recording,
+        indices: np.ndarray,
+        times: np.ndarray,
+        outlines: list[np.ndarray],
+        scale: float,
+    ) -> None:
+        super().__init__(source.name, len(indices), None)
+        self._source, self._indices, self._outlines = source, indices, outlines
+        self.times = np.asarray(times, float)
+        self.attrs = {"scale_m_per_px": scale, "origin_x_px": 0.0, "origin_y_px": 0.0}
+
+    def _read(self, i: int) -> np.ndarray:
+        return self._source.frame(int(self._indices[i]))
+
+    def mask(self, i: int) -> np.ndarray:
+        """The finger of frame `i`, a little grown."""
+        return outline_mask(self._outlines[i], self.shape)
+
+
+def outline_mask(outlines_px: np.ndarray, shape: tuple[int, int], grow_px: float = GROW_PX) -> np.ndarray:
+    """True inside outlines (…, point, 2; px, y up) grown by `grow_px`, row 0 at the top."""
+    mask = np.zeros(shape, np.uint8)
+    for outline in outlines_px.reshape(-1, *outlines_px.shape[-2:]):
+        corners = np.column_stack([outline[:, 0], shape[0] - 1 - outline[:, 1]])
+        cv2.fillPoly(mask, [np.round(corners * 16).astype(np.int32)], 1, shift=4)
+    size = 2 * round(grow_px) + 1
+    return cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))).astype(bool)

@@ -1,0 +1,124 @@
+"""The tank frame as a laboratory's camera sees it: a similarity, and plane series taken through it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+import xarray as xr
+
+from fileio.formats.plane_series import make_plane
+from piv.synthetic.plane_spline import PlaneField
+from piv.synthetic.virtual_camera import finger_at
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where the tank frame (m) lies in a picture (px, x right and y up from the centre of the bottom left pixel).
+
+    picture = at_px + px_per_m R(angle) (tank - anchor); angle in rad, counter-clockwise. Vectors whose file is in
+    metres have a picture in metres: px_per_m is then close to 1.
+    """
+
+    px_per_m: float
+    angle: float
+    anchor: tuple[float, float]
+    at_px: tuple[float, float]
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """R(angle), (2, 2)."""
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        return np.array([[c, -s], [s, c]])
+
+    def to_px(self, points: np.ndarray) -> np.ndarray:
+        """Positions (…, 2) of the tank frame in the picture."""
+        return (np.asarray(points) - self.anchor) @ self.rotation.T * self.px_per_m + self.at_px
+
+    def to_tank(self, points_px: np.ndarray) -> np.ndarray:
+        """Positions (…, 2) of the picture in the tank frame; inverse of `to_px`."""
+        return (np.asarray(points_px) - self.at_px) @ self.rotation / self.px_per_m + self.anchor
+
+    def to_camera(self, points: np.ndarray) -> np.ndarray:
+        """Positions (…, 2) of the tank frame in the camera frame: the picture's axes, in true metres."""
+        return self.to_px(points) / self.px_per_m
+
+    def from_camera(self, points: np.ndarray) -> np.ndarray:
+        """Positions (…, 2) of the camera frame in the tank frame."""
+        return self.to_tank(np.asarray(points) * self.px_per_m)
+
+    def view(
+        self, first: tuple[float, float], last: tuple[float, float], margin: float
+    ) -> tuple[float, float, float, float]:
+        """x0, x1, y0, y1 (m, tank frame) around what lies between two corners of the picture (px), with a margin (m)."""
+        (left, bottom), (right, top) = first, last
+        corners = self.to_tank(np.array([[left, bottom], [right, bottom], [right, top], [left, top]], float))
+        low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+        return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+
+def camera_planes(
+    series: xr.Dataset, pose: Pose, x: np.ndarray, y: np.ndarray, times: np.ndarray
+) -> Iterator[xr.Dataset]:
+    """Planes (y, x) of a tank-frame series at `times` (s) on the axes `x`, `y` (m) of the camera frame.
+
+    Cubic in space and time (piv.synthetic.plane_spline); absent inside the finger and outside the series. The finger's variables
+    come along, turned. ValueError where a time lies outside the series.
+    """
+    field = PlaneField(series)
+    first, last = field.time[[0, -1]]
+    if np.min(times) < first - 1e-9 or np.max(times) > last + 1e-9:
+        raise ValueError(
+            f"instants {np.min(times):.4f}…{np.max(times):.4f} s lie outside the series {first:.4f}…{last:.4f} s"
+        )
+    gx, gy = np.meshgrid(x, y)
+    at = pose.from_camera(np.stack([gx, gy], axis=-1))
+    inside = (at[..., 0] >= field.x[0]) & (at[..., 0] <= field.x[-1])
+    inside &= (at[..., 1] >= field.y[0]) & (at[..., 1] <= field.y[-1])
+    for time in times:
+        values = field.sample(field.at(float(time)), at[..., 0], at[..., 1])
+        u, v, _, dwdz = values.reshape(4, *gx.shape)
+        finger = camera_finger(series, pose, float(time))
+        valid = inside.copy()
+        for outline in finger.get("outline", ()):
+            valid &= ~shapely.contains_xy(shapely.Polygon(outline), gx, gy)
+        if "outline" not in finger:
+            valid &= _near_valid(series, float(time), field, at)
+        c, s = np.cos(pose.angle), np.sin(pose.angle)
+        turned = {"u": c * u - s * v, "v": s * u + c * v}
+        turned = {name: np.where(valid, values, np.nan) for name, values in turned.items()}
+        more = {"dwdz": np.where(valid, dwdz, np.nan)} if "dwdz" in series else {}
+        yield make_plane(x, y, **turned, valid=valid, **more, **finger).assign_coords(time=float(time))
+
+
+def camera_finger(series: xr.Dataset, pose: Pose, time: float) -> dict[str, np.ndarray]:
+    """The finger's variables at one instant, in the camera frame; empty where the series has none."""
+    found = {}
+    for name in ("outline", "outline_velocity", "tip", "tip_direction", "dorsal_direction", "bend"):
+        if name in series:
+            values = finger_at(series, name, time)
+            if name in ("outline", "tip"):
+                values = pose.to_camera(values)
+            elif name != "bend":
+                values = values @ pose.rotation.T
+            found[name] = values
+    return found
+
+
+def camera_series(
+    series: xr.Dataset, pose: Pose, x: np.ndarray, y: np.ndarray, times: np.ndarray
+) -> xr.Dataset:
+    """`camera_planes` as one plane series in memory (single precision)."""
+    planes = [p.astype(np.float32) for p in camera_planes(series, pose, x, y, times)]
+    out = xr.concat(planes, "time")
+    return out.assign(valid=out["valid"].astype(np.uint8)).assign_attrs(series.attrs)
+
+
+def _near_valid(series: xr.Dataset, time: float, field: PlaneField, at: np.ndarray) -> np.ndarray:
+    """Which points lie nearest to a valid vector of the nearest instant."""
+    valid = series["valid"].isel(time=int(np.argmin(np.abs(field.time - time)))).values != 0
+    i = np.clip(np.rint((at[..., 0] - field.x[0]) / field.dx).astype(int), 0, field.x.size - 1)
+    j = np.clip(np.rint((at[..., 1] - field.y[0]) / field.dy).astype(int), 0, field.y.size - 1)
+    return valid[j, i]

@@ -1,0 +1,121 @@
+"""Exported vectors as the comparison takes them: in metres, y up, with their uncertainty; and the camera that is put before them."""
+
+from __future__ import annotations
+
+import glob
+import re
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from fileio.json_text import natural_key
+from piv.foreign.read import read_vectors
+from piv.foreign.vector_files import guess_format
+from piv.foreign.write import units_of
+from postprocess.lab.data.dpiv_toml import NAME, Dpiv, LabCamera, VectorFiles
+from postprocess.lab.data.pose import Pose
+
+
+def camera_before(data: xr.Dataset, pose: Pose, camera: LabCamera) -> tuple[Pose, np.ndarray]:
+    """Pose in px of a camera whose picture has the vectors in its middle, wherever their files count from; and the position of
+    its bottom left pixel in the vectors' frame (m)."""
+    scale = camera.mm_per_px * 1e-3
+    middle = np.array([data[axis].values[[0, -1]].mean() for axis in ("x", "y")])
+    corner = middle - 0.5 * scale * np.array([camera.columns - 1, camera.rows - 1])
+    at = (np.asarray(pose.at_px) / pose.px_per_m - corner) / scale
+    return Pose(1 / scale, pose.angle, pose.anchor, (float(at[0]), float(at[1]))), corner
+
+
+def vectors_view(dpiv: Dpiv, pose: Pose) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Lower left and upper right corner (stated m, the vectors' frame) of what the vectors, and the camera before them, see."""
+    plane = lab_vectors(dpiv)
+    step = float(plane["x"][1] - plane["x"][0])
+    low = np.array([plane["x"].values[0], plane["y"].values[0]]) - step
+    high = np.array([plane["x"].values[-1], plane["y"].values[-1]]) + step
+    if isinstance(dpiv.camera, LabCamera):
+        size = dpiv.camera.mm_per_px * 1e-3 * np.array([dpiv.camera.columns, dpiv.camera.rows])
+        low, high = np.minimum(low, 0.5 * (low + high - size)), np.maximum(high, 0.5 * (low + high + size))
+    return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
+
+
+def vector_tables(dpiv: Dpiv) -> VectorFiles:
+    """The table [vectors], which a dpiv.toml of vectors has."""
+    assert dpiv.vectors is not None  # the schema's own check
+    return dpiv.vectors
+
+
+def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
+    """Exported vectors as a plane series in stated metres, y up, with their uncertainty; times from the first instant."""
+    assert dpiv.scale.mm_per_px is not None
+    told = vector_tables(dpiv)
+    paths = sorted_paths(dpiv)
+    scale = dpiv.scale.mm_per_px * 1e-3
+    try:
+        plane = read_vectors(
+            paths, kind=told.kind, frame_rate_hz=dpiv.frame_rate_hz, keep_replaced=told.keep_replaced,
+            zero_is_absent=told.zero_is_absent, length_unit=told.length_unit, velocity_unit=told.velocity_unit,
+            y_axis=dpiv.axes.y, scale_m_per_px=scale, interval_s=told.interval_s, image_rows=told.image_rows,
+        )  # fmt: skip
+    except ValueError as error:  # piv asks by the names of its options
+        raise ValueError(re.sub(r"--([a-z-]+)", _key_of_option, str(error))) from None
+    if (told.kind or guess_format(paths[0])) in ("plane", "csv") and dpiv.axes.y == "down":
+        raise ValueError(f'{paths[0]}: in files of this kind y is up; state axes.y = "up" in dpiv.toml')
+    if "time" not in plane.dims:
+        raise ValueError(f"{paths[0]}: one instant is no motion; give the files of a series")
+    plane = in_metres(plane.load(), scale, told.interval_s, paths[0])
+    rate = 1 / float(np.mean(np.diff(plane["time"].values)))
+    if abs(rate / dpiv.frame_rate_hz - 1) > 0.01:
+        raise ValueError(
+            f"{dpiv.folder / NAME}: frame_rate_hz is {dpiv.frame_rate_hz:g}, but {paths[0]} holds {rate:.4g} fields per second;"
+            " correct the one that is wrong"
+        )
+    if dpiv.axes.x == "left":
+        mirrored = -plane["u"].values[..., ::-1]
+        plane = plane.isel(x=slice(None, None, -1)).assign_coords(x=-plane["x"].values[::-1])
+        plane = plane.assign(u=(plane["u"].dims, mirrored))
+    if "u_std" not in plane:
+        if told.std_px is None:
+            raise ValueError(
+                f"{paths[0]}: the vectors carry no uncertainty; give vectors.std_px in dpiv.toml, the standard uncertainty of a"
+                " displacement in px"
+            )
+        std = np.full(plane["u"].shape, told.std_px * scale / told.interval_s)
+        plane = plane.assign(u_std=(plane["u"].dims, std), v_std=(plane["u"].dims, std))
+    return plane.assign_coords(time=plane["time"].values - float(plane["time"][0]))
+
+
+def in_metres(plane: xr.Dataset, scale: float, interval: float, path: Path) -> xr.Dataset:
+    """A plane series of this project in SI: one that `piv correlate` wrote without a calibration is in px per frame."""
+    length, velocity = units_of(plane)
+    if (length, velocity) == ("m", "m/s"):
+        return plane
+    per = {("px", "px"): interval, ("px", "px/frame"): interval, ("px", "px/s"): 1.0}.get((length, velocity))
+    if per is None:
+        raise ValueError(
+            f"{path}: in {length} and {velocity}; vectors of this kind are in m and m/s or in px"
+        )
+    out = plane.assign({n: plane[n] * (scale / per) for n in ("u", "v", "u_std", "v_std") if n in plane})
+    return out.assign_coords(x=plane["x"] * scale, y=plane["y"] * scale)
+
+
+def _key_of_option(option: re.Match[str]) -> str:
+    """The key of dpiv.toml that an option of `piv convert` is."""
+    name = option.group(1).replace("-", "_")
+    keys = {
+        "y_axis": "axes.y",
+        "frame_rate": "frame_rate_hz",
+        "from": "vectors.kind",
+        "interval": "vectors.interval_s",
+    }
+    return keys.get(name, f"vectors.{name}")
+
+
+def sorted_paths(dpiv: Dpiv) -> list[Path]:
+    """Vector files of a dpiv.toml; FileNotFoundError where a pattern matches none."""
+    names = dpiv.sources()
+    patterns = [names] if isinstance(names, str) else names
+    found = [Path(p) for pattern in patterns for p in glob.glob(pattern)]
+    if not found:
+        raise FileNotFoundError(f"{patterns[0]}: no file matches; check files in dpiv.toml")
+    return sorted(found, key=natural_key)

@@ -1,0 +1,1 @@
+"""Comparison error against uncertainty, and the verdict."""

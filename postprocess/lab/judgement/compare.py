@@ -1,0 +1,246 @@
+"""The step `compare`: both sides evaluated alike and every quantity judged; comparison.json and tables."""
+
+from __future__ import annotations
+
+import json
+import platform
+from importlib.metadata import version
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+
+from fileio.atomic import write_text
+from fileio.formats.kinematics import Family, read_family
+from fileio.formats.plane_series import read_plane
+from fileio.provenance import settings_in, sha256
+from piv.vortices.find import VortexSettings
+from postprocess.evidence.stage_files import read_json
+from postprocess.evidence.strokes import MIDDLE, stroke_window
+from postprocess.lab.data.dpiv_toml import NAME, Dpiv
+from postprocess.lab.data.files import LabFiles, Registration, read_registration
+from postprocess.lab.data.inputs_toml import Inputs, read_inputs, run_folder
+from postprocess.lab.data.pose import camera_series
+from postprocess.lab.judgement import validation as budget
+from postprocess.lab.judgement.field_uncertainty import field_comparison
+from postprocess.lab.judgement.inputs_of_budget import Case, Effect
+from postprocess.lab.judgement.measures import measure
+from postprocess.lab.judgement.motion import motion_quantities
+from postprocess.lab.judgement.tables import quantity_table, series_table, write_fields
+from postprocess.lab.judgement.uncertainty_sources import common_rows, effect_of, flow_quantities, tables
+from postprocess.lab.judgement.validation import FieldComparison, Quantity, Source
+from postprocess.lab.registration.step import fea_band, registration_summary
+from postprocess.lab.virtual.common_grid import Sides, simulation_sides
+
+
+def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]:
+    """What each run beside the nominal one changes; runs that were not made are left out."""
+    pose = case.registration.pose
+    x, y, times = (case.direct[name].values for name in ("x", "y", "time"))
+    nominal = measure(case.direct, pose, case.vortices, case.window, "direct")
+    found = []
+    for one in inputs.all:
+        sheet_path = files.run_sheet(one.name)
+        if not sheet_path.exists():
+            continue
+        with read_plane(sheet_path) as sheet:
+            plane = camera_series(sheet.load(), pose, x, y, times)
+        run = read_family(run_folder(files.stage, one.name) / "out" / files.stage.level / "kinematics.h5")
+        found.append(effect_of(one, plane, run, case, nominal))
+    return found
+
+
+def run_comparison(
+    files: LabFiles, dpiv: Dpiv, *, seed: int = 1, threads: int = 1, quiet: bool = True
+) -> dict[str, Any]:
+    """Evaluate both sides alike, compare, and write comparison.json, comparison.csv, series.csv and fields.h5."""
+    family = read_family(files.stage.required("kinematics.h5", "kinematics"))
+    inputs = read_inputs(files.stage.case / "reference" / "inputs.toml")
+    registration = read_registration(files.registration)
+    sides = simulation_sides(files, dpiv, family, registration, seed=seed, threads=threads, quiet=quiet)
+    case = make_case(files, dpiv, family, registration, sides, inputs)
+    result, series, field = compare(case, inputs)
+    result |= {
+        "scene": files.stage.scene,
+        "level": files.stage.level,
+        "data": dpiv.title,
+        "name": dpiv.name,
+        "kind": dpiv.kind,
+        "finger_geometry": dpiv.finger_geometry,
+        "missing_runs": [n for n in inputs.names if n not in {e.name for e in case.effects}],
+        "appearance": sides.appearance,
+        "provenance": _provenance(files, dpiv, seed),
+    }
+    write_text(files.comparison, json.dumps(result, indent=1, default=_plain) + "\n")
+    write_text(files.folder / "comparison.csv", quantity_table(result).to_csv(index=False))
+    write_text(files.folder / "series.csv", series.to_csv(index=False))
+    write_fields(files.folder / "fields.h5", case, field, result["rows"], sides.picture)
+    return result
+
+
+def make_case(
+    files: LabFiles, dpiv: Dpiv, family: Family, registration: Registration, sides: Sides, inputs: Inputs
+) -> Case:
+    """The case that budgets are made of, with the effects of the runs."""
+    settings = read_json(files.stage.required("settings/vortices.json", "settings"))
+    times = sides.direct["time"].values
+    window = stroke_window(times, sides.direct["bend"].values[:, 0].astype(float), MIDDLE)
+    geometry, bend_std = fea_band(files, dpiv)
+    px = 1 / registration.pose.px_per_m  # m; of vectors the picture's unit is the stated metre
+    if dpiv.kind == "vectors":
+        px *= (dpiv.scale.mm_per_px or 0.0) * 1e-3
+    window_m = dpiv.piv.window * px
+    case = Case(
+        family,
+        registration,
+        sides.data,
+        sides.virtual,
+        sides.direct,
+        window,
+        VortexSettings(**settings),
+        window_m,
+        geometry,
+        bend_std,
+        fresh_pairs=dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4",
+        measured_motion=moved_as_recorded(files, dpiv),
+    )
+    case.effects.extend(effects_of_runs(files, inputs, case))
+    return case
+
+
+def moved_as_recorded(files: LabFiles, dpiv: Dpiv) -> bool:
+    """Whether the simulation is driven by the motion of this very recording: its bend is then no test of the simulation."""
+    path = files.stage.required("kinematics.h5", "kinematics")
+    with h5py.File(path, "r") as file:
+        motion = settings_in(file, path)["motion"]
+    if motion["source"] != "recording":
+        return False
+    with h5py.File(files.stage.case / motion["recording"], "r") as file:
+        return str(file.attrs["dpiv_sha256"]) == sha256(dpiv.folder / NAME)
+
+
+def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, FieldComparison]:
+    """Verdicts, series over time, and the field."""
+    found = tables(case)
+    rows = common_rows(found, case.window)
+    seen = case.registration.times.size > 0 and not case.measured_motion  # what was put in is no test
+    quantities = motion_quantities(case) if seen else []
+    quantities += flow_quantities(case, found, rows)
+    field = field_comparison(case, rows)
+    joint = budget.joint_level(len(quantities) + 1)
+    judged = [_judged(q, inputs.too_uncertain, joint) for q in quantities]
+    judged.append(_judged_field(field, case, rows, inputs.too_uncertain, joint))
+    wrong = [q["name"] for q in judged if q["joint_verdict"] == budget.ERROR]
+    unsaid = [q["name"] for q in judged if q["verdict"] == budget.UNCERTAIN]
+    verdict = budget.ERROR if wrong else budget.AGREES if len(unsaid) < len(judged) / 2 else budget.UNCERTAIN
+    registration = case.registration
+    result = {
+        "format": "lab-comparison",
+        "format_version": 1,
+        "verdict": verdict,
+        "wrong": wrong,
+        "window_s": case.window,
+        "instants": int(rows.sum()),
+        "measured_motion": case.measured_motion,
+        "rows": np.flatnonzero(rows),
+        "quantities": judged,
+        "registration": registration_summary(registration, case.family),
+    }
+    return result, series_table(case, found), field
+
+
+def _judged(q: Quantity, too_uncertain: float, joint: float) -> dict[str, Any]:
+    return {
+        "name": q.name,
+        "label": q.label,
+        "unit": q.unit,
+        "simulation": q.simulation,
+        "direct": q.direct,
+        "data": q.data,
+        "error": q.error,
+        "measurement_part": q.measurement_part,
+        "explained_by_motion": q.explained,
+        "scale": q.scale,
+        "u_val": q.u_val,
+        "u_instant": q.instant,
+        "k": budget.coverage_factor(q.error.size),
+        **{symbol: q.u_kind(kind) for kind, symbol in budget.KINDS.items()},
+        "significance": q.significance(),
+        "verdict": q.verdict(too_uncertain),
+        "joint_verdict": q.verdict(too_uncertain, joint),
+        "dominant": q.dominant.name,
+        "sources": [_told(s) for s in q.sources],
+    }
+
+
+def _told(source: Source) -> dict[str, Any]:
+    return {"name": source.name, "kind": source.kind, "std": source.std, "how": source.how}
+
+
+def _judged_field(
+    field: FieldComparison, case: Case, rows: np.ndarray, too_uncertain: float, joint: float
+) -> dict[str, Any]:
+    parts = field.parts()
+    rms = field.rms()
+
+    def size(plane):
+        return float(np.sqrt(np.nanmean(plane["u"].values[rows] ** 2 + plane["v"].values[rows] ** 2)))
+
+    sides = {"data": case.data, "direct": case.direct}
+    sides["simulation"] = case.direct if case.virtual is None else case.virtual
+    values = {name: np.array([size(plane)]) for name, plane in sides.items()}
+    kinds = {
+        kind: np.array([np.sqrt(sum(v**2 for k, v in parts.values() if k == kind))]) for kind in budget.KINDS
+    }
+    direct = np.stack([case.direct["u"].values, case.direct["v"].values], 1)[rows]
+    measured = np.stack([case.data["u"].values, case.data["v"].values], 1)[rows]
+    allowed = {level: field.allowed_rms(level) for level in (budget.LEVEL, joint)}
+
+    def word(level: float) -> str:
+        if rms > allowed[level]:
+            return budget.ERROR
+        return budget.UNCERTAIN if allowed[level] > too_uncertain * values["data"][0] else budget.AGREES
+
+    u_val = np.array([np.sqrt(sum(v**2 for _, v in parts.values()))])
+    return {
+        "name": "velocity_field",
+        "label": "velocity field (RMS of the difference)",
+        "unit": "m/s",
+        **values,
+        "error": np.array([rms]),
+        "direct_error": float(np.sqrt(np.nanmean(np.sum((direct - measured) ** 2, axis=1)))),
+        "measurement_part": None,
+        "explained_by_motion": None,
+        "scale": values["data"][0],
+        "u_val": u_val,
+        "k": allowed[budget.LEVEL] / float(u_val[0]),
+        **{symbol: kinds[kind] for kind, symbol in budget.KINDS.items()},
+        "significance": rms / float(u_val[0]),
+        "verdict": word(budget.LEVEL),
+        "joint_verdict": word(joint),
+        "dominant": max(parts, key=lambda n: parts[n][1]),
+        "sources": [
+            {"name": n, "kind": k, "std": np.array([v]), "how": "RMS over the field"}
+            for n, (k, v) in parts.items()
+        ],
+        "model_error_rms": float(np.sqrt(max(rms**2 - float(u_val[0]) ** 2, 0.0))),
+    }
+
+
+def _provenance(files: LabFiles, dpiv: Dpiv, seed: int) -> dict[str, Any]:
+    run = read_json(files.stage.required("run/run.json", "run"))
+    names = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
+    return {
+        "versions": {"python": platform.python_version()}
+        | {n: version(n) for n in names}
+        | run.get("versions", {}),
+        "scene_hash": str(run.get("scene_hash", "")),
+        "dpiv_sha256": sha256(dpiv.folder / NAME),
+        "seed": seed,
+        "settings": {"dpiv": dpiv.model_dump(mode="json", exclude={"folder"})},
+    }
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else str(value)

@@ -1,0 +1,64 @@
+"""The velocity field's difference and what moves it: runs, bands of the FEA, registration, the vectors' own errors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postprocess.lab.judgement.inputs_of_budget import Case
+from postprocess.lab.judgement.validation import FieldComparison
+
+
+def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
+    """The velocity field over the chosen instants: E of every vector and what moves it."""
+    velocity = {
+        name: np.stack([p["u"].values, p["v"].values], axis=1)[rows].astype(float)
+        for name, p in (("data", case.data), ("virtual", case.virtual), ("direct", case.direct))
+        if p is not None
+    }
+    simulation = velocity.get("virtual", velocity["direct"])
+    error = simulation - velocity["data"]
+    error = np.where(np.isfinite(error).all(axis=1, keepdims=True), error, np.nan)
+    direct = velocity["direct"]
+    modes: dict[str, tuple[str, np.ndarray]] = {}
+    for effect in case.effects:
+        modes[effect.name] = (effect.kind, effect.field[rows] * effect.per_std)
+    pressure = case.effect("pressure")
+    if case.geometry and pressure is not None:
+        modes["geometry and material"] = (
+            "input",
+            pressure.field[rows] * case.bend_std / abs(pressure.bend),
+        )
+    modes |= registration_modes(case, rows, direct)
+    noise2 = np.zeros_like(error)
+    for plane in (case.data, case.virtual):
+        if plane is not None:
+            noise2 += (
+                np.stack([plane["u_std"].values, plane["v_std"].values], axis=1)[rows].astype(float) ** 2
+            )
+    return FieldComparison(error, modes, np.sqrt(noise2))
+
+
+def registration_modes(case: Case, rows: np.ndarray, direct: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
+    """What one standard deviation of each independent error of pose and time does to the field (time, 2, y, x)."""
+    registration = case.registration
+    x, y, times = (case.direct[name].values.astype(float) for name in ("x", "y", "time"))
+    whole = np.stack([case.direct["u"].values, case.direct["v"].values], axis=1).astype(float)
+    along_y, along_x = np.gradient(direct, y, axis=2), np.gradient(direct, x, axis=3)
+    rate = np.gradient(whole, times, axis=0)[rows]
+    gx, gy = np.meshgrid(x, y)
+    anchor = registration.pose.to_camera(np.asarray(registration.pose.anchor))
+    px = registration.pose.px_per_m
+    arm_x, arm_y = gx - anchor[0], gy - anchor[1]
+    ux, uy = direct[:, 0], direct[:, 1]
+    basis = [
+        along_x / px,
+        along_y / px,
+        -arm_y * along_x + arm_x * along_y - np.stack([-uy, ux], axis=1),
+        arm_x * along_x + arm_y * along_y - direct,
+    ]
+    size, vectors = np.linalg.eigh(registration.covariance)
+    modes: dict[str, tuple[str, np.ndarray]] = {}
+    for k in range(4):
+        field_of = sum(vectors[i, k] * basis[i] for i in range(4)) * np.sqrt(max(size[k], 0.0))
+        modes[f"pose {k + 1}"] = ("data", field_of)
+    return modes | {"time": ("data", rate * registration.law.std("delay"))}

@@ -1,0 +1,54 @@
+"""What a comparison's budgets are made of: the sides, their motions, and what each run beside the nominal one changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from fileio.formats.kinematics import Family
+from piv.vortices.find import VortexSettings
+from postprocess.lab.data.files import Registration
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What one run beside the nominal one changes: means of `measures` over the window, the field (time, 2, y, x; of all
+    instants), final bend (rad) and duration (s).
+
+    `per_std`: its part that counts as one standard uncertainty (of the step for inputs, of the difference for numerics).
+    """
+
+    name: str
+    kind: str
+    how: str
+    per_std: float
+    change: pd.Series
+    field: np.ndarray
+    bend: float
+    duration: float
+
+
+@dataclass(frozen=True)
+class Case:
+    """All that the budgets are made of: series of the sides, the window (s), motions and the effects of the runs."""
+
+    family: Family
+    registration: Registration
+    data: xr.Dataset
+    virtual: xr.Dataset | None
+    direct: xr.Dataset
+    window: tuple[float, float]
+    vortices: VortexSettings
+    window_m: float
+    geometry: bool  # whether the FEA's bands count
+    bend_std: float  # rad, of the FEA at the end of the stroke
+    effects: list[Effect] = field(default_factory=list)
+    fresh_pairs: bool = False  # whether every pair of the virtual experiment has particles of its own
+    measured_motion: bool = False  # whether the simulation is driven by this recording's own motion
+
+    def effect(self, name: str) -> Effect | None:
+        """The effect of one run; None where it was not made."""
+        return next((e for e in self.effects if e.name == name), None)

@@ -1,0 +1,133 @@
+"""What is compared: tip vortex, jet and velocity field of a plane series, over time, and how far vector errors move them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy.ndimage import gaussian_filter
+
+from piv.vortices.find import VortexSettings, find_vortices
+from piv.vortices.table import tabulate_vortices
+from postprocess.evidence import tip_vortex as tracks
+from postprocess.evidence.fields import frame
+from postprocess.lab.data.pose import Pose
+
+COLUMNS = ("circulation", "x", "y", "core_radius", "jet_speed")
+JET_REACH = 1.5  # tip widths around the tip
+JET_PERCENTILE = 90.0  # higher ones hang on single vectors beside the moving body
+BOX = 3.5  # core radii around the vortex in which it is fitted again
+REPLICAS = 6
+
+
+def measure(
+    plane: xr.Dataset, pose: Pose, settings: VortexSettings, window: tuple[float, float], name: str
+) -> pd.DataFrame:
+    """Tip vortex (centre in the tank frame) and jet at every instant of a plane series in the camera frame.
+
+    The series must carry the finger's tip. ValueError where no vortex is near it within the window (s).
+    """
+    table = tabulate_vortices(plane, settings)
+    table = table.assign(side=table["side"].astype(object).fillna("").astype(str))
+    table = table.assign(finger=table["finger"].astype("float").fillna(-1).astype(int))
+    track = tracks.dominant_track(table, 0, window, name).set_index("time")
+    times = plane["time"].values
+    out = pd.DataFrame({"time": times})
+    for column in ("circulation", "core_radius"):
+        out[column] = track[column].reindex(times).to_numpy(float)
+    centre = pose.from_camera(
+        np.column_stack([track["x"].reindex(times), track["y"].reindex(times)]).astype(float)
+    )
+    out["x"], out["y"] = centre.T
+    out["jet_speed"] = [jet_speed(plane, k) for k in range(times.size)]
+    return out
+
+
+def jet_speed(plane: xr.Dataset, index: int) -> float:
+    """90th percentile of the speed within 1.5 tip widths of a tip at one instant, m/s; NaN without a vector there."""
+    (u, v), valid = frame(plane, index)
+    gx, gy = np.meshgrid(plane["x"].values, plane["y"].values)
+    near = np.zeros(valid.shape, bool)
+    for tip in plane["tip"].values[index]:
+        near |= np.hypot(gx - tip[0], gy - tip[1]) < JET_REACH * float(plane.attrs["tip_width"])
+    speed = np.hypot(u, v)[near & valid]
+    return float(np.percentile(speed, JET_PERCENTILE)) if speed.size else float("nan")
+
+
+def scatter(
+    plane: xr.Dataset,
+    table: pd.DataFrame,
+    rows: np.ndarray,
+    pose: Pose,
+    settings: VortexSettings,
+    window_m: float,
+    seed: int = 1,
+) -> dict[str, float]:
+    """Standard uncertainty of each quantity at one instant from the vectors' own (`u_std`, `v_std`), by Monte Carlo.
+
+    Errors of vectors nearer than a window (`window_m`, m) are alike: they are drawn smooth over it. The vortex is fitted again
+    around its place; RMS over the instants `rows`.
+    """
+    if "u_std" not in plane:
+        raise ValueError("the vectors carry no uncertainty (u_std, v_std); give vectors.std_px in dpiv.toml")
+    rng = np.random.default_rng(seed)
+    x, _y = plane["x"].values, plane["y"].values
+    smooth = (window_m / 4) / (x[1] - x[0])
+    moved: dict[str, list[float]] = {name: [] for name in COLUMNS}
+    for k in rows:
+        row = table.iloc[k]
+        at = pose.to_camera(np.array([row["x"], row["y"]]))
+        reach = BOX * row["core_radius"] + 2 * (x[1] - x[0])
+        now = plane[["u", "v", "valid", "u_std", "v_std"]].isel(time=k, drop=True)
+        box = now.sel(x=slice(at[0] - reach, at[0] + reach), y=slice(at[1] - reach, at[1] + reach))
+        found = []
+        for replica in range(REPLICAS + 1):
+            vortex = _nearest(
+                box if replica == 0 else _shaken(box, smooth, rng), settings, at, row["circulation"]
+            )
+            if vortex is not None:
+                found.append([vortex.circulation, vortex.x, vortex.y, vortex.core_radius])
+        if len(found) > 2:
+            spread = np.std(found[1:], axis=0, ddof=1)
+            for name, value in zip(COLUMNS[:4], spread, strict=True):
+                moved[name].append(float(value))
+        moved["jet_speed"].append(_jet_scatter(plane.isel(time=[k]), smooth, rng))
+    if not moved["circulation"]:
+        raise ValueError(
+            "the tip vortex cannot be fitted again with the vectors' uncertainty; is it too large?"
+        )
+    return {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in moved.items()}
+
+
+def _jet_scatter(plane: xr.Dataset, smooth: float, rng: np.random.Generator) -> float:
+    """Standard deviation of the jet speed of a series of one instant under the vectors' uncertainty."""
+    reach = 1.2 * JET_REACH * float(plane.attrs["tip_width"])
+    tips = plane["tip"].values[0]
+    (x0, y0), (x1, y1) = tips.min(axis=0) - reach, tips.max(axis=0) + reach
+    box = plane.sel(x=slice(x0, x1), y=slice(y0, y1))
+    speeds = [jet_speed(_shaken(box, smooth, rng), 0) for _ in range(REPLICAS)]
+    return float(np.std(speeds, ddof=1))
+
+
+def _shaken(box: xr.Dataset, smooth: float, rng: np.random.Generator) -> xr.Dataset:
+    out = box.copy()
+    *lead, rows, columns = box["u"].shape
+    for name in ("u", "v"):
+        noise = gaussian_filter(rng.standard_normal((rows, columns)), smooth, mode="reflect")
+        size = np.sqrt(np.sum(gaussian_filter(_impulse((rows, columns)), smooth) ** 2))
+        std = np.nan_to_num(box[f"{name}_std"].values)
+        out[name] = box[name] + std * (noise / max(size, 1e-12)).reshape(*[1] * len(lead), rows, columns)
+    return out
+
+
+def _impulse(shape: tuple[int, ...]) -> np.ndarray:
+    out = np.zeros(shape)
+    out[shape[0] // 2, shape[1] // 2] = 1.0
+    return out
+
+
+def _nearest(box: xr.Dataset, settings: VortexSettings, at: np.ndarray, like: float):
+    if min(box.sizes["x"], box.sizes["y"]) < 4:
+        return None
+    found = [v for v in find_vortices(box, settings) if v.circulation * like > 0]
+    return min(found, key=lambda v: np.hypot(v.x - at[0], v.y - at[1])) if found else None

@@ -1,0 +1,78 @@
+"""The finger's own motion as quantities: final bend angle and duration of the stroke, simulated and recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fileio.formats.kinematics import Family
+from postprocess.lab.judgement.inputs_of_budget import Case
+from postprocess.lab.judgement.validation import Quantity, Source
+from postprocess.lab.registration.register import fit_law
+
+PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
+
+
+def motion_values(case: Case) -> tuple[tuple[float, float], tuple[float, float]]:
+    """(simulation, recording) of the final bend angle (rad) and of the stroke's duration (s)."""
+    factor, _, stretch = case.registration.law.values
+    length = stroke_duration(case.family)
+    return (final_bend(case.family, 1.0), final_bend(case.family, factor)), (length, length * float(stretch))
+
+
+def final_bend(family: Family, factor: float) -> float:
+    """Bend angle (rad) at the end of the simulation's law, its change multiplied by a factor."""
+    start, end = (float(family.law(t)) for t in family.time)
+    return float(family.shape("bend", start + factor * (end - start)))
+
+
+def motion_of_run(nominal: Family, run: Family) -> tuple[float, float]:
+    """Final bend (rad) and duration (s) by which a run's motion differs from the nominal one, in terms of its law."""
+    times = np.linspace(*nominal.time, 201)
+    values, _, _ = fit_law(nominal, times, run.law(times), np.array([1.0, 0.0, 1.0]))
+    return (
+        final_bend(nominal, float(values[0])) - final_bend(nominal, 1.0),
+        stroke_duration(nominal) * (float(values[2]) - 1),
+    )
+
+
+def stroke_duration(family: Family) -> float:
+    """Time (s) from 5 to 95 % of the simulation's change of bend."""
+    times = np.linspace(*family.time, 801)
+    bend = family.bend(family.law(times))
+    done = np.maximum.accumulate(np.abs(bend - bend[0])) / np.abs(bend - bend[0]).max()
+    first, last = (float(times[np.argmax(done >= part)]) for part in PARTS)
+    return last - first
+
+
+def motion_quantities(case: Case) -> list[Quantity]:
+    """Final bend angle and duration of the stroke: does the simulation's finger move as the recording's?"""
+    registration, family = case.registration, case.family
+    bend, length = motion_values(case)
+    law = registration.law
+    slope = (final_bend(family, law.values[0] + 0.01) - bend[1]) / 0.01
+    seen = abs(slope) * law.std("factor")
+    sources = {
+        "final_bend": [Source("silhouette", "data", np.array([seen]), "posterior of the registration")],
+        "duration": [
+            Source(
+                "silhouette",
+                "data",
+                np.array([length[0] * law.std("stretch")]),
+                "posterior of the registration",
+            )
+        ],
+    }
+    for effect in (e for e in case.effects if e.kind == "input"):
+        for key, change in (("final_bend", effect.bend), ("duration", effect.duration)):
+            sources[key].append(
+                Source(effect.name, "input", np.array([abs(change) * effect.per_std]), effect.how)
+            )
+    if case.geometry:
+        sources["final_bend"].append(
+            Source("geometry and material", "input", np.array([case.bend_std]), "FEA's band")
+        )
+    one = lambda v: np.array([v])  # noqa: E731
+    return [
+        Quantity("final_bend", "bend angle at the end", "rad", one(bend[0]), one(bend[0]), one(bend[1]), abs(bend[1]), sources["final_bend"]),
+        Quantity("duration", "duration of the stroke", "s", one(length[0]), one(length[0]), one(length[1]), length[1], sources["duration"]),
+    ]  # fmt: skip

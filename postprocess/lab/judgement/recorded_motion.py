@@ -1,0 +1,111 @@
+"""The simulation driven by the recording's own motion: motion.h5 and the scene `measured/` that reads it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from fileio.atomic import write_text
+from fileio.formats.kinematics import read_family
+from fileio.provenance import sha256
+from postprocess.evidence.stage_files import scene_title
+from postprocess.lab.data.dpiv_toml import NAME, Dpiv
+from postprocess.lab.data.files import LabFiles, read_registration
+from postprocess.lab.data.inputs_toml import read_inputs
+from postprocess.lab.data.pictures import LabRecording
+from postprocess.lab.registration.fit_outline import prepare
+from postprocess.lab.registration.profile import fit_profile, motion_dataset, strip_at_rest, write_motion
+from postprocess.lab.registration.register import LEARN_FROM, MAX_FRAMES, hidden_part
+from postprocess.lab.registration.silhouette import learn
+
+SCENE = """# Written by postprocess.lab: the scene driven by the motion that the recording {name} shows.
+extends = "../../../../.."
+title = "{title}"
+
+[motion]
+source = "recording"
+recording = "../motion.h5"
+strokes = []
+"""
+INPUTS = """# Written by postprocess.lab: what is not known of a motion that was measured, and the numerics of the nominal scene.
+format = "inputs"
+format_version = 1
+too_uncertain = {too_uncertain!r}
+
+[[input]]
+name = "pressure"
+key = "motion.recording_factor"
+step = 0.02
+limit = {limit!r}
+reason = "Uncertainty of the bending as the silhouette shows it, √3 standard deviations."
+{numerics}"""
+
+
+def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
+    """Measure the lower layer in every frame that is used, write motion.h5 and the scene; returns the scene's folder."""
+    if dpiv.kind != "pictures":
+        raise ValueError(
+            f"{dpiv.folder / NAME}: vectors do not show the finger; its motion can be measured from pictures only"
+        )
+    family = read_family(files.stage.required("kinematics.h5", "kinematics"))
+    registration = read_registration(files.registration)
+    law, pose = registration.law, registration.pose
+    strip = strip_at_rest(family)
+    recording = LabRecording(dpiv)
+    try:
+        assert recording.times is not None
+        at = recording.times - law.delay
+        inside = np.flatnonzero((at >= family.time[0] - 0.02) & (at <= family.time[1]))
+        chosen = inside[
+            np.unique(np.linspace(0, inside.size - 1, min(MAX_FRAMES, inside.size)).round().astype(int))
+        ]
+        images = [recording.frame(int(i)) for i in chosen]
+    finally:
+        recording.close()
+    hidden = dpiv.root_hidden_mm * 1e-3
+    blind = hidden_part(pose, family, hidden, images[0].shape) if hidden else None
+    frames = prepare(images, at[chosen], learn(images[:: max(1, len(images) // LEARN_FROM)]), blind)
+    start = float(family.law(family.time[0]))
+    guesses = np.interp(frames.times, registration.times - law.delay, registration.pressures)
+    shapes = np.array(
+        [
+            fit_profile(
+                integral,
+                frames.mean,
+                strip,
+                pose,
+                registration.edge_px,
+                float(family.shape("bend", p)),
+                frames.independent,
+            )
+            for integral, p in zip(frames.integrals, np.where(frames.times <= 0, start, guesses), strict=True)
+        ]
+    )
+    dataset = motion_dataset(
+        family, strip, frames.times, shapes, family.time[1], recording=dpiv.title, dpiv_sha256=sha256(dpiv.folder / NAME),
+        registration=json.dumps({"delay": law.delay, "px_per_m": pose.px_per_m, "angle": pose.angle}),
+    )  # fmt: skip
+    write_motion(dataset, files.motion)
+    return _write_scene(files, dpiv, float(registration.law.std("factor")))
+
+
+def _write_scene(files: LabFiles, dpiv: Dpiv, factor_std: float) -> Path:
+    folder = files.folder / "measured"
+    inputs = read_inputs(files.stage.case / "reference" / "inputs.toml")
+    numerics = "".join(
+        f'\n[[numerics]]\nname = "{n.name}"\nratio = {n.ratio!r}\norder = {n.order!r}\nsafety = {n.safety!r}\n'
+        for n in inputs.numerics
+    )
+    title = f"{scene_title(files.stage.case)}, moved as in the recording {dpiv.name}"
+    write_text(folder / "scene.toml", SCENE.format(name=dpiv.name, title=title))
+    limit = round(3**0.5 * factor_std, 6)
+    write_text(
+        folder / "reference" / "inputs.toml",
+        INPUTS.format(too_uncertain=inputs.too_uncertain, limit=limit, numerics=numerics),
+    )
+    findings = files.stage.findings
+    if findings.exists():
+        write_text(folder / "reference" / "findings.toml", findings.read_text(encoding="utf-8"))
+    return folder

@@ -1,0 +1,71 @@
+"""What a comparison leaves for others: comparison.csv (a paper's table), series.csv, fields.h5."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from fileio.hdf5_disk import whole_hdf5
+from postprocess.lab.judgement.uncertainty_sources import Case
+from postprocess.lab.judgement.validation import FieldComparison
+
+
+def series_table(case: Case, found: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """Every quantity of every side over time (s of the simulation), with the bend angles."""
+    out = pd.DataFrame({"time": case.direct["time"].values})
+    out["bend_deg_direct"] = np.degrees(case.direct["bend"].values[:, 0])
+    out["bend_deg_data"] = np.degrees(case.data["bend"].values[:, 0])
+    for name, table in found.items():
+        for column in table.columns.drop("time"):
+            out[f"{column}_{name}"] = table[column].to_numpy()
+    return out
+
+
+def quantity_table(result: dict[str, Any]) -> pd.DataFrame:
+    """One row per quantity and component, for a paper's table: S, D, E, u's and the verdict, SI."""
+    rows = []
+    for q in result["quantities"]:
+        for k, axis in enumerate(("x", "y") if len(q["error"]) == 2 else ("",)):
+            rows.append(
+                {
+                    "quantity": q["name"],
+                    "component": axis,
+                    "unit": q["unit"],
+                    **{
+                        name: q[name][k]
+                        for name in (
+                            "simulation",
+                            "direct",
+                            "data",
+                            "error",
+                            "u_num",
+                            "u_input",
+                            "u_D",
+                            "u_val",
+                        )
+                    },
+                    "k": q["k"],
+                    "verdict": q["verdict"],
+                    "dominant_source": q["dominant"],
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def write_fields(
+    path: Path, case: Case, field: FieldComparison, rows: np.ndarray, picture: np.ndarray | None
+) -> None:
+    with whole_hdf5(path) as file:
+        file.attrs.update(format="lab-fields", format_version=1)
+        for name in ("x", "y"):
+            file[name] = case.direct[name].values
+        file["time"] = case.direct["time"].values[rows]
+        file["error"] = field.error.astype(np.float32)
+        file["significance"] = field.significance().astype(np.float32)
+        file["u_val"] = field.u_val().astype(np.float32)
+        if picture is not None:
+            file.create_dataset("picture", data=picture, compression="gzip")
+            file["picture"].attrs["time"] = float(case.direct["time"].values[case.direct.sizes["time"] // 2])

@@ -1,0 +1,247 @@
+"""The flow's quantities with their sources of uncertainty: from runs, from vectors' errors, from the registration."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from fileio.formats.kinematics import Family
+from postprocess.lab.data.inputs_toml import Input, Numerics
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.judgement.inputs_of_budget import Case, Effect
+from postprocess.lab.judgement.measures import measure, scatter
+from postprocess.lab.judgement.motion import motion_of_run, motion_values
+from postprocess.lab.judgement.validation import Quantity, Source
+
+VORTEX = {  # quantity: columns, unit, label
+    "circulation": (("circulation",), "m²/s", "circulation of the tip vortex"),
+    "centre": (("x", "y"), "m", "centre of the tip vortex"),
+    "core_radius": (("core_radius",), "m", "core radius of the tip vortex"),
+    "jet_speed": (("jet_speed",), "m/s", "jet speed at the tip"),
+}
+RANDOM = ("vectors", "virtual vectors", "scatter")  # sources that a mean over instants makes smaller
+SWIRL = 0.638  # largest speed of a Lamb-Oseen vortex over circulation/(2π core radius)
+
+
+def tables(case: Case) -> dict[str, pd.DataFrame]:
+    """`measure` of every side."""
+    pose = case.registration.pose
+    sides = {"data": case.data, "virtual": case.virtual, "direct": case.direct}
+    return {
+        name: measure(p, pose, case.vortices, case.window, name) for name, p in sides.items() if p is not None
+    }
+
+
+def common_rows(found: dict[str, pd.DataFrame], window: tuple[float, float]) -> np.ndarray:
+    """Instants of the window at which every side has its vortex (instant,) bool; ValueError where there are fewer than three."""
+    first = next(iter(found.values()))
+    ok = first["time"].between(*window).to_numpy()
+    for table in found.values():
+        ok = ok & np.isfinite(table["circulation"].to_numpy())
+    if ok.sum() < 3:
+        raise ValueError(
+            f"the tip vortex exists on all sides at only {ok.sum()} instants between {window[0]:.3f} and {window[1]:.3f} s;"
+            " three are needed"
+        )
+    return ok
+
+
+def effect_of(
+    one: Input | Numerics, plane: xr.Dataset, run: Family, case: Case, nominal: pd.DataFrame
+) -> Effect:
+    """The effect of a run: its `plane` against the nominal `case.direct` (measured: `nominal`), its motion against the family's."""
+    table = measure(plane, case.registration.pose, case.vortices, case.window, one.name)
+    rows = common_rows({"nominal": nominal, one.name: table}, case.window)
+    if isinstance(one, Input):
+        kind, per_std, how = "input", one.std / abs(one.step), f"run with {one.key} {one.step:+g}"
+    else:
+        kind, per_std = "numerical", one.per_difference
+        how = f"run finer by {one.ratio:g}, grid-convergence index"
+    change = means(table, rows) - means(nominal, rows)
+    field = np.stack([plane[n].values - case.direct[n].values for n in ("u", "v")], axis=1).astype(float)
+    return Effect(one.name, kind, how, float(per_std), change, field, *motion_of_run(case.family, run))
+
+
+def means(table: pd.DataFrame, rows: np.ndarray) -> pd.Series:
+    """Means over the chosen instants."""
+    return table.loc[rows].drop(columns="time").mean()
+
+
+def numerical_and_input(effects: list[Effect], columns: tuple[str, ...]) -> list[Source]:
+    """Sources that runs beside the nominal one measured."""
+    found = []
+    for effect in effects:
+        change = effect.change[list(columns)].to_numpy(float)
+        found.append(Source(effect.name, effect.kind, np.abs(change) * effect.per_std, effect.how))
+    return found
+
+
+def flow_quantities(case: Case, found: dict[str, pd.DataFrame], rows: np.ndarray) -> list[Quantity]:
+    """Circulation, centre, core radius and jet speed with all their sources."""
+    base = {name: means(table, rows) for name, table in found.items()}
+    simulated = "virtual" if "virtual" in found else "direct"
+    own = {
+        name: scatter(
+            getattr(case, name),
+            found[name],
+            np.flatnonzero(rows),
+            case.registration.pose,
+            case.vortices,
+            case.window_m,
+        )
+        for name in ("data", "virtual")
+        if name in found
+    }
+    out = []
+    for name, (columns, unit, label) in VORTEX.items():
+        take = lambda s, columns=columns: np.array([float(s[c]) for c in columns])  # noqa: E731
+        rates = np.array([_mean_rate(found["direct"], c, rows) for c in columns])
+        error = (found[simulated] - found["data"]).loc[rows, list(columns)].to_numpy(float)
+        random, instant = vector_sources(
+            case, base["data"], rows, error, {n: take(s) for n, s in own.items()}
+        )
+        sources = [*numerical_and_input(case.effects, columns), *geometry_sources(case, columns), *random]
+        sources += registration_sources(case, name, take(base["data"]), rates)
+        out.append(
+            Quantity(
+                name,
+                label,
+                unit,
+                take(base[simulated]),
+                take(base["direct"]),
+                take(base["data"]),
+                _scale(name, base["data"], case.family),
+                sources,
+                explained_by_motion(case, columns),
+                at_instant(sources, instant),
+            )
+        )
+    return out
+
+
+def vector_sources(
+    case: Case, data: pd.Series, rows: np.ndarray, error: np.ndarray, own: dict[str, np.ndarray]
+) -> tuple[list[Source], dict[str, np.ndarray]]:
+    """Random sources of a mean over the instants `rows`, and each side's scatter at one instant.
+
+    `own`: scatter of one instant by the vectors' own uncertainty, (component,) of data and virtual experiment; `data`: means of the
+    data, which say how fast particles leave a window; `error` (instant, component).
+    """
+    times = case.direct["time"].values[rows]
+    swirl = SWIRL * abs(data["circulation"]) / (2 * np.pi * data["core_radius"])
+    alike = independent_instants(times, swirl, case.window_m)
+    count = {"data": alike, "virtual": float(times.size) if case.fresh_pairs else alike}
+    names = {"data": RANDOM[0], "virtual": RANDOM[1]}
+    of = {"data": "", "virtual": " of the virtual experiment"}
+    sources = []
+    for side, std in own.items():
+        told = f"Monte Carlo over the vectors' uncertainty{of[side]}; {count[side]:.1f} of {times.size} instants count as independent"
+        sources.append(Source(names[side], "data", std / np.sqrt(count[side]), told))
+    excess = excess_scatter(times, error, np.sum([std**2 for std in own.values()], axis=0))
+    told = "scatter of E from instant to instant beyond the vectors' uncertainty"
+    sources.append(Source("scatter", "data", excess / np.sqrt(times.size), told))
+    simulation = own.get("virtual", np.zeros_like(excess))
+    return sources, {"data": np.hypot(own["data"], excess), "simulation": simulation}
+
+
+def excess_scatter(times: np.ndarray, error: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    """What E (instant, component) scatters about a straight line over the instants (s) beyond a `variance` (component,), as a standard
+    deviation of one instant: outliers beside the body, a percentile of few vectors, and whatever else no vector's uncertainty knows.
+    """
+    basis = np.column_stack([np.ones_like(times), times - times.mean()])
+    if times.size <= basis.shape[1]:
+        return np.zeros(error.shape[1])
+    rest = error - basis @ np.linalg.lstsq(basis, error, rcond=None)[0]
+    seen = np.sum(rest**2, axis=0) / (times.size - basis.shape[1])
+    return np.sqrt(np.maximum(seen - variance, 0.0))
+
+
+def at_instant(sources: list[Source], scatter: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Standard uncertainty of `data` and `simulation` at one instant: the `scatter` of each, and the sources that are not random."""
+    other = {side: np.zeros_like(std) for side, std in scatter.items()}
+    for source in sources:
+        if source.name not in RANDOM:
+            other["data" if source.kind == "data" else "simulation"] += source.std**2
+    return {side: np.sqrt(std**2 + other[side]) for side, std in scatter.items()}
+
+
+def independent_instants(times: np.ndarray, speed: float, window_m: float) -> float:
+    """How many of the instants (s) count as independent in a mean: a window's error lasts until its particles have left it.
+
+    Errors at two instants correlate by the share of a window (m) that a particle at `speed` (m/s) has not yet crossed.
+    """
+    apart = np.abs(times[:, None] - times[None, :])
+    return float(times.size**2 / np.sum(np.clip(1 - speed * apart / window_m, 0.0, 1.0)))
+
+
+def _scale(name: str, data: pd.Series, family: Family) -> float:
+    return family.tip_width if name == "centre" else float(abs(data[VORTEX[name][0][0]]))
+
+
+def _mean_rate(table: pd.DataFrame, column: str, rows: np.ndarray) -> float:
+    """Mean rate of change over the window, 1/s times the unit."""
+    chosen = table.loc[rows]
+    return float(np.polyfit(chosen["time"], chosen[column], 1)[0])
+
+
+def registration_sources(case: Case, name: str, value: np.ndarray, rate: np.ndarray) -> list[Source]:
+    """What pose and time, each as uncertain as it was found, do to a quantity of the data."""
+    registration = case.registration
+    std = np.sqrt(np.diag(registration.covariance))
+    sources = [
+        Source("time", "data", np.abs(rate) * registration.law.std("delay"), "fit of the finger's motion")
+    ]
+    power = {"circulation": 2.0, "core_radius": 1.0, "jet_speed": 1.0}  # of the scale in each
+    if name in power:
+        scale = np.abs(value) * power[name] * std[3]
+        sources.append(Source("scale", "data", scale, "posterior of the registration"))
+    else:
+        jacobian = place_jacobian(registration.pose, value)
+        spread = np.sqrt(np.diag(jacobian @ registration.covariance @ jacobian.T))
+        sources.append(Source("pose", "data", spread, "posterior of the registration"))
+    return sources
+
+
+def place_jacobian(pose: Pose, place: np.ndarray) -> np.ndarray:
+    """How a place (m, tank frame) found in a picture moves with (x px, y px, angle, ln scale) of the pose, (2, 4).
+
+    x_tank = R⁻¹ (px − at)/k + anchor. The signs matter: errors of shift, turn and scale come together, since the finger's tip
+    is seen as well as its root.
+    """
+    arm = np.asarray(place) - np.asarray(pose.anchor)
+    shift = -pose.rotation.T / pose.px_per_m
+    return np.column_stack([shift, [arm[1], -arm[0]], -arm])
+
+
+def geometry_sources(case: Case, columns: tuple[str, ...]) -> list[Source]:
+    """The FEA's band of the bend angle as the pressure that would bend as much (scaled from the pressure's run)."""
+    effect = case.effect("pressure")
+    if not case.geometry or effect is None:
+        return []
+    change = effect.change[list(columns)].to_numpy(float)
+    per_bend = case.bend_std / abs(effect.bend)
+    return [
+        Source(
+            "geometry and material",
+            "input",
+            np.abs(change) * per_bend,
+            "FEA's band, scaled from the run of the pressure",
+        )
+    ]
+
+
+def explained_by_motion(case: Case, columns: tuple[str, ...]) -> np.ndarray | None:
+    """Part of E that follows from the recording's finger moving otherwise: its bend and duration times the runs' effects."""
+    pressure, duration = case.effect("pressure"), case.effect("duration")
+    if pressure is None or duration is None:
+        return None
+    bend, length = motion_values(case)
+    total = np.zeros(len(columns))
+    for effect, (simulated, seen), own in (
+        (pressure, bend, pressure.bend),
+        (duration, length, duration.duration),
+    ):
+        change = effect.change[list(columns)].to_numpy(float)
+        total += change * (simulated - seen) / own if abs(own) > 1e-12 else 0.0
+    return total

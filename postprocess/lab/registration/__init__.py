@@ -1,0 +1,1 @@
+"""The laboratory's finger found in its pictures."""

@@ -1,0 +1,163 @@
+"""Fitting the finger's outline to many frames at once: one pose, one law of motion, and how far each frame is off that law.
+
+The likelihood of `silhouette` is sampled (adaptive Metropolis for pose and law together, one Metropolis step per frame for its
+deviation). The mean of the samples is the estimate: an edge lies, on average, not at the first particle that it meets but
+half-way to where it could be; and their scatter is the uncertainty. Pose, clock and bend are not told apart by one frame but by
+all: fitting the law to the frames' silhouettes themselves uses every particle near an edge, where a law fitted afterwards to
+one bend per frame uses a mean over each frame's.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from fileio.formats.kinematics import Family
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.registration.outline_sampler import sample
+from postprocess.lab.registration.silhouette import FINE_PX, Evidence, integral_image
+
+TABLE = 241  # shapes in the table that outlines are interpolated from
+REACH = 0.15  # of the family's range: how far a recording may bend beyond the simulation
+LAW_POINTS = 2001  # of the law's own table
+COLD = 0.05  # share of the evidence at the beginning: the landscape has a bump per particle, so the chain is cooled into it
+POSE = ("at_x_px", "at_y_px", "angle", "log_scale", "edge_px")
+EDGE_STD = 1.5  # px, prior: takes in blur and the mould's tolerance
+LAW_STD = 0.3  # prior of factor and stretch about 1: weak, for recordings that show only a part of the motion
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Pictures ready to be fitted: `integral_image` of their evidence (frame, row, column), less its `mean`, and their times (s)."""
+
+    integrals: np.ndarray
+    mean: float
+    times: np.ndarray
+    independent: float  # share of the frames that bring news: particles at rest stay where they are
+
+
+@dataclass(frozen=True)
+class OutlineFit:
+    """Samples of the pose (sample, 5 of `POSE`), of the law (sample, 3: factor, delay s, stretch) and of each frame's pressure
+    (sample, frame; Pa), and the pose that the first belong to."""
+
+    first: Pose
+    pose: np.ndarray
+    law: np.ndarray
+    parameter: np.ndarray
+    times: np.ndarray
+    accepted: float
+
+    def mean_pose(self) -> Pose:
+        """The pose in the middle of the samples."""
+        return moved(self.first, self.pose.mean(axis=0))
+
+
+def moved(pose: Pose, change: np.ndarray) -> Pose:
+    """A pose changed by (px, px, rad, ln of px_per_m, …)."""
+    at = (pose.at_px[0] + float(change[0]), pose.at_px[1] + float(change[1]))
+    return Pose(pose.px_per_m * float(np.exp(change[3])), pose.angle + float(change[2]), pose.anchor, at)
+
+
+def prepare(
+    images: list[np.ndarray],
+    times: np.ndarray,
+    evidence: Evidence,
+    blind: np.ndarray | None = None,
+    blur_px: float = FINE_PX,
+) -> Frames:
+    """Evidence of frames (row 0 at the top) taken at `times` (s); `blind` (rows, columns): pixels that tell nothing."""
+    found = [evidence.image(image, blur_px) for image in images]
+    if blind is not None:
+        found = [np.where(blind, np.float32(0), f) for f in found]
+    near = [np.corrcoef(a.ravel()[::3], b.ravel()[::3])[0, 1] for a, b in itertools.pairwise(found)]
+    common = float(np.clip(np.mean(near), 0, 0.99)) if near else 0.0
+    mean = float(np.mean([f.mean() for f in found]))
+    integrals = np.stack([integral_image(f, mean).astype(np.float32) for f in found])
+    return Frames(integrals, mean, np.asarray(times, float), (1 - common) / (1 + common))
+
+
+def outline_table(family: Family) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pressures (n,), outlines (n, point, 2) in m and outward unit normals of their points."""
+    reach = REACH * (family.high - family.low)
+    pressures = np.linspace(family.low - reach, family.high + reach, TABLE)
+    outlines = np.array([family.shape("outline", p) for p in pressures])
+    along = np.roll(outlines, -1, axis=1) - np.roll(outlines, 1, axis=1)
+    normals = np.stack([along[..., 1], -along[..., 0]], axis=-1)
+    return pressures, outlines, normals / np.hypot(normals[..., 0], normals[..., 1])[..., None]
+
+
+def settled(rounds: list[tuple[np.ndarray, np.ndarray]]) -> bool:
+    """Whether the last two rounds of samples (sample, parameter) agree: their means are no further apart than their scatter."""
+    if len(rounds) < 2:
+        return False
+    early, late = rounds[-2][0], rounds[-1][0]
+    scatter = np.sqrt(0.5 * (early.var(axis=0) + late.var(axis=0)))
+    return bool(np.all(np.abs(early.mean(axis=0) - late.mean(axis=0)) <= scatter))
+
+
+def fit_outline(
+    frames: Frames,
+    family: Family,
+    first: Pose,
+    law: np.ndarray,
+    *,
+    deviation: np.ndarray,
+    scale_std: float | None,
+    stated_delay: tuple[float, float] | None = None,
+    edge_px: float = 0.0,
+    pose_std: np.ndarray | None = None,
+    seed: int = 1,
+    burn: int,
+    keep: int,
+    rounds: int = 1,
+) -> OutlineFit:
+    """Fit pose, law and pressures from a first guess of pose and law (factor, delay s, stretch).
+
+    `deviation` (frame,) Pa: standard size of what a frame may be off the law. `scale_std`: relative standard uncertainty of the
+    first pose's scale, a prior; None where nothing is known of it. `stated_delay`: value and standard uncertainty (s), likewise.
+    `pose_std` (5 of `POSE`): standard uncertainty of the first pose and edge where they are known, in place of `scale_std`.
+    `burn`, `keep`: sweeps of the sampler to be dropped and kept, in at most so many `rounds`, until it has settled.
+    ValueError where the recording's finger bends further than the simulation's shapes reach.
+    """
+    table, outlines, normals = outline_table(family)
+    step = table[1] - table[0]
+    clock = np.linspace(*family.time, LAW_POINTS)
+    history = (family.law(clock) - table[0]) / step
+    length_px = family.length * first.px_per_m
+    # first steps: half a pixel along the finger; half a millisecond
+    spread = np.array([0.5, 0.5, 0.5 / length_px, 0.5 / length_px, 0.3, 3e-3, 5e-4, 3e-3])
+    mean, weight = np.zeros(8), np.zeros(8)
+    mean[4], weight[4] = -edge_px, EDGE_STD**-2
+    mean[[5, 7]], weight[[5, 7]] = 1.0 - law[[0, 2]], LAW_STD**-2
+    if scale_std is not None:
+        weight[3] = scale_std**-2
+    if stated_delay is not None:
+        mean[6], weight[6] = stated_delay[0] - law[1], max(stated_delay[1], 1e-5) ** -2
+    if pose_std is not None:
+        mean[:5], weight[:5] = 0.0, pose_std**-2.0
+    start = np.array([*first.at_px, first.angle, first.px_per_m, edge_px, *law])
+    apart, rng = np.asarray(deviation, float) / step, np.random.default_rng(seed)
+    change, off, steps, cold = np.zeros(8), np.zeros(frames.times.size), np.diag(spread**2), COLD
+    done: list[tuple[np.ndarray, np.ndarray]] = []
+    while len(done) < rounds and not settled(done):
+        found, places, change, off, accepted = sample(
+            frames.integrals, frames.mean, outlines, normals, start, change, off, np.asarray(first.anchor), frames.times, history,
+            clock[0], clock[1] - clock[0], steps, 0.02 * spread, mean, weight, apart, frames.independent, cold, burn, keep, rng,
+        )  # fmt: skip
+        done.append((found, places))
+        steps, cold, burn = np.cov(found.T) + np.diag((0.02 * spread) ** 2), 1.0, max(burn // 4, 200)
+    # where it would not settle, the drift of the last rounds is part of the uncertainty
+    found, places = (np.concatenate(parts) for parts in zip(*done[-2:], strict=True))
+    middle = places.mean(axis=0)
+    if middle.min() < 1 or middle.max() > TABLE - 2:
+        raise ValueError(
+            f"the recording's finger bends further than the simulation's by more than {REACH:.0%}; give the simulation the"
+            " recording's pressure (motion.strokes in scene.toml)"
+        )
+    pose = found[:, :5] + [0.0, 0.0, 0.0, 0.0, edge_px]
+    return OutlineFit(
+        first, pose, found[:, 5:] + law, table[0] + step * places, frames.times, float(accepted)
+    )

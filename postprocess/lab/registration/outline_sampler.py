@@ -1,0 +1,144 @@
+"""The sampler of `fit_outline`, compiled: how well an outline fits a frame, and Metropolis steps of pose, law and bends."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from postprocess.lab.registration.silhouette import left_of
+
+STEP, TAKEN, TAKEN_ALONE = (
+    0.6,
+    0.25,
+    0.4,
+)  # first size of a joint step; shares of steps taken that are aimed at
+
+
+@numba.njit(cache=True)
+def frame_score(integral, mean, outlines, normals, at, angle, px_per_m, anchor, edge, place):
+    """Evidence inside the outline at `place` (index into the table, fractional) in one frame; `edge` (px) grows it.
+
+    `integral` and `mean` as of `silhouette.integral_image`.
+    """
+    c, s = np.cos(angle), np.sin(angle)
+    t = min(max(int(place), 0), outlines.shape[0] - 2)
+    w = place - t
+    n = outlines.shape[1]
+    total = 0.0
+    px = py = 0.0
+    for k in range(n + 1):
+        m = k if k < n else 0
+        x = (1 - w) * outlines[t, m, 0] + w * outlines[t + 1, m, 0] - anchor[0]
+        y = (1 - w) * outlines[t, m, 1] + w * outlines[t + 1, m, 1] - anchor[1]
+        nx, ny = normals[t, m, 0], normals[t, m, 1]
+        qx = at[0] + px_per_m * (c * x - s * y) + edge * (c * nx - s * ny)
+        qy = at[1] + px_per_m * (s * x + c * y) + edge * (s * nx + c * ny)
+        if k > 0:
+            total += left_of(integral, mean, px, py, qx, qy)
+        px, py = qx, qy
+    return total
+
+
+@numba.njit(cache=True)
+def all_scores(integrals, mean, outlines, normals, at, angle, px_per_m, anchor, edge, places):
+    """`frame_score` of every frame, (frame,)."""
+    out = np.empty(places.size)
+    for f in range(places.size):
+        out[f] = frame_score(
+            integrals[f], mean, outlines, normals, at, angle, px_per_m, anchor, edge, places[f]
+        )
+    return out
+
+
+@numba.njit(cache=True)
+def law_places(times, values, law, begin, step):
+    """Places in the table at `times` (s): start + factor (law((t - delay)/stretch) - start); `law` at `begin` + k `step` (s)."""
+    out = np.empty(times.size)
+    for f in range(times.size):
+        at = ((times[f] - values[1]) / values[2] - begin) / step
+        at = min(max(at, 0.0), law.size - 1.0)
+        k = min(int(at), law.size - 2)
+        out[f] = law[0] + values[0] * ((1 - at + k) * law[k] + (at - k) * law[k + 1] - law[0])
+    return out
+
+
+@numba.njit(cache=True)
+def sample(
+    integrals, mean_evidence, outlines, normals, first, change, off, anchor, times, law, begin, step, second, least, mean_prior,
+    weight_prior, apart, temper, cold, burn, keep, rng,
+):  # fmt: skip
+    """Samples of (x, y, angle, ln scale, edge, factor, delay, stretch), as changes of `first`, and of the places (sample, frame).
+
+    `first` (8,): at_x, at_y, angle, px_per_m, edge, factor, delay, stretch. A place is that of the law plus a deviation of
+    standard size `apart` (frame,). The chain begins at `change` (8,) and deviations `off` (frame,), which it moves on, with steps
+    of covariance `second` (8, 8), later its own and `least` (8,). Priors of the changes: `mean_prior`, `weight_prior` (one over
+    their variance). `cold`: share of the evidence that counts at the beginning.
+    """
+    frames, size = times.size, change.size
+    largest = outlines.shape[0] - 1.0
+    at = np.array([first[0] + change[0], first[1] + change[1]])
+    places = law_places(times, first[5:] + change[5:], law, begin, step) + off
+    scores = all_scores(
+        integrals, mean_evidence, outlines, normals, at, first[2] + change[2], first[3] * np.exp(change[3]), anchor,
+        first[4] + change[4], places,
+    )  # fmt: skip
+    out, out_places = np.empty((keep, size)), np.empty((keep, frames))
+    mean, second = change.copy(), second.copy()
+    factor = np.linalg.cholesky(second)
+    alone = np.minimum(apart, 0.3)
+    joint, taken = STEP, 0
+    for sweep in range(burn + keep):
+        heat = temper * min(1.0, cold + (1 - cold) * sweep / (0.5 * burn))
+        new = change + joint * factor @ rng.standard_normal(size)
+        new_law = first[5:] + new[5:]
+        accept = new_law[0] > 0.05 and new_law[2] > 0.05
+        if accept:
+            new_places = law_places(times, new_law, law, begin, step) + off
+            accept = new_places.min() >= 0 and new_places.max() <= largest
+        if accept:
+            at = np.array([first[0] + new[0], first[1] + new[1]])
+            scale = first[3] * np.exp(new[3])
+            tried = all_scores(
+                integrals,
+                mean_evidence,
+                outlines,
+                normals,
+                at,
+                first[2] + new[2],
+                scale,
+                anchor,
+                first[4] + new[4],
+                new_places,
+            )
+            gain = heat * (tried.sum() - scores.sum())
+            gain -= 0.5 * np.sum(weight_prior * ((new - mean_prior) ** 2 - (change - mean_prior) ** 2))
+            accept = np.log(rng.random()) < gain
+            if accept:
+                change, scores, places = new, tried, new_places
+        at = np.array([first[0] + change[0], first[1] + change[1]])
+        scale = first[3] * np.exp(change[3])
+        for f in range(frames):
+            move = alone[f] * rng.standard_normal()
+            if places[f] + move < 0 or places[f] + move > largest:
+                continue
+            s = frame_score(
+                integrals[f], mean_evidence, outlines, normals, at, first[2] + change[2], scale, anchor, first[4] + change[4], places[f] + move
+            )  # fmt: skip
+            gain = heat * (s - scores[f]) - 0.5 * ((off[f] + move) ** 2 - off[f] ** 2) / apart[f] ** 2
+            better = np.log(rng.random()) < gain
+            if better:
+                places[f], off[f], scores[f] = places[f] + move, off[f] + move, s
+            if sweep < burn:
+                alone[f] *= np.exp(0.05 * ((1.0 if better else 0.0) - TAKEN_ALONE))
+        if sweep < burn:
+            joint *= np.exp(0.02 * ((1.0 if accept else 0.0) - TAKEN))
+            share = max(1.0 / (sweep + 20), 0.004)
+            away = change - mean
+            mean += share * away
+            second = (1 - share) * second + share * np.outer(away, away)
+            if sweep % 100 == 99:
+                factor[:] = np.linalg.cholesky(second + np.diag(least**2))
+        else:
+            taken += accept
+            out[sweep - burn], out_places[sweep - burn] = change, places
+    return out, out_places, change, off, taken / keep

@@ -1,0 +1,173 @@
+"""The lower-layer profile over time as the silhouette shows it: curvature fitted frame by frame, and the circle's R(t).
+
+The finger is a strip of its thickness at rest whose lower layer turns by θ(s) = a₁σ + a₂(σ² − σ) + a₃(2σ³ − 3σ² + σ), σ = s/L, and is L = L₀(1 + a₄)
+long: a₁ is the bend angle, a₂ and a₃ say how unevenly it is spread. Nothing of the finite-element analysis enters but the shape at rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import LSQUnivariateSpline
+from scipy.optimize import minimize
+
+from fileio.formats.kinematics import Family, counter_clockwise
+from fileio.hdf5 import whole_netcdf
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.registration.silhouette import inside_sum
+
+POINTS = 141  # of a profile
+STATES = 15
+KNOTS_PER_S = 40.0  # of the spline over time: 25 ms, a sixteenth of a stroke
+# rad, and a part: uneven bending and stretch are weakly expected to be small, so that a gap between particles bends no finger;
+# the FEA's lower layer shortens by 2.4 % at 20 kPa
+UNEVEN_STD, STRETCH_STD = 0.15, 0.03
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Outline points of the finger at rest: along the lower layer `s` (m) and `height` above it, and how the finger hangs.
+
+    `ventral_root` (m, tank frame), `along` (unit vector from root to tip), `dorsal` (unit vector).
+    """
+
+    s: np.ndarray
+    height: np.ndarray
+    length: float
+    thickness: float
+    ventral_root: np.ndarray
+    along: np.ndarray
+    dorsal: np.ndarray
+
+
+def strip_at_rest(family: Family) -> Strip:
+    """The strip that the family's shape at the start of the motion is. ValueError where that is not straight."""
+    pressure = float(family.law(family.time[0]))
+    if abs(float(family.shape("bend", pressure))) > 0.05:
+        raise ValueError(
+            "the simulation's finger is bent at the start of its motion; the lower layer can be measured only where it starts straight"
+        )
+    outline = family.shape("outline", pressure)
+    dorsal, along = family.shape("dorsal_direction", pressure), family.shape("tip_direction", pressure)
+    s, height = (outline - family.root) @ along, (outline - family.root) @ dorsal
+    thickness = float(np.ptp(height))
+    root = np.asarray(family.root) + height.min() * dorsal
+    return Strip(s, height - height.min(), family.length, thickness, root, along, dorsal)
+
+
+def turn(sigma: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """θ at fractions of the length, rad."""
+    return a[0] * sigma + a[1] * (sigma**2 - sigma) + a[2] * (2 * sigma**3 - 3 * sigma**2 + sigma)
+
+
+def profile(strip: Strip, a: np.ndarray, points: int = POINTS) -> np.ndarray:
+    """Lower layer (point, 2) in the actuator frame: x along the finger at rest, y to the ventral side, m."""
+    sigma = np.linspace(0, 1, points)
+    middle = turn(0.5 * (sigma[1:] + sigma[:-1]), a)
+    pieces = strip.length * (1 + a[3]) / (points - 1) * np.column_stack([np.cos(middle), np.sin(middle)])
+    return np.vstack([[0.0, 0.0], np.cumsum(pieces, axis=0)])
+
+
+def bent_outline(strip: Strip, a: np.ndarray) -> np.ndarray:
+    """Outline (point, 2) in the tank frame."""
+    line, sigma = profile(strip, a), np.linspace(0, 1, POINTS)
+    at = np.clip(strip.s / strip.length, 0, 1)
+    angle = turn(at, a)
+    x = np.interp(at, sigma, line[:, 0]) + strip.height * np.sin(angle)
+    y = np.interp(at, sigma, line[:, 1]) - strip.height * np.cos(angle)
+    return strip.ventral_root + x[:, None] * strip.along - y[:, None] * strip.dorsal
+
+
+def fit_profile(
+    integral: np.ndarray,
+    mean: float,
+    strip: Strip,
+    pose: Pose,
+    edge_px: float,
+    first_bend: float,
+    weight: float,
+) -> np.ndarray:
+    """a₁ … a₄ of one frame (`integral_image` of its evidence less `mean`). `weight`: share of the evidence that is independent."""
+
+    expected = np.array([UNEVEN_STD, UNEVEN_STD, STRETCH_STD])
+
+    def loss(a: np.ndarray) -> float:
+        outline = counter_clockwise(pose.to_px(bent_outline(strip, a)))
+        step = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
+        normal = np.column_stack([step[:, 1], -step[:, 0]])
+        normal /= np.maximum(np.hypot(*normal.T), 1e-12)[:, None]
+        uneven = 0.5 * np.sum((a[1:] / expected) ** 2)
+        return uneven - weight * inside_sum(integral, np.ascontiguousarray(outline + edge_px * normal), mean)
+
+    a = np.array([first_bend, 0.0, 0.0, 0.0])
+    for size in (0.06, 0.02):
+        simplex = np.vstack([a, a + size * np.diag([1.0, 1.0, 1.0, 0.2])])
+        a = minimize(
+            loss, a, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-3}
+        ).x
+    return a
+
+
+def circle(line: np.ndarray) -> tuple[float, float]:
+    """Radius (m, positive towards the ventral side, infinite where straight) and rms residual of the least-squares circle."""
+    x, y = line.T
+    if np.ptp(y) < 1e-6 * np.ptp(x):
+        return float("inf"), float(np.std(y))
+    solution, *_ = np.linalg.lstsq(np.column_stack([x, y, np.ones_like(x)]), x**2 + y**2, rcond=None)
+    cx, cy = solution[:2] / 2
+    radius = float(np.sqrt(solution[2] + cx**2 + cy**2))
+    if radius > 1e3 * np.ptp(x):
+        return float("inf"), float(np.std(y))
+    return float(np.sign(cy) * radius), float(np.std(np.hypot(x - cx, y - cy)))
+
+
+def smooth_history(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Cubic least-squares spline (C2) with knots every 25 ms through noisy values."""
+    inner = np.arange(times[0], times[-1], 1 / KNOTS_PER_S)[1:]
+    while inner.size and times.size < inner.size + 8:
+        inner = inner[::2]
+    return LSQUnivariateSpline(times, values, inner[(inner > times[2]) & (inner < times[-3])], k=3)(at)
+
+
+def motion_dataset(
+    family: Family, strip: Strip, times: np.ndarray, shapes: np.ndarray, end_time: float, **attrs: object
+) -> xr.Dataset:
+    """motion.h5 (docs/formats.md) from a₁ … a₄ (frame, 4) at `times` (s of the simulation's clock)."""
+    order = np.argsort(times)
+    times, shapes = times[order], shapes[order]
+    at = np.linspace(max(times[0], 0.0), min(times[-1], end_time), 121)
+    bend = smooth_history(times, shapes[:, 0], at)
+    pressure = family.pressure_of_bend(bend)
+    spread = np.polynomial.polynomial.polyfit(shapes[:, 0], shapes[:, 1:], 2)
+    low, high = float(pressure.min()), float(pressure.max())
+    margin = 0.03 * (high - low) + 1.0
+    states = np.linspace(low - margin, high + margin, STATES)
+    bends = family.bend(states)
+    uneven = np.polynomial.polynomial.polyval(
+        np.clip(bends, shapes[:, 0].min(), shapes[:, 0].max()), spread
+    ).T
+    lines = np.array([profile(strip, np.array([b, *a])) for b, a in zip(bends, uneven, strict=True)])
+    seen = np.array([circle(profile(strip, a)) for a in shapes])
+    return xr.Dataset(
+        {
+            "pressure": ("time", pressure, {"units": "Pa"}),
+            "bend": ("time", bend, {"units": "rad"}),
+            "state_pressure": ("state", states, {"units": "Pa"}),
+            "profile_x": (("state", "point"), lines[..., 0], {"units": "m"}),
+            "profile_y": (("state", "point"), lines[..., 1], {"units": "m"}),
+            "thickness": (("state", "point"), np.full(lines.shape[:2], strip.thickness), {"units": "m"}),
+            "seen_bend": ("seen", shapes[:, 0], {"units": "rad"}),
+            "seen_radius": ("seen", seen[:, 0], {"units": "m"}),
+            "seen_residual": ("seen", seen[:, 1], {"units": "m"}),
+        },
+        coords={"time": ("time", at, {"units": "s"}), "seen": ("seen", times, {"units": "s"})},
+        attrs={"format": "recorded-motion", "format_version": 1, **attrs},
+    )
+
+
+def write_motion(dataset: xr.Dataset, path: Path) -> None:
+    """Write whole or not at all."""
+    whole_netcdf(dataset, path)

@@ -1,0 +1,266 @@
+"""Where the laboratory's finger is in its pictures and when it moves, against the simulation's: pose, time, motion.
+
+Space: one pose for all frames, with the stated scale as a prior. Time: the law of the simulation,
+start + a (p((t - delay)/d) - start); a and d say how far and how fast the recording's finger moves beside the simulation's.
+Both are fitted together to all silhouettes (`fit_outline`), first roughly, each frame nearly free to be off the law; then with
+the frames as far off it as the first fit found them. What each frame shows by itself is fitted last, at the pose so found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+from fileio.formats.kinematics import Family, counter_clockwise
+from piv.images.masks import dark_body
+from piv.images.recording import Recording
+from postprocess.lab.data.files import Law, Registration
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.registration.fit_outline import Frames, OutlineFit, fit_outline, outline_table, prepare
+from postprocess.lab.registration.outline_sampler import all_scores
+from postprocess.lab.registration.silhouette import ROUGH_PX, Evidence, inside_sum, learn
+
+MAX_FRAMES = 60
+LEARN_FROM = 4
+REST = 0.003  # of the range of pressure: nearer to its start the finger is at rest
+REST_STD = 0.002  # of the range: how well the shape at rest is that of the simulation, at most
+FREE, TIED = (
+    0.05,
+    0.001,
+)  # of the range: how far a frame may be off the law in the rough fit; at least, in the final one
+# m from the root, away from the tip: where water must be seen, by the fitted and by the stated pose
+BEYOND, BEYOND_STATED = (0.001, 0.003), (0.003, 0.005)
+ROUNDS = 6  # of the final fit, at most
+SWEEPS = (1500, 800, 2500, 3000)
+
+
+def law_pressure(family: Family, times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The simulation's law, stretched: pressures (Pa) at times of the recording's clock."""
+    factor, delay, stretch = values
+    start = float(family.law(family.time[0]))
+    at = np.clip((np.asarray(times) - delay) / stretch, *family.time)
+    return start + factor * (family.law(at) - start)
+
+
+def fit_law(
+    family: Family, times: np.ndarray, pressures: np.ndarray, first: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Least-squares (factor, delay, stretch), their covariance from the residuals, and the rms residual (Pa)."""
+    noise = 0.005 * (family.high - family.low)
+    fit = least_squares(
+        lambda z: (law_pressure(family, times, z) - pressures) / noise,
+        first,
+        x_scale=(0.01, 0.001, 0.01),
+        bounds=([0.2, -1.0, 0.2], [3.0, 1.0, 5.0]),
+        loss="soft_l1",
+    )
+    rest = (law_pressure(family, times, fit.x) - pressures) / noise
+    scatter = np.sum(rest**2) / max(rest.size - 3, 1)
+    covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * scatter
+    return fit.x, covariance, float(noise * np.sqrt(np.mean(rest**2)))
+
+
+def first_pose(recording: Recording, frames: list[np.ndarray], family: Family) -> Pose:
+    """A rough pose from the finger's root and tip in the first frame, in which it is straight."""
+    mask = dark_body(frames[0]).astype(np.uint8)
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    (cx, cy), size, angle = cv2.minAreaRect(max(contours, key=cv2.contourArea))
+    length, along = (size[0], angle) if size[0] > size[1] else (size[1], angle + 90)
+    direction = np.array([np.cos(np.radians(along)), -np.sin(np.radians(along))])  # picture, y up
+    direction *= 1 if direction[1] < 0 else -1  # the finger hangs
+    centre = np.array([cx, recording.shape[0] - 1 - cy])
+    rest = family.shape("tip", float(family.law(family.time[0]))) - family.root
+    turn = np.arctan2(direction[1], direction[0]) - np.arctan2(rest[1], rest[0])
+    root = centre - 0.5 * length * direction
+    return Pose(length / family.length, float(turn), family.root, (float(root[0]), float(root[1])))
+
+
+def search_delay(
+    frames: Frames, family: Family, pose: Pose, stated: float | None, stated_std: float = 0.0
+) -> float:
+    """Delay (s) at which the simulation's motion fits the frames best: a correlation over time of the finger's picture."""
+    table, outlines, normals = outline_table(family)
+    span = frames.times[-1] - frames.times[0]
+    reach = max(0.04, 3 * stated_std)
+    around = (
+        np.arange(-reach, reach, 0.004) if stated is not None else np.arange(-span - 0.1, span + 0.1, 0.006)
+    )
+    scores = []
+    for delay in around + (stated or 0.0):
+        pressures = law_pressure(family, frames.times, np.array([1.0, delay, 1.0]))
+        places = (pressures - table[0]) / (table[1] - table[0])
+        scores.append(
+            all_scores(
+                frames.integrals,
+                frames.mean,
+                outlines,
+                normals,
+                np.asarray(pose.at_px),
+                pose.angle,
+                pose.px_per_m,
+                np.asarray(pose.anchor),
+                -1.0,
+                places,
+            ).sum()
+        )
+    return float(around[int(np.argmax(scores))] + (stated or 0.0))
+
+
+def register(
+    recording: Recording,
+    times: np.ndarray,
+    family: Family,
+    stated: Pose | None,
+    stated_delay: tuple[float, float] | None,
+    *,
+    scale_std: float | None,
+    paired: bool = False,
+    hidden: float = 0.0,
+    length_std: float = 0.0,
+    sweeps: tuple[int, int, int, int] = SWEEPS,
+    seed: int = 1,
+) -> Registration:
+    """Register a recording (frame times in s of its clock) to the simulation's finger.
+
+    `stated`: the pose that the laboratory states, or None: from root and tip in the first frame. `stated_delay`: likewise the
+    clock's, with its standard uncertainty (s); None: from the motion alone. `paired`: frames 1-2, 3-4 … are taken close
+    together, so only the first of each is used. `hidden`: length (m) of the finger that is hidden, from its root on. `length_std`:
+    standard uncertainty of the finger's length over it. `sweeps`: of the sampler, to be dropped and kept, in the rough and in the
+    final fit. ValueError where the root is not seen though `hidden` is 0.
+    """
+    frames_used = np.arange(0, len(recording), 2 if paired else 1)
+    count = min(MAX_FRAMES, frames_used.size)
+    chosen = frames_used[np.unique(np.linspace(0, frames_used.size - 1, count).round().astype(int))]
+    images = [recording.frame(int(i)) for i in chosen]
+    evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
+    pose = stated or first_pose(recording, images, family)
+    blind = hidden_part(pose, family, hidden, recording.shape) if hidden else None
+    frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
+    if not hidden and stated:  # without its root a fit may go anywhere
+        check_root(frames, family, stated, evidence, BEYOND_STATED)
+    prior = None if scale_std is None else float(np.hypot(scale_std, length_std))
+    first = np.array([1.0, search_delay(frames, family, pose, *(stated_delay or (None,))), 1.0])
+    free = np.full(frames.times.size, FREE * (family.high - family.low))
+    rough = fit_outline(
+        frames,
+        family,
+        pose,
+        first,
+        deviation=free,
+        scale_std=prior,
+        stated_delay=stated_delay,
+        seed=seed,
+        burn=sweeps[0],
+        keep=sweeps[1],
+    )
+    values, _, _ = fit_law(family, frames.times, rough.parameter.mean(axis=0), first)
+    frames = prepare(images, times[chosen], evidence, blind)
+    fine = fit_outline(
+        frames,
+        family,
+        replace(rough.mean_pose(), px_per_m=pose.px_per_m),
+        values,
+        deviation=deviation_from_law(family, rough, values),
+        scale_std=prior,
+        stated_delay=stated_delay,
+        edge_px=float(rough.pose[:, 4].mean()),
+        seed=seed + 1,
+        burn=sweeps[2],
+        keep=sweeps[3],
+        rounds=ROUNDS,
+    )
+    single = fit_outline(
+        frames,
+        family,
+        fine.mean_pose(),
+        fine.law.mean(axis=0),
+        deviation=free,
+        scale_std=None,
+        edge_px=float(fine.pose[:, 4].mean()),
+        pose_std=fine.pose.std(axis=0),
+        seed=seed + 2,
+        burn=sweeps[0],
+        keep=sweeps[1],
+    )
+    if not hidden:
+        check_root(frames, family, fine.mean_pose(), evidence, BEYOND)
+    return with_length(_registration(family, single, fine, stated), scale_std, length_std)
+
+
+def hidden_part(pose: Pose, family: Family, hidden: float, shape: tuple[int, int]) -> np.ndarray:
+    """Pixels (rows, columns; row 0 at the top) beyond the line across the finger at rest, `hidden` (m) from its root."""
+    rows, columns = shape
+    x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
+    along = family.shape("tip_direction", float(family.law(family.time[0])))
+    return (pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(family.root)) @ along < hidden
+
+
+def check_root(
+    frames: Frames, family: Family, pose: Pose, evidence: Evidence, beyond: tuple[float, float]
+) -> None:
+    """ValueError where it is as dark `beyond` (m from, m to) the finger's root as in it: the root's edge is then not seen."""
+    start = float(family.law(family.time[0]))
+    along, dorsal = family.shape("tip_direction", start), family.shape("dorsal_direction", start)
+    half = 0.3 * float(np.ptp((family.shape("outline", start) - family.root) @ dorsal))
+    corners = [(-beyond[0], -half), (-beyond[0], half), (-beyond[1], half), (-beyond[1], -half)]
+    patch = pose.to_px(np.array([family.root + a * along + d * dorsal for a, d in corners]))
+    dense = np.vstack(
+        [np.linspace(a, b, 40, endpoint=False) for a, b in zip(patch, np.roll(patch, -1, 0), strict=True)]
+    )
+    sums = [inside_sum(i, counter_clockwise(dense), frames.mean) for i in frames.integrals]
+    area = (beyond[1] - beyond[0]) * 2 * half * pose.px_per_m**2
+    rows, columns = (n - 1 for n in frames.integrals.shape[1:])
+    outside = (patch < 0).any() or (patch > [columns - 1, rows - 1]).any()
+    if np.mean(sums) > 0.5 * evidence.rate * area or (outside and beyond == BEYOND):
+        what = "the picture ends" if outside else "there are no particles either, as in a holder or a shadow"
+        raise ValueError(
+            f"beyond the finger's root {what}, so its edge is not seen; correct axes.root_px in dpiv.toml if it is wrong, else give"
+            " root_hidden_mm, how much of the finger from its root on is not to be used, and a scale that does not come from the finger"
+        )
+
+
+def deviation_from_law(family: Family, rough: OutlineFit, values: np.ndarray) -> np.ndarray:
+    """How far (Pa, standard deviation) each frame may be off the law: what the rough fit's scatter about it leaves beyond its own."""
+    span, start = family.high - family.low, float(family.law(family.time[0]))
+    predicted = law_pressure(family, rough.times, values)
+    off = np.mean((rough.parameter.mean(axis=0) - predicted) ** 2) - np.mean(rough.parameter.var(axis=0))
+    moving = max(np.sqrt(max(off, 0.0)), TIED * span)
+    at_rest = np.abs(predicted - start) < REST * span
+    return np.where(at_rest, min(moving, REST_STD * span), moving)
+
+
+def with_length(found: Registration, scale_std: float | None, length_std: float) -> Registration:
+    """A registration whose scale is that of the finger, for a finger whose length is known to `length_std` (relative) only.
+
+    The fit's prior was that of stated scale and length together; what it moved the scale by is shared between them by variance.
+    """
+    share = 1.0
+    variance = length_std**2
+    if scale_std is not None and length_std > 0:
+        assert found.stated is not None  # a stated scale has a stated pose
+        share = scale_std**2 / (scale_std**2 + length_std**2)
+        variance = share * length_std**2
+    stated = found.pose.px_per_m if found.stated is None else found.stated.px_per_m
+    scale = stated * (found.pose.px_per_m / stated) ** share
+    turn = np.diag([1.0, 1.0, 1.0, share])
+    covariance = turn @ found.covariance @ turn
+    covariance[3, 3] += variance
+    return replace(found, pose=replace(found.pose, px_per_m=scale), covariance=covariance)
+
+
+def _registration(family: Family, single: OutlineFit, fine: OutlineFit, stated: Pose | None) -> Registration:
+    values, seen = fine.law.mean(axis=0), single.parameter.mean(axis=0)
+    misfit = float(np.sqrt(np.mean((seen - law_pressure(family, single.times, values)) ** 2)))
+    return Registration(
+        fine.mean_pose(),
+        np.cov(fine.pose[:, :4].T),
+        float(fine.pose[:, 4].mean()),
+        Law(values, np.cov(fine.law.T), misfit),
+        single.times,
+        seen,
+        single.parameter.std(axis=0),
+        stated,
+    )

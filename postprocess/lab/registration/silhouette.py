@@ -1,0 +1,142 @@
+"""The dark finger in pictures of bright particles: how well an outline fits, by where particles are.
+
+No particle's centre lies in the body; outside they are strewn evenly. For particles of a Poisson process the logarithm of
+the likelihood that an outline holds the body is (rate outside − rate inside)·area − n·ln(rate outside/rate inside) with n
+particles inside it: largest where the outline holds all that is empty and no particle. Unlike a threshold on grey levels it
+needs no closing over the gaps between particles, and light that spills over the body's edge does not move it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numba
+import numpy as np
+
+from piv.images.masks import dark_body
+
+COST = (
+    4.0  # no particle counts more than this against an outline: a reflection on the body must not push it off
+)
+ROUGH_PX, FINE_PX = (
+    1.5,
+    0.5,
+)  # blur of a particle's place: wide, so that particles at rest beside the body are no barriers; as
+# well as it is measured
+NOISE = 6.0  # standard deviations of the body's grey level: what is above is a particle
+CORE_PX, CLEAR_PX = 9, 15  # away from the first guess of the body's edge: surely inside, surely outside
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What tells water from body: `threshold` (grey level) of a particle, `rate` of particles in water (1/px²), `cost` of one
+    inside an outline; `body_level`, `body_std`: grey levels of the body."""
+
+    threshold: float
+    rate: float
+    cost: float
+    body_level: float
+    body_std: float
+
+    def image(self, frame: np.ndarray, blur_px: float = FINE_PX) -> np.ndarray:
+        """The evidence of a frame (row 0 at the top), (rows, columns) float32; its sum over a region is that for a body there."""
+        found = np.full(frame.shape, np.float32(self.rate))
+        row, column = particles(frame, self.threshold)
+        i, j = column.astype(int), row.astype(int)
+        a, b = (column - i).astype(np.float32), (row - j).astype(np.float32)
+        spots = np.zeros_like(found)
+        for dj, wj in ((0, 1 - b), (1, b)):
+            for di, wi in ((0, 1 - a), (1, a)):
+                np.add.at(spots, (j + dj, i + di), wj * wi)
+        return found - np.float32(self.cost) * cv2.GaussianBlur(spots, (0, 0), blur_px)
+
+
+def particles(frame: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns (px, three-point Gaussian fit) of the local maxima above a grey level, none on the border."""
+    grey = frame.astype(np.float32)
+    top = (grey >= cv2.dilate(grey, np.ones((3, 3), np.uint8))) & (grey > threshold)
+    top[[0, -1]], top[:, [0, -1]] = False, False
+    row, column = np.nonzero(top)
+    log = np.log(np.maximum(grey, 1.0))
+    places = []
+    for at, (dj, di) in ((row, (1, 0)), (column, (0, 1))):
+        before, here, after = log[row - dj, column - di], log[row, column], log[row + dj, column + di]
+        curve = np.minimum(before + after - 2 * here, -1e-6)
+        places.append(at + np.clip(0.5 * (before - after) / curve, -0.5, 0.5))
+    return places[0], places[1]
+
+
+def learn(frames: list[np.ndarray], masks: list[np.ndarray] | None = None) -> Evidence:
+    """Evidence learnt from frames (row 0 at the top) in which the body is roughly known (found by piv.images.masks if not given)."""
+    masks = [dark_body(f) for f in frames] if masks is None else masks
+    cores = [_shrunk(m, CORE_PX) for m in masks]
+    clears = [_shrunk(~m, CLEAR_PX) for m in masks]
+    inside = np.concatenate([f[m] for f, m in zip(frames, cores, strict=True)]).astype(float)
+    if inside.size < 200 or sum(m.sum() for m in clears) < 200:
+        raise ValueError(
+            f"the dark body leaves {inside.size} pixels well inside it; the finger must be wider than"
+            f" {2 * CORE_PX} px and must not fill the picture"
+        )
+    level = float(np.median(inside))
+    std = max(1.4826 * float(np.median(np.abs(inside - level))), 0.5)
+    threshold = level + NOISE * std
+    count, area = np.zeros(2), np.zeros(2)
+    for frame, core, clear in zip(frames, cores, clears, strict=True):
+        row, column = (np.rint(c).astype(int) for c in particles(frame, threshold))
+        for k, region in enumerate((core, clear)):
+            count[k] += region[row, column].sum()
+            area[k] += region.sum()
+    within, rate = (count + 0.5) / area
+    if not rate > 5 * within:
+        raise ValueError(
+            f"the dark body holds {within:.2g} bright spots per px², the water {rate:.2g}: the two cannot be told apart"
+        )
+    return Evidence(threshold, rate - within, min(float(np.log(rate / within)), COST), level, std)
+
+
+def _shrunk(mask: np.ndarray, by_px: int) -> np.ndarray:
+    return cv2.erode(mask.astype(np.uint8), np.ones((2 * by_px + 1,) * 2, np.uint8)).astype(bool)
+
+
+def integral_image(evidence: np.ndarray, mean: float = 0.0) -> np.ndarray:
+    """Integral (rows + 1, columns + 1) of an evidence image (row 0 at the top) less `mean`, from its lower left corner, y up.
+
+    With `mean` near the image's own, single precision holds it.
+    """
+    out = np.zeros((evidence.shape[0] + 1, evidence.shape[1] + 1))
+    np.cumsum(np.cumsum(evidence[::-1].astype(np.float64) - mean, axis=0), axis=1, out=out[1:, 1:])
+    return out
+
+
+@numba.njit(cache=True, inline="always")
+def _up_to(integral, x, y):
+    """The integral up to a position (px from the corner), exact for evidence that is constant over each pixel."""
+    i, j = min(int(x), integral.shape[1] - 2), min(int(y), integral.shape[0] - 2)
+    a, b = x - i, y - j
+    low = (1 - a) * integral[j, i] + a * integral[j, i + 1]
+    high = (1 - a) * integral[j + 1, i] + a * integral[j + 1, i + 1]
+    return (1 - b) * low + b * high
+
+
+@numba.njit(cache=True)
+def left_of(integral, mean, x0, y0, x1, y1):
+    """Evidence to the left of a piece of an outline that runs from (x0, y0) to (x1, y1) px, negative where it runs down.
+
+    Differences of the integral: what lies to the left of both sides of a body cancels exactly, however much that is.
+    """
+    rows, columns = integral.shape[0] - 1.0, integral.shape[1] - 1.0
+    x = min(max(0.5 * (x0 + x1) + 0.5, 0.0), columns)
+    low, high = min(max(y0 + 0.5, 0.0), rows), min(max(y1 + 0.5, 0.0), rows)
+    return _up_to(integral, x, high) - _up_to(integral, x, low) + mean * x * (high - low)
+
+
+@numba.njit(cache=True)
+def inside_sum(integral: np.ndarray, outline: np.ndarray, mean: float = 0.0) -> float:
+    """Sum of the evidence inside a closed outline (point, 2), px with y up, counter-clockwise (Green's theorem)."""
+    total = 0.0
+    n = outline.shape[0]
+    for k in range(n):
+        m = k + 1 if k + 1 < n else 0
+        total += left_of(integral, mean, outline[k, 0], outline[k, 1], outline[m, 0], outline[m, 1])
+    return total

@@ -1,0 +1,141 @@
+"""The step `register`: the finger found in a laboratory's pictures, or what it states of its vectors; registration.json, view.txt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from fileio.atomic import write_text
+from fileio.formats.kinematics import Family, read_family
+from fileio.provenance import sha256
+from postprocess.evidence.stage_files import StageFiles
+from postprocess.lab.data.dpiv_toml import NAME, Dpiv, Start, read_dpiv
+from postprocess.lab.data.files import LabFiles, Law, Registration, write_registration
+from postprocess.lab.data.inputs_toml import read_inputs
+from postprocess.lab.data.pictures import LabRecording, stated_pose
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.data.vectors import vectors_view
+from postprocess.lab.registration.register import register
+
+VIEW_MARGIN = 0.008  # m of the sheet beyond the picture
+
+
+def lab_files(case: Path, level: str, dpiv: Path) -> tuple[LabFiles, Dpiv]:
+    """Paths of a comparison and what the laboratory states."""
+    stated = read_dpiv(dpiv)
+    return LabFiles(StageFiles(case, level), stated.name), stated
+
+
+def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration:
+    """Register the data and write registration.json and view.txt.
+
+    What the later steps need and cannot be asked for once the simulation has run is looked for here: the scene's inputs.toml, the
+    FEA's bands, the uncertainty of vectors.
+    """
+    read_inputs(files.stage.case / "reference" / "inputs.toml")
+    fea_band(files, dpiv)
+    family = read_family(files.stage.required("kinematics.h5", "kinematics"))
+    stated_delay = (-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None
+    if dpiv.kind == "vectors":
+        registration = stated_registration(dpiv, family)
+        corners = vectors_view(dpiv, registration.pose)
+    else:
+        recording = LabRecording(dpiv)
+        try:
+            stated, scale_std = stated_pose(dpiv, recording, family.root)
+            assert recording.times is not None
+            registration = register(
+                recording,
+                recording.times,
+                family,
+                stated,
+                stated_delay,
+                scale_std=scale_std,
+                paired=dpiv.piv.pairing == "1-2,3-4",
+                hidden=dpiv.root_hidden_mm * 1e-3,
+                length_std=(dpiv.finger_length_std_mm or 0.0) * 1e-3 / family.length,
+                seed=seed,
+            )
+            corners = (0.0, 0.0), (float(recording.shape[1]), float(recording.shape[0]))
+        finally:
+            recording.close()
+    view = registration.pose.view(*corners, VIEW_MARGIN)
+    write_registration(
+        registration, files.registration, dpiv_sha256=sha256(dpiv.folder / NAME), seed=seed, view=view
+    )
+    text = " ".join(f"{v:.3f}" for v in view) + "\n"
+    if not files.view.exists() or files.view.read_text(encoding="utf-8") != text:
+        write_text(files.view, text)  # the sheets depend on it
+    return registration
+
+
+def fea_band(files: LabFiles, dpiv: Dpiv) -> tuple[bool, float]:
+    """Whether the bands of the FEA count, and the standard uncertainty of the final bend angle (rad) that they give.
+
+    A motion measured in a recording holds them both. ValueError where they count and are not known.
+    """
+    path = files.stage.required("kinematics.h5", "kinematics")
+    with h5py.File(path, "r") as file:
+        source = str(np.ravel(file.attrs["source"])[0])
+        bend_std = float(file["bend_std"][-1]) if "bend_std" in file else 0.0
+    counts = dpiv.finger_geometry == "nominal" and source != "recording"
+    if counts and bend_std == 0:
+        raise ValueError(
+            f"{path}: carries no bend_std, so the bands of the FEA are not known; run make fea, or state"
+            ' finger_geometry = "measured" in dpiv.toml'
+        )
+    return counts, bend_std
+
+
+def stated_registration(dpiv: Dpiv, family: Family) -> Registration:
+    """Of vectors: what dpiv.toml states, with the uncertainties that it states. The picture's unit is the stated metre."""
+    axes, start = dpiv.axes, dpiv.start
+    assert isinstance(start, Start)
+    assert axes.root_mm
+    assert axes.root_std_mm
+    assert axes.turn_std_deg is not None
+    assert dpiv.scale.std_percent
+    x, y = np.array(axes.root_mm) * 1e-3
+    if axes.y == "down":  # counted from the top of the picture where the vectors are in px
+        rows = dpiv.vectors.image_rows if dpiv.vectors else None
+        y = -y if rows is None else (rows - 1) * (dpiv.scale.mm_per_px or 0.0) * 1e-3 - y
+    at = (-x if axes.x == "left" else x, y)
+    scale = dpiv.scale.std_percent / 100
+    turn = float(np.radians(axes.turn_std_deg))
+    covariance = np.diag([axes.root_std_mm * 1e-3, axes.root_std_mm * 1e-3, turn, scale]) ** 2
+    pose = Pose(1.0, float(np.radians(axes.turn_deg)), family.root, (float(at[0]), float(at[1])))
+    law = Law(np.array([1.0, -start.at_s, 1.0]), np.diag([0.0, start.std_s**2, 0.0]), 0.0)
+    return Registration(pose, covariance, 0.0, law, np.empty(0), np.empty(0), np.empty(0), pose)
+
+
+def registration_summary(registration: Registration, family: Family) -> dict[str, Any]:
+    """What was found, beside what was stated, in the units of a laboratory."""
+    pose, law, stated = registration.pose, registration.law, registration.stated
+    std = np.sqrt(np.diag(registration.covariance))
+    mm = 1e3 / pose.px_per_m
+    found = {
+        "scale_mm_per_px": mm,
+        "scale_std_percent": 100 * float(std[3]),
+        "turn_deg": float(np.degrees(pose.angle)),
+        "turn_std_deg": float(np.degrees(std[2])),
+        "root_px": pose.at_px,
+        "root_std_mm": [float(s) * mm for s in std[:2]],
+        "delay_ms": law.delay * 1e3,
+        "delay_std_ms": law.std("delay") * 1e3,
+        "pressure_factor": float(law.values[0]),
+        "pressure_factor_std": law.std("factor"),
+        "stretch": float(law.values[2]),
+        "stretch_std": law.std("stretch"),
+        "misfit_deg": float(np.degrees(abs(family.splines["bend"](family.high, 1)) * law.misfit)),
+    }
+    if stated is not None:
+        off = (np.asarray(pose.at_px) - stated.at_px) * mm
+        found |= {
+            "scale_against_stated_percent": 100 * (stated.px_per_m / pose.px_per_m - 1),
+            "turn_against_stated_deg": float(np.degrees(pose.angle - stated.angle)),
+            "root_against_stated_mm": [float(v) for v in off],
+        }
+    return found

@@ -1,0 +1,127 @@
+"""The page of a comparison with a laboratory, its figures (SVG and PDF) and what the first screen says."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from fileio.atomic import write_text
+from fileio.formats.kinematics import read_family
+from fileio.formats.plane_series import read_plane
+from postprocess.draw.style import save
+from postprocess.evidence.stage_files import read_json, scene_title
+from postprocess.lab.data.files import LabFiles, read_registration
+from postprocess.lab.registration.register import law_pressure
+from postprocess.lab.report import draw, wording
+from postprocess.report.page_template import page_template
+
+FIELD_DPI = 120
+
+
+def make_report(files: LabFiles) -> Path:
+    """Write figures/*.svg, *.pdf and report.html. FileNotFoundError where the comparison was not run."""
+    if not files.comparison.exists():
+        raise FileNotFoundError(f"{files.comparison} is missing; run python -m postprocess.lab compare first")
+    result = read_json(files.comparison)
+    pictures = {
+        name: (_saved(files, name, figure), alt) for name, (figure, alt) in figures(files, result).items()
+    }
+    page = page_template("lab.html").render(
+        title=scene_title(files.stage.case),
+        result=result,
+        answer=wording.answer(result),
+        tiles=wording.tiles(result),
+        rows=wording.rows(result),
+        pictures=pictures,
+        registration=result["registration"],
+        pretty=lambda value: json.dumps(value, indent=1, sort_keys=True),
+    )
+    path = files.folder / "report.html"
+    write_text(path, page)
+    return path
+
+
+def _saved(files: LabFiles, name: str, figure: Figure) -> str:
+    """The figure on disk as SVG and PDF, and as an address for the page (a bitmap where it holds a picture)."""
+    folder = files.folder / "figures"
+    svg = save(figure, folder / f"{name}.svg", bbox_inches="tight")
+    save(figure, folder / f"{name}.pdf", bbox_inches="tight")
+    if name.startswith(("field", "picture")):
+        svg = save(figure, folder / f"{name}.png", dpi=FIELD_DPI, bbox_inches="tight")
+    kind = "svg+xml" if svg.suffix == ".svg" else "png"
+    return f"data:image/{kind};base64,{base64.b64encode(svg.read_bytes()).decode()}"
+
+
+def figures(files: LabFiles, result: dict[str, Any]) -> dict[str, tuple[Figure, str]]:
+    """All figures by name, with their alternative text."""
+    registration = read_registration(files.registration)
+    family = read_family(files.stage.required("kinematics.h5", "kinematics"))
+    series = pd.read_csv(files.folder / "series.csv")
+    by_name = {q["name"]: q for q in result["quantities"]}
+    window = tuple(result["window_s"])
+    sides = {name: read_plane(files.side(name)) for name in ("data", "direct")}
+    sides["virtual"] = (
+        read_plane(files.side("virtual")) if files.side("virtual").exists() else sides["direct"]
+    )
+    rows = result["rows"]
+    with h5py.File(files.folder / "fields.h5", "r") as file:
+        error, significance = file["error"][...], file["significance"][...]
+        picture = file["picture"][...] if "picture" in file else None
+        picture_time = float(file["picture"].attrs["time"]) if picture is not None else 0.0
+    found: dict[str, tuple[Figure, str]] = {
+        "verdicts": (
+            draw.verdicts(result["quantities"]),
+            "Difference of every quantity over its uncertainty, as bars with the limit of 95 %",
+        ),
+        "budgets": (
+            draw.budgets(result["quantities"]),
+            "Share of every source in the uncertainty of each quantity, as stacked bars",
+        ),
+    }
+    for part, word in ((0.25, "early"), (0.75, "late")):
+        k = int(part * (len(rows) - 1))
+        figure = draw.fields(sides["data"], sides["virtual"], rows[k], error[k], significance[k], 2.45)
+        time = float(sides["data"]["time"].values[rows[k]])
+        found[f"field_{word}"] = (
+            figure,
+            f"Velocity of laboratory and simulation, their difference and its significance at {time:.3f} s",
+        )
+    found["series"] = (
+        draw.series(series, by_name, window),
+        "Circulation, core radius and jet speed over time, laboratory and simulation, with 95 % bands",
+    )
+    found["paths"] = (
+        draw.paths(series, sides["direct"], registration.pose, window, by_name["centre"]),
+        "Paths of the vortex centre over the finger's outline",
+    )
+    bends = None
+    if registration.times.size:
+        bends = (registration.times - registration.law.delay, family.bend(registration.pressures))
+    found["motion"] = (
+        draw.motion(series, result["registration"], bends),
+        "Bend angle over time, simulation and recording",
+    )
+    if picture is not None:
+        pressures = {
+            "recording, fitted": law_pressure(
+                family, np.array([picture_time + registration.law.delay]), registration.law.values
+            )[0],
+            "simulation": float(family.law(picture_time)),
+        }
+        outlines = {
+            name: registration.pose.to_px(family.shape("outline", p)) for name, p in pressures.items()
+        }
+        found["picture"] = (
+            draw.overlay(picture, outlines),
+            "A picture of the recording with the finger's outline as fitted and as simulated",
+        )
+    for plane in sides.values():
+        plane.close()
+    return found

@@ -1,0 +1,1 @@
+"""The simulation seen through the laboratory's camera and PIV."""

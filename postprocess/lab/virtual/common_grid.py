@@ -1,0 +1,225 @@
+"""The two sides of a comparison as plane series on one grid and at the same instants: data, virtual experiment, direct."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import xarray as xr
+
+from fileio.formats.kinematics import Family
+from fileio.formats.plane_series import make_plane, read_plane, write_plane
+from piv.synthetic.camera import Camera
+from postprocess.evidence.fields import on_grid
+from postprocess.lab.data.dpiv_toml import Dpiv, LabCamera
+from postprocess.lab.data.files import LabFiles, Registration
+from postprocess.lab.data.pictures import LabRecording, outline_mask
+from postprocess.lab.data.pose import Pose, camera_series
+from postprocess.lab.data.seeding import Appearance, measure_appearance, seeding_like
+from postprocess.lab.data.vectors import camera_before, lab_vectors, vector_tables
+from postprocess.lab.registration.register import law_pressure
+from postprocess.lab.registration.silhouette import CORE_PX, learn
+from postprocess.lab.virtual.virtual_experiment import evaluate, virtual_experiment
+
+LOOK_AT = 4  # pictures from which the seeding is measured
+
+
+@dataclass(frozen=True)
+class Sides:
+    """`data`, `virtual` (None where there is none) and `direct`: plane series in the camera frame, same axes and times."""
+
+    data: xr.Dataset
+    virtual: xr.Dataset | None
+    direct: xr.Dataset
+    picture: np.ndarray | None
+    appearance: dict[str, Any]
+
+
+def simulation_sides(
+    files: LabFiles,
+    dpiv: Dpiv,
+    family: Family,
+    registration: Registration,
+    *,
+    seed: int,
+    threads: int,
+    quiet: bool,
+) -> Sides:
+    """Evaluate the laboratory's data and the simulation alike; writes data.h5, virtual.h5 and direct.h5."""
+    if not files.sheet.exists():
+        raise FileNotFoundError(
+            f"{files.sheet} is missing; make compare writes it: python -m pipeline.sheet CASE --view $(cat {files.view}) -o {files.sheet}"
+        )
+    with read_plane(files.sheet) as sheet:
+        sheet = sheet.load()
+    make = _of_pictures if dpiv.kind == "pictures" else _of_vectors
+    data, virtual, picture, seen = make(files, dpiv, family, registration, sheet, seed, threads, quiet)
+    pose, times = registration.pose, data["time"].values
+    direct = camera_series(sheet, pose, data["x"].values, data["y"].values, times)
+    for name, plane in (("data", data), ("virtual", virtual), ("direct", direct)):
+        if plane is not None:
+            write_plane(
+                plane, files.side(name), source={"data": "lab", "virtual": "piv", "direct": "cfd"}[name]
+            )
+    return Sides(data, virtual, direct, picture, seen)
+
+
+def used_frames(
+    dpiv: Dpiv, times: np.ndarray, delay: float, span: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frames whose instants the simulation covers, whole pairs only: indices and times (s of the simulation)."""
+    at = times - delay
+    ok = (at >= span[0] - 1e-9) & (at <= span[1] + 1e-9)
+    if dpiv.piv.pairing == "1-2,3-4":
+        ok = ok[: ok.size // 2 * 2]
+        ok = np.repeat(ok[::2] & ok[1::2], 2)
+    index = np.flatnonzero(ok)
+    if index.size < 4:
+        raise ValueError(
+            f"the recording covers {at[0]:.3f}…{at[-1]:.3f} s of the simulation's clock, the simulation {span[0]:.3f}…{span[1]:.3f} s:"
+            " they share fewer than four frames; check start in dpiv.toml"
+        )
+    return index, np.clip(at[index], *span)
+
+
+def with_finger(plane: xr.Dataset, family: Family, pose: Pose, pressures: np.ndarray) -> xr.Dataset:
+    """A plane series in the camera frame with the finger's shape at each instant's pressure (Pa)."""
+    shapes = {name: np.array([family.fingers(name, p) for p in pressures]) for name in family.splines}
+    found = {
+        "outline": pose.to_camera(shapes["outline"]),
+        "tip": pose.to_camera(shapes["tip"]),
+        "tip_direction": shapes["tip_direction"] @ pose.rotation.T,
+        "dorsal_direction": shapes["dorsal_direction"] @ pose.rotation.T,
+        "bend": shapes["bend"],
+    }
+    grids = {str(n): plane[n].values for n in plane.data_vars if plane[n].dims == ("time", "y", "x")}
+    grids.pop("valid")
+    u, v = grids.pop("u"), grids.pop("v")
+    out = make_plane(
+        plane["x"].values,
+        plane["y"].values,
+        u,
+        v,
+        time=plane["time"].values,
+        valid=plane["valid"].values,
+        **grids,
+        **found,
+    )
+    return out.assign_attrs(plane.attrs | {"tip_width": family.tip_width})
+
+
+def outlines_px(family: Family, pose: Pose, pressures: np.ndarray) -> list[np.ndarray]:
+    """The outlines (finger, point, 2) in the picture at pressures (Pa)."""
+    return [pose.to_px(family.fingers("outline", p)) for p in pressures]
+
+
+def _of_pictures(files, dpiv, family, registration, sheet, seed, threads, quiet):
+    recording = LabRecording(dpiv)
+    try:
+        law, pose = registration.law, registration.pose
+        assert recording.times is not None
+        span = float(sheet["time"][0]), float(sheet["time"][-1])
+        index, times = used_frames(dpiv, recording.times, law.delay, span)
+        theirs = law_pressure(family, times + law.delay, law.values)
+        shapes = outlines_px(family, pose, theirs)
+        piv = evaluate(
+            recording,
+            index,
+            times,
+            shapes,
+            pose,
+            dpiv.piv,
+            files.folder / "data_piv.h5",
+            threads=threads,
+            quiet=quiet,
+        )
+        data = with_finger(
+            piv, family, pose, law_pressure(family, piv["time"].values + law.delay, law.values)
+        )
+        look = np.unique(np.linspace(0, index.size - 1, LOOK_AT).round().astype(int))
+        images = [recording.frame(int(index[k])) for k in look]
+        masks = [outline_mask(shapes[k], recording.shape) for k in look]
+        seen = appearance_of(images, masks)
+        rows, columns = recording.shape
+        camera = _camera(columns, rows, recording.bits, seen, dpiv.frame_rate_hz)
+        ours = family.law(times)
+        virtual = virtual_experiment(
+            sheet, pose, camera, seeding_like(seen, recording.bits, dpiv.sheet_thickness_mm * 1e-3), times,
+            outlines_px(family, pose, ours), dpiv.piv, files.folder, seed=seed, threads=threads, quiet=quiet,
+        )  # fmt: skip
+        virtual = with_finger(virtual, family, pose, family.law(virtual["time"].values))
+        middle = recording.frame(int(index[index.size // 2]))
+    finally:
+        recording.close()
+    return data, virtual, middle, asdict(seen)
+
+
+def appearance_of(images: list[np.ndarray], masks: list[np.ndarray]) -> Appearance:
+    """Seeding and noise of pictures in which the body is masked."""
+    evidence = learn(images, masks)
+    core = np.concatenate([image[_core(mask)] for image, mask in zip(images, masks, strict=True)]).astype(
+        float
+    )
+    middle = core[np.abs(core - evidence.body_level) < 5 * evidence.body_std]
+    return measure_appearance(images, masks, float(middle.mean()), float(middle.std()))
+
+
+def _core(mask: np.ndarray) -> np.ndarray:
+    return cv2.erode(mask.astype(np.uint8), np.ones((2 * CORE_PX + 1,) * 2, np.uint8)).astype(bool)
+
+
+def _camera(columns: int, rows: int, bits: int, seen: Appearance, rate: float) -> Camera:
+    return Camera(
+        columns,
+        rows,
+        frame_rate_hz=rate,
+        bits=bits,
+        background=seen.background,
+        read_noise=seen.read_noise,
+        electrons_per_level=0.0,
+    )
+
+
+def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):
+    plane = lab_vectors(dpiv)
+    pose, delay = registration.pose, registration.law.delay
+    times = plane["time"].values - delay
+    span = float(sheet["time"][0]), float(sheet["time"][-1])
+    margin = 0.5 * vector_tables(dpiv).interval_s
+    keep = np.flatnonzero((times >= span[0] + margin) & (times <= span[1] - margin))
+    if keep.size < 4:
+        raise ValueError(
+            f"the vectors cover {times[0]:.3f}…{times[-1]:.3f} s of the simulation's clock, the simulation"
+            f" {span[0]:.3f}…{span[1]:.3f} s: they share fewer than four instants; check start in dpiv.toml"
+        )
+    plane, times = plane.isel(time=keep), times[keep]
+    # the vectors' metres are the stated ones: the pose holds what is known of the true scale
+    plane = plane.assign_coords(x=plane["x"] / pose.px_per_m, y=plane["y"] / pose.px_per_m, time=times)
+    plane = plane.assign({n: plane[n] / pose.px_per_m for n in ("u", "v", "u_std", "v_std") if n in plane})
+    data = with_finger(plane, family, pose, family.law(times))
+    if not isinstance(dpiv.camera, LabCamera):
+        return data, None, None, {}
+    c = dpiv.camera
+    seen = Appearance(c.density_ppp, c.diameter_px, c.peak, c.background, c.read_noise)
+    interval = vector_tables(dpiv).interval_s
+    pairs = np.column_stack([times - interval / 2, times + interval / 2]).ravel()
+    camera_pose, corner = camera_before(data, pose, c)
+    alike = {"pairing": "1-2,3-4", "interval_s": interval, "smoothing": dpiv.piv.smoothing is True}
+    virtual = virtual_experiment(
+        sheet, camera_pose, _camera(c.columns, c.rows, c.bits, seen, 1 / interval),
+        seeding_like(seen, c.bits, dpiv.sheet_thickness_mm * 1e-3), pairs, outlines_px(family, camera_pose, family.law(pairs)),
+        dpiv.piv.model_copy(update=alike), files.folder, seed=seed, threads=threads, quiet=quiet,
+    )  # fmt: skip
+    virtual = virtual.assign_coords(x=virtual["x"] + corner[0], y=virtual["y"] + corner[1])
+    velocity, whole = on_grid(virtual, data["x"].values, data["y"].values)
+    spread = {}
+    for name in ("u_std", "v_std"):
+        filled = virtual.assign(u=virtual[name], v=virtual[name])
+        spread[name] = np.where(whole, on_grid(filled, data["x"].values, data["y"].values)[0][:, 0], np.nan)
+    velocity = np.where(whole[:, None], velocity, np.nan)
+    virtual = make_plane(
+        data["x"].values, data["y"].values, velocity[:, 0], velocity[:, 1], time=times, valid=whole, **spread
+    )
+    return data, with_finger(virtual, family, pose, family.law(times)), None, asdict(seen)

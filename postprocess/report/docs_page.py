@@ -1,0 +1,137 @@
+"""A page of the docs about one scene: what was asked, what was measured, with which versions (docs/<scene>.md)."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from fileio.atomic import write_bytes, write_text
+from postprocess.evidence.stage_files import StageFiles, read_json
+from postprocess.report.pinch_wording import pinch_table
+from postprocess.report.wording import PAIRS, WORDS, quantity, requirement
+
+
+def measured_cell(check: dict[str, Any]) -> str:
+    """Measured values of a check with their sources."""
+    parts = [
+        f"{PAIRS[source]}: {quantity(value, check['unit'])}" for source, value in check["measured"].items()
+    ]
+    return ", ".join(parts)
+
+
+def verdict_cell(check: dict[str, Any]) -> str:
+    """Met, not met or not judged, and why not where there is a note."""
+    word = WORDS[check["met"]]
+    notes = "; ".join(check["notes"])
+    return (word if check["met"] else f"**{word}**") + (f" ({notes})" if notes else "")
+
+
+def verdict_sentence(verdict: dict[str, Any]) -> str:
+    """Counts of the verdict as a sentence."""
+    kinds = verdict["counts"]
+    told = [f"{k['met']} of {k['met'] + k['not_met'] + k['not_judged']} {name}" for name, k in kinds.items()]
+    return f"Checks met: {' and '.join(told)} findings."
+
+
+def page(scene: str, level: str, comparison: dict[str, Any], run: dict[str, Any], picture: str) -> str:
+    """The page as Markdown."""
+    balance = run["power_balance"]
+    rows = "\n".join(
+        f"| {c['finding']} | {requirement(c)} | {measured_cell(c)} | {verdict_cell(c)} |"
+        for c in comparison["checks"]
+    )
+    versions = ", ".join(f"{name} {version}" for name, version in sorted(run["versions"].items()))
+    pinch = comparison["summary"].get("pinch")
+    told = pinch_part(scene, pinch, run) if pinch else ""
+    body = "fingers" if pinch else "finger"
+    return f"""# {scene}, level {level}
+
+Written by `make docs` from `cases/{scene}/out/{level}/`; scene hash `{run["scene_hash"]}`; {versions}.
+
+![Vectors around the {body}, CFD on the left and PIV on the right]({picture})
+
+{verdict_sentence(comparison["verdict"])}
+
+| finding | asked for | measured | |
+|---|---|---|---|
+{rows}
+
+The reasons of the tolerances are in `cases/{scene}/reference/findings.toml`.
+{told}
+**The run.** {run["cells"]} cells ({run["model"]}), {run["steps"]} steps of {run["time_step"] * 1e3:g} ms, {run["ranks"]} ranks,
+{run["wall_time"]:.0f} s of solver; largest Courant number {run["courant_max"]:.2f}. **Power balance**: the finger's work on the water
+{balance["work"] * 1e3:.3f} mJ = kinetic energy {balance["kinetic_energy"] * 1e3:.3f} mJ + resolved dissipation
+{balance["dissipated"] * 1e3:.3f} mJ + closure {balance["closure"] * 1e3:.3f} mJ ({balance["closure_fraction"]:.0%} of the work): what the schemes
+dissipate on this mesh.
+"""
+
+
+def pinch_part(scene: str, pinch: dict[str, Any], run: dict[str, Any]) -> str:
+    """The part of the page about two fingers: contact, key numbers, pictures and switches of the mesh."""
+    columns, rows = pinch_table(pinch)
+    table = "\n".join(f"| {name} | {' | '.join(values)} |" for name, values in rows)
+    met = pinch["contact_time"]
+    contact = (
+        f"The tips stop {pinch['residual_gap'] * 1e3:g} mm before the plane between them (the residual gap; {2e3 * pinch['residual_gap']:g} mm"
+        f" between the tips stay open) and are in contact, within 0.1 mm of that, from {met:.3f} s on."
+        if met is not None
+        else f"The tips do not meet: the least gap to the plane between them is {pinch['least_gap'] * 1e3:.2f} mm."
+    )
+    switches = run.get("switches", [])
+    settled = lambda s: "not within the run-in" if s is None else f"{s * 1e3:.1f} ms"  # noqa: E731
+    meshes = "".join(
+        f" Switch at {s['time']:.3f} s: kinetic energy {s['jump_fraction'] * 100:+.2f} %, force disturbance gone after"
+        f" {settled(s['force_settled_after'])}."
+        for s in switches
+    )
+    return f"""
+## Two fingers
+
+{contact} Gaps are those of one tip to the plane.
+
+| | {" | ".join(columns)} |
+|{"---|" * (len(columns) + 1)}
+{table}
+
+![The two tip vortices against each other]({scene}_pair.svg)
+![On the plane between the fingers: the parting line, the jet below and the flow above]({scene}_centreline.svg)
+![Closing: gap, speed, pressure and jet]({scene}_closing.svg)
+
+**Meshes.** {len(run.get("legs", [0]))} for the stroke.{meshes}
+"""
+
+
+PINCH_PICTURES = ("pair.svg", "centreline.svg", "closing.svg", "beside_single.svg")
+
+
+def main() -> int:
+    """Command line: python -m postprocess.report.docs_page cases/single_finger --level coarse --docs docs."""
+    parser = argparse.ArgumentParser(prog="python -m postprocess.report.docs_page", description=__doc__)
+    parser.add_argument("scene", type=Path)
+    parser.add_argument("--level", default="coarse")
+    parser.add_argument("--docs", type=Path, default=Path("docs"))
+    args = parser.parse_args()
+    files = StageFiles(args.scene, args.level)
+    try:
+        comparison = read_json(files.required("comparison.json", "compare"))
+        run = read_json(files.required("run/run.json", "run"))
+        flow = sorted((files.out / "figures").glob("flow_*.png"))
+        if not flow:
+            raise FileNotFoundError(f"{files.figures}: no flow_*.png; run the stage 'report' first")
+    except (ValueError, OSError) as error:
+        print(f"summary: {error}", file=sys.stderr)
+        return 2
+    picture = f"{files.scene}.png"
+    write_bytes(args.docs / picture, flow[len(flow) // 2].read_bytes())  # half-way; of a pinch about contact
+    text = page(files.scene, args.level, comparison, run, picture)
+    for name in PINCH_PICTURES:
+        if (files.figures / name).exists():
+            write_bytes(args.docs / f"{files.scene}_{name}", (files.figures / name).read_bytes())
+    write_text(args.docs / f"{files.scene}.md", text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

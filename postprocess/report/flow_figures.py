@@ -1,0 +1,137 @@
+"""Pictures of the flow for the report: vectors at some instants, the film and its frames, the tip vortices."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from piv.plots.film import write_film
+from postprocess.draw import animation
+from postprocess.draw import flow as draw_flow
+from postprocess.draw import series as draw_series
+from postprocess.draw.series import Tracks
+from postprocess.draw.style import NAMES
+from postprocess.evidence import tip_vortex as tracks
+from postprocess.evidence import vortex_pairs as pairs
+from postprocess.evidence.stage_files import StageFiles
+from postprocess.evidence.strokes import stroke_window
+from postprocess.evidence.time_windows import Clock
+from postprocess.report.picture_index import Album
+
+INSTANTS = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the stroke's bend; the last instant is added
+AFTER_CONTACT = (0.0, 0.05, 0.15)  # s: instants shown of a pinch
+FRAMES = 61  # in slider and film
+FILM_HZ = 12.0
+
+
+def tip_vortices(plane: xr.Dataset, tables: dict[str, pd.DataFrame], middle: tuple[float, float]) -> Tracks:
+    """By source, of every finger the vortex that is drawn: the dominant one of the stroke's middle, or of a pinch the paired ones."""
+    if plane.sizes["finger"] < 2:
+        return {source: [track] for source, track in tracks.dominant_tracks(tables, 0, middle).items()}
+    paired = {source: pairs.pair_vortices(table) for source, table in tables.items()}
+    return {s: [pairs.of_finger(p, finger) for finger in (0, 1)] for s, p in paired.items() if len(p)}
+
+
+def _instants(clock: Clock, last: float) -> np.ndarray:
+    """When the flow is shown, s: through the stroke, of a pinch at contact and after it, and at the end."""
+    at = [stroke_window(clock.time, clock.bend, (part, 0.999))[0] for part in INSTANTS]
+    met = clock.met() if clock.gap is not None else None
+    if met is not None:
+        at = [t for t in at if t < met - 0.01] + [t for a in AFTER_CONTACT if (t := met + a) < last - 0.01]
+    return np.array([*at, last])
+
+
+def flow_figures(
+    album: Album, planes: dict[str, xr.Dataset], dominant: Tracks, scale: float, clock: Clock
+) -> None:
+    """Vectors at some instants as pictures, and the whole stroke as a film and as the frames of the slider."""
+    stroke, bends = planes["cfd"]["time"].values, planes["cfd"]["bend"].values[:, 0]
+    last = min(float(p["time"][-1]) for p in planes.values())
+    first = max(float(p["time"][0]) for p in planes.values())
+    instants = _instants(clock, last)
+    body = "finger" if len(next(iter(dominant.values()), [0])) == 1 else "fingers"
+    limit = draw_flow.vorticity_limit(planes["cfd"], instants)
+    sides = " and ".join(NAMES[source] for source in planes)
+    figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=120)
+    for number, time in enumerate(instants):
+        show(time)
+        bend = np.degrees(np.interp(time, stroke, bends))
+        told = [_vortex_words(source, fingers, time) for source, fingers in dominant.items()]
+        alt = f"Velocity vectors around the black {body} at {time:.3f} s, bent by {bend:.0f} degrees, {sides}. {' '.join(told)}"
+        animation.write_picture(
+            animation.pixels(figure), album.folder / f"flow_{number}.png"
+        )  # no new layout
+        album.add(None, f"flow_{number}.png", "flow", alt, f"{time:.3f} s, bent by {bend:.0f}°")
+    figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=88)
+    times = np.linspace(first, last, FRAMES)
+
+    def images():
+        for time in times:
+            show(time)
+            yield animation.pixels(figure)
+
+    write_film(
+        animation.write_frames(images(), album.folder / "frames"), album.folder / "stroke.mp4", FILM_HZ
+    )
+    slower = ((FRAMES - 1) / FILM_HZ) / (last - first)
+    caption = f"The whole stroke, slowed down {slower:.0f} times."
+    album.add(None, "stroke.mp4", "film", f"Film of the flow around the bending {body}, {sides}", caption)
+    album.entries.append(
+        {
+            "file": "frames",
+            "section": "slider",
+            "alt": f"Flow around the {body}, {sides}",
+            "caption": "",
+            "times": times.tolist(),
+        }
+    )
+
+
+def _vortex_words(source: str, fingers: list[pd.DataFrame], time: float) -> str:
+    said = []
+    for finger, track in enumerate(fingers):
+        name = draw_series.finger_name(source, finger, len(fingers))
+        if not track["time"].iloc[0] <= time <= track["time"].iloc[-1]:
+            said.append(f"{name}: no tip vortex yet or any more.")
+            continue
+        now = track.iloc[int(np.argmin(np.abs(track["time"].to_numpy() - time)))]
+        sense = "counter-clockwise" if now["circulation"] > 0 else "clockwise"
+        strength = abs(now["circulation"]) * 1e4
+        said.append(
+            f"{name}: tip vortex {sense} on the {now['side'] or 'undecided'} side, {strength:.0f} cm²/s."
+        )
+    return " ".join(said)
+
+
+def vortex_figures(
+    album: Album,
+    files: StageFiles,
+    plane: xr.Dataset,
+    dominant: Tracks,
+    middle: tuple[float, float],
+    scale: float,
+) -> None:
+    """Circulation and paths of the tip vortices, and how CFD and PIV agree over time."""
+    if dominant:
+        bands = draw_series.has_band(dominant)
+        caption = (
+            f"Bands: 95 % of {', '.join(NAMES[s] for s in bands)}."
+            if bands
+            else "The tables carry no uncertainty, so no band is drawn."
+        )
+        alt = "Circulation and core radius of the tip vortex over time, CFD and PIV where run."
+        album.add(draw_series.circulation(dominant, middle), "circulation.svg", "vortex", alt, caption)
+        alt = "Paths of the vortex centre and of the finger's tip over the finger's outline."
+        album.add(
+            draw_series.paths(dominant, plane, middle),
+            "paths.svg",
+            "vortex",
+            alt,
+            "Outline at the first, middle and last instant.",
+        )
+    series = pd.read_csv(files.out / "comparison.csv")
+    if "velocity_rms_difference" in series:
+        alt = "RMS velocity difference, correlation and distance of vortex centres between PIV and CFD over time."
+        caption = "No correlation is given while the water is at rest. The middle of the stroke is shaded."
+        album.add(draw_series.agreement(series, scale, middle), "agreement.svg", "vortex", alt, caption)

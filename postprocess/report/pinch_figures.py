@@ -1,0 +1,124 @@
+"""The report's pictures of a pinch: its pair of vortices, the flow between the fingers, the closing, the single finger beside."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from postprocess.draw import pinch as draw_pinch
+from postprocess.evidence import tip_vortex as tracks
+from postprocess.evidence.load import single_finger
+from postprocess.evidence.stage_files import StageFiles
+from postprocess.evidence.time_windows import Clock
+from postprocess.evidence.vortex_pairs import of_finger
+from postprocess.report.picture_index import Album
+
+
+def pinch_figures(
+    album: Album, files: StageFiles, plane: xr.Dataset, clock: Clock, numbers: dict[str, Any]
+) -> None:
+    """Draw the section "pinch" from the files of the comparison; `numbers` as `pinch_summary` gives them."""
+    sources = [s for s in ("cfd", "piv") if files.optional(f"pairs_{s}.csv") is not None]
+    pairs = {s: pd.read_csv(files.out / f"pairs_{s}.csv") for s in sources}
+    lines = {s: pd.read_csv(files.out / f"centreline_{s}.csv") for s in sources}
+    met = numbers["contact_time"]
+    album.add(
+        draw_pinch.pair(pairs, met),
+        "pair.svg",
+        "pinch",
+        "Imbalance of circulation, mirror distance and place of the two tip vortices over time.",
+        _pair_words(numbers),
+    )
+    tips = plane["tip"].values[..., 1].mean(axis=1)
+    album.add(
+        draw_pinch.centreline(lines, clock.time, tips, met),
+        "centreline.svg",
+        "pinch",
+        "Height of the line between the fingers at which the flow parts into up and down, and the speeds of both streams.",
+        "No line is drawn where one of the two streams is slower than 2 % of the tips' peak speed.",
+    )
+    gap = clock.gap_at(clock.time)
+    free = free_gap(files, clock.time)
+    album.add(
+        draw_pinch.closing(clock.time, gap, free, lines["cfd"], met),
+        "closing.svg",
+        "pinch",
+        "Gap, closing speed, pressure between the tips and jet speed over time.",
+        closing_words(numbers, clock.time, free),
+    )
+    single, absent = single_finger(files, files.level)
+    if not single:
+        album.entries[-1]["caption"] += f" Not shown: {absent}."
+        return
+    beside = {s: _with_bend(of_finger(table, 0), clock) for s, table in pairs.items()}
+    alone = {s: _dominant(table) for s, table in single.items()}
+    limits = (0.0, float(np.degrees(clock.bend.max())) + 2)
+    album.add(
+        draw_pinch.beside_single(beside, alone, limits),
+        "beside_single.svg",
+        "pinch",
+        "Place of the tip vortex as seen from the tip over the bend angle, of the pinch and of the single finger.",
+        "Left finger of the pinch. Above zero below: dorsal side.",
+    )
+
+
+def free_gap(files: StageFiles, time: np.ndarray) -> np.ndarray:
+    """Gap (m) over `time` that the chambers' pressure alone would give, NaN once the shapes of the pinch end."""
+    with h5py.File(files.out / "kinematics.h5", "r") as file:
+        if "free_pressure" not in file:
+            return np.full(time.size, np.nan)
+        pressure = np.interp(time, file["time"][:], file["free_pressure"][:])
+        known, gaps = file["shape_parameter"][:], file["shape_gap"][:]
+    passed = np.maximum.accumulate(pressure > known[-1])
+    return np.where(passed, np.nan, np.interp(pressure, known, gaps))
+
+
+def closing_words(numbers: dict[str, Any], time: np.ndarray, free: np.ndarray) -> str:
+    """What the closing law did, in sentences."""
+    cfd = numbers["cfd"]
+    if numbers["contact_time"] is None:
+        return f"The tips do not meet: the least gap to the plane is {numbers['least_gap'] * 1e3:.2f} mm."
+    text = (
+        f"The tips stop {numbers['residual_gap'] * 1e3:g} mm before the plane, so {2e3 * numbers['residual_gap']:g} mm"
+        f" between them stay open; they are within 0.1 mm of that at {numbers['contact_time']:.3f} s."
+    )
+    known = np.flatnonzero(np.isfinite(free))
+    if 1 < known.size < time.size:
+        end = int(known[-1])
+        speed = (free[end - 1] - free[end]) / (time[end] - time[end - 1])
+        text += f" Unhindered they would get there at {time[end]:.3f} s with {speed:.2f} m/s each."
+    text += (
+        f" The jet is fastest, {cfd['jet_peak']:.2f} m/s, at {cfd['jet_peak_time']:.3f} s with"
+        f" {cfd['jet_peak_gap'] * 1e3:.2f} mm of gap"
+    )
+    if cfd.get("pressure_gap_peak") is not None:
+        text += (
+            f"; the pressure between the tips reaches {cfd['pressure_gap_peak']:.0f} Pa at"
+            f" {cfd['pressure_gap_peak_time']:.3f} s ({cfd['pressure_gap_peak_gap'] * 1e3:.2f} mm)"
+        )
+    return text + "."
+
+
+def _pair_words(numbers: dict[str, Any]) -> str:
+    told = []
+    for source, name in (("cfd", "CFD"), ("piv", "PIV")):
+        rows = numbers.get(source)
+        if rows and rows["imbalance_rms"] is not None:
+            told.append(
+                f"{name}: imbalance {rows['imbalance_rms'] * 100:.2g} %, mirror distance"
+                f" {rows['mirror_distance_rms'] * 1e3:.2g} mm"
+            )
+    return f"RMS from 20 to 2 mm of gap: {'; '.join(told)}." if told else ""
+
+
+def _with_bend(table: pd.DataFrame, clock: Clock) -> pd.DataFrame:
+    return table.assign(bend=np.interp(table["time"], clock.time, clock.bend))
+
+
+def _dominant(table: pd.DataFrame) -> pd.DataFrame:
+    span = (float(table["time"].min()), float(table["time"].max()))
+    return tracks.dominant_track(table, 0, span, "single finger")

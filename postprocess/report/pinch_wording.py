@@ -1,0 +1,47 @@
+"""The key numbers of a pinch as a table of words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from postprocess.report.wording import PAIRS, quantity
+
+# name of the row, key of pinch_summary.source_numbers, unit, keys of the time and the gap at which it is reached
+ROWS = (
+    ("circulation of each tip vortex at its peak", "circulation_peak", "m²/s", ()),
+    ("circulation at contact", "circulation_at_contact", "m²/s", ()),
+    ("imbalance of the pair, 20 to 2 mm of gap (RMS)", "imbalance_rms", "fraction", ()),
+    ("mirror distance of the centres, 20 to 2 mm of gap (RMS)", "mirror_distance_rms", "m", ()),
+    ("vortex beyond the tip, 20 to 2 mm of gap", "along_tip_approach", "m", ()),
+    ("vortex to the dorsal side, 20 to 2 mm of gap", "across_tip_approach", "m", ()),
+    ("vortex beyond the tip, 0.15 s after contact", "along_tip_after", "m", ()),
+    ("vortex to the dorsal side, 0.15 s after contact", "across_tip_after", "m", ()),
+    ("height at which the flow parts, 20 to 2 mm of gap", "stagnation_y_approach", "m", ()),
+    ("downward jet at its fastest", "jet_peak", "m/s", ("jet_peak_time", "jet_peak_gap")),
+    ("upward flow at its fastest", "rise_peak", "m/s", ("rise_peak_time", "rise_peak_gap")),
+    ("downward jet within 0.15 s after contact", "jet_peak_after_contact", "m/s", ()),
+    ("pressure between the tips, extreme", "pressure_gap_peak", "Pa", ("pressure_gap_peak_time", "pressure_gap_peak_gap")),
+    ("largest pressure at the tips", "pressure_tip_max_peak", "Pa", ("pressure_tip_max_peak_time", "pressure_tip_max_peak_gap")),
+    ("least pressure at the tips", "pressure_tip_min_peak", "Pa", ("pressure_tip_min_peak_time", "pressure_tip_min_peak_gap")),
+)  # fmt: skip
+
+
+def pinch_table(numbers: dict[str, Any]) -> tuple[list[str], list[tuple[str, list[str]]]]:
+    """Names of the columns (sources), and rows (name, a text per source); "–" where a source does not measure it."""
+    sources = [source for source in ("cfd", "piv") if source in numbers]
+    rows = []
+    for name, key, unit, at in ROWS:
+        if all(numbers[source].get(key) is None for source in sources):
+            continue
+        rows.append((name, [_cell(numbers[source], key, unit, at) for source in sources]))
+    return [PAIRS[source] for source in sources], rows
+
+
+def _cell(values: dict[str, float | None], key: str, unit: str, at: tuple[str, ...]) -> str:
+    value = values.get(key)
+    if value is None:
+        return "–"
+    text = f"{value * 1e4:.1f} cm²/s" if unit == "m²/s" else quantity(value, unit)
+    if at and values.get(at[0]) is not None:
+        text += f" at {values[at[0]]:.3f} s, {(values[at[1]] or 0.0) * 1e3:.2f} mm of gap"
+    return text

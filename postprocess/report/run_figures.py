@@ -1,0 +1,129 @@
+"""Pictures of how the flow was computed and seen, for the report: the solver's tables, the mesh, the camera."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+
+import h5py
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
+
+from fileio.atomic import write_bytes
+from postprocess.draw import animation
+from postprocess.draw import mesh as draw_mesh
+from postprocess.draw import solver as draw_solver
+from postprocess.evidence.stage_files import StageFiles, read_stages, read_table, scene_numbers
+from postprocess.report.picture_index import Album
+
+FORCE_COLUMNS = ("time", "fx", "fy", "fx_viscous", "fy_viscous")
+POWER_COLUMNS = ("time", "finger_power", "kinetic_energy", "dissipation")
+HISTORY_COLUMNS = ("time", "courant_mean", "courant_max", "continuity_local", "continuity_global")
+QUALITY_COLUMNS = (
+    "leg",
+    "bend_deg",
+    "max_non_orthogonality_deg",
+    "mean_non_orthogonality_deg",
+    "max_skewness",
+    "min_area_ratio",
+)
+
+
+def solver_figures(album: Album, files: StageFiles) -> None:
+    """The solver's tables and the mesh's quality over time or bend."""
+    tables: tuple[tuple[str, str, tuple[str, ...], Callable[[pd.DataFrame], Figure], str, str], ...] = (
+        (
+            "run/forces.csv",
+            "forces",
+            FORCE_COLUMNS,
+            draw_solver.forces,
+            "run",
+            "Force of the water on the finger over time.",
+        ),
+        (
+            "run/power.csv",
+            "power",
+            POWER_COLUMNS,
+            draw_solver.power,
+            "run",
+            "Power balance over time and its closure error.",
+        ),
+        (
+            "run/history.csv",
+            "history",
+            HISTORY_COLUMNS,
+            draw_solver.history,
+            "run",
+            "Courant number and continuity error over time.",
+        ),
+        (
+            "mesh_quality.csv",
+            "mesh_quality",
+            QUALITY_COLUMNS,
+            draw_solver.mesh_quality,
+            "mesh",
+            "Non-orthogonality, skewness and area ratio over the bend angle.",
+        ),
+    )
+    for file, name, columns, draw, section, alt in tables:
+        album.add(draw(read_table(files.out / file, columns)), f"{name}.svg", section, alt)
+
+
+def mesh_figures(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
+    """The planform at three bends, and the finger in the tank seen in space."""
+    stages = read_stages(files.out / "planform.h5")
+    outline, bend = plane["outline"].values, plane["bend"].values[:, 0]
+    low, high = outline.min(axis=(0, 1, 2)) - 0.02, outline.max(axis=(0, 1, 2)) + 0.02
+    limits = (low[0], high[0], low[1], high[1])
+    end = bend[np.argmax(np.abs(bend - bend[0]))]
+    drawn = [_nearest_shape(stages, b) for b in (bend[0], 0.5 * (bend[0] + end), end)]
+    shapes = [stage["points"][knot] for stage, knot in drawn]
+    at = np.degrees([stage["bend"][knot] for stage, knot in drawn])
+    lines = [draw_mesh.edges([stage["triangles"][stage["body"] == 0], stage["quads"]]) for stage, _ in drawn]
+    alt = "The planform of the mesh around the finger at the start, middle and end of the stroke."
+    album.add(draw_mesh.planform(shapes, at, lines, limits), "planform.png", "mesh", alt)
+    scene = scene_numbers(files)
+    bodies = outline[int(np.argmin(np.abs(np.degrees(bend) - at[1])))]
+    data = files.figures / "view3d.npz"
+    content = io.BytesIO()
+    np.savez(
+        content,
+        points=shapes[1],
+        lines=lines[1],
+        outline=bodies,
+        width=scene["finger"]["width"],
+        tank=np.array(scene["tank"]["size"]),
+    )
+    write_bytes(data, content.getbuffer())
+    drawn_by = draw_mesh.view_in_space(data, files.figures / "view3d.png")
+    data.unlink()
+    alt = "The finger and the mesh on the laser sheet inside the tank, seen in space."
+    album.add(None, "view3d.png", "mesh", alt, f"Half-way through the stroke (drawn by {drawn_by}).")
+
+
+def _nearest_shape(stages: list[dict[str, np.ndarray]], bend: float) -> tuple[dict[str, np.ndarray], int]:
+    """The stage and its knot whose bend (rad) is nearest."""
+    found = [(stage, int(np.argmin(np.abs(stage["bend"] - bend)))) for stage in stages]
+    return min(found, key=lambda pair: abs(pair[0]["bend"][pair[1]] - bend))
+
+
+def camera_picture(album: Album, files: StageFiles, time: float) -> None:
+    """What the camera sees nearest to `time` (s); nothing where no images were rendered."""
+    path = files.optional("images.h5")
+    if path is None:
+        return
+    with h5py.File(path, "r") as file:
+        index = int(np.argmin(np.abs(file["time"][:] - time)))
+        image, at = file["frames"][index].astype(float), float(file["time"][index])
+    grey = np.clip(image / np.percentile(image, 99.7), 0, 1) * 255
+    animation.write_picture(grey.astype(np.uint8), album.folder / "camera.webp", quality=80)
+    alt = f"A synthetic camera picture of the seeded water at {at:.3f} s; the finger is black."
+    album.add(
+        None,
+        "camera.webp",
+        "camera",
+        alt,
+        f"What the virtual camera sees at {at:.3f} s; PIV is done on such pictures.",
+    )

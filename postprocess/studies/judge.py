@@ -1,0 +1,202 @@
+"""A study's runs judged by the findings of their scene: what each changes, and what that does; a table, a figure, a page.
+
+Command: python -m postprocess.studies.judge cases/pinch/out/studies/variations/plan.json -o docs/pinch_studies (make pinch-studies)
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from fileio.atomic import write_text
+from postprocess.compare.findings import read_findings
+from postprocess.compare.pinch_summary import pinch_summary
+from postprocess.compare.quantities import QUANTITIES
+from postprocess.compare.stage import judge
+from postprocess.draw.style import save
+from postprocess.evidence.load import load_evidence, read_clock
+from postprocess.evidence.stage_files import StageFiles, read_json
+from postprocess.report.wording import quantity
+from postprocess.studies import bars as draw_studies
+from postprocess.studies.state import files_of, missing_runs, missing_sentence
+from postprocess.studies.table import read_plan
+
+COLUMNS = ["run", "change", "model", "cells", "kind", "quantity", "value", "unit", "met"]
+NUMBERS = {
+    "contact_time": "s",
+    "circulation_at_contact": "m²/s",
+    "jet_peak": "m/s",
+    "jet_peak_after_contact": "m/s",
+    "rise_peak": "m/s",
+    "pressure_gap_peak": "Pa",
+    "pressure_tip_max_peak": "Pa",
+    "pressure_tip_min_peak": "Pa",
+    "along_tip_approach": "m",
+    "across_tip_approach": "m",
+    "along_tip_after": "m",
+    "across_tip_after": "m",
+}
+FREE = (
+    "pinch.",
+    "sheet.",
+    "camera.",
+)  # changes of these keys leave the finger's own motion as the single finger's
+
+
+AS_IT_IS = "as it is"
+
+
+def changes(runs: list[dict[str, Any]]) -> dict[str, str]:
+    """By run what sets it apart: its overrides, but for those that all runs of the plan have in common."""
+    common = [
+        item for item in runs[0]["overrides"].items() if all(item in run["overrides"].items() for run in runs)
+    ]
+    return {
+        run["run"]: "; ".join(
+            f"{key} = {_plain(value)}"
+            for key, value in run["overrides"].items()
+            if (key, value) not in common
+        )
+        or AS_IT_IS
+        for run in runs
+    }
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(_plain(item) for item in value)
+    if isinstance(value, dict):
+        return " ".join(f"{key} {item:g}" for key, item in value.items())
+    return f"{value:g}" if isinstance(value, int | float) else str(value)
+
+
+def findings_path(case: Path) -> Path:
+    """The findings of a scene, or of the nearest scene that it extends that has some."""
+    path = case / "reference" / "findings.toml"
+    if path.exists():
+        return path
+    table = tomllib.loads((case / "scene.toml").read_text(encoding="utf-8"))
+    if "extends" not in table:
+        raise FileNotFoundError(f"{path} is missing; a scene needs its findings to be judged by")
+    return findings_path(case / table["extends"])
+
+
+def measure(files: StageFiles, name: str, change: str) -> list[dict[str, Any]]:
+    """Rows of `COLUMNS` of one run: the paper's findings by the CFD, and key numbers.
+
+    The single finger beside it is that of the run's level where the change leaves the finger's own motion as it is.
+    """
+    comparable = all(part.startswith(FREE) for part in change.split("; ")) or change == AS_IT_IS
+    evidence = load_evidence(files, files.level if comparable else name)
+    clock = read_clock(files, evidence.planes["cfd"])
+    run = read_json(files.required("run/run.json", "run"))
+    about = {"run": name, "change": change, "model": run["model"], "cells": run["cells"]}
+    rows: list[dict[str, Any]] = []
+    for finding in read_findings(findings_path(files.case), frozenset(QUANTITIES)):
+        if finding.kind == "paper" and "cfd" in finding.of:
+            check = judge(finding, evidence, clock)
+            value, met = check["measured"]["cfd"], check["met_by"].get("cfd")
+            if value is None and not any("was not run" in note for note in check["notes"]):
+                met = False
+            rows.append(
+                about
+                | {
+                    "kind": "finding",
+                    "quantity": finding.id,
+                    "value": value,
+                    "unit": check["unit"],
+                    "met": met,
+                }
+            )
+    numbers = pinch_summary(evidence, clock)
+    numbers |= numbers["cfd"]
+    for name, unit in NUMBERS.items():
+        rows.append(
+            about
+            | {"kind": "number", "quantity": name, "value": numbers.get(name), "unit": unit, "met": None}
+        )
+    for plane in evidence.planes.values():
+        plane.close()
+    return rows
+
+
+def page(words: str, table: pd.DataFrame, missing: dict[str, str], name: str) -> str:
+    """The page as Markdown: the study's own words, then what was measured; its table and figure are called `name`."""
+    parts = [
+        words.strip(),
+        f"Written by `make pinch-studies`; every number is in [{name}.csv]({name}.csv).",
+        f"![Key numbers of every run]({name}.svg)",
+    ]
+    if missing:
+        said = "; ".join(f"{run} ({why})" for run, why in missing.items())
+        parts.append(f"Not run, not to its end, or with other numbers: {said}.")
+    for kind, heading in (("finding", "The paper's findings, by the CFD"), ("number", "Key numbers")):
+        part = table[table["kind"] == kind]
+        names = list(dict.fromkeys(part["quantity"]))
+        lines = [f"## {heading}", "", f"| run | change | model | {' | '.join(names)} |"]
+        lines.append("|---" * (3 + len(names)) + "|")
+        for run, rows in part.groupby("run", sort=False):
+            cells = {row.quantity: _cell(row) for row in rows.itertuples()}
+            first = rows.iloc[0]
+            shown = " | ".join(cells.get(name, "") for name in names)
+            lines.append(f"| {run} | {first['change']} | {first['model']} | {shown} |")
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts) + "\n"
+
+
+def _cell(row: Any) -> str:
+    value = row.value
+    if value is None or (isinstance(value, float) and pd.isna(value)):
+        return "–" if row.met is None or pd.isna(row.met) else "not there: **no**"
+    text = f"{value * 1e4:.0f} cm²/s" if row.unit == "m²/s" else quantity(value, row.unit)
+    if row.kind == "finding" and row.met is not None:
+        text += "" if row.met else " **no**"
+    return text
+
+
+def gather(plan: dict[str, Any]) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Rows of every run of a plan that was made with the plan's numbers, and why the others are missing, by name."""
+    rows, missing, said = [], missing_runs(plan), changes(plan["runs"])
+    for run in plan["runs"]:
+        if run["run"] not in missing:
+            rows += measure(files_of(run), run["run"], said[run["run"]])
+    if not rows:
+        raise FileNotFoundError(
+            f"{plan['folder']}: no run of the study {plan['study']!r} was made; make pinch-studies"
+        )
+    return pd.DataFrame(rows, columns=COLUMNS), missing
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns 0 good, 2 bad input."""
+    parser = argparse.ArgumentParser(prog="python -m postprocess.studies.judge", description=__doc__)
+    parser.add_argument("plan", type=Path, help="plan.json of the study")
+    parser.add_argument("--words", type=Path, help="what the page begins with (.md)")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="page, table and figure, without a suffix"
+    )
+    args = parser.parse_args(argv)
+    try:
+        plan = read_plan(args.plan)
+        table, missing = gather(plan)
+        words = (
+            args.words.read_text(encoding="utf-8") if args.words else f"# {plan['scene']}: {plan['study']}"
+        )
+    except (ValueError, OSError) as error:
+        print(f"studies: {error}", file=sys.stderr)
+        return 2
+    if missing:
+        print(f"studies: {missing_sentence(missing, len(plan['runs']), 'the study again')}", file=sys.stderr)
+    write_text(args.output.with_suffix(".csv"), table.to_csv(index=False))
+    save(draw_studies.bars(table), args.output.with_suffix(".svg"))
+    write_text(args.output.with_suffix(".md"), page(words, table, missing, args.output.name))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

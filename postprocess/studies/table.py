@@ -1,0 +1,174 @@
+"""A study's runs as one tidy table: a row per run, the unit at the end of each column's name.
+
+Command: python -m postprocess.studies.table cases/single_finger/out/studies/tradeoff/plan.json -o table.csv
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+
+from fileio.atomic import write_text
+from postprocess.evidence import tip_vortex as tracks
+from postprocess.evidence.stage_files import StageFiles, read_json, read_table
+from postprocess.evidence.strokes import MIDDLE, stroke_window
+from postprocess.studies.state import files_of, missing_runs
+
+STAGES = (
+    "fea",
+    "kinematics",
+    "mesh",
+    "case",
+    "run",
+    "sheets",
+    "images",
+    "piv",
+    "vortices_cfd",
+    "vortices_piv",
+)
+SOURCES = {"cfd": "vortices_cfd.csv", "piv": "vortices_piv.csv"}
+MB = 1e-6
+PLAN_VERSION = 4
+
+
+def read_plan(path: Path) -> dict[str, Any]:
+    """plan.json of a study (docs/formats.md)."""
+    if not path.exists():
+        raise FileNotFoundError(
+            f"{path} is missing; run the study with snakemake -s pipeline/study/Snakefile first"
+        )
+    plan = read_json(path)
+    if plan.get("format") != "study-plan":
+        raise ValueError(f"{path}: format is {plan.get('format')!r}, expected 'study-plan'")
+    if plan["format_version"] != PLAN_VERSION:
+        raise ValueError(
+            f"{path}: format_version = {plan['format_version']}, this code reads {PLAN_VERSION}; run the study again"
+        )
+    return plan
+
+
+def costs(files: StageFiles) -> dict[str, float]:
+    """CPU seconds of each stage, and of all, and the largest memory (MB); stages that were not run are left out."""
+    found: dict[str, float] = {}
+    memory = 0.0
+    for stage in STAGES:
+        path = files.out / "costs" / f"{stage}.json"
+        if path.exists():
+            cost = read_json(path)
+            found[f"cpu_{stage}_s"] = float(cost.get("cpu_time", cost["wall_time"]))
+            memory = max(memory, cost["peak_memory"] * MB)
+    return found | {"cpu_total_s": sum(found.values()), "peak_memory_MB": memory}
+
+
+def solver(files: StageFiles) -> dict[str, Any]:
+    """What run/ says: size, steps, power balance, the largest force and the impulse until the end."""
+    path = files.optional("run/run.json")
+    if path is None:
+        return {}
+    run = read_json(path)
+    force = read_table(files.required("run/forces.csv", "run"), ("time", "fx", "fy"))
+    size = np.hypot(force["fx"], force["fy"])
+    keys = ("scene_hash", "model", "ranks", "cells", "steps", "courant_max")
+    return {key: run[key] for key in keys} | {
+        "time_step_s": run["time_step"],
+        "end_time_s": run["end_time"],
+        "wall_run_s": run["wall_time"],
+        "peak_force_N": float(size.max()),
+        "impulse_x_Ns": float(np.trapezoid(force["fx"], force["time"])),
+        "impulse_y_Ns": float(np.trapezoid(force["fy"], force["time"])),
+        "work_J": run["power_balance"]["work"],
+        "closure_fraction": run["power_balance"]["closure_fraction"],
+        "openfoam": run["versions"].get("OpenFOAM", ""),
+    }
+
+
+def middle_of_stroke(files: StageFiles) -> tuple[float, float]:
+    """Instants (s) between which the finger does the middle half of its bend."""
+    with h5py.File(files.required("kinematics.h5", "kinematics")) as file:
+        return stroke_window(
+            file["look"][...], np.asarray(file["bend"][...]).reshape(len(file["look"]), -1)[:, 0], MIDDLE
+        )
+
+
+def vortex(files: StageFiles) -> dict[str, Any]:
+    """Mean circulation, centre and core radius of the tip's vortex over the middle of the stroke, by source."""
+    numbers: dict[str, Any] = {}
+    window = (
+        middle_of_stroke(files) if any((files.out / n).exists() for n in SOURCES.values()) else (0.0, 0.0)
+    )
+    for source, name in SOURCES.items():
+        if files.optional(name) is None:
+            continue
+        table = tracks.read_vortices(files.out / name)
+        try:
+            track = tracks.dominant_track(table, 0, window, name)
+        except ValueError:
+            continue  # no vortex near the tip: the cells stay empty
+        track = track[track["time"].between(*window)]
+        for column, unit in (("circulation", "m2_per_s"), ("x", "m"), ("y", "m"), ("core_radius", "m")):
+            numbers[f"{column}_{source}_{unit}"] = float(track[column].mean())
+    return numbers
+
+
+def ending(files: StageFiles) -> dict[str, Any]:
+    """How a run that may fail ended."""
+    path = files.optional("ending.json")
+    found = read_json(path) if path is not None else {}
+    return {key: found[key] for key in ("ended", "stopped_at_s", "reason") if key in found}
+
+
+def bending(files: StageFiles) -> dict[str, Any]:
+    """What the bending analysis of another actuator gave: its states, from the lowest to the highest pressure."""
+    with h5py.File(files.case / "kinematics" / "states.h5") as file:
+        pressure, bend = np.asarray(file["pressure"]), np.asarray(file["bend_angle"])
+    return {
+        "states": len(pressure),
+        "pressure_min_Pa": float(pressure[0]),
+        "pressure_max_Pa": float(pressure[-1]),
+        "bend_min_rad": float(bend[0]),
+        "bend_max_rad": float(bend[-1]),
+    }
+
+
+def study_table(plan: dict[str, Any], missing: dict[str, str]) -> pd.DataFrame:
+    """One row per run of the plan: what was varied, what it cost, what it gave; or why that is `missing`, by run."""
+    rows = []
+    for row in plan["runs"]:
+        files = files_of(row)
+        varied = {
+            key: json.dumps(v) if isinstance(v, list | dict) else v for key, v in row["overrides"].items()
+        }
+        head = {"run": row["run"], "level": row["level"], "until": row["until"]}
+        analysed = bending(files) if row["fea"] and (files.case / "kinematics" / "states.h5").exists() else {}
+        told = head | varied | ending(files) | analysed
+        if row["run"] in missing:
+            rows.append(told | {"missing": missing[row["run"]]})
+        else:
+            rows.append(told | solver(files) | vortex(files) | costs(files))
+    return pd.DataFrame(rows)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns 0 good, 2 bad input."""
+    parser = argparse.ArgumentParser(prog="python -m postprocess.studies.table", description=__doc__)
+    parser.add_argument("plan", type=Path, help="plan.json of the study")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="table to write (.csv)")
+    args = parser.parse_args(argv)
+    try:
+        plan = read_plan(args.plan)
+        write_text(args.output, study_table(plan, missing_runs(plan)).to_csv(index=False))
+    except (ValueError, OSError) as error:
+        print(f"study_table: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,271 @@
+"""What accuracy costs: errors of a study's runs against its best, the front of those that nothing beats, figure and page.
+
+Command: python -m postprocess.studies.tradeoff cases/single_finger/out/studies/tradeoff/plan.json (make tradeoff)
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from fileio.formats.plane_series import read_plane
+from postprocess.evidence import fields
+from postprocess.evidence import tip_vortex as tracks
+from postprocess.evidence.stage_files import StageFiles, read_json, read_table
+from postprocess.evidence.strokes import MIDDLE, peak_tip_speed, stroke_window
+from postprocess.studies.state import files_of, missing_runs, missing_sentence
+from postprocess.studies.table import read_plan, study_table
+
+INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
+ERRORS = ("error_circulation", "error_centre", "error_velocity", "error_force")
+
+
+def velocity_error(reference: xr.Dataset, other: xr.Dataset, window: tuple[float, float]) -> float:
+    """RMS of the vector difference on the common valid points at about INSTANTS instants of a window, m/s."""
+    inside = np.flatnonzero((other["time"].values >= window[0]) & (other["time"].values <= window[1]))
+    thinned = inside[:: max(1, len(inside) // INSTANTS)]
+    return fields.rms_difference(fields.field_sums(reference, other.isel(time=thinned)))
+
+
+def vortex_errors(
+    reference: pd.DataFrame, other: pd.DataFrame, window: tuple[float, float], width: float
+) -> dict[str, float]:
+    """Tip vortex of one table against another's: RMS of circulation (part of the reference's) and of centre (tip widths)."""
+    chosen = tracks.dominant_tracks({"reference": reference, "other": other}, 0, window)
+    if len(chosen) < 2:
+        return {}
+    pair = tracks.pair_tracks(chosen["reference"], chosen["other"])
+    pair = pair[pair["time"].between(*window)]
+    if pair.empty:
+        return {}
+    distance = tracks.centre_distance(pair)
+    return {
+        "error_circulation": tracks.circulation_difference(pair),
+        "error_centre": distance / width,
+        "error_centre_mm": distance * 1e3,
+    }
+
+
+def force_error(reference: pd.DataFrame, other: pd.DataFrame, end: float) -> float:
+    """RMS of the difference of the force's vector until `end` (s) over the RMS of the reference's."""
+    rows = other[other["time"] <= end + 1e-9]
+    difference = reference2 = 0.0
+    for name in ("fx", "fy"):
+        wanted = np.interp(rows["time"], reference["time"], reference[name])
+        difference += float(((rows[name] - wanted) ** 2).mean())
+        reference2 += float((wanted**2).mean())
+    return float(np.sqrt(difference / reference2))
+
+
+def flow_errors(best: StageFiles, files: StageFiles) -> dict[str, float]:
+    """Errors of a run's flow against the best run's: ERRORS as parts of the scale of each, and `error`, the largest."""
+    with (
+        read_plane(best.required("sheet.h5", "sheet")) as wanted,
+        read_plane(files.required("sheet.h5", "sheet")) as got,
+    ):
+        window = stroke_window(wanted["time"].values, wanted["bend"].values[:, 0], MIDDLE)
+        scale, _ = peak_tip_speed(wanted["time"].values, wanted["tip"].values)
+        width = float(wanted.attrs["tip_width"])
+        found = {"error_velocity": velocity_error(wanted, got, window) / scale, "tip_width_mm": width * 1e3}
+    tables = [tracks.read_vortices(f.required("vortices_cfd.csv", "vortices")) for f in (best, files)]
+    found |= vortex_errors(tables[0], tables[1], window, width)
+    forces = [read_table(f.required("run/forces.csv", "run"), ("time", "fx", "fy")) for f in (best, files)]
+    found["error_force"] = force_error(forces[0], forces[1], float(forces[0]["time"].iloc[-1]))
+    return found | worst(found)
+
+
+def piv_errors(files: StageFiles) -> dict[str, float]:
+    """Errors of a run's PIV against the flow that was rendered for it."""
+    with (
+        read_plane(files.required("sheet.h5", "sheet")) as wanted,
+        read_plane(files.required("piv.h5", "piv")) as got,
+    ):
+        window = stroke_window(wanted["time"].values, wanted["bend"].values[:, 0], MIDDLE)
+        scale, _ = peak_tip_speed(wanted["time"].values, wanted["tip"].values)
+        width = float(wanted.attrs["tip_width"])
+        found = {"error_velocity": velocity_error(wanted, got, window) / scale}
+        found["vectors"] = int(got.sizes["x"] * got.sizes["y"])
+        found["fields"] = int(got.sizes["time"])
+    tables = [
+        tracks.read_vortices(files.required(n, "vortices")) for n in ("vortices_cfd.csv", "vortices_piv.csv")
+    ]
+    found |= vortex_errors(tables[0], tables[1], window, width)
+    return found | worst(found)
+
+
+def worst(found: dict[str, float]) -> dict[str, float]:
+    """`error`: the largest of ERRORS that were measured; absent where the vortex was not found."""
+    if "error_circulation" not in found:
+        return {}
+    return {"error": max(found[name] for name in ERRORS if name in found)}
+
+
+def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> dict[str, float]:
+    """ERRORS of the best run itself, extrapolated at second order in the cell's size from the finest other level as the scene
+    says; empty where the study has none. An estimate: levels are similar grids, not multiples (docs/verification.md has the
+    observed orders).
+
+    table: by run, with `cells` and the errors against the best run; runs: of the plan.
+    """
+    plain = [r["run"] for r in runs if r["until"] != "vortices" and not r["overrides"] and r["run"] != best]
+    known = [r for r in plain if np.isfinite(table["error"].get(r, np.nan))]
+    if not known:
+        return {}
+    coarser = table.loc[max(known, key=lambda r: table.loc[r, "cells"])]
+    refinement = (table.loc[best, "cells"] / coarser["cells"]) ** (
+        1 / (2 if table.loc[best, "model"] == "2d" else 3)
+    )
+    if refinement <= 1:
+        return {}
+    return {
+        name: float(coarser[name]) / (refinement**2 - 1) for name in (*ERRORS, "error_centre_mm", "error")
+    }
+
+
+def front(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Whether nothing is both cheaper and more accurate (n,), of runs with cost (n,) and error (n,); NaN is on no front."""
+    beaten = (cost[None] <= cost[:, None]) & (error[None] <= error[:, None])
+    strictly = (cost[None] < cost[:, None]) | (error[None] < error[:, None])
+    return ~(beaten & strictly).any(1) & np.isfinite(error)
+
+
+def predictions(table: pd.DataFrame, planes: pd.Series, whole: pd.Series) -> pd.DataFrame:
+    """CPU seconds of every stage of a whole run to the report, `predict_<stage>_s`, for each flow run.
+
+    Stages of the sheet go with their planes (the study may have sampled fewer); those of images, PIV and report are taken
+    from the run `whole` that went to its report, with the picture's size.
+    """
+    out = pd.DataFrame(index=table.index)
+    for stage in ("kinematics", "mesh", "case", "run"):
+        out[f"predict_{stage}_s"] = table[f"cpu_{stage}_s"]
+    for stage in ("sheets", "vortices_cfd"):
+        out[f"predict_{stage}_s"] = table[f"cpu_{stage}_s"] * planes
+    pixels = table["pixels"] / whole["pixels"]
+    fields_ = table["piv_fields"] / whole["piv_fields"]
+    out["predict_images_s"] = whole["cpu_images_s"] * pixels
+    out["predict_piv_s"] = whole["cpu_piv_s"] * pixels * fields_
+    out["predict_vortices_piv_s"] = whole["cpu_vortices_piv_s"] * pixels * fields_
+    for stage in ("compare", "figures", "report"):
+        out[f"predict_{stage}_s"] = whole[f"cpu_{stage}_s"]
+    return out
+
+
+def picture(files: StageFiles) -> dict[str, float]:
+    """Pixels of a run's picture, its rate, and each how-many-th pair PIV takes."""
+    camera = read_json(files.out / "settings" / "images.json")
+    piv = read_json(files.out / "settings" / "piv.json")
+    return {
+        "pixels": camera["width_px"] * camera["height_px"],
+        "rate_hz": camera["frame_rate_hz"],
+        "every": piv["every"] * camera.get("pairs_every", 1),
+    }
+
+
+def finest(plan: dict[str, Any], missing: dict[str, str]) -> str:
+    """The flow run of most cells that is not `missing`, of those with as many the one of most steps."""
+    done = [row for row in plan["runs"] if row["until"] != "vortices" and row["run"] not in missing]
+    if not done:
+        raise ValueError("the study has no finished run to judge the others by")
+
+    def size(row: dict[str, Any]) -> tuple[int, int]:
+        record = read_json(files_of(row).out / "run" / "run.json")
+        return record["cells"], record["steps"]
+
+    return str(max(done, key=size)["run"])
+
+
+def evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.DataFrame:
+    """The study's table with errors, the front, and the predicted cost of each setting to the report; without the runs that
+    are `missing`."""
+    plan = plan | {"runs": [row for row in plan["runs"] if row["run"] not in missing]}
+    rows = {row["run"]: files_of(row) for row in plan["runs"]}
+    if best not in rows:
+        why = missing.get(best, "the table has none of that name")
+        raise ValueError(
+            f"the study has no finished run {best!r} to judge the others by ({why}); name one with --best"
+        )
+    table = study_table(plan, {}).set_index("run", drop=False)
+    if table["until"].eq("report").any():
+        for stage in ("compare", "figures", "report"):
+            for run, files in rows.items():
+                path = files.out / "costs" / f"{stage}.json"
+                if path.exists():
+                    cost = read_json(path)
+                    table.loc[run, f"cpu_{stage}_s"] = cost.get("cpu_time", cost["wall_time"])
+    is_piv = table["until"].eq("vortices")
+    table["kind"] = np.where(is_piv, "piv", "flow")
+    for run, files in rows.items():
+        found = (
+            piv_errors(files)
+            if table.loc[run, "kind"] == "piv"
+            else {}
+            if run == best
+            else flow_errors(rows[best], files)
+        )
+        for name, value in (found | picture(files)).items():
+            table.loc[run, name] = value
+    if "error" in table:
+        for name, value in own_errors(table, plan["runs"], best).items():
+            table.loc[best, name] = value
+    flow = ~is_piv
+    native = pd.Series(
+        table["rate_hz"].max(), table.index
+    )  # the scene's own: the study only ever samples less
+    table["piv_fields"] = native * table["end_time_s"] / table["every"]
+    whole = table[flow & table.get("cpu_report_s", pd.Series(np.nan, table.index)).notna()]
+    if len(whole):
+        guess = predictions(table[flow], (native / table["rate_hz"])[flow], whole.iloc[0])
+        table = table.join(guess)
+    table["cpu_flow_s"] = table[["cpu_kinematics_s", "cpu_mesh_s", "cpu_case_s", "cpu_run_s"]].sum(axis=1)
+    if is_piv.any():
+        table.loc[is_piv, "cpu_piv_per_field_s"] = table["cpu_piv_s"] / table["fields"]
+    cost = np.where(is_piv, table.get("cpu_piv_per_field_s", np.nan), table["cpu_flow_s"]).astype(float)
+    error = table.get("error", pd.Series(np.nan, table.index)).to_numpy(float)
+    table["front"] = False
+    for kind in (flow, is_piv):
+        chosen = kind.to_numpy()
+        table.loc[chosen, "front"] = front(cost[chosen], error[chosen])
+    return table.reset_index(drop=True)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns 0 good, 2 bad input."""
+    from postprocess.studies.tradeoff_page import write_results
+
+    parser = argparse.ArgumentParser(prog="python -m postprocess.studies.tradeoff", description=__doc__)
+    parser.add_argument("plan", type=Path, help="plan.json of the study")
+    parser.add_argument("--best", help="run that the others are judged by (default: the finest)")
+    parser.add_argument(
+        "--docs", type=Path, default=Path("docs"), help="folder of the pages (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--partial", action="store_true", help="write the page though runs are missing, which it then names"
+    )
+    args = parser.parse_args(argv)
+    try:
+        plan = read_plan(args.plan)
+        missing = missing_runs(plan)
+        if missing:
+            said = missing_sentence(missing, len(plan["runs"]), f"make tradeoff SCENE={plan['scene']}")
+            if not args.partial:
+                raise ValueError(f"{said}, or give --partial for a page without them")
+            print(f"tradeoff: {said}", file=sys.stderr)
+        probe = read_json(args.plan.with_name("probe.json"))
+        best = args.best or finest(plan, missing)
+        table = evaluate(plan, best, missing)
+        write_results(plan["scene"], table, best, probe, args.docs, missing)
+    except (ValueError, OSError, json.JSONDecodeError) as error:
+        print(f"tradeoff: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,227 @@
+"""The trade on paper: table of results, figure of the front, and the page docs/tradeoff.md, for one scene."""
+
+from __future__ import annotations
+
+import json
+import platform
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+
+from fileio.atomic import write_text
+from postprocess.draw.style import CFD, GREY, PIV, new_figure, save
+
+LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "numba")
+# The axes of the study: run, what it is compared with, and what the comparison tells.
+AXES = (
+    ("draft_2d", "draft", "Model, 2-D against half"),
+    ("coarse_2d", "coarse", "Model, 2-D against half"),
+    ("draft_full", "draft", "Model, full against half"),
+    ("draft_les", "draft", "Turbulence, WALE against laminar"),
+    ("draft_euler", "draft", "Time scheme, Euler against backward"),
+    ("draft_dt2", "draft", "Time step, 2 ms against 1 ms"),
+    ("draft_2ranks", "draft", "Ranks, two against one"),
+    ("coarse", "draft", "Level, coarse against draft"),
+    (
+        "coarse_near",
+        "coarse",
+        "Water that the tip passes, cells of 1.2 mm within 18 mm against 2.2 mm within 22 mm",
+    ),
+    (
+        "coarse_wall",
+        "coarse",
+        "Wall, cells of 1.2 mm (tip 0.5 mm, first layer 0.3 mm) against 1.8 mm (1 mm, 0.5 mm)",
+    ),
+    ("coarse_layers", "coarse", "Layers across the half width and beyond, 9 and 10 against 6 and 6"),
+    ("coarse_both", "coarse", "Both of these, at the wall and in layers"),
+    ("medium_layers", "medium", "Layers across the half width and beyond, 12 and 14 against 9 and 10"),
+    ("piv_fast", "piv", "Preset, fast against balanced"),
+    ("piv_accurate", "piv", "Preset, accurate against balanced"),
+    ("piv_window16", "piv", "Window, 16 against 32 px"),
+    ("piv_window48", "piv", "Window, 48 against 32 px"),
+    ("piv_spacing4", "piv", "Spacing, 4 against 8 px"),
+    ("piv_spacing16", "piv", "Spacing, 16 against 8 px"),
+    ("piv_frames3", "piv", "Frames of a set, three against two"),
+    ("piv_frames5", "piv", "Frames of a set, five against two"),
+)
+
+
+def percent(value: Any) -> str:
+    """A part in per cent, or a dash where it was not measured."""
+    return "–" if pd.isna(value) else f"{100 * float(value):.1f}"
+
+
+def results_text(table: pd.DataFrame, best: str, probe: dict[str, float]) -> str:
+    """The table as CSV under one line of provenance."""
+    head = {
+        "format": "tradeoff",
+        "format_version": 1,
+        "best": best,
+        "made": datetime.now(UTC).date().isoformat(),
+        "probe": probe,
+        "versions": {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES},
+    }
+    rounded = table.copy()
+    for name in rounded.select_dtypes("number"):
+        rounded[name] = [float(f"{v:.5g}") if pd.notna(v) else v for v in rounded[name]]
+    return f"# {json.dumps(head)}\n{rounded.to_csv(index=False)}"
+
+
+def axis_sentence(table: pd.DataFrame, run: str, base: str, title: str) -> str | None:
+    """One line about a pair of runs: what the change costs and what it does; None where one of them is missing."""
+    rows = table.set_index("run")
+    if run not in rows.index or base not in rows.index:
+        return None
+    a, b = rows.loc[run], rows.loc[base]
+    if a["kind"] == "piv":
+        cost = a["cpu_piv_per_field_s"] / b["cpu_piv_per_field_s"]
+        return (
+            f"**{title}**: {cost:.2f} × the time of a field, {a['vectors'] / b['vectors']:.2g} × the vectors; error of velocity"
+            f" {percent(b['error_velocity'])} → {percent(a['error_velocity'])} %, of circulation"
+            f" {percent(b['error_circulation'])} → {percent(a['error_circulation'])} %."
+        )
+    cost = a["cpu_flow_s"] / b["cpu_flow_s"]
+    circulation = a["circulation_cfd_m2_per_s"] / b["circulation_cfd_m2_per_s"] - 1
+    force = a["peak_force_N"] / b["peak_force_N"] - 1
+    return (
+        f"**{title}** (`{run}` against `{base}`): {cost:.2f} × the CPU time; tip circulation {circulation:+.1%},"
+        f" largest force {force:+.1%}; error against the best run: circulation"
+        f" {percent(b['error_circulation'])} → {percent(a['error_circulation'])} %, velocity {percent(b['error_velocity'])}"
+        f" → {percent(a['error_velocity'])} %, force {percent(b['error_force'])} → {percent(a['error_force'])} %,"
+        f" centre {b['error_centre_mm']:.2f} → {a['error_centre_mm']:.2f} mm."
+    )
+
+
+def markdown_table(rows: pd.DataFrame, columns: dict[str, str]) -> str:
+    """A Markdown table of some columns; errors in per cent."""
+    lines = ["| " + " | ".join(columns.values()) + " |", "|" + "---|" * len(columns)]
+    for _, row in rows.iterrows():
+        cells = []
+        for name in columns:
+            value = row.get(name)
+            if name == "run":
+                cells.append(f"**{value}**" if row["front"] else str(value))
+            elif name.startswith("error") and not name.endswith("_mm"):
+                cells.append(percent(value))
+            elif isinstance(value, float):
+                cells.append("–" if pd.isna(value) else f"{value:.3g}")
+            else:
+                cells.append(str(value))
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def not_below(missing: dict[str, str]) -> str:
+    """Which runs of the study the page has not, and why."""
+    if not missing:
+        return "Every run of the study is below."
+    said = "; ".join(f"{run} ({why})" for run, why in missing.items())
+    return f"**Incomplete.** Not below, until `make tradeoff` has made them: {said}."
+
+
+def page(scene: str, table: pd.DataFrame, best: str, missing: dict[str, str]) -> str:
+    """docs/tradeoff.md."""
+    flow, piv = table[table["kind"] == "flow"].copy(), table[table["kind"] == "piv"].copy()
+    flow["cells"] = flow["cells"].astype(int).astype(str)
+    reference = flow[flow["run"] == best].iloc[0]
+    sentences = {
+        kind: [s for run, base, title in AXES if run.startswith("piv") == (kind == "piv")
+               if (s := axis_sentence(table, run, base, title))]
+        for kind in ("flow", "piv")
+    }  # fmt: skip
+    flow_columns = {
+        "run": "run", "cells": "cells", "time_step_s": "step, s", "cpu_flow_s": "CPU, s", "peak_memory_MB": "memory, MB",
+        "error_circulation": "circulation, %", "error_centre_mm": "centre, mm", "error_velocity": "velocity, %",
+        "error_force": "force, %", "error": "worst, %",
+    }  # fmt: skip
+    piv_columns = {
+        "run": "run", "vectors": "vectors", "cpu_piv_per_field_s": "CPU a field, s", "error_circulation": "circulation, %",
+        "error_centre_mm": "centre, mm", "error_velocity": "velocity, %", "error": "worst, %",
+    }  # fmt: skip
+    return f"""# What accuracy costs: {scene}
+
+Written by `make tradeoff SCENE={scene}` from the study `cases/{scene}/studies/tradeoff.csv`, which Snakemake runs; all its
+numbers are in [`tradeoff/{scene}.csv`](tradeoff/{scene}.csv) with versions and date. OpenFOAM {reference["openfoam"]}.
+
+![Error against CPU time, the front of those that nothing beats](tradeoff/{scene}.svg)
+
+{not_below(missing)}
+
+## The flow
+
+The others are judged by `{best}` ({int(float(reference["cells"]))} cells, {reference["time_step_s"] * 1e3:g} ms,
+{reference["cpu_run_s"] / 60:.0f} CPU minutes of solver). It is the finest run, not the truth: an error below the difference between it
+and a finer one means nothing (docs/verification.md has the orders). Its own errors are an estimate: those of the finest other level, extrapolated
+at second order in the cell's size. Errors are over the middle half of the stroke (by bend; the force: over the
+whole stroke): circulation of the tip vortex, RMS over its RMS; distance of its centre, RMS, of which {flow["tip_width_mm"].max():.1f} mm, a tip's width, are 100 %;
+velocity on the sheet, RMS over the largest speed of the tip; force on the finger, RMS over its RMS. `worst` is the largest of
+the four and what `ACCURACY=` asks for. Bold: nothing is both cheaper and more accurate. CPU time is user and system time of
+kinematics, mesh, case and solver on a machine shared with other work.
+
+{markdown_table(flow, flow_columns)}
+
+{chr(10).join("- " + s for s in sentences["flow"])}
+
+## PIV
+
+A quarter of the camera's picture round the tip, rendered from the `draft` run's flow, against that flow.
+
+{markdown_table(piv, piv_columns)}
+
+{chr(10).join("- " + s for s in sentences["piv"])}
+
+## Asking for accuracy
+
+`make {scene} ACCURACY=12%` takes the cheapest of the runs above whose worst error is at most 12 %; `BUDGET=10min` the most accurate
+that is done in ten minutes. A probe of a few seconds (`pipeline/study/machine_speed.py`) scales the CPU seconds of the table to the machine at hand; what it
+took is compared with that afterwards. The settings run in `cases/{scene}/out/studies/asked/`.
+"""
+
+
+def draw(table: pd.DataFrame, path: Path) -> Path:
+    """Error against CPU time, flow on the left and PIV on the right; the front joined by a line."""
+    figure, axes = new_figure(11, 4.6, 1, 2)
+    panels = (
+        ("flow", "cpu_flow_s", "CPU time of the flow, s", CFD),
+        ("piv", "cpu_piv_per_field_s", "CPU time of a field, s", PIV),
+    )
+    for axis, (kind, cost, label, colour) in zip(axes, panels, strict=True):
+        rows = table[(table["kind"] == kind) & table["error"].notna()]
+        _panel(axis, rows, cost, colour)
+        axis.set(
+            xscale="log",
+            yscale="log",
+            xlabel=label,
+            ylabel="worst error, %",
+            title={"flow": "Flow", "piv": "PIV"}[kind],
+        )
+    return save(figure, path)
+
+
+def _panel(axis: Axes, rows: pd.DataFrame, cost: str, colour: str) -> None:
+    if rows.empty:
+        axis.text(0.5, 0.5, "not run yet", transform=axis.transAxes, ha="center")
+        return
+    ahead = rows[rows["front"]].sort_values(cost)
+    axis.plot(ahead[cost], 100 * ahead["error"], color=colour, lw=1.2, zorder=1)
+    axis.scatter(
+        rows[cost], 100 * rows["error"], c=[colour if f else GREY for f in rows["front"]], s=28, zorder=2
+    )
+    for _, row in rows.iterrows():
+        name = str(row["run"]).removeprefix("piv_")
+        axis.annotate(
+            name, (row[cost], 100 * row["error"]), xytext=(4, 4), textcoords="offset points", fontsize=8
+        )
+
+
+def write_results(
+    scene: str, table: pd.DataFrame, best: str, probe: dict[str, float], docs: Path, missing: dict[str, str]
+) -> None:
+    """Write docs/tradeoff/<scene>.csv and .svg and docs/tradeoff.md."""
+    write_text(docs / "tradeoff" / f"{scene}.csv", results_text(table, best, probe))
+    draw(table, docs / "tradeoff" / f"{scene}.svg")
+    write_text(docs / "tradeoff.md", page(scene, table, best, missing))

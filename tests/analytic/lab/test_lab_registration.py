@@ -1,0 +1,237 @@
+"""The finger is found where it was drawn: pose, scale, bend and time from pictures; seeding; the lower layer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fileio.formats.kinematics import counter_clockwise
+from piv.images.recording import Recording
+from postprocess.lab.data.pictures import outline_mask
+from postprocess.lab.data.pose import Pose, camera_planes
+from postprocess.lab.registration.fit_outline import prepare
+from postprocess.lab.registration.profile import (
+    bent_outline,
+    circle,
+    fit_profile,
+    motion_dataset,
+    profile,
+    strip_at_rest,
+)
+from postprocess.lab.registration.register import register
+from postprocess.lab.registration.silhouette import inside_sum, integral_image, learn
+from postprocess.lab.virtual.common_grid import appearance_of
+from tests.lab_scene import finger_family, set_up, stated_pose, still_picture, vortex_series
+
+FRAMES, DELAY, FACTOR = 24, 0.007, 1.05
+
+
+@pytest.fixture(scope="module")
+def family(tmp_path_factory):
+    return finger_family(tmp_path_factory.mktemp("lab"))
+
+
+class Stills(Recording):
+    """Pictures of fresh particles around the finger of a law that is 5 % stronger and 7 ms late."""
+
+    def __init__(self, family, lab):
+        super().__init__("stills", FRAMES, None)
+        self.times = np.linspace(0.0, 0.42, FRAMES)
+        self.pressures = FACTOR * family.law(np.clip(self.times - DELAY, *family.time))
+        self._family, self._lab = family, lab
+
+    def _read(self, i):
+        return still_picture(self._family, self._lab, float(self.pressures[i]), i)
+
+
+@pytest.fixture(scope="module")
+def found(family):
+    lab = set_up(family)
+    stills = Stills(family, lab)
+    stated = stated_pose(family, lab.camera)
+    return (
+        lab,
+        stills,
+        register(stills, stills.times, family, stated, None, scale_std=0.01, sweeps=(800, 300, 1200, 1200)),
+    )
+
+
+def dense(corners, pieces=50):
+    """A polygon with its sides cut in pieces."""
+    sides = zip(corners, np.roll(corners, -1, 0), strict=True)
+    return counter_clockwise(np.vstack([np.linspace(a, b, pieces, endpoint=False) for a, b in sides]))
+
+
+def test_inside_sum_is_the_area(family):
+    outline = dense(np.array([[10.0, 5.0], [10.0, 25.5], [40.25, 25.5], [40.25, 5.0]]))
+    assert inside_sum(integral_image(np.ones((40, 60))), outline) == pytest.approx(30.25 * 20.5, rel=1e-6)
+
+
+@pytest.mark.parametrize("mean", [0.0, -0.15])
+def test_inside_sum_does_not_see_what_lies_outside(mean):
+    """Points of evidence beside a body, many more than at its edges: their number to the left of its two sides must cancel."""
+    rng = np.random.default_rng(2)
+    corners = np.array([[100.0, 20.0], [120.3, 21.0], [119.1, 180.2], [98.8, 179.2]])
+    image = np.zeros((200, 240), np.float32)
+    image[:, :96] = -rng.poisson(0.3, (200, 96))
+    image[:, 125:] = -rng.poisson(0.3, (200, 115))
+    integral = integral_image(image, mean).astype(np.float32)
+    for pieces in (4, 13, 90):  # however the sides are cut
+        assert abs(inside_sum(integral, dense(corners, pieces), mean)) < 0.05
+
+
+def test_pose_scale_and_time_are_found(found, family):
+    lab, _, registration = found
+    true, mm = lab.pose(family.root), 0.4
+    # a camera of 400 px, 0.4 mm/px: what the target asks of a larger one, doubled
+    assert np.abs(np.array(registration.pose.at_px) - true.at_px).max() * mm < 0.6
+    assert abs(np.degrees(registration.pose.angle - true.angle)) < 1.0
+    assert abs(registration.pose.px_per_m / true.px_per_m - 1) < 0.006
+    assert registration.law.delay == pytest.approx(DELAY, abs=0.003)
+    assert registration.law.values[0] == pytest.approx(FACTOR, abs=0.02)
+
+
+def test_registration_says_how_sure_it_is(found, family):
+    lab, _, registration = found
+    true, std = lab.pose(family.root), np.sqrt(np.diag(registration.covariance))
+    off = [*(np.array(registration.pose.at_px) - true.at_px), registration.pose.angle - true.angle, np.log(registration.pose.px_per_m / true.px_per_m)]  # fmt: skip
+    assert (np.abs(off) < 4 * std).all()
+    assert (std < [2.0, 2.0, 0.02, 0.01]).all()
+
+
+class Held(Stills):
+    """The same, hung from a holder that hides the upper 8 mm of the finger and is as dark as the finger."""
+
+    def _read(self, i):
+        image = super()._read(i).copy()
+        rows, camera = self.dark_rows(), self._lab.camera
+        noise = np.random.default_rng(i).normal(0, camera.read_noise, (rows, image.shape[1]))
+        image[:rows] = np.clip(np.rint(camera.background + noise), 0, 255)
+        return image
+
+    def dark_rows(self):
+        along = self._family.shape("tip_direction", 0.0)
+        end = self._lab.pose(self._family.root).to_px(self._family.root + 0.008 * along)
+        return round(self._lab.camera.height_px - 1 - float(end[1]))
+
+
+def test_a_hidden_root_is_told_and_left_out(family):
+    lab = set_up(family, scale_error=0.002)
+    held, stated = Held(family, lab), stated_pose(family, lab.camera)
+    options = {"scale_std": 0.003, "sweeps": (600, 200, 600, 600)}
+    with pytest.raises(ValueError, match="else give root_hidden_mm"):
+        register(held, held.times, family, stated, None, **options)
+    found = register(held, held.times, family, stated, None, hidden=0.011, **options)
+    true = lab.pose(family.root)
+    off = [*(np.array(found.pose.at_px) - true.at_px), found.pose.angle - true.angle, np.log(found.pose.px_per_m / true.px_per_m)]  # fmt: skip
+    assert (np.abs(off) < 4 * np.sqrt(np.diag(found.covariance))).all()
+    assert found.law.delay == pytest.approx(DELAY, abs=0.003)
+
+
+def test_a_motion_of_another_shape_is_followed_frame_by_frame(family):
+    """A finger that lags by up to 3 % of the range in the middle of its stroke, as one with hysteresis: seen, and said to be off."""
+    lab = set_up(family)
+    stills = Stills(family, lab)
+    lag = 0.03 * 20e3 * np.sin(np.pi * np.clip(stills.times / 0.4, 0, 1)) ** 2
+    stills.pressures = stills.pressures - lag
+    found = register(
+        stills, stills.times, family, stated_pose(family, lab.camera), None, scale_std=0.01, sweeps=(800, 300, 1200, 1200)
+    )  # fmt: skip
+    error = found.pressures - stills.pressures
+    assert np.sqrt(np.mean(error**2)) < 0.02 * 20e3  # single frames of a small picture
+
+
+def test_lower_layer_is_measured(found, family):
+    _lab, stills, registration = found
+    strip = strip_at_rest(family)
+    index = np.arange(0, FRAMES, 4)
+    images = [stills.frame(int(i)) for i in index]
+    frames = prepare(images, stills.times[index] - registration.law.delay, learn(images[::2]))
+    shapes = np.array(
+        [fit_profile(s, frames.mean, strip, registration.pose, registration.edge_px, float(family.shape("bend", p)), 1.0)
+         for s, p in zip(frames.integrals, registration.pressures[index], strict=True)]
+    )  # fmt: skip
+    true = family.bend(stills.pressures[index])
+    error = np.degrees(shapes[:, 0] - true)
+    # single frames of a finger that is 175 px long: 2.5° is a pixel and a half at its tip
+    assert np.sqrt((error**2).mean()) < 2.5
+    assert np.abs(error).max() < 6.0
+    motion = motion_dataset(family, strip, np.linspace(0, 0.42, 24), np.column_stack([family.bend(family.law(np.linspace(0, 0.42, 24))), np.zeros((24, 3))]), 0.42)  # fmt: skip
+    error = motion["pressure"].values - family.law(motion["time"].values)
+    assert np.abs(error).max() < 0.02 * 20e3
+
+
+def test_circle_of_an_arc(family):
+    strip = strip_at_rest(family)
+    radius, residual = circle(profile(strip, np.array([1.4, 0.0, 0.0, 0.0])))
+    assert radius == pytest.approx(strip.length / 1.4, rel=1e-3)
+    assert residual < 1e-6
+    assert np.isinf(circle(profile(strip, np.zeros(4)))[0])
+
+
+def test_strip_is_the_finger_at_rest(family):
+    outline = bent_outline(strip_at_rest(family), np.zeros(4))
+    assert np.abs(outline - family.shape("outline", 0.0)).max() < 2e-4
+
+
+def test_seeding_is_measured(family):
+    lab = set_up(family, columns=640)
+    images = [still_picture(family, lab, p, k) for k, p in enumerate((0.0, 1e4, 2e4))]
+    pose = lab.pose(family.root)
+    masks = [
+        outline_mask(pose.to_px(family.shape("outline", p)), i.shape)
+        for i, p in zip(images, (0.0, 1e4, 2e4), strict=True)
+    ]
+    seen = appearance_of(images, masks)
+    # overlapping and saturated images, and tiles of 64 px: a tenth
+    assert seen.density_ppp == pytest.approx(lab.seeding.density_ppp, rel=0.12)
+    assert seen.diameter_px == pytest.approx(lab.seeding.diameter_px, rel=0.06)
+    assert seen.peak == pytest.approx(lab.seeding.peak * 255, rel=0.12)
+    assert seen.background == pytest.approx(lab.camera.background, abs=0.3)
+    assert seen.read_noise == pytest.approx(lab.camera.read_noise, rel=0.15)
+
+
+def test_camera_planes_turn_positions_and_vectors(family):
+    times = np.linspace(0.0, 0.1, 6)
+    series = vortex_series(family, times, spacing=2e-3)
+    pose = Pose(4000.0, 0.5, family.root, (300.0, 450.0))
+    x, y = np.linspace(0.02, 0.13, 23), np.linspace(0.02, 0.11, 19)
+    plane = next(camera_planes(series, pose, x, y, times[2:3]))
+    gx, gy = np.meshgrid(x, y)
+    at = pose.from_camera(np.stack([gx, gy], -1))
+    centre = series["tip"].values[2, 0] + 0.016 * series["dorsal_direction"].values[2, 0]
+    d = at - centre
+    r2 = (d**2).sum(-1)
+    swirl = -0.012 * (0.3 + times[2]) / (2 * np.pi * r2) * (1 - np.exp(-r2 / 0.006**2))
+    exact = np.stack([-swirl * d[..., 1], swirl * d[..., 0]], -1) @ pose.rotation.T
+    error = np.stack([plane["u"].values, plane["v"].values], -1) - exact
+    inside = np.isfinite(error).all(-1)
+    assert inside.sum() > 200
+    assert np.nanpercentile(np.abs(error), 95) < 0.01 * np.nanmax(np.abs(exact))
+    assert np.allclose(plane["tip"].values[0], pose.to_camera(series["tip"].values[2, 0]))
+
+
+def test_a_second_finger_is_the_mirror_image(family):
+    pair = replace(family, mirror=True)
+    outlines, bends = pair.fingers("outline", 1e4), pair.fingers("bend", 1e4)
+    assert np.allclose(outlines[1], outlines[0] * [-1, 1])
+    assert bends[0] == bends[1]
+    pose = Pose(2500.0, 0.0, (0.0, 0.245), (250.0, 300.0))
+    apart = replace(
+        pair,
+        splines=family.splines
+        | {
+            "outline": lambda p, d=0: (
+                family.splines["outline"](p, d) + (0.04 if d == 0 else 0.0) * np.array([1.0, 0.0])
+            )
+        },
+    )
+    mask = outline_mask(pose.to_px(apart.fingers("outline", 0.0)), (320, 500))
+    assert np.abs(mask[:, :250].sum() - mask[:, 251:].sum()) < 0.02 * mask.sum()
+
+
+def test_pose_there_and_back():
+    pose = Pose(3900.0, -0.3, (0.01, 0.24), (200.0, 400.0))
+    points = np.random.default_rng(1).uniform(-0.1, 0.3, (20, 2))
+    assert np.allclose(pose.to_tank(pose.to_px(points)), points)
+    assert np.allclose(pose.from_camera(pose.to_camera(points)), points)

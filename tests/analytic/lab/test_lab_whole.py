@@ -1,0 +1,153 @@
+"""The comparison from dpiv.toml to the page: vectors of every kind, and a recording, of a flow that is known."""
+
+import json
+
+import numpy as np
+import pytest
+
+from fileio.formats.plane_series import write_plane
+from pipeline.kinematics.stage import load_kinematics
+from pipeline.scene.scene import load_scene
+from postprocess.evidence.stage_files import StageFiles
+from postprocess.lab.data.dpiv_toml import read_dpiv
+from postprocess.lab.data.files import LabFiles
+from postprocess.lab.data.pose import Pose, camera_series
+from postprocess.lab.judgement.compare import run_comparison
+from postprocess.lab.judgement.recorded_motion import run_motion
+from postprocess.lab.registration.step import run_registration
+from postprocess.lab.report.report import make_report
+from postprocess.lab.virtual.virtual_laboratory import make_recording, write_dpiv
+from tests.lab_exports import KINDS, exported
+from tests.lab_scene import CASE, finger_family, set_up, vortex_series
+
+INPUTS = 'format = "inputs"\nformat_version = 1\ntoo_uncertain = 0.3\n'
+TIMES = np.linspace(0.0, 0.42, 43)
+SPACING = 2e-3
+
+
+@pytest.fixture(scope="module")
+def finger(tmp_path_factory):
+    """A scene with what its stages leave: the family, and a simulation whose flow is an analytic vortex."""
+    case = tmp_path_factory.mktemp("whole") / "cases" / "finger"
+    out = case / "out" / "smoke"
+    for folder in (case / "reference", out / "settings", out / "run"):
+        folder.mkdir(parents=True)
+    (case / "scene.toml").write_text(f'extends = "{CASE}"\n')
+    (case / "reference" / "inputs.toml").write_text(INPUTS)
+    settings = {"stencil_radius": 0.004, "min_circulation": 2e-4, "weights": "equal"}
+    (out / "settings" / "vortices.json").write_text(json.dumps(settings))
+    (out / "run" / "run.json").write_text(json.dumps({"versions": {}, "scene_hash": "0"}))
+    family = finger_family(out)
+    return StageFiles(case, "smoke"), family, vortex_series(family, TIMES, spacing=SPACING)
+
+
+def measured_by(family, gain: float, corner: tuple[float, float]):
+    """Vectors (100 Hz, 2 mm apart) of a vortex `gain` times as strong, and the finger's root (mm) in their axes, whose lower left
+    vector is at `corner` (m)."""
+    pose = Pose(1.0, 0.0, family.root, (0.065, 0.105))
+    x, y = SPACING * np.arange(1, 76), SPACING * np.arange(1, 62)
+    water = vortex_series(family, TIMES, gain=gain, spacing=SPACING)
+    plane = camera_series(water, pose, x, y, 0.05 + np.arange(30) / 100.0)
+    plane = plane.drop_vars(["outline", "tip", "tip_direction", "dorsal_direction", "bend"])
+    shift = np.array(corner) - [x[0], y[0]]
+    plane = plane.assign_coords(x=plane["x"] + shift[0], y=plane["y"] + shift[1], time=np.arange(30) / 100.0)
+    return plane, tuple(float(v) for v in 1e3 * (np.array(pose.at_px) + shift))
+
+
+def judged(finger, folder, **options):
+    """comparison.json of a folder of data."""
+    files, _, sheet = finger
+    dpiv = read_dpiv(folder)
+    lab = LabFiles(files, dpiv.name)
+    run_registration(lab, dpiv)
+    left, right, bottom, top = (float(v) for v in lab.view.read_text().split())
+    inside = sheet.sel(x=slice(left, right), y=slice(bottom, top))
+    write_plane(inside, lab.sheet)
+    return lab, run_comparison(lab, dpiv, **options)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_vectors_of_every_kind_are_compared(finger, tmp_path, kind):
+    """From wherever their files count: here the root is in the middle of the axes where a file may be in metres."""
+    corner = (
+        (SPACING, SPACING) if "p" in KINDS[kind][2] or "px" in kind or "pivlab" in kind else (-0.06, -0.11)
+    )
+    plane, root = measured_by(finger[1], 1.0, corner)
+    lab, result = judged(finger, exported(plane, kind, tmp_path / kind.replace(" ", "_"), root))
+    found = {q["name"]: q for q in result["quantities"]}
+    assert result["verdict"] == "agrees", result["wrong"]
+    assert abs(found["circulation"]["error"][0]) < 0.02 * abs(found["circulation"]["data"][0])
+    assert np.hypot(*found["centre"]["error"]) < 0.3e-3
+    assert "final_bend" not in found  # vectors do not show it
+    assert lab.comparison.exists()
+
+
+def test_vectors_of_a_stronger_vortex_are_told(finger, tmp_path):
+    plane, root = measured_by(finger[1], 1.25, (-0.06, -0.11))
+    lab, result = judged(finger, exported(plane, "microvec", tmp_path / "stronger", root))
+    assert result["verdict"] == "model error"
+    assert "circulation" in result["wrong"]
+    page = make_report(lab).read_text()
+    first = page[page.index('id="answer"') : page.index("</header>")]
+    assert "No: " in first
+    assert "Vectors do not show the finger" in first
+    assert "circulation of the tip vortex" in first
+
+
+def test_virtual_camera_is_put_before_the_vectors(finger, tmp_path):
+    """Vectors whose files count from the middle of the picture: all that the data hold is seen by the virtual experiment."""
+    plane, root = measured_by(finger[1], 1.0, (-0.06, -0.11))
+    plane = plane.isel(time=slice(8, 16)).assign_coords(time=np.arange(8) / 100.0)
+    folder = exported(plane, "microvec", tmp_path / "seen", root)
+    text = (folder / "dpiv.toml").read_text()
+    camera = "{ columns = 640, rows = 520, density_ppp = 0.05, diameter_px = 2.5, background = 8.0, read_noise = 2.0, peak = 150.0, mm_per_px = 0.25 }"
+    text = text.replace('camera = "none"', f"camera = {camera}").replace("at_s = 0.05", "at_s = 0.13")
+    text = text.replace("window = 24", "window = 16")
+    (folder / "dpiv.toml").write_text(text)
+    files, _, sheet = finger
+    dpiv = read_dpiv(folder)
+    lab = LabFiles(files, dpiv.name)
+    run_registration(lab, dpiv)
+    write_plane(sheet, lab.sheet)
+
+    result = run_comparison(lab, dpiv)
+    found = {q["name"]: q for q in result["quantities"]}
+    assert found["velocity_field"]["verdict"] != "model error"
+    # 0.04 %; 10 % where the virtual experiment smooths and the data, another program's vectors, are not smoothed
+    assert abs(found["circulation"]["error"][0]) < 0.03 * abs(found["circulation"]["data"][0])
+
+
+@pytest.fixture(scope="module")
+def recorded(finger, tmp_path_factory):
+    """A recording with errors of set-up, compared."""
+    _, family, sheet = finger
+    folder = tmp_path_factory.mktemp("recorded")
+    lab = set_up(family, start=0.007)
+    make_recording(sheet, lab, family.root, folder, 50.0)
+    write_dpiv(lab, family.root, folder, "finger", 24, 8, 50.0, 1)
+    return judged(finger, folder), read_dpiv(folder)
+
+
+def test_recording_is_compared(recorded):
+    (lab, result), _ = recorded
+    assert result["verdict"] == "agrees", result["wrong"]
+    found = {q["name"]: q for q in result["quantities"]}
+    assert found["final_bend"]["verdict"] == "agrees"
+    assert abs(result["registration"]["delay_ms"] + 7.0) < 3.0
+    page = make_report(lab).read_text()
+    first = page[page.index('id="answer"') : page.index("</header>")]
+    assert "Yes: " in first
+    assert "Not in u_val" not in first  # no runs are asked for here
+    assert {"budgets.pdf", "budgets.svg", "paths.pdf", "series.svg"} <= {
+        p.name for p in (lab.folder / "figures").iterdir()
+    }
+
+
+def test_motion_of_the_recording_drives_a_scene(recorded, finger):
+    (lab, _), dpiv = recorded
+    folder = run_motion(lab, dpiv)
+    kinematics = load_kinematics(load_scene(folder, "smoke"))
+    family = finger[1]
+    at = np.linspace(0.05, 0.38, 12)
+    moved = np.array([kinematics.family.bend(p) for p in kinematics.law(at)])
+    assert np.abs(np.degrees(moved - family.bend(family.law(at)))).max() < 3.0

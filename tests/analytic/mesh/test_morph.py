@@ -1,0 +1,157 @@
+"""The morph: exact derivatives, exact invariants, no inversion."""
+
+import numpy as np
+import pytest
+
+from pipeline.geometry.quality import shape_quality
+from pipeline.mesh.morph import Morph, MorphError, _svd, corner_triangles
+from pipeline.mesh.planform import build_planform
+from pipeline.mesh.shape_sequence import Family, morph_family
+from pipeline.mesh.stage import check_quality
+from pipeline.mesh.sweep_levels import graded_layers
+from pipeline.mesh.wall_layers import outline_at
+from pipeline.scene.sections import Mesh
+from tests.conftest import write_scene
+
+MESH = Mesh(
+    wall_cell=3e-3,
+    wall_first_layer=1e-3,
+    wall_layers=2,
+    tip_cell=2e-3,
+    near_cell=4e-3,
+    near_distance=0.01,
+    far_cell=0.04,
+)
+
+
+def slab(angle=0.0, at=(0.0, 0.15)):
+    """Outline of a 14 x 60 mm slab turned by `angle` about its middle."""
+    t = np.linspace(0, 1, 20, endpoint=False)
+    corners = np.array([[-0.007, -0.03], [0.007, -0.03], [0.007, 0.03], [-0.007, 0.03]])
+    loop = np.vstack([c + t[:, None] * (np.roll(corners, -1, 0)[k] - c) for k, c in enumerate(corners)])
+    c, s = np.cos(angle), np.sin(angle)
+    return loop @ np.array([[c, s], [-s, c]]) + np.array(at)
+
+
+@pytest.fixture(scope="module")
+def planform():
+    return build_planform(slab(), np.array([0, 0.12]), 0.1, 0.3, MESH, np.array([[0, 0.12]]))
+
+
+def morph_of(planform, free_outer=False):
+    fixed = np.zeros((len(planform.nodes), 2), bool)
+    fixed[planform.wall] = True
+    fixed[planform.outer] = not free_outer
+    return Morph(planform.nodes, corner_triangles(planform.triangles, planform.quads), fixed)
+
+
+def test_svd_rebuilds_random_matrices():
+    f = np.random.default_rng(1).normal(size=(500, 2, 2))
+    u, s, v = _svd(f)
+    assert np.einsum("tik,tk,tjk->tij", u, s, v) == pytest.approx(f, abs=1e-14)
+    assert np.einsum("tik,tjk->tij", u, u) == pytest.approx(np.broadcast_to(np.eye(2), f.shape), abs=1e-14)
+
+
+def test_gradient_and_hessian_are_those_of_the_energy(planform):
+    morph, rng = morph_of(planform), np.random.default_rng(2)
+    # stretched by 1.3 every triangle is convex, so that the made-positive Hessian is the exact one
+    x = 1.3 * planform.nodes + rng.normal(size=planform.nodes.shape) * 2e-5
+    d = rng.normal(size=x.shape) * 1e-5
+    gradient, hessian = morph.derivatives(x)
+    assert (hessian != morph.derivatives(x, exact=True)[1]).nnz == 0
+    h = 1e-3
+    numeric = (morph.energy(x + h * d) - morph.energy(x - h * d)) / (2 * h)
+    assert numeric == pytest.approx(gradient @ d.ravel(), rel=1e-6)  # cancellation in an energy of ~1e3
+    ahead, behind = (morph.derivatives(x + k * h * d)[0] for k in (1, -1))
+    curve = d.ravel() @ (ahead - behind) / (2 * h)
+    assert curve == pytest.approx(d.ravel() @ hessian @ d.ravel(), rel=1e-5)
+
+
+def test_a_rigidly_turned_body_turns_the_whole_mesh_rigidly(planform):
+    """With the tank free as well nothing resists a rotation: the energy stays at its minimum, exactly."""
+    morph = morph_of(planform, free_outer=True)
+
+    def turned(angle):
+        x = planform.nodes.copy()
+        x[planform.wall] = outline_at(slab(angle), planform.material)
+        return x
+
+    x = morph.follow(morph.relax(planform.nodes), turned, 0.0, 1.2)
+    c, s = np.cos(1.2), np.sin(1.2)
+    expected = (planform.nodes - [0, 0.15]) @ np.array([[c, s], [-s, c]]) + [0, 0.15]
+    assert x == pytest.approx(expected, abs=1e-9)
+    assert morph.energy(x) == pytest.approx(2 * len(morph.triangles), rel=1e-9)
+
+
+def test_the_mesh_never_inverts_and_an_impossible_move_says_so(planform):
+    morph = morph_of(planform)
+
+    def moved(shift):
+        x = planform.nodes.copy()
+        x[planform.wall] = outline_at(slab(at=(shift, 0.15)), planform.material)
+        return x
+
+    far = morph.follow(morph.relax(planform.nodes), moved, 0.0, 0.05)
+    assert morph.is_valid(far)
+    with pytest.raises(MorphError):  # through the tank's wall
+        morph.follow(far, moved, 0.05, 0.1)
+
+
+def test_the_shape_does_not_depend_on_the_way(planform):
+    """The energy's minimum is reached, not merely approached: one step and five steps end alike."""
+    morph = morph_of(planform)
+
+    def moved(q):
+        x = planform.nodes.copy()
+        x[planform.wall] = outline_at(slab(q, (0.2 * q, 0.15)), planform.material)
+        return x
+
+    rest = morph.relax(planform.nodes)
+    once = morph.follow(rest, moved, 0.0, 0.2)
+    often = rest
+    for a, b in zip(np.linspace(0, 0.16, 5), np.linspace(0.04, 0.2, 5), strict=True):
+        often = morph.follow(often, moved, a, b)
+    # Newton's last step leaves about the square of 1e-4 of a cell
+    assert np.abs(once - often).max() < 1e-6 * morph.length
+
+
+def test_the_exact_hessian_is_the_derivative_of_the_gradient_where_triangles_are_squeezed(planform):
+    """Squeezed to 0.8, triangles are not convex: the made-positive Hessian is another, only the exact one follows."""
+    morph, rng = morph_of(planform), np.random.default_rng(3)
+    x = 0.8 * planform.nodes + rng.normal(size=planform.nodes.shape) * 2e-5
+    d = rng.normal(size=x.shape) * 1e-5
+    h = 1e-3
+    ahead, behind = (morph.derivatives(x + k * h * d)[0] for k in (1, -1))
+    curve = d.ravel() @ (ahead - behind) / (2 * h)
+    exact, positive = (d.ravel() @ morph.derivatives(x, exact=e)[1] @ d.ravel() for e in (True, False))
+    assert curve == pytest.approx(exact, rel=1e-5)
+    assert positive > exact * (1 + 1e-3)
+
+
+def test_a_stroke_that_breaks_the_mesh_is_refused_with_the_bend_at_which_it_does(planform):
+    outlines = np.array([slab(a) for a in np.linspace(0, 2.0, 9)])
+    bends = np.linspace(0, 2, 9)
+    family = Family(np.arange(9.0), outlines, np.tile([0.0, 0.12], (9, 1)), bends)
+    quality = [shape_quality(planform, nodes) for nodes in morph_family(planform, family, 0)]
+    angles = [q.max_non_orthogonality_deg for q in quality]
+    assert angles[-1] > angles[0] + 1
+    loose = MESH.model_copy(update={"max_non_orthogonality_deg": max(angles) + 1})
+    tight = MESH.model_copy(update={"max_non_orthogonality_deg": max(angles) - 0.5})
+    for measured, bend in zip(quality, bends, strict=True):
+        check_quality(measured, bend, loose)
+    worst = int(np.argmax(angles))
+    with pytest.raises(MorphError, match=rf"reaches .*° at {np.degrees(bends[worst]):.1f}° of bend"):
+        check_quality(quality[worst], bends[worst], tight)
+
+
+@pytest.mark.parametrize("kind, count", [("2d", 2), ("half", 6), ("full", 11)])
+def test_layers_fill_the_tank_and_split_at_the_fingers_side(tmp_path, kind, count):
+    scene = write_scene(tmp_path / "s", kind)
+    z = graded_layers(scene)
+    assert len(z) == count
+    assert (np.diff(z) > 0).all()
+    if kind != "2d":
+        assert z[0] == pytest.approx(-0.15)
+        assert np.abs(np.abs(z) - 0.014).min() < 1e-12
+        assert 0.0 in z
+        assert z[-1] == pytest.approx(0.15 if kind == "full" else 0.0)

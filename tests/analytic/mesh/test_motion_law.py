@@ -1,0 +1,83 @@
+"""Pressure laws and shapes against exact values and exact derivatives."""
+
+import numpy as np
+import pytest
+
+from pipeline.kinematics.pressure_law import SETTLING_2_PERCENT, measured_law, stroke_law, three_pole
+from pipeline.kinematics.shapes import ShapeFamily, add_tip, circular_states, rounded_strip
+
+LENGTH, THICKNESS = 0.07, 0.0145
+
+
+def family(bend=(-1.0, 0.0, 1.0, 2.0), tip=0.0):
+    states = add_tip(
+        circular_states(np.array([-10e3, 0, 10e3, 20e3]), np.array(bend), LENGTH, THICKNESS), tip, 0.01
+    )
+    s = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(states.profile[1], axis=0).T))])
+    return ShapeFamily(states, rounded_strip(s[-1], states.thickness[1], s, 0.002, 0.002))
+
+
+def test_a_stroke_is_settled_to_two_percent_after_its_duration():
+    assert three_pole(np.array(SETTLING_2_PERCENT)) == pytest.approx(
+        0.98, abs=1e-5
+    )  # the constant's own digits
+    law = stroke_law(1e3, [(20e3, 0.1, 0.4)])
+    assert law(np.array([0.0, 0.1])) == pytest.approx([1e3, 1e3])
+    assert law(np.array([0.5])) == pytest.approx([20e3 - 0.02 * 19e3], rel=1e-5)
+
+
+@pytest.mark.parametrize("derivative", [1, 2])
+def test_the_law_and_its_derivatives_agree_and_are_continuous(derivative):
+    law = stroke_law(0.0, [(20e3, 0.05, 0.4), (-5e3, 0.3, 0.2)])
+    t, h = np.linspace(0.0, 0.6, 601), 1e-6
+    numeric = (law(t + h, derivative - 1) - law(t - h, derivative - 1)) / (2 * h)
+    exact = law(t, derivative)
+    # the third derivative jumps at a stroke's start: a central difference there is off by h * jump / 4
+    assert np.abs(numeric - exact).max() < 1e-3 * np.abs(exact).max()
+    starts = np.array([0.05, 0.3])
+    # the third derivative is at most 20 kPa/tau^3 ~ 2e8 Pa/s^3: 2 ns change the second by less than 1 Pa/s^2
+    assert law(starts - 1e-9, 2) == pytest.approx(law(starts + 1e-9, 2), abs=2.0)
+
+
+def test_a_measured_history_passes_through_its_points_and_rests_outside(tmp_path):
+    t = np.linspace(0, 0.4, 21)
+    p = 20e3 * three_pole(t / 0.05)
+    (tmp_path / "p.csv").write_text("t,p\n" + "".join(f"{a},{b}\n" for a, b in zip(t, p, strict=True)))
+    law = measured_law(tmp_path / "p.csv")
+    assert law(t) == pytest.approx(p, abs=1e-9)
+    assert law(np.array([-1.0, 5.0])) == pytest.approx([p[0], p[-1]])
+    assert law(np.array([-1.0, 5.0]), 1) == pytest.approx([0, 0])
+
+
+@pytest.mark.parametrize("pressure, gamma", [(-10e3, -1.0), (0.0, 0.0), (10e3, 1.0), (20e3, 2.0), (5e3, 0.5)])
+def test_constant_curvature_is_reproduced_exactly(pressure, gamma):
+    f = family()
+    assert f.bend(pressure) == pytest.approx(gamma, abs=1e-12)
+    middle, along, dorsal = f.tip(pressure)
+    radius = LENGTH / gamma if gamma else np.inf
+    arc = [LENGTH, 0] if not gamma else [radius * np.sin(gamma), radius * (1 - np.cos(gamma))]
+    # origin of the actuator frame: middle of the root, half a thickness dorsal of the profile's start
+    expected = np.array(arc) + [0, THICKNESS / 2] + THICKNESS / 2 * np.array([np.sin(gamma), -np.cos(gamma)])
+    # between states the pieces' angles are interpolated, so that a half-way circle is exact as well
+    assert middle == pytest.approx(expected, abs=1e-9)
+    assert along == pytest.approx([np.cos(gamma), np.sin(gamma)], abs=1e-9)
+    assert dorsal == pytest.approx([np.sin(gamma), -np.cos(gamma)], abs=1e-9)
+
+
+@pytest.mark.parametrize("tip", [0.0, 0.006])
+def test_outline_rate_is_the_derivative_of_the_outline(tip):
+    f, h = family(tip=tip), 1.0
+    for p in (-7e3, 3e3, 15e3):
+        numeric = (f.outline(p + h) - f.outline(p - h)) / (2 * h)
+        # second differences of a 2 rad bend over 10 kPa: h^2/6 * (2/1e4)^3 * length ~ 1e-13
+        assert numeric == pytest.approx(f.outline_rate(p), abs=1e-10)
+
+
+def test_the_outline_encloses_the_strip_it_was_bent_from():
+    f = family()
+    for p, gamma in ((0.0, 0.0), (20e3, 2.0)):
+        x, y = f.outline(p).T
+        area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+        corners = 4 * (1 - np.pi / 4) * 0.002**2
+        exact = LENGTH * THICKNESS + 0.5 * gamma * THICKNESS**2 - corners
+        assert abs(area) == pytest.approx(exact, rel=2e-3)  # a polygon of 480 points inside an arc

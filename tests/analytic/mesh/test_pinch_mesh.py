@@ -1,0 +1,218 @@
+"""The mesh of a pinch: nodes that slide on the plane between the fingers, exact mirror images, exact volumes of bodies."""
+
+import numpy as np
+import pytest
+import shapely
+
+from fileio.errors import StageError
+from fileio.formats.mesh_intervals import read_legs, read_stage
+from pipeline.case import build_mesh
+from pipeline.geometry.quality import cell_areas
+from pipeline.kinematics import stage as kinematics
+from pipeline.mesh import stage as mesh
+from pipeline.mesh.fixed_bodies import fixed_bodies, sphere_steps
+from pipeline.mesh.sweep_levels import graded_layers
+from tests.conftest import write_scene
+
+LIMITS = "[mesh]\nmax_non_orthogonality_deg = 85.0\nusual_non_orthogonality_deg = 80.0\n"  # cells of 4 mm: fewer shapes fit
+EARLY = "[motion]\nend_time = 0.3\n"  # the tips meet at 0.26 s
+
+
+def meshed(folder, kind="quarter", more=""):
+    """A pinch on a coarse planform, up to the mesh stage."""
+    scene = write_scene(folder, kind, EARLY + LIMITS + more, parent="pinch")
+    for stage in (kinematics, mesh):
+        stage.run(scene, quiet=True)
+    return scene
+
+
+@pytest.fixture(scope="module")
+def quarter(tmp_path_factory):
+    return meshed(tmp_path_factory.mktemp("quarter") / "pinch")
+
+
+@pytest.fixture(scope="module")
+def half(tmp_path_factory):
+    return meshed(tmp_path_factory.mktemp("half") / "pinch", "half")
+
+
+def stages_of(scene):
+    count = 1 + max(leg.stage for leg in read_legs(scene.out))
+    return [read_stage(scene.out, k) for k in range(count)]
+
+
+def test_nodes_of_the_plane_stay_on_it_and_slide(quarter):
+    slid = 0.0
+    for stage in stages_of(quarter):
+        points = stage["points"].values
+        outer = stage["outer"].values
+        plane = outer[points[0, outer, 0] == 0]
+        assert len(plane) > 10
+        assert (points[:, plane, 0] == 0).all()  # to the last bit: never touched
+        assert (np.diff(points[:, plane, 1], axis=1) > 0).all()  # in order: no edge of the plane turns over
+        slid = max(slid, np.ptp(points[:, plane, 1], axis=0).max())
+        for shape in points:
+            assert cell_areas(shape, stage["triangles"].values, stage["quads"].values).min() > 0
+            assert shape[:, 0].max() == 0
+    assert slid > 1e-3
+
+
+def test_the_planforms_area_is_the_tanks(quarter):
+    stage = stages_of(quarter)[-1]
+    area = cell_areas(stage["points"].values[-1], stage["triangles"].values, stage["quads"].values).sum()
+    assert area == pytest.approx(0.3 * 0.3, rel=1e-13)
+
+
+def test_four_cells_or_more_span_the_gap(quarter):
+    """Counted along the shortest line from the wall to the plane, in the shape where the gap is 0.5 mm."""
+    stage = stages_of(quarter)[-1]
+    nodes = stage["points"].values[-1]
+    wall = nodes[stage["wall"].values]
+    nearest = wall[wall[:, 0].argmax()]
+    assert nearest[0] == pytest.approx(
+        -0.5e-3, abs=0.1e-3
+    )  # nodes lie up to half a cell beside the nearest point
+    line = shapely.LineString([nearest, [0.0, nearest[1]]])
+    water = stage["triangles"].values[stage["body"].values == 0]
+    cells = [shapely.Polygon(nodes[c]) for kind in (water, stage["quads"].values) for c in kind]
+    crossed = [cell.intersection(line).length for cell in cells if cell.intersects(line)]
+    assert sum(length > 1e-6 for length in crossed) >= 4
+
+
+def test_both_fingers_are_the_quarter_and_its_mirror_image(quarter, half):
+    for one, both in zip(stages_of(quarter), stages_of(half), strict=True):
+        nodes, whole = one["points"].values, both["points"].values
+        count = nodes.shape[1]
+        assert (whole[:, :count] == nodes).all()
+        off = nodes[0, :, 0] != 0
+        assert (whole[:, count:] == nodes[:, off] * [-1, 1]).all()
+        area = cell_areas(whole[-1], both["triangles"].values, both["quads"].values)
+        assert area.min() > 0
+        assert area.sum() == pytest.approx(0.6 * 0.3, rel=1e-13)
+        body, names = both["body"].values, both["body_name"].values.tolist()
+        assert names == ["water", "finger", "mirrored_finger"]
+        assert (body == 1).sum() == (body == 2).sum() == (one["body"].values == 1).sum()
+        outer = whole[0, both["outer"].values]
+        assert shapely.Polygon(outer).equals(shapely.box(-0.3, 0.0, 0.3, 0.3))
+        assert shapely.Polygon(outer).exterior.is_ccw
+    assert (
+        half.out.joinpath("mesh_quality.csv").read_text()
+        == quarter.out.joinpath("mesh_quality.csv").read_text()
+    )
+
+
+def volume(scene, stage):
+    """Volume of the swept mesh in its last shape, from its faces in the levels (m³), and the depth of the sweep (m)."""
+    mesh = build_mesh(stage)
+    nodes, levels = stage["points"].values[-1], stage["levels"].values
+    areas = cell_areas(nodes, stage["triangles"].values, stage["quads"].values)
+    return (
+        float((areas[mesh.cell_column] * np.diff(levels)[mesh.cell_layer]).sum()),
+        levels[-1] - levels[0],
+        mesh,
+    )
+
+
+def footprint(stage, name):
+    """Area of a body's footprint in the last shape, m²."""
+    number = stage["body_name"].values.tolist().index(name)
+    areas = cell_areas(stage["points"].values[-1], stage["triangles"].values, stage["quads"].values)
+    return float(areas[: stage.sizes["triangle"]][stage["body"].values == number].sum())
+
+
+def faces(mesh, name):
+    return next(((s, n) for patch, s, n in mesh.patches if patch == name), None)
+
+
+def test_volume_of_both_fingers(half):
+    stage = stages_of(half)[-1]
+    found, depth, mesh = volume(half, stage)
+    body = footprint(stage, "finger") + footprint(stage, "mirrored_finger")
+    assert found == pytest.approx(0.6 * 0.3 * depth - body * 0.014, rel=1e-13)
+    assert faces(mesh, "finger")[1] == faces(mesh, "mirrored_finger")[1]
+    assert faces(mesh, "mirror") is None
+
+
+OBJECT = '[pinch.object]\nshape = "{shape}"\ndiameter = {diameter}\ncentre_height = 0.188\n'
+SUPPORT = "[support]\nsize = [0.12, 0.02, 0.05]\nbottom = 0.25\n"
+
+
+@pytest.fixture(scope="module")
+def held(tmp_path_factory):
+    """A cylinder between the tips and a block above the roots."""
+    more = OBJECT.format(shape="cylinder", diameter=0.024) + SUPPORT
+    return meshed(tmp_path_factory.mktemp("held") / "pinch", more=more)
+
+
+def test_bodies_are_left_out_exactly_and_have_patches(held):
+    stage = stages_of(held)[-1]
+    found, depth, mesh = volume(held, stage)
+    assert footprint(stage, "support") == pytest.approx(0.06 * 0.02, rel=1e-12)
+    rim = 0.5 * np.pi * 0.012**2
+    assert 0.97 * rim < footprint(stage, "object") < rim  # half a circle, as a polygon of 4 mm edges
+    bodies = 0.014 * (footprint(stage, "finger") + footprint(stage, "object")) + 0.025 * 0.06 * 0.02
+    assert found == pytest.approx(0.3 * 0.3 * depth - bodies, rel=1e-12)
+    for name in ("finger", "object", "support", "mirror"):
+        assert faces(mesh, name)[1] > 0
+
+
+def test_bodies_do_not_move_and_the_gap_to_the_object_is_kept(held):
+    for stage in stages_of(held):
+        points = stage["points"].values
+        names = stage["body_name"].values
+        for number in (2, 3):
+            nodes = np.unique(stage["triangles"].values[stage["body"].values == number])
+            edge = nodes[stage_boundary(stage, number)[nodes]]
+            assert np.ptp(points[:, edge], axis=0).max() == 0, names[number]
+    wall = points[-1][stage["wall"].values]
+    ring = shapely.Point(0, 0.188).buffer(0.012, quad_segs=500)
+    assert shapely.distance(ring, shapely.Polygon(wall)) == pytest.approx(0.5e-3, abs=0.1e-3)
+
+
+def stage_boundary(stage, number):
+    """(node,) True for nodes that a body shares with the water."""
+    inside = np.zeros(stage.sizes["node"], bool)
+    outside = inside.copy()
+    triangles, body = stage["triangles"].values, stage["body"].values
+    inside[triangles[body == number]] = True
+    outside[triangles[body == 0]] = True
+    return inside & outside
+
+
+def test_a_support_that_touches_the_finger_is_refused(tmp_path):
+    with pytest.raises(
+        StageError, match=r"support.bottom = 0.2455 m leaves 0.\d+ mm above the finger.*raise it"
+    ):
+        meshed(tmp_path / "low", more=SUPPORT.replace("0.25", "0.2455"))
+
+
+def test_a_sphere_is_a_pile_of_discs_of_about_its_volume(tmp_path):
+    more = OBJECT.format(shape="sphere", diameter=0.024)
+    scene = write_scene(tmp_path / "ball", "quarter", more, parent="pinch")
+    fine = scene.model_copy(
+        update={"mesh": scene.mesh.model_copy(update={"layers_on_finger": 8, "wall_cell": 1.8e-3})}
+    )
+    bodies = fixed_bodies(fine, graded_layers(fine), mirror=True)
+    assert {body.name for body in bodies} == {"object"}
+    radii = [body.polygon.bounds[2] - body.polygon.bounds[0] for body in bodies]
+    reach = [0.0, *(body.half_width for body in bodies)]
+    assert radii[0] == pytest.approx(0.012)
+    assert (np.diff(radii) < 0).all()
+    pile = sum(np.pi * r**2 * (b - a) for r, a, b in zip(radii, reach[:-1], reach[1:], strict=True))
+    # too much by the middle disc, which is as wide as the sphere; too little by discs smaller than a cell at its poles
+    assert pile == pytest.approx(2 / 3 * np.pi * 0.012**3, rel=0.03)
+
+
+def test_thin_steps_of_a_sphere_are_joined_without_loss():
+    levels = np.linspace(-0.02, 0.0, 41)
+    fine, joined = (sphere_steps(0.01, levels, t) for t in (1e-6, 0.8e-3))
+    assert len(joined) < len(fine)
+    assert (-np.diff([r for r, _ in joined]) >= 0.8e-3).all()
+
+    def pile(steps):
+        reach = [0.0, *(z for _, z in steps)]
+        return sum(r**2 * (b - a) for (r, _), a, b in zip(steps, reach[:-1], reach[1:], strict=True))
+
+    # what differs is the middle disc, wider than its layers' mean, and the poles
+    assert pile(fine) == pytest.approx(2 / 3 * 0.01**3, rel=1e-2)
+    assert pile(joined) == pytest.approx(2 / 3 * 0.01**3, rel=5e-2)

@@ -1,0 +1,53 @@
+"""The commands of piv that no stage runs, on a full disk and on one that has room again."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from tests.studies.faults.project import out_of
+
+# Arguments of `python -m piv`; {} is the folder of the scene's results, which is the full disk.
+COMMANDS = {
+    "correlate --processes": "correlate {}/images.h5 -o {}/shared.h5 --processes 2 --preset fast --every 4",
+    "correlate --ensemble": "correlate {}/images.h5 -o {}/mean.h5 --ensemble --preset fast --every 4",
+    "calibrate": "calibrate --scale-mm-per-px 0.2 -o {}/calibration.json",
+    "mask": "mask {}/images.h5 --image {}/camera.png -o {}/mask.png",
+    "plot .png": "plot {}/piv.h5 -o {}/plot.png",
+    "plot .svg": "plot {}/piv.h5 -o {}/plot.svg",
+    "animate .mp4": "animate {}/piv.h5 -o {}/film.mp4 --every 4",
+    "animate .gif": "animate {}/piv.h5 -o {}/film.gif --every 4",
+    **{f"convert {suffix}": f"convert {{}}/piv.h5 -o {{}}/vectors{suffix}" for suffix in
+       (".h5", ".nc", ".csv", ".vti", ".txt", ".dat")},
+}  # fmt: skip
+ROOM = 0  # KiB: a calibration is smaller than the least that a disk can have
+
+
+def piv_commands(
+    project: Path, fill: Callable[[int], None], empty: Callable[[], None]
+) -> Iterator[tuple[str, subprocess.CompletedProcess, str]]:
+    """Name, how it ended on the full disk, and what is wrong afterwards, of each command; `fill`, `empty`: the disk."""
+    out = out_of(project)
+    relative = out.relative_to(project)
+    blank = [
+        ".venv/bin/python",
+        "-c",
+        "import sys, cv2, numpy as n; cv2.imwrite(sys.argv[1], n.ones((256, 320), 'u1'))",
+    ]
+    subprocess.run([*blank, str(relative / "camera.png")], cwd=project, check=True)
+    for name, text in COMMANDS.items():
+        arguments = text.replace("{}", str(relative)).split()
+        command = [".venv/bin/python", "-m", "piv", *arguments, "--quiet"]
+        before = set(out.rglob("*"))
+        fill(ROOM)
+        full = subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
+        empty()
+        left = sorted(path.name for path in set(out.rglob("*")) - before if not path.name.endswith(".part"))
+        again = subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
+        wrong = f"{', '.join(left)} left behind" if left else ""
+        if again.returncode != 0:
+            wrong = f"does not go on: {again.stderr.strip()[-200:]}"
+        yield f"piv {name}", full, wrong or "works"
+        for path in sorted(set(out.rglob("*")) - before):
+            path.unlink()

@@ -1,0 +1,121 @@
+"""Registration over many seeds: pictures of a finger whose pose, scale, bend and clock are known; no flow is needed for it.
+
+python -m tests.studies.laboratory.registration --seeds 20 -o registration.csv [--docs docs/comparison.md]   (make virtual-lab-study)
+Camera of the virtual laboratory, 42 pictures with fresh particles each; half of the seeds bend 5 % further (+1 kPa).
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pandas as pd
+
+from fileio.formats.kinematics import Family
+from piv.images.recording import Recording
+from piv.synthetic.camera import Seeding
+from postprocess.lab.registration.register import register
+from postprocess.lab.virtual.virtual_laboratory import SetUp, camera_for
+from tests.lab_scene import finger_family, stated_pose, still_picture
+from tests.studies.piv.pages import write_between
+
+PICTURES = 42
+SWEEPS = (1200, 500, 2000, 2000)
+BAND = 1.96
+ROWS = (
+    ("root_x_mm", "root x, mm", 0.3), ("root_y_mm", "root y, mm", 0.3), ("turn_deg", "turn, °", 0.5),
+    ("delay_ms", "time, ms", 1.0), ("scale_percent", "scale, %", 0.3), ("factor", "pressure factor", None),
+    ("stretch", "duration factor", None),
+)  # fmt: skip
+
+
+class Stills(Recording):
+    """Pictures of the finger at the pressures of a law."""
+
+    def __init__(self, family: Family, lab: SetUp, times: np.ndarray, pressures: np.ndarray) -> None:
+        super().__init__("stills", times.size, None)
+        self.times, self._family, self._lab, self._pressures = times, family, lab, pressures
+
+    def _read(self, i: int) -> np.ndarray:
+        return still_picture(self._family, self._lab, float(self._pressures[i]), i)
+
+
+def trial(family: Family, seed: int) -> dict[str, float]:
+    """One registration: errors against the truth and the standard uncertainties stated for them."""
+    rng = np.random.default_rng(seed)
+    camera = camera_for(family.root, 640, 0.25, 500.0)
+    lab = SetUp(
+        camera, Seeding(density_ppp=0.05), tuple(rng.uniform(-1, 1, 2)), float(rng.uniform(-2, 2)), float(rng.uniform(-0.01, 0.01)), seed=seed
+    )  # fmt: skip
+    factor, delay = (1.05 if seed % 2 else 1.0), float(rng.uniform(-0.007, 0.007))
+    times = np.linspace(0.0, 0.42, PICTURES)
+    pressures = factor * family.law(np.clip(times - delay, *family.time))
+    begin = time.process_time()
+    found = register(
+        Stills(family, lab, times, pressures),
+        times,
+        family,
+        stated_pose(family, camera),
+        None,
+        scale_std=0.01,
+        sweeps=SWEEPS,
+        seed=seed,
+    )
+    true, pose, law = lab.pose(family.root), found.pose, found.law
+    std = np.sqrt(np.diag(found.covariance))
+    mm = 1e3 / true.px_per_m
+    return {
+        "seed": seed, "cpu_s": time.process_time() - begin,
+        "root_x_mm": (pose.at_px[0] - true.at_px[0]) * mm, "root_x_mm_std": std[0] * mm,
+        "root_y_mm": (pose.at_px[1] - true.at_px[1]) * mm, "root_y_mm_std": std[1] * mm,
+        "turn_deg": float(np.degrees(pose.angle - true.angle)), "turn_deg_std": float(np.degrees(std[2])),
+        "scale_percent": 100 * (true.px_per_m / pose.px_per_m - 1), "scale_percent_std": 100 * float(std[3]),
+        "delay_ms": 1e3 * (law.delay - delay), "delay_ms_std": 1e3 * law.std("delay"),
+        "factor": float(law.values[0]) - factor, "factor_std": law.std("factor"),
+        "stretch": float(law.values[2]) - 1.0, "stretch_std": law.std("stretch"),
+    }  # fmt: skip
+
+
+def summary(trials: pd.DataFrame) -> str:
+    """Table of docs/comparison.md."""
+    lines = [f"| registration ({len(trials)} seeds) | target | RMS error | within target | largest | coverage of the 95 % band |",
+             "|---|---|---|---|---|---|"]  # fmt: skip
+    held = []
+    for name, label, target in ROWS:
+        e, s = trials[name].abs(), trials[f"{name}_std"]
+        held.append(e <= BAND * s)
+        asked, kept = ("", "") if target is None else (f"{target:g}", f"{(e <= target).mean():.0%}")
+        lines.append(
+            f"| {label} | {asked} | {np.sqrt((e**2).mean()):.2g} | {kept} | {e.max():.2g} | {held[-1].mean():.0%} |"
+        )
+    lines.append(f"| all | | | | | **{np.mean(held):.0%}** (target 90–99 %) |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run the seeds that are not in the table yet."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.studies.laboratory.registration", description=__doc__
+    )
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--docs", type=Path, help="page to write the table to")
+    args = parser.parse_args()
+    done = pd.read_csv(args.output) if args.output.exists() else pd.DataFrame({"seed": []})
+    with TemporaryDirectory() as folder:
+        family = finger_family(Path(folder))
+    for seed in range(1, args.seeds + 1):
+        if not (done["seed"] == seed).any():
+            done = pd.concat([done, pd.DataFrame([trial(family, seed)])], ignore_index=True)
+            done.to_csv(args.output, index=False)
+            print(seed, {n: round(float(done[n].iloc[-1]), 3) for n, _, _ in ROWS}, flush=True)
+    print(summary(done))
+    if args.docs:
+        write_between(args.docs, "registration", summary(done))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""A vortex core that touches a moving body, as behind a finger's tip: vectors at the wall and the fit's circulation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from piv.correlation.pair import correlate_pair
+from piv.vortices.find import find_vortices
+from piv.vortices.lamb_oseen_fit import PEAK_SWIRL
+from tests.studies.piv.flows import lamb_oseen
+from tests.studies.piv.particles import render
+from tests.studies.piv.scores import errors, rms
+
+SHAPE = (320, 384)
+MIDDLE = 159.5
+WALL = 165.0  # px from the left: side of the body
+CORES = (28, 24, 20, 16, 12)  # px
+PEAK = 6.0  # px
+PAIRS = 5
+SPACING = 8  # px
+
+
+def vortex(core: float):
+    """Lamb-Oseen vortex (px) whose core touches the wall."""
+    return lamb_oseen(core, PEAK, centre=(WALL + core, MIDDLE))
+
+
+def evaluated(core: float, seed: int):
+    """Vectors of a pair in which the body moves by a pixel."""
+    a, b = render(vortex(core), shape=SHAPE, seed=seed, noise=0.02)
+    column = np.arange(SHAPE[1])
+    masks = [np.broadcast_to(column < WALL + side, SHAPE) for side in (-0.5, 0.5)]
+    for image, mask in zip((a, b), masks, strict=True):
+        image[mask] = 8
+    return correlate_pair(a, b, spacing=SPACING, mask=tuple(masks))
+
+
+def circulation_error(ds, core: float) -> float:
+    """Relative error of the fitted circulation; NaN where no vortex is found within a core radius."""
+    exact = 2 * np.pi * core * PEAK / PEAK_SWIRL
+    near = [w for w in find_vortices(ds) if np.hypot(w.x - WALL - core, w.y - MIDDLE) < core]
+    return near[0].circulation / exact - 1 if near else np.nan
+
+
+def told(found: list[float]) -> str:
+    """RMS of the circulations that were found, and of how many pairs."""
+    there = np.array(found)[np.isfinite(found)]
+    share = "" if there.size == len(found) else f" ({there.size} of {len(found)} found)"
+    return (f"{100 * rms(there):.1f} %" if there.size else "none") + share
+
+
+def line(core: float, first: int) -> str:
+    """A row of the table."""
+    near, measured, exact = [], [], []
+    for seed in range(first, first + PAIRS):
+        ds = evaluated(core, seed)
+        x, y, e, _ = errors(ds, vortex(core))
+        near.append(e[:, (x > WALL) & (x < WALL + core) & (np.abs(y - MIDDLE) < 3 * core)])
+        measured.append(circulation_error(ds, core))
+        u, v = vortex(core)(x, y)
+        exact.append(circulation_error(ds.assign(u=(("y", "x"), u), v=(("y", "x"), v)), core))
+    e = np.concatenate(near, axis=1)
+    gone = np.mean(~np.isfinite(e).all(axis=0))
+    worst = np.nanmax(np.hypot(*e))
+    cells = [told(g) for g in (measured, exact)]
+    steep = PEAK / PEAK_SWIRL / core
+    return f"| {core} px ({core / SPACING:.1f}) | {steep:.2f} px/px | {rms(e):.3f} px | {worst:.2f} px | {gone:.1%} | {cells[0]} | {cells[1]} |"
+
+
+def walls(first: int) -> str:
+    """Markdown table; seeds from `first`."""
+    head = (
+        f"| core radius (spacings of {SPACING} px) | steepest | RMS error between core and wall | largest | absent | circulation of the fit "
+        "| of a fit to exact vectors |\n|---|---|---|---|---|---|---|"
+    )
+    return "\n".join([head, *(line(core, first) for core in CORES)])

@@ -1,0 +1,252 @@
+"""The page docs/stability.md and its maps, from the tables that `make stability`, `make faults` and `make fuzz` write."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("agg")
+import matplotlib.pyplot as plt
+from matplotlib.patches import Patch
+
+from fileio.atomic import whole, write_text
+
+COLOURS = {
+    "completed": "#4c9f70",
+    "refused": "#5b7db1",
+    "stopped": "#e0a03b",
+    "all flagged": "#9fb8d8",
+    "WRONG": "#c0392b",
+    "CRASH": "#000000",
+    "FAILED": "#000000",
+    "HANG": "#7d3c98",
+}
+MEANS = {
+    "completed": "completed, energy bounded",
+    "refused": "refused beforehand",
+    "stopped": "stopped by a guard",
+    "all flagged": "every vector marked as bad",
+    "WRONG": "plausible wrong answer",
+    "CRASH": "crash",
+    "FAILED": "solver failed",
+    "HANG": "hang",
+}
+AXES = {
+    "pressure": "pressure (kPa), FEA",
+    "paper": "pressure (kPa), equations",
+    "reversal": "from … to … kPa",
+    "actuation": "actuation time (s)",
+    "timestep": "time step (s)",
+    "viscosity": "viscosity (m²/s)",
+    "tank": "tank scaled",
+    "finger": "finger scaled",
+    "model": "model",
+    "ranks": "ranks",
+    "scheme": "time scheme",
+    "turbulence": "turbulence",
+    "level": "level",
+    "motion": "pressure history",
+    "mesh": "mesh",
+    "gap": "gap to the plane",
+    "law": "closing law",
+    "corner": "corner",
+}
+
+
+def read_rows(path: Path) -> tuple[dict[str, Any], list[dict[str, str]]]:
+    """The provenance line and the rows of a table; empty where there is none yet."""
+    if not path.exists():
+        return {}, []
+    lines = path.read_text(encoding="utf-8").splitlines()
+    made = json.loads(lines[0][2:]) if lines and lines[0].startswith("# ") else {}
+    return made, list(csv.DictReader(line for line in lines if not line.startswith("# {")))
+
+
+def save(figure: plt.Figure, path: Path) -> None:
+    """Write a picture whole or not at all, without a date in it."""
+    with whole(path, suffix=True) as part:
+        figure.savefig(part, bbox_inches="tight", metadata={"Date": None})
+    plt.close(figure)
+
+
+def tiles(lines: list[tuple[str, list[tuple[str, str]]]], width: int) -> plt.Figure:
+    """A map: a line of tiles per axis, each with its value, in the colour of how it ended."""
+    rows = [
+        (name, part)
+        for name, all_ in lines
+        for part in (all_[k : k + width] for k in range(0, len(all_), width))
+    ]
+    figure, axes = plt.subplots(figsize=(11, 0.42 * len(rows) + 0.9))
+    seen = []
+    for y, (name, values) in enumerate(rows):
+        if y == 0 or rows[y - 1][0] != name:
+            axes.text(-0.15, y, name, ha="right", va="center", fontsize=9)
+        for x, (value, ended) in enumerate(values):
+            seen.append(ended)
+            axes.add_patch(plt.Rectangle((x + 0.03, y - 0.42), 0.94, 0.84, color=COLOURS[ended], lw=0))
+            size = 8 if len(value) < 9 else 6.5 if len(value) < 16 else 4.8
+            axes.text(x + 0.5, y, value, ha="center", va="center", fontsize=size, color="white")
+    axes.set(xlim=(-2.4, width), ylim=(len(rows) - 0.4, -0.6))
+    axes.axis("off")
+    handles = [Patch(color=COLOURS[key], label=MEANS[key]) for key in COLOURS if key in seen]
+    axes.legend(
+        handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncol=4, frameon=False, fontsize=8
+    )
+    return figure
+
+
+def by_axis(rows: list[dict[str, str]], names: dict[str, str]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Rows grouped by axis, in the table's order; numbers ascending."""
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for row in rows:
+        groups.setdefault(names.get(row["axis"], row["axis"]), []).append((row["value"], row["ended"]))
+    return [(name, sorted(values, key=_number)) for name, values in groups.items()]
+
+
+def _number(item: tuple[str, str]) -> float:
+    try:
+        return float(item[0].removesuffix("mm"))
+    except ValueError:
+        return 0.0
+
+
+def markdown(columns: list[str], rows: list[list[Any]]) -> str:
+    """A table."""
+    lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
+    return (
+        "\n".join(lines + ["| " + " | ".join(str(c).replace("|", "¦") for c in row) + " |" for row in rows])
+        + "\n"
+    )
+
+
+def counts(rows: list[dict[str, str]]) -> str:
+    """`12 completed, 3 refused beforehand`."""
+    found = {key: sum(row["ended"] == key for row in rows) for key in MEANS}
+    return ", ".join(f"{number} {MEANS[key]}" for key, number in found.items() if number)
+
+
+def _short(text: str, row: dict[str, str]) -> str:
+    return text or f"{row['axis']} {row['value']}"
+
+
+def runs_part(rows: list[dict[str, str]]) -> list[str]:
+    """What happened to the solver's runs."""
+    done = [row for row in rows if row["ended"] == "completed"]
+    worst = max((float(row["from_nothing_fraction"]) for row in done), default=0.0)
+    closure = sorted(float(row["closure_fraction"]) for row in done)
+    return [
+        "## Runs\n",
+        "![How each run ended, by axis and value](stability/runs.svg)\n",
+        f"{len(rows)} runs: {counts(rows)}. Base: the single finger in 2-D at level smoke, 0 → 20 kPa in 0.15 s, time step 1 ms;"
+        " one axis is changed at a time, then corners. In the completed runs the water never has more than"
+        f" {worst:.2%} of its energy from nothing; what the schemes dissipate is {closure[0]:.0%} to {closure[-1]:.0%} of the"
+        " work.\n" if done else "",
+        "Numbers of the completed ones (all columns: `docs/stability/runs.csv`). `force / plate`: peak force over that of a"
+        " plate as long as the finger, ρ W (π/4 L² a + L U²), a check that is made without the solver.\n",
+        markdown(
+            ["axis", "value", "bend °", "tip m/s", "Courant", "closure", "from nothing", "peak force N", "force / plate"],
+            [
+                [AXES.get(r["axis"], r["axis"]), r["value"], r["bend_deg"], r["tip_speed"], r["courant_max"],
+                 r["closure_fraction"], r["from_nothing_fraction"], r["peak_force_N"], r["force_of_plate"]]
+                for r in done
+            ],
+        ),
+        "What was refused or stopped, and why:\n",
+        markdown(
+            ["axis", "value", "ended", "sentence"],
+            [[AXES.get(r["axis"], r["axis"]), r["value"], r["ended"], r["reason"]] for r in rows if r["ended"] != "completed"],
+        ),
+    ]  # fmt: skip
+
+
+def images_part(rows: list[dict[str, str]]) -> list[str]:
+    """What happened to the pictures."""
+    presets = list(dict.fromkeys(row["preset"] for row in rows))
+    return [
+        "## Images\n",
+        "![How each picture ended, by axis and value](stability/images.svg)\n",
+        f"{len(rows)} evaluations: {counts(rows)}. A uniform shift and a vortex, {', '.join(presets)}, 32 px windows;"
+        " `valid`: part of the vectors not marked; `wrong`: part of those that are further than 0.5 px from the truth (where"
+        " no vector can be right, all that are called valid). More than 5 % wrong counts as a plausible wrong answer.\n",
+        markdown(
+            ["axis", "value", "preset", "ended", "valid", "rms px", "wrong"],
+            [
+                [
+                    r["axis"],
+                    r["value"],
+                    r["preset"],
+                    r["ended"],
+                    r["valid"],
+                    r["rms_px"],
+                    r["wrong_unflagged"],
+                ]
+                for r in rows
+            ],
+        ),
+    ]
+
+
+def faults_part(docs: Path) -> list[str]:
+    """Kills, conditions and the fuzz."""
+    text = []
+    _, kills = read_rows(docs / "stability" / "kills.csv")
+    if kills:
+        total = sum(int(r["kills"]) for r in kills)
+        bad = [r for r in kills if r["difference"]]
+        text += [
+            "## Kills (`make faults`)\n",
+            f"kill -9 of make and all it has started, {total} times, at random times and just after a stage has begun to"
+            f" write; then make goes on and ends with what an undisturbed run ends with: bit by bit, the solver's tables"
+            f" within 1e-6. {'All did.' if not bad else f'{len(bad)} did not.'}\n",
+            markdown(["stage", "kills", "results compared", "difference", "date"],
+                     [[r["stage"], r["kills"], r["runs_compared"], r["difference"] or "none", r["date"]] for r in kills]),
+        ]  # fmt: skip
+    _, faults = read_rows(docs / "stability" / "faults.csv")
+    if faults:
+        text += [
+            "## Disks, files, paths, OpenFOAM, two makes (`make faults`)\n",
+            "`afterwards`: what make ends with once the condition is over.\n",
+            markdown(["condition", "stage", "ended", "sentence", "afterwards"],
+                     [[r[c] for c in ("condition", "stage", "ended", "sentence", "afterwards")] for r in faults]),
+        ]  # fmt: skip
+    _, fuzz = read_rows(docs / "stability" / "fuzz.csv")
+    if fuzz:
+        total, broken = (sum(int(r[c]) for r in fuzz) for c in ("inputs", "faults"))
+        text += [
+            "## Fuzz of the readers (`make fuzz`)\n",
+            f"{total} damaged files, {broken} faults: each was read or refused with one sentence.\n",
+            markdown(["reader", "engine", "inputs", "read", "refused", "faults", "CPU s", "date"],
+                     [[r[c] for c in ("reader", "engine", "inputs", "read", "refused", "faults", "cpu_s", "date")] for r in fuzz]),
+        ]  # fmt: skip
+    return text
+
+
+def write(docs: Path) -> None:
+    """Write the maps and the page from the tables that are there."""
+    folder = docs / "stability"
+    made, runs = read_rows(folder / "runs.csv")
+    _, images = read_rows(folder / "images.csv")
+    head = (Path(__file__).parent / "page_head.md").read_text(encoding="utf-8")
+    text = [head]
+    if runs:
+        save(tiles(by_axis(runs, AXES), 12), folder / "runs.svg")
+        text += runs_part(runs)
+    if images:
+        names = {row["axis"]: row["axis"] for row in images}
+        lines = [(f"{name}, {p}", values) for p in dict.fromkeys(r["preset"] for r in images)
+                 for name, values in by_axis([r for r in images if r["preset"] == p], names)]  # fmt: skip
+        save(tiles(sorted(lines, key=lambda line: line[0]), 8), folder / "images.svg")
+        text += images_part(images)
+    text += faults_part(docs)
+    if made:
+        versions = ", ".join(f"{k} {v}" for k, v in made["versions"].items())
+        text.append(f"Made by `make stability` on {made['date']} with {versions}.\n")
+    write_text(docs / "stability.md", "\n".join(text))
+
+
+if __name__ == "__main__":
+    write(Path("docs"))

@@ -1,0 +1,163 @@
+"""What a time step costs: on a moving and on a static mesh, on one rank and on two, with and without samples; in one run.
+
+python -m tests.studies.step_cost --level coarse [-o docs/tradeoff/steps.csv]   (make bench-steps)
+The single finger is solved to the middle of its stroke; from those fields each variant goes on for the same steps. On the
+static mesh the wall keeps its velocity, so that the flow is as busy. Run it on a machine that does nothing else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import shutil
+import subprocess
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pandas as pd
+
+from fileio.atomic import whole
+from fileio.formats.mesh_intervals import read_legs
+from pipeline import case
+from pipeline.kinematics import stage as kinematics
+from pipeline.mesh import stage as mesh
+from pipeline.openfoam.displacement_files import time_name
+from pipeline.openfoam.environment import environment_in, foam_version, solver_command
+from pipeline.openfoam.ranks import Ranks
+from pipeline.run.prepare import prepare
+from pipeline.run.solver import reset_displacement, set_number
+from pipeline.scene.scene import Scene, load_scene
+from pipeline.study.scaling_data import size
+
+ROOT = Path(__file__).resolve().parents[2]
+MIDDLE = 0.15  # s: the finger is near its highest speed
+LOG = "log.step_cost"
+
+
+def scene_at(level: str) -> Scene:
+    """The single finger in a folder of its own, ready to be solved."""
+    folder = ROOT / "cases" / "single_finger" / "out" / "step_cost"
+    folder.mkdir(parents=True, exist_ok=True)
+    states = 'motion = { states = "../../kinematics/states.h5" }\n'
+    (folder / "scene.toml").write_text(f'extends = "../.."\n{states}')
+    scene = load_scene(folder, level)
+    scene.out.mkdir(parents=True, exist_ok=True)
+    for stage in (kinematics, mesh, case):
+        stage.run(scene, quiet=True)
+    return scene
+
+
+def run(folder: Path, ranks: Ranks) -> None:
+    """Start the solver in a case and wait for it."""
+    with (folder / LOG).open("w") as log:
+        subprocess.run(
+            solver_command(ranks.count), cwd=folder, env=environment_in(folder), stdout=log, check=True
+        )
+
+
+def step_seconds(folder: Path) -> dict[str, float]:
+    """Wall time of a step (s), pressure iterations and Courant number, from a log whose first step is left out."""
+    text = (folder / LOG).read_text()
+    clock = [float(t) for t in re.findall(r"^ExecutionTime = ([\d.]+)", text, re.M)]
+    iterations = [int(n) for n in re.findall(r"Solving for p,.*No Iterations (\d+)", text)]
+    courant = [float(c) for c in re.findall(r"^Courant Number.*max: ([\d.e-]+)", text, re.M)]
+    return {
+        "step_s": (clock[-1] - clock[0]) / (len(clock) - 1),
+        "pressure_iterations": sum(iterations) / len(clock),
+        "courant_max": max(courant),
+    }
+
+
+def to_the_middle(scene: Scene, ranks: Ranks) -> Path:
+    """The case solved to MIDDLE on some ranks."""
+    legs = read_legs(scene.out)
+    prepare(scene, legs, legs[0], ranks, quiet=True)
+    folder = scene.out / "case" / legs[0].name
+    set_number(folder, "startTime", time_name(0.0))
+    set_number(folder, "endTime", f"{MIDDLE:g}")
+    set_number(folder, "writeInterval", f"{MIDDLE:g}")
+    run(folder, ranks)
+    return folder
+
+
+def variant(
+    solved: Path, ranks: Ranks, steps: int, step: float, moving: bool, samples: bool
+) -> dict[str, float]:
+    """The cost of some steps from MIDDLE on in a copy of the solved case."""
+    folder = solved.parent / "variant"
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(solved, folder)
+    shutil.rmtree(folder / "postProcessing", ignore_errors=True)
+    first = time_name(MIDDLE)
+    if moving:
+        reset_displacement(ranks.folders(folder), time_name(0.0), first, whole=False)
+    else:
+        set_number(folder, "meshMotion", "staticFvMesh")
+        for place in ranks.folders(folder):
+            for name in ("meshPhi", "V0", "V00"):
+                (place / first / name).unlink(missing_ok=True)
+    if not samples:
+        (folder / "system" / "functions").write_text("// nothing is recorded\n")
+    set_number(folder, "startTime", first)
+    set_number(folder, "endTime", f"{MIDDLE + steps * step:.8g}")
+    set_number(folder, "writeInterval", "10")
+    run(folder, ranks)
+    return step_seconds(folder)
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m tests.studies.step_cost", description=__doc__)
+    parser.add_argument("--level", default="coarse")
+    parser.add_argument("--steps", type=int, default=80)
+    parser.add_argument("--rounds", type=int, default=3, help="each variant so often; the fastest counts")
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "tradeoff" / "steps.csv")
+    args = parser.parse_args()
+    scene = scene_at(args.level)
+    cells, columns = size(scene)
+    numerics = scene.numerics
+    about = {
+        "level": args.level,
+        "cells": cells,
+        "columns": columns,
+        "correctors": numerics.pressure_correctors * (1 + numerics.non_orthogonal_correctors),
+    }
+    rows = []
+    for count in (1, 2):
+        ranks = Ranks(count)
+        solved = to_the_middle(scene, ranks)
+        # rounds outside, so that what slows the machine for a while slows all variants alike
+        tries: dict[tuple[str, bool], list[dict[str, float]]] = {
+            (mesh_kind, samples): [] for mesh_kind in ("moving", "static") for samples in (True, False)
+        }
+        for _ in range(args.rounds):
+            for mesh_kind, samples in tries:
+                tries[mesh_kind, samples].append(
+                    variant(
+                        solved, ranks, args.steps, scene.numerics.time_step, mesh_kind == "moving", samples
+                    )
+                )
+        for (mesh_kind, samples), found in tries.items():
+            best = min(found, key=lambda row: row["step_s"])
+            rows.append({**about, "ranks": count, "mesh": mesh_kind, "samples": samples, **best})
+            print(
+                {key: round(v, 4) if isinstance(v, float) else v for key, v in rows[-1].items()}, flush=True
+            )
+    table = pd.DataFrame(rows)
+    made = {
+        "made": datetime.now(UTC).date().isoformat(),
+        "versions": {"OpenFOAM": foam_version()},
+        "scene_hash": scene.digest(),
+    }
+    with whole(args.output) as part, part.open("w", encoding="utf-8") as file:
+        file.write(f"# {json.dumps(made)}\n")
+        table.to_csv(file, index=False, float_format="%.5g", lineterminator="\n")
+    cost = table.set_index(["ranks", "mesh", "samples"])["step_s"]
+    print(f"moving / static: {cost[1, 'moving', False] / cost[1, 'static', False]:.2f}")
+    print(f"one rank / two ranks: {cost[1, 'moving', True] / cost[2, 'moving', True]:.2f}")
+    print(f"samples and forces: {cost[1, 'moving', True] / cost[1, 'moving', False] - 1:.1%} of the solver")
+
+
+if __name__ == "__main__":
+    main()

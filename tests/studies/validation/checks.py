@@ -1,0 +1,105 @@
+"""A check — quantity, reference, result, tolerance, why — and the results file that holds those of one flow."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from fileio.atomic import write_text
+from fileio.provenance import versions
+
+FORMAT, FORMAT_VERSION = "checks", 1
+NUMBERS = r"\[[-+\d.eE,\s]+\]"  # lists of numbers are written in one line
+How = Literal["relative", "absolute", "at most", "at least"]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One row of the ledger.
+
+    `how` says what the tolerance means: `relative`: |result − reference| ≤ tolerance · |reference|; `absolute`:
+    |result − reference| ≤ tolerance; `at most`, `at least`: result ≤ or ≥ tolerance (no reference).
+    """
+
+    id: str
+    quantity: str
+    result: float
+    tolerance: float
+    how: How
+    why: str  # why this tolerance
+    reference: float | None = None
+    source: str = ""  # of the reference
+    unit: str = "1"
+
+    def __post_init__(self) -> None:
+        if (self.reference is None) != (self.how in ("at most", "at least")):
+            raise ValueError(
+                f"check {self.id}: how = {self.how!r} and reference = {self.reference} do not fit"
+            )
+
+    @property
+    def deviation(self) -> float:
+        """What is held against the tolerance."""
+        if self.reference is None:
+            return self.result
+        gap = self.result - self.reference
+        return gap / abs(self.reference) if self.how == "relative" else gap
+
+    @property
+    def met(self) -> bool:
+        """Whether the target is met; a result that is no number meets none."""
+        if self.how == "at least":
+            return bool(self.result >= self.tolerance)
+        if self.how == "at most":
+            return bool(self.result <= self.tolerance)
+        return bool(abs(self.deviation) <= self.tolerance)
+
+
+@dataclass(frozen=True)
+class Result:
+    """What one flow was checked for, the curves of its figure, and where the numbers come from."""
+
+    name: str
+    title: str
+    text: str  # the physics and how it is measured, in a few sentences
+    checks: tuple[Check, ...]
+    curves: dict[str, Any] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+
+def result_json(result: Result) -> dict[str, Any]:
+    """The content of a results file (docs/formats.md, Checks)."""
+    return {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "name": result.name,
+        "title": result.title,
+        "text": result.text,
+        "checks": [asdict(c) | {"deviation": c.deviation, "met": c.met} for c in result.checks],
+        "remarks": list(result.remarks),
+        "curves": result.curves,
+        "date": datetime.now(UTC).date().isoformat(),
+        "versions": versions() | result.provenance.get("versions", {}),
+        "provenance": {k: v for k, v in result.provenance.items() if k != "versions"},
+    }
+
+
+def write_result(result: Result, path: Path) -> None:
+    """Write a results file whole or not at all; numbers to seven digits."""
+    text = json.dumps(_rounded(result_json(result)), indent=1, ensure_ascii=False, allow_nan=False)
+    write_text(path, re.sub(NUMBERS, lambda found: " ".join(found.group().split()), text) + "\n")
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(f"{value:.7g}")
+    if isinstance(value, dict):
+        return {k: _rounded(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(v) for v in value]
+    return value

@@ -1,0 +1,145 @@
+"""Figures of the ledger, drawn from results files alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from postprocess.draw.style import CFD, GREY, PIV, THIRD, new_figure, save
+
+Curves = dict[str, Any]
+
+
+def oscillating(curves: Curves, path: Path) -> None:
+    """In-line force over the cycle with the reference's points and Morison's fit."""
+    figure, axes = new_figure(7, 3.4)
+    axes.plot(curves["phase"], curves["force"], color=CFD, label="computed")
+    axes.plot(curves["phase"][:-1], curves["fit"], color=GREY, lw=1, ls="--", label="Morison's fit")
+    axes.plot(curves["phase"], curves["viscous"], color=THIRD, lw=1, label="of it friction")
+    axes.plot(
+        curves["reference_phase"], curves["reference_force"], "o", color=PIV, label="Dütsch et al. 1998"
+    )
+    axes.set(xlabel="t / T", ylabel="force / (ρU²D)")
+    axes.legend(ncols=2)
+    save(figure, path)
+
+
+def impulsive(curves: Curves, path: Path) -> None:
+    """Drag over time with the reference's points."""
+    figure, axes = new_figure(7, 3.4)
+    axes.plot(curves["time"], curves["drag"], color=CFD, label="computed")
+    axes.plot(curves["time"], curves["friction"], color=THIRD, lw=1, label="of it friction")
+    axes.plot(
+        curves["reference_time"],
+        curves["reference_drag"],
+        "o",
+        color=PIV,
+        label="Koumoutsakos & Leonard 1995",
+    )
+    axes.set(xlabel="T = Ut/R", ylabel="C_D", ylim=(0, 2), xlim=(0, None))
+    axes.legend()
+    save(figure, path)
+
+
+def accelerating(curves: Curves, path: Path) -> None:
+    """Force, its two known parts, and what is left."""
+    figure, axes = new_figure(7, 3.4)
+    both = np.array(curves["mass_force"]) + np.array(curves["layer"])
+    axes.plot(curves["time"], curves["force"], color=CFD, label="computed")
+    axes.plot(curves["time"], both, color=PIV, ls="--", label="ρπR² a + wall layer")
+    axes.plot(curves["time"], curves["layer"], color=THIRD, lw=1, label="wall layer")
+    axes.set(xlabel="t (s)", ylabel="force (N/m)")
+    axes.legend()
+    save(figure, path)
+
+
+def plate(curves: Curves, path: Path) -> None:
+    """Circulation and displacements over time, logarithmic, with lines of the theory's slope."""
+    figure, axes = new_figure(7, 3.6, 1, 2)
+    time = np.array(curves["time"])
+    inside = (time >= curves["from"]) & (time <= curves["to"])
+    middle = np.sqrt(curves["from"] * curves["to"])
+    span = np.array([curves["from"], curves["to"]])
+    parts = ((axes[0], ("circulation",), "circulation"), (axes[1], ("core", "centroid"), "displacement"))
+    for ax, names, power in parts:
+        for name, colour in zip(names, (CFD, THIRD), strict=False):
+            value = np.array(curves[name])
+            ax.loglog(time, value, ".-", ms=3, lw=1, color=colour, label=name)
+            level = np.exp(np.interp(np.log(middle), np.log(time[inside]), np.log(value[inside])))
+            ax.loglog(span, level * (span / middle) ** curves["wanted"][power], color=PIV, lw=1, ls="--")
+        ax.plot([], [], color=PIV, lw=1, ls="--", label=f"slope {curves['wanted'][power]:.3g}")
+        ax.set(xlabel="t (s)")
+        ax.legend()
+    axes[0].set_ylabel("Γ / (U c)")
+    axes[1].set_ylabel("distance from the edge / c")
+    save(figure, path)
+
+
+def deforming(curves: Curves, path: Path) -> None:
+    """Errors over cell size and time step with slopes."""
+    figure, axes = new_figure(7, 3.4, 1, 2)
+    for part, colour, words, slope in (
+        ("", CFD, "Lamb-Oseen", 2),
+        ("wall_", THIRD, "Taylor-Green, walls", 1),
+    ):
+        size, error = np.array(curves[f"{part}size"]), np.array(curves[f"{part}error"])
+        axes[0].loglog(size, error, "o-", color=colour, label=words)
+        axes[0].loglog(
+            size, error[-1] * (size / size[-1]) ** slope, "--", color=PIV, lw=1, label=f"slope {slope}"
+        )
+    axes[0].set(xlabel="cell size (m)", ylabel="velocity (m/s)")
+    shared = np.array(curves["size"])[: len(curves["corrected"])]
+    axes[0].loglog(shared, curves["corrected"], "s--", color=GREY, ms=4, lw=1, label="skew-corrected")
+    step = np.array(curves["step"])
+    for name, colour, words in (
+        ("iterated", CFD, "iterated"), ("twice", GREY, "two outer correctors"), ("once", THIRD, "one outer corrector")
+    ):  # fmt: skip
+        axes[1].loglog(step, curves[name], "o-", color=colour, label=words)
+    for name, slope in (("iterated", 2), ("once", 1)):
+        axes[1].loglog(
+            step, curves[name][-1] * (step / step[-1]) ** slope, "--", color=PIV, lw=1, label=f"slope {slope}"
+        )
+    axes[1].set(xlabel="time step (s)")
+    for ax in axes:
+        ax.legend()
+    save(figure, path)
+
+
+def grids(curves: Curves, path: Path) -> None:
+    """Each quantity over cell size (and time step), as a part of its extrapolated value, with uncertainties."""
+    parts = [(k, v) for k, v in curves.items() if k in ("grid", "step")]
+    figure, axes = new_figure(7, 3.4, 1, len(parts), squeeze=False)
+    words = {"circulation": "Γ", "peak_force": "peak force", "impulse": "impulse"}
+    for ax, (_, part) in zip(axes[0], parts, strict=True):
+        along = "cell" if "cell" in part else "time_step"
+        size = 1e3 * np.array(part[along])
+        for (name, label), colour in zip(words.items(), (CFD, PIV, THIRD), strict=True):
+            q = part["quantities"][name]
+            limit = q["extrapolated"]
+            ax.errorbar(size, np.array(q["value"]) / limit, np.array(q["uncertainty"]) / abs(limit), fmt="o-", ms=4, lw=1,
+                        capsize=3, color=colour, label=label)  # fmt: skip
+        ax.axhline(1, color=GREY, lw=0.8)
+        ax.set(
+            xlabel="cell (mm)" if along == "cell" else "time step (ms)",
+            xlim=(0, None),
+            ylabel="value / extrapolated",
+        )
+        ax.legend()
+    save(figure, path)
+
+
+FIGURES: dict[str, Callable[[Curves, Path], None]] = {
+    "oscillating_cylinder": oscillating,
+    "impulsive_cylinder": impulsive,
+    "accelerating_cylinder": accelerating,
+    "plate_impulsive": plate,
+    "plate_medium_layer": plate,
+    "plate_thin_layer": plate,
+    "plate_accelerating": plate,
+    "deforming_mesh": deforming,
+    "finger_2d": grids,
+    "finger": grids,
+}

@@ -1,0 +1,188 @@
+"""The finger itself on several grids and time steps: tip vortex, forces, and how far each is from the extrapolated value."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from fileio.hdf5 import read_dataset
+from pipeline.scene.scene import Scene, load_scene
+from piv.vortices.find import find_vortices
+from piv.vortices.vortex import Vortex
+from tests.studies.validation.checks import Check, Result
+from tests.studies.validation.convergence import Estimate, estimate
+from tests.studies.validation.solve import CASES, solved
+
+GRIDS = ("g141", "g100", "g071", "g050")
+STEPS = ("dt200", "g100", "dt050", "dt025")
+LEVELS = ("draft", "coarse", "medium")  # of the scene itself; finer ones count where they have been run
+NEAR_TIP = 3.0  # tip widths within which the tip's vortex is looked for
+QUANTITIES = {
+    "circulation": ("tip-vortex circulation at half stroke", "m²/s"),
+    "x": ("x of its centre", "m"),
+    "y": ("y of its centre", "m"),
+    "peak_force": ("peak force", "N"),
+    "impulse": ("impulse of the force along x", "N s"),
+}
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of the finger: representative cell size (m) and time step (s), and the quantities by name."""
+
+    level: str
+    cell: float
+    time_step: float
+    cells: int
+    values: dict[str, float]
+
+
+def tip_vortex(sheet: xr.Dataset, scene: Scene) -> Vortex:
+    """The strongest vortex on the dorsal side of the tip at half of the bend's change. ValueError where there is none."""
+    bend = sheet["bend"].values[:, 0]
+    half = int(np.argmin(np.abs(bend - 0.5 * (bend[0] + bend[-1]))))
+    plane = sheet.isel(time=half)
+    settings = scene.vortices
+    found = find_vortices(plane[["u", "v", "valid"]], min_circulation=settings.min_circulation,
+                          stencil_radius=settings.stencil_radius, weights=settings.weights)  # fmt: skip
+    tip, dorsal = plane["tip"].values[0], plane["dorsal_direction"].values[0]
+    reach = NEAR_TIP * float(sheet.attrs["tip_width"])
+    near = [
+        v for v in found
+        if np.hypot(v.x - tip[0], v.y - tip[1]) < reach and np.dot((v.x - tip[0], v.y - tip[1]), dorsal) > 0
+    ]  # fmt: skip
+    if not near:
+        raise ValueError(f"no vortex at the dorsal side of the tip of {scene.name} at level {scene.level}")
+    return max(near, key=lambda v: abs(v.circulation))
+
+
+def read_run(scene: Scene) -> Run:
+    """Quantities of a run that is there."""
+    record = json.loads((scene.out / "run" / "run.json").read_text())
+    table = np.genfromtxt(scene.out / "run" / "forces.csv", delimiter=",", names=True)
+    with read_dataset(scene.out / "sheet.h5", "plane-series") as sheet:
+        vortex = tip_vortex(sheet, scene)
+    flat = scene.model.kind == "2d"
+    area = scene.tank.size[0] * scene.tank.water_depth
+    volume = area if flat else area * scene.tank.size[2] * (0.5 if scene.model.kind == "half" else 1.0)
+    values = {
+        "circulation": abs(vortex.circulation),
+        "x": vortex.x,
+        "y": vortex.y,
+        "peak_force": float(np.hypot(table["fx"], table["fy"]).max()),
+        "impulse": float(np.trapezoid(table["fx"], table["time"])),
+    }
+    cell = (volume / record["cells"]) ** (1 / 2 if flat else 1 / 3)
+    return Run(scene.level, float(cell), scene.numerics.time_step, record["cells"], values)
+
+
+def series(runs: list[Run], along: str) -> dict[str, Estimate]:
+    """Estimate of each quantity along `cell` or `time_step`."""
+    size = np.array([getattr(r, along) for r in runs])
+    return {name: estimate(size, np.array([r.values[name] for r in runs])) for name in QUANTITIES}
+
+
+def checks_of(runs: list[Run], along: str, judged: str, prefix: str, words: str) -> list[Check]:
+    """Uncertainty of the judged level's circulation and forces as parts of the extrapolated value."""
+    found = series(runs, along)
+    at = [r.level for r in runs].index(judged)
+    width = 1.0
+    checks = []
+    for name, (quantity, _) in QUANTITIES.items():
+        e = found[name]
+        if name in ("x", "y"):
+            gap, scale, unit = 1e3 * float(e.uncertainty[at]), width, "mm"
+            tolerance, why = 2.0, "a fifth of the tip vortex's core"
+        else:
+            gap, scale, unit = float(e.uncertainty[at]), abs(e.extrapolated), "1"
+            tolerance, why = (
+                0.1,
+                "what the comparison with a laboratory needs: of the size of the findings' own limits (reference/findings.toml)",
+            )
+        order = f", observed order {e.order:.2g}" if e.order is not None else ", no single order"
+        checks.append(
+            Check(f"{prefix}.{name}", f"{quantity}: uncertainty at {judged} {words}{order}", gap / scale, tolerance, "at most",
+                  why, None, "", unit)
+        )  # fmt: skip
+    return checks
+
+
+def curves_of(runs: list[Run], along: str) -> dict:
+    """What the figure and the sentences need."""
+    found = series(runs, along)
+    return {
+        "level": [r.level for r in runs], "cells": [r.cells for r in runs], along: [getattr(r, along) for r in runs],
+        "quantities": {
+            name: {
+                "value": [r.values[name] for r in runs], "extrapolated": e.extrapolated, "order": e.order,
+                "uncertainty": e.uncertainty.tolist(), "kind": e.kind,
+            }
+            for name, e in found.items()
+        },
+    }  # fmt: skip
+
+
+def sentence(runs: list[Run], estimates: dict[str, Estimate], level: str) -> str:
+    """What a user needs: how far a level is from the extrapolated value."""
+    at = [r.level for r in runs].index(level)
+    e = estimates["circulation"]
+    gap = abs(runs[at].values["circulation"] / e.extrapolated - 1)
+    bound = float(e.uncertainty[at]) / abs(e.extrapolated)
+    return f"At `{level}` Γ is within {gap:.1%} of the extrapolated value (uncertainty {bound:.1%})."
+
+
+def two_dimensional() -> Result:
+    """Grids and time steps of the 2-D finger."""
+    grids = [read_run(solved("finger_2d", level)) for level in GRIDS]
+    steps = [read_run(solved("finger_2d", level)) for level in STEPS]
+    scene = load_scene(CASES / "finger_2d", "g100")
+    checks = [
+        *checks_of(grids, "cell", "g071", "finger_2d.grid", "(grid)"),
+        *checks_of(steps, "time_step", "g100", "finger_2d.step", "(time step)"),
+    ]
+    remarks = (sentence(grids, series(grids, "cell"), "g071"),
+               "Time step: " + sentence(steps, series(steps, "time_step"), "g100"))  # fmt: skip
+    text = (
+        "Level smoke's planform with every size times 1.41, 1, 0.71 and 0.5 at a time step of 1 ms, and steps of 2 to 0.25 ms"
+        " on the second grid. Representative cell √(area / cells)."
+    )
+    curves = {"grid": curves_of(grids, "cell"), "step": curves_of(steps, "time_step")}
+    return Result("finger_2d", scene.title, text, tuple(checks), curves, remarks, _provenance(scene))
+
+
+def three_dimensional(folder: Path) -> Result | None:
+    """The levels of the scene in `folder` that have been run; None where they are fewer than three."""
+    there = []
+    for level in LEVELS:
+        try:
+            scene = load_scene(folder, level)
+        except ValueError:
+            continue
+        if (scene.out / "run" / "run.json").exists() and (scene.out / "sheet.h5").exists():
+            there.append(scene)
+    if len(there) < 3:
+        return None
+    runs = [read_run(scene) for scene in there]
+    judged = "coarse"
+    checks = checks_of(runs, "cell", judged, "finger", "(grid and time step together)")
+    text = (
+        f"{folder.name} on its own levels {', '.join(r.level for r in runs)}: grids that are similar but not exactly so, the time"
+        " step refined with them where the level says so. Representative cell ∛(volume / cells)."
+    )
+    remarks = tuple(sentence(runs, series(runs, "cell"), r.level) for r in runs)
+    return Result("finger", f"Grid convergence of {folder.name}", text, tuple(checks), {"grid": curves_of(runs, "cell")}, remarks,
+                  _provenance(there[1]))  # fmt: skip
+
+
+def _provenance(scene: Scene) -> dict:
+    path = scene.out / "run" / "run.json"
+    record = json.loads(path.read_text())
+    return {
+        "versions": {"OpenFOAM": record["versions"]["OpenFOAM"]},
+        "scene_hash": record["scene_hash"],
+        "level": scene.level,
+    }

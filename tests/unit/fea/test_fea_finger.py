@@ -1,0 +1,143 @@
+"""From the unit cell to the finger: chain, circle, smoothing, outline, file, settings."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from fileio.formats.bending_states import BendingStates, read, write
+from pipeline.fea.envelope import crosses_itself, outline
+from pipeline.fea.finger import arc_length, chain, fit_circle, smoothed
+from pipeline.fea.settings import Actuator, Fea
+from pipeline.scene.scene import load_scene
+
+ROOT = Path(__file__).parents[3]
+SCENE = load_scene(ROOT / "cases" / "single_finger")
+
+
+def arc(radius, length=0.07, points=80, turn=0.3):
+    s = np.linspace(0, length, points)
+    line = np.stack([radius * np.sin(s / radius), radius * (1 - np.cos(s / radius))], -1)
+    return line @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]] + [0.01, -0.02]
+
+
+@given(st.floats(0.009, 1.0), st.booleans(), st.floats(-3, 3))
+def test_circle_of_an_exact_arc(radius, ventral, turn):
+    signed = radius if ventral else -radius
+    found, residual = fit_circle(arc(signed, turn=turn))
+    assert found == pytest.approx(
+        signed, rel=1e-6
+    )  # rounding of a 70 mm arc of R = 1 m: its sagitta is 0.6 mm
+    assert residual < 1e-9
+
+
+def test_straight_line_has_an_infinite_radius():
+    line = np.stack([np.linspace(0, 0.07, 50), np.linspace(0, 0.01, 50)], -1)
+    assert fit_circle(line)[0] == np.inf
+
+
+def test_residual_is_the_rms_distance():
+    line = arc(0.04)
+    off = 5e-5 * np.cos(np.arange(80) * np.pi)
+    radial = line - (np.array([0.01, -0.02]) + 0.04 * np.array([-np.sin(0.3), np.cos(0.3)]))
+    moved = line + off[:, None] * radial / np.linalg.norm(radial, axis=1, keepdims=True)
+    assert fit_circle(moved)[1] == pytest.approx(
+        5e-5, rel=0.01
+    )  # the fit takes up less than 1 % of the noise
+
+
+@given(st.floats(-0.2, 0.2).filter(lambda angle: abs(angle) > 1e-3))
+def test_chained_cells_turn_by_their_angle(angle):
+    """Cells bent to arcs give a finger that is straight in its clamped half chamber and an arc beyond."""
+    rest = np.linspace(0, 0.0045, 10)
+    radius = 0.0045 / angle
+    half = np.stack([radius * np.sin(rest / radius), -radius * (1 - np.cos(rest / radius))], -1)
+    line = chain(half, angle, rest, 8, 0.0035)
+    steps = np.diff(line, axis=0)
+    heading = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    # 14 whole halves and 7/9 of the last, less half of the last chord's own turn
+    assert heading[0] == pytest.approx(0, abs=1e-12)
+    assert heading[-1] == pytest.approx((14 + 7 / 9 - 1 / 18) * angle, rel=1e-9)
+    assert arc_length(line)[-1] == pytest.approx(0.070, rel=1e-3)  # chords are shorter than arcs
+    np.testing.assert_allclose(line[0], 0, atol=1e-15)
+
+
+def test_smoothing_keeps_a_polynomial_and_removes_ripple():
+    s = np.linspace(0, 0.07, 126)
+    clean = np.stack([s, 5 * s**2], -1)[None]
+    ripple = 3e-5 * np.sin(2 * np.pi * s / 0.009)
+    np.testing.assert_allclose(smoothed(clean, s), clean, atol=1e-12)  # it lies in the spline's space
+    rippled = clean + np.stack([np.zeros_like(s), ripple], -1)[None]
+    inside = (s > 0.012) & (s < 0.058)  # at its ends a least-squares curve follows the last wave
+    assert np.abs(smoothed(rippled, s) - clean)[:, inside].max() < 0.2 * 3e-5
+
+
+def test_crossing_polygons_are_found():
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
+    assert not crosses_itself(square)
+    assert crosses_itself(square[[0, 2, 1, 3]])
+    assert not crosses_itself(outline(arc(-0.03), np.full(80, 0.0165)))
+    assert crosses_itself(outline(arc(-0.03), np.full(80, 0.035)))
+
+
+def some_states(**changed):
+    lines = np.array([arc(radius) for radius in (-0.05, 0.5, 0.05)])
+    values = {
+        "pressure": np.array([-1e4, 0.0, 1e4]),
+        "profile": lines,
+        "thickness": np.full(lines.shape[:2], 0.0165),
+        "bend_angle": np.array([-1.4, 0.0, 1.4]),
+        "radius": np.array([-0.05, np.inf, 0.05]),
+        "fit_residual": np.zeros(3),
+        "converged": np.ones(3, dtype=np.uint8),
+        "width": 0.028,
+        "about": {"solver": "none", "settings": {"a": [1, 2]}},
+    }
+    return BendingStates(**values | changed)
+
+
+def test_file_gives_back_what_was_written(tmp_path):
+    states = some_states(radius_std=np.array([1e-3, np.inf, 1e-3]))
+    write(tmp_path / "states.h5", states)
+    again = read(tmp_path / "states.h5")
+    for name in ("pressure", "profile", "thickness", "radius", "radius_std", "converged"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(states, name))
+    assert again.wall_gap is None
+    assert again.about == states.about
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_file_of_another_format_is_refused(tmp_path):
+    import h5py
+
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file.attrs["format"] = "plane-series"
+    with pytest.raises(ValueError, match=r"other\.h5: format = 'plane-series'"):
+        read(tmp_path / "other.h5")
+
+
+@pytest.mark.parametrize(
+    "key, value, said",
+    [
+        ("h2", 0.013, "must be below h1"),
+        ("roof", 0.006, "gap between chambers"),
+        ("b1", 0.014, "no cavity"),
+        ("h1", 12.0, "less than 1"),
+    ],
+)
+def test_actuators_that_make_no_sense(key, value, said):
+    with pytest.raises(ValidationError, match=said):
+        Actuator(**SCENE.actuator | {key: value})
+
+
+def test_unknown_key_is_refused():
+    with pytest.raises(ValidationError, match="roofs"):
+        Actuator(**SCENE.actuator, roofs=1)
+
+
+def test_import_needs_its_section():
+    with pytest.raises(ValidationError, match=r"\[fea.results\]"):
+        Fea(**SCENE.fea | {"engine": "import"})

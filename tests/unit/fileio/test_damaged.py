@@ -1,0 +1,179 @@
+"""Damage that a power cut, a full disk or a defect leaves is told with the file, the place and the remedy."""
+
+import json
+import struct
+import tracemalloc
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from fileio.errors import StageError, sentence
+from fileio.formats.bending_states import read_states
+from fileio.formats.plane_series import make_plane
+from fileio.hdf5 import open_netcdf, read_dataset, whole_netcdf
+from fileio.json_text import parse_json
+from pipeline.kinematics.recorded_motion import recorded_law
+from pipeline.openfoam.surface_vtk import is_whole_vtk, read_surface
+from pipeline.run.checkpoint import first_damaged
+from pipeline.run.prepare import STATE, prepared_for
+from pipeline.run.solver import PROGRESS, read_progress
+from piv.commands.correlate import finger_of
+from postprocess.evidence.check_finite import check_finger, check_table, checked_frame, first_not_finite
+
+
+@pytest.mark.parametrize("content", [b"", b'{"wall_time": 1', b"\x00" * 40, b"\xff\xfe", b"[1, 2]", b"null"])
+def test_half_written_json_is_one_sentence(tmp_path, content):
+    for name, read in ((PROGRESS, read_progress), (STATE, prepared_for)):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(StageError, match="delete it and run make again") as caught:
+            read(tmp_path)
+        assert str(tmp_path / name) in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_what_was_never_begun_is_no_damage(tmp_path):
+    assert prepared_for(tmp_path) == {}
+    assert read_progress(tmp_path)["wall_time"] == 0.0
+
+
+def test_a_list_is_read_where_one_is_wanted():
+    assert parse_json("[1]", "a.json", "make it again", list) == [1]
+    with pytest.raises(ValueError, match=r"a\.json: holds a dict, not a list; make it again"):
+        parse_json("{}", "a.json", "make it again", list)
+
+
+def test_an_unexplained_key_error_is_no_sentence():
+    """It is a defect, and shows where; `'x'` tells a user nothing."""
+    assert sentence(KeyError("x")) is None
+    assert sentence(ValueError("a.h5: no variable 'x'")) == "a.h5: no variable 'x'"
+
+
+def surface(values):
+    """A sampled surface as OpenFOAM v1912 writes it: three points, one triangle, p on the points."""
+    return b"".join(
+        [
+            b"# vtk DataFile Version 2.0\ntime='0.1'\nBINARY\nDATASET POLYDATA\n",
+            b"FIELD FieldData 1\nTimeValue 1 1 float\n" + struct.pack(">f", 0.1) + b"\n",
+            b"POINTS 3 float\n" + np.eye(3).astype(">f4").tobytes() + b"\n\n",
+            b"POLYGONS 1 4\n" + np.array([3, 0, 1, 2], ">i4").tobytes() + b"\n\n",
+            b"POINT_DATA 3\nFIELD FieldData 1\np 1 3 float\n" + np.array(values, ">f4").tobytes() + b"\n",
+        ]
+    )
+
+
+def test_a_sample_is_whole_or_cut_off(tmp_path):
+    path = tmp_path / "postProcessing" / "sheetSurface" / "0.1" / "sheet.vtk"
+    path.parent.mkdir(parents=True)
+    content = surface([1.0, 2.0, 3.0])
+    path.write_bytes(content)
+    assert is_whole_vtk(path)
+    np.testing.assert_array_equal(read_surface(path)["p"], [1, 2, 3])
+    for size in range(len(content)):
+        path.write_bytes(content[:size])
+        assert not is_whole_vtk(path), size
+    with pytest.raises(StageError, match=r"cut off, as by a full disk; delete .*progress\.json"):
+        read_surface(path)
+
+
+@pytest.mark.parametrize("count", [b"-9", b"9" * 30, b"x"])
+def test_a_header_of_impossible_numbers_is_damage(tmp_path, count):
+    path = tmp_path / "a.vtk"
+    for told in (b"POINTS 3 ", b"p 1 3 "):
+        path.write_bytes(surface([1.0, 2.0, 3.0]).replace(told, told.replace(b"3", count)))
+        assert not is_whole_vtk(path)
+
+
+def test_values_of_a_sample_are_passed_over(tmp_path):
+    """All samples of a run are looked at when it ends and whenever it is resumed."""
+    path, many = tmp_path / "large.vtk", 2**27
+    head = surface([0, 0, 0]).replace(b"p 1 3 float", b"p 1 %d float" % many)[: -4 * 3 - 1]
+    path.write_bytes(head)
+    with path.open("ab") as file:
+        file.truncate(len(head) + 4 * many)  # takes no room on the disk
+        file.seek(0, 2)
+        file.write(b"\n")
+    tracemalloc.start()
+    assert is_whole_vtk(path)
+    assert tracemalloc.get_traced_memory()[1] < 1e6
+    tracemalloc.stop()
+
+
+def test_a_damaged_or_foreign_hdf5_file_is_one_sentence_wherever_it_is_opened(tmp_path):
+    """Also as an outline or as the finger's own recording, which two commands had opened by themselves."""
+    path = tmp_path / "a.h5"
+    path.write_bytes(b"no HDF5")
+    remedies = (
+        (lambda: finger_of([str(path)]), ValueError, "not a readable HDF5 file"),
+        (lambda: open_netcdf(path, "netCDF-4 file"), ValueError, "not a readable netCDF-4 file"),
+        (lambda: read_dataset(path, "sweep"), StageError, "delete it and run make again"),
+        (lambda: read_states(path, 0.01), StageError, "write it with python -m pipeline.fea"),
+        (lambda: recorded_law(path, 1.0), StageError, "write it again"),
+    )
+    for read, kind, words in remedies:
+        with pytest.raises(kind, match=words) as caught:
+            read()
+        assert str(caught.value).count(str(path)) == 1
+        assert "\n" not in str(caught.value)
+    with pytest.raises(FileNotFoundError):
+        open_netcdf(tmp_path / "none.h5")
+
+
+def test_groups_of_a_file_are_written_with_it(tmp_path):
+    root, group = (xr.Dataset({"a": ("x", [float(k)])}) for k in (1, 2))
+    whole_netcdf(root, tmp_path / "new" / "a.h5", {"more": group})
+    assert open_netcdf(tmp_path / "new" / "a.h5")["a"] == 1
+    assert open_netcdf(tmp_path / "new" / "a.h5", group="more")["a"] == 2
+
+
+def sampled(case, times_of):
+    for name, times in times_of.items():
+        for time in times:
+            folder = case / "postProcessing" / name / f"{time:g}"
+            folder.mkdir(parents=True)
+            (folder / "a.vtk").write_bytes(surface([0, 0, 0]))
+
+
+def test_a_run_goes_on_before_its_first_damaged_sample(tmp_path):
+    sampled(tmp_path, {"sheetSurface": (0.1, 0.2, 0.3), "fingerSurface": (0.1, 0.2)})
+    assert first_damaged(tmp_path) == pytest.approx(0.3)  # of which one recorder has none
+    path = tmp_path / "postProcessing" / "fingerSurface" / "0.2" / "a.vtk"
+    path.write_bytes(path.read_bytes()[:-1])
+    assert first_damaged(tmp_path) == 0.2
+    assert first_damaged(tmp_path / "nothing") == np.inf
+
+
+def test_recorders_of_different_rates_are_no_damage(tmp_path):
+    sampled(tmp_path, {"sheetSurface": (0.2, 0.4, 0.6), "fingerSurface": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)})
+    assert first_damaged(tmp_path) == np.inf
+    (tmp_path / "postProcessing" / "fingerSurface" / "0.5" / "a.vtk").unlink()
+    (tmp_path / "postProcessing" / "fingerSurface" / "0.5").rmdir()
+    assert first_damaged(tmp_path) == pytest.approx(0.5)
+
+
+def test_a_number_that_is_none_is_told_by_quantity_and_instant(tmp_path):
+    time, axis = np.array([0.0, 0.1, 0.2]), np.arange(4.0)
+    zero = np.zeros((3, 4, 4))
+    plane = make_plane(axis, axis, zero, zero, time=time, tip=np.zeros((3, 1, 2)), bend=np.zeros((3, 1)))
+    check_finger(plane, ("tip", "bend"), tmp_path / "sheet.h5")
+    plane["bend"][2, 0] = np.nan
+    with pytest.raises(ValueError, match=r"sheet\.h5: bend at 0\.2 s \(frame 2\) is no number"):
+        check_finger(plane, ("tip", "bend"), tmp_path / "sheet.h5")
+    plane["u"][1, 2, 2] = np.inf
+    checked_frame(plane, 0)
+    with pytest.raises(ValueError, match=r"frame 1: .* at 0\.1 s .*not finite"):
+        checked_frame(plane, 1)
+    table = pd.DataFrame({"time": time, "track": [1, 1, 2], "circulation": [1.0, 2.0, np.nan]})
+    with pytest.raises(ValueError, match=r"v\.csv: circulation of track 2 at 0\.2 s is no number"):
+        check_table(table, ("time", "circulation"), tmp_path / "v.csv")
+
+
+def test_the_place_of_a_number_that_is_none():
+    found = {
+        "checks": [{"measured": {"piv": 1.0}}, {"measured": {"piv": (2.0, float("inf"))}}],
+        "note": "nan",
+    }
+    assert first_not_finite(found) == "checks[1].measured.piv[1]"
+    assert first_not_finite({"summary": {"cfd": np.float64("nan")}}) == "summary.cfd"
+    assert first_not_finite(json.loads('{"a": [1, 2, null, true, "x"]}')) is None

@@ -1,0 +1,235 @@
+"""Files are whole or not there, whatever the disk does: full at once, full within a file, full in the middle of a series."""
+
+import errno
+import os
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from fileio import atomic as whole_file
+from fileio import hdf5_disk
+from fileio.atomic import check_room, naming, whole, write_bytes, write_text
+from fileio.errors import sentence
+from fileio.formats.plane_series import make_plane, write_plane
+from fileio.formats.recording import RecordingWriter
+from fileio.formats.resumable import SeriesWriter
+from fileio.hdf5_disk import Disk, DiskFile, whole_hdf5
+from piv.plots import film
+
+SHAPE = (64, 96)
+
+
+@pytest.fixture
+def room(monkeypatch):
+    """Sets how many bytes the disk of HDF5's files takes from now on, beyond those that are reserved."""
+    left, reserved = [10**12], [0]
+    write, reserve = os.pwrite, os.posix_fallocate
+
+    def pwrite(descriptor, content, offset):
+        take = len(content)
+        if offset + take > reserved[0]:
+            take = min(take, left[0])
+            left[0] -= take
+        if not take:
+            raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
+        return write(descriptor, content[:take], offset)
+
+    def fallocate(descriptor, offset, size):
+        if size - reserved[0] > left[0]:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        left[0] -= size - reserved[0]
+        reserved[0] = size
+        reserve(descriptor, offset, size)
+
+    monkeypatch.setattr(hdf5_disk.os, "pwrite", pwrite)
+    monkeypatch.setattr(hdf5_disk.os, "posix_fallocate", fallocate)
+
+    def set_room(size):
+        left[0] = size
+
+    return set_room
+
+
+def test_a_file_that_cannot_be_finished_is_not_there(tmp_path):
+    path = tmp_path / "table.csv"
+    write_text(path, "old")
+
+    def cut_off():
+        with whole(path) as part:
+            part.write_text("ne")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as write() does: it names no file
+
+    with pytest.raises(OSError, match="No space") as caught:
+        cut_off()
+    assert caught.value.filename == str(path)
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["table.csv"]
+    assert sentence(caught.value) == (
+        f"{path}: No space left on device; free some of the disk, then run it again: what is finished is kept"
+    )
+
+
+def test_the_disk_may_refuse_what_it_took_at_first(tmp_path, monkeypatch):
+    """A quota, and disks in the network, say so only when the content is sent."""
+
+    def refused(descriptor):
+        raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
+
+    monkeypatch.setattr(whole_file.os, "fsync", refused)
+    with pytest.raises(OSError, match="quota") as caught:
+        write_bytes(tmp_path / "a.png", b"picture")
+    assert caught.value.filename.endswith("a.png")
+    assert not os.listdir(tmp_path)
+
+
+def test_other_errors_keep_their_names(tmp_path):
+    with pytest.raises(FileNotFoundError) as caught, naming(tmp_path / "log"):
+        (tmp_path / "missing").read_text()
+    assert caught.value.filename.endswith("missing")
+
+
+def test_a_disk_without_room_is_noticed(tmp_path, monkeypatch):
+    check_room(tmp_path)
+    assert not os.listdir(tmp_path)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(whole_file.os, "fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        check_room(tmp_path)
+    assert not os.listdir(tmp_path)
+
+
+@pytest.mark.parametrize("size", [0, 100, 3000, 20_000])
+def test_hdf5_never_meets_a_full_disk(tmp_path, room, size):
+    """The library itself crashes of it, in close() or when the process ends."""
+    room(size)
+    path = tmp_path / "a.h5"
+
+    def fill():
+        with whole_hdf5(path) as file:
+            data = file.create_dataset("u", (40, 32, 32), "f8", chunks=(1, 32, 32), compression="gzip")
+            for k in range(40):
+                data[k] = np.random.default_rng(k).random((32, 32))
+            assert data[3, 0, 0] == np.random.default_rng(3).random()  # what was refused is read from memory
+
+    with pytest.raises(OSError, match=r"No space|quota") as caught:
+        fill()
+    assert caught.value.filename == str(path)
+    assert not os.listdir(tmp_path)
+
+
+def test_a_plane_that_does_not_fit_is_not_there(tmp_path, room):
+    room(4000)
+    axis = np.arange(40.0)
+    noise = np.random.default_rng(0).random((40, 40))
+    with pytest.raises(OSError, match=r"No space|quota"):
+        write_plane(make_plane(axis, axis, noise, noise), tmp_path / "plane.h5")
+    assert not os.listdir(tmp_path)
+
+
+def test_what_goes_through_the_disk_is_what_a_plain_file_holds(tmp_path):
+    data = xr.Dataset({"a": (("t", "x"), np.random.default_rng(1).random((30, 40)))})
+    with Disk(tmp_path / "a.h5", "w") as disk:
+        data.to_netcdf(disk, engine="h5netcdf")
+        data.to_netcdf(disk, engine="h5netcdf", mode="a", group="more")
+    for group in (None, "more"):
+        xr.testing.assert_identical(xr.load_dataset(tmp_path / "a.h5", engine="h5netcdf", group=group), data)
+    with DiskFile(tmp_path / "a.h5", "r+") as file:
+        file["a"][0] = 7.0
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert (file["a"][0] == 7.0).all()
+        assert (file["more/a"][...] == data["a"].values).all()
+
+
+def picture(k):
+    return np.random.default_rng(k).integers(0, 255, SHAPE).astype(np.uint8)
+
+
+def recorder(path):
+    return RecordingWriter(path, SHAPE, np.uint8, 8, {"frame_rate_hz": 100.0}, mask=True)
+
+
+def test_a_recording_without_room_is_refused_before_its_first_frame(tmp_path, room):
+    room(SHAPE[0] * SHAPE[1] * 4)
+    with pytest.raises(OSError, match="No space"):
+        recorder(tmp_path / "images.h5")
+    assert not os.listdir(tmp_path)
+
+
+@pytest.mark.parametrize("extra", [0, 300, 700, 1500])
+def test_a_recording_goes_on_where_the_disk_became_full(tmp_path, room, extra):
+    """The masks, which are compressed, need room as they come; the frames that were told to be written stay."""
+    path = tmp_path / "images.h5"
+    written = []
+    mask = np.random.default_rng(0).random(SHAPE) > 0.5
+
+    def render():
+        with recorder(path) as writer:
+            for k in (k for k in range(8) if k not in writer.done):
+                if len(written) == 3:
+                    room(extra)
+                writer.write(k, picture(k), mask)
+                written.append(k)
+            writer.add("tip", ("time", "axis"), np.zeros((8, 2)), "m")
+            writer.finish()
+
+    with pytest.raises(OSError, match=r"No space|quota"):
+        render()
+    assert not path.exists()
+    room(10**12)
+    with recorder(path) as again:
+        assert again.resumed
+        assert set(written) <= set(again.done)
+    written.extend(range(100, 200))
+    render()
+    with h5py.File(path) as file:
+        assert all((file["frames"][k] == picture(k)).all() for k in range(8))
+        assert all((file["mask"][k] == mask).all() for k in range(8))
+
+
+def test_a_film_that_ffmpeg_cannot_finish_is_told_in_its_words(tmp_path):
+    images = [np.zeros((32, 32, 3), np.uint8)] * 3
+    path = tmp_path / "film.mp4"
+    film.write_film(images, path, 20.0)
+    assert path.stat().st_size > 500
+    with pytest.raises(ValueError, match="ffmpeg ended with code"):
+        film.write_film(images, tmp_path / "film.nonsense", 20.0)
+    with pytest.raises(OSError, match="No space"):
+        film._check(1, f"av_interleaved_write_frame(): {os.strerror(errno.ENOSPC)}\n", path)
+    assert os.listdir(tmp_path) == ["film.mp4"]
+
+
+def test_what_is_written_in_one_go_makes_its_folder(tmp_path):
+    path = tmp_path / "new" / "folder" / "a.txt"
+    with whole(path) as part:
+        part.write_text("text")
+    assert path.read_text() == "text"
+    plane = make_plane(np.arange(3.0), np.arange(2.0), np.zeros((2, 3)), np.zeros((2, 3)))
+    write_plane(plane, tmp_path / "other" / "a.h5")
+    assert os.listdir(tmp_path / "other") == ["a.h5"]
+
+
+def test_a_folder_that_is_not_there_is_told_by_both_writers(tmp_path):
+    path = tmp_path / "nosuch" / "a.h5"
+    with pytest.raises(FileNotFoundError) as caught:
+        RecordingWriter(path, SHAPE, np.uint8, 2, {"frame_rate_hz": 100.0})
+    assert "nosuch" in (sentence(caught.value) or "")
+    units = {"x": "px", "y": "px", "time": "1", "u": "px"}
+    with pytest.raises(FileNotFoundError):
+        SeriesWriter(path, [0.0, 1.0], [0.0, 1.0], [0.0], units, {}, "a")
+
+
+def test_an_unfinished_file_that_may_not_be_opened_is_kept(tmp_path, monkeypatch):
+    def refused(*_):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(part))
+
+    part = tmp_path / "a.h5.part"
+    part.write_bytes(b"frames of another day")
+    monkeypatch.setattr(hdf5_disk, "Disk", refused)
+    with pytest.raises(PermissionError):
+        RecordingWriter(tmp_path / "a.h5", SHAPE, np.uint8, 2, {"frame_rate_hz": 100.0})
+    assert part.read_bytes() == b"frames of another day"

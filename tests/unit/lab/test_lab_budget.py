@@ -1,0 +1,69 @@
+"""V&V 20: verdicts, shares and the velocity field's limit against cases that can be worked out by hand."""
+
+import numpy as np
+import pytest
+
+from postprocess.lab.judgement.validation import (
+    AGREES,
+    ERROR,
+    UNCERTAIN,
+    FieldComparison,
+    Quantity,
+    Source,
+    coverage_factor,
+    joint_level,
+)
+
+
+def quantity(error: float, *stds: float, scale: float = 10.0) -> Quantity:
+    kinds = ("numerical", "input", "data")
+    sources = [Source(f"s{k}", kinds[k % 3], np.array([s]), "") for k, s in enumerate(stds)]
+    return Quantity(
+        "q", "q", "m", np.array([10 + error]), np.array([10 + error + 0.5]), np.array([10.0]), scale, sources
+    )
+
+
+def test_sources_add_in_squares_and_the_largest_is_named():
+    q = quantity(1.0, 0.3, 0.4, 1.2)
+    assert q.u_val[0] == pytest.approx(1.3)
+    assert q.u_kind("input")[0] == pytest.approx(0.4)
+    assert q.dominant.name == "s2"
+    assert q.measurement_part[0] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("error, std, word", [(1.9, 1.0, AGREES), (2.0, 1.0, ERROR), (1.0, 2.0, UNCERTAIN), (9.0, 2.0, ERROR)])  # fmt: skip
+def test_verdict_is_that_of_the_band(error, std, word):
+    assert quantity(error, std).verdict(too_uncertain=0.3) == word
+
+
+def test_two_components_are_judged_together():
+    source = Source("s", "data", np.array([1.0, 1.0]), "")
+    near = Quantity("c", "c", "m", np.array([2.2, 1.0]), np.zeros(2), np.zeros(2), 100.0, [source])
+    assert coverage_factor(2) == pytest.approx(2.4477, abs=1e-4)
+    assert near.verdict(0.5) == AGREES  # 2.2 alone would be beyond 1.96
+    assert joint_level(7) == pytest.approx(0.95 ** (1 / 7))
+
+
+def test_field_limit_is_exceeded_as_often_as_it_says():
+    rng = np.random.default_rng(3)
+    shape = (3, 2, 24, 30)
+    modes = {
+        "a": ("input", 0.7 * np.sin(np.arange(np.prod(shape))).reshape(shape)),
+        "b": ("data", np.full(shape, 0.3)),
+    }
+    noise = np.full(shape, 0.5)
+    limit = FieldComparison(np.zeros(shape), modes, noise).allowed_rms()
+    beyond = 0
+    for _ in range(600):
+        e = sum(rng.standard_normal() * m for _, m in modes.values()) + noise * rng.standard_normal(shape)
+        beyond += FieldComparison(e, modes, noise).rms() > limit
+    assert beyond / 600 == pytest.approx(0.05, abs=0.027)  # three standard errors of 600 draws
+
+
+def test_absent_vectors_count_nowhere():
+    error = np.ones((2, 2, 4, 5))
+    error[0, :, 1, 1] = np.nan
+    field = FieldComparison(error, {"a": ("input", np.full(error.shape, np.nan))}, np.ones(error.shape))
+    assert field.rms() == pytest.approx(np.sqrt(2))
+    assert np.isnan(field.significance()[0, 1, 1])
+    assert field.parts()["a"][1] == 0 or np.isnan(field.parts()["a"][1])

@@ -1,0 +1,103 @@
+"""dpiv.toml: what is left out is asked for in one sentence, with what to write."""
+
+from pathlib import Path
+
+import pytest
+
+from postprocess.lab.data.dpiv_toml import read_dpiv
+
+WHOLE = """format = "dpiv"
+format_version = 1
+title = "a recording"
+kind = "pictures"
+files = "frames/*.tif"
+frame_rate_hz = 500.0
+start = "from motion"
+sheet_thickness_mm = 1.5
+finger_geometry = "nominal"
+finger_length_std_mm = 0.1
+scale = { mm_per_px = 0.125, std_percent = 0.2 }
+axes = { y = "up", root_px = [640.0, 950.0] }
+piv = { window = 32, spacing = 8, pairing = "1-2,2-3" }
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    (folder / "dpiv.toml").write_text(text)
+    return folder
+
+
+def without(key: str) -> str:
+    return "\n".join(line for line in WHOLE.splitlines() if not line.startswith(key + " "))
+
+
+def test_whole_file_is_read(tmp_path):
+    found = read_dpiv(written(tmp_path, WHOLE))
+    assert found.name == tmp_path.name
+    assert found.sources() == str(tmp_path / "frames/*.tif")
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "files",
+        "frame_rate_hz",
+        "start",
+        "scale",
+        "axes",
+        "finger_geometry",
+        "finger_length_std_mm",
+        "piv",
+        "sheet_thickness_mm",
+    ],
+)
+def test_each_missing_key_is_asked_for(tmp_path, key):
+    with pytest.raises(ValueError, match=rf"{key} is missing: give .*{key}") as caught:
+        read_dpiv(written(tmp_path, without(key)))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "old, new, told",
+    [
+        (", std_percent = 0.2", "", "std_percent is missing"),
+        ("mm_per_px = 0.125", "mm_per_px = 0.125, from_finger = true", "give one of"),
+        (', root_px = [640.0, 950.0]', "", "axes.root_px is missing"),
+        ('"1-2,2-3"', '"1-2,3-4"', "interval_s"),
+        (', pairing = "1-2,2-3"', "", "piv.pairing is missing: give pairing = "),
+        ('kind = "pictures"', 'kind = "vectors"', "vectors is missing"),
+        ('title = "a recording"', 'title = "a recording"\ncolor = "green"', "color: this key is not known"),
+        ("scale = {", 'root_hidden_mm = 8.0\nscale = { from_finger = true } #', "root is hidden"),
+    ],
+)  # fmt: skip
+def test_contradictions_are_refused(tmp_path, old, new, told):
+    with pytest.raises(ValueError, match=told):
+        read_dpiv(written(tmp_path, WHOLE.replace(old, new)))
+
+
+def test_vectors_need_what_pictures_show(tmp_path):
+    text = WHOLE.replace('kind = "pictures"', 'kind = "vectors"').replace(
+        'start = "from motion"', "start = { at_s = 0.0, std_s = 0.001 }"
+    )
+
+    def refused(told: str) -> None:
+        with pytest.raises(ValueError, match=told):
+            read_dpiv(written(tmp_path, text))
+
+    text += 'vectors = { length_unit = "mm", velocity_unit = "mm/s" }\n'
+    refused(r"vectors\.interval_s is missing: give interval_s, the time between the two exposures")
+    text = text.replace("vectors = {", "vectors = { interval_s = 0.002,")
+    refused("camera is missing")
+    text += 'camera = "none"\n'
+    refused("vectors.interval_s says it all")  # the pairing is that of pictures
+    text = text.replace(', pairing = "1-2,2-3"', "")
+    refused("root_mm or root_std_mm")
+    text = text.replace("root_px = [640.0, 950.0]", "root_mm = [20.0, 15.0], root_std_mm = 0.3")
+    refused("turn_std_deg is missing")
+    text = text.replace("root_std_mm = 0.3", "root_std_mm = 0.3, turn_std_deg = 0.5")
+    assert read_dpiv(written(tmp_path, text)).kind == "vectors"
+
+
+def test_no_file_is_told(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"dpiv\.toml: missing"):
+        read_dpiv(tmp_path)

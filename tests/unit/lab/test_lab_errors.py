@@ -1,0 +1,104 @@
+"""Errors of registration and of vectors as they reach a quantity: against differences worked out by hand."""
+
+import numpy as np
+import pytest
+
+from postprocess.lab.data.files import Law, Registration
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.judgement.uncertainty_sources import (
+    at_instant,
+    excess_scatter,
+    independent_instants,
+    place_jacobian,
+)
+from postprocess.lab.judgement.validation import Source
+from postprocess.lab.registration.fit_outline import moved
+from postprocess.lab.registration.register import with_length
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.03, 1.6])
+def test_place_moves_with_the_pose_as_its_jacobian_says(angle):
+    pose, place = Pose(4000.0, angle, (0.01, 0.245), (310.0, 460.0)), np.array([0.03, 0.19])
+    seen = pose.to_px(place)
+    found = place_jacobian(pose, place)
+    for k, step in enumerate((1e-2, 1e-2, 1e-5, 1e-5)):
+        change = np.zeros(5)
+        change[k] = step
+        there, back = (moved(pose, s * change).to_tank(seen) for s in (1, -1))
+        np.testing.assert_allclose(found[:, k], (there - back) / (2 * step), rtol=1e-6, atol=1e-10)
+
+
+def test_a_place_between_two_ends_that_are_seen_is_known_better_than_either():
+    """Root and tip found to a third of a pixel each: half-way their errors average."""
+    pose, length = Pose(4000.0, 0.0, (0.0, 0.245), (310.0, 460.0)), 0.07
+    std, px = 1 / 3, length * 4000.0
+    # the root at `at`, the tip px below it: (root, tip) → (y, ln scale) with scale = (root − tip)/px
+    ends = np.array([[1.0, 0.0], [1 / px, -1 / px]])
+    covariance = np.zeros((4, 4))
+    covariance[np.ix_([1, 3], [1, 3])] = std**2 * ends @ ends.T
+    spread = {}
+    for part in (0.0, 0.5, 1.0):
+        jacobian = place_jacobian(pose, np.array([0.0, 0.245 - part * length]))
+        spread[part] = 4000.0 * np.sqrt((jacobian @ covariance @ jacobian.T)[1, 1])
+    assert spread == pytest.approx({0.0: std, 0.5: std / np.sqrt(2), 1.0: std})
+
+
+@pytest.mark.parametrize(
+    "crossed, pairs", [(0.0, 25), (0.25, 5 + 8 * 0.75 + 6 * 0.5 + 4 * 0.25), (0.5, 5 + 8 * 0.5), (2.0, 5)]
+)
+def test_instants_are_independent_once_the_particles_have_left_the_window(crossed, pairs):
+    """Five instants, between which a particle crosses a part of the window: 25 over the sum of their correlations."""
+    speed, window = 0.2, 6e-3
+    times = np.arange(5) * crossed * window / speed
+    assert independent_instants(times, speed, window) == pytest.approx(25 / pairs)
+
+
+def test_an_instant_is_known_less_well_than_the_mean():
+    sources = [
+        Source("grid", "numerical", np.array([3.0]), ""), Source("pressure", "input", np.array([4.0]), ""),
+        Source("vectors", "data", np.array([1.0]), ""), Source("virtual vectors", "data", np.array([1.0]), ""),
+        Source("time", "data", np.array([5.0]), ""),
+    ]  # fmt: skip
+    found = at_instant(sources, {"data": np.array([12.0]), "simulation": np.array([0.0])})
+    assert found["data"][0] == pytest.approx(13.0)
+    assert found["simulation"][0] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(
+    "scale_std, length_std, scale, std",
+    [
+        (0.01, 0.0, 1.003, 0.001),  # the finger is as long as it should be: it tells the scale
+        (0.003, 0.003, 1.0015, np.sqrt(0.0015**2 * 2 + 0.0005**2)),  # half of what it says is the scale's, half its own
+        (0.0003, 0.003, 1.00003, 0.0003),  # a good calibration is not moved by the finger
+        (None, 0.003, 1.003, np.hypot(0.001, 0.003)),  # nothing but the finger
+    ],
+)  # fmt: skip
+def test_scale_of_a_finger_whose_length_is_not_known(scale_std, length_std, scale, std):
+    stated = Pose(4000.0, 0.0, (0.0, 0.245), (310.0, 460.0))
+    law = Law(np.ones(3), np.eye(3), 0.0)
+    fitted = Pose(4000.0 * 1.003, 0.0, stated.anchor, stated.at_px)
+    covariance = np.diag([0.1, 0.1, 0.001, 0.001]) ** 2
+    found = Registration(
+        fitted,
+        covariance,
+        0.0,
+        law,
+        np.empty(0),
+        np.empty(0),
+        np.empty(0),
+        None if scale_std is None else stated,
+    )
+    found = with_length(found, scale_std, length_std)
+    assert found.pose.px_per_m / 4000.0 == pytest.approx(scale, abs=1e-5)
+    assert np.sqrt(found.covariance[3, 3]) == pytest.approx(std, rel=0.02)
+    assert found.covariance[1, 1] == pytest.approx(0.1**2)
+
+
+def test_scatter_that_the_vectors_do_not_know_is_found():
+    rng = np.random.default_rng(1)
+    times = np.linspace(0.1, 0.2, 400)
+    trend = np.column_stack([3 + 40 * times, -5 * times])  # a model error may grow: that is no scatter
+    error = trend + rng.normal(0, [5.0, 0.3], (400, 2))
+    found = excess_scatter(times, error, np.array([3.0, 0.4]) ** 2)
+    assert found == pytest.approx([4.0, 0.0], rel=0.1)
+    assert excess_scatter(times[:2], error[:2], np.zeros(2)) == pytest.approx([0.0, 0.0])

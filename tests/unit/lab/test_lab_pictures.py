@@ -1,0 +1,87 @@
+"""Recordings of every kind through a dpiv.toml: the same frames and times, whatever the camera wrote."""
+
+import cv2
+import numpy as np
+import pytest
+
+from fileio.formats.recording import RecordingWriter
+from postprocess.lab.data.dpiv_toml import read_dpiv
+from postprocess.lab.data.pictures import LabRecording
+
+COUNT, ROWS, COLUMNS, RATE = 6, 40, 50, 500.0
+TOML = """format = "dpiv"
+format_version = 1
+title = "frames"
+kind = "pictures"
+files = "{files}"
+frame_rate_hz = {rate}
+start = "from motion"
+sheet_thickness_mm = 1.0
+finger_geometry = "nominal"
+finger_length_std_mm = 0.1
+scale = {{ mm_per_px = 0.1, std_percent = 1.0 }}
+axes = {{ y = "down", x = "right", root_px = [20.0, 4.0] }}
+piv = {{ window = 16, spacing = 8, {pairing} }}
+"""
+
+
+def frames() -> np.ndarray:
+    """Noise of 8 bit."""
+    return np.random.default_rng(4).integers(0, 255, (COUNT, ROWS, COLUMNS), np.uint8)
+
+
+def images(folder, data) -> str:
+    for k, image in enumerate(data):
+        cv2.imwrite(str(folder / f"frame_{k + 8}.tif"), image)  # 8 … 13: by number, not by letter
+    return "frame_*.tif"
+
+
+def video(folder, data) -> str:
+    out = cv2.VideoWriter(str(folder / "a.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 25, (COLUMNS, ROWS))
+    for image in data:
+        out.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
+    out.release()
+    return "a.avi"
+
+
+def photron(folder, data) -> str:
+    mraw = pytest.importorskip("pyMRAW")
+    mraw.save_mraw(data, str(folder / "a.cih"), 8, info_dict={"Record Rate(fps)": int(RATE)})
+    return "a.mraw"
+
+
+def recording(folder, data) -> str:
+    attrs = {"frame_rate_hz": RATE, "bits": 8}
+    with RecordingWriter(folder / "a.h5", (ROWS, COLUMNS), np.uint8, COUNT, attrs) as writer:
+        for k, image in enumerate(data):
+            writer.write(k, image)
+        writer.finish()
+    return "a.h5"
+
+
+def opened(folder, files: str, rate: float = RATE, pairing: str = 'pairing = "1-2,2-3"') -> LabRecording:
+    (folder / "dpiv.toml").write_text(TOML.format(files=files, rate=rate, pairing=pairing))
+    return LabRecording(read_dpiv(folder))
+
+
+@pytest.mark.parametrize("write", [images, video, photron, recording])
+def test_frames_and_times(tmp_path, write):
+    data = frames()
+    found = opened(tmp_path, write(tmp_path, data))
+    assert len(found) == COUNT
+    np.testing.assert_allclose(found.times, np.arange(COUNT) / RATE)
+    exact = 0 if write is not video else 3  # of luma and back
+    for k in range(COUNT):
+        assert np.abs(found.frame(k).astype(int) - data[k]).max() <= exact
+    found.close()
+
+
+def test_pairs_have_their_own_interval(tmp_path):
+    found = opened(tmp_path, images(tmp_path, frames()), 50.0, 'pairing = "1-2,3-4", interval_s = 0.001')
+    np.testing.assert_allclose(found.times, [0.0, 0.001, 0.02, 0.021, 0.04, 0.041])
+
+
+@pytest.mark.parametrize("write", [photron, recording])
+def test_a_rate_that_contradicts_the_camera_is_refused(tmp_path, write):
+    with pytest.raises(ValueError, match=r"frame_rate_hz is 250, but .* states 500"):
+        opened(tmp_path, write(tmp_path, frames()), 250.0)

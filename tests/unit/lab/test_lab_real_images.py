@@ -1,0 +1,94 @@
+"""Real pictures: a real dark body is found to a pixel, real seeding is measured, a real lens is taken out on the way in."""
+
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from piv.images.calibration import Calibration, save_calibration
+from postprocess.lab.data.dpiv_toml import read_dpiv
+from postprocess.lab.data.pictures import LabRecording
+from postprocess.lab.data.seeding import measure_appearance
+from postprocess.lab.registration.silhouette import inside_sum, integral_image, learn, particles
+
+TOML = """format = "dpiv"
+format_version = 1
+title = "real"
+kind = "pictures"
+files = "{files}"
+frame_rate_hz = 100.0
+start = "from motion"
+sheet_thickness_mm = 1.0
+finger_geometry = "nominal"
+finger_length_std_mm = 0.1
+scale = {{ calibration = "{calibration}", std_percent = 1.0 }}
+axes = {{ y = "down", x = "{x}", root_px = [700.0, 40.0] }}
+piv = {{ window = 32, spacing = 8, pairing = "1-2,2-3" }}
+"""
+
+
+def folder(name: str) -> Path:
+    root = os.environ.get("SHARED_DATA")
+    places = [Path(root)] if root else [p / "shared" / "data" for p in Path(__file__).resolve().parents]
+    found = next((place / name for place in places if (place / name).exists()), None)
+    if found is None:
+        pytest.skip("shared data are absent")
+    return found
+
+
+def recording(tmp_path, source: str, files: str, x: str = "right") -> LabRecording:
+    save_calibration(Calibration(1e-4), tmp_path / "calibration.json")
+    (tmp_path / "dpiv.toml").write_text(
+        TOML.format(files=folder(source) / files, calibration="calibration.json", x=x)
+    )
+    return LabRecording(read_dpiv(tmp_path))
+
+
+def test_edge_of_a_real_cylinder(tmp_path):
+    """The circle of the likelihood against the radius at which the mean grey level passes half-way."""
+    pictures = recording(tmp_path, "pivlab_karman", "*.bmp")
+    images = [pictures.frame(i) for i in range(len(pictures))]
+    rows, columns = pictures.shape
+    rough = np.zeros((rows, columns), np.uint8)
+    cv2.circle(rough, (745, 380), 47, 1, -1)
+    evidence = learn(images, [rough.astype(bool)] * len(images))
+    sums = [integral_image(evidence.image(image)) for image in images]
+    turn = np.linspace(0, 2 * np.pi, 360, endpoint=False)
+
+    def loss(a):
+        outline = np.column_stack([a[0] + a[2] * np.cos(turn), rows - 1 - a[1] + a[2] * np.sin(turn)])
+        return -sum(inside_sum(s, outline) for s in sums)
+
+    a = np.array([745.0, 380.0, 45.0])
+    for step in (6.0, 1.0):
+        a = minimize(
+            loss, a, method="Nelder-Mead", options={"initial_simplex": np.vstack([a, a + step * np.eye(3)])}
+        ).x
+    y, x = np.mgrid[:rows, :columns]
+    away = np.hypot(x - a[0], y - a[1])
+    mean = np.mean(images, axis=0)
+    rings = np.arange(35, 66)
+    level = np.array([mean[(away >= r - 0.5) & (away < r + 0.5)].mean() for r in rings])
+    half = 0.5 * (level[:8].mean() + level[-8:].mean())
+    edge = float(np.interp(half, level[8:24], rings[8:24]))
+    assert a[2] == pytest.approx(edge, abs=1.0)
+
+
+def test_seeding_of_real_pictures(tmp_path):
+    """No body in them: density by moments against counted spots, which miss what overlaps and what is dim."""
+    pictures = recording(tmp_path, "pypiv_finger", "*.tif")
+    images = [pictures.frame(i) for i in range(len(pictures))]
+    dark = float(np.percentile(images[0], 20))
+    seen = measure_appearance(images, [np.zeros(images[0].shape, bool)] * len(images), dark, 1.0)
+    counted = particles(images[0], dark + 6.0)[0].size / images[0].size
+    assert 0.5 * counted < seen.density_ppp < 4 * counted
+    assert 1.0 < seen.diameter_px < 6.0
+
+
+def test_mirrored_pictures_are_turned_back(tmp_path):
+    plain = recording(tmp_path, "pypiv_finger", "*.tif").frame(0)
+    mirrored = recording(tmp_path, "pypiv_finger", "*.tif", x="left").frame(0)
+    assert np.array_equal(plain[:, ::-1], mirrored)

@@ -1,0 +1,174 @@
+"""A recording in chunks: joined, equal to the serial file to the last byte; memory that does not grow with the recording."""
+
+from __future__ import annotations
+
+import time
+import tracemalloc
+from itertools import pairwise
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from fileio.formats.recording import RecordingWriter
+from piv.__main__ import main
+from piv.correlation.options import Options
+from piv.images.open_recording import open_recording
+from piv.images.recording import Recording
+from piv.sequence.chunks import Chunk, chunk_path, join, parts_of
+from piv.sequence.sequence import SequenceOptions, correlate_recording
+from tests.studies.piv.particles import render
+
+SHAPE = (64, 80)
+FRAMES = 12
+
+
+@pytest.fixture(scope="module")
+def recording_file(tmp_path_factory):
+    """Twelve small frames with mask, scale and a finger, whose directions must stay unit vectors."""
+    path = tmp_path_factory.mktemp("recording") / "images.h5"
+    images = render(lambda x, y: (1.5 + 0 * x, 0 * y), shape=SHAPE, seed=4, frames=tuple(range(FRAMES)))
+    attrs = {
+        "scale_m_per_px": 1e-4,
+        "origin_x_px": 3.0,
+        "origin_y_px": 0.0,
+        "frame_rate_hz": 500.0,
+        "bits": 8,
+    }
+    angle = np.linspace(0, 1, FRAMES)[:, None]
+    with RecordingWriter(path, SHAPE, np.uint8, FRAMES, attrs, mask=True) as writer:
+        for k, image in enumerate(images):
+            writer.write(k, image, np.zeros(SHAPE, np.uint8))
+        writer.add("tip", ("time", "finger", "axis"), np.arange(2.0 * FRAMES).reshape(FRAMES, 1, 2), "m")
+        directions = np.stack([np.cos(angle), np.sin(angle)], -1)
+        writer.add("tip_direction", ("time", "finger", "axis"), directions, "1")
+        writer.finish()
+    return path
+
+
+@pytest.fixture(scope="module")
+def serial(recording_file, tmp_path_factory):
+    out = tmp_path_factory.mktemp("serial") / "piv.h5"
+    assert main(["correlate", str(recording_file), "-o", str(out), "--quiet"]) == 0
+    return out.read_bytes()
+
+
+def chunked(recording_file, out: Path, of: int, *more: str) -> None:
+    for k in range(1, of + 1):
+        assert (
+            main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--chunk", f"{k}/{of}", *more])
+            == 0
+        )
+
+
+def test_chunks_joined_are_the_serial_file_to_the_last_byte(recording_file, serial, tmp_path):
+    out = tmp_path / "piv.h5"
+    chunked(recording_file, out, 4)
+    time.sleep(1.1)  # a time stamp in the file would differ
+    assert main(["join", str(out), "--quiet"]) == 0
+    assert out.read_bytes() == serial
+    assert [p.name for p in tmp_path.iterdir()] == ["piv.h5"]
+
+
+def test_processes_give_the_serial_file_to_the_last_byte(recording_file, serial, tmp_path):
+    out = tmp_path / "piv.h5"
+    assert main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--processes", "2"]) == 0
+    assert out.read_bytes() == serial
+
+
+def test_a_finished_chunk_is_kept_unless_settings_changed(recording_file, tmp_path, capsys):
+    out = tmp_path / "piv.h5"
+    chunked(recording_file, out, 2)
+    first = chunk_path(out, 1, 2)
+    before = first.stat().st_mtime_ns
+    chunked(recording_file, out, 2)
+    assert first.stat().st_mtime_ns == before
+    arguments = [
+        "correlate",
+        str(recording_file),
+        "-o",
+        str(out),
+        "--quiet",
+        "--chunk",
+        "1/2",
+        "--window",
+        "24",
+    ]
+    assert main(arguments) == 0
+    assert first.stat().st_mtime_ns > before
+    assert main(["join", str(out)]) == 2  # one half has other windows
+    assert "other settings" in capsys.readouterr().err
+
+
+def test_a_chunk_with_another_mask_is_made_anew_and_not_joined(recording_file, tmp_path):
+    """The mask is no setting of the correlation, but what is seen: half a series without it would not show."""
+    out = tmp_path / "piv.h5"
+    body = np.zeros(SHAPE, bool)
+    body[:, :40] = True
+
+    def part(k: int, mask: np.ndarray | None) -> int:
+        with open_recording(recording_file) as recording:
+            path = correlate_recording(
+                recording, chunk_path(out, k, 2), Options(), SequenceOptions(), mask=mask, chunk=(k, 2)
+            )
+        return path.stat().st_mtime_ns
+
+    first = part(1, None)
+    assert part(1, None) == first
+    assert part(1, body) > first
+    part(2, None)
+    with pytest.raises(ValueError, match="other settings"):
+        join(parts_of(out), out)
+
+
+def test_a_missing_chunk_is_named(recording_file, tmp_path, capsys):
+    out = tmp_path / "piv.h5"
+    chunked(recording_file, out, 3)
+    chunk_path(out, 2, 3).unlink()
+    assert main(["join", str(out)]) == 2
+    assert "chunk-0002-of-0003" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("extra", [["--chunk", "3"], ["--chunk", "0/2"], ["--chunk", "1/99"], ["--processes", "0"],
+                                   ["--chunk", "1/2", "--ensemble"], ["--chunk", "1/2", "--processes", "2"]])  # fmt: skip
+def test_bad_chunks_end_with_one_sentence(recording_file, tmp_path, capsys, extra):
+    assert main(["correlate", str(recording_file), "-o", str(tmp_path / "x.h5"), "--quiet", *extra]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_chunks_cover_every_field_once():
+    parts = [Chunk.of_series(99_999, k, 64) for k in range(1, 65)]
+    assert parts[0].first == 0
+    assert all(a.first + a.count == b.first for a, b in pairwise(parts))
+    assert parts[-1].first + parts[-1].count == 99_999
+    assert {part.count for part in parts} <= {1562, 1563}
+
+
+class Session(Recording):
+    """A recording session of any length that is drawn when it is looked at: shifted cuts of one picture."""
+
+    def __init__(self, count: int) -> None:
+        super().__init__("session", count, 500.0)
+        self.picture = render(lambda x, y: (0 * x, 0 * y), shape=(64, 192), seed=1, frames=(0,))[0]
+
+    def _read(self, i: int) -> np.ndarray:
+        return np.ascontiguousarray(self.picture[:, i % 128 : i % 128 + 64])
+
+
+def test_memory_does_not_grow_with_the_chunk(tmp_path):
+    """A session of 100,000 frames: four times the fields take no more memory than the bookkeeping of their numbers."""
+    peaks = []
+    for fields in (8, 32):
+        of = 99_999 // fields
+        session = Session(100_000)
+        out = chunk_path(tmp_path / "piv.h5", of // 2, of)
+        tracemalloc.start()
+        correlate_recording(session, out, Options(spacing=16), SequenceOptions(), chunk=(of // 2, of))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        with h5py.File(out) as file:
+            assert file["u"].shape[0] in (fields, fields + 1)
+            # every 128th pair of cuts jumps back: elsewhere the picture moves by a pixel
+            assert np.nanmedian(file["u"][...]) == pytest.approx(-1 * 1.0, abs=0.02)
+    assert peaks[1] < peaks[0] + 24 * 64 * 64  # less than the frames themselves would take

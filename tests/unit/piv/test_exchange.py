@@ -1,0 +1,344 @@
+"""Every vector format: what is written comes back; what a file does not state is asked for."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.io import loadmat, savemat
+
+from fileio.formats.plane_series import make_plane, read_plane
+from piv.foreign.read import read_vectors
+from piv.foreign.write import write_vectors
+
+
+def make(times=None, seed=0):
+    rng = np.random.default_rng(seed)
+    x, y = 0.01 + 0.002 * np.arange(7), -0.03 + 0.002 * np.arange(5)
+    shape = (5, 7) if times is None else (len(times), 5, 7)
+    u, v = rng.normal(size=shape), rng.normal(size=shape)
+    valid = rng.random(shape) > 0.2
+    u, v = np.where(valid, u, np.nan), np.where(valid, v, np.nan)
+    flag = np.where(valid, 0, 2).astype(np.uint8)
+    return make_plane(x, y, u, v, valid=valid, flag=flag, time=times)
+
+
+def same(a, b, rel=1e-7):
+    assert np.array_equal(a["valid"].values, b["valid"].values)
+    for name in ("x", "y", "u", "v"):
+        np.testing.assert_allclose(a[name].values, b[name].values, rtol=rel, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "suffix, told",
+    [
+        ("h5", {}),
+        ("csv", {}),
+        ("dat", {"y_axis": "up"}),
+        ("txt", {"y_axis": "up", "length_unit": "m", "velocity_unit": "m/s"}),
+    ],
+)
+def test_round_trip(tmp_path, suffix, told):
+    plane = make()
+    write_vectors(plane, tmp_path / f"a.{suffix}")
+    back = read_vectors([tmp_path / f"a.{suffix}"], **told)
+    same(plane, back)
+    assert back["u"].attrs["units"] == "m/s"
+
+
+@pytest.mark.parametrize("suffix", ["h5", "nc", "csv"])
+def test_series_round_trip(tmp_path, suffix):
+    series = make(np.array([0.0, 0.002, 0.004]))
+    write_vectors(series, tmp_path / f"a.{suffix}")
+    back = read_vectors([tmp_path / f"a.{suffix}"])
+    same(series, back)
+    np.testing.assert_allclose(back["time"].values, series["time"].values)
+
+
+def test_series_of_files_in_natural_order(tmp_path):
+    series = make(np.arange(11) / 500)
+    files = write_vectors(series, tmp_path / "a.dat")
+    assert len(files) == 11
+    back = read_vectors(files[::-1], y_axis="up", frame_rate_hz=500.0)
+    same(series, back)
+    with pytest.raises(ValueError, match="--frame-rate"):
+        read_vectors(files, y_axis="up")
+
+
+def test_pivpy_layout(tmp_path):
+    write_vectors(make(np.array([0.0, 0.002])), tmp_path / "a.nc")
+    with xr.open_dataset(tmp_path / "a.nc") as opened:
+        assert opened["u"].dims == ("y", "x", "t")
+        assert {"u", "v", "chc"} <= set(opened.data_vars)
+        assert opened.attrs["delta_t"] == pytest.approx(0.002)
+
+
+def test_vtk_opens_in_pyvista_with_its_time(tmp_path):
+    import pyvista
+
+    series = make(np.array([0.0, 0.002]))
+    files = write_vectors(series, tmp_path / "a.vti")
+    assert files[-1].suffix == ".pvd"
+    reader = pyvista.get_reader(files[-1])
+    assert reader.time_values == [0.0, 0.002]
+    grid = pyvista.read(files[1])
+    ok = series["valid"].values[1].ravel() == 1
+    np.testing.assert_allclose(grid["velocity"][ok, 1], series["v"].values[1].ravel()[ok])
+    np.testing.assert_allclose(grid.bounds[:4], [0.01, 0.022, -0.03, -0.022])
+
+
+def test_openpiv_text_asks_for_what_it_does_not_state(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text(
+        "# x y u v flags mask\n8 8 1.0 2.0 0 0\n16 8 1.0 2.0 1 0\n8 16 1.0 3.0 0 0\n16 16 1.0 2.0 0 1\n"
+    )
+    told: dict = {}
+    for option, value in (
+        ("length_unit", "px"),
+        ("velocity_unit", "px/frame"),
+        ("y_axis", "down"),
+        ("interval_s", 0.002),
+        ("scale_m_per_px", 1e-4),
+        ("image_rows", 100),
+    ):
+        words = {"interval_s": "--interval", "scale_m_per_px": "--scale-mm-per-px"}
+        with pytest.raises(ValueError, match=words.get(option, "--" + option.replace("_", "-"))):
+            read_vectors([path], **told)
+        told[option] = value
+    plane = read_vectors([path], **told)
+    np.testing.assert_allclose(plane["x"], [8e-4, 16e-4])
+    np.testing.assert_allclose(plane["y"], [83e-4, 91e-4])  # 99 - 16, 99 - 8
+    assert plane["v"].values[1, 0] == pytest.approx(-2.0 * 1e-4 / 0.002)  # the top row; down becomes negative
+    assert plane["v"].values[0, 0] == pytest.approx(-3.0 * 1e-4 / 0.002)
+    assert plane["flag"].values.tolist() == [[0, 2], [0, 1]]
+
+
+def test_tecplot_units_in_names_and_contradiction(tmp_path):
+    path = tmp_path / "a.dat"
+    path.write_text(
+        'TITLE="MicroVec"\nVARIABLES="X(mm)","Y(mm)","U(m/s)","V(m/s)","CHC"\nZONE I=2, J=2, F=POINT\n'
+        "0 0 1 2 1\n1 0 1 2 1\n0 1 1 2 0\n1 1 1 2 1\n"
+    )
+    plane = read_vectors([path], y_axis="up")
+    np.testing.assert_allclose(plane["x"], [0, 1e-3])
+    assert plane["valid"].values.tolist() == [[1, 1], [0, 1]]
+    with pytest.raises(ValueError, match="contradicts"):
+        read_vectors([path], y_axis="up", length_unit="m")
+
+
+PIVLAB = (
+    "PIVlab, ASCII chart output\nFRAME: 1, filenames: A & B\n"
+    "x [px],y [px],u [px/frame],v [px/frame],Vector type [-]\n"
+)
+
+
+@pytest.mark.parametrize("version", ["ascii", "mat5", "mat73"])
+def test_pivlab(tmp_path, version):
+    x, y = np.meshgrid([8.0, 16.0, 24.0], [8.0, 16.0])
+    u, v = 0.1 * x, 0.2 * y
+    kind = np.array([[1, 1, 2], [0, 1, 1]], float)
+    if version == "ascii":
+        path = tmp_path / "a.txt"
+        rows = "\n".join(
+            ",".join(map(repr, map(float, r)))
+            for r in zip(*(a.T.ravel() for a in (x, y, u, v, kind)), strict=True)
+        )
+        path.write_text(PIVLAB + rows + "\n")
+    else:
+        path = tmp_path / "a.mat"
+        names = {"x": x, "y": y, "u_original": u, "v_original": v, "typevector_original": kind}
+        units = "[px] respectively [px/frame]"
+        if version == "mat5":
+            cells: dict = {}
+            for name, values in names.items():
+                cell = np.empty((1, 1), object)
+                cell[0, 0] = values
+                cells[name] = cell
+            savemat(path, cells | {"units": units})
+        else:
+            with h5py.File(path, "w") as file:
+                for name, values in names.items():
+                    file[f"#refs#/{name}"] = values.T
+                    file.create_dataset(name, (1, 1), h5py.ref_dtype)[0, 0] = file[f"#refs#/{name}"].ref
+                file["units"] = np.array([[ord(c)] for c in units], np.uint16)
+    told = {"scale_m_per_px": 1e-3, "interval_s": 0.5, "image_rows": 32}
+    plane = read_vectors([path], **told)
+    np.testing.assert_allclose(plane["y"], [0.015, 0.023])
+    assert plane["valid"].values.tolist() == [[0, 1, 1], [1, 1, 0]]
+    assert plane["u"].values[1, 0] == pytest.approx(0.8e-3 / 0.5)
+    assert plane["v"].values[1, 0] == pytest.approx(-1.6e-3 / 0.5)
+    if version != "mat5":
+        return
+    from piv.foreign.read import to_plane
+    from piv.foreign.vector_files import read_pivlab
+
+    kept = to_plane(next(read_pivlab(path, keep_replaced=True)), "a", **told)
+    assert kept["flag"].values[1, 2] == 4
+    assert kept["valid"].values[1, 2] == 1
+
+
+def test_a_session_of_pivlab_is_read_once(tmp_path, monkeypatch):
+    from piv.foreign import pivlab as pivlab_mat
+
+    x, y = np.meshgrid([8.0, 16.0, 24.0], [8.0, 16.0])
+    cells: dict = {}
+    for name in ("x", "y", "u_original", "v_original", "typevector_original"):
+        cells[name] = np.empty((3, 1), object)
+    for k in range(3):
+        for name, values in zip(cells, (x, y, k + 0 * x, -k + 0 * x, 1 + 0 * x), strict=True):
+            cells[name][k, 0] = values
+    savemat(tmp_path / "a.mat", cells | {"units": "[px] respectively [px/frame]"})
+    loads = []
+    monkeypatch.setattr(pivlab_mat, "loadmat", lambda *a, **k: loads.append(a) or loadmat(*a, **k))
+    told = {"scale_m_per_px": 1e-3, "interval_s": 0.5, "image_rows": 32}
+    series = read_vectors([tmp_path / "a.mat"], frame_rate_hz=2.0, **told)
+    assert len(loads) == 1
+    np.testing.assert_allclose(series["u"][:, 0, 0], [0, 2e-3, 4e-3])
+    np.testing.assert_allclose(series["time"], [0, 0.5, 1.0])
+    for name in cells:
+        cells[name] = np.empty((0, 0), object)
+    savemat(tmp_path / "b.mat", cells)
+    with pytest.raises(ValueError, match=r"b\.mat: no vectors in it"):
+        read_vectors([tmp_path / "b.mat"], **told)
+
+
+def test_davis_through_lvpyio(tmp_path):
+    lv = pytest.importorskip("lvpyio")
+    values = np.zeros((6, 8), dtype=lv.vec2c)
+    values["u"], values["v"] = np.arange(8), np.arange(6)[:, None]
+    absent = np.zeros((6, 8), bool)
+    absent[2, 3] = True
+    buffer = lv.arrays_to_buffer([np.ma.array(values, mask=absent)])
+    frame = buffer[0]
+    frame.scales.x = lv.Scale(0.1, 5.0, "mm", "x")
+    frame.scales.y = lv.Scale(-0.1, 50.0, "mm", "y")  # rows run down, the axis up
+    frame.scales.i = lv.Scale(2.0, 0.0, "m/s", "velocity")
+    frame.grid = lv.Grid(16, 16, 1)
+    lv.write_buffer(buffer, str(tmp_path / "a.vc7"))
+    plane = read_vectors([tmp_path / "a.vc7"])
+    np.testing.assert_allclose(plane["x"], (5 + 1.6 * (np.arange(8) + 0.5)) * 1e-3)
+    np.testing.assert_allclose(plane["y"], (50 - 1.6 * (np.arange(6) + 0.5))[::-1] * 1e-3)
+    assert plane["valid"].values[3, 3] == 0  # row 2 from the top of 6
+    assert (plane["valid"].values == 0).sum() == 1
+    assert plane["u"].values[0, 7] == pytest.approx(14.0)
+    assert plane["v"].values[0, 0] == pytest.approx(
+        -10.0
+    )  # the lowest row: 5 rows down, times 2, upwards negative
+
+    frame.scales.y = lv.Scale(
+        0.1, 50.0, "mm", "y"
+    )  # the axis down as well: the same vectors stand on their heads
+    lv.write_buffer(buffer, str(tmp_path / "b.vc7"))
+    down = read_vectors([tmp_path / "b.vc7"])
+    np.testing.assert_allclose(down["y"], -(50 + 1.6 * (np.arange(6) + 0.5))[::-1] * 1e-3)
+    np.testing.assert_allclose(down["v"].values, plane["v"].values)
+    with pytest.raises(ValueError, match="contradicts the file, which states down"):
+        read_vectors([tmp_path / "b.vc7"], y_axis="up")
+
+
+@settings(deadline=None)
+@given(
+    junk=st.binary(max_size=300),
+    suffix=st.sampled_from(["txt", "dat", "mat", "vc7", "csv", "h5", "nc", "foo"]),
+)
+def test_foreign_bytes_are_one_sentence(tmp_path_factory, junk, suffix):
+    path = tmp_path_factory.mktemp("junk") / f"a.{suffix}"
+    path.write_bytes(junk)
+    with pytest.raises((ValueError, OSError)) as error:
+        read_vectors([path])
+    assert len(str(error.value)) < 400
+
+
+def test_irregular_and_doubled_positions(tmp_path):
+    told = {"length_unit": "m", "velocity_unit": "m/s", "y_axis": "up"}
+    path = tmp_path / "a.txt"
+    path.write_text("0 0 1 1\n1 0 1 1\n3.3 0 1 1\n0 1 1 1\n1 1 1 1\n3.3 1 1 1\n")
+    with pytest.raises(ValueError, match="not regularly spaced"):
+        read_vectors([path], **told)
+    path.write_text("0 0 1 1\n1 0 1 1\n0 1 1 1\n1 1 1 1\n1 1 1 1\n")
+    with pytest.raises(ValueError, match="same position"):
+        read_vectors([path], **told)
+
+
+def test_commands(tmp_path, capsys):
+    from piv.__main__ import main
+
+    write_vectors(make(np.arange(4) / 500), tmp_path / "a.h5")
+    out = tmp_path
+    assert main(["plot", str(out / "a.h5"), "-o", str(out / "a.png"), "--time", "0.002"]) == 0
+    assert main(["animate", str(out / "a.h5"), "-o", str(out / "a.gif"), "--quiet"]) == 0
+    assert main(["animate", str(out / "a.h5"), "-o", str(out / "a.mp4"), "--quiet"]) == 0
+    assert main(["convert", str(out / "a.h5"), "-o", str(out / "a.csv"), "--quiet"]) == 0
+    for name in ("a.png", "a.gif", "a.mp4", "a.csv"):
+        assert (out / name).stat().st_size > 1000
+    assert main(["convert", str(out / "none.h5"), "-o", str(out / "b.csv")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "none.h5" in error
+    assert (
+        main(
+            [
+                "calibrate",
+                "--scale-mm-per-px",
+                "0.1",
+                "--origin",
+                "10",
+                "20",
+                "-o",
+                str(out / "c.json"),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
+    pixels = read_plane(out / "a.h5").load()
+    for name, unit in (("x", "px"), ("y", "px"), ("u", "px"), ("v", "px")):
+        pixels[name].attrs["units"] = unit
+    write_vectors(pixels, out / "px.h5")
+    done = [
+        "calibrate",
+        "--apply",
+        str(out / "c.json"),
+        "--vectors",
+        str(out / "px.h5"),
+        "--interval",
+        "0.002",
+    ]
+    assert main([*done, "-o", str(out / "m.h5")]) == 0
+    metres = read_plane(out / "m.h5")
+    np.testing.assert_allclose(metres["u"], pixels["u"] * 1e-4 / 0.002)
+    np.testing.assert_allclose(metres["x"], (pixels["x"] - 10) * 1e-4)
+    assert json.loads(metres.attrs["calibration"])["scale_m_per_px"] == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize("suffix", ["h5", "nc", "csv"])
+def test_a_valid_vector_that_is_no_number_is_refused(tmp_path, suffix, capsys, monkeypatch):
+    """Also deep in a series, which is looked at block by block."""
+    from fileio.formats import plane_series as module
+    from piv.__main__ import main
+
+    monkeypatch.setattr(module, "BLOCK", 70)  # two instants
+    series, path = make(np.arange(5) / 500), tmp_path / f"a.{suffix}"
+    series["u"][3, 2, 1], series["valid"][3, 2, 1] = np.nan, 1
+    with monkeypatch.context() as unchecked:
+        for name in ("fileio.formats.plane_series.check_plane", "piv.foreign.write.check_plane"):
+            unchecked.setattr(name, lambda _: None)
+        write_vectors(series, path)
+    says = "a plane has vectors marked valid at 0.006 s whose u or v is not finite"
+    with pytest.raises(ValueError, match=says):
+        read_vectors([path])
+    commands = [["convert", str(path), "-o", str(tmp_path / "b.csv")]]
+    if suffix == "h5":
+        commands += [
+            ["vortices", str(path), "-o", str(tmp_path / "b.csv")],
+            ["plot", str(path), "-o", str(tmp_path / "b.png")],
+        ]
+    for command in commands:
+        assert main([*command, "--quiet"]) == 2
+        error = capsys.readouterr().err
+        assert says in error
+        assert error.count("\n") == 1
+    assert not (tmp_path / "b.csv").exists()

@@ -1,0 +1,105 @@
+"""Masks and pre-processing on images whose body and background are known."""
+
+import cv2
+import numpy as np
+import pytest
+import xarray as xr
+
+from piv.images.masks import dark_body, outline_masks, polygon_mask, polygons_mask, read_mask
+from piv.images.open_recording import open_recording
+from piv.images.preprocess import Preprocessor, background
+
+
+def particles(shape=(512, 640), seed=0, density=0.04):
+    rng = np.random.default_rng(seed)
+    image = np.full(shape, 12.0)
+    n = int(density * image.size)
+    np.add.at(image, (rng.integers(0, shape[0], n), rng.integers(0, shape[1], n)), rng.uniform(200, 1500, n))
+    return cv2.GaussianBlur(image, (0, 0), 0.8), rng
+
+
+def test_polygon_covers_its_pixels_with_y_up():
+    mask = polygon_mask(np.array([[10, 0], [19, 0], [19, 4], [10, 4]]), (50, 40))
+    assert mask.sum() == 50  # 10 columns, 5 rows, edges included
+    assert mask[45:, 10:20].all()  # the bottom rows of the image
+
+
+def test_read_mask_refuses_other_sizes(tmp_path):
+    cv2.imwrite(str(tmp_path / "m.png"), np.full((5, 6), 255, np.uint8))
+    assert read_mask(tmp_path / "m.png", (5, 6)).all()
+    with pytest.raises(ValueError, match="6x5 px"):
+        read_mask(tmp_path / "m.png", (6, 6))
+    (tmp_path / "p.csv").write_text("0,0\n5,x\n")
+    with pytest.raises(ValueError, match="two numbers a line, x and y in px"):
+        read_mask(tmp_path / "p.csv", (5, 6))
+
+
+@pytest.mark.parametrize("shade", [1.0, 0.6])
+def test_dark_finger_is_found_whole(shade):
+    image, rng = particles()
+    finger = np.array([[250, 511], [280, 511], [290, 300], [350, 200], [330, 190], [265, 280]], float)
+    truth = polygon_mask(finger, image.shape)
+    image[:, 320:450] *= shade  # the finger's shadow in the sheet is no body
+    image[truth] = 3
+    frame = np.clip(image + rng.normal(0, 3, image.shape), 0, 255).astype(np.uint8)
+    found = dark_body(frame)
+    assert not (truth & ~found).any()  # a missed body pixel would be correlated
+    # Gaps between particles at the edge (mean spacing 5 px) and the margin of 3 px cannot be told from the body.
+    beyond = cv2.distanceTransform((~truth).astype(np.uint8), cv2.DIST_L2, 5)[found & ~truth]
+    assert np.percentile(beyond, 95) < 12
+    assert (found & ~truth).sum() < 0.45 * truth.sum()
+
+
+def test_no_body_is_said():
+    image, _ = particles()
+    with pytest.raises(ValueError, match="no dark"):
+        dark_body(np.clip(image, 0, 255).astype(np.uint8))
+
+
+def test_outline_moves_between_instants_and_is_not_extended():
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * 1e-2
+    series = xr.Dataset(
+        {"outline": (("time", "point", "axis"), np.stack([square, square + np.array([0.02, 0])]))},
+        coords={"time": [0.0, 1.0]},
+    )
+    bodies = outline_masks(series, np.array([0.5]), (40, 60), 1e-3, (5.0, 5.0))
+    mask = polygons_mask(bodies[0], (40, 60))
+    rows, columns = np.nonzero(mask)
+    assert (columns.min(), columns.max()) == (15, 25)  # 5 px origin + 10 px half way
+    assert (39 - rows.max(), 39 - rows.min()) == (5, 15)
+    with pytest.raises(ValueError, match="covers 0 to 1 s"):
+        outline_masks(series, np.array([1.5]), (40, 60), 1e-3, (5.0, 5.0))
+
+
+def test_chain_names_its_steps_and_takes_a_still_background_away(tmp_path):
+    still = np.tile(np.linspace(20, 60, 50), (40, 1)).astype(np.uint8)
+    for k in range(4):
+        frame = still.copy()
+        frame[10, 5 + 10 * k] = 200
+        cv2.imwrite(str(tmp_path / f"{k}.png"), frame)
+    recording = open_recording(tmp_path)
+    assert np.array_equal(background(recording, "min"), still)
+    chain = Preprocessor(["background", "cap=5"], recording)
+    assert chain.steps == ["background=min", "cap=5"]
+    clean = chain(recording.frame(1))
+    assert clean.dtype == np.float32
+    assert np.unravel_index(clean.argmax(), clean.shape) == (10, 15)
+    assert np.count_nonzero(clean) == 1
+
+
+def test_highpass_takes_slow_light_and_leaves_particles():
+    image, _ = particles()
+    light = 40 * np.linspace(0, 1, image.shape[1])
+    a, b = (Preprocessor(["highpass=8"])(i.astype(np.float32)) for i in (image, image + light))
+    assert (
+        np.abs(a - b)[:, 30:-30].max() < 0.01 * image.max()
+    )  # a ramp is its own Gaussian mean away from edges
+
+
+@pytest.mark.parametrize("step", ["blur", "cap=x", "cap=0", "background=max"])
+def test_bad_steps(step, tmp_path):
+    for k in range(3):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), np.ones((8, 8), np.uint8))
+    recording = open_recording(tmp_path)
+    with pytest.raises(ValueError):  # noqa: PT011 - each step has its own sentence
+        Preprocessor([step], recording)(recording.frame(0))

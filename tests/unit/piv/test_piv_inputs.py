@@ -1,0 +1,57 @@
+"""What a user of `python -m piv` may give by mistake: one sentence, and nothing is lost."""
+
+import cv2
+import numpy as np
+import pytest
+
+from piv.__main__ import main
+from piv.images.masks import read_polygon
+
+
+@pytest.fixture
+def pair(tmp_path):
+    rng = np.random.default_rng(3)
+    picture = cv2.GaussianBlur(rng.integers(0, 255, (128, 128)).astype(np.uint8), (0, 0), 1.0)
+    for name in ("a.tif", "b.tif"):
+        cv2.imwrite(str(tmp_path / name), picture)
+    return tmp_path / "a.tif", tmp_path / "b.tif"
+
+
+@pytest.mark.parametrize("source", [("a.tif", "b.tif"), (".",), ("*.tif",)])
+def test_an_input_is_not_written_over(pair, capsys, source):
+    """Given by name, as a folder or by a glob."""
+    a, before = pair[0], pair[0].read_bytes()
+    given = [str(a.parent / name) for name in source]
+    assert main(["correlate", *given, "-o", str(a), "--quiet"]) == 2
+    assert "give -o another name" in capsys.readouterr().err
+    assert a.read_bytes() == before
+
+
+def test_a_result_beside_the_images_may_be_made_again(pair):
+    output = pair[0].parent / "o.h5"
+    for _ in range(2):
+        assert main(["correlate", str(pair[0].parent), "-o", str(output), "--preset", "fast", "--quiet"]) == 0
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (["--scale-m-per-px", "0", "--frame-rate-hz", "500"], "scale_m_per_px = 0: give a positive number"),
+        (["--scale-m-per-px", "nan", "--frame-rate-hz", "500"], "scale_m_per_px = nan"),
+        (["--scale-m-per-px", "1e-4", "--frame-rate-hz", "5", "--origin-x-px", "inf"], "origin_x_px = inf"),
+        (["--scale-m-per-px", "1e-4"], "give frame_rate_hz too"),
+    ],
+)
+def test_numbers_of_the_camera_are_looked_at(pair, tmp_path, capsys, options, words):
+    assert main(["correlate", *map(str, pair), "-o", str(tmp_path / "o.h5"), "--quiet", *options]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "o.h5").exists()
+
+
+def test_a_polygon_may_have_a_line_of_names(tmp_path):
+    path = tmp_path / "body.csv"
+    path.write_text("x_px, y_px\n0, 0\n10, 0\n10, 5\n")
+    assert read_polygon(path).tolist() == [[0, 0], [10, 0], [10, 5]]
+    path.write_text("x_px, y_px\n0, 0\n10, zero\n10, 5\n")
+    with pytest.raises(ValueError, match="expected two numbers a line"):
+        read_polygon(path)

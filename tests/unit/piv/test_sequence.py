@@ -1,0 +1,173 @@
+"""Recordings to plane series: units, resume, threads, masks, the command line."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from fileio.formats.plane_series import read_plane
+from fileio.formats.recording import RecordingWriter
+from fileio.formats.resumable import SeriesWriter
+from piv.__main__ import main
+from piv.correlation.options import Options
+from piv.images.open_recording import open_recording
+from piv.sequence.sequence import SequenceOptions, correlate_recording, frame_sets
+from tests.studies.piv.particles import render
+
+SHAPE = (96, 128)
+
+
+def frames(count):
+    return render(lambda x, y: (2 + 0 * x, 1 + 0 * x), shape=SHAPE, seed=9, frames=tuple(range(count)))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("frames")
+    for k, image in enumerate(frames(6)):
+        cv2.imwrite(str(path / f"f{k}.tif"), image)
+    return path
+
+
+@pytest.fixture(scope="module")
+def recording_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recording") / "images.h5"
+    attrs = {
+        "scale_m_per_px": 1e-4,
+        "origin_x_px": 10.0,
+        "origin_y_px": -5.0,
+        "frame_rate_hz": 500.0,
+        "bits": 8,
+    }
+    images = frames(4)
+    mask = np.zeros(SHAPE, np.uint8)
+    mask[:40, 90:] = 1
+    with RecordingWriter(path, SHAPE, np.uint8, 4, attrs, mask=True) as writer:
+        for k, image in enumerate(images):
+            writer.write(k, image, mask)
+        writer.add("tip", ("time", "finger", "axis"), np.arange(8.0).reshape(4, 1, 2), "m")
+        writer.finish()
+    return path
+
+
+def test_two_images_on_the_command_line(folder, tmp_path):
+    out = tmp_path / "out.h5"
+    assert main(["correlate", str(folder / "f0.tif"), str(folder / "f1.tif"), "-o", str(out), "--quiet"]) == 0
+    with read_plane(out) as plane:
+        assert plane.sizes["time"] == 1
+        assert plane["u"].attrs["units"] == "px"
+        # a hundred small windows: the median is good to 0.02 px
+        assert float(plane["u"].median()) == pytest.approx(2, abs=0.03)
+        assert float(plane["v"].median()) == pytest.approx(1, abs=0.03)
+
+
+def test_recording_becomes_si_with_mask_and_finger(recording_file, tmp_path):
+    out = tmp_path / "piv.h5"
+    assert main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--threads", "2"]) == 0
+    with read_plane(out) as plane:
+        assert plane["u"].attrs["units"] == "m/s"
+        assert float(plane["u"].median()) == pytest.approx(2 * 1e-4 * 500, rel=0.02)
+        np.testing.assert_allclose(plane["time"], [0.001, 0.003, 0.005])
+        assert plane["x"].values[0] == pytest.approx((3.5 - 10) * 1e-4)
+        assert plane["y"].values[0] == pytest.approx((3.5 + 5) * 1e-4)
+        body = plane.isel(time=0).sel(x=slice((110 - 10) * 1e-4, None), y=slice((70 + 5) * 1e-4, None))
+        assert (body["flag"] == 2).all()
+        np.testing.assert_allclose(plane["tip"][:, 0, 0], [1, 3, 5])  # the mean of both frames
+        assert json.loads(plane.attrs["settings"])["window"] == 32
+
+
+def test_threads_change_no_bit(folder, tmp_path):
+    planes = []
+    for threads in (1, 2):
+        with open_recording(folder) as recording:
+            path = correlate_recording(
+                recording, tmp_path / f"{threads}.h5", Options(), SequenceOptions(threads=threads)
+            )
+        planes.append(xr.load_dataset(path, engine="h5netcdf"))
+    xr.testing.assert_identical(planes[0], planes[1])
+
+
+def test_interrupted_run_resumes_and_keeps_what_was_finished(folder, tmp_path, monkeypatch):
+    out = tmp_path / "out.h5"
+    written = []
+    original = SeriesWriter.write
+
+    def stop_after_two(self, index, fields):
+        if len(written) == 2:
+            raise KeyboardInterrupt
+        original(self, index, fields)
+        written.append(index)
+
+    monkeypatch.setattr(SeriesWriter, "write", stop_after_two)
+    arguments = ["correlate", str(folder), "-o", str(out), "--quiet"]
+    assert main(arguments) == 130
+    assert not out.exists()
+    monkeypatch.setattr(SeriesWriter, "write", lambda self, i, f: (written.append(i), original(self, i, f)))
+    assert main(arguments) == 0
+    assert sorted(written) == [0, 1, 2, 3, 4]
+    straight = tmp_path / "straight.h5"
+    assert main(["correlate", str(folder), "-o", str(straight), "--quiet"]) == 0
+    xr.testing.assert_identical(
+        xr.load_dataset(out, engine="h5netcdf"), xr.load_dataset(straight, engine="h5netcdf")
+    )
+
+
+def test_part_of_other_settings_or_damaged_is_begun_anew(folder, tmp_path):
+    out = tmp_path / "out.h5"
+    part = out.with_name("out.h5.part")
+    part.write_bytes(b"not a file of this kind")
+    assert main(["correlate", str(folder), "-o", str(out), "--quiet", "--every", "5"]) == 0
+    with h5py.File(out) as file:
+        assert file["u"].shape[0] == 1
+        assert "_done" not in file
+
+
+def test_settings_file_and_flags(folder, tmp_path):
+    file = tmp_path / "settings.json"
+    file.write_text(json.dumps({"window": 24, "spacing": 12, "every": 5}))
+    out = tmp_path / "out.h5"
+    assert (
+        main(
+            ["correlate", str(folder), "-o", str(out), "--quiet", "--settings", str(file), "--spacing", "16"]
+        )
+        == 0
+    )
+    with read_plane(out) as plane:
+        used = json.loads(plane.attrs["settings"])
+        assert (used["window"], used["spacing"], used["every"]) == (24, 16, 5)
+        assert np.diff(plane["x"])[0] == 16
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [["--pairing", "1-3"], ["--frames", "4"], ["--frames", "9"], ["--threads", "0"], ["--window", "500"], ["--preset", "x"],
+     ["--mask", "nowhere.png"], ["--preprocess", "magic=1"]],
+)  # fmt: skip
+def test_bad_flags_end_with_one_sentence(folder, tmp_path, capsys, extra):
+    assert main(["correlate", str(folder), "-o", str(tmp_path / "x.h5"), "--quiet", *extra]) == 2
+    said = capsys.readouterr().err.strip()
+    assert said.startswith("piv correlate: ")
+    assert "\n" not in said
+
+
+def test_ensemble_and_multi_frame_and_couples(folder, tmp_path):
+    for name, extra, count in (
+        ("e", ["--ensemble"], 1),
+        ("m", ["--frames", "3"], 4),
+        ("c", ["--pairing", "1-2,3-4"], 3),
+    ):
+        out = tmp_path / f"{name}.h5"
+        assert main(["correlate", str(folder), "-o", str(out), "--quiet", *extra]) == 0
+        with read_plane(out) as plane:
+            assert plane.sizes["time"] == count
+            assert float(plane["u"].median()) == pytest.approx(2, abs=0.03)
+
+
+def test_frame_sets():
+    assert frame_sets(5, SequenceOptions(skip=1)) == [(0, 2), (1, 3), (2, 4)]
+    assert frame_sets(6, SequenceOptions(frames=5)) == [(0, 1, 2, 3, 4), (1, 2, 3, 4, 5)]

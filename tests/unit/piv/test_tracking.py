@@ -1,0 +1,71 @@
+"""Tracks of vortices."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fileio.formats.plane_series import make_plane
+from piv.vortices.tip_frame import place_at_tip
+from piv.vortices.tracking import Tracker
+from piv.vortices.vortex import Vortex
+
+PLAIN = Vortex(0, 0, 1.0, 1.0, 0.1, 0.01, 0.01, 0.01, 0.01, 0.01, 1, 1, 2, 0, 0, 0, 1, 100)
+
+
+def at(x: float, y: float, circulation: float = 1.0) -> Vortex:
+    return replace(PLAIN, x=x, y=y, circulation=circulation)
+
+
+def test_crossing_vortices_of_equal_sense_keep_their_numbers():
+    tracker = Tracker()
+    for k in range(41):
+        s = (k - 20) * 0.25
+        numbers = tracker.update(0.002 * k, [at(s, 0.4), at(-s, -0.4)][:: 1 if k % 2 else -1])
+        numbers = numbers if k % 2 else numbers[::-1]
+        if k == 0:
+            first = numbers
+        assert numbers == first
+
+
+def test_a_gap_is_bridged_and_a_long_one_is_not():
+    tracker = Tracker()
+    for k in range(6):
+        assert tracker.update(float(k), [at(0.3 * k, 0)]) == [0]
+    for k in (6, 7):
+        assert tracker.update(float(k), []) == []
+    assert tracker.update(8.0, [at(2.4, 0)]) == [0]
+    for k in range(9, 14):
+        tracker.update(float(k), [])
+    assert tracker.update(14.0, [at(4.2, 0)]) == [1]
+
+
+def test_opposite_sense_never_continues_a_track():
+    tracker = Tracker()
+    tracker.update(0.0, [at(0, 0, 1.0)])
+    assert tracker.update(1.0, [at(0, 0, -1.0)]) == [1]
+
+
+def test_numbers_are_never_used_twice_and_time_must_ascend():
+    tracker = Tracker()
+    assert tracker.update(0.0, [at(0, 0), at(50, 0)]) == [0, 1]
+    assert tracker.update(1.0, [at(100, 0), at(0, 0)]) == [2, 0]
+    with pytest.raises(ValueError, match="ascending times"):
+        tracker.update(1.0, [])
+
+
+def test_place_in_the_frame_of_the_nearest_tip():
+    u = np.zeros((4, 4))
+    plane = make_plane(
+        np.arange(4), np.arange(4), u, u,
+        tip=np.array([[0.0, 0.0], [1.0, 0.0]]),
+        tip_direction=np.array([[0.0, -1.0], [0.0, -1.0]]),
+        dorsal_direction=np.array([[-1.0, 0.0], [1.0, 0.0]]),
+    ).assign_attrs(tip_width=0.1)  # fmt: skip
+    place = place_at_tip(1.3, 0.4, plane)
+    assert place is not None
+    assert (place.finger, place.side) == (1, "dorsal")
+    assert (place.along_tip, place.across_tip) == pytest.approx((-0.4, 0.3))
+    assert place.tip_distance == pytest.approx(5)
+    assert place_at_tip(0.2, 0.1, plane).side == "ventral"
+    assert place_at_tip(0.2, 0.1, plane.drop_vars("tip")) is None

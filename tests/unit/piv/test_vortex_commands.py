@@ -1,0 +1,85 @@
+"""python -m piv vortices and render from the command line."""
+
+import json
+
+import numpy as np
+import pytest
+
+from fileio.formats.plane_series import make_plane, write_plane
+from fileio.formats.vortex_table import read_vortices
+from piv.__main__ import main
+from piv.vortices.lamb_oseen_fit import lamb_oseen
+
+
+def write_series(path, n=5, time=True, finger=True):
+    x, y = np.arange(0, 0.0401, 1e-3), np.arange(0, 0.0321, 1e-3)
+    xx, yy = np.meshgrid(x, y)
+    planes = [lamb_oseen(xx, yy, 0.018 + 2e-4 * k, 0.016, 0.004, 4e-3) for k in range(n)]
+    u, v = (np.array([p[c] for p in planes]) for c in (0, 1))
+    if not time:
+        write_plane(make_plane(x / 1.25e-4, y / 1.25e-4, u[0], v[0]), path)
+        return
+    more = {
+        "tip": np.tile([0.01, 0.016], (n, 1, 1)),
+        "tip_direction": np.tile([0.0, -1.0], (n, 1, 1)),
+        "dorsal_direction": np.tile([1.0, 0.0], (n, 1, 1)),
+    }
+    plane = make_plane(x, y, u, v, time=np.arange(n) / 500, **(more if finger else {}))
+    write_plane(plane, path, tip_width=0.004)
+
+
+def test_vortices_of_a_series_are_one_track_in_the_tip_frame(tmp_path):
+    write_series(tmp_path / "piv.h5")
+    assert main(["vortices", str(tmp_path / "piv.h5"), "-o", str(tmp_path / "v.csv"), "--quiet"]) == 0
+    table = read_vortices(tmp_path / "v.csv")
+    assert list(table["track"]) == [0] * 5
+    assert set(table["side"]) == {"dorsal"}
+    np.testing.assert_allclose(table["x"], 0.018 + 2e-4 * np.arange(5), atol=1e-6)
+    np.testing.assert_allclose(table["tip_distance"], (0.008 + 2e-4 * np.arange(5)) / 0.004, rtol=1e-3)
+    np.testing.assert_allclose(table["lifetime"], 4 / 500)
+    first = (tmp_path / "v.csv").read_text().splitlines()[0]
+    assert json.loads(first[2:])["format"] == "vortices"
+
+
+def test_single_plane_in_pixels_needs_no_other_option(tmp_path):
+    write_series(tmp_path / "pair.h5", time=False)
+    assert main(["vortices", str(tmp_path / "pair.h5"), "-o", str(tmp_path / "v.csv"), "--quiet"]) == 0
+    table = read_vortices(tmp_path / "v.csv")
+    assert len(table) == 1
+    assert table["x"][0] == pytest.approx(0.018 / 1.25e-4, rel=1e-3)
+
+
+def test_settings_file_and_flags(tmp_path, capsys):
+    write_series(tmp_path / "piv.h5", finger=False)
+    good, bad = tmp_path / "good.json", tmp_path / "bad.json"
+    good.write_text('{"min-circulation": 1.0, "seed": 1}')
+    bad.write_text('{"min_circulation": 1.0}')
+    args = ["vortices", str(tmp_path / "piv.h5"), "-o", str(tmp_path / "v.csv"), "--quiet"]
+    assert main([*args, "--settings", str(good)]) == 2
+    assert "unknown setting 'seed'" in capsys.readouterr().err
+    assert main([*args, "--settings", str(bad)]) == 0
+    assert len(read_vortices(tmp_path / "v.csv")) == 0
+    assert main([*args, "--settings", str(bad), "--min-circulation", "0.001"]) == 0  # flags win
+    assert len(read_vortices(tmp_path / "v.csv")) == 5
+
+
+def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path, capsys):
+    assert main(["vortices", str(tmp_path / "none.h5"), "-o", str(tmp_path / "v.csv")]) == 2
+    assert capsys.readouterr().err.strip().endswith("none.h5: no such file")
+    write_series(tmp_path / "piv.h5")
+    args = ["render", str(tmp_path / "piv.h5"), "-o", str(tmp_path / "i.h5"), "--quiet"]
+    assert main(args) == 2
+    assert "the camera sees x from" in capsys.readouterr().err
+    assert main([*args, "--width-px", "64", "--height-px", "48", "--no-truth", "--density-ppp", "-1"]) == 2
+    assert "density_ppp must be positive" in capsys.readouterr().err
+
+
+def test_render_writes_recording_and_truth(tmp_path):
+    write_series(tmp_path / "piv.h5")
+    args = ["render", str(tmp_path / "piv.h5"), "-o", str(tmp_path / "i.h5"), "--quiet", "--seed", "3"]
+    assert main([*args, "--width-px", "128", "--height-px", "96"]) == 0
+    assert (tmp_path / "i.h5").exists()
+    assert main(["vortices", str(tmp_path / "i_truth.h5"), "-o", str(tmp_path / "t.csv"), "--quiet"]) == 0
+    table = read_vortices(tmp_path / "t.csv")
+    # at mid-times, in the middle between two frames' vortices; the frame interval's curvature moves it by micrometres
+    np.testing.assert_allclose(table["x"], 0.0181 + 2e-4 * np.arange(4), atol=2e-5)

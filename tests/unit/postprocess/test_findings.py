@@ -1,0 +1,123 @@
+"""The schema of findings.toml and its judgement."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from postprocess.compare.findings import Finding, is_met, read_findings
+from postprocess.compare.quantities import QUANTITIES
+from postprocess.evidence.time_windows import Window
+
+ROOT = Path(__file__).parents[3]
+GOOD = """
+format = "findings"
+format_version = 1
+[[finding]]
+id = "a"
+kind = "agreement"
+finding = "PIV agrees."
+figure = ""
+quantity = "centre_distance"
+of = ["piv-cfd"]
+comparison = "<="
+value = 1.5e-3
+reason = "Because."
+window = [0.25, 0.75]
+"""
+
+
+def write(tmp_path, text):
+    path = tmp_path / "findings.toml"
+    path.write_text(text)
+    return path
+
+
+def finding(comparison, value, tolerance=0.0):
+    more = {
+        "figure": "",
+        "quantity": "q",
+        "of": ("cfd",),
+        "reason": "r",
+        "window": Window("bend", (0.0, 1.0)),
+    }
+    return Finding("a", "paper", "f", comparison=comparison, value=value, tolerance=tolerance, **more)
+
+
+@pytest.mark.parametrize(
+    "comparison, value, tolerance, measured, expected",
+    [
+        ("<=", 0.05, 0.0, 0.05, True),
+        ("<=", 0.05, 0.0, 0.0501, False),
+        ("<=", 0.05, 0.01, 0.06, True),
+        (">=", 0.9, 0.0, 0.89, False),
+        (">=", 0.9, 0.02, 0.89, True),
+        ("in range", (1.0, 2.0), 0.0, 2.1, False),
+        ("in range", (1.0, 2.0), 0.2, 2.1, True),
+        ("in range", (1.0, 2.0), 0.2, 0.7, False),
+        ("equals", 3.0, 0.1, 3.05, True),
+        ("equals", 3.0, 0.1, 2.8, False),
+        ("equals", "dorsal", 0.0, "dorsal", True),
+        ("equals", "dorsal", 0.0, "ventral", False),
+        ("equals", "dorsal", 0.0, "", False),
+    ],
+)
+def test_judgement(comparison, value, tolerance, measured, expected):
+    assert is_met(finding(comparison, value, tolerance), measured) is expected
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "cases").glob("*/reference/findings.toml")), ids=lambda p: p.parts[-3]
+)
+def test_every_scene_s_findings_are_valid_and_give_reasons(path):
+    findings = read_findings(path, frozenset(QUANTITIES))
+    assert all(len(f.reason) > 20 for f in findings)
+    assert all(f.figure for f in findings if f.kind == "paper")
+
+
+def test_single_finger_asks_for_what_the_project_promises():
+    path = ROOT / "cases/single_finger/reference/findings.toml"
+    asked = {f.quantity: f for f in read_findings(path, frozenset(QUANTITIES))}
+    assert asked["circulation_difference"].value <= 0.05
+    assert asked["centre_distance"].value <= 1.5e-3
+    assert asked["dominant_side"].value == "dorsal"
+    assert asked["dominant_side"].of == ("cfd", "piv")
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ('id = "a"', "", "lacks the key 'id'"),
+        ('reason = "Because."', 'reason = " "', "reason is empty"),
+        ('quantity = "centre_distance"', 'quantity = "beauty"', "quantity = 'beauty' is not one of"),
+        ("window = [0.25, 0.75]", "window = [0.75, 0.25]", "must be two fractions"),
+        ("window = [0.25, 0.75]", "window = [0.25, 0.75]\ncolour = 1", "unknown key 'colour'"),
+        ('comparison = "<="', 'comparison = "in range"', r"needs value = \[low, high\]"),
+        ("value = 1.5e-3", 'value = "small"', "only be compared by 'equals'"),
+        ('of = ["piv-cfd"]', 'of = ["guess"]', "of = 'guess' is not one of"),
+        (
+            'of = ["piv-cfd"]',
+            'of = ["cfd", "lab"]',
+            "of = 'lab' is not one of cfd, piv, piv-cfd",
+        ),  # never judged
+        ("value = 1.5e-3", "value = 1.5e-3\ntolerance = -1", "tolerance = -1.0 is negative"),
+        ("format_version = 1", "format_version = 2", "needs format"),
+        ('kind = "agreement"', "kind = agreement", "not valid TOML"),
+    ],
+)
+def test_bad_entries_are_refused_in_one_sentence(tmp_path, old, new, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        read_findings(write(tmp_path, GOOD.replace(old, new)), frozenset(QUANTITIES))
+    assert "findings.toml" in str(caught.value)
+
+
+def test_an_id_may_not_occur_twice(tmp_path):
+    again = GOOD + GOOD.split("format_version = 1")[1]
+    with pytest.raises(ValueError, match="occurs twice"):
+        read_findings(write(tmp_path, again), frozenset(QUANTITIES))
+
+
+def test_an_empty_list_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="at least one"):
+        read_findings(write(tmp_path, GOOD.split("[[finding]]")[0]), frozenset(QUANTITIES))

@@ -1,0 +1,42 @@
+"""The middle of the stroke and the velocity scale."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from postprocess.evidence.strokes import peak_tip_speed, stroke_window
+
+
+def test_window_is_in_fractions_of_bend():
+    time = np.linspace(0, 1, 101)
+    assert stroke_window(time, 2 * time**2, (0.25, 0.81)) == pytest.approx(
+        (0.5, 0.9), abs=2e-4
+    )  # linear in between
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_window_does_not_depend_on_the_sense_of_bending(sign):
+    time = np.linspace(0, 1, 101)
+    assert stroke_window(time, 0.3 + sign * time, (0.25, 0.75)) == pytest.approx((0.25, 0.75))
+
+
+def test_rest_before_and_after_and_the_way_back_do_not_count():
+    time = np.linspace(0, 4, 401)
+    bend = np.interp(time, [0, 1, 2, 3, 4], [0, 0, 1, 1, 0])
+    assert stroke_window(time, bend, (0.25, 0.75)) == pytest.approx((1.25, 1.75))
+    assert stroke_window(time, bend, (0.25, 1.0))[1] == 4.0
+
+
+def test_a_finger_that_does_not_bend_is_refused():
+    with pytest.raises(ValueError, match="does not bend"):
+        stroke_window(np.linspace(0, 1, 5), np.zeros(5), (0.25, 0.75))
+
+
+def test_peak_tip_speed_of_a_circular_motion():
+    time = np.linspace(0, 1, 2001)
+    angle = np.pi * (1 - np.cos(np.pi * time)) / 2  # fastest in the middle: π²/2 rad/s
+    tip = 0.07 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None]
+    speed, at = peak_tip_speed(time, tip)
+    assert speed == pytest.approx(0.07 * np.pi**2 / 2, rel=1e-5)  # central differences: (ω dt)²/6
+    assert at == pytest.approx(0.5, abs=1e-3)

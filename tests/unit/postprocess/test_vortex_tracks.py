@@ -1,0 +1,94 @@
+"""Choice and comparison of the tip vortex."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from postprocess.evidence import tip_vortex as tracks
+from tests.synthetic_stroke import vortex_table
+
+BEND = np.radians(100)
+TIME = np.linspace(0, 0.4, 81)
+WINDOW = (0.1, 0.2)
+
+
+def chosen(table):
+    return tracks.dominant_track(table, 0, WINDOW, "test")
+
+
+def test_the_strong_vortex_at_the_tip_is_chosen():
+    assert (chosen(vortex_table(TIME, BEND))["track"] == 3).all()
+
+
+def test_a_stronger_vortex_far_from_the_tip_is_not_chosen():
+    table = vortex_table(TIME, BEND)
+    table.loc[table["track"] == 1, "circulation"] = 1.0
+    assert (chosen(table)["track"] == 3).all()
+
+
+def test_a_strong_flicker_is_not_chosen():
+    table = vortex_table(TIME, BEND)
+    row = table[(table["track"] == 3) & table["time"].between(*WINDOW)].iloc[[0]].assign(track=9)
+    row["circulation"] *= 3
+    table = tracks.pd.concat([table, row], ignore_index=True)
+    assert (chosen(table)["track"] == 3).all()
+
+
+def test_no_vortex_near_the_tip_is_an_error_that_says_where():
+    table = vortex_table(TIME, BEND)
+    with pytest.raises(ValueError, match=r"finger 0 between 0\.100 and 0\.200 s"):
+        chosen(table[table["track"] == 1])
+
+
+@pytest.mark.parametrize("gain", [0.9, 1.0, 1.07])
+@pytest.mark.parametrize("shift", [0.0, -2e-3])
+def test_known_errors_of_circulation_and_centre_are_recovered(gain, shift):
+    reference = chosen(vortex_table(TIME, BEND))
+    middle = 0.5 * (TIME[1:] + TIME[:-1])
+    pair = tracks.within(
+        tracks.pair_tracks(reference, chosen(vortex_table(middle, BEND, gain=gain, shift=shift))), WINDOW
+    )
+    # 5 ms between instants: linear interpolation of a growth over 50 ms errs by (5/50)²/8 ≈ 0.1 %
+    assert tracks.circulation_difference(pair) == pytest.approx(abs(gain - 1), abs=2e-3)
+    assert tracks.centre_distance(pair) == pytest.approx(abs(shift), abs=3e-5)
+
+
+def test_identical_tables_give_zero():
+    track = chosen(vortex_table(TIME, BEND))
+    pair = tracks.within(tracks.pair_tracks(track, track), WINDOW)
+    assert tracks.circulation_difference(pair) == 0.0
+    assert tracks.centre_distance(pair) == 0.0
+
+
+def test_a_reversed_circulation_differs_by_twice_itself():
+    track = chosen(vortex_table(TIME, BEND))
+    pair = tracks.within(tracks.pair_tracks(track, track.assign(circulation=-track["circulation"])), WINDOW)
+    assert tracks.circulation_difference(pair) == pytest.approx(2.0)
+
+
+def test_vortices_that_never_coexist_are_refused():
+    track = chosen(vortex_table(TIME, BEND))
+    pair = tracks.pair_tracks(track, track[track["time"] > 0.3])
+    with pytest.raises(ValueError, match="do not exist together"):
+        tracks.within(pair, WINDOW)
+
+
+def test_the_same_vortex_is_compared_where_two_of_one_sense_share_a_tip():
+    """Reference: the stronger vortex far from what the other source sees, a weaker one next to it."""
+
+    def rows(track, x, circulation):
+        return pd.DataFrame(
+            {"time": [0.1, 0.15, 0.2], "track": track, "x": x, "y": 0.0, "circulation": circulation, "core_radius": 3e-3,
+             "finger": 0, "side": "dorsal", "tip_distance": 1.0}
+        )  # fmt: skip
+
+    reference = pd.concat([rows(0, 0.02, 6e-3), rows(1, 0.0, 5e-3), rows(2, 0.001, 1e-3)], ignore_index=True)
+    seen = rows(7, 0.001, 4.9e-3)
+    window = (0.1, 0.2)
+    # track 2 is nearest of all, but too weak to be the vortex that the other source calls the strongest
+    assert set(tracks.counterpart(reference, seen, 0, window)["track"]) == {1}
+    found = tracks.dominant_tracks({"cfd": reference, "piv": seen}, 0, window)
+    assert set(found["cfd"]["track"]) == {1}
+    assert set(found["piv"]["track"]) == {7}

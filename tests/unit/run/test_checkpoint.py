@@ -1,0 +1,96 @@
+"""Which of the times that a run has written it may be resumed from."""
+
+import pytest
+
+from pipeline.openfoam.foamfile import END, write_bytes
+from pipeline.openfoam.ranks import Ranks, collated_content
+from pipeline.run.checkpoint import FIELDS, MOVED, drop_tables, last_checkpoint, sampled_until
+from pipeline.run.results import history
+
+MORE = ("U_0", "meshPhi")
+
+
+def save(folder, time):
+    for name in (*FIELDS, *MOVED, *MORE):
+        write_bytes(folder / time / name, b"1 2 3" + END)
+
+
+def record(case, start, times):
+    path = case / "postProcessing" / "forces" / start / "force.dat"
+    write_bytes(path, b"# Time\n" + b"".join(b"%g\t(1 2 3)\n" % t for t in times))
+    return path
+
+
+def test_a_time_counts_once_the_step_after_it_was_sampled(tmp_path):
+    for time in ("0.01", "0.02"):
+        save(tmp_path, time)
+    assert last_checkpoint(tmp_path, Ranks(1)) is None
+    record(tmp_path, "0", [0.005, 0.01, 0.015, 0.02])
+    assert last_checkpoint(tmp_path, Ranks(1)) == (
+        0.01,
+        "0.01",
+    )  # 0.02 may have been killed among its samples
+    record(tmp_path, "0", [0.005, 0.01, 0.015, 0.02, 0.025, 0.03])
+    assert last_checkpoint(tmp_path, Ranks(1)) == (0.02, "0.02")
+
+
+@pytest.mark.parametrize("name", [*FIELDS, *MOVED, *MORE])
+def test_a_file_that_is_cut_off_sends_back_to_the_time_before(tmp_path, name):
+    for time in ("0.01", "0.02"):
+        save(tmp_path, time)
+    record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
+    (tmp_path / "0.02" / name).write_bytes(b"1 2")
+    assert last_checkpoint(tmp_path, Ranks(1)) == (0.01, "0.01")
+
+
+def test_all_ranks_must_have_written_it(tmp_path):
+    record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
+    for rank, times in enumerate((("0.01", "0.02"), ("0.01",))):
+        for time in times:
+            save(tmp_path / f"processor{rank}", time)
+    assert last_checkpoint(tmp_path, Ranks(2)) == (0.01, "0.01")
+    assert last_checkpoint(tmp_path, Ranks(1)) is None
+
+
+@pytest.mark.parametrize("name", [*FIELDS, *MOVED, *MORE])
+def test_of_collated_files_every_rank_s_block_must_be_whole(tmp_path, name):
+    ranks = Ranks(3, collated=True)
+    folder = tmp_path / "processors3"
+    record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
+    for time in ("0.01", "0.02"):
+        for field in (*FIELDS, *MOVED, *MORE):
+            if field == "uniform/time":  # the master writes it for all
+                write_bytes(folder / time / field, b"index 2;" + END)
+            else:
+                write_bytes(folder / time / field, collated_content(field, [b"1", b"(2)", b"3"]))
+    assert last_checkpoint(tmp_path, ranks) == (0.02, "0.02")
+    path = folder / "0.02" / name
+    path.write_bytes(path.read_bytes()[:-3])
+    assert last_checkpoint(tmp_path, ranks) == (0.01, "0.01")
+    assert last_checkpoint(tmp_path, Ranks(2, collated=True)) is None
+
+
+def test_a_resumed_part_stands_for_the_time_it_began_at_and_later_ones_are_dropped(tmp_path):
+    first = record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04, 0.05])
+    second = record(tmp_path, "0.03", [])
+    assert sampled_until(tmp_path) == 0.03
+    drop_tables(tmp_path, 0.03)
+    assert first.exists()
+    assert not second.exists()
+    assert sampled_until(tmp_path) == 0.03  # what the first part shows: all but its last two rows
+    drop_tables(tmp_path, 0.0)
+    assert sampled_until(tmp_path) == 0.0
+
+
+def test_a_log_that_was_cut_within_a_line_is_read(tmp_path):
+    step = (
+        "Courant Number mean: 0.1 max: 0.5\nTime = {0}\n\n"
+        "GAMG:  Solving for p, Initial residual = 0.8, Final residual = 0.01, No Iterations 6\n"
+        "time step continuity errors : sum local = 1e-08, global = -2e-10, cumulative = 1e-9\n"
+        "ExecutionTime = {1} s  ClockTime = {1} s\n"
+    )
+    cut = "Courant Number mean: 0.1 max\nCourant Number mean: 0.1 max: 0.7\nTime = \n"
+    (tmp_path / "log").write_text(step.format(0.1, 3) + step.format(0.2, 5) + cut + step.format(0.2, 1))
+    table = history(tmp_path / "log")
+    assert table[:, 0].tolist() == [0.1, 0.2]
+    assert table[1].tolist() == [0.2, 0.1, 0.5, 1e-8, -2e-10, 6, 6]

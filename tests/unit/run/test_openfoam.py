@@ -1,0 +1,88 @@
+"""Finding OpenFOAM: on the path, or behind WM_PROJECT_DIR; else one sentence with the command to run."""
+
+import pytest
+
+from fileio.errors import StageError
+from pipeline.openfoam import environment as openfoam
+
+
+@pytest.fixture(autouse=True)
+def _fresh():
+    openfoam.environment.cache_clear()
+    openfoam.foam_version.cache_clear()
+    yield
+    openfoam.environment.cache_clear()
+    openfoam.foam_version.cache_clear()
+
+
+def fake(folder, banner):
+    """A pimpleFoam that prints its version as OpenFOAM's programs do."""
+    folder.mkdir(parents=True)
+    program = folder / "pimpleFoam"
+    program.write_text(f"#!/bin/sh\necho '{banner}'\n")
+    program.chmod(0o755)
+
+
+def test_missing_openfoam_names_the_command(monkeypatch):
+    monkeypatch.setenv("PATH", "/nowhere")
+    monkeypatch.delenv("WM_PROJECT_DIR", raising=False)
+    with pytest.raises(StageError, match="sudo apt-get install openfoam"):
+        openfoam.environment()
+
+
+def test_wm_project_dir_alone_is_enough(monkeypatch, tmp_path):
+    fake(tmp_path / "bin", "Using: OpenFOAM-v2312 (2312)")
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "etc" / "bashrc").write_text(f"export PATH={tmp_path}/bin:$PATH\n")
+    monkeypatch.setenv("PATH", "/usr/bin:/bin")
+    monkeypatch.setattr(openfoam.shutil, "which", _which_without_system(openfoam.shutil.which))
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
+    assert openfoam.foam_version() == "v2312"
+
+
+def _which_without_system(which):
+    """shutil.which that does not see an OpenFOAM installed system-wide."""
+
+    def seen(name, path=None):
+        found = which(name, path=path)
+        return None if found and found.startswith("/usr/bin") and name == "pimpleFoam" else found
+
+    return seen
+
+
+@pytest.mark.parametrize("banner", ["Using: OpenFOAM- (1806) - visit", "Using: OpenFOAM-9 (see www)", ""])
+def test_an_old_or_foreign_version_is_refused(monkeypatch, tmp_path, banner):
+    fake(tmp_path / "bin", banner)
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
+    with pytest.raises(StageError, match=r"v1912 or later is needed"):
+        openfoam.foam_version()
+
+
+def test_ranks_on_other_hosts_get_the_environment_they_need(monkeypatch, tmp_path):
+    """mpirun by ssh forwards nothing by itself, and Debian's OpenFOAM does not start without WM_PROJECT_DIR."""
+    fake(tmp_path / "bin", "Using: OpenFOAM-v1912")
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
+    command = openfoam.solver_command(8, tmp_path / "hosts.txt")
+    forwarded = [command[k + 1] for k, word in enumerate(command) if word == "-x"]
+    assert {"WM_PROJECT_DIR", "PATH", "OMP_NUM_THREADS"} <= set(forwarded)
+    assert command[command.index("--hostfile") + 1] == str(tmp_path / "hosts.txt")
+    assert command[-2:] == ["pimpleFoam", "-parallel"]
+    assert "-x" not in openfoam.solver_command(8)
+
+
+def test_a_job_that_does_not_name_its_nodes_is_no_job_to_mpirun(monkeypatch, tmp_path):
+    """Snakemake's jobs in Slurm keep some of its names, at which mpirun would look for the others and give up."""
+    fake(tmp_path / "bin", "Using: OpenFOAM-v2312 (2312)")
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
+    monkeypatch.setenv("SLURM_JOB_ID", "7")
+    monkeypatch.delenv("SLURM_NODELIST", raising=False)
+    assert not [name for name in openfoam.environment() if name.startswith("SLURM_")]
+    assert "--oversubscribe" in openfoam.solver_command(2)
+    openfoam.environment.cache_clear()
+    monkeypatch.setenv("SLURM_NODELIST", "vm")
+    monkeypatch.setenv("SLURM_TASKS_PER_NODE", "2")
+    assert openfoam.environment()["SLURM_JOB_ID"] == "7"
+    assert "--oversubscribe" not in openfoam.solver_command(2)

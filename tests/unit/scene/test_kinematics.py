@@ -1,0 +1,136 @@
+"""Kinematics refuse what is no motion of a finger, and place it where the scene says."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fileio.errors import StageError
+from fileio.formats.bending_states import read_states
+from pipeline.kinematics.finger import load_kinematics
+from pipeline.kinematics.pressure_law import measured_law
+from pipeline.kinematics.stage import kinematics_dataset
+from tests.conftest import write_scene
+
+STROKE = "[motion]\nstrokes = [{{ pressure_kpa = {p}, start = 0.005, duration = 0.4 }}]\n{more}"
+
+
+def csv_of(states, header="pressure_kpa,s,x,y"):
+    """States (kPa -> (point, 3) of s, x, y) as the documented CSV."""
+    lines = [header]
+    for pressure, rows in states.items():
+        lines += [",".join(f"{v:.9g}" for v in (pressure, *row)) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def bent(gamma, length=0.07, n=30):
+    s = np.linspace(0, length, n)
+    k = gamma / length
+    return (
+        np.column_stack([s, np.sin(k * s) / k, (1 - np.cos(k * s)) / k])
+        if gamma
+        else np.column_stack([s, s, 0 * s])
+    )
+
+
+GOOD = {0: bent(0.0), 10: bent(0.8), 20: bent(1.6)}
+
+
+def test_csv_states_give_the_bend_they_show(tmp_path):
+    (tmp_path / "s.csv").write_text(csv_of(GOOD))
+    states = read_states(tmp_path / "s.csv", 0.0145)
+    assert states.pressure.tolist() == [0, 10e3, 20e3]
+    scene = write_scene(tmp_path / "scene", more=STROKE.format(p=20, more=f'states = "{tmp_path / "s.csv"}"'))
+    family = load_kinematics(scene).family
+    for kpa, gamma in ((0, 0.0), (10, 0.8), (20, 1.6)):
+        # 30 digitised points resample with a chord error of (s/R)^2/24 of a point's turn: below 1e-3 rad
+        assert family.bend(kpa * 1e3) == pytest.approx(gamma, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        (csv_of({0: GOOD[0], 10: GOOD[10]}), "at least three"),
+        (csv_of(GOOD).replace("0.07", "nan", 1), "NaN"),
+        (csv_of({k: v * 1e3 for k, v in GOOD.items()}), "mm"),
+        (csv_of(GOOD, "p,s,x,y"), "header"),
+        ("", "header"),
+        (csv_of(GOOD) + "30,0.01\n", "rows"),
+        (csv_of(GOOD) + "30,a,b,c\n", "not a number"),
+        (csv_of(GOOD) + "30,0,0,0\n", "three points"),
+    ],
+)
+def test_bad_states_are_one_sentence(tmp_path, text, words):
+    path = tmp_path / "s.csv"
+    path.write_text(text)
+    with pytest.raises(StageError, match=words) as caught:
+        read_states(path, 0.0145)
+    assert str(path) in str(caught.value)
+
+
+@settings(max_examples=60)
+@given(st.binary(max_size=200))
+def test_any_bytes_as_states_are_refused(tmp_path_factory, content):
+    for name in ("states.h5", "states.csv"):
+        path = tmp_path_factory.mktemp("fuzz") / name
+        path.write_bytes(content)
+        with pytest.raises(StageError):
+            read_states(path, 0.0145)
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("t,p\n0,0\n0.1,5000\n0.05,9000\n", "increase"),
+        ("t,p\n0,0\n0.1,5\n0.2,20\n", "kPa"),
+        ("t,p\n0,0\n0.1,nan\n0.2,20000\n", "not a number"),
+        ("t,p\n0,0\n", "three rows"),
+        ("hello\n1,x\n", "not a table"),
+        ("nan,nan\n0,0\n0.1,5000\n0.2,9000\n", "row 1 is not a number"),
+        ("p,t\n0,0\n0.1,5000\n0.2,9000\n", "not a table"),
+    ],
+)
+def test_bad_pressure_histories_are_one_sentence(tmp_path, text, words):
+    (tmp_path / "p.csv").write_text(text)
+    with pytest.raises(StageError, match=words):
+        measured_law(tmp_path / "p.csv")
+
+
+def test_a_pressure_history_may_carry_comments(tmp_path):
+    (tmp_path / "p.csv").write_text("# logger 7\nt, p\n0,0\n0.1,5000  # valve opens\n\n0.2,9000\n")
+    assert measured_law(tmp_path / "p.csv")(np.array([0.1, 0.2])) == pytest.approx([5e3, 9e3])
+
+
+def test_a_length_that_the_states_contradict_is_refused(tmp_path):
+    with pytest.raises(StageError, match=r"finger\.length = 0\.06 m but the states"):
+        load_kinematics(write_scene(tmp_path / "s", more="[finger]\nlength = 0.06\n"))
+
+
+def test_a_stroke_beyond_the_states_or_out_of_the_water_is_refused(tmp_path):
+    with pytest.raises(StageError, match="states cover"):
+        load_kinematics(write_scene(tmp_path / "a", more=STROKE.format(p=60, more="")))
+    tall = STROKE.format(p=39, more="") + "[tank]\nwater_depth = 0.252\n[finger.tip]\nlength = 0.04\n"
+    with pytest.raises(StageError, match="leaves the water"):
+        kinematics_dataset(write_scene(tmp_path / "b", more=tall))
+    with pytest.raises(StageError, match=r"set motion\.source"):
+        load_kinematics(
+            write_scene(tmp_path / "c", more=STROKE.format(p=-30, more='source = "paper_equations"'))
+        )
+    (tmp_path / "curl.csv").write_text(csv_of({0: bent(0.0), 10: bent(3.5), 20: bent(7.0)}))
+    curled = STROKE.format(p=20, more=f'states = "{tmp_path / "curl.csv"}"')
+    with pytest.raises(StageError, match="crosses itself"):
+        kinematics_dataset(write_scene(tmp_path / "d", more=curled))
+
+
+def test_the_finger_hangs_from_its_root_and_bends_to_its_ventral_side(tmp_path):
+    for side, sign in (("+x", 1), ("-x", -1)):
+        scene = write_scene(tmp_path / side, more=f'[finger]\nventral = "{side}"\nroot = [0.01, 0.24]\n')
+        data = kinematics_dataset(scene)
+        rest, bent_ = data["shape_outline"].values[[0, -1]]
+        assert rest[:, 1].max() == pytest.approx(0.24, abs=1e-9)
+        assert rest[:, 0].mean() == pytest.approx(0.01, abs=1e-4)
+        assert sign * (bent_[:, 0].mean() - 0.01) > 0.01
+        dorsal = data["shape_dorsal_direction"].values[0]
+        assert dorsal == pytest.approx([-sign, 0], abs=1e-9)
+        assert np.ptp(rest[:, 0]) == pytest.approx(data.attrs["tip_thickness"], abs=1e-9)
+        assert data["shape_tip_direction"].values[0] == pytest.approx([0, -1], abs=1e-9)

@@ -1,0 +1,144 @@
+"""Rigid bodies: laws, outlines, kinematics.h5, and what a scene may say of them."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from fileio.errors import StageError
+from pipeline.kinematics.rigid_body import kinematics_dataset, rest_outline, smooth_step, travelled
+from pipeline.kinematics.stage import run as run_kinematics
+from pipeline.scene.rigid_body import Body, Law
+from pipeline.scene.scene import load_scene
+from tests.conftest import ROOT
+
+SCENE = """
+title = "t"
+[tank]
+size = [10.0, 10.0, 2.0]
+water_depth = 10.0
+[body]
+{body}
+[motion]
+source = "rigid"
+{motion}
+end_time = 2.0
+[model]
+kind = "2d"
+[mesh]
+wall_cell = 0.1
+wall_first_layer = 0.1
+wall_layers = 1
+tip_cell = 0.1
+near_cell = 0.2
+far_cell = 1.0
+[numerics]
+time_step = 0.01
+[sheet]
+rate_hz = 10.0
+[camera]
+centre = [0.0, 5.0]
+[levels.coarse]
+"""
+CIRCLE = 'shape = "circle"\ndiameter = 1.0\ncentre = [0.0, 5.0]'
+SINE = 'displacement = { kind = "sine", amplitude = -0.5, period = 1.0, smoothing = 0.3 }'
+
+
+def scene_of(folder, body=CIRCLE, motion=SINE):
+    (folder / "scene.toml").write_text(SCENE.format(body=body, motion=motion))
+    return load_scene(folder)
+
+
+def test_the_smooth_step_is_three_times_differentiable_and_its_rate_is_its_derivative():
+    x = np.linspace(-0.2, 1.2, 20001)
+    value = smooth_step(x)
+    assert value[0] == 0
+    assert value[-1] == 1
+    assert np.gradient(value, x) == pytest.approx(smooth_step(x, 1), abs=1e-3)
+    third = np.diff(value, 3) / (x[1] - x[0]) ** 3
+    assert np.abs(np.diff(third)).max() < 1.0  # a jump of the third derivative would be 840
+
+
+def test_a_power_law_ends_with_the_speed_and_the_way_of_theory():
+    path = travelled(Law(kind="power", rate=2.0, exponent=0.0, smoothing=0.1, start=0.05), 1.0)
+    assert path.rate[-1] == pytest.approx(2.0)
+    assert path.way[-1] == pytest.approx(
+        2.0 * (1.0 - 0.05 - 0.5 * 0.1), rel=1e-9
+    )  # half the smoothing is lost
+    path = travelled(Law(kind="power", rate=3.0, exponent=1.0, smoothing=0.1), 1.0)
+    assert path.rate[-1] == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("kind", ["sine", "power"])
+def test_rate_is_the_derivative_of_the_way(kind):
+    more = {"amplitude": 0.7, "period": 0.8} if kind == "sine" else {"rate": 1.3, "exponent": 1.5}
+    path = travelled(Law(kind=kind, smoothing=0.2, start=0.1, **more), 1.5)
+    assert CubicSpline(path.time, path.way)(path.time, 1) == pytest.approx(path.rate, abs=1e-5)
+    assert np.abs(path.way[path.time <= 0.1]).max() < 1e-12  # rounding of the spline's integral
+
+
+@pytest.mark.parametrize("angle", [0.0, 30.0])
+def test_outlines_are_closed_counter_clockwise_and_of_the_right_area(angle):
+    def area(p):
+        q = np.roll(p, -1, axis=0)
+        return 0.5 * np.sum(p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1])
+
+    circle = rest_outline(Body(shape="circle", diameter=2.0, centre=(0, 0)))
+    assert area(circle) == pytest.approx(np.pi, rel=1e-4)
+    plate = rest_outline(
+        Body(shape="plate", chord=1.0, thickness=0.1, centre=(0, 0), angle_deg=angle, points=4000)
+    )
+    assert area(plate) == pytest.approx(0.9 * 0.1 + np.pi * 0.05**2, rel=1e-4)
+    assert np.hypot(*plate.T).max() == pytest.approx(0.5, rel=1e-4)
+
+
+def test_kinematics_hold_the_body_where_its_law_says(tmp_path):
+    scene = scene_of(tmp_path)
+    run_kinematics(scene, quiet=True)
+    data = kinematics_dataset(scene)
+    assert data.attrs["format"] == "kinematics"
+    middle = data["outline"].values.mean(axis=1)
+    assert middle[:, 1] == pytest.approx(5.0)
+    wanted = -0.5 * smooth_step(data["look"].values / 0.3) * np.sin(2 * np.pi * data["look"].values)
+    assert middle[:, 0] == pytest.approx(wanted, abs=1e-6)
+    speed = data["outline_velocity"].values.mean(axis=1)[:, 0]
+    assert speed == pytest.approx(np.gradient(wanted, data["look"].values), abs=0.1)  # 20 ms apart
+
+
+def test_a_rotation_turns_the_plate(tmp_path):
+    plate = 'shape = "plate"\nchord = 1.0\nthickness = 0.1\ncentre = [1.0, 5.0]'
+    turn = 'rotation = { kind = "power", rate = 90.0, exponent = 0.0, smoothing = 0.2 }'
+    data = kinematics_dataset(scene_of(tmp_path, plate, turn))
+    assert np.degrees(data["bend"].values[-1]) == pytest.approx(90.0 * 1.9, rel=1e-6)
+    ends = data["shape_edges"].values
+    assert np.hypot(*(ends - [1.0, 5.0]).T) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    "body, motion, words",
+    [
+        (CIRCLE + "\nchord = 1.0", SINE, "chord and thickness to a plate"),
+        ('shape = "circle"\ncentre = [0.0, 5.0]', SINE, "a diameter to a circle"),
+        (CIRCLE, SINE.replace(", period = 1.0", ""), "takes amplitude and period"),
+        (CIRCLE, SINE + '\nstrokes = [{ pressure_kpa = 1.0, start = 0.1, duration = 0.2 }]', "nothing else"),
+        (CIRCLE, "", "either motion.displacement or motion.rotation"),
+        (CIRCLE + "\n[finger]\nroot = [0.0, 5.0]", SINE, "either finger or body"),
+    ],
+)  # fmt: skip
+def test_a_scene_that_cannot_be_is_refused_in_one_sentence(tmp_path, body, motion, words):
+    with pytest.raises(StageError, match=words):
+        scene_of(tmp_path, body, motion)
+
+
+def test_a_body_that_leaves_the_water_or_never_moves_is_refused(tmp_path):
+    with pytest.raises(StageError, match="leaves the water"):
+        kinematics_dataset(scene_of(tmp_path, CIRCLE, SINE.replace("-0.5", "-4.8")))
+    with pytest.raises(StageError, match="never moves"):
+        kinematics_dataset(scene_of(tmp_path, CIRCLE, SINE.replace("smoothing", "start = 2.0, smoothing")))
+
+
+def test_every_shipped_validation_scene_is_valid():
+    folders = sorted((ROOT / "cases" / "validation").glob("*/scene.toml"))
+    assert len(folders) >= 6
+    for path in folders:
+        for level in [line[8:-1] for line in path.read_text().splitlines() if line.startswith("[levels.")]:
+            assert load_scene(path.parent, level).level == level

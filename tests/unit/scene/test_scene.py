@@ -1,0 +1,212 @@
+"""A scene is refused in one sentence that names file, key and remedy."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fileio.errors import StageError
+from pipeline.openfoam.base_case import template_files, templates_digest
+from pipeline.scene.scene import load_scene
+from pipeline.scene.sections import Numerics
+from pipeline.stage_settings import STAGE_SECTIONS, make_rules, settings_of, write_settings
+from tests.conftest import ROOT, write_scene
+
+SCENES = sorted(p.parent for p in (ROOT / "cases").glob("*/scene.toml"))
+
+
+@pytest.mark.parametrize("folder", SCENES, ids=lambda p: p.name)
+@pytest.mark.parametrize("level", ["smoke", "coarse", "medium", "fine"])
+def test_every_shipped_scene_is_valid_at_every_level(folder, level):
+    assert load_scene(folder, level).level == level
+
+
+@pytest.mark.parametrize(
+    "more, words",
+    [
+        ("[finger]\nlenght = 0.07", ["finger.lenght", "not known"]),
+        ("[finger]\nroot = [0.0, 0.16]", ["finger.root", "0.1 m", "raise"]),
+        ("[finger]\nroot = [0.4, 0.245]", ["finger.root", "not in the water"]),
+        ("[finger]\nlength = 70.0", ["millimetres"]),
+        ("[tank]\nwater_depth = 0.4", ["water_depth", "exceeds"]),
+        ("[sheet]\nz = 0.2", ["sheet.z", "outside"]),
+        ("[sheet]\nz = 0.01", ["sheet.z", "symmetry plane"]),
+        ("[motion]\nend_time = 0.4205", ["motion.end_time", "give"]),
+        ("[motion]\nend_time = -1", ["motion.end_time", "got -1"]),
+        ("[sheet]\nrate_hz = 700", ["time_step", "divide"]),
+        ('[fluid]\nturbulence = "kepsilon"', ["fluid.turbulence", "kepsilon"]),
+        ("[finger]\ntilt_deg = nan", ["finger.tilt_deg", "finite"]),
+        ("[finger.tip]\nthickness = 0.005", ["finger.tip", "length"]),
+        ("level = 3", ["level", "not known"]),
+        (
+            "[[motion.strokes]]\npressure_kpa = 2\nstart = 0.2\nduration = 0.1\n"
+            "[[motion.strokes]]\npressure_kpa = 1\nstart = 0.1\nduration = 0.1",
+            ["strokes", "sort"],
+        ),
+        ("[sheet]\nspacing = 1e-310", ["too small"]),
+        ("[camera]\ncolumns = 1" + 400 * "0", ["too large"]),
+        (
+            '[motion]\nstrokes = []\npressure_csv = "p.csv"\nstart_pressure_kpa = 5.0',
+            ["start_pressure_kpa", "remove"],
+        ),
+    ],
+)
+def test_nonsense_is_refused_with_key_and_remedy(tmp_path, more, words):
+    with pytest.raises(StageError) as caught:
+        write_scene(tmp_path / "bad", more=more)
+    message = str(caught.value)
+    assert "scene.toml" in message
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_missing_scene_and_level_name_what_there_is(tmp_path):
+    with pytest.raises(StageError, match="no such scene"):
+        load_scene(tmp_path / "nowhere")
+    with pytest.raises(StageError, match="coarse, draft, fine, medium, smoke"):
+        load_scene(ROOT / "cases" / "single_finger", "huge")
+
+
+def test_touching_one_number_changes_only_the_stages_that_use_it(tmp_path):
+    folder = tmp_path / "scene"
+    before = write_scene(folder)
+    assert set(write_settings(before)) == set(STAGE_SECTIONS)
+    assert write_settings(before) == []
+    after = write_scene(folder, more="[piv]\nspacing = 4")
+    assert write_settings(after) == ["piv"]
+    after = write_scene(folder, more="[fluid]\ndensity = 1000.0")
+    assert set(write_settings(after)) == {"case", "piv"}  # piv goes back
+
+
+def base_case(folder: Path, files: dict[str, str]) -> Path:
+    """A base case of few files, written in the order given."""
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return folder
+
+
+def test_the_digest_of_the_templates_is_of_names_and_content_alone(tmp_path):
+    files = {"system/fvSolution": "tolerance 1e-6;", "system/fvSchemes": "Euler", "0/p": "0"}
+    one = base_case(tmp_path / "one", files)
+    other = base_case(tmp_path / "elsewhere" / "two", dict(reversed(files.items())))
+    assert [str(path.relative_to(one)) for path in template_files(one)] == sorted(files)
+    assert templates_digest(one) == templates_digest(other)
+    changes = (
+        ("system/fvSolution", "tolerance 1e-7;"),  # another content
+        ("system/fvConstraints", ""),  # one more
+        ("0/p", "0system"),
+    )
+    found = {
+        templates_digest(base_case(tmp_path / f"{k}", files | {name: text}))
+        for k, (name, text) in enumerate(changes)
+    }
+    moved = {name.replace("0/p", "1/p"): text for name, text in files.items()}
+    found |= {templates_digest(one), templates_digest(base_case(tmp_path / "moved", moved))}
+    assert len(found) == 5
+    with pytest.raises(StageError, match="git checkout cases/_base"):
+        templates_digest(tmp_path / "nowhere")
+
+
+def test_another_template_makes_the_case_again_and_what_is_before_it_not(tmp_path, monkeypatch):
+    scene = write_scene(tmp_path / "scene")
+    write_settings(scene)
+    base = tmp_path / "base"
+    shutil.copytree(ROOT / "cases" / "_base", base)
+    monkeypatch.setattr("pipeline.stage_settings.templates_digest", lambda: templates_digest(base))
+    assert write_settings(scene) == []
+    (base / "system" / "fvSolution").open("a").write("// a remark\n")
+    assert write_settings(scene) == ["case"]
+
+
+def test_the_grid_of_the_sheet_and_the_seeding_do_not_solve_again(tmp_path):
+    folder = tmp_path / "scene"
+    write_settings(write_scene(folder))
+    assert set(write_settings(write_scene(folder, more="[sheet]\nspacing = 2e-3"))) == {"sheet"}
+    write_settings(write_scene(folder))
+    assert set(write_settings(write_scene(folder, more="[camera]\nseed = 7"))) == {"images"}
+    write_settings(write_scene(folder))
+    assert "case" in write_settings(write_scene(folder, more="[sheet]\nrate_hz = 250.0"))
+
+
+@pytest.mark.parametrize(
+    "old, new",
+    [("time_step = 1e-3", "time_step = 5e-4"), ("[levels.tiny]", "[sheet]\nrate_hz = 250.0\n[levels.tiny]")],
+)
+def test_the_mesh_is_made_again_where_its_legs_begin_elsewhere(tmp_path, old, new):
+    """Legs begin with pictures, and shapes cover run-ins of so many steps: at another step they would be continued beyond."""
+    scene = write_scene(tmp_path / "scene")
+    write_settings(scene)
+    path = scene.folder / "scene.toml"
+    path.write_text(path.read_text().replace(old, new))
+    assert {"mesh", "case"} <= set(write_settings(load_scene(scene.folder, "tiny")))
+    path.write_text(path.read_text().replace("write_interval = 0.01", "write_interval = 0.02"))
+    assert write_settings(load_scene(scene.folder, "tiny")) == ["case"]  # of the rest nothing is the mesh's
+
+
+@pytest.mark.parametrize("level", ["smoke", "coarse"])
+@pytest.mark.parametrize("folder", SCENES, ids=lambda p: p.name)
+def test_a_shipped_scene_finds_the_states_it_names_or_inherits(folder, level):
+    scene = load_scene(folder, level)
+    assert scene.motion.states is None or (scene.folder / scene.motion.states).is_file()
+    assert "missing" not in settings_of(scene, "kinematics")["files"].values()
+
+
+def test_a_scene_cannot_extend_itself(tmp_path):
+    for name, other in (("a", "b"), ("b", "a")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "scene.toml").write_text(f'extends = "../{other}"\n')
+    with pytest.raises(StageError, match="break the circle"):
+        load_scene(tmp_path / "a")
+    (tmp_path / "a" / "scene.toml").write_text("extends = 1\n")
+    with pytest.raises(StageError, match="give the folder"):
+        load_scene(tmp_path / "a")
+
+
+@given(st.text(max_size=60))
+def test_any_text_is_a_scene_or_one_sentence(tmp_path_factory, text):
+    folder: Path = tmp_path_factory.mktemp("scene")
+    (folder / "scene.toml").write_text(text, encoding="utf-8", errors="surrogatepass")
+    with pytest.raises(StageError):
+        load_scene(folder)
+
+
+@pytest.mark.parametrize(
+    "time_step, rate, steps",
+    [(1e-3, 125.0, 2), (0.5e-3, 500.0, 4), (0.5e-3, 250.0, 4), (4e-3, 250.0, 1), (1e-3, 1000 / 3, 1)],
+)
+def test_power_is_sampled_at_least_every_2_ms_and_whenever_the_sheet_is(time_step, rate, steps):
+    numerics = Numerics(time_step=time_step)
+    assert numerics.balance_steps(rate) == steps
+    assert numerics.sampling_steps(rate) % steps == 0
+
+
+def test_interpolation_is_in_the_hash_only_of_scenes_that_choose_it():
+    scene = load_scene(ROOT / "cases" / "single_finger", "smoke")
+    assert "interpolation" not in scene.model_dump()["numerics"]
+    chosen = scene.numerics.model_copy(update={"interpolation": "skewCorrected"})
+    other = scene.model_copy(update={"numerics": chosen})
+    assert other.digest() != scene.digest()
+    assert settings_of(other, "case")["numerics"]["interpolation"] == "skewCorrected"
+
+
+def test_make_is_told_of_every_file_that_a_scene_is_made_of(tmp_path):
+    """Also where the scene and what it extends lie outside cases/: else a changed file would not be noticed."""
+    parent = write_scene(tmp_path / "a b")
+    child = tmp_path / "child"
+    child.mkdir()
+    (child / "scene.toml").write_text('extends = "../a b"\n')
+    scene = load_scene(child, parent.level)
+    first, *others = make_rules(scene).splitlines()
+    target, files = first.split(": ", 1)
+    assert target == str(scene.out / "settings" / ".stamp")
+    named = [name.replace("\0", " ") for name in files.replace("\\ ", "\0").split()]
+    assert {Path(name).resolve() for name in named} >= {
+        child / "scene.toml",
+        parent.folder / "scene.toml",
+        (parent.folder / parent.motion.states).resolve(),
+    }
+    assert len(others) == len(named)

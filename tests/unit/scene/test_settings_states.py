@@ -1,0 +1,86 @@
+"""A scene whose actuator has changed since its bending states were analysed is refused, not run with the old states."""
+
+import json
+import shutil
+
+import pytest
+
+from fileio.errors import StageError
+from pipeline.fea.up_to_date import check_states
+from pipeline.scene.scene import load_scene
+from pipeline.stage_settings import run
+from pipeline.study.plan import plan
+from tests.conftest import ROOT, write_scene
+
+WIDER = "[actuator]\nwidth = 0.03"
+OWN = '\n[motion]\nstates = "kinematics/states.h5"'  # beside the scene, not the parent's
+
+
+@pytest.mark.parametrize(
+    "more, words",
+    [
+        (WIDER, ["actuator.width = 0.03", "analysed with 0.028"]),
+        (
+            "[actuator.materials.lower.parameters]\nC10 = 9e4",
+            ["actuator.materials.lower.parameters.C10 = 90000"],
+        ),
+        ("[fea]\nlast_pressure_kpa = 50.0", ["fea.last_pressure_kpa = 50", "with 40"]),
+        ("[fea.mesh]\nspan = 5", ["fea.mesh.span = 5", "with 3"]),
+    ],
+)
+def test_what_the_states_follow_from_is_refused_with_key_and_remedy_and_nothing_is_written(
+    tmp_path, more, words
+):
+    scene = write_scene(tmp_path / "scene", more=more)
+    with pytest.raises(StageError) as caught:
+        run(scene, quiet=True)
+    for word in (*words, "scene.toml", "states.h5", "python -m pipeline.fea", "take the change back"):
+        assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not list((scene.out / "settings").glob("*"))
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "",
+        "[fea]\nuncertainty = false",
+        '[actuator.materials.lower]\nname = "the same, of another batch"',
+        "[fea.solid_mesh]\nspan = 5",  # of the other engine
+        WIDER + '\n[motion]\nsource = "paper_equations"',
+    ],
+)
+def test_what_the_states_do_not_follow_from_is_left_alone(tmp_path, more):
+    run(write_scene(tmp_path / "scene", more=more), quiet=True)
+
+
+def test_states_without_provenance_or_not_there_are_left_to_the_stage_that_reads_them(tmp_path):
+    scene = write_scene(tmp_path / "scene", more=WIDER + OWN)
+    (scene.folder / "kinematics").unlink()
+    check_states(scene)
+    (scene.folder / "kinematics").mkdir()
+    (scene.folder / "kinematics" / "states.h5").write_text("no HDF5")
+    check_states(scene)
+
+
+def test_the_remedy_is_of_the_scene_whose_actuator_it_is(tmp_path):
+    """One changes; another that extends it and takes its states is sent to the same analysis, one of its own to its own."""
+    parent = write_scene(tmp_path / "parent", more=WIDER + OWN)
+    (parent.folder / "kinematics").unlink()
+    shutil.copytree(ROOT / "cases" / "single_finger" / "kinematics", parent.folder / "kinematics")
+    for name, more, folder in (("child", "", "parent"), ("other", "[actuator]\nwidth = 0.02\n", "other")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "scene.toml").write_text(f'extends = "../parent"\n{more}')
+        with pytest.raises(StageError, match=f"pipeline.fea {tmp_path / folder}[ ,]"):
+            check_states(load_scene(tmp_path / name, "tiny"))
+
+
+def test_a_study_is_refused_but_for_its_runs_that_are_analysed_first(tmp_path):
+    scene = write_scene(tmp_path / "small", more=WIDER)
+    (scene.folder / "studies").mkdir()
+    table = scene.folder / "studies" / "trial.csv"
+    table.write_text("run, level, until, actuator.width\nnarrow, tiny, kinematics, 0.02\n")
+    assert json.loads(plan(table).read_text())["runs"][0]["fea"]
+    table.write_text("run, level, until, actuator.width\nnarrow, tiny, kinematics, 0.02\nplain, tiny, run,\n")
+    with pytest.raises(StageError, match=r"run plain: .*actuator\.width"):
+        plan(table)

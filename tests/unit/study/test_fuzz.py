@@ -1,0 +1,43 @@
+"""A small fuzz of every reader, the same inputs each time; `make fuzz` tries a hundred thousand."""
+
+import random
+
+import pytest
+
+from fileio.child_process import check_walkable
+from tests.studies.fuzz.mutate import damaged
+from tests.studies.fuzz.targets import TARGETS, check, named
+
+INPUTS = 30
+
+
+@pytest.mark.parametrize("name", [target.name for target in TARGETS])
+def test_damaged_files_are_read_or_refused_in_one_sentence(name, tmp_path):
+    target, draw = named(name), random.Random(2017)
+    seeds, files = tmp_path / "seeds", tmp_path / "files"
+    seeds.mkdir()
+    files.mkdir()
+    whole = target.seeds(seeds)
+    assert any(check(target, content, files) is None for content in whole), "no seed is read"
+    outcomes = [check(target, damaged(whole, draw), files) for _ in range(max(2, INPUTS // target.costs))]
+    assert any(outcome is not None for outcome in outcomes), (
+        "nothing was ever refused: the damage is not seen"
+    )
+
+
+def test_a_file_that_the_library_never_gets_through_is_refused(tmp_path, monkeypatch):
+    """A loop in the library, put in by hand: the damaged files that loop differ between versions of HDF5."""
+    from fileio import child_process as hdf5_check
+
+    path = named("images.h5").seeds(tmp_path)[0]
+    (tmp_path / "a.h5").write_bytes(path)
+    check_walkable(tmp_path / "a.h5")
+
+    def loop(_):
+        while True:
+            pass
+
+    monkeypatch.setattr(hdf5_check, "_walk", loop)
+    monkeypatch.setattr(hdf5_check, "CPU_LIMIT", 1)
+    with pytest.raises(ValueError, match=r"a\.h5: damaged"):
+        check_walkable(tmp_path / "a.h5")

@@ -1,0 +1,75 @@
+"""The Makefile says what it can do, and the docs are made at the levels that they say they were made at."""
+
+import re
+import subprocess
+
+import pytest
+
+from pipeline.openfoam.base_case import template_files
+from pipeline.scene.scene import load_scene
+from tests.conftest import ROOT
+from tests.inner_make import inner_environment
+
+MAKEFILES = [ROOT / "Makefile", ROOT / "postprocess" / "lab" / "compare.mk"]
+TEXT = "\n".join(path.read_text(encoding="utf-8") for path in MAKEFILES)
+OWN = {"lab-register", "lab-sheets", "study-sheets"}  # steps of other targets, which call make again
+DOCUMENTED = dict(page.split(":") for page in re.search(r"(?m)^DOCS \?= (.*)$", TEXT).group(1).split())
+
+
+@pytest.fixture(scope="module")
+def told():
+    """What `make help` prints."""
+    done = subprocess.run(["make", "-s", "help"], cwd=ROOT, capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+def phony():
+    """Targets of .PHONY that are no scene's."""
+    names = " ".join(re.findall(r"(?m)^\.PHONY:(.*)$", TEXT)).split("$(SCENES)")[0]
+    return set(names.split()) - OWN
+
+
+def test_every_target_for_a_user_has_a_line_of_help(told):
+    listed = set(re.findall(r"(?m)^make ([a-z-]+) ", told))
+    assert phony() <= listed
+    assert set(re.findall(r"(?m)^([a-z][a-z-]+):(?!=).*##", TEXT)) == phony()  # and the other way round
+
+
+def test_what_the_readme_and_the_docs_tell_to_make_is_there(told):
+    scenes = {path.parent.name for path in (ROOT / "cases").glob("*/scene.toml")} | {"SCENE"}
+    scenes.add("slurm_test")  # of tests/slurm, in its log
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "fea").glob("*.md")]
+    for page in pages:
+        asked = set(re.findall(r"`make ([a-z][a-z_.-]*)", page.read_text(encoding="utf-8")))
+        assert {name.split(".")[0] for name in asked} <= phony() | scenes, page
+
+
+@pytest.mark.parametrize("scene", sorted(DOCUMENTED))
+def test_the_docs_are_made_at_the_level_that_their_page_says(scene):
+    text = (ROOT / "docs" / f"{scene}.md").read_text(encoding="utf-8")
+    assert f"`cases/{scene}/out/{DOCUMENTED[scene]}/`" in text
+    assert load_scene(ROOT / "cases" / scene, DOCUMENTED[scene]).level == DOCUMENTED[scene]
+
+
+def test_settings_are_looked_at_again_when_a_template_of_the_case_changes():
+    """And when one is added or goes, which dates its folder."""
+    stamp = "cases/single_finger/out/coarse/settings/.stamp"
+    asked = ["make", "-npr", "READY=Makefile", "LEVEL=coarse", "single_finger.kinematics"]
+    rules = subprocess.run(
+        asked, cwd=ROOT, capture_output=True, text=True, check=False, env=inner_environment()
+    ).stdout
+    named = set(re.search(rf"(?m)^{re.escape(stamp)}: ([^|\n]*)", rules).group(1).split())
+    base = ROOT / "cases" / "_base"
+    assert named >= {
+        str(path.relative_to(ROOT))
+        for path in (base, *(p.parent for p in template_files()), *template_files())
+    }
+
+
+def test_every_page_that_comes_from_a_run_is_made_by_make_docs():
+    made = {
+        p.stem
+        for p in (ROOT / "docs").glob("*.md")
+        if "Written by `make docs`" in p.read_text(encoding="utf-8")
+    }
+    assert made == set(DOCUMENTED)

@@ -1,0 +1,103 @@
+"""The scaling model: exact where it must be, and fitted back to what made it."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from fileio.errors import StageError
+from pipeline.study.predict import report
+from pipeline.study.scaling_data import measured, read_data
+from pipeline.study.scaling_model import Network, Solver, fit, imbalance, step_time, useful_ranks
+from tests.conftest import write_scene
+
+NETWORK = Network(latency=2e-6, bandwidth=1e9, ranks_per_node=64, saturated=2.0)
+SOLVER = Solver(seconds_per_cell=4e-6, pair_slowdown=1.1, serial_seconds_per_cell=0.0, pressure_cycles=6.0)
+FREE = Network(latency=0.0, bandwidth=1e30, ranks_per_node=10**6, saturated=1.0)
+
+
+def test_one_rank_costs_its_cells():
+    assert step_time(1e5, 1, 5e3, SOLVER, NETWORK) == pytest.approx(0.4)
+
+
+def test_without_communication_only_imbalance_is_lost():
+    solver = Solver(4e-6, 1.0, 0.0, 6.0)
+    for ranks in (2, 16, 64):
+        ideal = 4e-6 * 1e6 / ranks * imbalance(1e6, ranks, 5e4)
+        assert step_time(1e6, ranks, 5e4, solver, FREE) == pytest.approx(ideal)
+
+
+def test_fit_recovers_the_solver_that_made_the_measurements():
+    one = {"cells": 6e4, "columns": 4.9e3, "step_s": step_time(6e4, 1, 4.9e3, SOLVER, NETWORK), "cycles": 6.0}
+    two = one | {"alone_s": one["step_s"], "step_s": step_time(6e4, 2, 4.9e3, SOLVER, NETWORK)}
+    found = fit(one, two, NETWORK)
+    assert found.seconds_per_cell == pytest.approx(4e-6)
+    assert found.pair_slowdown == pytest.approx(1.1, rel=1e-6)
+
+
+def test_larger_meshes_and_faster_networks_pay_for_more_ranks():
+    small, large = (useful_ranks(n, n / 12, SOLVER, NETWORK) for n in (3e4, 3e6))
+    slow = useful_ranks(3e6, 2.5e5, SOLVER, Network(5e-5, 1e8, 64, 2.0))
+    assert small < large
+    assert slow < large
+    assert large * 5000 <= 3e6  # no rank has too little to do
+
+
+def test_a_serial_part_bounds_the_speed_up():
+    solver = Solver(4e-6, 1.0, 4e-8, 6.0)  # a hundredth: Amdahl's bound is 101
+    assert step_time(1e6, 1, 1e5, solver, FREE) / step_time(1e6, 4096, 1e5, solver, FREE) < 101
+
+
+def test_the_shipped_measurements_are_sound():
+    one, two, network = read_data()
+    solver = fit(one, two, network)
+    # 1 to 20 µs a cell and step, two or four pressure solves: any machine of these years
+    assert 1e-6 < solver.seconds_per_cell < 2e-5
+    assert 1.0 <= solver.pair_slowdown < 2.0
+    assert 1 < useful_ranks(6e5, 3e4, solver, network) <= 4096
+
+
+STEPS = """# {"made": "2026-11-21"}
+level,cells,columns,correctors,ranks,mesh,samples,step_s,pressure_iterations,courant_max
+coarse,61482,4900,2,1,moving,True,0.20,7.5,0.6
+coarse,61482,4900,2,1,moving,False,0.18,7.5,0.6
+coarse,61482,4900,2,1,static,True,0.15,7.5,0.6
+coarse,61482,4900,2,2,moving,True,0.12,7.6,0.6
+"""
+
+
+def test_steps_that_were_measured_here_are_what_is_fitted(tmp_path):
+    """make bench-steps, then make predict: one rank costs what it was measured to cost, and two do."""
+    (tmp_path / "steps.csv").write_text(STEPS)
+    one, two, network = read_data(steps=tmp_path / "steps.csv")
+    solver = fit(one, two, network)
+    assert step_time(61482, 1, 4900, solver, network) == pytest.approx(0.20)
+    assert step_time(61482, 2, 4900, solver, network) == pytest.approx(0.12, rel=0.02)
+    (tmp_path / "steps.csv").write_text(STEPS.replace("cells", "level2"))
+    with pytest.raises(StageError, match="bench-steps again"):
+        read_data(steps=tmp_path / "steps.csv")
+
+
+def test_a_prediction_says_what_it_does_not_know(tmp_path):
+    """The memory of a full node is assumed: the answer spans what the literature leaves open, and names it."""
+    text = report(write_scene(tmp_path / "small"), 40_000_000, 1_500_000, [1, 2, 64])
+    answer = next(line for line in text.splitlines() if "more than" in line)
+    low, high = re.search(r"\(([\d.]+) min to ([\d.]+) min, by how well", answer).groups()
+    about = re.search(r"about ([\d.]+) min", answer).group(1)
+    assert float(low) < float(about) < float(high) < 3.5 * float(low)
+    assert "Galeazzo" in text
+    assert "InfiniBand" in text
+
+
+def test_a_step_is_read_from_the_log(tmp_path):
+    lines, clock = [], 0.0
+    for step in range(1, 101):
+        clock += 0.5 + (0.2 if step % 4 == 0 else 0.0)  # each fourth step takes a picture
+        lines += [f"Time = {step}", "GAMG:  Solving for p, x, No Iterations 3", "GAMG:  Solving for p, x, No Iterations 2",
+                  f"ExecutionTime = {clock:.2f} s  ClockTime = 9 s"]  # fmt: skip
+    (tmp_path / "log.pimpleFoam").write_text("\n".join(lines))
+    found = measured(tmp_path, 4)
+    assert found["cycles"] == 5
+    assert found["step_s"] == pytest.approx(0.55)
+    assert found["serial_s"] == pytest.approx(0.05)

@@ -1,0 +1,182 @@
+"""What accuracy costs: the front, errors of known size, and the choice by accuracy or by time."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from fileio.cost import main as with_cost
+from fileio.errors import StageError
+from pipeline.study.ask_accuracy import Setting, accuracy, budget, choose, predicted, read_results
+from pipeline.study.plan import Row
+from postprocess.studies.tradeoff import finest, force_error, front, own_errors, vortex_errors, worst
+from postprocess.studies.tradeoff_page import axis_sentence, draw, page, results_text
+
+SETTINGS = [
+    Setting(Row("draft", "draft"), 0.2, {"run": 40.0, "mesh": 5.0}),
+    Setting(Row("coarse", "coarse"), 0.04, {"run": 300.0, "mesh": 10.0}),
+    Setting(Row("fine", "fine"), 0.01, {"run": 5000.0, "mesh": 60.0}),
+]
+
+
+def test_front_is_what_nothing_beats():
+    cost = np.array([1.0, 2.0, 3.0, 4.0, 2.0])
+    error = np.array([0.5, 0.6, 0.2, 0.2, np.nan])
+    np.testing.assert_array_equal(front(cost, error), [True, False, True, False, False])
+
+
+def test_errors_of_known_size():
+    time = np.linspace(0, 0.4, 81)
+    reference = pd.DataFrame({"time": time, "fx": np.sin(20 * time), "fy": np.cos(20 * time)})
+    other = reference.assign(fx=1.1 * reference["fx"], fy=1.1 * reference["fy"])
+    assert force_error(reference, other, 0.4) == pytest.approx(0.1, rel=1e-6)
+    columns = {"track": 1, "core_radius": 0.004, "finger": 0, "side": "dorsal", "tip_distance": 1.0}
+    table = pd.DataFrame({"time": time, "x": 0.01 * time, "y": 0.2, "circulation": -0.008, **columns})
+    moved = table.assign(x=table["x"] + 0.003, y=table["y"] + 0.004, circulation=-0.0088)
+    found = vortex_errors(table, moved, (0.1, 0.3), 0.02)
+    assert found["error_circulation"] == pytest.approx(0.1)
+    assert found["error_centre_mm"] == pytest.approx(5.0)
+    assert worst(found | {"error_velocity": 0.05}) == {"error": pytest.approx(0.25)}  # 5 mm of a tip of 20
+    assert worst({"error_velocity": 0.05}) == {}  # without a vortex nothing is judged
+
+
+def test_the_cheapest_that_is_good_enough_and_the_best_that_is_in_time():
+    times = [45.0, 310.0, 5060.0]
+    assert choose(SETTINGS, times, 0.05, None) == 1
+    assert choose(SETTINGS, times, 0.3, None) == 0
+    assert choose(SETTINGS, times, None, 600.0) == 1
+    with pytest.raises(StageError, match=r"the best, fine, is within 0\.01"):
+        choose(SETTINGS, times, 0.001, None)
+    with pytest.raises(StageError, match="the fastest, draft, takes 45 s"):
+        choose(SETTINGS, times, None, 10.0)
+
+
+def test_a_machine_of_half_the_speed_takes_twice_as_long():
+    there, here = {"solver": 0.5, "images": 0.2}, {"solver": 1.0, "images": 0.4}
+    assert predicted(SETTINGS[0], there, here) == pytest.approx(90)
+    assert predicted(SETTINGS[0], there, {"solver": 1.0, "images": 0.2}) == pytest.approx(85)
+
+
+@pytest.mark.parametrize("text, value", [("5%", 0.05), ("0.05", 0.05), (" 2.5 %", 0.025)])
+def test_accuracy(text, value):
+    assert accuracy(text) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text, value", [("10min", 600), ("2h", 7200), ("90s", 90)])
+def test_budget(text, value):
+    assert budget(text) == value
+
+
+@pytest.mark.parametrize(
+    "ask, text",
+    [
+        (accuracy, "five"),
+        (accuracy, "500%"),
+        (budget, "10"),
+        (budget, "0min"),
+        (budget, "1 year"),
+        (accuracy, "0.0.5"),
+        (budget, ".min"),
+    ],
+)
+def test_what_is_no_accuracy_or_time_is_refused(ask, text):
+    with pytest.raises(StageError, match="give a"):
+        ask(text)
+
+
+def results() -> pd.DataFrame:
+    """A table as postprocess.studies.tradeoff makes it, of three flow runs and two of PIV."""
+    flow = pd.DataFrame(
+        {
+            "run": ["draft", "draft_2d", "medium"], "level": ["draft", "draft", "medium"], "kind": "flow", "ranks": 1,
+            "model.kind": [np.nan, "2d", np.nan], "sheet.rate_hz": [100, 100, np.nan], "cells": [29800, 2846, 259300],
+            "time_step_s": [1e-3, 1e-3, 2.5e-4], "cpu_flow_s": [50.0, 15.0, 2500.0], "peak_memory_MB": 300.0,
+            "error_circulation": [0.1, 0.86, np.nan], "error_centre_mm": [0.5, 2.7, np.nan], "error_velocity": [0.02, 0.1, np.nan],
+            "error_force": [0.05, 1.7, np.nan], "error": [0.1, 1.7, np.nan], "tip_width_mm": 16.7, "openfoam": "v1912",
+            "cpu_run_s": [45.0, 9.0, 2500.0], "circulation_cfd_m2_per_s": [-0.0075, -0.0135, -0.0072], "peak_force_N": [0.07, 0.19, 0.07],
+            "predict_run_s": [45.0, 9.0, 2500.0], "front": [True, True, False],
+        }
+    )  # fmt: skip
+    piv = pd.DataFrame(
+        {
+            "run": ["piv", "piv_fast"], "level": "draft", "kind": "piv", "vectors": [5000, 5000], "cpu_piv_per_field_s": [0.2, 0.1],
+            "error_circulation": [0.01, 0.02], "error_centre_mm": [0.1, 0.1], "error_velocity": [0.004, 0.006], "error": [0.01, 0.02],
+            "front": True,
+        }
+    )  # fmt: skip
+    return pd.concat([flow, piv], ignore_index=True)
+
+
+def test_the_best_runs_own_error_is_extrapolated_from_the_next_level():
+    table = pd.DataFrame(
+        {
+            "model": "half", "cells": [800.0, 100.0, 400.0, 50.0], "error_circulation": [np.nan, 0.12, 0.01, 0.3],
+            "error_centre": 0.0, "error_velocity": 0.0, "error_force": 0.0, "error_centre_mm": 0.3, "error": [np.nan, 0.12, 0.01, 0.3],
+        },
+        index=["medium", "coarse", "coarse_dt", "draft"],
+    )  # fmt: skip
+    runs = [
+        {"run": run, "until": "vortices_cfd", "overrides": {"numerics.time_step": 1e-3} if run == "coarse_dt" else {}}
+        for run in table.index
+    ]  # fmt: skip
+    # cells of half the size: a quarter of the error, so a third of the difference
+    assert own_errors(table, runs, "medium")["error"] == pytest.approx(0.04)
+    assert own_errors(table, runs[:1], "medium") == {}
+
+
+def test_page_figure_and_results_that_can_be_chosen_from(tmp_path):
+    table = results()
+    sentence = axis_sentence(table, "draft_2d", "draft", "Model")
+    assert sentence is not None
+    assert "tip circulation +80.0%" in sentence
+    assert axis_sentence(table, "coarse", "draft", "Level") is None
+    text = page("single_finger", table, "medium", {"coarse": "sheet.h5 is not there"})
+    assert "**draft_2d**" in text
+    assert (
+        "**Incomplete.** Not below, until `make tradeoff` has made them: coarse (sheet.h5 is not there)."
+        in text
+    )
+    assert draw(table, tmp_path / "front.svg").stat().st_size > 5000
+    assert draw(
+        table[table["kind"] == "flow"].drop(columns="cpu_piv_per_field_s"), tmp_path / "flow.svg"
+    ).exists()
+    path = tmp_path / "single_finger.csv"
+    path.write_text(results_text(table, "medium", {"solver": 0.5, "images": 0.2}))
+    settings, probe = read_results(path)
+    assert probe == {"solver": 0.5, "images": 0.2}
+    assert [s.row.run for s in settings] == ["draft", "draft_2d"]  # the best has no error, PIV is no flow
+    assert settings[1].row.overrides == {"model.kind": "2d"}  # how often the study sampled is no setting
+    assert settings[1].seconds == {"run": 9.0}
+
+
+def test_a_command_is_measured_and_its_failure_passed_on(tmp_path):
+    path = tmp_path / "costs" / "piv.json"
+    assert with_cost([str(path), "--", "true"]) == 0
+    cost = json.loads(path.read_text())
+    assert cost["stage"] == "piv"
+    assert cost["cpu_time"] >= 0
+    path.unlink()
+    assert with_cost([str(path), "--", "false"]) == 1
+    assert not path.exists()
+
+
+def test_the_others_are_judged_by_the_finest_run_that_is_there(tmp_path):
+    rows = []
+    for name, cells, steps, until in (
+        ("draft", 10, 400, "vortices_cfd"),
+        ("fine", 90, 400, "vortices_cfd"),
+        ("fine_dt", 90, 800, "vortices_cfd"),
+        ("gone", 200, 400, "vortices_cfd"),
+        ("piv", 10, 400, "vortices"),
+    ):
+        folder = tmp_path / name
+        rows.append({"run": name, "folder": str(folder), "level": "draft", "until": until})
+        (folder / "out" / "draft" / "run").mkdir(parents=True)
+        record = json.dumps({"cells": cells, "steps": steps})
+        (folder / "out" / "draft" / "run" / "run.json").write_text(record)
+    assert finest({"runs": rows}, {"gone": "sheet.h5 is not there"}) == "fine_dt"
+    with pytest.raises(ValueError, match="no finished run"):
+        finest({"runs": rows[3:]}, {"gone": "sheet.h5 is not there"})
