@@ -120,10 +120,10 @@ include postprocess/lab/compare.mk
 fea: $(READY) ## bending analysis of the actuator of SCENE (single_finger): cases/SCENE/kinematics/states.h5
 	$(PY) -m pipeline.fea cases/$(SCENE)
 
-bench-piv: piv-limits ## PIV against its peers (own environment), and its limits; every table of docs/piv.md
+bench-piv: piv-limits ## PIV against its peers (own environment), and its limits; every table of docs/piv_benchmarks.md
 	$(PY) -m tests.studies.piv.benchmark --docs
 
-piv-limits: $(READY) ## PIV where it becomes worse, and on flows that served no tuning; tables into docs/piv.md
+piv-limits: $(READY) ## PIV where it becomes worse, and on flows that served no tuning; tables into docs/piv_benchmarks.md
 	$(PY) -m tests.studies.piv.limits --docs
 	$(PY) -m tests.studies.piv.unseen --docs
 

@@ -3,7 +3,7 @@
 FFT passes at half resolution find the displacement to a few tenths of a pixel. Then both images are warped half-way
 towards each other along the vectors found so far, and a Newton step on their windowed correlation gives what is left;
 its sums of products need no FFT. After the first step at full resolution the spectra of what the warped images share
-and of what they do not give each frequency its maximum-likelihood weight. docs/piv.md has the whole story.
+and of what they do not give each frequency its maximum-likelihood weight. docs/piv_theory.md has the whole story.
 """
 
 from __future__ import annotations

@@ -142,7 +142,7 @@ def test_uncertainty_covers_two_thirds_of_the_errors(ppp, seeds, least, most):
 @pytest.mark.parametrize(
     "window, ppp, noise, least, most",
     [
-        # 60-76 % asked; three small images scatter by ±4 %; each row's own value is in docs/piv.md
+        # 60-76 % asked; three small images scatter by ±4 %; each row's own value is in docs/piv_benchmarks.md
         (16, 0.04, 0.05, 0.72, 0.87),  # the count of cells doubts too much
         (20, 0.04, 0.05, 0.68, 0.84),
         (24, 0.04, 0.05, 0.64, 0.80),

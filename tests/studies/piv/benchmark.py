@@ -2,7 +2,7 @@
 
 Peers (OpenPIV 0.26 windef in four configurations, PIVtools 0.7) are installed in `.venv-bench` at the first run. Flows
 are rendered with seeds that served no tuning (tuning used seeds below 100). CPU seconds of one core; RMS errors are per
-component over the vectors at least 24 px from the edge. --docs writes the tables into docs/piv.md.
+component over the vectors at least 24 px from the edge. --docs writes the tables into docs/piv_benchmarks.md.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ def main() -> None:
     """Run, print, and write to the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=2, help="pairs per flow")
-    parser.add_argument("--docs", action="store_true", help="write the tables into docs/piv.md")
+    parser.add_argument("--docs", action="store_true", help="write the tables into docs/piv_benchmarks.md")
     args = parser.parse_args()
     cv2.setNumThreads(1)
     seeds = list(range(1001, 1001 + args.seeds))

@@ -1,7 +1,7 @@
 """PIV where it becomes worse: short waves, few particles, divergence, other windows, extremes, walls, edges, real pictures.
 
 python -m tests.studies.piv.limits [--docs]   (make piv-limits)
-Own results only, seeds 3101 and up, which served no tuning; --docs writes them into docs/piv.md.
+Own results only, seeds 3101 and up, which served no tuning; --docs writes them into docs/piv_benchmarks.md.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def table() -> str:
 def main() -> None:
     """Measure, print, and write to the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--docs", action="store_true", help="write what is found into docs/piv.md")
+    parser.add_argument("--docs", action="store_true", help="write what is found into docs/piv_benchmarks.md")
     args = parser.parse_args()
     cv2.setNumThreads(1)
     found = [

@@ -1,6 +1,6 @@
 """Flows that served no tuning, with seeds of their own: python -m tests.studies.piv.unseen [--docs]   (make piv-limits).
 
-Own results only; --docs writes the table into docs/piv.md.
+Own results only; --docs writes the table into docs/piv_benchmarks.md.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def table() -> str:
 def main() -> None:
     """Print the table, and write it to the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/piv.md")
+    parser.add_argument("--docs", action="store_true", help="write the table into docs/piv_benchmarks.md")
     args = parser.parse_args()
     cv2.setNumThreads(1)
     text = table()

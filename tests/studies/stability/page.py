@@ -114,23 +114,10 @@ def _number(item: tuple[str, str]) -> float:
         return 0.0
 
 
-def markdown(columns: list[str], rows: list[list[Any]]) -> str:
-    """A table."""
-    lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
-    return (
-        "\n".join(lines + ["| " + " | ".join(str(c).replace("|", "¦") for c in row) + " |" for row in rows])
-        + "\n"
-    )
-
-
-def counts(rows: list[dict[str, str]]) -> str:
-    """`12 completed, 3 refused beforehand`."""
-    found = {key: sum(row["ended"] == key for row in rows) for key in MEANS}
-    return ", ".join(f"{number} {MEANS[key]}" for key, number in found.items() if number)
-
-
-def _short(text: str, row: dict[str, str]) -> str:
-    return text or f"{row['axis']} {row['value']}"
+def counts(rows: list[dict[str, str]], **words: str) -> str:
+    """`12 completed, 3 refused beforehand`; `words` in place of those of MEANS."""
+    number = {key: sum(row["ended"] == key for row in rows) for key in MEANS}
+    return ", ".join(f"{number[key]} {text}" for key, text in (MEANS | words).items() if number[key])
 
 
 def runs_part(rows: list[dict[str, str]]) -> list[str]:
@@ -144,50 +131,25 @@ def runs_part(rows: list[dict[str, str]]) -> list[str]:
         f"{len(rows)} runs: {counts(rows)}. Base: the single finger in 2-D at level smoke, 0 → 20 kPa in 0.15 s, time step 1 ms;"
         " one axis is changed at a time, then corners. In the completed runs the water never has more than"
         f" {worst:.2%} of its energy from nothing; what the schemes dissipate is {closure[0]:.0%} to {closure[-1]:.0%} of the"
-        " work.\n" if done else "",
-        "Numbers of the completed ones (all columns: `docs/stability/runs.csv`). `force / plate`: peak force over that of a"
-        " plate as long as the finger, ρ W (π/4 L² a + L U²), a check that is made without the solver.\n",
-        markdown(
-            ["axis", "value", "bend °", "tip m/s", "Courant", "closure", "from nothing", "peak force N", "force / plate"],
-            [
-                [AXES.get(r["axis"], r["axis"]), r["value"], r["bend_deg"], r["tip_speed"], r["courant_max"],
-                 r["closure_fraction"], r["from_nothing_fraction"], r["peak_force_N"], r["force_of_plate"]]
-                for r in done
-            ],
-        ),
-        "What was refused or stopped, and why:\n",
-        markdown(
-            ["axis", "value", "ended", "sentence"],
-            [[AXES.get(r["axis"], r["axis"]), r["value"], r["ended"], r["reason"]] for r in rows if r["ended"] != "completed"],
-        ),
+        " work. Every run with its numbers and, where it was refused or stopped, the sentence: [runs.csv](stability/runs.csv)."
+        " `force_of_plate`: the peak force on a plate as long as the finger, ρ W (π/4 L² a + L U²), a check that is made without"
+        " the solver.\n" if done else "",
     ]  # fmt: skip
 
 
 def images_part(rows: list[dict[str, str]]) -> list[str]:
     """What happened to the pictures."""
     presets = list(dict.fromkeys(row["preset"] for row in rows))
+    wrong = [row for row in rows if row["ended"] == "WRONG"]
     return [
         "## Images\n",
         "![How each picture ended, by axis and value](stability/images.svg)\n",
-        f"{len(rows)} evaluations: {counts(rows)}. A uniform shift and a vortex, {', '.join(presets)}, 32 px windows;"
-        " `valid`: part of the vectors not marked; `wrong`: part of those that are further than 0.5 px from the truth (where"
-        " no vector can be right, all that are called valid). More than 5 % wrong counts as a plausible wrong answer.\n",
-        markdown(
-            ["axis", "value", "preset", "ended", "valid", "rms px", "wrong"],
-            [
-                [
-                    r["axis"],
-                    r["value"],
-                    r["preset"],
-                    r["ended"],
-                    r["valid"],
-                    r["rms_px"],
-                    r["wrong_unflagged"],
-                ]
-                for r in rows
-            ],
-        ),
-    ]
+        f"{len(rows)} evaluations: {counts(rows, completed='evaluated', refused='refused')}. A uniform shift and a vortex, {', '.join(presets)}, 32 px windows."
+        " A vector is wrong where it is called valid and is further than 0.5 px from the truth (where no vector can be right:"
+        " wherever it is called valid); more than 5 % wrong counts as a plausible wrong answer. Every evaluation:"
+        " [images.csv](stability/images.csv).\n",
+        *(f"- Wrong: {row['axis']} {row['value']}, {row['preset']}: {row['wrong_unflagged']}" for row in wrong),
+    ]  # fmt: skip
 
 
 def faults_part(docs: Path) -> list[str]:
@@ -199,28 +161,29 @@ def faults_part(docs: Path) -> list[str]:
         bad = [r for r in kills if r["difference"]]
         text += [
             "## Kills (`make faults`)\n",
-            f"kill -9 of make and all it has started, {total} times, at random times and just after a stage has begun to"
-            f" write; then make goes on and ends with what an undisturbed run ends with: bit by bit, the solver's tables"
-            f" within 1e-6. {'All did.' if not bad else f'{len(bad)} did not.'}\n",
-            markdown(["stage", "kills", "results compared", "difference", "date"],
-                     [[r["stage"], r["kills"], r["runs_compared"], r["difference"] or "none", r["date"]] for r in kills]),
+            f"kill -9 of make and all it has started, {total} times in {len(kills)} stages, at random times and just after a stage"
+            " has begun to write; then make goes on and ends with what an undisturbed run ends with: bit by bit, the solver's"
+            f" tables within 1e-6. {'All did.' if not bad else f'{len(bad)} did not.'} By stage: [kills.csv](stability/kills.csv).\n",
+            *(f"- {row['stage']}: {row['difference']}" for row in bad),
         ]  # fmt: skip
     _, faults = read_rows(docs / "stability" / "faults.csv")
     if faults:
+        kinds = {
+            key: sum(row["ended"] == key for row in faults)
+            for key in dict.fromkeys(row["ended"] for row in faults)
+        }
         text += [
             "## Disks, files, paths, OpenFOAM, two makes (`make faults`)\n",
-            "`afterwards`: what make ends with once the condition is over.\n",
-            markdown(["condition", "stage", "ended", "sentence", "afterwards"],
-                     [[r[c] for c in ("condition", "stage", "ended", "sentence", "afterwards")] for r in faults]),
+            f"{len(faults)} conditions: {', '.join(f'{number} {key}' for key, number in kinds.items())}. Each with what was said and"
+            " what make ends with once the condition is over: [faults.csv](stability/faults.csv).\n",
         ]  # fmt: skip
     _, fuzz = read_rows(docs / "stability" / "fuzz.csv")
     if fuzz:
         total, broken = (sum(int(r[c]) for r in fuzz) for c in ("inputs", "faults"))
         text += [
             "## Fuzz of the readers (`make fuzz`)\n",
-            f"{total} damaged files, {broken} faults: each was read or refused with one sentence.\n",
-            markdown(["reader", "engine", "inputs", "read", "refused", "faults", "CPU s", "date"],
-                     [[r[c] for c in ("reader", "engine", "inputs", "read", "refused", "faults", "cpu_s", "date")] for r in fuzz]),
+            f"{total} damaged files in {len(fuzz)} readers, {broken} faults: each other was read or refused with one sentence. By"
+            " reader: [fuzz.csv](stability/fuzz.csv).\n",
         ]  # fmt: skip
     return text
 
