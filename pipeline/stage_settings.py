@@ -17,7 +17,7 @@ from pipeline.fea.up_to_date import check_states
 from pipeline.openfoam.base_case import templates_digest
 from pipeline.scene.command import parser
 from pipeline.scene.measurement import piv_settings, render_settings
-from pipeline.scene.read_toml import scene_files
+from pipeline.scene.read_toml import read_layers, resolve
 from pipeline.scene.scene import Scene
 
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
@@ -87,7 +87,7 @@ def make_rules(scene: Scene) -> str:
     """
     motion = [scene.folder / name for name in settings_of(scene, "kinematics")["files"]]
     names = [re.sub(r"([\s#:%])", r"\\\1", str(path)).replace("$", "$$") for path in
-             (scene.out / "settings" / ".stamp", *scene_files(scene.folder / "scene.toml"), *motion)]  # fmt: skip
+             (scene.out / "settings" / ".stamp", *(layer.path for layer in read_layers(scene.folder / "scene.toml")), *motion)]  # fmt: skip
     return f"{names[0]}: {' '.join(names[1:])}\n" + "".join(f"{name}:\n" for name in names[1:])
 
 
@@ -109,7 +109,12 @@ def run(scene: Scene, quiet: bool = False, fea_follows: bool = False) -> None:
         changed = write_settings(scene)
         write_text(folder / ".files.mk", make_rules(scene))
         (folder / ".stamp").touch()
-    if changed and not quiet:
+    if quiet:
+        return
+    if replaced := resolve(scene.folder / "scene.toml", scene.level)[1]:
+        told = ", ".join(f"{key} of {path}" for key, path in sorted(replaced.items()))
+        print(f"settings: {told} holds in place of the parent's [levels.{scene.level}]")
+    if changed:
         print(f"settings: {', '.join(changed)} changed in {scene.folder} at level {scene.level}")
 
 

@@ -12,7 +12,7 @@ import h5py
 from fileio.errors import StageError
 from fileio.json_text import flat
 from pipeline.fea.sections import sections
-from pipeline.scene.read_toml import read_tables
+from pipeline.scene.read_toml import merge, read_layers
 from pipeline.scene.scene import Scene
 
 SAME_STATES = {"uncertainty", "partial"}  # of [fea]: what is said of the states, not the states
@@ -43,8 +43,10 @@ def check_states(scene: Scene) -> None:
 
 def _remedy(scene: Scene, path: Path) -> str:
     owner = path.parent.parent
-    tables = read_tables(owner / "scene.toml") if (owner / "scene.toml").exists() else {}
-    if owner == scene.folder or tables.get("actuator") == scene.actuator:
+    said: dict[str, Any] = {}
+    for layer in read_layers(owner / "scene.toml") if (owner / "scene.toml").exists() else ():
+        said = merge(said, layer.base)
+    if owner == scene.folder or said.get("actuator") == scene.actuator:
         return f"analyse it anew with python -m pipeline.fea {owner}"
     return (
         f"analyse this scene's own with python -m pipeline.fea {scene.folder} and give motion.states ="

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fileio.errors import StageError
+from fileio.json_text import flat
 
 FILE_KEYS = {
     "states",
@@ -26,8 +28,17 @@ def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def read_tables(path: Path, children: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """The tables of a scene.toml, on top of those of the scene that it extends. Raises StageError."""
+@dataclass(frozen=True)
+class Layer:
+    """One scene.toml of a chain of `extends`: what it says at every level, and what it adds at each."""
+
+    path: Path
+    base: dict[str, Any]
+    levels: dict[str, Any]
+
+
+def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
+    """A scene.toml after all that it extends in turn; names of files hold from the folder of the last. Raises StageError."""
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -37,54 +48,73 @@ def read_tables(path: Path, children: tuple[Path, ...] = ()) -> dict[str, Any]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise StageError(f"{path}: not valid TOML: {error}") from None
     parent = table.pop("extends", None)
+    levels = table.pop("levels", {})
+    if not isinstance(levels, dict) or not all(isinstance(level, dict) for level in levels.values()):
+        raise StageError(f"{path}: levels: give tables, as [levels.coarse]")
+    layers = [Layer(path, table, levels)]
     if parent is None:
-        return table
+        return layers
     if not isinstance(parent, str):
         raise StageError(f"{path}: extends: give the folder of another scene as text (got {parent!r})")
     chain = (*children, path.resolve())
     base = path.parent / parent / "scene.toml"
     if base.resolve() in chain:
         raise StageError(f"{path}: extends: {parent} extends this scene in turn; break the circle")
-    return merge(_moved(read_tables(base, chain), parent), table)
+    inherited = read_layers(base, chain)
+    for layer in inherited:
+        for part in (layer.base, *layer.levels.values()):
+            _move_files(part.get("motion"), parent)
+    return [*inherited, *layers]
 
 
-def scene_files(path: Path) -> list[Path]:
-    """A scene.toml that was read before, and those that it extends, in turn."""
-    parent = tomllib.loads(path.read_text(encoding="utf-8")).get("extends")
-    return [path] if parent is None else [path, *scene_files(path.parent / parent / "scene.toml")]
+def resolve(path: Path, level: str) -> tuple[dict[str, Any], dict[str, Path]]:
+    """The tables of a scene at a level, and the values of a parent's level that a child's own replaced.
+
+    Order: what a parent says, what it adds at the level, what its child says, what that adds at the level. The second
+    result has dotted keys and the file whose value, given for all levels, holds. Raises StageError.
+    """
+    layers = read_layers(path)
+    names = _level_chain(layers, level)
+    table: dict[str, Any] = {}
+    of_levels: dict[str, Any] = {}
+    replaced: dict[str, Path] = {}
+    for layer in layers:
+        for key, value in flat(layer.base).items():
+            if of_levels.get(key, value) != value:
+                replaced[key] = layer.path
+        table = merge(table, layer.base)
+        for name in names:
+            added = layer.levels.get(name, {})
+            table = merge(table, added)
+            of_levels |= flat(added)
+            replaced = {key: by for key, by in replaced.items() if key not in flat(added)}
+    table.pop("extends", None)
+    return table, replaced
 
 
-def level_tables(levels: Any, level: str, path: Path, children: tuple[str, ...] = ()) -> dict[str, Any]:
-    """What `[levels.<level>]` says, on top of the level of the same scene that it extends, if any. Raises StageError."""
-    if not isinstance(levels, dict) or not isinstance(levels.get(level, {}), dict):
-        raise StageError(f"{path}: levels: give tables, as [levels.coarse]")
+def _level_chain(layers: list[Layer], level: str) -> list[str]:
+    """`level` after the levels that it extends in turn."""
+    path = layers[-1].path
+    levels: dict[str, Any] = {}
+    for layer in layers:
+        levels = merge(levels, layer.levels)
     if level not in levels:
         raise StageError(
             f"{path}: no level {level!r}; the levels are {', '.join(sorted(levels)) or 'missing'}"
         )
-    table = dict(levels[level])
-    parent = table.pop("extends", None)
-    if parent is None:
-        return table
-    chain = (*children, level)
-    if parent in chain:
-        raise StageError(
-            f"{path}: levels.{level}.extends: {parent} extends this level in turn; break the circle"
-        )
-    if not isinstance(parent, str) or parent not in levels:
-        raise StageError(f"{path}: levels.{level}.extends: give another level of this scene (got {parent!r})")
-    return merge(level_tables(levels, parent, path, chain), table)
+    names = [level]
+    while (parent := levels[names[0]].get("extends")) is not None:
+        where = f"{path}: levels.{names[0]}.extends"
+        if parent in names:
+            raise StageError(f"{where}: {parent} extends this level in turn; break the circle")
+        if not isinstance(parent, str) or parent not in levels:
+            raise StageError(f"{where}: give another level of this scene (got {parent!r})")
+        names.insert(0, parent)
+    return names
 
 
-def _moved(table: dict[str, Any], folder: str) -> dict[str, Any]:
-    """A parent's table whose file names, given relative to its own `folder`, hold for the scene that extends it."""
-    motions = [t.get("motion") for t in (table, *_tables(table.get("levels")))]
-    for motion in _tables(dict(enumerate(motions))):
-        for key in FILE_KEYS & motion.keys():
-            if isinstance(motion[key], str):
-                motion[key] = os.path.join(folder, motion[key])
-    return table
-
-
-def _tables(value: Any) -> list[dict[str, Any]]:
-    return [t for t in value.values() if isinstance(t, dict)] if isinstance(value, dict) else []
+def _move_files(motion: Any, folder: str) -> None:
+    """Change names of files that are relative to the parent's `folder` so that they hold for the scene that extends it."""
+    for key in FILE_KEYS & motion.keys() if isinstance(motion, dict) else ():
+        if isinstance(motion[key], str):
+            motion[key] = os.path.join(folder, motion[key])

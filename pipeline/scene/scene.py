@@ -12,7 +12,7 @@ from fileio.provenance import digest
 from pipeline.scene.limits import check_numbers
 from pipeline.scene.measurement import Camera, Piv, Sheet, Vortices
 from pipeline.scene.pinch import Pinch, Support, check_pinch, check_support
-from pipeline.scene.read_toml import level_tables, merge, read_tables
+from pipeline.scene.read_toml import resolve
 from pipeline.scene.rigid_body import Body
 from pipeline.scene.section import Section, validation_sentence
 from pipeline.scene.sections import Finger, Fluid, Mesh, Model, Motion, Numerics, Tank
@@ -131,15 +131,13 @@ class Scene(Section):
 
 
 def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
-    """Read `<folder>/scene.toml`, apply `[levels.<level>]`, and check it.
+    """Read `<folder>/scene.toml` at a level, and check it.
 
     A scene may say `extends = "../other"`: it then holds only what differs. Raises StageError in one sentence.
     """
     folder = Path(folder)
     path = folder / "scene.toml"
-    table = read_tables(path)
-    levels = table.pop("levels", {})
-    table = merge(table, level_tables(levels, level, path))
+    table, _ = resolve(path, level)
     for key in ("name", "level", "folder"):
         if key in table:
             raise StageError(f"{path}: {key}: this key is not known; check its spelling or remove it")

@@ -1,8 +1,13 @@
-"""What a scene inherits: tables are merged entry by entry, a law's parameters go with their law."""
+"""What a scene inherits and what wins over it: tables are merged entry by entry, a law's parameters go with their law."""
 
 from __future__ import annotations
 
-from pipeline.scene.read_toml import merge
+import pytest
+
+from pipeline.scene.read_toml import merge, resolve
+from pipeline.scene.scene import load_scene
+from pipeline.stage_settings import run
+from tests.conftest import ROOT
 
 
 def test_tables_are_merged_entry_by_entry():
@@ -15,3 +20,70 @@ def test_parameters_of_another_law_replace_those_of_the_first():
     assert merge(base, over)["upper"] == {
         "law": "yeoh", "bulk": 2.0, "parameters": {"C10": 3.0, "C20": 4.0, "C30": 5.0},
     }  # fmt: skip
+
+
+PARENT = """
+title = "p"
+[mesh]
+tip_cell = 1.0
+wall_layers = 2
+[numerics]
+max_courant = 5.0
+[levels.smoke]
+model = { kind = "2d" }
+mesh = { tip_cell = 2.0, near_cell = 3.0 }
+numerics = { time_step = 1e-3 }
+[levels.smoother]
+extends = "smoke"
+mesh = { near_cell = 4.0 }
+"""
+CHILD = """
+extends = "../parent"
+[model]
+kind = "half"
+[mesh]
+tip_cell = 7.0
+wall_layers = 3
+[numerics]
+time_step = 5e-4
+max_courant = 8.0
+[levels.smoke]
+numerics = { max_courant = 9.0 }
+"""
+
+
+@pytest.fixture
+def child(tmp_path):
+    """A scene.toml that gives for all levels what its parent gives for one."""
+    for name, text in (("parent", PARENT), ("child", CHILD)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "scene.toml").write_text(text)
+    return tmp_path / "child" / "scene.toml"
+
+
+@pytest.mark.parametrize("level, near_cell", [("smoke", 3.0), ("smoother", 4.0)])
+def test_what_a_child_says_wins_over_a_level_of_its_parent(child, level, near_cell):
+    table, replaced = resolve(child, level)
+    assert table == {
+        "title": "p",
+        "model": {"kind": "half"},
+        "mesh": {"tip_cell": 7.0, "near_cell": near_cell, "wall_layers": 3},
+        "numerics": {"time_step": 5e-4, "max_courant": 9.0},
+    }
+    # of a parent's level, by a value for all levels: neither the parent's own for all levels, nor what the child's level says
+    assert replaced == dict.fromkeys(("model.kind", "mesh.tip_cell", "numerics.time_step"), child)
+
+
+def test_the_settings_stage_says_what_a_child_replaces(tmp_path, capsys):
+    child = tmp_path / "child"
+    child.mkdir()
+    more = 'extends = "{}"\n[model]\nkind = "half"\n[mesh]\ntip_cell = 1.3e-3\n[numerics]\ntime_step = 5e-4\n'
+    (child / "scene.toml").write_text(more.format(ROOT / "cases" / "single_finger"))
+    scene = load_scene(child, "smoke")
+    assert (scene.model.kind, scene.mesh.tip_cell, scene.numerics.time_step) == ("half", 1.3e-3, 5e-4)
+    run(scene)
+    told = capsys.readouterr().out.splitlines()[0]
+    for word in ("mesh.tip_cell", "model.kind", "numerics.time_step", "[levels.smoke]"):
+        assert word in told
+    run(scene, quiet=True)
+    assert capsys.readouterr().out == ""
