@@ -167,7 +167,7 @@ tradeoff: $(STUDY_READY) ## what accuracy costs: the study of SCENE (single_fing
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/$(SCENE)/studies/tradeoff.csv
 	$(PY) -m postprocess.studies.tradeoff cases/$(SCENE)/out/studies/tradeoff/plan.json
 
-fea-studies: $(STUDY_READY) ## studies over wedge, width and materials: docs/fea
+fea-studies: $(STUDY_READY) ## studies over wedge, width and materials: cases/single_finger/kinematics/studies
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/bending.csv
 	$(PY) -m pipeline.fea.studies.studies
 

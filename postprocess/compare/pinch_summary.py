@@ -15,8 +15,9 @@ APPROACH = (0.020, 0.002)  # m of gap between tip and plane
 AFTER = 0.15  # s after contact
 
 
-def pinch_summary(evidence: Evidence, clock: Clock) -> dict[str, Any]:
+def pinch_summary(evidence: Evidence) -> dict[str, Any]:
     """Contact and gaps (s, m), and by source the numbers of `source_numbers`; `contact_time` None without contact."""
+    clock = evidence.clock
     time, gap = clock.gaps()
     met = clock.met()
     out: dict[str, Any] = {

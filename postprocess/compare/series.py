@@ -11,7 +11,7 @@ import pandas as pd
 from postprocess.compare.quantities import paired
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
-from postprocess.evidence.evidence import Evidence
+from postprocess.evidence.evidence import Evidence, Part
 
 Window = tuple[float, float]
 REST = 0.01  # of the scale; slower than this on average is rest, where a correlation says nothing
@@ -45,8 +45,8 @@ def series_table(evidence: Evidence, window: Window) -> pd.DataFrame:
 
 def summary(evidence: Evidence, window: Window) -> dict[str, Any]:
     """Key numbers over a window, of each source and of PIV against CFD; None where a number cannot be measured."""
-    found = vortex_series(evidence, window)
-    out: dict[str, Any] = {source: _vortex_numbers(track, window) for source, track in found.items()}
+    tips = vortex_series(evidence, window)
+    out: dict[str, Any] = {source: _vortex_numbers(track, window) for source, track in tips.items()}
     if "piv-cfd" in evidence.sums:
         out["piv-cfd"] = _velocity_numbers(evidence, window) | _pair_numbers(evidence, window)
     return out
@@ -77,7 +77,7 @@ def _velocity_numbers(evidence: Evidence, window: Window) -> dict[str, Any]:
 
 def _pair_numbers(evidence: Evidence, window: Window) -> dict[str, Any]:
     try:
-        pair = tracks.within(paired(evidence, "piv-cfd", window, 0), window)
+        pair = tracks.within(paired(Part(evidence, "piv-cfd", window)), window)
     except ValueError:  # one of the two does not exist; the checks say which
         names = ("rms_difference", "mean_difference", "max_difference")
         return {f"circulation_{name}": None for name in names} | {

@@ -1,4 +1,4 @@
-"""Comparison of CFD and PIV, judged by a scene's findings: comparison.json and comparison.csv.
+"""Comparison of CFD and PIV, judged by the scene's findings or, without them, by agreement alone: comparison.json and comparison.csv.
 
 Command: python -m postprocess.compare.stage cases/single_finger --level coarse
 A laboratory's data are compared by postprocess.lab (make compare).
@@ -10,6 +10,7 @@ import json
 import platform
 import sys
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import xarray as xr
@@ -21,12 +22,12 @@ from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.series import series_table, summary
 from postprocess.evidence.check_finite import first_not_finite
-from postprocess.evidence.evidence import Evidence, Measured
-from postprocess.evidence.load import FILES, load_evidence, read_clock
+from postprocess.evidence.evidence import Evidence, Measured, Part
+from postprocess.evidence.load import FILES, load_evidence
 from postprocess.evidence.stage_command import run_stage
 from postprocess.evidence.stage_files import StageFiles, read_json
 from postprocess.evidence.strokes import MIDDLE, stroke_window
-from postprocess.evidence.time_windows import Clock, interval
+from postprocess.evidence.time_windows import interval
 
 INPUTS = (
     "sheet.h5",
@@ -39,21 +40,27 @@ INPUTS = (
 )
 
 
-def judge(finding: Finding, evidence: Evidence, clock: Clock) -> dict[str, Any]:
+COPIED = ("id", "kind", "finding", "figure", "quantity", "comparison")
+AGREEMENT = (
+    Path(__file__).parent / "agreement.toml"
+)  # what is judged where a scene has no findings of its own
+
+
+def judge(finding: Finding, evidence: Evidence) -> dict[str, Any]:
     """One check: what each source measures, and whether the finding is met (None where something was not run)."""
     measured: dict[str, Measured | None] = dict.fromkeys(finding.of)
     notes: dict[str, str] = {}
     absent = {of for of in finding.of if not evidence.has(of)}
     window = None
     try:
-        window = interval(finding.window, clock)
+        window = interval(finding.window, evidence.clock)
     except ValueError as error:  # what never happens is a finding not met, and says why
         notes["window"] = str(error)
     for of in finding.of:
         if of in absent or window is None:
             continue
         try:
-            value = QUANTITIES[finding.quantity].measure(evidence, of, window, finding.finger)
+            value = QUANTITIES[finding.quantity].measure(Part(evidence, of, window, finding.finger))
             if first_not_finite(value) is not None:
                 raise ValueError(
                     f"{finding.quantity} of {of} between {window[0]:.3f} and {window[1]:.3f} s is no number"
@@ -69,10 +76,7 @@ def judge(finding: Finding, evidence: Evidence, clock: Clock) -> dict[str, Any]:
     missing = bool(absent)
     met = False if failed or not all(judged.values()) else None if missing else True
     return {
-        **{
-            key: getattr(finding, key)
-            for key in ("id", "kind", "finding", "figure", "quantity", "comparison")
-        },
+        **{name: getattr(finding, name) for name in COPIED},
         "label": QUANTITIES[finding.quantity].label,
         "unit": QUANTITIES[finding.quantity].unit,
         "value": finding.value,
@@ -102,37 +106,32 @@ def verdict(checks: list[dict[str, Any]]) -> dict[str, Any]:
     return {"agrees": agrees, "counts": counts}
 
 
-def provenance(files: StageFiles, planes: dict[str, xr.Dataset]) -> dict[str, Any]:
-    """Versions, hashes of the inputs, seeds and settings that the result rests on."""
-    run = read_json(files.required("run/run.json", "run"))
+def provenance(
+    out: Path, run: dict[str, Any], findings: Path | None, planes: dict[str, xr.Dataset]
+) -> dict[str, Any]:
+    """Versions, hashes of the inputs in `out`, seeds and settings that the result rests on; `run` as in run.json."""
     names = ("numpy", "scipy", "xarray", "h5py", "pandas")
     return {
         "versions": {"python": platform.python_version()}
         | {n: version(n) for n in names}
         | run.get("versions", {}),
         "scene_hash": str(run.get("scene_hash", "")),
-        "inputs_sha256": {n: sha256(files.out / n) for n in INPUTS if (files.out / n).exists()},
-        "findings_sha256": sha256(files.findings),
+        "inputs_sha256": {n: sha256(out / n) for n in INPUTS if (out / n).exists()},
+        "findings_sha256": None if findings is None else sha256(findings),
         "seeds": {s: int(p.attrs["seed"]) for s, p in planes.items() if "seed" in p.attrs},
-        "settings": {
-            s: settings_in(p, files.out / FILES[s]) for s, p in planes.items() if p.attrs.get("settings")
-        },
+        "settings": {s: settings_in(p, out / FILES[s]) for s, p in planes.items() if p.attrs.get("settings")},
     }
-
-
-def _pinch(evidence: Evidence, clock: Clock) -> dict[str, Any]:
-    return {"pinch": pinch_summary(evidence, clock)} if evidence.pairs else {}
 
 
 def compare(files: StageFiles) -> dict[str, Any]:
     """Run the comparison of one scene at one level and write its two files; returns what comparison.json holds."""
-    if not files.findings.exists():
-        raise FileNotFoundError(f"{files.findings} is missing; a scene needs its findings to be judged by")
-    findings = read_findings(files.findings, frozenset(QUANTITIES))
+    own = files.findings if files.findings.exists() else None
+    findings = read_findings(own or AGREEMENT, frozenset(QUANTITIES))
     evidence = load_evidence(files)
-    clock = read_clock(files, evidence.planes["cfd"])
-    checks = [judge(finding, evidence, clock) for finding in findings]
-    middle = stroke_window(clock.time, clock.bend, MIDDLE)
+    run = read_json(files.required("run/run.json", "run"))
+    checks = [judge(finding, evidence) for finding in findings]
+    middle = stroke_window(evidence.clock.time, evidence.clock.progress, MIDDLE)
+    pinch = {"pinch": pinch_summary(evidence)} if evidence.pairs else {}
     result = {
         "format": "comparison",
         "format_version": 1,
@@ -143,8 +142,8 @@ def compare(files: StageFiles) -> dict[str, Any]:
         "middle_of_stroke_s": middle,
         "verdict": verdict(checks),
         "checks": checks,
-        "summary": summary(evidence, middle) | _pinch(evidence, clock),
-        "provenance": provenance(files, evidence.planes),
+        "summary": summary(evidence, middle) | pinch,
+        "provenance": provenance(files.out, run, own, evidence.planes),
     }
     write_text(files.out / "comparison.csv", series_table(evidence, middle).to_csv(index=False))
     for source, table in evidence.pairs.items():
@@ -162,7 +161,10 @@ def compare(files: StageFiles) -> dict[str, Any]:
     return result
 
 
-def _tell(files: StageFiles, result: dict[str, Any]) -> None:
+def print_checks(files: StageFiles, result: dict[str, Any]) -> None:
+    """One line for each check, and where the result is."""
+    if not files.findings.exists():
+        print(f"{files.findings} is missing: agreement of PIV with the CFD is judged, findings are not")
     for check in result["checks"]:
         word = {True: "met", False: "NOT MET", None: "not judged"}[check["met"]]
         print(f"{check['id']:32s} {word:10s} {check['measured']}")
@@ -171,7 +173,7 @@ def _tell(files: StageFiles, result: dict[str, Any]) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns 0 good, 2 bad input."""
-    return run_stage("compare", __doc__, compare, _tell, argv)
+    return run_stage("compare", __doc__, compare, print_checks, argv)
 
 
 if __name__ == "__main__":

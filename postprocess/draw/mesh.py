@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
@@ -42,21 +44,28 @@ def planform(
     return figure
 
 
-def view_in_space(source: Path, target: Path) -> str:
+def view_in_space(target: Path, **view: Any) -> str:
     """Write the view in space to `target` (PNG); returns "pyvista" or "matplotlib", whichever drew it.
 
     pyvista runs in a process of its own: without a GL library it may end the whole process, not just raise.
-    `source` is the .npz that figures.py writes: points, lines, outline, width, tank.
+    `view`: the arguments of `matplotlib_view`, which go to the other process as an .npz on its input.
     """
-    command = [sys.executable, "-m", VIEW_MODULE, str(source.resolve())]
+    content = io.BytesIO()
+    np.savez(content, **view)
     try:
-        done = subprocess.run(command, capture_output=True, timeout=90, cwd=Path(__file__).parents[2])
+        done = subprocess.run(
+            [sys.executable, "-m", VIEW_MODULE],
+            input=content.getvalue(),
+            capture_output=True,
+            timeout=90,
+            cwd=Path(__file__).parents[2],
+        )
     except subprocess.TimeoutExpired:
         done = None
     if done is not None and done.returncode == 0 and done.stdout.startswith(PNG):
         write_bytes(target, done.stdout)
         return "pyvista"
-    save(matplotlib_view(**np.load(source)), target)
+    save(matplotlib_view(**view), target)
     return "matplotlib"
 
 

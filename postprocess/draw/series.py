@@ -131,21 +131,14 @@ def agreement(series: pd.DataFrame, scale: float, middle: tuple[float, float]) -
 LEAST_PRESSURE = 3e3  # Pa; below it R runs off to infinity
 
 
-def motion(
-    drive_time: np.ndarray, pressure: np.ndarray, time: np.ndarray, bend: np.ndarray, speed: np.ndarray
-) -> Figure:
-    """Pressure (Pa) over its own time, bend angle (rad) and tip speed (m/s) over the sheet's: what drives the flow."""
-    figure, axes = new_figure(8.6, 5.2, 3, 1, sharex=True)
-    rows = (
-        (drive_time, pressure / 1e3, "pressure, kPa"),
-        (time, np.degrees(bend), "bend angle, °"),
-        (time, speed, "tip speed, m/s"),
-    )
+def motion(rows: list[tuple[np.ndarray, np.ndarray, str]]) -> Figure:
+    """What drives the flow: one panel for each (time in s, values, label with its unit)."""
+    figure, axes = new_figure(8.6, 0.4 + 4.8 * len(rows) / 3, len(rows), 1, sharex=True)
     for ax, (t, values, label) in zip(axes, rows, strict=True):
         ax.plot(t, values, color=CFD)
         ax.set_ylabel(label)
     axes[0].set_title("The motion that is prescribed")
-    axes[2].set_xlabel("time, s")
+    axes[-1].set_xlabel("time, s")
     return figure
 
 

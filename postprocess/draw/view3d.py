@@ -1,7 +1,8 @@
-"""The view in space by pyvista, in a process of its own: python -m postprocess.draw.view3d data.npz, PNG to stdout."""
+"""The view in space by pyvista, in a process of its own: an .npz on its input, a PNG on its output."""
 
 from __future__ import annotations
 
+import io
 import sys
 
 import numpy as np
@@ -33,5 +34,5 @@ def draw(
 
 
 if __name__ == "__main__":
-    with np.load(sys.argv[1]) as data:
+    with np.load(io.BytesIO(sys.stdin.buffer.read())) as data:
         Image.fromarray(draw(**data)).save(sys.stdout.buffer, "PNG")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -121,11 +123,17 @@ def between_fingers(outline: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.nda
     return (x[None, :] > inner[0][:, None]) & (x[None, :] < inner[1][:, None])
 
 
-def oblique_flow(
-    plane: xr.Dataset, lines: pd.DataFrame, window: tuple[float, float], above: bool
-) -> tuple[float, float, float]:
-    """Mean vertical velocity (m/s, positive in the asked direction), share of the area that flows that way, and angle from
-    the vertical (rad) of the flow beside the plane x = 0, over the instants of a window (s) at which the flow parts.
+class Oblique(NamedTuple):
+    """Mean vertical velocity (m/s, positive in the direction asked for), share of the area that flows that way, and angle from
+    the vertical (rad)."""
+
+    speed: float
+    share: float
+    angle: float
+
+
+def oblique_flow(plane: xr.Dataset, lines: pd.DataFrame, window: tuple[float, float], above: bool) -> Oblique:
+    """The flow beside the plane x = 0, over the instants of a window (s) at which the flow parts.
 
     Above the parting line: between the fingers. Below it: within two tip widths of the line and one of the plane.
     ValueError where the flow never parts in the window.
@@ -154,4 +162,4 @@ def oblique_flow(
         raise ValueError(
             f"the flow between the fingers does not part into up and down between {window[0]:.3f} and {window[1]:.3f} s"
         )
-    return float(total / points), along / points, float(np.arctan2(across, upright))
+    return Oblique(float(total / points), along / points, float(np.arctan2(across, upright)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
 import h5py
@@ -17,8 +16,8 @@ from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.centreline import centreline
 from postprocess.evidence.check_finite import check_finger
 from postprocess.evidence.evidence import Evidence
-from postprocess.evidence.stage_files import StageFiles
-from postprocess.evidence.strokes import peak_tip_speed
+from postprocess.evidence.stage_files import StageFiles, extended_scenes
+from postprocess.evidence.strokes import peak_tip_speed, progress
 from postprocess.evidence.time_windows import Clock
 from postprocess.evidence.vortex_pairs import pair_vortices
 
@@ -46,54 +45,49 @@ def load_evidence(files: StageFiles, single_level: str | None = None) -> Evidenc
         check_finger(plane, FINGER & set(plane), files.out / FILES[source])
     scale, _ = peak_tip_speed(planes["cfd"]["time"].values, planes["cfd"]["tip"].values)
     sums = {"piv-cfd": fields.field_sums(planes["cfd"], planes["piv"])} if piv is not None else {}
-    starts = read_clock(files, planes["cfd"]).starts
+    clock = read_clock(files.required("kinematics.h5", "kinematics"), planes["cfd"])
     if planes["cfd"].sizes["finger"] < 2:
-        return Evidence(planes, vortices, scale, sums, starts=starts)
-    single, absent = single_finger(files, single_level or files.level)
+        return Evidence(planes, vortices, scale, clock, sums)
+    single, absent = single_finger(files.scene_folder, single_level or files.level)
     return Evidence(
         planes,
         vortices,
         scale,
+        clock,
         sums,
         pairs={source: pair_vortices(table) for source, table in vortices.items()},
         lines={source: centreline(plane, scale) for source, plane in planes.items()},
         single=single,
         single_absent=absent,
-        starts=starts,
     )
 
 
-def single_finger(files: StageFiles, level: str) -> tuple[dict[str, pd.DataFrame], str]:
-    """Vortices of the single finger that a pinch extends, by source, with its `bend` (rad); and what to run where there are none."""
-    case = extended(files.case)
-    beside = StageFiles(case, level)
+def single_finger(folder: Path, level: str) -> tuple[dict[str, pd.DataFrame], str]:
+    """Vortices of the single finger that the scene of a pinch extends, by source, with its `bend` (rad); why there are none."""
+    extended = extended_scenes(folder)[1:]
+    if not extended:
+        return {}, "the scene extends no scene of a single finger, so nothing is compared with one"
+    beside = StageFiles(extended[-1], level)
     sheet = beside.optional("sheet.h5")
-    found = {}
+    tables = {}
     for source in ("cfd", "piv"):
         path = beside.optional(f"vortices_{source}.csv")
         if path is not None and sheet is not None:
             table = tracks.read_vortices(path)
             with read_plane(sheet) as plane:
                 bend = np.interp(table["time"], plane["time"].values, plane["bend"].values[:, 0])
-            found[source] = table.assign(bend=bend)
+            tables[source] = table.assign(bend=bend)
     absent = f"the single finger at level {level} was not run, so nothing is compared with it: make {beside.scene} LEVEL={level}"
-    return found, absent
+    return tables, absent
 
 
-def extended(case: Path) -> Path:
-    """The scene at the end of the chain of `extends` that begins at a scene's folder."""
-    table = tomllib.loads((case / "scene.toml").read_text(encoding="utf-8"))
-    return extended(case / table["extends"]) if "extends" in table else case
-
-
-def read_clock(files: StageFiles, plane: xr.Dataset, finger: int = 0) -> Clock:
-    """What windows are told by: the sheet's bend, and the gap and the strokes of kinematics.h5."""
-    time, bend = plane["time"].values, plane["bend"].values[:, finger]
-    path = files.required("kinematics.h5", "kinematics")
-    with h5py.File(path, "r") as file:
-        strokes = settings_in(file, path).get("motion", {}).get("strokes", [])
+def read_clock(kinematics: Path, plane: xr.Dataset) -> Clock:
+    """What windows of time are defined by: the stroke's progress on the sheet, gap and strokes of kinematics.h5."""
+    time, done = plane["time"].values, progress(plane)
+    with h5py.File(kinematics, "r") as file:
+        strokes = settings_in(file, kinematics).get("motion", {}).get("strokes", [])
         starts = tuple(float(stroke["start"]) for stroke in strokes)
         if "gap" not in file:
-            return Clock(time, bend, starts=starts)
+            return Clock(time, done, starts=starts)
         residual = float(np.ravel(file.attrs["residual_gap"])[0])
-        return Clock(time, bend, file["time"][:], file["gap"][:], residual, starts)
+        return Clock(time, done, file["time"][:], file["gap"][:], residual, starts)

@@ -21,10 +21,10 @@ def run_stage(
     stage: str,
     doc: str | None,
     action: Callable[[StageFiles], Result],
-    tell: Callable[[StageFiles, Result], None],
+    print_result: Callable[[StageFiles, Result], None],
     argv: list[str] | None = None,
 ) -> int:
-    """Run `action` on the scene and level of the arguments, then `tell` unless --quiet; 0 good, 2 bad input."""
+    """Run `action` on the scene and level of the arguments, then `print_result` unless --quiet; 0 good, 2 bad input."""
     parser = argparse.ArgumentParser(prog=f"python -m postprocess.{stage}", description=doc)
     parser.add_argument("case", type=Path, help="folder of the scene, such as cases/single_finger")
     parser.add_argument("--level", default="coarse")
@@ -44,5 +44,5 @@ def run_stage(
         print(f"{stage}: {message}", file=sys.stderr)
         return 2
     if not args.quiet:
-        tell(files, result)
+        print_result(files, result)
     return 0

@@ -19,18 +19,18 @@ from fileio.provenance import settings_in
 
 @dataclass(frozen=True)
 class StageFiles:
-    """Paths of one scene at one level; `case` is the folder cases/<scene>."""
+    """Paths of one scene at one level; `scene_folder` is cases/<scene>."""
 
-    case: Path
+    scene_folder: Path
     level: str
 
     @property
     def scene(self) -> str:
-        return self.case.resolve().name
+        return self.scene_folder.resolve().name
 
     @property
     def out(self) -> Path:
-        return self.case / "out" / self.level
+        return self.scene_folder / "out" / self.level
 
     @property
     def figures(self) -> Path:
@@ -38,7 +38,7 @@ class StageFiles:
 
     @property
     def findings(self) -> Path:
-        return self.case / "reference" / "findings.toml"
+        return self.scene_folder / "reference" / "findings.toml"
 
     def required(self, name: str, stage: str) -> Path:
         """Path of out/<level>/<name>; FileNotFoundError in one sentence that names the stage to run."""
@@ -110,12 +110,16 @@ def scene_numbers(files: StageFiles) -> dict[str, Any]:
     return numbers
 
 
-def scene_title(case: Path) -> str:
-    """`title` of scene.toml, or of the scene that it extends; ValueError where there is none."""
-    path = case / "scene.toml"
-    table = tomllib.loads(path.read_text(encoding="utf-8"))
-    if "title" in table:
-        return str(table["title"])
-    if "extends" not in table:
-        raise ValueError(f'{path}: title is missing; add title = "…"')
-    return scene_title(case / table["extends"])
+def scene_title(folder: Path) -> str:
+    """`title` of scene.toml, or of the nearest scene that it extends; ValueError where there is none."""
+    for path in extended_scenes(folder):
+        table = tomllib.loads((path / "scene.toml").read_text(encoding="utf-8"))
+        if "title" in table:
+            return str(table["title"])
+    raise ValueError(f'{folder / "scene.toml"}: title is missing; add title = "…"')
+
+
+def extended_scenes(folder: Path) -> list[Path]:
+    """A scene's folder, and those of the scenes that it extends, nearest first."""
+    table = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
+    return [folder, *(extended_scenes(folder / table["extends"]) if "extends" in table else [])]

@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import numpy as np
+import xarray as xr
 
 MIDDLE = (0.25, 0.75)  # of the change of bend angle: the middle of the stroke, over which flows are compared
+REST = 1e-6  # rad or m: less is no motion but rounding
 
 
-def stroke_window(time: np.ndarray, bend: np.ndarray, part: tuple[float, float]) -> tuple[float, float]:
-    """Instants (s) at which the bend angle has done the fractions `part` of its largest change.
+def progress(plane: xr.Dataset) -> np.ndarray:
+    """How far the first finger or body has moved (time,): its bend angle or turn, rad; where that rests, its distance, m."""
+    turn, tip = plane["bend"].values[:, 0], plane["tip"].values[:, 0]
+    return turn if np.ptp(turn) > REST else np.linalg.norm(tip - tip[0], axis=-1)
 
-    time (n) in s, bend (n) in rad. Fractions of bend, not of time: the three-pole law creeps into its end, and
-    half of its time would lie in the last degrees. ValueError where the finger does not bend.
+
+def stroke_window(time: np.ndarray, done: np.ndarray, part: tuple[float, float]) -> tuple[float, float]:
+    """Instants (s) at which the `progress` has done the fractions `part` of its largest change.
+
+    time (n) in s, done (n) in rad or m. Fractions of bend, not of time: the three-pole law creeps into its end, and
+    half of its time would lie in the last degrees. ValueError where nothing moves.
     """
-    change = bend - bend[0]
+    change = done - done[0]
     end = int(np.argmax(np.abs(change)))
-    if abs(change[end]) < 1e-6:
-        raise ValueError("the finger does not bend, so its stroke has no middle; check kinematics.h5")
-    progress = np.maximum.accumulate(change[: end + 1] / change[end])
-    rising = np.concatenate([[True], np.diff(progress) > 0])
-    edges = np.interp(part, progress[rising], time[: end + 1][rising])
+    if abs(change[end]) < REST:
+        raise ValueError("the finger does not move, so its stroke has no middle; check kinematics.h5")
+    share = np.maximum.accumulate(change[: end + 1] / change[end])
+    rising = np.concatenate([[True], np.diff(share) > 0])
+    edges = np.interp(part, share[rising], time[: end + 1][rising])
     if part[1] >= 1.0:
         edges[1] = time[-1]  # the whole stroke includes what happens after it
     return float(edges[0]), float(edges[1])

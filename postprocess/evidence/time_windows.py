@@ -36,13 +36,13 @@ class Window:
 
 @dataclass(frozen=True)
 class Clock:
-    """What windows are told by: bend (n) over time (n), and where there are any, gap (m) over gap_time and the strokes' starts.
+    """What windows are defined by: progress (n) over time (n), and where there are any, gap over gap_time and the strokes' starts.
 
-    Times in s, bend in rad, `residual_gap` in m.
+    Times in s, progress as postprocess.evidence.strokes.progress gives it (the bend in rad), gaps in m.
     """
 
     time: np.ndarray
-    bend: np.ndarray
+    progress: np.ndarray
     gap_time: np.ndarray | None = None
     gap: np.ndarray | None = None
     residual_gap: float = 0.0
@@ -100,7 +100,7 @@ def interval(window: Window, clock: Clock) -> tuple[float, float]:
     """The window's first and last instant, s; ValueError where the motion has no such gap, contact or stroke."""
     a, b = window.edges
     if window.kind == "bend":
-        return stroke_window(clock.time, clock.bend, (a, b))
+        return stroke_window(clock.time, clock.progress, (a, b))
     if window.kind == "gap":
         return gap_reached(clock, a), gap_reached(clock, b)
     if window.kind == "contact":
@@ -115,7 +115,7 @@ def interval(window: Window, clock: Clock) -> tuple[float, float]:
         return start + a, start + b
     end = (*clock.starts, np.inf)[window.stroke + 1]
     within = (clock.time >= start) & (clock.time <= end)
-    return stroke_window(clock.time[within], clock.bend[within], (a, b))
+    return stroke_window(clock.time[within], clock.progress[within], (a, b))
 
 
 def gap_reached(clock: Clock, gap: float) -> float:

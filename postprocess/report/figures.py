@@ -10,13 +10,20 @@ import sys
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from fileio.atomic import write_text
 from fileio.formats.plane_series import read_plane
 from postprocess.evidence import tip_vortex as tracks
-from postprocess.evidence.load import read_clock
+from postprocess.evidence.load import read_clock, single_finger
 from postprocess.evidence.stage_command import run_stage
-from postprocess.evidence.stage_files import StageFiles, read_json
+from postprocess.evidence.stage_files import (
+    StageFiles,
+    extended_scenes,
+    read_json,
+    read_stages,
+    scene_numbers,
+)
 from postprocess.report.flow_figures import flow_figures, tip_vortices, vortex_figures
 from postprocess.report.motion_figures import bending_figure, motion_figure, study_figures
 from postprocess.report.picture_index import Album
@@ -43,40 +50,54 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     """Draw everything for one scene and level; returns the index that figures.json holds."""
     for name, stage in REQUIRED:  # before minutes of drawing, not after
         files.required(name, stage)
-    comparison = read_json(files.out / "comparison.json")
+    out, scene = files.out, scene_numbers(files)
+    comparison = read_json(out / "comparison.json")
+    scale = comparison["scale"]["value"]
     start, end = comparison["middle_of_stroke_s"]
     middle = (float(start), float(end))
-    planes = {"cfd": read_plane(files.out / "sheet.h5")}
-    tables = {"cfd": tracks.read_vortices(files.out / "vortices_cfd.csv")}
+    planes = {"cfd": read_plane(out / "sheet.h5")}
+    tables = {"cfd": tracks.read_vortices(out / "vortices_cfd.csv")}
     if files.optional("piv.h5") is not None:
-        planes["piv"] = read_plane(files.out / "piv.h5")
+        planes["piv"] = read_plane(out / "piv.h5")
         tables["piv"] = tracks.read_vortices(files.required("vortices_piv.csv", "vortices"))
-    clock = read_clock(files, planes["cfd"])
+    clock = read_clock(out / "kinematics.h5", planes["cfd"])
     dominant = tip_vortices(planes["cfd"], tables, middle)
     album = Album(files.figures)
-    flow_figures(album, planes, dominant, comparison["scale"]["value"], clock)
-    vortex_figures(album, files, planes["cfd"], dominant, middle, comparison["scale"]["value"])
+    flow_figures(album, planes, dominant, scale, clock)
+    vortex_figures(album, pd.read_csv(out / "comparison.csv"), planes["cfd"], dominant, middle, scale)
     if planes["cfd"].sizes["finger"] > 1:
-        pinch_figures(album, files, planes["cfd"], clock, comparison["summary"]["pinch"])
-    motion_figure(album, files, planes["cfd"])
-    bending_figure(album, files)
-    study_figures(album)
-    solver_figures(album, files)
-    mesh_figures(album, files, planes["cfd"])
-    camera_picture(album, files, float(np.mean(middle)))
+        single, absent = single_finger(files.scene_folder, files.level)
+        pinch_figures(album, out, planes["cfd"], clock, comparison["summary"]["pinch"], single, absent)
+    rigid = scene.get("body") is not None
+    motion_figure(album, out / "kinematics.h5", planes["cfd"], rigid)
+    if not rigid:
+        bending_figure(album, out / "kinematics.h5", scene["finger"]["length"])
+        for folder in extended_scenes(files.scene_folder):
+            study_figures(album, folder / "kinematics" / "studies")
+    solver_figures(album, out)
+    mesh_figures(
+        album,
+        read_stages(out / "planform.h5"),
+        planes["cfd"],
+        scene["finger"]["width"],
+        scene["tank"]["size"],
+    )
+    if (out / "images.h5").exists():
+        camera_picture(album, out / "images.h5", float(np.mean(middle)))
     for plane in planes.values():
         plane.close()
     write_text(files.figures / "figures.json", json.dumps(album.entries, indent=1, default=float))
     return album.entries
 
 
-def _tell(files: StageFiles, entries: list[dict[str, Any]]) -> None:
+def print_count(files: StageFiles, entries: list[dict[str, Any]]) -> None:
+    """How many pictures there are, and where."""
     print(f"{len(entries)} pictures in {files.figures}")
 
 
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns 0 good, 2 bad input."""
-    return run_stage("figures", __doc__, make_figures, _tell, argv)
+    return run_stage("figures", __doc__, make_figures, print_count, argv)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ from postprocess.draw.series import Tracks
 from postprocess.draw.style import NAMES
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence import vortex_pairs as pairs
-from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import stroke_window
 from postprocess.evidence.time_windows import Clock
 from postprocess.report.picture_index import Album
@@ -35,7 +34,7 @@ def tip_vortices(plane: xr.Dataset, tables: dict[str, pd.DataFrame], middle: tup
 
 def _instants(clock: Clock, last: float) -> np.ndarray:
     """When the flow is shown, s: through the stroke, of a pinch at contact and after it, and at the end."""
-    at = [stroke_window(clock.time, clock.bend, (part, 0.999))[0] for part in INSTANTS]
+    at = [stroke_window(clock.time, clock.progress, (part, 0.999))[0] for part in INSTANTS]
     met = clock.met() if clock.gap is not None else None
     if met is not None:
         at = [t for t in at if t < met - 0.01] + [t for a in AFTER_CONTACT if (t := met + a) < last - 0.01]
@@ -106,13 +105,13 @@ def _vortex_words(source: str, fingers: list[pd.DataFrame], time: float) -> str:
 
 def vortex_figures(
     album: Album,
-    files: StageFiles,
+    series: pd.DataFrame,
     plane: xr.Dataset,
     dominant: Tracks,
     middle: tuple[float, float],
     scale: float,
 ) -> None:
-    """Circulation and paths of the tip vortices, and how CFD and PIV agree over time."""
+    """Circulation and paths of the tip vortices, and how CFD and PIV agree over time (`series`: comparison.csv)."""
     if dominant:
         bands = draw_series.has_band(dominant)
         caption = (
@@ -130,7 +129,6 @@ def vortex_figures(
             alt,
             "Outline at the first, middle and last instant.",
         )
-    series = pd.read_csv(files.out / "comparison.csv")
     if "velocity_rms_difference" in series:
         alt = "RMS velocity difference, correlation and distance of vortex centres between PIV and CFD over time."
         caption = "No correlation is given while the water is at rest. The middle of the stroke is shaded."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import h5py
@@ -11,20 +12,27 @@ import xarray as xr
 
 from postprocess.draw import pinch as draw_pinch
 from postprocess.evidence import tip_vortex as tracks
-from postprocess.evidence.load import single_finger
-from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.time_windows import Clock
 from postprocess.evidence.vortex_pairs import of_finger
 from postprocess.report.picture_index import Album
 
 
 def pinch_figures(
-    album: Album, files: StageFiles, plane: xr.Dataset, clock: Clock, numbers: dict[str, Any]
+    album: Album,
+    out: Path,
+    plane: xr.Dataset,
+    clock: Clock,
+    numbers: dict[str, Any],
+    single: dict[str, pd.DataFrame],
+    absent: str,
 ) -> None:
-    """Draw the section "pinch" from the files of the comparison; `numbers` as `pinch_summary` gives them."""
-    sources = [s for s in ("cfd", "piv") if files.optional(f"pairs_{s}.csv") is not None]
-    pairs = {s: pd.read_csv(files.out / f"pairs_{s}.csv") for s in sources}
-    lines = {s: pd.read_csv(files.out / f"centreline_{s}.csv") for s in sources}
+    """Draw the section "pinch" from the comparison's tables in `out`; `numbers` as `pinch_summary` gives them.
+
+    `single`: vortices of the single finger by source; `absent`: why there are none.
+    """
+    sources = [s for s in ("cfd", "piv") if (out / f"pairs_{s}.csv").exists()]
+    pairs = {s: pd.read_csv(out / f"pairs_{s}.csv") for s in sources}
+    lines = {s: pd.read_csv(out / f"centreline_{s}.csv") for s in sources}
     met = numbers["contact_time"]
     album.add(
         draw_pinch.pair(pairs, met),
@@ -42,7 +50,7 @@ def pinch_figures(
         "No line is drawn where one of the two streams is slower than 2 % of the tips' peak speed.",
     )
     gap = clock.gap_at(clock.time)
-    free = free_gap(files, clock.time)
+    free = free_gap(out / "kinematics.h5", clock.time)
     album.add(
         draw_pinch.closing(clock.time, gap, free, lines["cfd"], met),
         "closing.svg",
@@ -50,13 +58,12 @@ def pinch_figures(
         "Gap, closing speed, pressure between the tips and jet speed over time.",
         closing_words(numbers, clock.time, free),
     )
-    single, absent = single_finger(files, files.level)
     if not single:
         album.entries[-1]["caption"] += f" Not shown: {absent}."
         return
     beside = {s: _with_bend(of_finger(table, 0), clock) for s, table in pairs.items()}
     alone = {s: _dominant(table) for s, table in single.items()}
-    limits = (0.0, float(np.degrees(clock.bend.max())) + 2)
+    limits = (0.0, float(np.degrees(clock.progress.max())) + 2)
     album.add(
         draw_pinch.beside_single(beside, alone, limits),
         "beside_single.svg",
@@ -66,9 +73,9 @@ def pinch_figures(
     )
 
 
-def free_gap(files: StageFiles, time: np.ndarray) -> np.ndarray:
+def free_gap(kinematics: Path, time: np.ndarray) -> np.ndarray:
     """Gap (m) over `time` that the chambers' pressure alone would give, NaN once the shapes of the pinch end."""
-    with h5py.File(files.out / "kinematics.h5", "r") as file:
+    with h5py.File(kinematics, "r") as file:
         if "free_pressure" not in file:
             return np.full(time.size, np.nan)
         pressure = np.interp(time, file["time"][:], file["free_pressure"][:])
@@ -116,7 +123,7 @@ def _pair_words(numbers: dict[str, Any]) -> str:
 
 
 def _with_bend(table: pd.DataFrame, clock: Clock) -> pd.DataFrame:
-    return table.assign(bend=np.interp(table["time"], clock.time, clock.bend))
+    return table.assign(bend=np.interp(table["time"], clock.time, clock.progress))
 
 
 def _dominant(table: pd.DataFrame) -> pd.DataFrame:

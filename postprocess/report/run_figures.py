@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable
+from pathlib import Path
 
 import h5py
 import numpy as np
-import pandas as pd
 import xarray as xr
-from matplotlib.figure import Figure
 
-from fileio.atomic import write_bytes
 from postprocess.draw import animation
 from postprocess.draw import mesh as draw_mesh
 from postprocess.draw import solver as draw_solver
-from postprocess.evidence.stage_files import StageFiles, read_stages, read_table, scene_numbers
+from postprocess.evidence.stage_files import read_table
 from postprocess.report.picture_index import Album
 
 FORCE_COLUMNS = ("time", "fx", "fy", "fx_viscous", "fy_viscous")
@@ -31,49 +27,22 @@ QUALITY_COLUMNS = (
 )
 
 
-def solver_figures(album: Album, files: StageFiles) -> None:
+def solver_figures(album: Album, out: Path) -> None:
     """The solver's tables and the mesh's quality over time or bend."""
-    tables: tuple[tuple[str, str, tuple[str, ...], Callable[[pd.DataFrame], Figure], str, str], ...] = (
-        (
-            "run/forces.csv",
-            "forces",
-            FORCE_COLUMNS,
-            draw_solver.forces,
-            "run",
-            "Force of the water on the finger over time.",
-        ),
-        (
-            "run/power.csv",
-            "power",
-            POWER_COLUMNS,
-            draw_solver.power,
-            "run",
-            "Power balance over time and its closure error.",
-        ),
-        (
-            "run/history.csv",
-            "history",
-            HISTORY_COLUMNS,
-            draw_solver.history,
-            "run",
-            "Courant number and continuity error over time.",
-        ),
-        (
-            "mesh_quality.csv",
-            "mesh_quality",
-            QUALITY_COLUMNS,
-            draw_solver.mesh_quality,
-            "mesh",
-            "Non-orthogonality, skewness and area ratio over the bend angle.",
-        ),
-    )
-    for file, name, columns, draw, section, alt in tables:
-        album.add(draw(read_table(files.out / file, columns)), f"{name}.svg", section, alt)
+    for file, columns, draw, section, alt in (
+        ("run/forces.csv", FORCE_COLUMNS, draw_solver.forces, "run", "Force of the water on the finger over time."),
+        ("run/power.csv", POWER_COLUMNS, draw_solver.power, "run", "Power balance over time and its closure error."),
+        ("run/history.csv", HISTORY_COLUMNS, draw_solver.history, "run", "Courant number and continuity error over time."),
+        ("mesh_quality.csv", QUALITY_COLUMNS, draw_solver.mesh_quality, "mesh",
+         "Non-orthogonality, skewness and area ratio over the bend angle."),
+    ):  # fmt: skip
+        album.add(draw(read_table(out / file, columns)), f"{Path(file).stem}.svg", section, alt)
 
 
-def mesh_figures(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
-    """The planform at three bends, and the finger in the tank seen in space."""
-    stages = read_stages(files.out / "planform.h5")
+def mesh_figures(
+    album: Album, stages: list[dict[str, np.ndarray]], plane: xr.Dataset, width: float, tank: list[float]
+) -> None:
+    """The planform at three bends, and the finger (its `width` in m) in the tank (its size in m) seen in space."""
     outline, bend = plane["outline"].values, plane["bend"].values[:, 0]
     low, high = outline.min(axis=(0, 1, 2)) - 0.02, outline.max(axis=(0, 1, 2)) + 0.02
     limits = (low[0], high[0], low[1], high[1])
@@ -84,46 +53,32 @@ def mesh_figures(album: Album, files: StageFiles, plane: xr.Dataset) -> None:
     lines = [draw_mesh.edges([stage["triangles"][stage["body"] == 0], stage["quads"]]) for stage, _ in drawn]
     alt = "The planform of the mesh around the finger at the start, middle and end of the stroke."
     album.add(draw_mesh.planform(shapes, at, lines, limits), "planform.png", "mesh", alt)
-    scene = scene_numbers(files)
     bodies = outline[int(np.argmin(np.abs(np.degrees(bend) - at[1])))]
-    data = files.figures / "view3d.npz"
-    content = io.BytesIO()
-    np.savez(
-        content,
+    drawn_by = draw_mesh.view_in_space(
+        album.folder / "view3d.png",
         points=shapes[1],
         lines=lines[1],
         outline=bodies,
-        width=scene["finger"]["width"],
-        tank=np.array(scene["tank"]["size"]),
+        width=width,
+        tank=np.array(tank),
     )
-    write_bytes(data, content.getbuffer())
-    drawn_by = draw_mesh.view_in_space(data, files.figures / "view3d.png")
-    data.unlink()
     alt = "The finger and the mesh on the laser sheet inside the tank, seen in space."
     album.add(None, "view3d.png", "mesh", alt, f"Half-way through the stroke (drawn by {drawn_by}).")
 
 
 def _nearest_shape(stages: list[dict[str, np.ndarray]], bend: float) -> tuple[dict[str, np.ndarray], int]:
     """The stage and its knot whose bend (rad) is nearest."""
-    found = [(stage, int(np.argmin(np.abs(stage["bend"] - bend)))) for stage in stages]
-    return min(found, key=lambda pair: abs(pair[0]["bend"][pair[1]] - bend))
+    knots = [(stage, int(np.argmin(np.abs(stage["bend"] - bend)))) for stage in stages]
+    return min(knots, key=lambda pair: abs(pair[0]["bend"][pair[1]] - bend))
 
 
-def camera_picture(album: Album, files: StageFiles, time: float) -> None:
-    """What the camera sees nearest to `time` (s); nothing where no images were rendered."""
-    path = files.optional("images.h5")
-    if path is None:
-        return
-    with h5py.File(path, "r") as file:
+def camera_picture(album: Album, recording: Path, time: float) -> None:
+    """What the camera sees nearest to `time` (s)."""
+    with h5py.File(recording, "r") as file:
         index = int(np.argmin(np.abs(file["time"][:] - time)))
         image, at = file["frames"][index].astype(float), float(file["time"][index])
     grey = np.clip(image / np.percentile(image, 99.7), 0, 1) * 255
     animation.write_picture(grey.astype(np.uint8), album.folder / "camera.webp", quality=80)
     alt = f"A synthetic camera picture of the seeded water at {at:.3f} s; the finger is black."
-    album.add(
-        None,
-        "camera.webp",
-        "camera",
-        alt,
-        f"What the virtual camera sees at {at:.3f} s; PIV is done on such pictures.",
-    )
+    caption = f"What the virtual camera sees at {at:.3f} s; PIV is done on such pictures."
+    album.add(None, "camera.webp", "camera", alt, caption)

@@ -48,12 +48,11 @@ def data_uri(path: Path) -> str:
     return f"data:{MIME[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
-def pictures(files: StageFiles) -> dict[str, list[dict[str, Any]]]:
-    """The index of figures by section, each picture with its `data`; the slider's with its frames."""
-    index = files.required("figures/figures.json", "figures")
+def pictures(index: Path) -> dict[str, list[dict[str, Any]]]:
+    """figures.json by section, each picture with its `data`; the slider's with its frames."""
     sections: dict[str, list[dict[str, Any]]] = {}
     for entry in read_json(index, list):
-        path = files.figures / entry["file"]
+        path = index.parent / entry["file"]
         if entry["section"] == "slider":
             frames = [data_uri(path / f"frame_{n:03d}.webp") for n in range(len(entry["times"]))]
             entry = entry | {"frames": frames}
@@ -63,24 +62,27 @@ def pictures(files: StageFiles) -> dict[str, list[dict[str, Any]]]:
     return sections
 
 
-def read_costs(files: StageFiles, solver_time: float) -> list[dict[str, Any]]:
-    """costs/*.json in the order of the stages; unknown stages last. The report's own cost is not known yet.
+def read_costs(folder: Path, solver_time: float) -> list[dict[str, Any]]:
+    """The costs of a folder in the order of the stages; unknown stages last. The report's own cost is not known yet.
 
-    A run that was resumed records its last leg alone, so its time is at least `solver_time` (s), that of all legs.
+    A run that was resumed records its last part alone, so its time is at least `solver_time` (s), that of the whole run.
     """
-    found = {p.stem: read_json(p) for p in sorted((files.out / "costs").glob("*.json")) if p.stem != "report"}
-    if "run" in found:
-        found["run"]["wall_time"] = max(found["run"]["wall_time"], solver_time)
-    names = [n for n in ORDER if n in found] + [n for n in found if n not in ORDER]
-    return [found[n] for n in names]
+    costs = {path.stem: read_json(path) for path in sorted(folder.glob("*.json")) if path.stem != "report"}
+    if "run" in costs:
+        costs["run"]["wall_time"] = max(costs["run"]["wall_time"], solver_time)
+    return [costs[n] for n in sorted(costs, key=lambda n: ORDER.index(n) if n in ORDER else len(ORDER))]
 
 
-def absences(files: StageFiles, sections: dict[str, Any], comparison: dict[str, Any]) -> list[str]:
-    """One sentence for every optional part that is not on the page."""
+def absences(comparison: dict[str, Any], sections: dict[str, Any], finger: bool) -> list[str]:
+    """One sentence for every optional part that is not on the page; `finger`: of a finger, not of a rigid body."""
     notes = []
-    if files.optional("piv.h5") is None:
+    if comparison["provenance"]["findings_sha256"] is None:
         notes.append(
-            f"PIV was not run at level {files.level}: every picture shows the CFD alone and no agreement is judged."
+            "The scene has no findings (reference/findings.toml): agreement of PIV with the CFD is judged and nothing else."
+        )
+    if "piv" not in comparison["sources"]:
+        notes.append(
+            f"PIV was not run at level {comparison['level']}: every picture shows the CFD alone and no agreement is judged."
         )
     elif "piv" not in comparison["summary"]:
         notes.append(
@@ -92,33 +94,29 @@ def absences(files: StageFiles, sections: dict[str, Any], comparison: dict[str, 
         )
     if "camera" not in sections:
         notes.append("No recording (images.h5) is kept for this level, so no camera picture is shown.")
-    if files.optional("uncertainty.json") is None:
+    if finger:
         notes.append(
             "The uncertainty of the finger's shape and pressure (FEA band) was not propagated: bands show the measurement alone."
         )
     return notes
 
 
-def tip_top(files: StageFiles) -> float:
-    """Highest position of the finger's tip, m above the bottom."""
-    with read_plane(files.required("sheet.h5", "sheet")) as plane:
-        return float(plane["tip"].values[..., 1].max())
-
-
 def render(files: StageFiles) -> str:
     """The page as text; FileNotFoundError or ValueError in one sentence where a required input is missing."""
     comparison = read_json(files.required("comparison.json", "compare"))
     run = read_json(files.required("run/run.json", "run"))
-    sections = pictures(files)
-    stages = read_costs(files, run["wall_time"])
+    sections = pictures(files.required("figures/figures.json", "figures"))
+    stages = read_costs(files.out / "costs", run["wall_time"])
     if stages:
         save(draw_costs(stages), files.figures / "costs.svg")
     scene = scene_numbers(files)
+    with read_plane(files.required("sheet.h5", "sheet")) as plane:
+        tip_height = float(plane["tip"].values[..., 1].max())
     slider = sections.get("slider", [None])[0]
     pinch = comparison["summary"].get("pinch")
     pinch_columns, pinch_rows = pinch_table(pinch) if pinch else ([], [])
     return page_template("report.html").render(
-        title=scene_title(files.case),
+        title=scene_title(files.scene_folder),
         scene=files.scene,
         level=files.level,
         agrees=comparison["verdict"]["agrees"],
@@ -132,8 +130,9 @@ def render(files: StageFiles) -> str:
         pinch_rows=pinch_rows,
         slider=slider,
         slider_data=json.dumps({"times": slider["times"], "frames": slider["frames"]}) if slider else "",
-        notes=absences(files, sections, comparison),
-        modelled=statements(scene, comparison["scale"]["value"], tip_top(files)),
+        notes=absences(comparison, sections, finger=not scene.get("body")),
+        body="fingers" if pinch else "body" if scene.get("body") else "finger",
+        modelled=statements(scene, comparison["scale"]["value"], tip_height),
         numbers=scene,
         run=run,
         costs=stages,
@@ -150,20 +149,21 @@ def make_report(files: StageFiles) -> Path:
     page = render(files)
     if len(page.encode()) > MAX_BYTES:
         raise ValueError(
-            f"{files.out / 'report.html'} would have {len(page.encode()) / 1e6:.0f} MB, more than {MAX_BYTES / 1e6:.0f}; lower FRAMES in postprocess/report/figures.py"
+            f"{files.out / 'report.html'} would have {len(page.encode()) / 1e6:.0f} MB, more than {MAX_BYTES / 1e6:.0f}; lower FRAMES in postprocess/report/flow_figures.py"
         )
     path = files.out / "report.html"
     write_text(path, page)
     return path
 
 
-def _tell(files: StageFiles, path: Path) -> None:
+def print_path(files: StageFiles, path: Path) -> None:
+    """Where the page is."""
     print(path)
 
 
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns 0 good, 2 bad input."""
-    return run_stage("report", __doc__, make_report, _tell, argv)
+    return run_stage("report", __doc__, make_report, print_path, argv)
 
 
 if __name__ == "__main__":

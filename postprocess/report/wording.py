@@ -48,10 +48,8 @@ def answer(comparison: dict[str, Any]) -> str:
     paper = [check for check in comparison["checks"] if check["kind"] == "paper"]
     if "piv" not in comparison["sources"]:
         shown = sum(check["met_by"].get("cfd") is True for check in paper)
-        return (
-            f"Not judged: PIV was not run at level {comparison['level']}, so this page shows the simulation alone;"
-            f" it shows {shown} of the paper's {len(paper)} findings."
-        )
+        findings = f"; it shows {shown} of the paper's {len(paper)} findings" if paper else ""
+        return f"Not judged: PIV was not run at level {comparison['level']}, so this page shows the simulation alone{findings}."
     start = {
         True: "Yes, the simulation agrees with PIV",
         False: "No, the simulation does not agree with PIV in every check",
@@ -59,7 +57,8 @@ def answer(comparison: dict[str, Any]) -> str:
     }[comparison["verdict"]["agrees"]]
     met = sum(check["met"] is True for check in paper)
     numbers = _numbers(comparison["summary"]["piv-cfd"], comparison)
-    return f"{start}: over the middle of the stroke {numbers}; both show {met} of the paper's {len(paper)} findings."
+    findings = f"; both show {met} of the paper's {len(paper)} findings" if paper else ""
+    return f"{start}: over the middle of the stroke {numbers}{findings}."
 
 
 def _numbers(pair: dict[str, Any], comparison: dict[str, Any]) -> str:

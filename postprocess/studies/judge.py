@@ -19,7 +19,7 @@ from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.stage import judge
 from postprocess.draw.style import save
-from postprocess.evidence.load import load_evidence, read_clock
+from postprocess.evidence.load import load_evidence
 from postprocess.evidence.stage_files import StageFiles, read_json
 from postprocess.report.wording import quantity
 from postprocess.studies import bars as draw_studies
@@ -93,13 +93,12 @@ def measure(files: StageFiles, name: str, change: str) -> list[dict[str, Any]]:
     """
     comparable = all(part.startswith(FREE) for part in change.split("; ")) or change == AS_IT_IS
     evidence = load_evidence(files, files.level if comparable else name)
-    clock = read_clock(files, evidence.planes["cfd"])
     run = read_json(files.required("run/run.json", "run"))
     about = {"run": name, "change": change, "model": run["model"], "cells": run["cells"]}
     rows: list[dict[str, Any]] = []
-    for finding in read_findings(findings_path(files.case), frozenset(QUANTITIES)):
+    for finding in read_findings(findings_path(files.scene_folder), frozenset(QUANTITIES)):
         if finding.kind == "paper" and "cfd" in finding.of:
-            check = judge(finding, evidence, clock)
+            check = judge(finding, evidence)
             value, met = check["measured"]["cfd"], check["met_by"].get("cfd")
             if value is None and not any("was not run" in note for note in check["notes"]):
                 met = False
@@ -113,7 +112,7 @@ def measure(files: StageFiles, name: str, change: str) -> list[dict[str, Any]]:
                     "met": met,
                 }
             )
-    numbers = pinch_summary(evidence, clock)
+    numbers = pinch_summary(evidence)
     numbers |= numbers["cfd"]
     for name, unit in NUMBERS.items():
         rows.append(

@@ -126,7 +126,7 @@ def ending(files: StageFiles) -> dict[str, Any]:
 
 def bending(files: StageFiles) -> dict[str, Any]:
     """What the bending analysis of another actuator gave: its states, from the lowest to the highest pressure."""
-    with h5py.File(files.case / "kinematics" / "states.h5") as file:
+    with h5py.File(files.scene_folder / "kinematics" / "states.h5") as file:
         pressure, bend = np.asarray(file["pressure"]), np.asarray(file["bend_angle"])
     return {
         "states": len(pressure),
@@ -146,7 +146,11 @@ def study_table(plan: dict[str, Any], missing: dict[str, str]) -> pd.DataFrame:
             key: json.dumps(v) if isinstance(v, list | dict) else v for key, v in row["overrides"].items()
         }
         head = {"run": row["run"], "level": row["level"], "until": row["until"]}
-        analysed = bending(files) if row["fea"] and (files.case / "kinematics" / "states.h5").exists() else {}
+        analysed = (
+            bending(files)
+            if row["fea"] and (files.scene_folder / "kinematics" / "states.h5").exists()
+            else {}
+        )
         told = head | varied | ending(files) | analysed
         if row["run"] in missing:
             rows.append(told | {"missing": missing[row["run"]]})

@@ -31,7 +31,7 @@ def build(root, write=write_case, **options):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(flow_figures, "FRAMES", 3)
         for stage in (compare, figures, report):
-            assert stage.main([str(files.case), "--level", "coarse"]) == 0
+            assert stage.main([str(files.scene_folder), "--level", "coarse"]) == 0
     return files
 
 
@@ -183,7 +183,7 @@ def test_the_first_screen_has_the_answer_with_its_numbers(made):
     ],
 )
 def test_a_missing_required_input_is_one_sentence(made, tmp_path, capsys, name, stage):
-    shutil.copytree(made.case, tmp_path / "single_finger")
+    shutil.copytree(made.scene_folder, tmp_path / "single_finger")
     (tmp_path / "single_finger/out/coarse" / name).unlink()
     assert stage.main([str(tmp_path / "single_finger"), "--level", "coarse"]) == 2
     message = capsys.readouterr().err
@@ -227,11 +227,9 @@ def test_every_axis_of_every_series_names_its_unit(made):
 def test_the_view_in_space_is_drawn_without_gl_too(made, tmp_path, monkeypatch):
     corner = np.array([[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1]])
     data = {"points": corner, "lines": np.array([[0, 1], [1, 2], [2, 3], [3, 0]])}
-    np.savez(
-        tmp_path / "view.npz", **data, outline=0.3 * corner + 0.05, width=0.02, tank=np.array([0.6, 0.3, 0.3])
-    )
+    view = data | {"outline": 0.3 * corner[None] + 0.05, "width": 0.02, "tank": np.array([0.6, 0.3, 0.3])}
     monkeypatch.setattr(draw_mesh, "VIEW_MODULE", "postprocess.there_is_no_such_module")
-    assert draw_mesh.view_in_space(tmp_path / "view.npz", tmp_path / "view.png") == "matplotlib"
+    assert draw_mesh.view_in_space(tmp_path / "view.png", **view) == "matplotlib"
     picture = np.asarray(Image.open(tmp_path / "view.png").convert("L"))
     assert (picture < 128).sum() > 500  # the dark finger is there, not an empty canvas
 
@@ -271,7 +269,7 @@ def test_the_page_of_a_pinch_shows_both_fingers(pinched):
 
 def test_the_single_finger_beside_is_compared_at_equal_bend(pinched, tmp_path):
     """The made-up single finger is the left finger itself: no shift but that of the PIV's errors."""
-    shutil.copytree(pinched.case.parent, tmp_path / "cases")
+    shutil.copytree(pinched.scene_folder.parent, tmp_path / "cases")
     write_case(tmp_path, "single_finger", bend_end=np.radians(80), spacing=0.004, frames=21)
     (tmp_path / "cases" / "pinch" / "scene.toml").write_text('extends = "../single_finger"\ntitle = "t"\n')
     assert compare.main([str(tmp_path / "cases" / "pinch"), "--level", "coarse", "--quiet"]) == 0
@@ -279,3 +277,19 @@ def test_the_single_finger_beside_is_compared_at_equal_bend(pinched, tmp_path):
     check = next(c for c in result(files)["checks"] if c["id"] == "pair-forward")
     assert check["measured"]["cfd"] == pytest.approx(0.0, abs=1e-9)
     assert check["met"] is False
+
+
+def test_a_scene_without_findings_is_judged_by_agreement_and_says_so(tmp_path):
+    files = StageFiles(write_case(tmp_path, spacing=0.004, frames=21), "coarse")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(flow_figures, "FRAMES", 3)
+        for stage in (compare, figures, report):
+            assert stage.main([str(files.scene_folder), "--level", "coarse"]) == 0
+    found = result(files)
+    assert {c["kind"] for c in found["checks"]} == {"agreement"}
+    assert found["verdict"]["agrees"] is True
+    text = (files.out / "report.html").read_text()
+    assert Page(text).errors == []
+    assert "The scene has no findings (reference/findings.toml)" in text
+    assert "the paper's 0" not in text
+    assert "What the paper saw" not in text

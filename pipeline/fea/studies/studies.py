@@ -1,4 +1,5 @@
-"""The paper's studies of θ, W and materials, from the states that the study `bending` computed → docs/fea/ (tables and figures).
+"""The paper's studies of θ, W and materials, from the states that the study `bending` computed: tables and figures in
+cases/single_finger/kinematics/studies, which the report of every scene that extends it shows.
 
 Command: python -m pipeline.fea.studies.studies (make fea-studies, which has Snakemake run cases/single_finger/studies/bending.csv first)
 """
@@ -53,33 +54,38 @@ def against_calculix(actuator: Actuator, fea: Fea, work: Path) -> dict[str, Bend
     return {f"CalculiX {release()}": Bends(states.pressure, states.radius, states.fit_residual)}
 
 
-def run(case: Path, docs: Path, calculix: bool) -> None:
+def run(case: Path, output: Path, calculix: bool) -> None:
     """Gather the study's states, write tables, draw figures."""
     path = case / "out" / "studies" / STUDY / "plan.json"
     if not path.exists():
         raise StageError(f"{path}: no plan; run make fea-studies, which makes the runs first")
     bends = bends_of(read_json(path, "run make fea-studies, which writes it anew"))
-    write_table(docs / "studies.csv", bends)
+    write_table(output / "studies.csv", bends)
     if calculix:
         scene = load_scene(case)
         compared = against_calculix(*sections(scene), case / "out" / "calculix")
-        write_table(docs / "calculix.csv", compared, last="fit_residual_mm")
+        write_table(output / "calculix.csv", compared, last="fit_residual_mm")
     states = read(case / "kinematics" / "states.h5")
-    write_results(docs / "results.md", bends, states, docs / "calculix.csv")
-    draw(docs, bends, states)
-    print(f"tables and figures → {docs}")
+    write_results(output / "results.md", bends, states, output / "calculix.csv")
+    draw(output, bends, states)
+    print(f"tables and figures → {output}")
 
 
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m pipeline.fea.studies.studies", description=__doc__)
     parser.add_argument("case", type=Path, nargs="?", default=Path("cases/single_finger"))
-    parser.add_argument("--docs", type=Path, default=Path("docs/fea"), help="where tables and figures go")
+    parser.add_argument(
+        "-o", "--output", type=Path, help="where tables and figures go (CASE/kinematics/studies)"
+    )
     parser.add_argument(
         "--calculix", action="store_true", help="run the comparison in 3-D again (several minutes)"
     )
     given = parser.parse_args()
-    guarded("fea.studies", lambda: run(given.case, given.docs, given.calculix))
+    guarded(
+        "fea.studies",
+        lambda: run(given.case, given.output or given.case / "kinematics" / "studies", given.calculix),
+    )
 
 
 if __name__ == "__main__":

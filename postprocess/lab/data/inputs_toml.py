@@ -127,7 +127,7 @@ def write_virtual(files: StageFiles, pressure_kpa: float) -> Path:
         motion = settings_in(file, path)["motion"]
     if not motion["strokes"]:
         raise ValueError(
-            f"{files.case / 'scene.toml'}: motion.strokes is empty; a virtual laboratory changes the last of them"
+            f"{files.scene_folder / 'scene.toml'}: motion.strokes is empty; a virtual laboratory changes the last of them"
         )
     strokes = [*motion["strokes"][:-1], motion["strokes"][-1] | {"pressure_kpa": pressure_kpa}]
     folder = files.out / "virtual" / f"{pressure_kpa:g}kpa"

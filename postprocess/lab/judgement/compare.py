@@ -56,7 +56,7 @@ def run_comparison(
 ) -> dict[str, Any]:
     """Evaluate both sides alike, compare, and write comparison.json, comparison.csv, series.csv and fields.h5."""
     family = read_family(files.stage.required("kinematics.h5", "kinematics"))
-    inputs = read_inputs(files.stage.case / "reference" / "inputs.toml")
+    inputs = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
     registration = read_registration(files.registration)
     sides = simulation_sides(files, dpiv, family, registration, seed=seed, threads=threads, quiet=quiet)
     case = make_case(files, dpiv, family, registration, sides, inputs)
@@ -116,7 +116,7 @@ def moved_as_recorded(files: LabFiles, dpiv: Dpiv) -> bool:
         motion = settings_in(file, path)["motion"]
     if motion["source"] != "recording":
         return False
-    with h5py.File(files.stage.case / motion["recording"], "r") as file:
+    with h5py.File(files.stage.scene_folder / motion["recording"], "r") as file:
         return str(file.attrs["dpiv_sha256"]) == sha256(dpiv.folder / NAME)
 
 

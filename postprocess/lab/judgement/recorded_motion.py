@@ -93,12 +93,12 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
 
 def _write_scene(files: LabFiles, dpiv: Dpiv, factor_std: float) -> Path:
     folder = files.folder / "measured"
-    inputs = read_inputs(files.stage.case / "reference" / "inputs.toml")
+    inputs = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
     numerics = "".join(
         f'\n[[numerics]]\nname = "{n.name}"\nratio = {n.ratio!r}\norder = {n.order!r}\nsafety = {n.safety!r}\n'
         for n in inputs.numerics
     )
-    title = f"{scene_title(files.stage.case)}, moved as in the recording {dpiv.name}"
+    title = f"{scene_title(files.stage.scene_folder)}, moved as in the recording {dpiv.name}"
     write_text(folder / "scene.toml", SCENE.format(name=dpiv.name, title=title))
     limit = round(3**0.5 * factor_std, 6)
     write_text(

@@ -35,7 +35,7 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
     What the later steps need and cannot be asked for once the simulation has run is looked for here: the scene's inputs.toml, the
     FEA's bands, the uncertainty of vectors.
     """
-    read_inputs(files.stage.case / "reference" / "inputs.toml")
+    read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
     fea_band(files, dpiv)
     family = read_family(files.stage.required("kinematics.h5", "kinematics"))
     stated_delay = (-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None

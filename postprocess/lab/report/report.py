@@ -34,7 +34,7 @@ def make_report(files: LabFiles) -> Path:
         name: (_saved(files, name, figure), alt) for name, (figure, alt) in figures(files, result).items()
     }
     page = page_template("lab.html").render(
-        title=scene_title(files.stage.case),
+        title=scene_title(files.stage.scene_folder),
         result=result,
         answer=wording.answer(result),
         tiles=wording.tiles(result),

@@ -29,7 +29,7 @@ def test_rest_before_and_after_and_the_way_back_do_not_count():
 
 
 def test_a_finger_that_does_not_bend_is_refused():
-    with pytest.raises(ValueError, match="does not bend"):
+    with pytest.raises(ValueError, match="does not move"):
         stroke_window(np.linspace(0, 1, 5), np.zeros(5), (0.25, 0.75))
 
 
