@@ -36,7 +36,7 @@ HELPS = {
     "max_std": "largest standard uncertainty of a valid vector, px",
     "max_masked": "largest masked part of a window",
     "replace": "put the neighbours' mean in place of outliers, flagged 4",
-    "method": "correlation, or preview (optical flow)",
+    "method": "correlation or optical_flow",
 }
 SEQUENCE_HELPS = {
     "pairing": "1-2,2-3 (time-resolved) or 1-2,3-4 (frame-straddling)",

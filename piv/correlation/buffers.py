@@ -1,4 +1,4 @@
-"""Image-sized arrays that a thread keeps from pair to pair: the system clears fresh memory at a fifth of a pair's cost."""
+"""Image-sized arrays that a thread reuses from pair to pair: new memory, which the system clears, costs a fifth of a pair."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ _kept = threading.local()
 New = Callable[..., np.ndarray]
 FREED = (
     31 * 2**20
-)  # bytes: once so much was given back, glibc keeps smaller arrays' memory at hand, up to twice as much
+)  # bytes: glibc keeps the memory of smaller arrays once an array of this size has been freed
 
 
 def fresh(*shape: int) -> np.ndarray:
-    """A new float32 array, for what is not worth keeping."""
+    """A new float32 array of undefined content."""
     return np.empty(shape, np.float32)
 
 
 @contextmanager
-def scratch(size: tuple[int, ...]) -> Iterator[New]:
-    """Yield `new(*shape)`, which gives float32 arrays of undefined content that are handed on when the context ends.
+def image_buffers(size: tuple[int, ...]) -> Iterator[New]:
+    """Yield `new(*shape)`, which returns float32 arrays of undefined content; they are reused after the context ends.
 
-    size: of the images; arrays kept from images of another size are let go. Nothing that was given may be used later.
+    size: of the images; arrays kept from images of another size are freed. No array may be used after the context.
     """
     if getattr(_kept, "size", None) != size:
         _kept.size, _kept.free = size, {}
-        np.empty(FREED, np.uint8)  # let go at once
+        np.empty(FREED, np.uint8)  # freed at once
     free: dict[tuple[int, ...], list[np.ndarray]] = _kept.free
     taken: list[np.ndarray] = []
 

@@ -1,4 +1,4 @@
-"""Image deformation: vectors at nodes to a displacement of every pixel, and images sampled where it points."""
+"""Image deformation: the displacement of every pixel from that of the nodes, and images sampled along it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from functools import cached_property, lru_cache
 import cv2
 import numpy as np
 
-from piv.correlation import newton_step as refine
 from piv.correlation.buffers import New, fresh
 from piv.correlation.interpolate import PAD, bspline_table, dense_field, warp
+from piv.correlation.newton_step import CELL, MOMENTS, window_sums, window_weights
 from piv.correlation.pair_moments import pair_moments
 from piv.correlation.prefilter import TAPS, Kernel, apply
 
@@ -43,7 +43,7 @@ class Nodes:
         return along_y[0], along_y[1], along_x[0], along_x[1]
 
     def _knots(self, vectors: np.ndarray, share: float) -> np.ndarray:
-        """Coefficients of the B-spline of `share` of the vectors in px of this level, two more on every side."""
+        """B-spline coefficients of `share` of the vectors in px of this level, padded by two on every side."""
         padded = np.empty((vectors.shape[0] + 4, vectors.shape[1] + 4), np.float32)
         np.multiply(vectors, np.float32(share / self.factor), out=padded[2:-2, 2:-2], casting="same_kind")
         padded[:2], padded[-2:] = padded[2], padded[-3]
@@ -51,14 +51,14 @@ class Nodes:
         return padded
 
     def moments(self, a: Image, b: Image, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:
-        """Products (MOMENTS, *cell_shape) of both images warped half-way along the B-spline of (dx, dy), summed over cells."""
-        cells = np.empty((refine.MOMENTS, *self.cell_shape), np.float32)
+        """Products (MOMENTS, *cell_shape) of both images, warped half-way along (dx, dy), summed over cells."""
+        cells = np.empty((MOMENTS, *self.cell_shape), np.float32)
         x, y = self._knots(dx, -0.5), self._knots(dy, -0.5)
         pair_moments(a.samples, a.usable, b.samples, b.usable, x, y, *self._tables, cells)
         return cells
 
     def dense(self, vectors: np.ndarray, out: np.ndarray, first: int = 0) -> None:
-        """Value at every pixel of the rows from `first` on, in px of this level, of the B-spline whose coefficients the vectors are."""
+        """Value (px of this level) at every pixel of the rows from `first` on of the B-spline with the vectors as coefficients."""
         padded = self._knots(vectors, 1.0)
         first_y, weights_y, first_x, weights_x = self._tables
         rows = slice(first, first + out.shape[0])
@@ -68,30 +68,30 @@ class Nodes:
 
     @property
     def cell_shape(self) -> tuple[int, int]:
-        """Cells (rows, columns) that the images' products are summed over."""
-        return self.shape[0] // refine.CELL, self.shape[1] // refine.CELL
+        """Number of cells (rows, columns) over which the images' products are summed."""
+        return self.shape[0] // CELL, self.shape[1] // CELL
 
     def window_sums(self, cells: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
         """Gaussian-weighted sums of the cells around each node (σ in full px), and the sum of the weights in px²."""
-        first_x, weight_x = refine.window_weights(self.column, cells.shape[2], sigma / self.factor)
-        first_y, weight_y = refine.window_weights(self.row, cells.shape[1], sigma / self.factor)
+        first_x, weight_x = window_weights(self.column, cells.shape[2], sigma / self.factor)
+        first_y, weight_y = window_weights(self.row, cells.shape[1], sigma / self.factor)
         sums = np.empty((cells.shape[0], self.y.size, self.x.size), np.float32)
-        refine.window_sums(cells, first_y, weight_y, first_x, weight_x, sums)
-        return sums, np.outer(weight_y.sum(axis=1), weight_x.sum(axis=1)) * refine.CELL**2
+        window_sums(cells, first_y, weight_y, first_x, weight_x, sums)
+        return sums, np.outer(weight_y.sum(axis=1), weight_x.sum(axis=1)) * CELL**2
 
     def at_cells(self, field: np.ndarray) -> np.ndarray:
         """Bilinear values of a field on the nodes at the centres of the cells."""
         rows, columns = self.cell_shape
-        middle = (refine.CELL - 1) / 2
-        i = (np.arange(columns) * refine.CELL + middle - self.column[0]) / (self.column[1] - self.column[0])
-        j = (np.arange(rows) * refine.CELL + middle - self.row[0]) / (self.row[1] - self.row[0])
+        middle = (CELL - 1) / 2
+        i = (np.arange(columns) * CELL + middle - self.column[0]) / (self.column[1] - self.column[0])
+        j = (np.arange(rows) * CELL + middle - self.row[0]) / (self.row[1] - self.row[0])
         map_x, map_y = np.meshgrid(i.astype(np.float32), j.astype(np.float32))
         field = field.astype(np.float32)
         return cv2.remap(field, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
 def inside(seen: np.ndarray) -> np.ndarray:
-    """Padded map (uint8) of where a sample and its derivatives see nothing but pixels that may be used."""
+    """Padded map (uint8) of the pixels whose sample and derivatives use unmasked pixels only."""
     usable = cv2.copyMakeBorder(seen.astype(np.uint8), PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=(0,))
     # a sample needs its four neighbours, a derivative those of its own neighbours: 4 px in all
     return cv2.erode(usable, np.ones((9, 9), np.uint8))
@@ -99,7 +99,7 @@ def inside(seen: np.ndarray) -> np.ndarray:
 
 @lru_cache(8)
 def usable_samples(shape: tuple[int, int]) -> np.ndarray:
-    """`inside` of an image without a mask; shared, to be read only."""
+    """`inside` of an image without a mask; shared, read only."""
     return inside(np.ones(shape, bool))
 
 
@@ -107,7 +107,7 @@ class Image:
     """One image at one resolution, filtered and ready to be sampled anywhere."""
 
     def __init__(self, pixels: np.ndarray, seen: np.ndarray | None, new: New = fresh):
-        """pixels: float32 without background; seen: bool or None (all); new: where arrays come from. Filter it first."""
+        """pixels: float32 without background; seen: unmasked pixels or None; new: allocates arrays. Call `filter` next."""
         self.pixels = pixels
         self.usable = usable_samples(pixels.shape) if seen is None else inside(seen)
         self.warped = new(*pixels.shape)
@@ -116,13 +116,13 @@ class Image:
         self._kernel: Kernel | None = None
 
     def filter(self, kernel: Kernel) -> None:
-        """Prepare the pixels for sampling, where that was not done with this kernel before."""
+        """Filter the pixels for sampling, unless this kernel was the last one."""
         if kernel is not self._kernel:
             apply(self.pixels, kernel, self.samples[PAD:-PAD, PAD:-PAD])
             self._kernel = kernel
 
     def filter_rows(self, kernel: Kernel, first: int, last: int) -> None:
-        """Prepare rows `first` to `last` only; `filter` prepares all again."""
+        """Filter rows `first` to `last` only; `filter` then starts anew."""
         rows = self.pixels.shape[0]
         first, last = max(first, 0), min(last, rows)
         low, high = max(first - TAPS, 0), min(last + TAPS, rows)
@@ -131,7 +131,7 @@ class Image:
         self._kernel = None
 
     def crop(self, top: int, bottom: int, left: int, right: int) -> Image:
-        """A copy of a part of the image as it is filtered now; its samples may lie up to PAD px outside the part."""
+        """A copy of a part of the filtered image, with PAD px around it for samples."""
         part = object.__new__(Image)
         padded = (slice(top, bottom + 2 * PAD), slice(left, right + 2 * PAD))
         part.pixels = self.pixels[top:bottom, left:right]
@@ -141,14 +141,14 @@ class Image:
     def warp(
         self, dx: np.ndarray, dy: np.ndarray, share: float, weight: np.ndarray, multiply: bool, first: int = 0
     ) -> np.ndarray:
-        """The image at positions moved by `share` of the dense displacement of its rows from `first` on; `weight`: see interpolate.warp."""
+        """Rows from `first` on, sampled along `share` of their dense displacement; weight, multiply: see interpolate.warp."""
         out = self.warped[first : first + dx.shape[0]]
         warp(self.samples, self.usable, dx, dy, share, first, out, weight, multiply)
         return out
 
 
 def spline_value(vectors: np.ndarray) -> np.ndarray:
-    """Value at the nodes of the B-spline that images are warped by (weights 1/6, 2/3, 1/6)."""
+    """Value at the nodes of the B-spline with these coefficients (weights 1/6, 2/3, 1/6): the displacement of the warp."""
     kernel = np.array([1, 4, 1], np.float32) / 6
     return cv2.sepFilter2D(
         vectors.astype(np.float32), cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REPLICATE

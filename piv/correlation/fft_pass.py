@@ -8,7 +8,7 @@ import numpy as np
 import scipy.fft
 from numba import njit
 
-BATCH = 2**17  # px: windows of an image that are transformed together; more do not fit a core's cache
+BATCH = 2**17  # px of windows transformed together: more do not fit a core's cache
 
 
 class Peaks(NamedTuple):
@@ -66,7 +66,7 @@ def _cut(image, centre_x, centre_y, size, out):
 def window_maps(a, b, x, y, shift_x, shift_y, size: int) -> np.ndarray:
     """Correlation coefficients (window, size, size) of windows around the pixels (x, y), zero shift at [0, 0].
 
-    a, b: float32 images, zero where nothing is to be seen; shift_x, shift_y: whole pixels by which the second
+    a, b: float32 images, zero where masked; shift_x, shift_y: whole pixels by which the second
     window is moved against the first, half each way, so that the vector belongs to (x, y) to half a pixel.
     """
     ax, ay = x - shift_x // 2, y - shift_y // 2
@@ -119,7 +119,7 @@ def _peaks(maps, reach, dx, dy, second_x, second_y):
             near[r + side, :side] = row[size - side :]
             near[r + side, side:] = row[: side + 1]
         best = second = np.float32(-1e30)
-        # the middle, where a map is of one value: as good as any
+        # a map of one value has its peak in the middle
         br = bc = sr = sc = side
         for r in range(1, 2 * reach + 2):
             if _highest(near[r, inner]) > best:
@@ -131,7 +131,7 @@ def _peaks(maps, reach, dx, dy, second_x, second_y):
                 continue
             for c in range(1, 2 * reach + 2):
                 value = near[r, c]
-                # a local maximum away from the first peak: its slope is not a second one
+                # a local maximum away from the first peak, not on its slope
                 if (
                     value > second
                     and (abs(r - br) > 2 or abs(c - bc) > 2)

@@ -13,9 +13,8 @@ from numba import njit
 BETA = 7.0  # of the Kaiser-Bessel kernel: leaks least over 0 … 0.42 cycles/px
 PAD = 16  # px of border around spline coefficients: samples further outside are not taken
 LANES = 16  # px: runs of pixels are rounded up to so many, the width of a core's vectors
-SNAP = np.float32(
-    6e-5
-)  # px: what is nearer to a whole pixel is taken there, so that images that do not move are sampled alike
+# px: nearer to a whole pixel the sample is taken there, so that both images of a pair without motion are sampled alike
+SNAP = np.float32(6e-5)
 END = np.float32(1e6)  # per px: makes the outermost tap zero on a whole pixel only
 
 
@@ -157,7 +156,7 @@ def _sample_run(p0, p1, p2, p3, frac_x, frac_y, out):
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def snapped(position):
-    """Whole pixel below a position (px) and the fraction beyond it; what is nearer than SNAP to a whole pixel is there."""
+    """Whole pixel below a position (px) and the fraction beyond it, zero where it is below SNAP."""
     whole = np.floor(position + SNAP)
     return whole, position - whole if position - whole > SNAP else np.float32(0)
 
@@ -180,8 +179,7 @@ def _split(factor, shift_x, shift_y, first_row, low, high_x, high_y, stride, off
 def warp(coefficients, usable, dx, dy, factor, first, out, weight, multiply):
     """Sample an image at (x + factor·dx, y + factor·dy) for every pixel of `out`, which are its rows from `first` on.
 
-    coefficients: the image padded by PAD px, float32; usable: the same shape, uint8, 0 where the image must take
-    no part. weight (float32, as `out`) is set to (or, with `multiply`, multiplied by) `usable` there.
+    coefficients: the image padded by PAD px, float32; usable: the same shape, uint8, 0 where masked. weight (float32, as `out`) is set to (or, with `multiply`, multiplied by) `usable` there.
     """
     rows, columns = out.shape
     stride = coefficients.shape[1]

@@ -1,4 +1,4 @@
-"""A quick look: dense inverse search optical flow (DIS) of OpenCV, averaged over the vectors' cells."""
+"""Optical flow by dense inverse search (DIS, OpenCV), averaged over the area of each vector."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from piv.correlation.passes import grid
 
 
 def optical_flow(a: Any, b: Any, mask: Any, options: Options) -> xr.Dataset:
-    """Displacement as of `correlate_pair` but from optical flow: fast, coarse, without uncertainty or outlier test.
+    """Displacement as `correlate_pair` returns it, by optical flow: fast, coarse, without uncertainty or outlier test.
 
-    Source: Kroeger et al. 2016, in OpenCV's medium preset.
+    Source: Kroeger et al. 2016; OpenCV's medium preset.
     """
     images = check_images([a, b], options.window)
     seen = [m is None or ~m for m in check_masks(mask, 2, images[0].shape)]

@@ -9,7 +9,7 @@ PRESETS = {  # Newton steps at half and at full resolution; how often the freque
     "balanced": (3, 3, 1),
     "accurate": (4, 6, 2),
 }
-METHODS = ("correlation", "preview")
+METHODS = ("correlation", "optical_flow")
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class Options:
     min_correlation: below it a vector is an outlier, and below twice as much where most of its neighbours are;
     max_std: a vector whose standard uncertainty (px) is above it in a component is an outlier;
     max_masked: share of a window's weight that may be masked;
-    replace: put the neighbours' mean in place of outliers and flag it; method: correlation, or preview (dense
-    optical flow, coarse and without uncertainty).
+    replace: put the neighbours' mean in place of outliers and flag it; method: correlation, or optical_flow
+    (dense optical flow: fast, coarse, without uncertainty).
     """
 
     window: float = 32.0

@@ -1,9 +1,9 @@
-"""Displacement fields of particle images: `correlate_pair` (and, of more images, piv.sequence.multiframe, piv.sequence.ensemble).
+"""Displacement field of a pair of particle images; piv.sequence has multi-frame sets and ensembles.
 
 FFT passes at half resolution find the displacement to a few tenths of a pixel. Then both images are warped half-way
-towards each other along the vectors found so far, and a Newton step on their windowed correlation gives what is left;
-its sums of products need no FFT. After the first step at full resolution the spectra of what the warped images share
-and of what they do not give each frequency its maximum-likelihood weight. docs/piv_theory.md has the whole story.
+towards each other along this displacement, and Newton steps on their windowed correlation, which need no FFT, find the
+residual displacement. Before the first step at full resolution the spectra of signal and noise of the warped images
+give each frequency its maximum-likelihood weight. Method and sources: docs/piv_theory.md.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ import xarray as xr
 
 from fileio.formats.plane_series import provenance
 from piv.correlation import passes, prefilter
-from piv.correlation.buffers import scratch
+from piv.correlation.buffers import image_buffers
 from piv.correlation.deform import Image, Nodes
 from piv.correlation.fft_pass import window_maps
 from piv.correlation.options import Options
 from piv.correlation.pair_images import Prepared
-from piv.correlation.passes import Vectors
-from piv.correlation.small_windows import measure_finer, too_coarse, unsure
-from piv.correlation.steep_regions import regrow
+from piv.correlation.passes import Displacements
+from piv.correlation.small_windows import measure_small_windows, unresolved_in_small_window, window_too_large
+from piv.correlation.steep_regions import measure_steep_regions
 from piv.correlation.uncertainty import INTERPOLATION, Errors, errors_of
 from piv.validation.denoise import damp_noise
 from piv.validation.outliers import fill_absent, supported
@@ -53,16 +53,16 @@ def correlate_pair(
     valid, flag (FLAGS), u_std, v_std (standard uncertainty), correlation. ValueError where the input cannot be used.
     """
     settings = Options(window=window, spacing=spacing, preset=preset, **options)
-    if settings.method == "preview":
+    if settings.method == "optical_flow":
         from piv.correlation.optical_flow import optical_flow
 
         return optical_flow(a, b, mask, settings)
-    with scratch(np.shape(a)) as new:
+    with image_buffers(np.shape(a)) as new:
         return _correlate(Prepared([a, b], mask, settings.window, new), settings)
 
 
 def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
-    """The result of `correlate_pair`."""
+    """`correlate_pair` of prepared images."""
     held: dict[int, list[Image]] = {}
     seen = both_seen(images.seen)
 
@@ -85,9 +85,9 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
         moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
         return prefilter.radial_spectra(passes.strip_spectra(nodes, at(1), moves, seen, kernel))
 
-    def reseed(nodes: Nodes, vectors: Vectors) -> Vectors:
+    def reseed(nodes: Nodes, vectors: Displacements) -> Displacements:
         vectors = passes.reseed(nodes, images.pixels, vectors, settings)
-        return regrow(nodes, held[1], vectors, settings)
+        return measure_steep_regions(nodes, held[1], vectors, settings)
 
     x, y, keep = node_axes(images.shape, settings)
     half_seen = both_seen(images.at(2)[1])
@@ -95,33 +95,33 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
         images.shape, x, y, half_seen, settings, maps_of, cells_of, spectra_of, reseed
     )
     errors = errors_of(nodes, vectors, settings)
-    fine = too_coarse(vectors, errors)
-    if fine.any():
-        new = measure_finer(nodes, held[1], vectors, fine, settings)
-        errors = errors.replaced(fine, errors_of(nodes, new, settings))
-        vectors = vectors.replaced(fine, new)
-    vectors = regrow(nodes, held[1], vectors, settings, final=True)
-    if vectors.narrow is not None:
-        errors = errors.of_narrow(vectors.narrow & ~fine)
-    vectors.known[unsure(fine, errors)] = False
+    small = window_too_large(vectors, errors)
+    if small.any():
+        new = measure_small_windows(nodes, held[1], vectors, small, settings)
+        errors = errors.replaced(small, errors_of(nodes, new, settings))
+        vectors = vectors.replaced(small, new)
+    vectors = measure_steep_regions(nodes, held[1], vectors, settings, final=True)
+    if vectors.steep is not None:
+        errors = errors.in_small_window(vectors.steep & ~small)
+    vectors.known[unresolved_in_small_window(small, errors)] = False
     return to_dataset(vectors, errors, x, y, keep, images.shape, settings)
 
 
 def both_seen(seen: list[np.ndarray | None]) -> np.ndarray | None:
-    """Where all images may be used, or None for everywhere."""
+    """Pixels (bool) that no image masks; None without masks."""
     masks = [s for s in seen if s is not None]
     return np.logical_and.reduce(masks) if masks else None
 
 
 def vector_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, np.ndarray]:
-    """x and y (px, y up, ascending) of the vectors that images of `shape` give."""
+    """x and y (px, y up, ascending) of the vectors of images of `shape`."""
     return passes.grid(shape[1], options.spacing), shape[0] - 1 - passes.grid(shape[0], options.spacing)[::-1]
 
 
 def node_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, np.ndarray, tuple[slice, slice]]:
-    """Columns and rows of the vectors that are computed, and which of them are asked for.
+    """Columns and rows (px) of the nodes, and the slices (rows, columns) that select the requested vectors.
 
-    Images are deformed by vectors no farther apart than a quarter of the window, whatever spacing is asked for.
+    Nodes lie at most a quarter of the window apart, because they deform the images; the requested spacing may be larger.
     """
     k = int(np.ceil(options.spacing / max(options.window / 4, 1)))
     axes, keep = [], []
@@ -148,9 +148,9 @@ def run_passes(
     maps_of: Callable[..., np.ndarray],
     cells_of: Callable[..., np.ndarray],
     spectra_of: Callable[..., tuple | None],
-    reseed: Callable[[Nodes, Vectors], Vectors],
-) -> tuple[Vectors, Nodes]:
-    """All passes over whatever images the callbacks hold; vectors in image axes at the nodes (x, y)."""
+    reseed: Callable[[Nodes, Displacements], Displacements],
+) -> tuple[Displacements, Nodes]:
+    """All passes; the callbacks hold the images. Displacements are in image axes at the nodes (x, y)."""
     half_shape = (shape[0] // 2, shape[1] // 2)
     dx, dy = passes.first_passes(maps_of, half_shape, seen, options.search, x, y)
     frequency = prefilter.radial_frequency()
@@ -182,9 +182,15 @@ def run_passes(
 
 
 def to_dataset(
-    v: Vectors, errors: Errors, x, y, keep: tuple[slice, slice], shape: tuple[int, int], options: Options
+    v: Displacements,
+    errors: Errors,
+    x,
+    y,
+    keep: tuple[slice, slice],
+    shape: tuple[int, int],
+    options: Options,
 ) -> xr.Dataset:
-    """Smooth where asked, flag, turn y up and name everything."""
+    """Smoothed and flagged vectors as a dataset with y upward."""
     dx, dy, spacing = v.dx, v.dy, float(x[1] - x[0])
     doubtful, across = 2 * options.min_correlation, 2 * round(1.125 * options.window / spacing) + 1
     known = supported(v.known, v.masked, v.correlation, doubtful=doubtful, across=across)
@@ -198,8 +204,8 @@ def to_dataset(
         for var, missed in ((var_x, errors.missed_x), (var_y, errors.missed_y))
     )
     above = known & (np.maximum(std_x, std_y) > options.max_std)
-    if v.narrow is not None:
-        above &= ~v.narrow  # their uncertainty is a bound (Errors.of_narrow), and regrow has tested them
+    if v.steep is not None:
+        above &= ~v.steep  # their uncertainty is only an upper bound (Errors.in_small_window)
     if above.any():
         known = supported(known & ~above, v.masked, v.correlation, doubtful=doubtful, across=across)
     flag = np.full(known.shape, VALID, np.uint8)

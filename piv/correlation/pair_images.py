@@ -53,7 +53,7 @@ def check_masks(mask: Any, count: int, shape: tuple[int, int]) -> list[np.ndarra
 
 
 class Prepared:
-    """Several images without background, and where they may be seen."""
+    """Several images without background, and their unmasked pixels."""
 
     def __init__(self, images: list[Any], mask: Any, window: float, new: New = fresh):
         self.new = new
@@ -88,7 +88,7 @@ class Prepared:
         self._half: tuple[list[np.ndarray], list[np.ndarray | None]] | None = None
 
     def at(self, factor: int) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
-        """Pixels and seen-masks at full (1) or half (2) resolution."""
+        """Pixels and maps of unmasked pixels at full (1) or half (2) resolution."""
         if factor == 1:
             return self.pixels, self.seen
         if self._half is None:
@@ -108,5 +108,5 @@ class Prepared:
         return pixels, seen
 
     def images(self, factor: int) -> list[Image]:
-        """The images at one resolution, to be filtered before they are sampled."""
+        """The images at one resolution, not yet filtered."""
         return [Image(p, s, self.new) for p, s in zip(*self.at(factor), strict=True)]

@@ -1,7 +1,7 @@
-"""Products of two images warped half-way towards each other, made a few rows at a time in a core's cache.
+"""Products of two images warped half-way towards each other, computed a few rows at a time.
 
-The displacement of a row of pixels, both images there and the products of four rows at a time never reach main
-memory. The images move by as much in opposite directions, so that one has the other's sampling weights backwards.
+The displacement of a row, both warped images there and the products of four rows stay in a core's cache. The images
+move by equal and opposite displacements, so that one has the sampling weights of the other in reverse order.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def _warp_row(first, stride, a, b, usable_a, usable_b, offset, frac_x, frac_y, o
     c = 0
     while c < offset.size:
         end = run_end(offset, c)
-        # what is written beyond the run is written again with the next one
+        # pixels written beyond the run are overwritten by the next one
         n = (end - c + LANES - 1) // LANES * LANES
         p = first + c + offset[c] - stride - 1
         q = first + c - offset[c] - 2 * stride - 2
@@ -88,9 +88,9 @@ def _warp_row(first, stride, a, b, usable_a, usable_b, offset, frac_x, frac_y, o
 
 @njit(cache=True, nogil=True, fastmath=True)
 def pair_moments(a, usable_a, b, usable_b, knots_x, knots_y, first_y, weights_y, first_x, weights_x, out):
-    """Products of image `a` moved by the B-spline of the knots and `b` moved against it: see refine.cell_moments.
+    """Products of image `a` moved by the B-spline of the knots and `b` moved against it: see newton_step.cell_moments.
 
-    a, b: images padded by PAD px, float32; usable: the same shape, uint8, 0 where they must take no part; knots
+    a, b: images padded by PAD px, float32; usable: the same shape, uint8, 0 where masked; knots
     (ny+4, nx+4) with the tables of interpolate.bspline_table for every row and column; out: (MOMENTS, cells).
     """
     stride = a.shape[1]

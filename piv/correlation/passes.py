@@ -1,4 +1,4 @@
-"""The passes of the correlation: FFT at half resolution, Newton steps at half, then at full resolution."""
+"""Passes of the correlation: FFT at half resolution, then Newton steps at half and at full resolution."""
 
 from __future__ import annotations
 
@@ -9,48 +9,44 @@ import cv2
 import numpy as np
 
 from piv.correlation import fft_pass, prefilter
-from piv.correlation import newton_step as refine
 from piv.correlation.deform import Image, Nodes, spline_value
+from piv.correlation.newton_step import newton_step
 from piv.correlation.options import Options
 from piv.validation.outliers import fill_absent, normalised_median
 
 FFT_WINDOWS = (64, 32)  # at half resolution
-FFT_SPACING = 0.75  # of their windows, as a part of their size: they need find whole pixels only
-NARROW = 0.5  # of the window, where the flow is too fine for it
-RESEED = 32  # px: windows of the search where a vector is an outlier
+FFT_SPACING = 0.75  # of these windows, as a part of their size: they only need to find whole pixels
+SMALL = 0.5  # side of the small window as a part of the window
+RESEED = 32  # px: side of the windows in which outliers are searched again
 
 
 @dataclass(frozen=True, eq=False)
-class Vectors:
-    """Vectors at the nodes (px, image axes) and what is known of them."""
+class Displacements:
+    """Displacements at the nodes (px, image axes), their tests, and the sums they were solved from."""
 
     dx: np.ndarray
     dy: np.ndarray
     known: np.ndarray  # bool: passed every test
     masked: np.ndarray  # bool: too little of the window could be used
-    second: np.ndarray  # bool: the second peak of the correlation led to it
+    second: np.ndarray  # bool: taken from the second correlation peak
     correlation: np.ndarray
     step_x: np.ndarray
     step_y: np.ndarray
     cells: np.ndarray
     sums: np.ndarray
     visible: np.ndarray  # share of the window's weight that could be used
-    fine: np.ndarray | None = (
-        None  # bool: measured in a window NARROW times as wide (piv.correlation.small_windows)
-    )
-    narrow: np.ndarray | None = (
-        None  # bool: replaced by piv.correlation.steep_regions, from such a window too
-    )
+    small: np.ndarray | None = None  # bool: measured in the small window (piv.correlation.small_windows)
+    steep: np.ndarray | None = None  # bool: measured by piv.correlation.steep_regions
 
-    def replaced(self, where: np.ndarray, other: Vectors) -> Vectors:
-        """These vectors and their tests, but the `other` ones at `where`; cells and sums stay."""
+    def replaced(self, where: np.ndarray, other: Displacements) -> Displacements:
+        """These displacements and tests, with those of `other` at `where`; cells and sums are kept."""
         names = ("dx", "dy", "known", "correlation", "step_x", "step_y", "visible")
         chosen = {n: np.where(where, getattr(other, n), getattr(self, n)) for n in names}
-        return replace(self, **chosen, second=self.second & ~where, fine=where)
+        return replace(self, **chosen, second=self.second & ~where, small=where)
 
 
 def grid(length: int, spacing: float) -> np.ndarray:
-    """Positions `spacing` px apart, as many as fit, centred."""
+    """Positions `spacing` px apart, as many as fit into `length`, centred."""
     n = max(int(length // spacing), 2)
     return (length - 1 - (n - 1) * spacing) / 2 + spacing * np.arange(n)
 
@@ -68,10 +64,10 @@ def resample(x, y, field: np.ndarray, new_x, new_y) -> np.ndarray:
 def first_passes(
     maps_of: Callable[..., np.ndarray], shape: tuple[int, int], seen: np.ndarray | None, search: int, x, y
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Predictor at the nodes (x, y) (full px) from FFT passes on half-resolution images of `shape`.
+    """Displacement (full px) at the nodes (x, y) from FFT passes on half-resolution images of `shape`.
 
-    maps_of(columns, rows, shift_x, shift_y, size) gives the correlation maps of windows; seen: where images may
-    be used (half resolution).
+    maps_of(columns, rows, shift_x, shift_y, size): correlation maps of windows; seen: unmasked pixels (half
+    resolution).
     """
     sizes = [
         s for s in sorted({min(search // 2, 512), *FFT_WINDOWS}, reverse=True) if s <= max(search // 2, 16)
@@ -109,7 +105,9 @@ def first_passes(
     return 2 * resample(*at, dx, x, y), 2 * resample(*at, dy, x, y)
 
 
-Move = tuple[np.ndarray, np.ndarray, float]  # vectors dx, dy and the share of them that an image is moved by
+Move = tuple[
+    np.ndarray, np.ndarray, float
+]  # dx, dy at the nodes and the share of them by which an image is warped
 
 
 def strip_spectra(
@@ -119,9 +117,9 @@ def strip_spectra(
     seen: np.ndarray | None,
     kernel: prefilter.Kernel,
 ) -> list[prefilter.Powers]:
-    """Powers of strips of two images, filtered by `kernel` and warped each by its move.
+    """Cross and difference power of strips of two images, filtered by `kernel` and each warped by its move.
 
-    A part of the image is enough for spectra, and a seventh of a pass.
+    Strips are enough for the spectra and cost a seventh of a pass over the whole image.
     """
     found = []
     field = np.empty((3, prefilter.TILE, nodes.shape[1]), np.float32)
@@ -146,44 +144,46 @@ def measure(
     sigma: float,
     options: Options,
     epsilon: float,
-    fine: np.ndarray | None = None,
-) -> Vectors:
-    """One Newton step from the predictor (dx, dy) that the images of `cells` were warped by, and its tests.
+    small: np.ndarray | None = None,
+) -> Displacements:
+    """One Newton step from the predictor (dx, dy), by which the images of `cells` were warped, and the tests of its result.
 
-    fine: nodes (bool) that are measured in a window NARROW times as wide.
+    small: nodes (bool) that are measured in the small window.
     """
     sums, full = nodes.window_sums(cells, sigma)
-    if fine is not None:
-        narrow, part = nodes.window_sums(cells, NARROW * sigma)
-        sums, full = np.where(fine, narrow, sums), np.where(fine, part, full)
-    step_x, step_y, correlation = refine.newton_step(sums, 1.0)
+    if small is not None:
+        small_sums, small_full = nodes.window_sums(cells, SMALL * sigma)
+        sums, full = np.where(small, small_sums, sums), np.where(small, small_full, full)
+    step_x, step_y, correlation = newton_step(sums, 1.0)
     new_x = spline_value(dx) + step_x * nodes.factor
     new_y = spline_value(dy) + step_y * nodes.factor
     masked = sums[8] < (1 - options.max_masked) * full
     usable = ~masked & (correlation > options.min_correlation)
-    known = usable & ~deviates(new_x, new_y, usable, epsilon, options, fine)
+    known = usable & ~deviates(new_x, new_y, usable, epsilon, options, small)
     no = np.zeros(known.shape, bool)
     seen = sums[8] / full
-    return Vectors(new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, seen, fine)
+    return Displacements(
+        new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, seen, small
+    )
 
 
 def deviates(
-    dx, dy, usable: np.ndarray, epsilon: float, options: Options, fine: np.ndarray | None
+    dx, dy, usable: np.ndarray, epsilon: float, options: Options, small: np.ndarray | None
 ) -> np.ndarray:
-    """Vectors (bool) that fail the normalised-median test; usable: those that serve as neighbours.
+    """Vectors (bool) that fail the normalised median test; usable: vectors that may serve as neighbours.
 
-    5 x 5 neighbours; for `fine` vectors 3 x 3, as near as their window is narrow: farther ones belong to the next wave.
+    5 x 5 neighbours; of vectors of the small window 3 x 3, since farther neighbours may lie in the next wave.
     """
     threshold = options.threshold
     failed = normalised_median(dx, dy, usable, epsilon=epsilon, radius=2, threshold=threshold)[0] > threshold
-    if fine is None:
+    if small is None:
         return failed
     near = normalised_median(dx, dy, usable, epsilon=epsilon, radius=1, threshold=threshold)[0] > threshold
-    return np.where(fine, near, failed)
+    return np.where(small, near, failed)
 
 
-def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Vectors, options: Options) -> Vectors:
-    """Outliers searched again in small windows around their neighbours' displacement, first and second peak."""
+def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Displacements, options: Options) -> Displacements:
+    """Outliers searched again near their neighbours' displacement, at the first and the second correlation peak."""
     lost = ~vectors.known & ~vectors.masked
     dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
     second = np.zeros(lost.shape, bool)
@@ -195,7 +195,7 @@ def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Vectors, options: Op
         peaks = fft_pass.find_peaks(maps, shift_x, shift_y, RESEED // 4)
         first = np.hypot(peaks.dx - dx[j, i], peaks.dy - dy[j, i])
         other = np.hypot(peaks.second_x - dx[j, i], peaks.second_y - dy[j, i])
-        near = 1.5  # px: what a Newton step can still reach; farther off, neighbours are the better predictor
+        near = 1.5  # px: reach of a Newton step; beyond it the neighbours are the better predictor
         take_first, take_second = first < near, (other < near) & ~(first < near)
         dx[j, i] = np.select([take_first, take_second], [peaks.dx, peaks.second_x], dx[j, i])
         dy[j, i] = np.select([take_first, take_second], [peaks.dy, peaks.second_y], dy[j, i])

@@ -38,7 +38,7 @@ def remove_background(
 
 
 def default_response(frequency: np.ndarray, lowpass: float = 0.35) -> np.ndarray:
-    """Gaussian low-pass of `lowpass` px: the amplitude response before anything is known of the images."""
+    """Gaussian low-pass of `lowpass` px: the amplitude response before the spectra are measured."""
     return np.exp(-2 * (np.pi * lowpass * frequency) ** 2)
 
 
@@ -84,11 +84,13 @@ def tile_rows(rows: int, columns: int, seen: np.ndarray | None) -> np.ndarray:
     return first[((np.arange(count) + 0.5) * first.size / max(count, 1)).astype(int)]
 
 
-Powers = tuple[np.ndarray, np.ndarray]  # sums over tiles of what is shared and of what is not
+Powers = tuple[
+    np.ndarray, np.ndarray
+]  # sums over tiles of the cross power and of half the power of the difference
 
 
 def strip_powers(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> Powers | None:
-    """Powers of the tiles of two aligned strips (TILE, columns) where weight is not zero; None where there is no such tile."""
+    """Powers of the unmasked tiles of two aligned strips (TILE, columns); None where every tile has a masked pixel."""
     across = a.shape[1] // TILE * TILE
     whole = (weight[:, :across].min(axis=0) > 0).reshape(-1, TILE).all(axis=1)
     if not whole.any():
@@ -105,7 +107,7 @@ def strip_powers(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> Powers | N
 
 
 def radial_spectra(powers: list[Powers]):
-    """Radial spectra of what two aligned images share and of what they do not: (frequency, signal, noise); None of none."""
+    """Radial spectra (frequency, signal, noise) of two aligned images; None without powers."""
     if not powers:
         return None
     bins = np.rint(radial_frequency() * TILE).astype(int).ravel()
@@ -139,7 +141,7 @@ def optimal_response(frequency: np.ndarray, signal: np.ndarray, noise: np.ndarra
 
 
 def _without_misalignment(frequency, signal, noise):
-    """Noise spectrum less the part that a displacement error of the alignment itself makes, κ f² S."""
+    """Noise spectrum less the part κ f² S that comes from misalignment."""
     fit = (frequency > 0.06) & (frequency < 0.28)
     f, s, n = frequency[fit], signal[fit], noise[fit]
     # N/S = c + κ f² + n0/S, least squares with non-negative coefficients

@@ -1,7 +1,7 @@
-"""Structures shorter than the window, measured again in half of it on vectors twice as dense.
+"""Structures shorter than the window, measured again in a window of half the side on nodes twice as dense.
 
-What cells two apart have in common after the last step tells where the window does not follow the flow. A narrower
-window is noisier, so it is used there only; vectors as dense as it needs warp the images along the structure.
+Residual correlation between cells two apart shows where the window is too large for the flow. A small window is
+noisier, so it is used only there.
 """
 
 from __future__ import annotations
@@ -14,22 +14,20 @@ import numpy as np
 from piv.correlation.deform import Image, Nodes
 from piv.correlation.interpolate import denser
 from piv.correlation.options import Options
-from piv.correlation.passes import Vectors, measure
+from piv.correlation.passes import Displacements, measure
 from piv.correlation.uncertainty import Errors
 from piv.validation.outliers import fill_absent
 
-COARSE = 0.5  # times the noise's variance: what a window misses at least where a narrower one takes over
-LEAST = 0.15  # px: less is not worth the steps
+COARSE = 0.5  # of the noise variance: least unresolved variance for which the small window is used
+LEAST = 0.15  # px: least unresolved displacement for which the small window is used
 STEPS = 4
-UNSURE = (
-    0.25  # px: with a larger standard uncertainty an error of half a pixel is not unlikely (5 %): an outlier
-)
-OVERLAP = 5  # nodes across: windows that overlap by half the one that is too wide
-GAP = 9  # nodes across: between windows that are too wide no narrower place is likely to be right
+UNSURE = 0.25  # px: above this standard uncertainty, 5 % of the errors exceed half a pixel: an outlier
+OVERLAP = 5  # nodes across: windows that overlap by half the one that is too large
+GAP = 9  # nodes across: narrower gaps between windows that are too large are closed
 
 
-def too_coarse(v: Vectors, errors: Errors) -> np.ndarray:
-    """Vectors (bool) whose window misses so much displacement that a narrower one, noisier, errs less."""
+def window_too_large(v: Displacements, errors: Errors) -> np.ndarray:
+    """Vectors (bool) whose unresolved displacement is larger than the additional noise of the small window."""
     noise, missed = errors.var_x + errors.var_y, errors.missed_x + errors.missed_y
     found = v.known & (missed > np.maximum(COARSE * noise, LEAST**2))
     around = cv2.dilate(found.astype(np.uint8), np.ones((OVERLAP, OVERLAP), np.uint8))
@@ -37,29 +35,29 @@ def too_coarse(v: Vectors, errors: Errors) -> np.ndarray:
     return closed.astype(bool) & ~v.masked
 
 
-def measure_finer(
-    nodes: Nodes, images: list[Image], v: Vectors, fine: np.ndarray, options: Options
-) -> Vectors:
-    """Vectors at the nodes, those marked `fine` (bool) measured in the narrow window; others serve for warping only.
+def measure_small_windows(
+    nodes: Nodes, images: list[Image], v: Displacements, small: np.ndarray, options: Options
+) -> Displacements:
+    """Vectors at the nodes; those marked `small` (bool) are measured in the small window, the others only warp the images.
 
     images: both at full resolution, filtered.
     """
     dense = Nodes(_halved(nodes.x), _halved(nodes.y), nodes.shape, 1)
     dx, dy = (denser(d) for d in fill_absent(v.dx, v.dy, v.known))
-    marked = denser(fine.astype(np.float32)) > 0
+    marked = denser(small.astype(np.float32)) > 0
     for _ in range(STEPS):
         cells = dense.moments(images[0], images[1], dx, dy)
         new = measure(dense, cells, dx, dy, options.sigma, options, options.epsilon, marked)
         dx, dy = fill_absent(new.dx, new.dy, new.known)
-    nodal = [f.name for f in fields(new) if f.name not in ("cells", "fine", "narrow")]
+    nodal = [f.name for f in fields(new) if f.name not in ("cells", "small", "steep")]
     every = {name: getattr(new, name)[..., ::2, ::2] for name in nodal}
-    return replace(new, **every, fine=fine)
+    return replace(new, **every, small=small)
 
 
-def unsure(fine: np.ndarray, errors: Errors) -> np.ndarray:
-    """Of the `fine` vectors those (bool) that the narrow window does not follow either."""
+def unresolved_in_small_window(small: np.ndarray, errors: Errors) -> np.ndarray:
+    """Vectors (bool) of the small window whose standard uncertainty there is still too large."""
     worst = np.maximum(errors.var_x + errors.missed_x, errors.var_y + errors.missed_y)
-    return fine & (worst > UNSURE**2)
+    return small & (worst > UNSURE**2)
 
 
 def _halved(axis: np.ndarray) -> np.ndarray:

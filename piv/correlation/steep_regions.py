@@ -1,8 +1,8 @@
-"""Regions of poor correlation measured again from their edge inwards.
+"""Regions of steep displacement gradients, measured again from their edge inwards.
 
-Where displacements change by more than half a pixel per pixel, no window of the first passes sees a whole pattern
-and a Newton step has nothing to start from. Vectors around such a region are good; continued linearly they warp
-the images well enough one vector farther in, and so on to the middle, or to the wall of a body.
+Above half a pixel per pixel of gradient the windows of the first passes do not correlate, and Newton steps have no
+start. The displacement around such a region, extrapolated linearly, warps the images well enough for Newton steps one
+node farther in, and so on to the middle of the region or the wall of a body.
 """
 
 from __future__ import annotations
@@ -13,33 +13,31 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from piv.correlation import newton_step as refine
 from piv.correlation.deform import Image, Nodes, spline_value
 from piv.correlation.interpolate import denser
+from piv.correlation.newton_step import CELL, newton_step
 from piv.correlation.options import Options
-from piv.correlation.passes import NARROW, Vectors, deviates
+from piv.correlation.passes import SMALL, Displacements, deviates
 from piv.validation.outliers import fill_absent
 
-POOR, SPREADS = (
-    0.8,
-    8.0,
-)  # of the median correlation, median deviations below it: what is lower is measured again
-MOST = 0.25  # of all vectors: more are no region but the images
-FEWEST = 3  # vectors of a region: fewer are noise, or outliers that the median test knows
-ROUNDS = 10  # of one step inwards and one Newton step
+# a region's correlation is below this part of the median and this many median deviations below it
+POOR, SPREADS = 0.8, 8.0
+MOST = 0.25  # of all vectors: more poor ones mean poor images, not a region
+FEWEST = 3  # vectors of a region: fewer are noise or outliers, which the median test finds
+ROUNDS = 10  # of extrapolation and Newton steps
 BORDER = 4  # nodes around a region that take part in its measurement
-NARROWER = 0.75  # of the window while growing: fewer wrong vectors share it
-LOST = 0.7  # of the median correlation: below it in the end, a vector is an outlier
-WHOLE = 0.9  # share of a window's weight that may be used: below it, the final window is narrow too
+INWARD_WINDOW = 0.75  # of the window during the passes: it holds fewer wrong vectors
+LOST = 0.7  # of the median correlation: a vector below it is an outlier in the end
+WHOLE = 0.9  # unmasked share of a window's weight: below it the small window is used in the end
 
 
-def regrow(
-    nodes: Nodes, images: list[Image], vectors: Vectors, options: Options, *, final: bool = False
-) -> Vectors:
-    """`vectors` with those of poor correlation replaced where another start correlates better.
+def measure_steep_regions(
+    nodes: Nodes, images: list[Image], vectors: Displacements, options: Options, *, final: bool = False
+) -> Displacements:
+    """`vectors` with those in steep regions replaced where the extrapolated start correlates better.
 
-    images: both at full resolution. vectors.dx, dy must be filled. `final`: measure in a narrower window on nodes
-    twice as dense, the vectors with a partly masked window too; otherwise correlation and known stay as they are.
+    images: both at full resolution. vectors.dx, dy must be filled. `final`: measure in the small window on nodes
+    twice as dense, also where the window is partly masked, and test the result; else correlation and known are kept.
     """
     free = ~vectors.masked
     if not free.any():
@@ -47,7 +45,7 @@ def regrow(
     median = float(np.median(vectors.correlation[free]))
     spread = float(np.median(np.abs(vectors.correlation[free] - median)))
     target = min(POOR * median, median - SPREADS * spread)
-    # windows cut off by the image's edge correlate less, and nothing says that the flow is steep there
+    # windows cut by the image's edge correlate less without any steep gradient
     edge = 2 * options.sigma
     inner = [(a > edge) & (a < n - 1 - edge) for a, n in zip((nodes.y, nodes.x), nodes.shape, strict=True)]
     free &= np.outer(*inner)
@@ -82,37 +80,37 @@ def regrow(
         & (correlation > options.min_correlation)
         & ~(poor & (correlation < LOST / POOR * target))
     )
-    failed = deviates(dx, dy, usable, options.epsilon, options, vectors.fine)
+    failed = deviates(dx, dy, usable, options.epsilon, options, vectors.small)
     known = usable & ~failed & (vectors.known | poor)
-    return replace(vectors, dx=dx, dy=dy, correlation=correlation, narrow=poor, known=known)
+    return replace(vectors, dx=dx, dy=dy, correlation=correlation, steep=poor, known=known)
 
 
-def _region(nodes, images, vectors, poor, part, target, options, finer):
-    """Best displacements found in one region (part: slices of nodes) and their correlation."""
-    local, crops = _cut(nodes, images, part, finer)
+def _region(nodes, images, vectors, poor, part, target, options, density):
+    """Displacements of best correlation in one region (part: slices of nodes) and this correlation."""
+    local, crops = _cut(nodes, images, part, density)
     dx, dy = vectors.dx[part], vectors.dy[part]
     masked = vectors.masked[part]
-    sigma = (NARROWER if finer == 1 else NARROW) * options.sigma
+    sigma = (INWARD_WINDOW if density == 1 else SMALL) * options.sigma
 
     def step_from(dx, dy):
         cells = local.moments(crops[0], crops[1], dx, dy)
         sums, full = local.window_sums(cells, sigma)
-        step_x, step_y, correlation = refine.newton_step(sums, 1.0)
+        step_x, step_y, correlation = newton_step(sums, 1.0)
         hidden = sums[8] < (1 - options.max_masked) * full
         return spline_value(dx) + step_x, spline_value(dy) + step_y, correlation, hidden
 
     dx, dy = continue_linearly(dx, dy, ~masked)
-    if finer > 1:
+    if density > 1:
         dx, dy = denser(dx), denser(dy)
         poor = denser(poor.astype(np.float32)) > 0
     best_x, best_y = dx, dy
     new_x, new_y, best, masked = step_from(dx, dy)
     correlation = best
-    if finer > 1:
+    if density > 1:
         best_x, best_y = np.where(poor, new_x, dx), np.where(poor, new_y, dy)
     for k in range(ROUNDS):
         low = poor & (correlation < target)
-        if not low.any() and (finer == 1 or k > 1):
+        if not low.any() and (density == 1 or k > 1):
             break
         dx, dy = continue_linearly(np.where(poor, new_x, dx), np.where(poor, new_y, dy), ~low & ~masked)
         for _ in range(2):
@@ -122,26 +120,28 @@ def _region(nodes, images, vectors, poor, part, target, options, finer):
             best_x, best_y = np.where(better, new_x, best_x), np.where(better, new_y, best_y)
             dx, dy = np.where(poor, new_x, dx), np.where(poor, new_y, dy)
             dx, dy = continue_linearly(dx, dy, ~masked)
-    return best_x[::finer, ::finer], best_y[::finer, ::finer], best[::finer, ::finer]
+    return best_x[::density, ::density], best_y[::density, ::density], best[::density, ::density]
 
 
-def _cut(nodes: Nodes, images: list[Image], part: tuple[slice, slice], finer: int):
-    """The nodes and images of a region with the windows around it."""
+def _cut(nodes: Nodes, images: list[Image], part: tuple[slice, slice], density: int):
+    """Nodes (`density` times as dense) and images of a region with a margin for its windows."""
     margin = 32
     spans = []
     for axis, s, length in ((nodes.x, part[1], nodes.shape[1]), (nodes.y, part[0], nodes.shape[0])):
-        first = max(int(axis[s.start]) - margin, 0) // refine.CELL * refine.CELL
+        first = max(int(axis[s.start]) - margin, 0) // CELL * CELL
         spans.append((first, min(int(axis[s.stop - 1]) + margin, length)))
     (c0, c1), (r0, r1) = spans
-    x, y = (np.linspace(a[0], a[-1], finer * (a.size - 1) + 1) for a in (nodes.x[part[1]], nodes.y[part[0]]))
+    x, y = (
+        np.linspace(a[0], a[-1], density * (a.size - 1) + 1) for a in (nodes.x[part[1]], nodes.y[part[0]])
+    )
     local = Nodes(x - c0, y - r0, (r1 - r0, c1 - c0), 1)
     return local, [i.crop(r0, r1, c0, c1) for i in images]
 
 
-REACH = 3  # nodes: good vectors that a plane is fitted to
+REACH = 3  # nodes: distance to which good vectors enter the fit of a plane
 WIDTH = 1.5  # nodes: standard deviation of their weight
-RIDGE = 0.1  # nodes²: holds the slope down where the good vectors lie on a line
-LEAST = 0.1  # weight of good vectors below which no plane is fitted
+RIDGE = 0.1  # nodes²: limits the slope where the good vectors lie on a line
+LEAST = 0.1  # total weight of good vectors below which no plane is fitted
 
 _AXIS = np.arange(-REACH, REACH + 1, dtype=np.float32)
 _BELL = np.exp(-0.5 * (_AXIS / WIDTH) ** 2)
@@ -157,9 +157,9 @@ def _sums(field: np.ndarray) -> list[np.ndarray]:
 
 
 def continue_linearly(u: np.ndarray, v: np.ndarray, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Copies of u, v (ny, nx) whose other vectors are planes fitted to the `good` ones within three nodes.
+    """Copies of u, v (ny, nx) in which planes fitted to the `good` vectors within three nodes replace the others.
 
-    Beyond their reach vectors are filled by neighbours' means, as by `fill_absent`.
+    Farther away, means of neighbours replace them (`fill_absent`).
     """
     weight = good.astype(np.float32)
     m, mx, my = _sums(weight)

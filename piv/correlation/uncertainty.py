@@ -1,4 +1,4 @@
-"""Standard uncertainty of each vector from the spread of what its window's cells say (correlation statistics)."""
+"""Standard uncertainty of each vector by correlation statistics over the cells of its window."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from piv.correlation import newton_step as refine
 from piv.correlation.deform import Nodes
+from piv.correlation.newton_step import CELL
 from piv.correlation.options import Options
-from piv.correlation.passes import NARROW, Vectors
+from piv.correlation.passes import SMALL, Displacements
 
-# Set on rendered images so that one standard uncertainty holds two thirds of the errors (74 % without); it holds 60-76 % in
-# every condition of the benchmark but for structures shorter than the window, whose damping no noise estimate sees.
+# Set on rendered images so that one standard uncertainty covers two thirds of the errors (74 % without). It covers 60-76 % in
+# every condition of the benchmark except structures shorter than the window, whose damping is no noise.
 CALIBRATION = 0.86  # on the variance
-ALIKE = 1.75  # what neighbouring cells add to the variance in narrow windows; set on a rendered sine of 32 px
-LEAST_KEPT = 0.25  # share of the noise left in neighbouring cells together: below it (24 px windows, vectors 8 px apart) they tell nothing
+ALIKE = 1.75  # factor of neighbouring cells on the variance in small windows; set on a rendered sine of 32 px
+LEAST_KEPT = 0.25  # residual share of the noise below which neighbouring cells hold none (24 px windows, vectors 8 px apart)
 LARGEST = 100.0  # px²
-FEW = 5.0  # cells with texture: where as few make up a window, what they have in common says half of the variance
-FEW_NARROW = 7.0  # where vectors follow nearly all noise: 5 leaves a tenth of sparse pictures' vectors wrong, 9 doubts dense ones
-INTERPOLATION = 0.0005  # px: what sampling leaves however little noise there is
+FEW = 5.0  # cells with texture: with so few in a window the variance doubles
+FEW_SMALL = 7.0  # the same below LEAST_KEPT: 5 leaves a tenth of the vectors of sparse images wrong, 9 rejects dense ones
+INTERPOLATION = 0.0005  # px: interpolation error without any noise
 
 
 class Errors(NamedTuple):
-    """Variances (px²) of each vector: of its noise, and of displacement in its window that it does not follow."""
+    """Variances (px²) of each vector: of its noise, and of the displacement in its window that it does not resolve."""
 
     var_x: np.ndarray
     var_y: np.ndarray
@@ -33,24 +33,24 @@ class Errors(NamedTuple):
     missed_y: np.ndarray
 
     def replaced(self, where: np.ndarray, other: Errors) -> Errors:
-        """These, but the `other` ones at `where`."""
+        """These, with those of `other` at `where`."""
         return Errors(*(np.where(where, b, a) for a, b in zip(self, other, strict=True)))
 
-    def of_narrow(self, where: np.ndarray) -> Errors:
-        """At `where` those of the narrow window: of fewer particles, so the noise's variance goes with its area."""
-        x, y = self.var_x / NARROW**2, self.var_y / NARROW**2
+    def in_small_window(self, where: np.ndarray) -> Errors:
+        """With those of the small window at `where`, whose noise variance is larger by the ratio of the areas."""
+        x, y = self.var_x / SMALL**2, self.var_y / SMALL**2
         return self.replaced(where, Errors(x, y, self.missed_x, self.missed_y))
 
 
-def errors_of(nodes: Nodes, v: Vectors, options: Options) -> Errors:
-    """`Errors` of vectors as measured last: in the window, or where they are marked fine in the narrow one."""
+def errors_of(nodes: Nodes, v: Displacements, options: Options) -> Errors:
+    """`Errors` of vectors measured in the window, or in the small window where `v.small` is set."""
     spacing = float(nodes.x[1] - nodes.x[0])
     sigma, passes, alike, few = options.sigma, options.full_steps, 0.0, FEW
-    if v.fine is not None:
-        sigma, spacing, alike = NARROW * sigma, spacing / 2, ALIKE
+    if v.small is not None:
+        sigma, spacing, alike = SMALL * sigma, spacing / 2, ALIKE
         few = 0.0  # ALIKE was set without
     elif noise_budget(sigma, spacing, passes)[1] < LEAST_KEPT:
-        alike, few = ALIKE, FEW_NARROW
+        alike, few = ALIKE, FEW_SMALL
     gain, kept = noise_budget(sigma, spacing, passes, not alike)
     var = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, sigma, kept, alike, few)
     missed = unresolved(nodes, v.cells, v.step_x, v.step_y, options.sigma)
@@ -71,12 +71,12 @@ def correlation_statistics(
     """Variances (x, y, px²) of one measurement of each vector.
 
     The displacement solves H d = Σ w g over the window's cells; its covariance is H⁻¹ (Σ w² g gᵀ) H⁻¹, where g is
-    what remains of each cell's gradient after the displacement found. Neighbouring cells are taken together because
-    particle images span them (Wieneke 2015, with cells instead of pixels).
-    step_x, step_y: last step (px of this level); kept: share of the noise that is left after it (noise_budget).
-    alike: if given, neighbouring cells are taken to raise the variance by that factor, in place of being summed: they
-    tell nothing where vectors follow the noise of windows little wider than they are.
-    few: how few cells with texture raise the variance of a window; 0: none do.
+    the residual of each cell's gradient. Products with the neighbouring cells are included because particle images
+    span several cells (Wieneke 2015, with cells instead of pixels).
+    step_x, step_y: last step (px of this level); kept: residual share of the noise after it (noise_budget).
+    alike: where positive, a factor on the variance of single cells in place of the sum over neighbouring cells, whose
+    residuals are uncorrelated where the vectors follow the noise of small windows.
+    few: number of cells with texture at which the variance doubles; 0: never.
     """
     x, y = nodes.at_cells(step_x), nodes.at_cells(step_y)
     gx = cells[0] - cells[2] * x - cells[3] * y
@@ -88,7 +88,7 @@ def correlation_statistics(
     products.append((cells[2] + cells[4]) ** 2)
     # the square of a Gaussian weight is the Gaussian weight of σ/√2
     spread, _ = nodes.window_sums(np.stack(products), sigma / np.sqrt(2))
-    # one or two particles agree with themselves whatever the flow does between them: no spread tells of that
+    # one or two particles per window show no spread, whatever the flow is between them
     texture = np.maximum(sums[2] + sums[4], 0)
     count = texture**2 / np.maximum(spread[5], 1e-12)  # cells that make up the window
     doubt = (few / np.maximum(count, max(0.1 * few, 1e-12))) ** 2
@@ -100,7 +100,7 @@ def correlation_statistics(
     bound = 0.9 * np.sqrt(sxx * syy)
     sxy = np.clip(spread[2], -bound, bound)
     hxx, hxy, hyy = sums[2], sums[3], sums[4]
-    # a window without texture knows nothing: its variance ends at LARGEST
+    # without texture the variance ends at LARGEST
     det = np.maximum(hxx * hyy - hxy**2, 1e-3 * np.maximum(sums[5] * sums[6], 1e-12))
     ixx, ixy, iyy = hyy / det, -hxy / det, hxx / det
     scale = CALIBRATION * nodes.factor**2 / kept * (1 + doubt)
@@ -111,13 +111,13 @@ def correlation_statistics(
 
 @lru_cache
 def noise_budget(sigma: float, spacing: float, passes: int, neighbours: bool = True) -> tuple[float, float]:
-    """(variance of the iterated measurement over that of one window, share of noise left in the cells, `neighbours` together).
+    """(variance of the iterated measurement over that of one window, residual share of the noise in the cells).
 
     Each pass replaces the vectors d by P d + G (n - P d): G is the response of the window (σ px), P that of the
-    B-spline through vectors `spacing` px apart, n the noise of the images. Part of the noise is thus followed by
-    the vectors and no longer seen in the cells.
+    B-spline through vectors `spacing` px apart, n the noise of the images. The vectors thus follow part of the
+    noise, which the cells no longer hold. neighbours: the share in sums over neighbouring cells.
     """
-    k = np.fft.fftfreq(128, refine.CELL)
+    k = np.fft.fftfreq(128, CELL)
     square = k[:, None] ** 2 + k[None, :] ** 2
     spline = np.sinc(k * spacing) ** 4
     spline = spline[:, None] * spline[None, :]
@@ -125,25 +125,25 @@ def noise_budget(sigma: float, spacing: float, passes: int, neighbours: bool = T
     total = np.zeros_like(window)
     for _ in range(passes):
         total = spline * total + window * (1 - spline * total)
-    box = (1 + 2 * np.cos(2 * np.pi * k * refine.CELL)) / 3 if neighbours else np.ones_like(k)
+    box = (1 + 2 * np.cos(2 * np.pi * k * CELL)) / 3 if neighbours else np.ones_like(k)
     box = box[:, None] * box[None, :]
     return float(np.sum(total**2) / np.sum(window**2)), float(np.sum((1 - total) ** 2 * box) / np.sum(box))
 
 
-LAG = 2  # cells: farther apart than particle images reach, nearer than the shortest structures of interest
-WIDER = 2.0  # times the window: area over which unresolved displacement is averaged
-SURE = 4.0  # standard errors: below it what cells have in common may be noise
+LAG = 2  # cells: longer than particle images, shorter than the structures of interest
+WIDER = 2.0  # windows: width of the area over which unresolved displacement is averaged
+SURE = 4.0  # standard errors above which residual correlation is not noise
 
 
 def unresolved(nodes: Nodes, cells, step_x, step_y, sigma: float):
-    """Variances (x, y, px²) of displacement inside the windows that the vectors do not follow.
+    """Variances (x, y, px²) of the displacement inside the windows that the vectors do not resolve.
 
-    Cells LAG apart share no particle, hence no noise: what the displacements left in them have in common is real,
-    as where structures are shorter than the window. Zero where it does not stand out of the noise.
+    Cells LAG apart share no particle, hence no noise: a correlation of their residual displacements is flow, as where
+    structures are shorter than the window. Zero where it is not significant.
     """
     x, y = nodes.at_cells(step_x), nodes.at_cells(step_y)
     left = (cells[0] - cells[2] * x - cells[3] * y, cells[1] - cells[3] * x - cells[4] * y)
-    width = WIDER * sigma / (nodes.factor * refine.CELL)
+    width = WIDER * sigma / (nodes.factor * CELL)
     count = 4 * np.pi * width**2 * 2
     apart = np.zeros(2 * LAG + 1, np.float32)
     apart[0] = apart[-1] = 0.5
@@ -154,7 +154,7 @@ def unresolved(nodes: Nodes, cells, step_x, step_y, sigma: float):
     out = []
     for g, h in ((left[0], cells[2]), (left[1], cells[4])):
         found = np.zeros(g.shape, np.float32)
-        # short waves are alike along their crests only: each direction by itself
+        # short waves correlate along their crests only: each direction separately
         for kernel in (apart[:, None], apart[None, :]):
             product = g * cv2.filter2D(g, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
             shared = mean(product)
@@ -169,7 +169,7 @@ def unresolved(nodes: Nodes, cells, step_x, step_y, sigma: float):
 
 def _at_nodes(nodes: Nodes) -> tuple[np.ndarray, np.ndarray]:
     """Positions of the nodes in cells, as maps for cv2.remap."""
-    middle = (refine.CELL - 1) / 2
-    i, j = (nodes.column - middle) / refine.CELL, (nodes.row - middle) / refine.CELL
+    middle = (CELL - 1) / 2
+    i, j = (nodes.column - middle) / CELL, (nodes.row - middle) / CELL
     map_x, map_y = np.meshgrid(i.astype(np.float32), j.astype(np.float32))
     return map_x, map_y

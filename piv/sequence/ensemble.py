@@ -13,17 +13,17 @@ from tqdm import tqdm
 
 from fileio.formats.plane_series import provenance
 from fileio.formats.resumable import SeriesWriter
-from piv.correlation import newton_step as refine
 from piv.correlation import passes, prefilter
 from piv.correlation.deform import Nodes
 from piv.correlation.fft_pass import window_maps
+from piv.correlation.newton_step import MOMENTS
 from piv.correlation.options import Options
 from piv.correlation.pair import both_seen, node_axes, run_passes, to_dataset
 from piv.correlation.pair_images import Prepared
 from piv.correlation.uncertainty import errors_of
 from piv.images.preprocess import Preprocessor
 from piv.images.recording import Recording
-from piv.sequence.sequence import Calibration, SequenceOptions, carried, frame_sets
+from piv.sequence.sequence import SeriesUnits, SequenceOptions, carried, frame_sets
 
 Pair = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
 
@@ -48,7 +48,7 @@ def correlate_ensemble(
         raise ValueError("an ensemble needs at least one pair")
     settings = Options(window=window, spacing=spacing, preset=preset, **options)
     if settings.method != "correlation":
-        raise ValueError("the ensemble has no preview; use method 'correlation'")
+        raise ValueError("the ensemble correlates; method must be 'correlation'")
     first = prepared(load, 0, settings)
     shape = first.shape
     x, y, keep = node_axes(shape, settings)
@@ -72,7 +72,7 @@ def correlate_ensemble(
         return total
 
     def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> np.ndarray:
-        total = np.zeros((refine.MOMENTS, *nodes.cell_shape), np.float32)
+        total = np.zeros((MOMENTS, *nodes.cell_shape), np.float32)
         for images in each():
             a, b = images.images(nodes.factor)
             a.filter(kernel)
@@ -88,7 +88,7 @@ def correlate_ensemble(
             powers += passes.strip_spectra(nodes, images.images(1), moves, seen, kernel)
         return prefilter.radial_spectra(powers)
 
-    def reseed(nodes: Nodes, vectors: passes.Vectors) -> passes.Vectors:
+    def reseed(nodes: Nodes, vectors: passes.Displacements) -> passes.Displacements:
         return passes.reseed(nodes, first.pixels, vectors, settings)
 
     seen = both_seen(first.at(2)[1])
@@ -126,18 +126,18 @@ def correlate_ensemble_to(
         return clean(recording.frame(sets[i][0])), clean(recording.frame(sets[i][1])), masks
 
     plane = correlate_ensemble(load, len(sets), quiet=quiet, **asdict(options))
-    calibration = Calibration.of(recording, sets)
-    if np.ptp(calibration.interval) > 1e-6 * calibration.interval[0]:
+    units = SeriesUnits.of(recording, sets)
+    if np.ptp(units.interval) > 1e-6 * units.interval[0]:
         raise ValueError(f"{recording.name}: an ensemble needs pairs of equal intervals")
     settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps, "ensemble": True}
     attrs = {"source": "piv", **provenance(**settings), **carried(recording, None)}
-    x, y = calibration.axes(plane["x"].values, plane["y"].values)
-    time = [float(calibration.time.mean())]
+    x, y = units.axes(plane["x"].values, plane["y"].values)
+    time = [float(units.time.mean())]
     writer = SeriesWriter(
-        output, x, y, time, calibration.units, attrs, [recording.name, settings, "ensemble"]
+        output, x, y, time, units.names, attrs, [recording.name, settings, "ensemble"]
     )
     try:
-        writer.write(0, calibration.fields(plane, 0))
+        writer.write(0, units.fields(plane, 0))
         return writer.finish()
     finally:
         writer.close()

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from piv.correlation import newton_step as refine
 from piv.correlation import passes, prefilter
 from piv.correlation.deform import Nodes
 from piv.correlation.fft_pass import window_maps
+from piv.correlation.newton_step import MOMENTS, cell_moments
 from piv.correlation.options import Options
 from piv.correlation.pair import both_seen, node_axes, run_passes, to_dataset
 from piv.correlation.pair_images import Prepared
@@ -40,7 +40,7 @@ def correlate_frames(
         raise ValueError(f"a multi-frame set needs an odd number of frames, at least 3, got {len(frames)}")
     settings = Options(window=window, spacing=spacing, preset=preset, **options)
     if settings.method != "correlation":
-        raise ValueError("the multi-frame mode has no preview; use method 'correlation'")
+        raise ValueError("the multi-frame mode correlates; method must be 'correlation'")
     settings = replace(settings, passes=max(settings.full_steps, len(frames) // 2 + 2))
     images = Prepared(list(frames), mask, settings.window)
     both = both_seen(images.seen)
@@ -80,13 +80,13 @@ def correlate_frames(
             for axis, moved in enumerate(paths(dx, dy, x, y, acceleration, float(t))):
                 nodes.dense(moved, work[f][axis])
             held[f][k].warp(work[f][0], work[f][1], 1.0, weight[k], False)
-        total = np.zeros((refine.MOMENTS, *nodes.cell_shape), np.float32)
+        total = np.zeros((MOMENTS, *nodes.cell_shape), np.float32)
         bent = np.zeros((5, *nodes.cell_shape), np.float32)
         cells = np.empty_like(total)
         for i in used:
             for j in range(i + 1, used[-1] + 1):
                 n = float(instants[j] - instants[i])
-                refine.cell_moments(held[f][i].warped, held[f][j].warped, weight[i] * weight[j], cells)
+                cell_moments(held[f][i].warped, held[f][j].warped, weight[i] * weight[j], cells)
                 # the pair sees n d + m a; the straight-line fit weighs its gradient with n, coherence its noise
                 trust = np.float32(coherence_weight(cells))
                 cells[:8] *= trust
@@ -103,7 +103,7 @@ def correlate_frames(
 
     def step_acceleration(nodes: Nodes, bent: np.ndarray) -> None:
         # accelerations vary as slowly as the displacement they come from: twice the window keeps their noise down
-        padded = np.concatenate([bent, np.ones((refine.MOMENTS - 5, *bent.shape[1:]), np.float32)])
+        padded = np.concatenate([bent, np.ones((MOMENTS - 5, *bent.shape[1:]), np.float32)])
         sums, _ = nodes.window_sums(padded, 1.5 * settings.sigma)
         det = sums[2] * sums[4] - sums[3] ** 2
         ok = det > 1e-3 * np.median(det)
@@ -116,7 +116,7 @@ def correlate_frames(
         moves = [(*paths(dx, dy, x, y, acceleration, t), 1.0) for t in (-1.0, 1.0)]
         return prefilter.radial_spectra(passes.strip_spectra(nodes, pair, moves, both, kernel))
 
-    def reseed(nodes: Nodes, vectors: passes.Vectors) -> passes.Vectors:
+    def reseed(nodes: Nodes, vectors: passes.Displacements) -> passes.Displacements:
         pair = [images.pixels[reach], images.pixels[reach + 1]]
         return passes.reseed(nodes, pair, vectors, settings)
 

@@ -107,18 +107,18 @@ def correlate_recording(
         held.update(now)
         return [image for image, _ in now.values()], [hidden for _, hidden in now.values()]
 
-    calibration = Calibration.of(recording, sets)
-    x, y = calibration.axes(*vector_axes(recording.shape, options))
+    units = SeriesUnits.of(recording, sets)
+    x, y = units.axes(*vector_axes(recording.shape, options))
     settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps}
     settings.pop("threads")
     attrs = {"source": "piv", **provenance(**settings), **carried(recording, finger)}
-    identity = series_key([_seen(recording), settings, _digest(mask), calibration.scale, calibration.origin])
+    identity = series_key([_seen(recording), settings, _digest(mask), units.scale, units.origin])
     if part is not None:
         attrs["chunk"] = part.to_json(identity)
         if is_chunk(output, attrs["chunk"]):
             return Path(output)
         identity = attrs["chunk"]
-    writer = SeriesWriter(output, x, y, calibration.time, calibration.units, attrs, identity)
+    writer = SeriesWriter(output, x, y, units.time, units.names, attrs, identity)
     threads_before = cv2.getNumThreads()
     cv2.setNumThreads(1)  # fields are the unit of parallel work
     interval_before = sys.getswitchinterval()
@@ -127,7 +127,7 @@ def correlate_recording(
         missing = [k for k in range(len(sets)) if k not in writer.done]
         bar = tqdm(total=len(sets), initial=len(writer.done), unit="field", desc="correlate", disable=quiet)
         for k, plane in _in_parallel(missing, sets, load, options, sequence.threads):
-            writer.write(k, calibration.fields(plane, k))
+            writer.write(k, units.fields(plane, k))
             bar.update()
         bar.close()
         if finger is not None:
@@ -174,17 +174,17 @@ def _in_parallel(missing, sets, load, options: Options, threads: int) -> Iterato
 
 
 @dataclass(frozen=True)
-class Calibration:
+class SeriesUnits:
     """From px and frames to the units of the file."""
 
     scale: float
     origin: tuple[float, float]
     time: np.ndarray
     interval: np.ndarray  # per field
-    units: dict[str, str]
+    names: dict[str, str]  # of the axes, time and velocity
 
     @classmethod
-    def of(cls, recording: Recording, sets: list[tuple[int, ...]]) -> Calibration:
+    def of(cls, recording: Recording, sets: list[tuple[int, ...]]) -> SeriesUnits:
         """SI where scale and times are known, px and frames otherwise."""
         scale = recording.attrs.get("scale_m_per_px")
         times = recording.times

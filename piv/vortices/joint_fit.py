@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piv.vortices.lamb_oseen_fit import Fit, Vectors, fit_vortices, lamb_oseen
+from piv.vortices.lamb_oseen_fit import Fit, VelocitySamples, fit_vortices, lamb_oseen
 from piv.vortices.regions import seen_share
 from piv.vortices.settings import VortexSettings
 
@@ -156,7 +156,7 @@ def _fit_disc(
         if strong[m] and m not in along:
             du, dv = lamb_oseen(x, y, *now[m])
             u, v = u - du, v - dv
-    vectors = Vectors(x, y, u, v, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)
+    vectors = VelocitySamples(x, y, u, v, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)
     seen = seen_share(p.x, p.y, p.valid, x0, y0, reach)
     # a disc half hidden hardly tells core radius and circulation apart: the less it shows, the more the region is asked
     core_std = s.region_prior * np.sqrt(seen / (1 - seen)) if seen < WATER else np.inf

@@ -18,7 +18,7 @@ NEIGHBOUR_PRIOR = (
 )
 
 
-class Vectors(NamedTuple):
+class VelocitySamples(NamedTuple):
     """Scattered vectors: positions, components and standard deviations, each (n,); any consistent units."""
 
     x: np.ndarray
@@ -63,7 +63,7 @@ def _shape(r2: np.ndarray, core_radius: float) -> tuple[np.ndarray, np.ndarray, 
     return g, dg, -2 * e / a2
 
 
-def _model(p: np.ndarray, n: int, d: Vectors, ox: float, oy: float) -> tuple[np.ndarray, np.ndarray]:
+def _model(p: np.ndarray, n: int, d: VelocitySamples, ox: float, oy: float) -> tuple[np.ndarray, np.ndarray]:
     """Model (2 m,) and Jacobian (2 m, 4 n + 6) for parameters x, y, circulation, log core_radius ... background."""
     m = d.x.size
     jac = np.zeros((2 * m, p.size))
@@ -91,7 +91,7 @@ def _model(p: np.ndarray, n: int, d: Vectors, ox: float, oy: float) -> tuple[np.
 
 
 def fit_vortices(
-    d: Vectors,
+    d: VelocitySamples,
     start: np.ndarray,
     *,
     strain_prior: float = np.inf,

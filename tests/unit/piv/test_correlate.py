@@ -159,8 +159,8 @@ def test_mirrored_images_give_mirrored_vectors(pair):
     np.testing.assert_allclose(-mirrored["u"].values[:, ::-1][inner], ds["u"].values[inner], atol=0.01)
 
 
-def test_preview_is_near(pair):
-    ds = correlate_pair(*pair, method="preview").sel(x=slice(24, 290), y=slice(24, 230))
+def test_optical_flow_is_near(pair):
+    ds = correlate_pair(*pair, method="optical_flow").sel(x=slice(24, 290), y=slice(24, 230))
     assert float(abs(ds["u"] - 2).median()) < 0.1  # optical flow at quarter-pixel grade
     assert float(abs(ds["v"] - 1).median()) < 0.1
 

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from piv.correlation import newton_step as refine
 from piv.correlation import prefilter
 from piv.correlation.deform import Image, Nodes
+from piv.correlation.newton_step import CELL, MOMENTS, cell_moments
 from piv.correlation.passes import grid
 
 
@@ -17,8 +17,8 @@ def by_whole_images(nodes, a, b, dx, dy):
     nodes.dense(dy, field[1])
     a.warp(field[0], field[1], -0.5, weight, False)
     b.warp(field[0], field[1], 0.5, weight, True)
-    cells = np.empty((refine.MOMENTS, *nodes.cell_shape), np.float32)
-    refine.cell_moments(a.warped, b.warped, weight, cells)
+    cells = np.empty((MOMENTS, *nodes.cell_shape), np.float32)
+    cell_moments(a.warped, b.warped, weight, cells)
     return cells
 
 
@@ -42,12 +42,12 @@ def test_row_by_row_as_whole_images(shape, masked):
     dy = (-2.6 + 2 * np.cos(x / 15) + 0 * y[:, None]).astype(np.float32)
     want, got = by_whole_images(nodes, *images, dx, dy), nodes.moments(*images, dx, dy)
     # of a sample between two pixels the second image asks the other one whether it may be used: a pixel's difference at edges
-    whole = cv2.erode(want[8], around) == refine.CELL**2
+    whole = cv2.erode(want[8], around) == CELL**2
     assert 0.1 < whole.mean() < 1
-    assert (got[8][whole] == refine.CELL**2).all()
+    assert (got[8][whole] == CELL**2).all()
     assert (got[8][cv2.dilate(want[8], around) == 0] == 0).all()
     got, want = got[:, whole], want[:, whole]
-    for m in range(refine.MOMENTS):
+    for m in range(MOMENTS):
         # positions are sums with the pixel's number in one and not in the other: 1e-4 px at the thousandth column
         assert np.abs(got[m] - want[m]).max() < 2e-3 * np.abs(want[m]).max()
 
@@ -57,8 +57,8 @@ def test_products_are_those_of_their_definition():
     rng = np.random.default_rng(6)
     a, b = rng.standard_normal((2, 20, 24)).astype(np.float32)
     weight = rng.uniform(0, 1, a.shape).astype(np.float32)
-    cells = np.empty((refine.MOMENTS, 5, 6), np.float32)
-    refine.cell_moments(a, b, weight, cells)
+    cells = np.empty((MOMENTS, 5, 6), np.float32)
+    cell_moments(a, b, weight, cells)
 
     def slope(i, axis):
         near, far = (np.roll(i, -k, axis) - np.roll(i, k, axis) for k in (1, 2))
