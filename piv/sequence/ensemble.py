@@ -23,7 +23,7 @@ from piv.correlation.pair_images import Prepared
 from piv.correlation.uncertainty import errors_of
 from piv.images.preprocess import Preprocessor
 from piv.images.recording import Recording
-from piv.sequence.sequence import SeriesUnits, SequenceOptions, carried, frame_sets
+from piv.sequence.sequence import SequenceOptions, SeriesUnits, carried, frame_sets
 
 Pair = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
 
@@ -133,9 +133,7 @@ def correlate_ensemble_to(
     attrs = {"source": "piv", **provenance(**settings), **carried(recording, None)}
     x, y = units.axes(plane["x"].values, plane["y"].values)
     time = [float(units.time.mean())]
-    writer = SeriesWriter(
-        output, x, y, time, units.names, attrs, [recording.name, settings, "ensemble"]
-    )
+    writer = SeriesWriter(output, x, y, time, units.names, attrs, [recording.name, settings, "ensemble"])
     try:
         writer.write(0, units.fields(plane, 0))
         return writer.finish()
