@@ -1,4 +1,4 @@
-"""Stage case: an OpenFOAM case for each leg — the base case, one file of numbers, the swept mesh in its first shape."""
+"""Stage case: an OpenFOAM case for each interval — the base case, one file of numbers, the swept mesh in its first shape."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import xarray as xr
 
 from fileio.atomic import unlink_folders, write_text
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Leg, read_legs, read_stage
+from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
 from fileio.hdf5 import write_dataset
 from fileio.lock import LOCK, only_one
@@ -30,8 +30,8 @@ SYMMETRIC = ("half", "quarter")
 INTERPOLATION = {"linear": "linear", "skewCorrected": "skewCorrected linear"}
 
 
-def numbers(scene: Scene, leg: Leg, back: float) -> dict[str, str]:
-    """The entries of system/numbers for one leg of a scene; `back` is the z of the mesh's back wall, m.
+def numbers(scene: Scene, interval: Interval, back: float) -> dict[str, str]:
+    """The entries of system/numbers for one interval of a scene; `back` is the z of the mesh's back wall, m.
 
     `startTime` and `writeInterval` change where the run stage resumes.
     """
@@ -45,12 +45,12 @@ def numbers(scene: Scene, leg: Leg, back: float) -> dict[str, str]:
 
     return {
         "timeStep": f"{n.time_step:.10g}",
-        "startTime": time_name(leg.begin(n.time_step)),
-        "endTime": f"{leg.end:.10g}",
+        "startTime": time_name(interval.begin(n.time_step)),
+        "endTime": f"{interval.end:.10g}",
         "writeInterval": f"{n.write_interval:.10g}",
         "sampleInterval": str(sampling),
         "balanceInterval": str(n.balance_steps(scene.sheet.rate_hz)),
-        "meshMotion": "dynamicMotionSolverFvMesh" if leg.moving else "staticFvMesh",
+        "meshMotion": "dynamicMotionSolverFvMesh" if interval.moving else "staticFvMesh",
         "timeScheme": n.time_scheme,
         "convectionScheme": n.convection,
         "interpolationScheme": INTERPOLATION[n.interpolation],
@@ -110,7 +110,7 @@ def sides(planform: xr.Dataset) -> np.ndarray:
 
 
 def build_mesh(planform: xr.Dataset) -> PolyMesh:
-    """Sweep one stage of `planform.h5`."""
+    """Sweep one mesh of `planform.h5`."""
     sweep = Sweep(
         planform["triangles"].values,
         planform["quads"].values,
@@ -154,16 +154,18 @@ def zones(mesh: PolyMesh, planform: xr.Dataset) -> tuple[dict[str, np.ndarray], 
     return faces | {"frontZone": span["front"]}, {"behindSheet": cells[behind], "beforeSheet": cells[~behind]}
 
 
-def write_leg(scene: Scene, leg: Leg, planform: xr.Dataset, mesh: PolyMesh) -> xr.Dataset:
-    """Write the OpenFOAM case of one leg, its mesh in its first shape; returns the columns of the mesh."""
-    folder, kind, levels = scene.out / "case" / leg.name, scene.model.kind, planform["levels"].values
+def write_case(scene: Scene, interval: Interval, planform: xr.Dataset, mesh: PolyMesh) -> xr.Dataset:
+    """Write the OpenFOAM case of one interval, its mesh in its first shape; returns the columns of the mesh."""
+    folder, kind, levels = scene.out / "case" / interval.name, scene.model.kind, planform["levels"].values
     for path in template_files():
         write_bytes(folder / path.relative_to(BASE), path.read_bytes())
-    if leg.index:
-        (folder / "0").rename(folder / "0.orig")  # filled in with the flow of the leg before
-    write_text(folder / "system" / "numbers", numbers_text(numbers(scene, leg, float(levels[0]))))
+    if interval.index:
+        (folder / "0").rename(folder / "0.orig")  # filled in with the flow of the interval before
+    write_text(folder / "system" / "numbers", numbers_text(numbers(scene, interval, float(levels[0]))))
     write_text(folder / "system" / "regions", regions_text(kind))
-    points = mesh.points(read_motion(scene.out, leg.stage).nodes(leg.begin(scene.numerics.time_step)), levels)
+    points = mesh.points(
+        read_motion(scene.out, interval.mesh).nodes(interval.begin(scene.numerics.time_step)), levels
+    )
     faces, cells = zones(mesh, planform)
     write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
     write_text(folder / "case.foam", "")
@@ -177,26 +179,28 @@ def write_leg(scene: Scene, leg: Leg, planform: xr.Dataset, mesh: PolyMesh) -> x
     )
 
 
-def check_legs(legs: tuple[Leg, ...], time_step: float, planform: Path) -> None:
-    """StageError where the legs that a planform was made for do not begin at whole time steps (s)."""
-    for leg in legs:
-        if abs(leg.start - steps_of(leg.start, time_step) * time_step) > 1e-6 * time_step:
+def check_intervals(intervals: tuple[Interval, ...], time_step: float, planform: Path) -> None:
+    """StageError where the intervals that a planform was made for do not begin at whole time steps (s)."""
+    for interval in intervals:
+        if abs(interval.start - steps_of(interval.start, time_step) * time_step) > 1e-6 * time_step:
             raise StageError(
-                f"{planform}: leg {leg.index} begins at {leg.start:g} s, no whole number of numerics.time_step ="
+                f"{planform}: interval {interval.index} begins at {interval.start:g} s, no whole number of numerics.time_step ="
                 f" {time_step:g} s, which has changed since; delete that file and run make again"
             )
 
 
 def run(scene: Scene, quiet: bool = False) -> None:
-    """Write the folders `case/leg_<k>` and `sweep.h5` (the columns of their meshes)."""
+    """Write the folders `case/interval_<k>` and `sweep.h5` (the columns of their meshes)."""
     folder = scene.out / "case"
     settings = settings_of(
         scene, "case"
     )  # before the old case is deleted: refuses where a template is missing
-    legs = read_legs(scene.out)
-    check_legs(legs, scene.numerics.time_step, scene.out / "planform.h5")
-    planforms = {stage: read_stage(scene.out, stage) for stage in {leg.stage for leg in legs}}
-    meshes = {stage: build_mesh(planform) for stage, planform in planforms.items()}
+    intervals = read_intervals(scene.out)
+    check_intervals(intervals, scene.numerics.time_step, scene.out / "planform.h5")
+    planforms = {
+        number: read_planform(scene.out, number) for number in {interval.mesh for interval in intervals}
+    }
+    meshes = {number: build_mesh(planform) for number, planform in planforms.items()}
     unlink_folders(scene.out)  # of a study's run that was equal to another one and no longer is
     (scene.out / "run" / "run.json").unlink(missing_ok=True)  # it was of the case that is now deleted
     folder.mkdir(exist_ok=True)
@@ -204,18 +208,21 @@ def run(scene: Scene, quiet: bool = False) -> None:
         for old in folder.iterdir():
             if old.name != LOCK:
                 shutil.rmtree(old) if old.is_dir() else old.unlink()
-        columns = {leg.name: write_leg(scene, leg, planforms[leg.stage], meshes[leg.stage]) for leg in legs}
+        columns = {
+            interval.name: write_case(scene, interval, planforms[interval.mesh], meshes[interval.mesh])
+            for interval in intervals
+        }
     root = xr.Dataset(
         attrs={
             "format": "sweep",
-            "format_version": 2,
+            "format_version": 3,
             "scene_hash": digest(settings),
             "settings": json.dumps(settings),
         }
     )
     write_dataset(root, scene.out / "sweep.h5", columns)
     if not quiet:
-        cells = [columns[leg.name].sizes["cell"] for leg in legs]
+        cells = [columns[interval.name].sizes["cell"] for interval in intervals]
         print(f"case: {' + '.join(map(str, cells))} cells in {folder}")
 
 

@@ -17,7 +17,7 @@ from fileio.atomic import whole
 from fileio.command import guarded
 from fileio.errors import StageError
 from fileio.formats.kinematics import FingerTrack, read_track
-from fileio.formats.mesh_intervals import Leg, read_legs, read_stage
+from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
 from fileio.formats.plane_series import FORMAT, FORMAT_VERSION, UNITS
 from fileio.hdf5_disk import Disk
 from fileio.lock import exclusive
@@ -59,19 +59,19 @@ def view_axes(view: View, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return x, y
 
 
-def sampled_planes(case: Path, legs: tuple[Leg, ...]) -> list[tuple[float, Path]]:
-    """Times and files of the sheet's pictures over all legs, ascending; StageError where there is none."""
+def sampled_planes(case: Path, intervals: tuple[Interval, ...]) -> list[tuple[float, Path]]:
+    """Times and files of the sheet's pictures over all intervals, ascending; StageError where there is none."""
     found = []
-    for leg in legs:
-        folder = case / leg.name / "postProcessing" / "sheetSurface"
+    for interval in intervals:
+        folder = case / interval.name / "postProcessing" / "sheetSurface"
         times = sorted(
             (float(f.name), f / "sheet.vtk") for f in folder.glob("*") if (f / "sheet.vtk").exists()
         )
         if not times:
             raise StageError(f"{folder}: the solver wrote no sheet; run python -m pipeline.run.stage first")
         found += [
-            (time, path) for time, path in times if time > leg.start + 1e-9
-        ]  # not what its run-in repeats
+            (time, path) for time, path in times if time > interval.start + 1e-9
+        ]  # not what its overlap repeats
     return found
 
 
@@ -114,9 +114,9 @@ def frames(
     """Time and variables of each picture of the sheet; absent inside the fingers."""
     mesh_x, mesh_y = np.meshgrid(x, y)
     flat = scene.model.kind == "2d"
-    legs = read_legs(scene.out)
-    sample = sample_mirrored if read_stage(scene.out, legs[0].stage).attrs["mirror"] else sample_plane
-    for time, path in sampled_planes(scene.out / "case", legs):
+    intervals = read_intervals(scene.out)
+    sample = sample_mirrored if read_planform(scene.out, intervals[0].mesh).attrs["mirror"] else sample_plane
+    for time, path in sampled_planes(scene.out / "case", intervals):
         fields = sample(path, x, y, flat)
         fields["p"] = fields["p"] * np.float32(scene.fluid.density)
         fingers = track.at(time)
@@ -140,7 +140,7 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path 
     else:
         reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet has as much on either side
         x, y = view_axes((-reach, reach, *view[2:]) if track.mirror else view, scene)
-    count = len(sampled_planes(scene.out / "case", read_legs(scene.out)))
+    count = len(sampled_planes(scene.out / "case", read_intervals(scene.out)))
     path = path or scene.out / "sheet.h5"
     with whole(path) as part, Disk(part, "w") as disk, h5netcdf.File(disk, "w") as file:
         fingers = 2 if track.mirror else 1

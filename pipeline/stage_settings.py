@@ -23,7 +23,7 @@ from pipeline.scene.scene import Scene
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
 STAGE_SECTIONS: dict[str, Any] = {
     "kinematics": {"tank", "finger", "body", "pinch", "support", "motion"},
-    # a leg begins with a picture of the sheet, and its planform's shapes cover a run-in of so many time steps
+    # an interval begins with a picture of the sheet, and its planform's shapes cover an overlap of so many time steps
     "mesh": {"mesh": True, "model": True, "support": True, "numerics": {"time_step"}, "sheet": {"rate_hz"}},
     # the solver needs no more of the sheet than this: a finer grid does not solve again
     "case": {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},

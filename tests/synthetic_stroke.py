@@ -232,15 +232,15 @@ def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
             quads.append([a, b, b + n, a + n])
     with h5py.File(out / "planform.h5", "w") as file:
         file.attrs.update(
-            format="planform", format_version=2, settings=json.dumps({"model": {"kind": "half"}})
+            format="planform", format_version=4, settings=json.dumps({"model": {"kind": "half"}})
         )
-        stage = file.create_group("stage_0")
-        stage["points"], stage["bend"], stage["quads"] = np.stack(points), bends, np.array(quads)
-        stage["triangles"] = np.array([[0, 1, n - 1]])
-        stage["body"] = np.array([1], np.uint8)
+        mesh = file.create_group("mesh_0")
+        mesh["points"], mesh["bend"], mesh["quads"] = np.stack(points), bends, np.array(quads)
+        mesh["triangles"] = np.array([[0, 1, n - 1]])
+        mesh["body"] = np.array([1], np.uint8)
     fluid = {"density": 998.2, "kinematic_viscosity": 1.004e-6, "turbulence": "laminar"}
     with h5py.File(out / "sweep.h5", "w") as file:
-        file.attrs.update(format="sweep", format_version=1, settings=json.dumps({"fluid": fluid}))
+        file.attrs.update(format="sweep", format_version=3, settings=json.dumps({"fluid": fluid}))
 
 
 def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: str) -> None:
@@ -280,8 +280,8 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
     bend = np.linspace(0, np.degrees(bend_end), 20)
     pd.DataFrame(
         {
-            "leg": 0,
-            "stage": 0,
+            "interval": 0,
+            "mesh": 0,
             "time_share": 1 / 20,
             "bend_deg": bend,
             "shape_parameter": 200 * bend,
@@ -296,7 +296,7 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
         "closure": 6e-6,
         "closure_fraction": 0.026,
     }
-    run = {"format": "run", "format_version": 1, "versions": {"openfoam": "v1912"}, "scene_hash": "0123abcd"}
+    run = {"format": "run", "format_version": 3, "versions": {"openfoam": "v1912"}, "scene_hash": "0123abcd"}
     run |= {"scene": scene}
     run |= {
         "level": level,

@@ -1,4 +1,4 @@
-"""The legs of a run: parts of the time in which one planform serves, as the mesh stage planned them."""
+"""The mesh intervals of a run: spans of time, each with the planform mesh that serves in it, as the mesh stage chose them."""
 
 from __future__ import annotations
 
@@ -10,51 +10,51 @@ import xarray as xr
 from fileio.errors import StageError
 from fileio.hdf5 import read_dataset
 
-# How long a leg is solved beside the one before it, until it has forgotten how it was started: the larger of
-RUN_IN_TIME = 4e-3  # s
-RUN_IN_STEPS = 8
+# How long an interval is solved beside the one before it, until it has forgotten how it was started: the larger of
+OVERLAP_TIME = 4e-3  # s
+OVERLAP_STEPS = 8
 
 
 @dataclass(frozen=True)
-class Leg:
-    """From `start` to `end` (s) the mesh is that of `stage`; not `moving`: it stands still, also in the leg's run-in."""
+class Interval:
+    """From `start` to `end` (s) the mesh is number `mesh` of planform.h5; not `moving`: it stands still, also in the interval's overlap."""
 
     index: int
     start: float
     end: float
-    stage: int
+    mesh: int
     moving: bool = True
 
     @property
     def name(self) -> str:
         """Its folder in case/ and its group in sweep.h5."""
-        return f"leg_{self.index}"
+        return f"interval_{self.index}"
 
     def begin(self, time_step: float) -> float:
-        """Time (s) at which the flow is carried over and its solver starts: before `start`, but for the first leg."""
-        return self.start - run_in_steps(time_step) * time_step if self.index else self.start
+        """Time (s) at which the flow is carried over and its solver starts: before `start`, but for the first interval."""
+        return self.start - overlap_steps(time_step) * time_step if self.index else self.start
 
 
-def run_in_steps(time_step: float) -> int:
-    """Time steps of a leg's run-in: its mesh must be good from so many steps before the leg's start on."""
-    return max(RUN_IN_STEPS, round(RUN_IN_TIME / time_step))
+def overlap_steps(time_step: float) -> int:
+    """Time steps of an interval's overlap: its mesh must be good from so many steps before the interval's start on."""
+    return max(OVERLAP_STEPS, round(OVERLAP_TIME / time_step))
 
 
-def read_legs(out: Path) -> tuple[Leg, ...]:
-    """The legs of `planform.h5`, in order."""
+def read_intervals(out: Path) -> tuple[Interval, ...]:
+    """The intervals of `planform.h5`, in order."""
     with read_dataset(out / "planform.h5", "planform") as file:
-        if "leg_moving" not in file:
+        if "interval_moving" not in file:
             raise StageError(
                 f"{out / 'planform.h5'}: written by an earlier version; delete it and run make again"
             )
-        columns = [file[f"leg_{name}"].values.tolist() for name in ("start", "end", "stage", "moving")]
+        columns = [file[f"interval_{name}"].values.tolist() for name in ("start", "end", "mesh", "moving")]
     rows = zip(*columns, strict=True)
     return tuple(
-        Leg(k, start, end, stage, bool(moving)) for k, (start, end, stage, moving) in enumerate(rows)
+        Interval(k, start, end, mesh, bool(moving)) for k, (start, end, mesh, moving) in enumerate(rows)
     )
 
 
-def read_stage(out: Path, stage: int) -> xr.Dataset:
-    """One planform of `planform.h5`, loaded, with the attributes that all of them share."""
-    with read_dataset(out / "planform.h5", "planform", f"stage_{stage}") as planform:
+def read_planform(out: Path, mesh: int) -> xr.Dataset:
+    """One planform of `planform.h5`, loaded, with the attributes that all meshes share."""
+    with read_dataset(out / "planform.h5", "planform", f"mesh_{mesh}") as planform:
         return planform.load()

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from fileio.formats.mesh_intervals import read_stage
+from fileio.formats.mesh_intervals import read_planform
 from fileio.hdf5 import read_dataset
 
 
@@ -30,9 +30,9 @@ class NodeMotion:
         return self.shape(float(self.pressure(time)), 1) * float(self.pressure(time, 1))
 
 
-def read_motion(out: Path, stage: int = 0) -> NodeMotion:
-    """Motion of the nodes of one stage's planform, from `kinematics.h5` and `planform.h5` of a level's folder."""
+def read_motion(out: Path, mesh: int = 0) -> NodeMotion:
+    """Motion of the nodes of one mesh of planform.h5, from `kinematics.h5` and `planform.h5` of a level's folder."""
     with read_dataset(out / "kinematics.h5", "kinematics") as file:
         pressure = CubicSpline(file["time"].values, file["pressure"].values)
-    planform = read_stage(out, stage)
+    planform = read_planform(out, mesh)
     return NodeMotion(pressure, CubicSpline(planform["shape_parameter"].values, planform["points"].values))

@@ -44,7 +44,7 @@ class SweptCells:
 def swept_cells(
     planform: xr.Dataset, sweep: xr.Dataset, nodes: np.ndarray, velocity: np.ndarray
 ) -> SweptCells:
-    """The cells of a leg's mesh where its planform's nodes are at `nodes` (node, 2; m) and move with `velocity`."""
+    """The cells of an interval's mesh where its planform's nodes are at `nodes` (node, 2; m) and move with `velocity`."""
     triangles, quads = planform["triangles"].values, planform["quads"].values
     edges = planform_edges(triangles, quads)
     return SweptCells(

@@ -15,13 +15,13 @@ from tqdm import tqdm
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import run_in_steps
+from fileio.formats.mesh_intervals import overlap_steps
 from fileio.hdf5 import read_dataset, write_dataset
 from fileio.provenance import digest
 from pipeline.geometry.planform import Planform
 from pipeline.geometry.quality import Quality, shape_quality
 from pipeline.mesh.fixed_bodies import Body, fixed_bodies
-from pipeline.mesh.intervals import Part, deformation, divide, last_move
+from pipeline.mesh.intervals import Part, cumulative_deformation, divide, last_move
 from pipeline.mesh.morph import MorphError
 from pipeline.mesh.planform import build_planform, mirrored, mirrored_shapes
 from pipeline.mesh.shape_sequence import Family, between, morph_family
@@ -32,10 +32,10 @@ from pipeline.scene.sections import Mesh
 from pipeline.stage_settings import settings_of
 
 QUALITY_COLUMNS = (
-    "leg", "stage", "time_share", "bend_deg", "shape_parameter", "max_non_orthogonality_deg",
+    "interval", "mesh", "time_share", "bend_deg", "shape_parameter", "max_non_orthogonality_deg",
     "mean_non_orthogonality_deg", "max_skewness", "min_area_ratio",
 )  # fmt: skip
-MOST_STAGES = 6
+MOST_MESHES = 6
 USUAL_SHARE = 0.95  # of the time in which mesh.usual_non_orthogonality_deg is not exceeded
 LEAST_CLEARANCE = 0.001  # m between the finger and the support
 
@@ -46,15 +46,15 @@ class Setting:
 
     scene: Scene
     family: Family
-    way: np.ndarray  # of each shape of the family: pipeline.mesh.intervals.deformation
+    deformation: np.ndarray  # of each shape of the family: pipeline.mesh.intervals.cumulative_deformation
     path: np.ndarray  # points (n, 2) near which cells stay small
     bodies: tuple[Body, ...]
     motion: np.ndarray  # shape parameter after each time step, Pa
 
     @property
-    def walked(self) -> np.ndarray:
-        """Way (step + 1,) of the shape after each time step."""
-        return np.interp(self.motion, self.family.parameter, self.way)
+    def deformation_of_steps(self) -> np.ndarray:
+        """Deformation (step + 1,) of the shape after each time step."""
+        return np.interp(self.motion, self.family.parameter, self.deformation)
 
     @property
     def mirror(self) -> bool:
@@ -63,7 +63,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Stage:
+class MorphedPlanform:
     """A planform, its shapes (knot, node, 2) over a part of the family, and the part of the motion it serves."""
 
     part: Part
@@ -100,15 +100,17 @@ def read_setting(scene: Scene, levels: np.ndarray) -> Setting:
         count = int(np.ceil(2 * scene.mesh.jet_reach / scene.mesh.near_cell)) + 1
         jet = height + np.linspace(-scene.mesh.jet_reach, scene.mesh.jet_reach, count)
         path = np.vstack([path, np.column_stack([np.zeros(count), jet])])
-    # a body that is only moved does not bend: its way is the measure
-    way = family.parameter - family.parameter[0] if scene.body else deformation(family.bend, gap)
-    return Setting(scene, family, way, path, bodies, motion)
+    # a body that is only moved does not bend: the distance is the measure
+    deformation = (
+        family.parameter - family.parameter[0] if scene.body else cumulative_deformation(family.bend, gap)
+    )
+    return Setting(scene, family, deformation, path, bodies, motion)
 
 
-def build_stage(setting: Setting, part: Part, bar: tqdm) -> Stage:
+def build_mesh(setting: Setting, part: Part, bar: tqdm) -> MorphedPlanform:
     """The planform of a part of the motion and all its shapes; MorphError where one of them is of no use."""
     mesh, family = setting.scene.mesh, setting.family
-    low, high, middle = np.interp([part.low, part.high, part.middle], setting.way, family.parameter)
+    low, high, middle = np.interp([part.low, part.high, part.middle], setting.deformation, family.parameter)
     family = family.within(low, high)
     built = int(np.argmin(np.abs(family.parameter - middle)))
     tank = 0.5 * setting.scene.tank.size[0], setting.scene.tank.water_depth
@@ -117,7 +119,7 @@ def build_stage(setting: Setting, part: Part, bar: tqdm) -> Stage:
     )
 
     share = np.zeros(len(family.parameter))  # of the time, by the nearest knot
-    for first, end in part.legs:
+    for first, end in part.intervals:
         nearest = np.abs(setting.motion[first:end, None] - family.parameter).argmin(1)
         share += np.bincount(nearest, minlength=len(share)) / len(setting.motion)
     unusual = 0.0
@@ -130,7 +132,7 @@ def build_stage(setting: Setting, part: Part, bar: tqdm) -> Stage:
         unusual += share[knot] * (quality.max_non_orthogonality_deg > mesh.usual_non_orthogonality_deg)
         check_share(unusual, mesh)
 
-    return Stage(part, planform, family, morph_family(planform, family, built, look))
+    return MorphedPlanform(part, planform, family, morph_family(planform, family, built, look))
 
 
 def check_quality(quality: Quality, bend: float, mesh: Mesh) -> None:
@@ -152,47 +154,53 @@ def check_share(unusual: float, mesh: Mesh) -> None:
         )
 
 
-def choose_stages(setting: Setting, quiet: bool) -> tuple[list[Stage], list[tuple]]:
-    """As few stages as keep the limits of mesh quality over the motion, and the rows of mesh_quality.csv.
+def choose_meshes(setting: Setting, quiet: bool) -> tuple[list[MorphedPlanform], list[tuple]]:
+    """As few planforms as keep the limits of mesh quality over the motion, and the rows of mesh_quality.csv.
 
-    Raises StageError where MOST_STAGES do not.
+    Raises StageError where MOST_MESHES do not.
     """
     scene = setting.scene
-    way = setting.walked
+    deformation = setting.deformation_of_steps
     sampling = scene.numerics.sampling_steps(scene.sheet.rate_hz)
-    run_in = run_in_steps(scene.numerics.time_step)
+    overlap = overlap_steps(scene.numerics.time_step)
     reason = ""
-    for count in range(1, MOST_STAGES + 1):
+    for count in range(1, MOST_MESHES + 1):
         try:
             with tqdm(desc=f"mesh, {count} planforms", disable=quiet or None, unit="shape") as bar:
-                stages = [build_stage(setting, part, bar) for part in divide(way, count, sampling, run_in)]
-            rows = quality_rows(stages, setting.motion, run_in, scene.mesh)
+                meshes = [
+                    build_mesh(setting, part, bar) for part in divide(deformation, count, sampling, overlap)
+                ]
+            rows = quality_rows(meshes, setting.motion, overlap, scene.mesh)
             check_share(
                 sum(row[2] for row in rows if row[5] > scene.mesh.usual_non_orthogonality_deg), scene.mesh
             )
         except MorphError as error:
             reason = str(error)
         else:
-            return stages, rows
+            return meshes, rows
     raise StageError(
-        f"mesh: with {MOST_STAGES} planforms {reason}: shorten the stroke, change mesh.wall_cell, or raise the limit"
+        f"mesh: with {MOST_MESHES} planforms {reason}: shorten the stroke, change mesh.wall_cell, or raise the limit"
     )
 
 
-def quality_rows(stages: list[Stage], parameter: np.ndarray, run_in: int, mesh: Mesh) -> list[tuple]:
-    """Rows of QUALITY_COLUMNS: each shape that a leg, or its run-in, takes; `parameter` (step + 1,) Pa is the motion's.
+def quality_rows(
+    meshes: list[MorphedPlanform], parameter: np.ndarray, overlap: int, mesh: Mesh
+) -> list[tuple]:
+    """Rows of QUALITY_COLUMNS: each shape that an interval, or its overlap, takes; `parameter` (step + 1,) Pa is the motion's.
 
     Raises MorphError where a shape breaks the limit.
     """
-    legs = sorted((leg, k) for k, stage in enumerate(stages) for leg in stage.part.legs)
-    shapes = [between(stage.family, stage.frames) for stage in stages]
+    intervals = sorted(
+        (interval, k) for k, morphed in enumerate(meshes) for interval in morphed.part.intervals
+    )
+    shapes = [between(morphed.family, morphed.frames) for morphed in meshes]
     quality = [
-        [shape_quality(s.planform, x) for x in fine[1]] for s, fine in zip(stages, shapes, strict=True)
+        [shape_quality(s.planform, x) for x in fine[1]] for s, fine in zip(meshes, shapes, strict=True)
     ]
     rows = []
-    for number, ((first, last), k) in enumerate(legs):
+    for number, ((first, last), k) in enumerate(intervals):
         family = shapes[k][0]
-        begin = max(0, first - run_in)
+        begin = max(0, first - overlap)
         taken = np.abs(parameter[begin : last + 1, None] - family.parameter).argmin(1)
         own = taken[first - begin :] if last == len(parameter) - 1 else taken[first - begin : -1]
         share = np.bincount(own, minlength=len(family.parameter)) / len(parameter)
@@ -208,16 +216,16 @@ def run(scene: Scene, quiet: bool = False) -> None:
     """Write planform.h5 and mesh_quality.csv."""
     levels = graded_layers(scene)
     setting = read_setting(scene, levels)
-    stages, rows = choose_stages(setting, quiet)
+    meshes, rows = choose_meshes(setting, quiet)
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(QUALITY_COLUMNS)
     writer.writerows([[f"{value:.6g}" for value in row] for row in rows])
     write_text(scene.out / "mesh_quality.csv", table.getvalue())
-    groups = {f"stage_{k}": stage_dataset(stage, setting, levels) for k, stage in enumerate(stages)}
-    write_dataset(legs_dataset(stages, setting), scene.out / "planform.h5", groups)
+    groups = {f"mesh_{k}": mesh_dataset(morphed, setting, levels) for k, morphed in enumerate(meshes)}
+    write_dataset(intervals_dataset(meshes, setting), scene.out / "planform.h5", groups)
     if not quiet:
-        cells = ", ".join(str(len(s.planform.triangles) + len(s.planform.quads)) for s in stages)
+        cells = ", ".join(str(len(s.planform.triangles) + len(s.planform.quads)) for s in meshes)
         usual = scene.mesh.usual_non_orthogonality_deg
         print(
             f"mesh: planform of {cells} cells, {len(levels) - 1} layers, non-orthogonality ≤"
@@ -225,26 +233,40 @@ def run(scene: Scene, quiet: bool = False) -> None:
         )
 
 
-def legs_dataset(stages: list[Stage], setting: Setting) -> xr.Dataset:
-    """The root of planform.h5: which stage serves from when to when (s), and what all stages share."""
+def intervals_dataset(meshes: list[MorphedPlanform], setting: Setting) -> xr.Dataset:
+    """The root of planform.h5: which mesh serves from when to when (s), and what all meshes share."""
     scene = setting.scene
-    legs = sorted((leg, k) for k, stage in enumerate(stages) for leg in stage.part.legs)
+    intervals = sorted(
+        (interval, k) for k, morphed in enumerate(meshes) for interval in morphed.part.intervals
+    )
     step = scene.numerics.time_step
-    rest = last_move(setting.walked) + run_in_steps(step)
+    rest = last_move(setting.deformation_of_steps) + overlap_steps(step)
     return xr.Dataset(
         {
-            "leg_start": ("leg", np.array([step * leg[0] for leg, _ in legs]), {"units": "s"}),
-            "leg_end": ("leg", np.array([step * leg[1] for leg, _ in legs]), {"units": "s"}),
-            "leg_stage": ("leg", np.array([k for _, k in legs]), {"long_name": "stage of the mesh"}),
-            "leg_moving": (
-                "leg",
-                np.array([int(leg[0] <= rest) for leg, _ in legs]),
+            "interval_start": (
+                "interval",
+                np.array([step * interval[0] for interval, _ in intervals]),
+                {"units": "s"},
+            ),
+            "interval_end": (
+                "interval",
+                np.array([step * interval[1] for interval, _ in intervals]),
+                {"units": "s"},
+            ),
+            "interval_mesh": (
+                "interval",
+                np.array([k for _, k in intervals]),
+                {"long_name": "number of the mesh"},
+            ),
+            "interval_moving": (
+                "interval",
+                np.array([int(interval[0] <= rest) for interval, _ in intervals]),
                 {"long_name": "0: the mesh rests"},
             ),
         },
         attrs={
             "format": "planform",
-            "format_version": 3,
+            "format_version": 4,
             "finger_width": scene.finger.width,
             "model": scene.model.kind,
             "mirror": int(scene.pinch is not None and not _both_fingers(scene)),
@@ -259,9 +281,9 @@ def _both_fingers(scene: Scene) -> bool:
     return scene.pinch is not None and scene.model.kind in ("half", "full")
 
 
-def stage_dataset(stage: Stage, setting: Setting, levels: np.ndarray) -> xr.Dataset:
-    """A stage's group of planform.h5 (docs/formats.md)."""
-    planform, frames, family = stage.planform, stage.frames, stage.family
+def mesh_dataset(mesh: MorphedPlanform, setting: Setting, levels: np.ndarray) -> xr.Dataset:
+    """A mesh's group of planform.h5 (docs/formats.md)."""
+    planform, frames, family = mesh.planform, mesh.frames, mesh.family
     names = ["water", "finger", *(body.name for body in setting.bodies)]
     half = 0.5 * setting.scene.finger.width
     reach = [0.0, half, *(body.half_width for body in setting.bodies)]

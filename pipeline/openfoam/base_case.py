@@ -1,4 +1,4 @@
-"""The base case: the templates of the OpenFOAM dictionaries that every leg begins with, and their digest."""
+"""The base case: the templates of the OpenFOAM dictionaries that every interval begins with, and their digest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A guard for each leg of a run, and the verdict on the whole of it."""
+"""A guard for each interval of a run, and the verdict on the whole of it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Leg, read_stage
+from fileio.formats.mesh_intervals import Interval, read_planform
 from fileio.formats.node_motion import NodeMotion, read_motion
 from pipeline.openfoam.displacement_files import steps_of
 from pipeline.run.energy import EnergyGuard, energy_budget, energy_cause
@@ -24,21 +24,21 @@ def wall_positions(motion: NodeMotion, wall: np.ndarray, times: np.ndarray) -> n
     return shape(motion.pressure(np.maximum(times, 0.0)))
 
 
-def guards_of(scene: Scene, legs: tuple[Leg, ...]) -> list[Guard]:
-    """What watches the solver on each leg. StageError where the Courant number is sure to be exceeded."""
+def guards_of(scene: Scene, intervals: tuple[Interval, ...]) -> list[Guard]:
+    """What watches the solver on each interval. StageError where the Courant number is sure to be exceeded."""
     step, found = scene.numerics.time_step, []
     depth = scene.finger.width * (1.0 if scene.model.kind in ("2d", "full") else 0.5)
-    for leg in legs:
-        begin = leg.begin(step)
-        times = step * np.arange(steps_of(begin, step), steps_of(leg.end, step) + 1)
-        wall = read_stage(scene.out, leg.stage)["wall"].values
-        positions = wall_positions(read_motion(scene.out, leg.stage), wall, times)
+    for interval in intervals:
+        begin = interval.begin(step)
+        times = step * np.arange(steps_of(begin, step), steps_of(interval.end, step) + 1)
+        wall = read_planform(scene.out, interval.mesh)["wall"].values
+        positions = wall_positions(read_motion(scene.out, interval.mesh), wall, times)
         try:
             check_courant(positions, step, scene.numerics.max_courant)
         except ValueError as error:
             raise StageError(f"{scene.folder / 'scene.toml'}: {error}") from None
         budget = energy_budget(positions, begin, step, depth, scene.fluid.density)
-        samples = scene.out / "case" / leg.name / "postProcessing"
+        samples = scene.out / "case" / interval.name / "postProcessing"
         found.append(
             Guard(
                 scene.numerics.max_courant,

@@ -123,7 +123,7 @@ class EnergyGuard:
         return None
 
     def _table(self) -> list[tuple[float, float, float, float]]:
-        """Times and integrals of |u|^2, |grad u|^2 and half of |curl u|^2 of this leg's newest table; a line that is not
+        """Times and integrals of |u|^2, |grad u|^2 and half of |curl u|^2 of this interval's newest table; a line that is not
         whole is left out."""
         found = list((self.samples / "volumes").glob("*/volFieldValue*.dat"))
         if not found:

@@ -1,4 +1,4 @@
-"""The switch between two legs: the flow at its end carried to the next mesh, and what was lost on the way."""
+"""Field mapping between two mesh intervals: the flow of the earlier one on the mesh of the later one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Leg, read_stage
+from fileio.formats.mesh_intervals import Interval, read_planform
 from fileio.formats.node_motion import read_motion
 from fileio.hdf5 import read_dataset
 from pipeline.geometry.swept_cells import SweptCells, carry, overlap_of, swept_cells
@@ -18,14 +18,14 @@ from pipeline.openfoam.foamfile import END, field_of, header, labels_of, read_fi
 from pipeline.openfoam.ranks import Ranks
 from pipeline.scene.scene import Scene
 
-SWITCH = "switch.json"  # in a leg's folder: what carrying the flow to it has cost
+FIELD_MAPPING = "field_mapping.json"  # in an interval's folder: the change of energy by the mapping
 
 
-def cells_of(scene: Scene, leg: Leg, time: float) -> SweptCells:
-    """The mesh of a leg in its shape at `time` s."""
-    planform = read_stage(scene.out, leg.stage)
-    motion = read_motion(scene.out, leg.stage)
-    with read_dataset(scene.out / "sweep.h5", "sweep", leg.name) as sweep:
+def cells_of(scene: Scene, interval: Interval, time: float) -> SweptCells:
+    """The mesh of an interval in its shape at `time` s."""
+    planform = read_planform(scene.out, interval.mesh)
+    motion = read_motion(scene.out, interval.mesh)
+    with read_dataset(scene.out / "sweep.h5", "sweep", interval.name) as sweep:
         return swept_cells(planform, sweep.load(), motion.nodes(time), motion.velocity(time))
 
 
@@ -68,13 +68,13 @@ def energy_share(source: SweptCells, target: SweptCells, velocity: np.ndarray, a
     return float(np.clip((-b + np.sqrt(max(b * b - 4 * a * c, 0.0))) / (2 * a), -1.0, 2.0))
 
 
-def carry_over(scene: Scene, before: Leg, leg: Leg, ranks: Ranks) -> None:
-    """Write the fields with which `leg` begins into its case, from those of the leg before it at that time."""
-    old, new = scene.out / "case" / before.name, scene.out / "case" / leg.name
+def map_fields(scene: Scene, before: Interval, interval: Interval, ranks: Ranks) -> None:
+    """Write the fields with which `interval` begins into its case, from those of the interval before it at that time."""
+    old, new = scene.out / "case" / before.name, scene.out / "case" / interval.name
     step = scene.numerics.time_step
-    begin = leg.begin(step)
+    begin = interval.begin(step)
     name = time_name(begin)
-    source, target = (cells_of(scene, of, begin) for of in (before, leg))
+    source, target = (cells_of(scene, of, begin) for of in (before, interval))
     velocity, pressure = (read_cells(old, name, field, ranks, len(source.column)) for field in ("U", "p"))
     overlap = overlap_of(source, target)
     averaged, sampled = carry(source, target, overlap, velocity, no_slip=True)
@@ -85,10 +85,10 @@ def carry_over(scene: Scene, before: Leg, leg: Leg, ranks: Ranks) -> None:
     for path in (new / "0.orig").iterdir():
         if not (new / name / path.name).exists():
             write_bytes(new / name / path.name, path.read_bytes() + END)
-    # the sheet's pictures keep their phase over the switch
+    # the sheet's pictures keep their phase over the field mapping
     index = b"index %d;\n" % steps_of(begin, step)
     time_header = header("dictionary", f"{name}/uniform", "time", binary=False)
     write_bytes(new / name / "uniform" / "time", time_header + index + END)
     squares = [square_sum(*pair) for pair in ((source, velocity, velocity), (target, carried, carried))]
     jump = squares[1] / squares[0] - 1 if squares[0] else 0.0
-    write_text(new / SWITCH, json.dumps({"carried_at": begin, "carried_jump_fraction": jump}))
+    write_text(new / FIELD_MAPPING, json.dumps({"mapped_at": begin, "mapping_jump_fraction": jump}))

@@ -1,4 +1,4 @@
-"""What a leg's case needs before the solver: ranks, the flow it starts from, and the frames of the motion."""
+"""What an interval's case needs before the solver: ranks, the flow it starts from, and the frames of the motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Leg, read_stage
+from fileio.formats.mesh_intervals import Interval, read_planform
 from fileio.formats.node_motion import read_motion
 from fileio.hdf5 import read_dataset
 from fileio.json_text import read_json
@@ -22,12 +22,12 @@ from pipeline.openfoam.displacement_files import PADDING, steps_of, time_name, w
 from pipeline.openfoam.environment import COLLATED, run_tool
 from pipeline.openfoam.foamfile import labels_of, write_list
 from pipeline.openfoam.ranks import Ranks
-from pipeline.run.map_fields import carry_over
+from pipeline.run.map_fields import map_fields
 from pipeline.run.partition import partition_columns
 from pipeline.run.solver import PROGRESS, set_number
 from pipeline.scene.scene import Scene
 
-STATE = "state.json"  # what the frames and the decomposition in a leg's folder were made for
+STATE = "state.json"  # what the frames and the decomposition in an interval's folder were made for
 
 
 def case_state(case: Path, ranks: Ranks) -> dict[str, int]:
@@ -45,17 +45,19 @@ def prepared_for(case: Path) -> dict[str, int]:
     return read_json(path, f"delete it and run make again: {case.name} begins anew") if path.exists() else {}
 
 
-def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: Ranks, quiet: bool) -> None:
-    """Decompose a leg's case, carry the flow over and lay the frames, unless that was done for the same mesh and ranks."""
-    case = scene.out / "case" / leg.name
+def prepare(
+    scene: Scene, intervals: tuple[Interval, ...], interval: Interval, ranks: Ranks, quiet: bool
+) -> None:
+    """Decompose an interval's case, carry the flow over and lay the frames, unless that was done for the same mesh and ranks."""
+    case = scene.out / "case" / interval.name
     wanted = case_state(case, ranks)
     if prepared_for(case) == wanted:
         return
     # what is interrupted from here on must begin anew, and so what follows
-    for later in reversed(legs[leg.index :]):
+    for later in reversed(intervals[interval.index :]):
         for stale in (STATE, PROGRESS):
             (scene.out / "case" / later.name / stale).unlink(missing_ok=True)
-    first = time_name(leg.begin(scene.numerics.time_step))
+    first = time_name(interval.begin(scene.numerics.time_step))
     for folder in case.glob("processor*"):
         shutil.rmtree(folder)
     for folder in case.iterdir():
@@ -63,31 +65,31 @@ def prepare(scene: Scene, legs: tuple[Leg, ...], leg: Leg, ranks: Ranks, quiet: 
             shutil.rmtree(folder)
     shutil.rmtree(case / "postProcessing", ignore_errors=True)
     set_number(case, "startTime", first)
-    if leg.index:
-        carry_over(scene, legs[leg.index - 1], leg, ranks)
-    with read_dataset(scene.out / "sweep.h5", "sweep", leg.name) as sweep:
+    if interval.index:
+        map_fields(scene, intervals[interval.index - 1], interval, ranks)
+    with read_dataset(scene.out / "sweep.h5", "sweep", interval.name) as sweep:
         sweep.load()
-    planform = read_stage(scene.out, leg.stage)
+    planform = read_planform(scene.out, interval.mesh)
     if ranks.count > 1:
         _decompose(case, sweep, planform, ranks)
-    if leg.moving:
-        _lay_frames(scene, leg, sweep, planform, ranks, quiet)
+    if interval.moving:
+        _lay_frames(scene, interval, sweep, planform, ranks, quiet)
     write_text(case / STATE, json.dumps(wanted))
 
 
 def _lay_frames(
-    scene: Scene, leg: Leg, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks, quiet: bool
+    scene: Scene, interval: Interval, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks, quiet: bool
 ) -> None:
-    case, step = scene.out / "case" / leg.name, scene.numerics.time_step
+    case, step = scene.out / "case" / interval.name, scene.numerics.time_step
     node, level = sweep["node"].values, sweep["level"].values
     kind, top = scene.model.kind, planform.sizes["level"] - 1
     driving = (level == 0) | ((level == top) if kind == "full" else False)
     points = [np.arange(len(node))]
     if ranks.count > 1:
         points = [labels_of(block) for block in ranks.contents(case, "constant/polyMesh/pointProcAddressing")]
-    first_step, last_step = steps_of(leg.begin(step), step), steps_of(leg.end, step)
+    first_step, last_step = steps_of(interval.begin(step), step), steps_of(interval.end, step)
     done = write_frames(
-        ranks.folders(case), read_motion(scene.out, leg.stage), [node[p] for p in points], [driving[p] for p in points],
+        ranks.folders(case), read_motion(scene.out, interval.mesh), [node[p] for p in points], [driving[p] for p in points],
         step, first_step, last_step, flat=kind == "2d", collated=ranks.collated,
     )  # fmt: skip
     for _ in tqdm(done, desc="frames", total=last_step - first_step + PADDING + 1, disable=quiet or None):

@@ -15,10 +15,10 @@ import xarray as xr
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Leg, read_stage
+from fileio.formats.mesh_intervals import Interval, read_planform
 from pipeline.openfoam.surface_vtk import read_surface
 from pipeline.run.energy import resolved_dissipation
-from pipeline.run.mapping_error import switches
+from pipeline.run.mapping_error import field_mappings
 from pipeline.run.solver import LOG
 from pipeline.scene.scene import Scene
 
@@ -178,9 +178,14 @@ def copies_of(planform: xr.Dataset) -> int:
     return PER_FINGER[str(planform.attrs["model"])] * (2 if planform.attrs["mirror"] else 1)
 
 
-def joined(legs: tuple[Leg, ...], tables: list[np.ndarray]) -> np.ndarray:
-    """One table of those of all legs, whose first column is the time: what a leg's run-in repeats is left out."""
-    return np.vstack([table[table[:, 0] > leg.start + 1e-9] for leg, table in zip(legs, tables, strict=True)])
+def joined(intervals: tuple[Interval, ...], tables: list[np.ndarray]) -> np.ndarray:
+    """One table of those of all intervals, whose first column is the time: what an interval's overlap repeats is left out."""
+    return np.vstack(
+        [
+            table[table[:, 0] > interval.start + 1e-9]
+            for interval, table in zip(intervals, tables, strict=True)
+        ]
+    )
 
 
 def cell_count(case: Path) -> int | None:
@@ -190,18 +195,18 @@ def cell_count(case: Path) -> int | None:
     return int(found.group(1)) if found else None
 
 
-def collect_results(scene: Scene, legs: tuple[Leg, ...], out: Path) -> dict[str, Any]:
-    """Write forces.csv, power.csv and history.csv of all legs joined; returns what run.json says of them."""
-    cases = [scene.out / "case" / leg.name for leg in legs]
-    copies, fluid = copies_of(read_stage(scene.out, legs[0].stage)), scene.fluid
+def collect_results(scene: Scene, intervals: tuple[Interval, ...], out: Path) -> dict[str, Any]:
+    """Write forces.csv, power.csv and history.csv of all intervals joined; returns what run.json says of them."""
+    cases = [scene.out / "case" / interval.name for interval in intervals]
+    copies, fluid = copies_of(read_planform(scene.out, intervals[0].mesh)), scene.fluid
     logs = [history(case / LOG) for case in cases]
     for earlier, later in pairwise(logs):
         later[:, -1] += earlier[-1, -1]  # the clock goes on
-    log = joined(legs, logs)
+    log = joined(intervals, logs)
     force = [forces(case, PER_FINGER[scene.model.kind]) for case in cases]
     parts = [power(case, fluid.density, fluid.kinematic_viscosity, copies) for case in cases]
-    energy = joined(legs, parts)
-    write_text(out / "forces.csv", table_text(FORCE_COLUMNS, joined(legs, force)))
+    energy = joined(intervals, parts)
+    write_text(out / "forces.csv", table_text(FORCE_COLUMNS, joined(intervals, force)))
     write_text(out / "power.csv", table_text(POWER_COLUMNS, energy))
     write_text(out / "history.csv", table_text(HISTORY_COLUMNS, log))
     return {
@@ -210,15 +215,15 @@ def collect_results(scene: Scene, legs: tuple[Leg, ...], out: Path) -> dict[str,
         "continuity_max": float(np.nanmax(np.abs(log[:, 3]))),
         "mesh_quality": mesh_quality(scene.out / "mesh_quality.csv"),
         "power_balance": power_balance(energy),
-        "legs": [
+        "intervals": [
             {
-                "start": leg.start,
-                "end": leg.end,
-                "stage": leg.stage,
-                "moving": leg.moving,
+                "start": interval.start,
+                "end": interval.end,
+                "mesh": interval.mesh,
+                "moving": interval.moving,
                 "cells": cell_count(case),
             }
-            for leg, case in zip(legs, cases, strict=True)
+            for interval, case in zip(intervals, cases, strict=True)
         ],
-        "switches": switches(legs, cases, force, [part[:, [0, 2]] for part in parts]),
+        "field_mappings": field_mappings(intervals, cases, force, [part[:, [0, 2]] for part in parts]),
     }

@@ -1,4 +1,4 @@
-"""The solver at work on one leg: started from the last whole checkpoint, watched, stopped where it goes wrong."""
+"""The solver at work on one interval: started from the last whole checkpoint, watched, stopped where it goes wrong."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from fileio.atomic import check_room, naming, settle, write_text
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Leg
+from fileio.formats.mesh_intervals import Interval
 from fileio.json_text import read_json
 from pipeline.openfoam.displacement_files import checkpoint_interval, time_name
 from pipeline.openfoam.environment import die_with_parent, environment_in, last_lines, solver_command
@@ -26,13 +26,13 @@ from pipeline.run.guards import FINER, SILENCE, Guard, Watchdog
 from pipeline.scene.sections import Numerics
 
 LOG = "log.pimpleFoam"
-PROGRESS = "progress.json"  # what the leg has cost so far, and whether it has ended
+PROGRESS = "progress.json"  # what the interval has cost so far, and whether it has ended
 NOTE_EVERY = 10.0  # s between notes of the time spent, for a run that is killed
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
 
 
 def read_progress(case: Path) -> dict[str, Any]:
-    """What a leg has cost so far (`wall_time`, `cpu_time`, s), the times it was resumed at, and whether it has `ended`.
+    """What an interval has cost so far (`wall_time`, `cpu_time`, s), the times it was resumed at, and whether it has `ended`.
 
     StageError where the file is damaged.
     """
@@ -51,22 +51,22 @@ def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
     write_text(path, text)
 
 
-def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Ranks, hosts: Path | None,
+def solve(case: Path, interval: Interval, handover: float, numerics: Numerics, ranks: Ranks, hosts: Path | None,
           bar: tqdm, guard: Guard) -> None:  # fmt: skip
-    """Run the solver to the end of a leg from its last whole checkpoint, unless it has got there before.
+    """Run the solver to the end of an interval from its last whole checkpoint, unless it has got there before.
 
-    `handover` is the time (s) whose fields the next leg needs: that of the last checkpoint. StageError where `guard`
-    stops it, it fails by itself, or what it has sampled for a guard of the energy ends before the leg; its files are kept.
+    `handover` is the time (s) whose fields the next interval needs: that of the last checkpoint. StageError where `guard`
+    stops it, it fails by itself, or what it has sampled for a guard of the energy ends before the interval; its files are kept.
     """
     record = read_progress(case)
     if record.get("ended"):
         return
-    checkpoint = last_checkpoint(case, ranks, leg.moving)
-    begin = leg.begin(numerics.time_step)
+    checkpoint = last_checkpoint(case, ranks, interval.moving)
+    begin = interval.begin(numerics.time_step)
     start, name = checkpoint or (begin, time_name(begin))
     if checkpoint is not None:
         record["resumed"] = [*record["resumed"], start]
-        if leg.moving:
+        if interval.moving:
             reset_displacement(ranks.folders(case), time_name(begin), name, whole=ranks.collated)
         ranks.announce(case, name)
     drop_tables(case, start)
@@ -85,7 +85,7 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
         }
         write_text(case / PROGRESS, json.dumps({**record, **spent, "ended": ended}))
 
-    if guard.energy and (leg.index or checkpoint):
+    if guard.energy and (interval.index or checkpoint):
         guard.energy.from_rest = False
     log = case / LOG
 
@@ -123,7 +123,7 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
                         if time.monotonic() - noted > NOTE_EVERY:
                             noted = time.monotonic()
                             note()
-                        bar.update(min(guard.time, leg.end) - bar.n)
+                        bar.update(min(guard.time, interval.end) - bar.n)
             except BaseException:
                 _stop(process)
                 raise
@@ -137,9 +137,9 @@ def solve(case: Path, leg: Leg, handover: float, numerics: Numerics, ranks: Rank
     if code != 0:
         raise failed(case, guard)
     # of a flow without a body nothing is sampled, and no energy guarded (tests/studies/validation)
-    sampled = sampled_until(case) + 2.5 * numerics.time_step if guard.energy else leg.end
+    sampled = sampled_until(case) + 2.5 * numerics.time_step if guard.energy else interval.end
     until = min(sampled, first_damaged(case))
-    if until < leg.end:
+    if until < interval.end:
         check_room(case)
         raise StageError(
             f"{case / 'postProcessing'}: what the solver has sampled is cut off at {until:g} s, as by a full disk;"
@@ -170,7 +170,7 @@ def failed(case: Path, guard: Guard) -> StageError:
 
 
 def reset_displacement(folders: list[Path], first: str, resumed: str, whole: bool = False) -> None:
-    """Start a resumed run's pointDisplacement from that of the leg's first time; both are folders' names.
+    """Start a resumed run's pointDisplacement from that of the interval's first time; both are folders' names.
 
     `whole`: the files need no closing rule to be whole, as collated ones do not.
 

@@ -1,4 +1,4 @@
-"""Stage run: the solver, leg by leg, through MPI where asked; resumes, guards, and writes its results as tables."""
+"""Stage run: the solver, interval by interval, through MPI where asked; resumes, guards, and writes its results as tables."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fileio.atomic import write_text
 from fileio.command import guarded
 from fileio.cost import Spent
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Leg, read_legs, read_stage
+from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
 from fileio.hdf5 import read_dataset
 from fileio.lock import only_one
 from fileio.provenance import versions
@@ -30,11 +30,11 @@ from pipeline.scene.command import parser, timed
 from pipeline.scene.scene import Scene
 
 
-def useful_ranks(scene: Scene, legs: tuple[Leg, ...], ranks: int, quiet: bool) -> int:
+def useful_ranks(scene: Scene, intervals: tuple[Interval, ...], ranks: int, quiet: bool) -> int:
     """`ranks`, or fewer where a mesh is too small for them."""
     sizes = []
-    for leg in legs:
-        with read_dataset(scene.out / "sweep.h5", "sweep", leg.name) as sweep:
+    for interval in intervals:
+        with read_dataset(scene.out / "sweep.h5", "sweep", interval.name) as sweep:
             sizes.append(sweep.sizes["cell"])
     useful = max(1, min(ranks, min(sizes) // LEAST_CELLS))
     if useful < ranks and not quiet:
@@ -45,7 +45,7 @@ def useful_ranks(scene: Scene, legs: tuple[Leg, ...], ranks: int, quiet: bool) -
 def begun_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Ranks:
     """`ranks`, or those of an interrupted run that can be gone on with: its fields lie in its ranks' files.
 
-    `case` is the folder of the first leg, whose mesh is `moving` or not: the others follow it.
+    `case` is the folder of the first interval, whose mesh is `moving` or not: the others follow it.
     """
     began = prepared_for(case)
     earlier = Ranks(began.get("ranks", 0), bool(began.get("collated", False)))
@@ -73,39 +73,39 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     version = foam_version()
     earlier = Spent()
     case, end, step = scene.out / "case", scene.motion.end_time, scene.numerics.time_step
-    legs = read_legs(scene.out)
-    guards = guards_of(scene, legs)
+    intervals = read_intervals(scene.out)
+    guards = guards_of(scene, intervals)
     with only_one(case):
-        useful = useful_ranks(scene, legs, ranks, quiet)
+        useful = useful_ranks(scene, intervals, ranks, quiet)
         layout = begun_ranks(
-            case / legs[0].name, legs[0].moving, Ranks(useful, collated and useful > 1), quiet
+            case / intervals[0].name, intervals[0].moving, Ranks(useful, collated and useful > 1), quiet
         )
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver", bar_format=BAR) as bar:
-            handovers = [*(leg.begin(step) for leg in legs[1:]), end]
-            for leg, handover, guard in zip(legs, handovers, guards, strict=True):
-                folder = case / leg.name
-                prepare(scene, legs, leg, layout, quiet)
+            handovers = [*(interval.begin(step) for interval in intervals[1:]), end]
+            for interval, handover, guard in zip(intervals, handovers, guards, strict=True):
+                folder = case / interval.name
+                prepare(scene, intervals, interval, layout, quiet)
                 before = read_progress(folder)
                 earlier += Spent(before["wall_time"], before["cpu_time"])
-                solve(folder, leg, handover, scene.numerics, layout, hosts, bar, guard)
+                solve(folder, interval, handover, scene.numerics, layout, hosts, bar, guard)
                 for place in layout.folders(folder):
                     remove_frames(place)
-                bar.update(leg.end - bar.n)
-        spent = [read_progress(case / leg.name) for leg in legs]
+                bar.update(interval.end - bar.n)
+        spent = [read_progress(case / interval.name) for interval in intervals]
         record: dict[str, Any] = {
             "wall_time": round(sum(float(s["wall_time"]) for s in spent), 2),
             "resumed": [at for s in spent for at in s["resumed"]],
         }
-        summary = collect_results(scene, legs, scene.out / "run")
+        summary = collect_results(scene, intervals, scene.out / "run")
         power = np.loadtxt(scene.out / "run" / "power.csv", delimiter=",", skiprows=1, ndmin=2)
-        copies = copies_of(read_stage(scene.out, legs[0].stage))
+        copies = copies_of(read_planform(scene.out, intervals[0].mesh))
         summary["power_balance"]["from_nothing_fraction"] = energy_from_nothing(power, guards, copies)
     write_text(
         scene.out / "run" / "run.json",
         json.dumps(
             {
                 "format": "run",
-                "format_version": 2,
+                "format_version": 3,
                 "versions": {"OpenFOAM": version} | versions(),
                 "scene_hash": scene.digest(),
                 "scene": scene.name,

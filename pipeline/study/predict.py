@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from fileio.command import guarded
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_legs
+from fileio.formats.mesh_intervals import read_intervals
 from pipeline.openfoam.ranks import LEAST_CELLS
 from pipeline.scene.command import parser
 from pipeline.scene.scene import Scene, load_scene
@@ -91,7 +91,7 @@ def main() -> None:
         numerics = scene.numerics
         if args.measure:
             step = measured(
-                scene.out / "case" / read_legs(scene.out)[0].name,
+                scene.out / "case" / read_intervals(scene.out)[0].name,
                 numerics.sampling_steps(scene.sheet.rate_hz),
             )
             correctors = numerics.pressure_correctors * (1 + numerics.non_orthogonal_correctors)

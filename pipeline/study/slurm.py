@@ -23,7 +23,7 @@ from pipeline.study.scaling_data import read_data, size
 from pipeline.study.scaling_model import fit, useful_ranks
 from pipeline.study.table import STAGES
 
-RESTARTS = 50  # a job that does not end in so many legs has another fault than too little time
+RESTARTS = 50  # a job that needs more has another fault than too little time
 WARNING = (
     120  # s before the limit at which the job is told, to stop the solver and put itself back in the queue
 )
@@ -48,7 +48,7 @@ SOLVER = """#SBATCH --signal=B:USR1@{warning}
 # The limit comes near: stop the solver and queue again. It goes on from its last checkpoint; what was computed since
 # then (at most numerics.write_interval) is computed again.
 again() {{
-    echo "$(date -Is) time limit near: leg $(( ${{SLURM_RESTART_COUNT:-0}} + 1 )) ends"
+    echo "$(date -Is) time limit near: stopping for restart $(( ${{SLURM_RESTART_COUNT:-0}} + 1 ))"
     kill -TERM "$stage" 2>/dev/null
     wait "$stage"
     if [ "${{SLURM_RESTART_COUNT:-0}}" -lt {restarts} ]; then scontrol requeue "$SLURM_JOB_ID"; fi
@@ -56,7 +56,7 @@ again() {{
 }}
 trap again USR1
 
-echo "$(date -Is) leg $(( ${{SLURM_RESTART_COUNT:-0}} + 1 )) on $SLURM_JOB_NODELIST"
+echo "$(date -Is) restart ${{SLURM_RESTART_COUNT:-0}} on $SLURM_JOB_NODELIST"
 {line} &
 stage=$!
 wait "$stage"
@@ -212,7 +212,7 @@ def main() -> None:
     arguments.add_argument("--ranks", type=int, help="MPI ranks (default: as many as pay, or a node's cores)")
     arguments.add_argument("--nodes", type=int, help="nodes (default: as many as the ranks fill)")
     arguments.add_argument(
-        "--minutes", type=int, help="wall time of one leg (default: from measured costs, 60 at least)"
+        "--minutes", type=int, help="wall time until a restart (default: from measured costs, 60 at least)"
     )
     arguments.add_argument("--partition", help="Slurm partition (default: the cluster's)")
     arguments.add_argument("--account", help="Slurm account (default: yours)")

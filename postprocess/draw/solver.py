@@ -65,9 +65,9 @@ def history(table: pd.DataFrame) -> Figure:
 
 
 def mesh_quality(table: pd.DataFrame) -> Figure:
-    """Non-orthogonality and skewness over the bend angle; a line for each leg of the run."""
+    """Non-orthogonality and skewness over the bend angle; a line for each interval of the run."""
     figure, axes = new_figure(8.6, 4.6, 2, 1, sharex=True)
-    first = table["leg"].iloc[0]
+    first = table["interval"].iloc[0]
     lines = (
         (axes[0], "max_non_orthogonality_deg", CFD, "largest"),
         (axes[0], "mean_non_orthogonality_deg", THIRD, "mean"),
@@ -75,8 +75,8 @@ def mesh_quality(table: pd.DataFrame) -> Figure:
         (axes[1], "min_area_ratio", PIV, "smallest area ratio"),
     )
     for ax, column, colour, label in lines:
-        for leg, part in table.groupby("leg"):
-            ax.plot(part["bend_deg"], part[column], color=colour, label=label if leg == first else None)
+        for interval, part in table.groupby("interval"):
+            ax.plot(part["bend_deg"], part[column], color=colour, label=label if interval == first else None)
     axes[0].set(ylabel="non-orthogonality, °", ylim=(0, None), title="Mesh quality over the stroke")
     axes[0].legend()
     axes[1].set(xlabel="bend angle, °", ylabel="1", ylim=(0, None))

@@ -86,13 +86,13 @@ def read_arrays(path: Path, names: tuple[str, ...], optional: tuple[str, ...] = 
         raise ValueError(f"{path}: not a readable HDF5 file ({error})") from error
 
 
-def read_stages(path: Path) -> list[dict[str, np.ndarray]]:
+def read_planforms(path: Path) -> list[dict[str, np.ndarray]]:
     """The planforms of planform.h5 in their order; ValueError where there is none."""
     with h5py.File(path, "r") as file:
-        names = sorted((name for name in file if name.startswith("stage_")), key=lambda n: int(n[6:]))
+        names = sorted((name for name in file if name.startswith("mesh_")), key=lambda n: int(n[5:]))
         if not names:
-            raise ValueError(f"{path}: no group 'stage_0'; run the stage 'mesh' again")
-        return [{name: np.asarray(values) for name, values in file[stage].items()} for stage in names]
+            raise ValueError(f"{path}: no group 'mesh_0'; run the stage 'mesh' again")
+        return [{name: np.asarray(values) for name, values in file[mesh].items()} for mesh in names]
 
 
 def scene_numbers(files: StageFiles) -> dict[str, Any]:

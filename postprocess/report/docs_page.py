@@ -69,7 +69,7 @@ dissipate on this mesh.
 
 
 def pinch_part(scene: str, pinch: dict[str, Any], run: dict[str, Any]) -> str:
-    """The part of the page about two fingers: contact, key numbers, pictures and switches of the mesh."""
+    """The part of the page about two fingers: contact, key numbers, pictures and field mappings."""
     columns, rows = pinch_table(pinch)
     table = "\n".join(f"| {name} | {' | '.join(values)} |" for name, values in rows)
     met = pinch["contact_time"]
@@ -79,12 +79,12 @@ def pinch_part(scene: str, pinch: dict[str, Any], run: dict[str, Any]) -> str:
         if met is not None
         else f"The tips do not meet: the least gap to the plane between them is {pinch['least_gap'] * 1e3:.2f} mm."
     )
-    switches = run.get("switches", [])
-    settled = lambda s: "not within the run-in" if s is None else f"{s * 1e3:.1f} ms"  # noqa: E731
+    mappings = run.get("field_mappings", [])
+    settled = lambda s: "not within the overlap" if s is None else f"{s * 1e3:.1f} ms"  # noqa: E731
     meshes = "".join(
-        f" Switch at {s['time']:.3f} s: kinetic energy {s['jump_fraction'] * 100:+.2f} %, force disturbance gone after"
+        f" Field mapping at {s['time']:.3f} s: kinetic energy {s['jump_fraction'] * 100:+.2f} %, force disturbance gone after"
         f" {settled(s['force_settled_after'])}."
-        for s in switches
+        for s in mappings
     )
     return f"""
 ## Two fingers
@@ -99,7 +99,7 @@ def pinch_part(scene: str, pinch: dict[str, Any], run: dict[str, Any]) -> str:
 ![On the plane between the fingers: the parting line, the jet below and the flow above]({scene}_centreline.svg)
 ![Closing: gap, speed, pressure and jet]({scene}_closing.svg)
 
-**Meshes.** {len(run.get("legs", [0]))} for the stroke.{meshes}
+**Meshes.** {len(run.get("intervals", [0]))} for the stroke.{meshes}
 """
 
 

@@ -21,7 +21,7 @@ from postprocess.evidence.stage_files import (
     StageFiles,
     extended_scenes,
     read_json,
-    read_stages,
+    read_planforms,
     scene_numbers,
 )
 from postprocess.report.flow_figures import flow_figures, tip_vortices, vortex_figures
@@ -77,7 +77,7 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     solver_figures(album, out)
     mesh_figures(
         album,
-        read_stages(out / "planform.h5"),
+        read_planforms(out / "planform.h5"),
         planes["cfd"],
         scene["finger"]["width"],
         scene["tank"]["size"],

@@ -18,7 +18,7 @@ FORCE_COLUMNS = ("time", "fx", "fy", "fx_viscous", "fy_viscous")
 POWER_COLUMNS = ("time", "finger_power", "kinetic_energy", "dissipation")
 HISTORY_COLUMNS = ("time", "courant_mean", "courant_max", "continuity_local", "continuity_global")
 QUALITY_COLUMNS = (
-    "leg",
+    "interval",
     "bend_deg",
     "max_non_orthogonality_deg",
     "mean_non_orthogonality_deg",
@@ -40,17 +40,20 @@ def solver_figures(album: Album, out: Path) -> None:
 
 
 def mesh_figures(
-    album: Album, stages: list[dict[str, np.ndarray]], plane: xr.Dataset, width: float, tank: list[float]
+    album: Album, planforms: list[dict[str, np.ndarray]], plane: xr.Dataset, width: float, tank: list[float]
 ) -> None:
     """The planform at three bends, and the finger (its `width` in m) in the tank (its size in m) seen in space."""
     outline, bend = plane["outline"].values, plane["bend"].values[:, 0]
     low, high = outline.min(axis=(0, 1, 2)) - 0.02, outline.max(axis=(0, 1, 2)) + 0.02
     limits = (low[0], high[0], low[1], high[1])
     end = bend[np.argmax(np.abs(bend - bend[0]))]
-    drawn = [_nearest_shape(stages, b) for b in (bend[0], 0.5 * (bend[0] + end), end)]
-    shapes = [stage["points"][knot] for stage, knot in drawn]
-    at = np.degrees([stage["bend"][knot] for stage, knot in drawn])
-    lines = [draw_mesh.edges([stage["triangles"][stage["body"] == 0], stage["quads"]]) for stage, _ in drawn]
+    drawn = [_nearest_shape(planforms, b) for b in (bend[0], 0.5 * (bend[0] + end), end)]
+    shapes = [planform["points"][knot] for planform, knot in drawn]
+    at = np.degrees([planform["bend"][knot] for planform, knot in drawn])
+    lines = [
+        draw_mesh.edges([planform["triangles"][planform["body"] == 0], planform["quads"]])
+        for planform, _ in drawn
+    ]
     alt = "The planform of the mesh around the finger at the start, middle and end of the stroke."
     album.add(draw_mesh.planform(shapes, at, lines, limits), "planform.png", "mesh", alt)
     bodies = outline[int(np.argmin(np.abs(np.degrees(bend) - at[1])))]
@@ -66,9 +69,9 @@ def mesh_figures(
     album.add(None, "view3d.png", "mesh", alt, f"Half-way through the stroke (drawn by {drawn_by}).")
 
 
-def _nearest_shape(stages: list[dict[str, np.ndarray]], bend: float) -> tuple[dict[str, np.ndarray], int]:
-    """The stage and its knot whose bend (rad) is nearest."""
-    knots = [(stage, int(np.argmin(np.abs(stage["bend"] - bend)))) for stage in stages]
+def _nearest_shape(planforms: list[dict[str, np.ndarray]], bend: float) -> tuple[dict[str, np.ndarray], int]:
+    """The planform and its knot whose bend (rad) is nearest."""
+    knots = [(planform, int(np.argmin(np.abs(planform["bend"] - bend)))) for planform in planforms]
     return min(knots, key=lambda pair: abs(pair[0]["bend"][pair[1]] - bend))
 
 

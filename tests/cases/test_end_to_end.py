@@ -172,8 +172,8 @@ def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
         checks["contact-descent-right"]["measured"]["cfd"], abs=1e-9
     )
     run = json.loads((pinch / "run" / "run.json").read_text())
-    # 0.55 % here, at twice the speed and 8 ms of run-in; 0.2 % is asked of the levels that are judged (medium: 0.09 %)
-    assert all(abs(switch["jump_fraction"]) < 0.01 for switch in run["switches"])
+    # 0.55 % here, at twice the speed and 8 ms of overlap; 0.2 % is asked of the levels that are judged (medium: 0.09 %)
+    assert all(abs(mapping["jump_fraction"]) < 0.01 for mapping in run["field_mappings"])
     assert (pinch / "report.html").read_text().count('id="pinch"') == 1
 
 
@@ -210,4 +210,4 @@ def test_more_ranks_than_cores_still_finish(project):
     run = json.loads((case / "out" / "dense" / "run" / "run.json").read_text())
     assert run["cells"] >= 4 * 5000
     assert run["ranks"] == 4  # not fewer, as where a mesh is too small for them
-    assert len(list((case / "out" / "dense" / "case" / "leg_0").glob("processor*"))) == 4
+    assert len(list((case / "out" / "dense" / "case" / "interval_0").glob("processor*"))) == 4

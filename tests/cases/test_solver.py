@@ -20,7 +20,7 @@ from fileio.cost import Spent
 from fileio.errors import StageError
 from pipeline.openfoam.foamfile import is_complete
 from pipeline.run.guards import Guard
-from fileio.formats.mesh_intervals import read_legs, read_stage
+from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
 from pipeline.run.prepare import prepare as lay_frames
 from pipeline.openfoam.ranks import Ranks
@@ -81,10 +81,10 @@ def solved(prepared, tmp_path_factory):
 def test_mesh_points_follow_the_data(solved):
     """The issue's figure: 1e-11 m, from rounding of metres in double precision through a few additions."""
     motion = read_motion(solved.out)
-    with read_dataset(solved.out / "sweep.h5", "sweep", "leg_0") as sweep:
+    with read_dataset(solved.out / "sweep.h5", "sweep", "interval_0") as sweep:
         node = sweep["node"].values
     for time_folder in ("0.02", "0.04"):
-        points = vectors(solved.out / "case" / "leg_0" / time_folder / "polyMesh" / "points")
+        points = vectors(solved.out / "case" / "interval_0" / time_folder / "polyMesh" / "points")
         wanted = motion.nodes(float(time_folder))[node]
         assert np.abs(points[:, :2] - wanted).max() < 1e-11
         assert np.abs(wanted - motion.nodes(0.0)[node]).max() > 1e-3  # and it has moved
@@ -132,7 +132,7 @@ def test_collated_files_give_the_same_forces_to_the_last_digit(prepared, tmp_pat
     run_stage.run(shared, quiet=True, ranks=2, collated=True)
     assert (shared.out / FORCES).read_bytes() == (apart.out / FORCES).read_bytes()
     assert json.loads((shared.out / "run" / "run.json").read_text())["collated"]
-    case = shared.out / "case" / "leg_0"
+    case = shared.out / "case" / "interval_0"
     assert [p.name for p in case.glob("processor*")] == ["processors2"]
     assert not list(case.glob("*/*/wantedDisplacement*"))
 
@@ -144,7 +144,7 @@ def test_collated_files_give_the_same_forces_to_the_last_digit(prepared, tmp_pat
         patch.setattr(supervise, "Guard", Stop)
         with pytest.raises(StageError, match="by a guard: test"):
             run_stage.run(stopped, quiet=True, ranks=2, collated=True)
-    before = read_progress(stopped.out / "case" / "leg_0")
+    before = read_progress(stopped.out / "case" / "interval_0")
     earlier = run_stage.run(stopped, ranks=2)
     assert earlier == Spent(before["wall_time"], before["cpu_time"])  # costs/ counts the parts that were stopped as well
     assert 0 < earlier.cpu_time < 2 * 1.2 * earlier.wall_time + 1  # two ranks; CPU time is logged to 10 ms
@@ -162,7 +162,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
     run_stage.run(scene, quiet=True)
     command = [sys.executable, "-m", "pipeline.run.stage", str(killed.folder), "--level", "tiny", "--quiet"]
     process = subprocess.Popen(command, cwd=ROOT)
-    checkpoint = killed.out / "case" / "leg_0" / "0.03" / "uniform" / "time"
+    checkpoint = killed.out / "case" / "interval_0" / "0.03" / "uniform" / "time"
     deadline = time.monotonic() + 600
     while not checkpoint.exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.005)
@@ -173,7 +173,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
         pytest.skip("the run ended before it could be killed")
     # a checkpoint that was cut off is not taken for whole
     newest = max(
-        (p for p in (killed.out / "case" / "leg_0").glob("0.*/U")), key=lambda p: float(p.parent.name)
+        (p for p in (killed.out / "case" / "interval_0").glob("0.*/U")), key=lambda p: float(p.parent.name)
     )
     newest.write_bytes(newest.read_bytes()[:-400])
     assert not is_complete(newest)
@@ -206,7 +206,7 @@ def test_a_run_stopped_again_and_again_ends_with_the_same_forces(tmp_path, monke
             patch.setattr(supervise, "Guard", Stop)
             with pytest.raises(StageError, match="by a guard: test"):
                 run_stage.run(stopped, quiet=True)
-    before = read_progress(stopped.out / "case" / "leg_0")
+    before = read_progress(stopped.out / "case" / "interval_0")
     earlier = run_stage.run(stopped, ranks=2)
     assert earlier == Spent(before["wall_time"], before["cpu_time"])  # costs/ counts the parts that were stopped as well
     assert 0 < earlier.cpu_time < 1.2 * earlier.wall_time + 1  # one rank; CPU time is logged to 10 ms
@@ -227,7 +227,7 @@ def test_a_run_stopped_again_and_again_ends_with_the_same_forces(tmp_path, monke
 def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
     """The finger made transparent: every boundary lets a uniform stream through, and only the mesh moves."""
     scene = short_scene(tmp_path / "stream", end=0.02)
-    case = scene.out / "case" / "leg_0"
+    case = scene.out / "case" / "interval_0"
     velocity = (case / "0" / "U").read_text()
     velocity = velocity.replace("uniform (0 0 0);\n\nboundary", "uniform (0.3 0.1 0);\n\nboundary")
     velocity, count = re.subn(
@@ -238,13 +238,13 @@ def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
     assert count == 3
     velocity = re.sub(r"gap( +)\{[^}]*\}", r"gap\1{ type zeroGradient; }", velocity)
     (case / "0" / "U").write_text(velocity)
-    legs = read_legs(scene.out)
-    lay_frames(scene, legs, legs[0], Ranks(), quiet=True)
+    intervals = read_intervals(scene.out)
+    lay_frames(scene, intervals, intervals[0], Ranks(), quiet=True)
     text = (case / "system" / "fvSolution").read_text()
     text = re.sub(r"(relTol +)[\d.]+;", r"\g<1>0;", re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-12;", text))
     (case / "system" / "fvSolution").write_text(text)
     with tqdm(total=1.0, disable=True) as bar:
-        solver.solve(case, legs[0], 0.02, scene.numerics, Ranks(), None, bar, Guard(scene.numerics.max_courant))
+        solver.solve(case, intervals[0], 0.02, scene.numerics, Ranks(), None, bar, Guard(scene.numerics.max_courant))
     field = vectors(case / "0.02" / "U")
     assert (
         np.abs(field - [0.3, 0.1, 0.0]).max() < 1e-8
@@ -276,7 +276,7 @@ def test_strokes_of_150_degrees_run(tmp_path, sign):
         "[mesh]\nmax_non_orthogonality_deg = 75.0\n"  # 65 holds over the default stroke, not over this one
     )
     scene = prepare(write_scene(tmp_path / "arcs", "2d", more, ', time_scheme = "Euler"'))
-    bend = np.degrees(read_stage(scene.out, 0)["bend"].values)
+    bend = np.degrees(read_planform(scene.out, 0)["bend"].values)
     assert np.abs(bend).max() > 150
     assert np.sign(bend[np.abs(bend).argmax()]) == sign
     run_stage.run(scene, quiet=True)
@@ -287,13 +287,13 @@ def test_a_guard_stops_the_run_and_keeps_the_files(tmp_path):
     scene = short_scene(tmp_path / "fast", numerics=", max_courant = 1.55")
     with pytest.raises(StageError, match=r"stopped at .* by a guard: Courant number"):
         run_stage.run(scene, quiet=True)
-    assert (scene.out / "case" / "leg_0" / "log.pimpleFoam").stat().st_size > 0
+    assert (scene.out / "case" / "interval_0" / "log.pimpleFoam").stat().st_size > 0
     assert not (scene.out / "run" / "run.json").exists()
 
 
 def test_a_failing_solver_shows_its_last_lines(tmp_path):
     scene = short_scene(tmp_path / "broken")
-    (scene.out / "case" / "leg_0" / "0" / "U").write_text("nonsense")
+    (scene.out / "case" / "interval_0" / "0" / "U").write_text("nonsense")
     with pytest.raises(StageError, match="last lines"):
         run_stage.run(scene, quiet=True)
 

@@ -8,7 +8,7 @@ import pytest
 from pipeline.run import stage as run
 from pipeline import sheet as sheets
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_legs
+from fileio.formats.mesh_intervals import read_intervals
 from pipeline.scene.scene import load_scene
 from tests.conftest import prepare
 from tests.studies.validation import cylinders, deforming
@@ -30,7 +30,7 @@ def tiny(name, folder):
     run.run(scene, quiet=True)
     sheets.run(scene, quiet=True)
     scene = solved(name, "tiny", folder)
-    assert len(read_legs(scene.out)) == 1
+    assert len(read_intervals(scene.out)) == 1
     return scene
 
 

@@ -7,14 +7,14 @@ import pytest
 from foamlib import FoamFile
 
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Leg
-from pipeline.case import check_legs, numbers, numbers_text, regions_text
+from fileio.formats.mesh_intervals import Interval
+from pipeline.case import check_intervals, numbers, numbers_text, regions_text
 from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT, write_scene
 
 HERE = Path(__file__).parent
-WHOLE = Leg(0, 0.0, 0.42, 0)
-SECOND = Leg(1, 0.166, 0.64, 1)
+WHOLE = Interval(0, 0.0, 0.42, 0)
+SECOND = Interval(1, 0.166, 0.64, 1)
 
 
 def tree(path: Path) -> object:
@@ -31,29 +31,29 @@ def tree(path: Path) -> object:
 
 
 @pytest.mark.parametrize(
-    "scene, level, leg",
+    "scene, level, interval",
     [
         ("single_finger", "smoke", WHOLE),
         ("single_finger", "coarse", WHOLE),
         ("single_deflate", "coarse", WHOLE),
         ("pinch", "smoke", SECOND),
         ("pinch", "coarse", SECOND),
-        ("cycle", "coarse", Leg(0, 0.0, 1.2, 0)),
+        ("cycle", "coarse", Interval(0, 0.0, 1.2, 0)),
     ],
 )
-def test_numbers_are_those_that_were_looked_at(tmp_path, scene, level, leg):
+def test_numbers_are_those_that_were_looked_at(tmp_path, scene, level, interval):
     loaded = load_scene(ROOT / "cases" / scene, level)
     back = -loaded.finger.width if loaded.model.kind == "2d" else -loaded.tank.size[2] / 2
-    (tmp_path / "numbers").write_text(numbers_text(numbers(loaded, leg, back)))
+    (tmp_path / "numbers").write_text(numbers_text(numbers(loaded, interval, back)))
     golden = HERE / f"numbers_{scene}_{level}.json"
     assert tree(tmp_path / "numbers") == json.loads(golden.read_text())
 
 
-def test_legs_of_another_time_step_are_refused():
-    """The next leg takes the flow at one of its own time steps: there must be such a step of the leg before it."""
-    check_legs((WHOLE, SECOND), 0.5e-3, Path("planform.h5"))
-    with pytest.raises(StageError, match=r"leg 1 begins at 0\.166 s.*delete that file"):
-        check_legs((WHOLE, SECOND), 0.7e-3, Path("planform.h5"))
+def test_intervals_of_another_time_step_are_refused():
+    """The next interval takes the flow at one of its own time steps: there must be such a step of the interval before it."""
+    check_intervals((WHOLE, SECOND), 0.5e-3, Path("planform.h5"))
+    with pytest.raises(StageError, match=r"interval 1 begins at 0\.166 s.*delete that file"):
+        check_intervals((WHOLE, SECOND), 0.7e-3, Path("planform.h5"))
 
 
 @pytest.mark.parametrize("kind", ["half", "full"])
@@ -84,11 +84,11 @@ def test_scene_keys_reach_the_numbers(tmp_path):
     assert entries["timeScheme"] == "Euler"
     assert entries["outerCorrectors"] == "3"
     assert entries["sheetType"] == "symmetryPlane"
-    second = numbers(scene, Leg(1, 0.2, 0.35, 1), -0.15)
+    second = numbers(scene, Interval(1, 0.2, 0.35, 1), -0.15)
     # started 8 time steps of 1 ms before it takes over
     assert {k: second[k] for k in second if second[k] != entries[k]} == {
         "startTime": "0.192",
         "endTime": "0.35",
     }
-    rest = numbers(scene, Leg(1, 0.2, 0.35, 1, moving=False), -0.15)
+    rest = numbers(scene, Interval(1, 0.2, 0.35, 1, moving=False), -0.15)
     assert {k: rest[k] for k in rest if rest[k] != second[k]} == {"meshMotion": "staticFvMesh"}

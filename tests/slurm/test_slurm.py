@@ -155,7 +155,7 @@ def test_a_coarse_case_cut_off_by_its_limit_is_queued_again_and_ends(slurm, scen
     assert done.returncode == 0, done.stderr[-3000:]
     jobs = {step: number for number, step in re.findall(r"(\d+) \((before|run|after)\)", done.stdout)}
     solver = jobs["run"]
-    saved = scene.out / "case" / "leg_0" / "processor0" / f"{CUT_OFF:g}" / "uniform" / "time"
+    saved = scene.out / "case" / "interval_0" / "processor0" / f"{CUT_OFF:g}" / "uniform" / "time"
     wait_until(saved.exists, 1800)
     near = minutes_run(solver) + 2  # less than two minutes are left: it is told at once
     subprocess.run(["scontrol", "update", f"JobId={solver}", f"TimeLimit={near}"], check=True)
@@ -166,8 +166,8 @@ def test_a_coarse_case_cut_off_by_its_limit_is_queued_again_and_ends(slurm, scen
     log = (scene.out / "slurm" / "run.log").read_text()
     note(f"make slurm_test LEVEL=coarse NP=2 SLURM=1: {done.stdout.strip()}", told)
     note("its run.log", log)
-    assert "time limit near: leg 1 ends" in log
-    assert "leg 2 on" in log
+    assert "time limit near: stopping for restart 1" in log
+    assert "restart 1 on" in log
     assert (scene.out / "run" / "run.json").exists(), log[-2000:]
     record = json.loads((scene.out / "run" / "run.json").read_text())
     kept = ("level", "cells", "steps", "ranks", "resumed", "wall_time")

@@ -18,7 +18,7 @@ from pathlib import Path
 import pandas as pd
 
 from fileio.atomic import whole
-from fileio.formats.mesh_intervals import read_legs
+from fileio.formats.mesh_intervals import read_intervals
 from pipeline import case
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
@@ -71,9 +71,9 @@ def step_seconds(folder: Path) -> dict[str, float]:
 
 def to_the_middle(scene: Scene, ranks: Ranks) -> Path:
     """The case solved to MIDDLE on some ranks."""
-    legs = read_legs(scene.out)
-    prepare(scene, legs, legs[0], ranks, quiet=True)
-    folder = scene.out / "case" / legs[0].name
+    intervals = read_intervals(scene.out)
+    prepare(scene, intervals, intervals[0], ranks, quiet=True)
+    folder = scene.out / "case" / intervals[0].name
     set_number(folder, "startTime", time_name(0.0))
     set_number(folder, "endTime", f"{MIDDLE:g}")
     set_number(folder, "writeInterval", f"{MIDDLE:g}")

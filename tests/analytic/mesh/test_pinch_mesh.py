@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_legs, read_stage
+from fileio.formats.mesh_intervals import read_intervals, read_planform
 from pipeline.case import build_mesh
 from pipeline.geometry.quality import cell_areas
 from pipeline.kinematics import stage as kinematics
@@ -37,8 +37,8 @@ def half(tmp_path_factory):
 
 
 def stages_of(scene):
-    count = 1 + max(leg.stage for leg in read_legs(scene.out))
-    return [read_stage(scene.out, k) for k in range(count)]
+    count = 1 + max(interval.mesh for interval in read_intervals(scene.out))
+    return [read_planform(scene.out, k) for k in range(count)]
 
 
 def test_nodes_of_the_plane_stay_on_it_and_slide(quarter):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fileio.formats.mesh_intervals import read_stage
+from fileio.formats.mesh_intervals import read_planform
 from pipeline.case import build_mesh
 from tests.conftest import prepare, write_scene
 
@@ -20,7 +20,7 @@ def face_vectors(mesh, points):
 @pytest.mark.parametrize("kind", ["2d", "half", "full"])
 def test_cells_close_and_fill_tank_minus_finger(tmp_path, kind):
     scene = prepare(write_scene(tmp_path / kind, kind))
-    planform = read_stage(scene.out, 0)
+    planform = read_planform(scene.out, 0)
     mesh = build_mesh(planform)
     nodes, levels = planform["points"].values[-1], planform["levels"].values
     points = mesh.points(nodes, levels)
@@ -48,7 +48,7 @@ def test_cells_close_and_fill_tank_minus_finger(tmp_path, kind):
 
 def test_openfoams_order(tmp_path):
     scene = prepare(write_scene(tmp_path / "s", "half"))
-    mesh = build_mesh(read_stage(scene.out, 0))
+    mesh = build_mesh(read_planform(scene.out, 0))
     inner = len(mesh.neighbour)
     assert (mesh.owner[:inner] < mesh.neighbour).all()
     pair = np.column_stack([mesh.owner[:inner], mesh.neighbour])
@@ -64,6 +64,6 @@ def test_openfoams_order(tmp_path):
 def test_columns_are_exact(tmp_path):
     """Every point lies above or below another of its node: the motion can be copied along z."""
     scene = prepare(write_scene(tmp_path / "s", "half"))
-    mesh = build_mesh(read_stage(scene.out, 0))
+    mesh = build_mesh(read_planform(scene.out, 0))
     back = set(mesh.node[mesh.level == 0])
     assert set(mesh.node) == back

@@ -127,7 +127,7 @@ def measure(scene: Scene) -> Result:
     assert body is not None
     assert body.chord is not None
     ref = reference(scene.name)
-    rows = history(scene, scene.out / "case" / "leg_0")
+    rows = history(scene, scene.out / "case" / "interval_0")
     # a sudden start is replaced by one half the smoothing later: the way travelled is the same from then on
     origin = law.start + (0.5 * law.smoothing if law.exponent == 0 else 0.0)
     time = np.array([r.time for r in rows]) - origin

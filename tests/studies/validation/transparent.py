@@ -11,7 +11,7 @@ import numpy as np
 from tqdm import tqdm
 
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_legs, read_stage
+from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
 from fileio.hdf5 import read_dataset, write_dataset
 from pipeline import case
@@ -47,18 +47,18 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
     kinematics.run(scene, quiet)
     mesh.run(scene, quiet)
     path = scene.out / "planform.h5"
-    legs = read_legs(scene.out)
-    if len(legs) > 1:
+    intervals = read_intervals(scene.out)
+    if len(intervals) > 1:
         raise StageError(
-            f"{path}: {len(legs)} planforms; a flow of known order must stay on one: refine or move less"
+            f"{path}: {len(intervals)} planforms; a flow of known order must stay on one: refine or move less"
         )
     with read_dataset(path, "planform") as file:
         root = file.load()
-    stage = read_stage(scene.out, 0)
-    stage["body"] = stage["body"] * 0
-    write_dataset(root, path, {"stage_0": stage})
+    planform = read_planform(scene.out, 0)
+    planform["body"] = planform["body"] * 0
+    write_dataset(root, path, {"mesh_0": planform})
     case.run(scene, quiet)
-    folder = scene.out / "case" / legs[0].name
+    folder = scene.out / "case" / intervals[0].name
     first = cells(scene, 0.0, None)
     walls = {
         name: b"type slip;" if boundary == "slip" else fixed_value(initial(middle, 0.0))
@@ -78,11 +78,11 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
     solution = re.sub(r"maxIter +\d+;", "", solution)
     (folder / "system" / "fvSolution").write_text(solution)
     (folder / "system" / "functions").write_text("// no body, no forces\n")
-    prepare(scene, legs, legs[0], Ranks(), quiet)
+    prepare(scene, intervals, intervals[0], Ranks(), quiet)
     with tqdm(disable=True) as bar:
         solve(
             folder,
-            legs[0],
+            intervals[0],
             scene.motion.end_time,
             scene.numerics,
             Ranks(),
@@ -94,7 +94,7 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
 
 def outer_faces(scene: Scene) -> dict[str, np.ndarray]:
     """Middles (face, 2), m, of the outer patches' faces in the mesh's order; nothing moves them."""
-    planform = read_stage(scene.out, 0)
+    planform = read_planform(scene.out, 0)
     swept = case.build_mesh(planform)
     points = swept.points(read_motion(scene.out).nodes(0.0), planform["levels"].values)
     middles = {}
@@ -107,9 +107,9 @@ def outer_faces(scene: Scene) -> dict[str, np.ndarray]:
 
 def cells(scene: Scene, time: float, folder: Path | None) -> Cells:
     """Cells at `time`; the velocity is read from `folder`, or zero without one."""
-    stage = read_stage(scene.out, 0)
-    triangles, quads = stage["triangles"].values, stage["quads"].values
-    with read_dataset(scene.out / "sweep.h5", "sweep", "leg_0") as file:
+    planform = read_planform(scene.out, 0)
+    triangles, quads = planform["triangles"].values, planform["quads"].values
+    with read_dataset(scene.out / "sweep.h5", "sweep", "interval_0") as file:
         column = file["cell_column"].values
     nodes = read_motion(scene.out).nodes(time)
     centres = cell_centres(nodes, triangles, quads)[column]
@@ -121,7 +121,7 @@ def cells(scene: Scene, time: float, folder: Path | None) -> Cells:
 def at_end(scene: Scene) -> Cells:
     """Cells at the run's end."""
     time = scene.motion.end_time
-    return cells(scene, time, scene.out / "case" / "leg_0" / f"{time:.8g}")
+    return cells(scene, time, scene.out / "case" / "interval_0" / f"{time:.8g}")
 
 
 def fixed_value(velocity: np.ndarray) -> bytes:

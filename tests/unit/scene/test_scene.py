@@ -137,7 +137,7 @@ def test_the_grid_of_the_sheet_and_the_seeding_do_not_solve_again(tmp_path):
     [("time_step = 1e-3", "time_step = 5e-4"), ("[levels.tiny]", "[sheet]\nrate_hz = 250.0\n[levels.tiny]")],
 )
 def test_the_mesh_is_made_again_where_its_legs_begin_elsewhere(tmp_path, old, new):
-    """Legs begin with pictures, and shapes cover run-ins of so many steps: at another step they would be continued beyond."""
+    """Mesh intervals begin with pictures, and shapes cover overlaps of so many steps: at another step they would be continued beyond."""
     scene = write_scene(tmp_path / "scene")
     write_settings(scene)
     path = scene.folder / "scene.toml"

@@ -68,7 +68,7 @@ def test_equal_stages_are_computed_once(tmp_path):
     )
     owners = {row["run"]: row["owners"] for row in json.loads(plan(table).read_text())["runs"]}
     assert {o["kinematics"] for o in owners.values()} == {"a"}
-    assert [owners[r]["mesh"] for r in "abcd"] == ["a", "a", "c", "a"]  # its legs begin at time steps
+    assert [owners[r]["mesh"] for r in "abcd"] == ["a", "a", "c", "a"]  # its intervals begin at time steps
     assert [owners[r]["run"] for r in "abcd"] == ["a", "b", "c", "a"]  # other ranks and steps are other runs
     assert owners["d"]["images"] == "a"
     assert owners["d"]["piv"] == "d"
@@ -155,14 +155,14 @@ def test_results_are_taken_over(tmp_path):
 def test_a_run_that_is_no_longer_equal_leaves_the_other_alone(tmp_path):
     """What is deleted or written in a run that had taken over another's results is its own."""
     a, b = tmp_path / "a", tmp_path / "b"
-    for name in ("run/run.json", "case/leg_0/U"):
+    for name in ("run/run.json", "case/interval_0/U"):
         (a / name).parent.mkdir(parents=True)
         (a / name).write_text("of a")
     link(a, b, "run")
     (b / "run" / "run.json").unlink()  # as Snakemake does before it runs a rule again
     unlink_folders(b)  # as the case stage does first
     assert not (b / "case").exists()
-    assert {(a / name).read_text() for name in ("run/run.json", "case/leg_0/U")} == {"of a"}
+    assert {(a / name).read_text() for name in ("run/run.json", "case/interval_0/U")} == {"of a"}
 
 
 def test_the_name_of_a_folder_does_not_lead_into_the_other_run(tmp_path):
@@ -181,7 +181,7 @@ def test_the_name_of_a_folder_does_not_lead_into_the_other_run(tmp_path):
 def test_what_was_taken_over_of_a_run_stays_when_a_later_stage_is_taken_over(tmp_path):
     """Eleven PIV runs had lost their run.json so, and with it their rows on the page of the trade."""
     a, b = tmp_path / "a", tmp_path / "b"
-    for name in ("run/run.json", "case/leg_0/U", "sheet.h5"):
+    for name in ("run/run.json", "case/interval_0/U", "sheet.h5"):
         (a / name).parent.mkdir(parents=True, exist_ok=True)
         (a / name).write_text("of a")
     b.mkdir()
@@ -189,11 +189,11 @@ def test_what_was_taken_over_of_a_run_stays_when_a_later_stage_is_taken_over(tmp
     (b / "case").symlink_to("../a/case")
     link(a, b, "sheet")
     assert (b / "run" / "run.json").exists()
-    assert (b / "case" / "leg_0" / "U").exists()
+    assert (b / "case" / "interval_0" / "U").exists()
     link(a, b, "run")
     link(a, b, "sheet")
     assert (b / "run" / "run.json").exists()
-    assert (b / "case" / "leg_0" / "U").exists()
+    assert (b / "case" / "interval_0" / "U").exists()
 
 
 def test_a_study_that_was_not_run_gives_a_table_of_what_was_asked(tmp_path):

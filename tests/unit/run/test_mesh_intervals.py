@@ -1,4 +1,4 @@
-"""Dividing a motion among planforms: legs that cover the time exactly, one planform where one suffices."""
+"""Dividing a motion among planforms: intervals that cover the time exactly, one planform where one suffices."""
 
 from itertools import pairwise
 
@@ -7,21 +7,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fileio.formats.mesh_intervals import read_legs
+from fileio.formats.mesh_intervals import read_intervals
 from fileio.hdf5 import read_dataset
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
-from pipeline.mesh.intervals import HYSTERESIS, PADDING, deformation, divide, last_move
+from pipeline.mesh.intervals import HYSTERESIS, PADDING, cumulative_deformation, divide, last_move
 from pipeline.scene.scene import load_scene
 from tests.conftest import write_scene
 
 
 def test_deformation_counts_bends_and_factors_of_the_gap_in_both_directions():
     gap = np.array([9e-3, 3e-3, 1e-3, 3e-3])
-    assert deformation(np.zeros(4), gap) == pytest.approx([0, 1, 2, 3])
+    assert cumulative_deformation(np.zeros(4), gap) == pytest.approx([0, 1, 2, 3])
     bend = np.radians([0, 55, 110, 55])
-    assert deformation(bend, np.full(4, np.inf)) == pytest.approx([0, 0.5, 1, 1.5])
-    assert deformation(bend[:2], gap[:2])[-1] == pytest.approx(np.hypot(1, 0.5))
+    assert cumulative_deformation(bend, np.full(4, np.inf)) == pytest.approx([0, 0.5, 1, 1.5])
+    assert cumulative_deformation(bend[:2], gap[:2])[-1] == pytest.approx(np.hypot(1, 0.5))
 
 
 @settings(max_examples=60, deadline=None)
@@ -32,54 +32,56 @@ def test_deformation_counts_bends_and_factors_of_the_gap_in_both_directions():
     st.integers(3, 60),
     st.sampled_from([4, 8]),
 )
-def test_legs_cover_the_time_exactly_and_shapes_cover_the_legs(knots, count, sampling, stride, run_in):
-    way = np.interp(
+def test_intervals_cover_the_time_exactly_and_shapes_cover_the_intervals(
+    knots, count, sampling, stride, overlap
+):
+    deformation = np.interp(
         np.arange(stride * (len(knots) - 1) * sampling + 1), np.arange(len(knots)) * stride * sampling, knots
     )
-    parts = divide(way, count, sampling, run_in)
+    parts = divide(deformation, count, sampling, overlap)
     assert 1 <= len(parts) <= count
-    legs = sorted(leg for part in parts for leg in part.legs)
-    assert legs[0][0] == 0
-    assert legs[-1][1] == len(way) - 1
-    assert all(a[1] == b[0] for a, b in pairwise(legs))
-    if len(legs) > 1:
-        assert min(b - a for a, b in legs) > 2 * run_in
-    assert all(first % sampling == 0 for first, _ in legs)
+    intervals = sorted(interval for part in parts for interval in part.intervals)
+    assert intervals[0][0] == 0
+    assert intervals[-1][1] == len(deformation) - 1
+    assert all(a[1] == b[0] for a, b in pairwise(intervals))
+    if len(intervals) > 1:
+        assert min(b - a for a, b in intervals) > 2 * overlap
+    assert all(first % sampling == 0 for first, _ in intervals)
     for part in parts:
-        for first, end in part.legs:
-            used = way[max(0, first - run_in) : end + PADDING + 1]
+        for first, end in part.intervals:
+            used = deformation[max(0, first - overlap) : end + PADDING + 1]
             assert part.low <= used.min()
             assert used.max() <= part.high
 
 
-def test_a_long_rest_at_the_end_is_a_leg_of_its_own_and_a_short_one_is_not():
-    moving, run_in = 200, 8
+def test_a_long_rest_at_the_end_is_an_interval_of_its_own_and_a_short_one_is_not():
+    moving, overlap = 200, 8
     for rest, count in ((15, 1), (300, 2)):
-        way = np.interp(np.arange(moving + rest + 1), [0, moving], [0.0, 1.0])
-        (part,) = divide(way, 1, 4, run_in)
-        assert len(part.legs) == count
+        deformation = np.interp(np.arange(moving + rest + 1), [0, moving], [0.0, 1.0])
+        (part,) = divide(deformation, 1, 4, overlap)
+        assert len(part.intervals) == count
         if count == 2:
-            begin = part.legs[1][0] - run_in  # where its solver starts, beside the moving leg's
-            assert last_move(way) == moving < begin < moving + 8
+            begin = part.intervals[1][0] - overlap  # where its solver starts, beside the moving interval's
+            assert last_move(deformation) == moving < begin < moving + 8
     assert last_move(np.zeros(50)) == 0
 
 
 def test_there_and_back_takes_the_first_planform_again_once():
-    way = np.interp(np.arange(801), [0, 400, 800], [0.0, 1.0, 0.0])
-    parts = divide(way, 2, 4, 8)
-    assert [len(part.legs) for part in parts] == [2, 1]
-    (_, there), (back, _) = parts[0].legs
-    assert there == 200  # at the middle of the way
-    assert way[back] == pytest.approx(
+    deformation = np.interp(np.arange(801), [0, 400, 800], [0.0, 1.0, 0.0])
+    parts = divide(deformation, 2, 4, 8)
+    assert [len(part.intervals) for part in parts] == [2, 1]
+    (_, there), (back, _) = parts[0].intervals
+    assert there == 200  # at the middle of the deformation
+    assert deformation[back] == pytest.approx(
         0.5 - 0.5 * HYSTERESIS, abs=4 / 400
     )  # and after turning back by the hysteresis
 
 
 def test_a_motion_that_chatters_at_a_boundary_is_not_cut_to_pieces():
     step = np.arange(1001)
-    way = step / 1000 + 0.02 * np.sin(step / 3)  # swings by 4 % of its range 300 times
-    parts = divide(way, 2, 4, 8)
-    assert [len(part.legs) for part in parts] == [1, 1]
+    deformation = step / 1000 + 0.02 * np.sin(step / 3)  # swings by 4 % of its range 300 times
+    parts = divide(deformation, 2, 4, 8)
+    assert [len(part.intervals) for part in parts] == [1, 1]
 
 
 def test_one_planform_suffices_for_the_single_finger_and_a_long_stroke_takes_several(tmp_path):
@@ -93,14 +95,18 @@ def test_one_planform_suffices_for_the_single_finger_and_a_long_stroke_takes_sev
     for each in (scene, far):
         kinematics.run(each, quiet=True)
         mesh.run(each, quiet=True)
-    assert [(leg.start, leg.end, leg.stage) for leg in read_legs(scene.out)] == [(0.0, 0.42, 0)]
-    legs = read_legs(far.out)
-    assert len({leg.stage for leg in legs}) > 1
-    assert len(legs) > len({leg.stage for leg in legs})  # it comes back to planforms it had left
+    assert [(interval.start, interval.end, interval.mesh) for interval in read_intervals(scene.out)] == [
+        (0.0, 0.42, 0)
+    ]
+    intervals = read_intervals(far.out)
+    assert len({interval.mesh for interval in intervals}) > 1
+    assert len(intervals) > len(
+        {interval.mesh for interval in intervals}
+    )  # it comes back to planforms it had left
     worst = np.loadtxt(far.out / "mesh_quality.csv", delimiter=",", skiprows=1)
     assert worst[:, 5].max() <= far.mesh.max_non_orthogonality_deg
     assert worst[:, 2].sum() == pytest.approx(1.0, abs=1e-4)  # shares of the time, to the digits written
-    assert {int(leg) for leg in worst[:, 0]} == {leg.index for leg in legs}
+    assert {int(interval) for interval in worst[:, 0]} == {interval.index for interval in intervals}
 
 
 def test_the_pinch_as_shipped_keeps_the_issues_limits(tmp_path):
@@ -116,14 +122,14 @@ def test_the_pinch_as_shipped_keeps_the_issues_limits(tmp_path):
     assert (
         angle <= 70.0
     ).mean() >= 0.95  # of the shapes, which follow each other at equal steps of bend and gap
-    legs = read_legs(scene.out)
-    *moving, resting = legs
-    assert [leg.stage for leg in moving] == list(
+    intervals = read_intervals(scene.out)
+    *moving, resting = intervals
+    assert [interval.mesh for interval in moving] == list(
         range(len(moving))
     )  # it closes once: no planform is taken twice
     assert 2 <= len(moving) <= 3
     assert not resting.moving
-    assert resting.stage == moving[-1].stage
+    assert resting.mesh == moving[-1].mesh
     assert 0.31 < resting.start < 0.33  # the tips stop at 0.31 s
     with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
         assert float(file["shape_gap"].min()) == pytest.approx(0.5e-3, abs=1e-6)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fileio.formats.mesh_intervals import read_stage
+from fileio.formats.mesh_intervals import read_planform
 from pipeline import case
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
@@ -28,7 +28,7 @@ def test_every_node_of_every_layer_is_touched_by_about_a_fifth_of_the_cells(tmp_
     scene = write_scene(tmp_path / "scene", kind)
     kinematics.run(scene, quiet=True)
     mesh.run(scene, quiet=True)
-    planform = read_stage(scene.out, 0)
+    planform = read_planform(scene.out, 0)
     swept = case.build_mesh(planform)
     triangles = planform["triangles"].values
     corners = np.vstack([triangles[:, [0, 1, 2, 2]], planform["quads"].values])

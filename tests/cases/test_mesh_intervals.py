@@ -1,4 +1,4 @@
-"""Runs made of several legs, on the real solver: a tiny pinch that closes to its residual gap, however it is run."""
+"""Runs made of several intervals, on the real solver: a tiny pinch that closes to its residual gap, however it is run."""
 
 import json
 import re
@@ -17,7 +17,7 @@ from pipeline.run import prepare as preparing
 from pipeline.run import stage as run_stage
 from pipeline import sheet as sheets
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_legs
+from fileio.formats.mesh_intervals import read_intervals
 from fileio.lock import only_one
 from pipeline.scene.scene import Scene, load_scene
 from fileio.formats.plane_series import read_plane
@@ -55,14 +55,14 @@ def record(scene: Scene) -> dict:
 
 @pytest.fixture(scope="module")
 def meshed(tmp_path_factory):
-    """A 2-D pinch with contact, meshed in two legs at least, not solved.
+    """A 2-D pinch with contact, meshed in two intervals at least, not solved.
 
     Its linear solvers go on to 1e-9: where they stop at 1 % of a residual, forces depend to 2e-3 on the order of the
     equations and on the shape in which a run was (re)started, from which the coarse grids of the multigrid solver stem.
     """
     scene = closing(tmp_path_factory.mktemp("meshed") / "pinch", "2d", 0.1)
-    assert len(read_legs(scene.out)) > 1
-    for path in (scene.out / "case").glob("leg_*/system/fvSolution"):
+    assert len(read_intervals(scene.out)) > 1
+    for path in (scene.out / "case").glob("interval_*/system/fvSolution"):
         text = re.sub(r"(relTol +)[\d.]+;", r"\g<1>0;", path.read_text())
         text = re.sub(r"maxIter +\d+;", "", text)
         path.write_text(re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-9;", text))
@@ -77,28 +77,28 @@ def solved(meshed, tmp_path_factory):
     return scene
 
 
-def test_legs_are_joined_without_a_seam(solved):
+def test_intervals_are_joined_without_a_seam(solved):
     forces, history, power = (table(solved, f"{name}.csv") for name in ("forces", "history", "power"))
     for rows in (forces, history):
         assert rows[:, 0] == pytest.approx(1e-3 * np.arange(1, 101))  # every step once
     assert power[:, 0] == pytest.approx(2e-3 * np.arange(1, 51))  # every picture once
-    assert np.abs(history[:, 3]).max() < 1e-5  # nothing leaks while the gap closes, nor at the switch
+    assert np.abs(history[:, 3]).max() < 1e-5  # nothing leaks while the gap closes, nor at the field mapping
     assert np.diff(history[:, -1]).min() >= 0
     found = record(solved)
-    assert [leg["end"] for leg in found["legs"][:-1]] == [s["time"] for s in found["switches"]]
-    for switch in found["switches"]:
+    assert [interval["end"] for interval in found["intervals"][:-1]] == [s["time"] for s in found["field_mappings"]]
+    for mapping in found["field_mappings"]:
         # of few cells: 0.8 % measured, most of it in what the pressure takes out of the carried flow. The shipped levels
         # keep 0.2 % (docs/pinch_run.md); the flow as it is carried keeps its energy to rounding
-        assert abs(switch["jump_fraction"]) < 0.02
-        assert abs(switch["carried_jump_fraction"]) < 1e-9
+        assert abs(mapping["jump_fraction"]) < 0.02
+        assert abs(mapping["mapping_jump_fraction"]) < 1e-9
         assert (
-            switch["force_settled_after"] <= 5e-3
-        )  # five steps of the start; both legs are solved for eight
-        at = np.searchsorted(forces[:, 0], switch["time"] + 1e-9)
+            mapping["force_settled_after"] <= 5e-3
+        )  # five steps of the start; both intervals are solved for eight
+        at = np.searchsorted(forces[:, 0], mapping["time"] + 1e-9)
         near = forces[at - 4 : at + 4, 1:3]
         # third differences: a smooth force has next to none, a seam has four times its jump
         assert np.abs(np.diff(near, 3, axis=0)).max() < 4 * 0.05 * np.abs(forces[:, 1:3]).max()
-    assert not list((solved.out / "case").glob("leg_*/*/wantedDisplacement*"))  # frames are taken away
+    assert not list((solved.out / "case").glob("interval_*/*/wantedDisplacement*"))  # frames are taken away
 
 
 def test_the_sheet_shows_both_fingers(solved):
@@ -134,7 +134,7 @@ def test_the_left_finger_is_pushed_back_while_it_closes(solved):
     )  # of these few cells: 0.53; below 0 energy would have been made
 
 
-def test_parallel_equals_serial_over_the_switch(meshed, solved, tmp_path, monkeypatch):
+def test_parallel_equals_serial_over_the_field_mapping(meshed, solved, tmp_path, monkeypatch):
     monkeypatch.setattr(run_stage, "LEAST_CELLS", 100)
     scene = copy_of(meshed, tmp_path / "parallel")
     run_stage.run(scene, quiet=True, ranks=2)
@@ -146,21 +146,21 @@ def test_parallel_equals_serial_over_the_switch(meshed, solved, tmp_path, monkey
     assert (shared.out / "run" / "forces.csv").read_bytes() == (scene.out / "run" / "forces.csv").read_bytes()
 
 
-def test_a_run_killed_in_its_second_leg_and_while_carrying_ends_with_the_same_forces(
+def test_a_run_killed_in_its_second_interval_and_while_mapping_ends_with_the_same_forces(
     meshed, solved, tmp_path, monkeypatch
 ):
     scene = copy_of(meshed, tmp_path / "killed")
-    carry_over = preparing.carry_over
+    map_fields = preparing.map_fields
 
     def interrupted(*arguments):
-        carry_over(*arguments)
+        map_fields(*arguments)
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(preparing, "carry_over", interrupted)
+        patch.setattr(preparing, "map_fields", interrupted)
         with pytest.raises(KeyboardInterrupt):
             run_stage.run(scene, quiet=True)
-    first, second = (scene.out / "case" / leg.name for leg in read_legs(scene.out)[:2])
+    first, second = (scene.out / "case" / interval.name for interval in read_intervals(scene.out)[:2])
     logged = (first / "log.pimpleFoam").stat().st_mtime_ns
     command = [sys.executable, "-m", "pipeline.run.stage", str(scene.folder), "--level", "tiny", "--quiet"]
     process = subprocess.Popen(command, cwd=ROOT)
@@ -168,29 +168,29 @@ def test_a_run_killed_in_its_second_leg_and_while_carrying_ends_with_the_same_fo
     while len(list(second.glob("0.*/uniform/time"))) < 3 and time.monotonic() < deadline:
         assert process.poll() is None
         time.sleep(0.005)
-    # the lock itself, not a second run: that takes a second to begin, and the leg is over by then
+    # the lock itself, not a second run: that takes a second to begin, and the interval is over by then
     with pytest.raises(StageError, match="another run is at work"), only_one(scene.out / "case"):
         pass
     process.send_signal(signal.SIGKILL)
     process.wait()
     time.sleep(0.5)  # the solver notices by itself that its parent is gone
     run_stage.run(scene, quiet=True)
-    assert (first / "log.pimpleFoam").stat().st_mtime_ns == logged  # the first leg was not solved again
+    assert (first / "log.pimpleFoam").stat().st_mtime_ns == logged  # the first interval was not solved again
     assert len(record(scene)["resumed"]) == 1
-    assert record(scene)["resumed"][0] >= read_legs(scene.out)[1].begin(1e-3)
+    assert record(scene)["resumed"][0] >= read_intervals(scene.out)[1].begin(1e-3)
     straight, resumed = table(solved, "forces.csv"), table(scene, "forces.csv")
     assert straight[:, 0] == pytest.approx(resumed[:, 0])
     assert np.abs(straight[:, 1:3] - resumed[:, 1:3]).max() < 1e-6 * np.abs(straight[:, 1:3]).max()
 
 
 def test_the_case_of_a_run_at_work_is_not_written_anew(meshed):
-    legs = sorted((meshed.out / "case").iterdir())
+    intervals = sorted((meshed.out / "case").iterdir())
     with (
         only_one(meshed.out / "case"),
         pytest.raises(StageError, match="another run is at work"),
     ):
         case_stage.run(meshed, quiet=True)
-    assert sorted((meshed.out / "case").iterdir()) == sorted({*legs, meshed.out / "case" / ".lock"})
+    assert sorted((meshed.out / "case").iterdir()) == sorted({*intervals, meshed.out / "case" / ".lock"})
 
 
 def test_quarter_and_half_models_agree(tmp_path):
