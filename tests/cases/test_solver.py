@@ -79,7 +79,7 @@ def solved(prepared, tmp_path_factory):
 
 
 def test_mesh_points_follow_the_data(solved):
-    """The issue's figure: 1e-11 m, from rounding of metres in double precision through a few additions."""
+    """1e-11 m, from rounding of metres in double precision through a few additions."""
     motion = read_motion(solved.out)
     with read_dataset(solved.out / "sweep.h5", "sweep", "interval_0") as sweep:
         node = sweep["node"].values
@@ -262,7 +262,7 @@ def test_full_and_half_models_agree(solved, tmp_path):
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_strokes_of_150_degrees_run(tmp_path, sign):
-    """The issue's reach: 0…150° and −150…0°, on arcs of constant curvature given as a table of states."""
+    """The reach of the mesh motion: 0…150° and −150…0°, on arcs of constant curvature given as a table of states."""
     s = np.linspace(0, 0.07, 40)
     rows = ["pressure_kpa,s,x,y"]
     for kpa in range(0, 31, 5):

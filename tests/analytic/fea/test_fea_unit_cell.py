@@ -81,7 +81,7 @@ def test_shipped_states_are_reproduced():
 
 @pytest.mark.slow
 def test_finer_mesh_changes_the_radius_by_less_than_two_per_cent():
-    """One and a half times as many elements each way, 1,300 nodes for 451, at 20 kPa (the issue's bound: 2 %)."""
+    """One and a half times as many elements each way, 1,300 nodes for 451, at 20 kPa (bound: 2 %)."""
     radii = []
     for mesh in (FEA.mesh, FEA.mesh.refined(1.5)):
         cell = UnitCell(ACTUATOR, mesh)

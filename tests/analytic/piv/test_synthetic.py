@@ -50,7 +50,7 @@ def test_pixel_values_are_the_exact_integral_of_the_gaussian():
             lambda y, x: 200 * np.exp(-8 * ((x - 6.3) ** 2 + (y - 5.8) ** 2) / 2.5**2),
             column - 0.5, column + 0.5, row - 0.5, row + 0.5, epsabs=1e-10,
         )  # fmt: skip
-        # issue 4: within 1e-4 of a grey level
+        # within 1e-4 of a grey level
         assert image[row, column] == pytest.approx(exact, abs=1e-4)
     assert image.sum() == pytest.approx(200 * np.pi * 2.5**2 / 8, abs=1e-3)  # cut off where it is below 1e-5
 

@@ -51,7 +51,7 @@ class Check:
 
     @property
     def met(self) -> bool:
-        """Whether the target is met; a result that is no number meets none."""
+        """Whether the result lies within its tolerance; one that is no number never does."""
         if self.how == "at least":
             return bool(self.result >= self.tolerance)
         if self.how == "at most":

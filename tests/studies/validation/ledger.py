@@ -86,9 +86,9 @@ def tolerance(check: dict[str, Any]) -> str:
 
 
 def tolerated(check: dict[str, Any]) -> str:
-    """Result against target, in one phrase."""
+    """Result against reference and tolerance, in one phrase."""
     reference = "" if check["reference"] is None else f"{check['reference']:.4g} "
-    return f"{check['result']:.4g}, target {reference}{tolerance(check)}"
+    return f"{check['result']:.4g}, wanted {reference}{tolerance(check)}"
 
 
 def origin(result: dict[str, Any]) -> str:
