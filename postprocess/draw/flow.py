@@ -96,9 +96,9 @@ def flow_figure(
 
     def show(time: float) -> None:
         bend = _bend(next(iter(planes.values())), time)
-        told = f"t = {time:.3f} s" + ("" if bend is None else f", bent by {bend:.0f}°")
+        caption = f"t = {time:.3f} s" + ("" if bend is None else f", bent by {bend:.0f}°")
         for ax, source, update in zip(axes[0], planes, updates, strict=True):
-            ax.set_title(f"{NAMES[source]}, {told}")
+            ax.set_title(f"{NAMES[source]}, {caption}")
             update(time)
 
     return figure, show

@@ -1,4 +1,4 @@
-"""Numbers that are none, told by quantity and instant before they spoil a result."""
+"""Values that are not finite, named by quantity and instant before they enter a result."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ def checked_frame(plane: xr.Dataset, index: int) -> xr.Dataset:
     return now
 
 
-def first_not_finite(found: Any, place: str = "") -> str | None:
+def first_not_finite(content: Any, place: str = "") -> str | None:
     """Where in nested dicts and lists the first number stands that is none, as "summary.piv.circulation_mean"."""
-    if isinstance(found, dict):
-        parts = ((f"{place}.{key}" if place else str(key), value) for key, value in found.items())
-    elif isinstance(found, list | tuple):
-        parts = ((f"{place}[{k}]", value) for k, value in enumerate(found))
+    if isinstance(content, dict):
+        parts = ((f"{place}.{key}" if place else str(key), value) for key, value in content.items())
+    elif isinstance(content, list | tuple):
+        parts = ((f"{place}[{k}]", value) for k, value in enumerate(content))
     else:
-        number = isinstance(found, float | np.floating)
-        return (place or "it") if number and not isfinite(found) else None
+        number = isinstance(content, float | np.floating)
+        return (place or "it") if number and not isfinite(content) else None
     return next((where for name, value in parts if (where := first_not_finite(value, name))), None)

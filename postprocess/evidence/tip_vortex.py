@@ -63,14 +63,14 @@ def counterpart(
     """
     ranking = strengths(table, finger, window)
     rivals = ranking.index[ranking >= RIVAL * ranking.iloc[0]]
-    found = {name: table[table["track"] == name].reset_index(drop=True) for name in rivals}
+    candidates = {name: table[table["track"] == name].reset_index(drop=True) for name in rivals}
 
     def distance(name: int) -> float:
-        rows = pair_tracks(found[name], of)
+        rows = pair_tracks(candidates[name], of)
         rows = rows[rows["time"].between(*window)]
         return centre_distance(rows) if len(rows) else np.inf
 
-    return found[min(rivals, key=distance)]
+    return candidates[min(rivals, key=distance)]
 
 
 def dominant_tracks(

@@ -24,12 +24,12 @@ def pair_vortices(table: pd.DataFrame, reach: float = REACH) -> pd.DataFrame:
     rows = []
     near = table[(table["tip_distance"] <= reach) & table["finger"].isin([0, 1])]
     for time, now in near.groupby("time"):
-        sides = [now[now["finger"] == finger] for finger in (0, 1)]
-        if any(side.empty for side in sides):
+        fingers = [now[now["finger"] == finger] for finger in (0, 1)]
+        if any(vortices.empty for vortices in fingers):
             continue
         first = int(now.loc[now["circulation"].abs().idxmax(), "finger"])
-        one = sides[first].loc[sides[first]["circulation"].abs().idxmax()]
-        others = sides[1 - first]
+        one = fingers[first].loc[fingers[first]["circulation"].abs().idxmax()]
+        others = fingers[1 - first]
         off = np.hypot(others["x"] + one["x"], others["y"] - one["y"])  # from the mirror image
         other = others.loc[off.idxmin()]
         apart = float(np.hypot(other["x"] - one["x"], other["y"] - one["y"]))

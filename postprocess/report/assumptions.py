@@ -51,7 +51,7 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
         *_contact(scene.get("pinch")),
         (
             "PIV",
-            "The recording is synthetic: particles are moved by the simulated flow and photographed by a virtual camera. It tells the"
+            "The recording is synthetic: particles are moved by the simulated flow and photographed by a virtual camera. It shows the"
             " error of the measurement, not yet that of the simulation; that needs a laboratory's recording.",
         ),
     ]

@@ -31,8 +31,8 @@ def verdict_cell(check: dict[str, Any]) -> str:
 def verdict_sentence(verdict: dict[str, Any]) -> str:
     """Counts of the verdict as a sentence."""
     kinds = verdict["counts"]
-    told = [f"{k['met']} of {k['met'] + k['not_met'] + k['not_judged']} {name}" for name, k in kinds.items()]
-    return f"Checks met: {' and '.join(told)} findings."
+    parts = [f"{k['met']} of {k['met'] + k['not_met'] + k['not_judged']} {name}" for name, k in kinds.items()]
+    return f"Checks met: {' and '.join(parts)} findings."
 
 
 def page(scene: str, level: str, comparison: dict[str, Any], run: dict[str, Any], picture: str) -> str:
@@ -44,7 +44,7 @@ def page(scene: str, level: str, comparison: dict[str, Any], run: dict[str, Any]
     )
     versions = ", ".join(f"{name} {version}" for name, version in sorted(run["versions"].items()))
     pinch = comparison["summary"].get("pinch")
-    told = pinch_part(scene, pinch, run) if pinch else ""
+    part = pinch_part(scene, pinch, run) if pinch else ""
     body = "fingers" if pinch else "finger"
     return f"""# {scene}, level {level}
 
@@ -59,7 +59,7 @@ Written by `make docs` from `cases/{scene}/out/{level}/`; scene hash `{run["scen
 {rows}
 
 The reasons of the tolerances are in `cases/{scene}/reference/findings.toml`.
-{told}
+{part}
 **The run.** {run["cells"]} cells ({run["model"]}), {run["steps"]} steps of {run["time_step"] * 1e3:g} ms, {run["ranks"]} ranks,
 {run["wall_time"]:.0f} s of solver; largest Courant number {run["courant_max"]:.2f}. **Power balance**: the finger's work on the water
 {balance["work"] * 1e3:.3f} mJ = kinetic energy {balance["kinetic_energy"] * 1e3:.3f} mJ + resolved dissipation

@@ -51,13 +51,13 @@ def flow_figures(
     instants = _instants(clock, last)
     body = "finger" if len(next(iter(dominant.values()), [0])) == 1 else "fingers"
     limit = draw_flow.vorticity_limit(planes["cfd"], instants)
-    sides = " and ".join(NAMES[source] for source in planes)
+    sources = " and ".join(NAMES[source] for source in planes)
     figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=120)
     for number, time in enumerate(instants):
         show(time)
         bend = np.degrees(np.interp(time, stroke, bends))
-        told = [_vortex_words(source, fingers, time) for source, fingers in dominant.items()]
-        alt = f"Velocity vectors around the black {body} at {time:.3f} s, bent by {bend:.0f} degrees, {sides}. {' '.join(told)}"
+        vortices = [format_vortices(source, fingers, time) for source, fingers in dominant.items()]
+        alt = f"Velocity vectors around the black {body} at {time:.3f} s, bent by {bend:.0f} degrees, {sources}. {' '.join(vortices)}"
         animation.write_picture(
             animation.pixels(figure), album.folder / f"flow_{number}.png"
         )  # no new layout
@@ -75,32 +75,32 @@ def flow_figures(
     )
     slower = ((FRAMES - 1) / FILM_HZ) / (last - first)
     caption = f"The whole stroke, slowed down {slower:.0f} times."
-    album.add(None, "stroke.mp4", "film", f"Film of the flow around the bending {body}, {sides}", caption)
+    album.add(None, "stroke.mp4", "film", f"Film of the flow around the bending {body}, {sources}", caption)
     album.entries.append(
         {
             "file": "frames",
             "section": "slider",
-            "alt": f"Flow around the {body}, {sides}",
+            "alt": f"Flow around the {body}, {sources}",
             "caption": "",
             "times": times.tolist(),
         }
     )
 
 
-def _vortex_words(source: str, fingers: list[pd.DataFrame], time: float) -> str:
-    said = []
+def format_vortices(source: str, fingers: list[pd.DataFrame], time: float) -> str:
+    sentences = []
     for finger, track in enumerate(fingers):
         name = draw_series.finger_name(source, finger, len(fingers))
         if not track["time"].iloc[0] <= time <= track["time"].iloc[-1]:
-            said.append(f"{name}: no tip vortex yet or any more.")
+            sentences.append(f"{name}: no tip vortex yet or any more.")
             continue
         now = track.iloc[int(np.argmin(np.abs(track["time"].to_numpy() - time)))]
         sense = "counter-clockwise" if now["circulation"] > 0 else "clockwise"
         strength = abs(now["circulation"]) * 1e4
-        said.append(
+        sentences.append(
             f"{name}: tip vortex {sense} on the {now['side'] or 'undecided'} side, {strength:.0f} cm²/s."
         )
-    return " ".join(said)
+    return " ".join(sentences)
 
 
 def vortex_figures(

@@ -39,7 +39,7 @@ def pinch_figures(
         "pair.svg",
         "pinch",
         "Imbalance of circulation, mirror distance and place of the two tip vortices over time.",
-        _pair_words(numbers),
+        format_pair(numbers),
     )
     tips = plane["tip"].values[..., 1].mean(axis=1)
     album.add(
@@ -56,7 +56,7 @@ def pinch_figures(
         "closing.svg",
         "pinch",
         "Gap, closing speed, pressure between the tips and jet speed over time.",
-        closing_words(numbers, clock.time, free),
+        format_closing(numbers, clock.time, free),
     )
     if not single:
         album.entries[-1]["caption"] += f" Not shown: {absent}."
@@ -84,7 +84,7 @@ def free_gap(kinematics: Path, time: np.ndarray) -> np.ndarray:
     return np.where(passed, np.nan, np.interp(pressure, known, gaps))
 
 
-def closing_words(numbers: dict[str, Any], time: np.ndarray, free: np.ndarray) -> str:
+def format_closing(numbers: dict[str, Any], time: np.ndarray, free: np.ndarray) -> str:
     """What the closing law did, in sentences."""
     cfd = numbers["cfd"]
     if numbers["contact_time"] is None:
@@ -110,16 +110,16 @@ def closing_words(numbers: dict[str, Any], time: np.ndarray, free: np.ndarray) -
     return text + "."
 
 
-def _pair_words(numbers: dict[str, Any]) -> str:
-    told = []
+def format_pair(numbers: dict[str, Any]) -> str:
+    parts = []
     for source, name in (("cfd", "CFD"), ("piv", "PIV")):
         rows = numbers.get(source)
         if rows and rows["imbalance_rms"] is not None:
-            told.append(
+            parts.append(
                 f"{name}: imbalance {rows['imbalance_rms'] * 100:.2g} %, mirror distance"
                 f" {rows['mirror_distance_rms'] * 1e3:.2g} mm"
             )
-    return f"RMS from 20 to 2 mm of gap: {'; '.join(told)}." if told else ""
+    return f"RMS from 20 to 2 mm of gap: {'; '.join(parts)}." if parts else ""
 
 
 def _with_bend(table: pd.DataFrame, clock: Clock) -> pd.DataFrame:

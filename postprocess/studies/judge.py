@@ -132,8 +132,8 @@ def page(words: str, table: pd.DataFrame, missing: dict[str, str], name: str) ->
         f"![Key numbers of every run]({name}.svg)",
     ]
     if missing:
-        said = "; ".join(f"{run} ({why})" for run, why in missing.items())
-        parts.append(f"Not run, not to its end, or with other numbers: {said}.")
+        listed = "; ".join(f"{run} ({why})" for run, why in missing.items())
+        parts.append(f"Not run, not to its end, or with other numbers: {listed}.")
     for kind, heading in (("finding", "The paper's findings, by the CFD"), ("number", "Key numbers")):
         part = table[table["kind"] == kind]
         names = list(dict.fromkeys(part["quantity"]))
@@ -160,10 +160,10 @@ def _cell(row: Any) -> str:
 
 def gather(plan: dict[str, Any]) -> tuple[pd.DataFrame, dict[str, str]]:
     """Rows of every run of a plan that was made with the plan's numbers, and why the others are missing, by name."""
-    rows, missing, said = [], missing_runs(plan), changes(plan["runs"])
+    rows, missing, listed = [], missing_runs(plan), changes(plan["runs"])
     for run in plan["runs"]:
         if run["run"] not in missing:
-            rows += measure(files_of(run), run["run"], said[run["run"]])
+            rows += measure(files_of(run), run["run"], listed[run["run"]])
     if not rows:
         raise FileNotFoundError(
             f"{plan['folder']}: no run of the study {plan['study']!r} was made; make pinch-studies"

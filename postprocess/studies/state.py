@@ -32,7 +32,7 @@ def unfinished(plan: dict[str, Any], row: dict[str, Any]) -> str | None:
 
     A job that fails takes its own result away but not what was made of it before: so every file that is wanted of the run
     must be there, and where a stage's file says what it was made with, that must be what the plan says. Of a bending
-    analysis and of the ending of a run that may fail only the file is looked for.
+    analysis and of the outcome of a run that may fail only the file is looked for.
     """
     for name in row["wanted"]:
         if not (Path(row["folder"]) / name).exists():
@@ -55,8 +55,8 @@ def missing_runs(plan: dict[str, Any]) -> dict[str, str]:
 
 def missing_sentence(missing: dict[str, str], total: int, command: str) -> str:
     """What is missing of `total` runs, and what to do: `command` makes them."""
-    said = "; ".join(f"{run}: {why}" for run, why in missing.items())
-    return f"{len(missing)} of {total} runs are not there as the study asks for them ({said}): run {command} to make them"
+    reasons_listed = "; ".join(f"{run}: {why}" for run, why in missing.items())
+    return f"{len(missing)} of {total} runs are not there as the study asks for them ({reasons_listed}): run {command} to make them"
 
 
 def made_with(path: Path) -> dict[str, Any]:
@@ -76,14 +76,14 @@ def made_with(path: Path) -> dict[str, Any]:
     return parse_json(text, f"{path}: settings", AGAIN)
 
 
-def differing(stage: str, wanted: dict[str, Any], found: dict[str, Any]) -> str | None:
+def differing(stage: str, wanted: dict[str, Any], recorded: dict[str, Any]) -> str | None:
     """The first key in which what a stage's result was made with is not what is `wanted`; None where there is none.
 
     Keys are compared by their path; those of images by their last part, for they are recorded in groups.
     """
-    if isinstance(found.get("files"), dict):  # by name, which differs from folder to folder
-        found = found | {"files": sorted(found["files"].values())}
-    had, asked = flat(found), flat(wanted)
+    if isinstance(recorded.get("files"), dict):  # by name, which differs from folder to folder
+        recorded = recorded | {"files": sorted(recorded["files"].values())}
+    had, asked = flat(recorded), flat(wanted)
     if stage == "images":
         had = {key.rsplit(".", 1)[-1]: value for key, value in had.items()}
     for key, value in asked.items():

@@ -56,15 +56,15 @@ def read_plan(path: Path) -> dict[str, Any]:
 
 def costs(files: StageFiles) -> dict[str, float]:
     """CPU seconds of each stage, and of all, and the largest memory (MB); stages that were not run are left out."""
-    found: dict[str, float] = {}
+    costs_found: dict[str, float] = {}
     memory = 0.0
     for stage in STAGES:
         path = files.out / "costs" / f"{stage}.json"
         if path.exists():
             cost = read_json(path)
-            found[f"cpu_{stage}_s"] = float(cost.get("cpu_time", cost["wall_time"]))
+            costs_found[f"cpu_{stage}_s"] = float(cost.get("cpu_time", cost["wall_time"]))
             memory = max(memory, cost["peak_memory"] * MB)
-    return found | {"cpu_total_s": sum(found.values()), "peak_memory_MB": memory}
+    return costs_found | {"cpu_total_s": sum(costs_found.values()), "peak_memory_MB": memory}
 
 
 def solver(files: StageFiles) -> dict[str, Any]:
@@ -117,11 +117,11 @@ def vortex(files: StageFiles) -> dict[str, Any]:
     return numbers
 
 
-def ending(files: StageFiles) -> dict[str, Any]:
+def outcome(files: StageFiles) -> dict[str, Any]:
     """How a run that may fail ended."""
     path = files.optional("ending.json")
-    found = read_json(path) if path is not None else {}
-    return {key: found[key] for key in ("ended", "stopped_at_s", "reason") if key in found}
+    costs_found = read_json(path) if path is not None else {}
+    return {key: costs_found[key] for key in ("ended", "stopped_at_s", "reason") if key in costs_found}
 
 
 def bending(files: StageFiles) -> dict[str, Any]:
@@ -151,11 +151,11 @@ def study_table(plan: dict[str, Any], missing: dict[str, str]) -> pd.DataFrame:
             if row["fea"] and (files.scene_folder / "kinematics" / "states.h5").exists()
             else {}
         )
-        told = head | varied | ending(files) | analysed
+        cells = head | varied | outcome(files) | analysed
         if row["run"] in missing:
-            rows.append(told | {"missing": missing[row["run"]]})
+            rows.append(cells | {"missing": missing[row["run"]]})
         else:
-            rows.append(told | solver(files) | vortex(files) | costs(files))
+            rows.append(cells | solver(files) | vortex(files) | costs(files))
     return pd.DataFrame(rows)
 
 

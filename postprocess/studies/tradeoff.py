@@ -73,12 +73,12 @@ def flow_errors(best: StageFiles, files: StageFiles) -> dict[str, float]:
         window = stroke_window(wanted["time"].values, wanted["bend"].values[:, 0], MIDDLE)
         scale, _ = peak_tip_speed(wanted["time"].values, wanted["tip"].values)
         width = float(wanted.attrs["tip_width"])
-        found = {"error_velocity": velocity_error(wanted, got, window) / scale, "tip_width_mm": width * 1e3}
+        errors = {"error_velocity": velocity_error(wanted, got, window) / scale, "tip_width_mm": width * 1e3}
     tables = [tracks.read_vortices(f.required("vortices_cfd.csv", "vortices")) for f in (best, files)]
-    found |= vortex_errors(tables[0], tables[1], window, width)
+    errors |= vortex_errors(tables[0], tables[1], window, width)
     forces = [read_table(f.required("run/forces.csv", "run"), ("time", "fx", "fy")) for f in (best, files)]
-    found["error_force"] = force_error(forces[0], forces[1], float(forces[0]["time"].iloc[-1]))
-    return found | worst(found)
+    errors["error_force"] = force_error(forces[0], forces[1], float(forces[0]["time"].iloc[-1]))
+    return errors | worst(errors)
 
 
 def piv_errors(files: StageFiles) -> dict[str, float]:
@@ -90,21 +90,21 @@ def piv_errors(files: StageFiles) -> dict[str, float]:
         window = stroke_window(wanted["time"].values, wanted["bend"].values[:, 0], MIDDLE)
         scale, _ = peak_tip_speed(wanted["time"].values, wanted["tip"].values)
         width = float(wanted.attrs["tip_width"])
-        found = {"error_velocity": velocity_error(wanted, got, window) / scale}
-        found["vectors"] = int(got.sizes["x"] * got.sizes["y"])
-        found["fields"] = int(got.sizes["time"])
+        errors = {"error_velocity": velocity_error(wanted, got, window) / scale}
+        errors["vectors"] = int(got.sizes["x"] * got.sizes["y"])
+        errors["fields"] = int(got.sizes["time"])
     tables = [
         tracks.read_vortices(files.required(n, "vortices")) for n in ("vortices_cfd.csv", "vortices_piv.csv")
     ]
-    found |= vortex_errors(tables[0], tables[1], window, width)
-    return found | worst(found)
+    errors |= vortex_errors(tables[0], tables[1], window, width)
+    return errors | worst(errors)
 
 
-def worst(found: dict[str, float]) -> dict[str, float]:
+def worst(errors: dict[str, float]) -> dict[str, float]:
     """`error`: the largest of ERRORS that were measured; absent where the vortex was not found."""
-    if "error_circulation" not in found:
+    if "error_circulation" not in errors:
         return {}
-    return {"error": max(found[name] for name in ERRORS if name in found)}
+    return {"error": max(errors[name] for name in ERRORS if name in errors)}
 
 
 def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> dict[str, float]:
@@ -202,14 +202,14 @@ def evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.Dat
     is_piv = table["until"].eq("vortices")
     table["kind"] = np.where(is_piv, "piv", "flow")
     for run, files in rows.items():
-        found = (
+        errors = (
             piv_errors(files)
             if table.loc[run, "kind"] == "piv"
             else {}
             if run == best
             else flow_errors(rows[best], files)
         )
-        for name, value in (found | picture(files)).items():
+        for name, value in (errors | picture(files)).items():
             table.loc[run, name] = value
     if "error" in table:
         for name, value in own_errors(table, plan["runs"], best).items():
@@ -253,10 +253,10 @@ def main(argv: list[str] | None = None) -> int:
         plan = read_plan(args.plan)
         missing = missing_runs(plan)
         if missing:
-            said = missing_sentence(missing, len(plan["runs"]), f"make tradeoff SCENE={plan['scene']}")
+            sentence = missing_sentence(missing, len(plan["runs"]), f"make tradeoff SCENE={plan['scene']}")
             if not args.partial:
-                raise ValueError(f"{said}, or give --partial for a page without them")
-            print(f"tradeoff: {said}", file=sys.stderr)
+                raise ValueError(f"{sentence}, or give --partial for a page without them")
+            print(f"tradeoff: {sentence}", file=sys.stderr)
         probe = read_json(args.plan.with_name("probe.json"))
         best = args.best or finest(plan, missing)
         table = evaluate(plan, best, missing)

@@ -119,8 +119,8 @@ def not_below(missing: dict[str, str]) -> str:
     """Which runs of the study the page has not, and why."""
     if not missing:
         return "Every run of the study is below."
-    said = "; ".join(f"{run} ({why})" for run, why in missing.items())
-    return f"**Incomplete.** Not below, until `make tradeoff` has made them: {said}."
+    listed = "; ".join(f"{run} ({why})" for run, why in missing.items())
+    return f"**Incomplete.** Not below, until `make tradeoff` has made them: {listed}."
 
 
 def page(scene: str, table: pd.DataFrame, best: str, missing: dict[str, str]) -> str:

@@ -229,7 +229,7 @@ def _sentence(error: ValidationError) -> str:
     elif first["type"] == "extra_forbidden":
         text = f"{key}: this key is not known; check its spelling or remove it"
     else:
-        told = first["msg"].removeprefix("Value error, ")
-        text = f"{key}: {told} (got {first['input']!r})" if key else told
+        reason = first["msg"].removeprefix("Value error, ")
+        text = f"{key}: {reason} (got {first['input']!r})" if key else reason
     more = len({str(e["loc"][:1]) for e in errors}) - 1
     return text + (f"; {more} more to correct after that" if more else "")

@@ -95,7 +95,7 @@ def camera_planes(
 
 def camera_finger(series: xr.Dataset, pose: Pose, time: float) -> dict[str, np.ndarray]:
     """The finger's variables at one instant, in the camera frame; empty where the series has none."""
-    found = {}
+    finger = {}
     for name in ("outline", "outline_velocity", "tip", "tip_direction", "dorsal_direction", "bend"):
         if name in series:
             values = finger_at(series, name, time)
@@ -103,8 +103,8 @@ def camera_finger(series: xr.Dataset, pose: Pose, time: float) -> dict[str, np.n
                 values = pose.to_camera(values)
             elif name != "bend":
                 values = values @ pose.rotation.T
-            found[name] = values
-    return found
+            finger[name] = values
+    return finger
 
 
 def camera_series(

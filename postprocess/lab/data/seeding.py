@@ -43,14 +43,14 @@ def measure_appearance(
 
     ValueError where the water is no brighter than the body.
     """
-    found = np.array(
+    fits = np.array(
         [m for f, k in zip(frames, masks, strict=True) for m in _tiles(f.astype(np.float64), k, body_level)]
     )
-    if len(found) == 0:
+    if len(fits) == 0:
         raise ValueError(
             f"no part of {TILE_PX}x{TILE_PX} px is free of the body; the seeding cannot be measured"
         )
-    mean, *cov = np.median(found, axis=0)
+    mean, *cov = np.median(fits, axis=0)
     if mean <= 0.5 or cov[0] <= 0:
         raise ValueError(f"the water is {mean:.2g} grey levels brighter than the body; no particles are seen")
     sigma2, variance = _gaussian(np.array(cov))

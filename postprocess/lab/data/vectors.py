@@ -48,22 +48,22 @@ def vector_tables(dpiv: Dpiv) -> VectorFiles:
 def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     """Exported vectors as a plane series in stated metres, y up, with their uncertainty; times from the first instant."""
     assert dpiv.scale.mm_per_px is not None
-    told = vector_tables(dpiv)
+    stated = vector_tables(dpiv)
     paths = sorted_paths(dpiv)
     scale = dpiv.scale.mm_per_px * 1e-3
     try:
         plane = read_vectors(
-            paths, kind=told.kind, frame_rate_hz=dpiv.frame_rate_hz, keep_replaced=told.keep_replaced,
-            zero_is_absent=told.zero_is_absent, length_unit=told.length_unit, velocity_unit=told.velocity_unit,
-            y_axis=dpiv.axes.y, scale_m_per_px=scale, interval_s=told.interval_s, image_rows=told.image_rows,
+            paths, kind=stated.kind, frame_rate_hz=dpiv.frame_rate_hz, keep_replaced=stated.keep_replaced,
+            zero_is_absent=stated.zero_is_absent, length_unit=stated.length_unit, velocity_unit=stated.velocity_unit,
+            y_axis=dpiv.axes.y, scale_m_per_px=scale, interval_s=stated.interval_s, image_rows=stated.image_rows,
         )  # fmt: skip
     except ValueError as error:  # piv asks by the names of its options
         raise ValueError(re.sub(r"--([a-z-]+)", _key_of_option, str(error))) from None
-    if (told.kind or guess_format(paths[0])) in ("plane", "csv") and dpiv.axes.y == "down":
+    if (stated.kind or guess_format(paths[0])) in ("plane", "csv") and dpiv.axes.y == "down":
         raise ValueError(f'{paths[0]}: in files of this kind y is up; state axes.y = "up" in dpiv.toml')
     if "time" not in plane.dims:
         raise ValueError(f"{paths[0]}: one instant is no motion; give the files of a series")
-    plane = in_metres(plane.load(), scale, told.interval_s, paths[0])
+    plane = in_metres(plane.load(), scale, stated.interval_s, paths[0])
     rate = 1 / float(np.mean(np.diff(plane["time"].values)))
     if abs(rate / dpiv.frame_rate_hz - 1) > 0.01:
         raise ValueError(
@@ -75,12 +75,12 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
         plane = plane.isel(x=slice(None, None, -1)).assign_coords(x=-plane["x"].values[::-1])
         plane = plane.assign(u=(plane["u"].dims, mirrored))
     if "u_std" not in plane:
-        if told.std_px is None:
+        if stated.std_px is None:
             raise ValueError(
                 f"{paths[0]}: the vectors carry no uncertainty; give vectors.std_px in dpiv.toml, the standard uncertainty of a"
                 " displacement in px"
             )
-        std = np.full(plane["u"].shape, told.std_px * scale / told.interval_s)
+        std = np.full(plane["u"].shape, stated.std_px * scale / stated.interval_s)
         plane = plane.assign(u_std=(plane["u"].dims, std), v_std=(plane["u"].dims, std))
     return plane.assign_coords(time=plane["time"].values - float(plane["time"][0]))
 
@@ -115,7 +115,7 @@ def sorted_paths(dpiv: Dpiv) -> list[Path]:
     """Vector files of a dpiv.toml; FileNotFoundError where a pattern matches none."""
     names = dpiv.sources()
     patterns = [names] if isinstance(names, str) else names
-    found = [Path(p) for pattern in patterns for p in glob.glob(pattern)]
-    if not found:
+    matches = [Path(p) for pattern in patterns for p in glob.glob(pattern)]
+    if not matches:
         raise FileNotFoundError(f"{patterns[0]}: no file matches; check files in dpiv.toml")
-    return sorted(found, key=natural_key)
+    return sorted(matches, key=natural_key)

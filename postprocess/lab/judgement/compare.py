@@ -29,9 +29,9 @@ from postprocess.lab.judgement.measures import measure
 from postprocess.lab.judgement.motion import motion_quantities
 from postprocess.lab.judgement.tables import quantity_table, series_table, write_fields
 from postprocess.lab.judgement.uncertainty_sources import common_rows, effect_of, flow_quantities, tables
-from postprocess.lab.judgement.validation import FieldComparison, Quantity, Source
+from postprocess.lab.judgement.validation import FieldComparison, Source, ValidatedQuantity
 from postprocess.lab.registration.step import fea_band, registration_summary
-from postprocess.lab.virtual.common_grid import Sides, simulation_sides
+from postprocess.lab.virtual.common_grid import CommonGrid, on_common_grid
 
 
 def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]:
@@ -39,7 +39,7 @@ def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]
     pose = case.registration.pose
     x, y, times = (case.direct[name].values for name in ("x", "y", "time"))
     nominal = measure(case.direct, pose, case.vortices, case.window, "direct")
-    found = []
+    effects = []
     for one in inputs.all:
         sheet_path = files.run_sheet(one.name)
         if not sheet_path.exists():
@@ -47,8 +47,8 @@ def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]
         with read_plane(sheet_path) as sheet:
             plane = camera_series(sheet.load(), pose, x, y, times)
         run = read_family(run_folder(files.stage, one.name) / "out" / files.stage.level / "kinematics.h5")
-        found.append(effect_of(one, plane, run, case, nominal))
-    return found
+        effects.append(effect_of(one, plane, run, case, nominal))
+    return effects
 
 
 def run_comparison(
@@ -58,8 +58,8 @@ def run_comparison(
     family = read_family(files.stage.required("kinematics.h5", "kinematics"))
     inputs = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
     registration = read_registration(files.registration)
-    sides = simulation_sides(files, dpiv, family, registration, seed=seed, threads=threads, quiet=quiet)
-    case = make_case(files, dpiv, family, registration, sides, inputs)
+    planes = on_common_grid(files, dpiv, family, registration, seed=seed, threads=threads, quiet=quiet)
+    case = make_case(files, dpiv, family, registration, planes, inputs)
     result, series, field = compare(case, inputs)
     result |= {
         "scene": files.stage.scene,
@@ -69,23 +69,28 @@ def run_comparison(
         "kind": dpiv.kind,
         "finger_geometry": dpiv.finger_geometry,
         "missing_runs": [n for n in inputs.names if n not in {e.name for e in case.effects}],
-        "appearance": sides.appearance,
+        "appearance": planes.appearance,
         "provenance": _provenance(files, dpiv, seed),
     }
     write_text(files.comparison, json.dumps(result, indent=1, default=_plain) + "\n")
     write_text(files.folder / "comparison.csv", quantity_table(result).to_csv(index=False))
     write_text(files.folder / "series.csv", series.to_csv(index=False))
-    write_fields(files.folder / "fields.h5", case, field, result["rows"], sides.picture)
+    write_fields(files.folder / "fields.h5", case, field, result["rows"], planes.picture)
     return result
 
 
 def make_case(
-    files: LabFiles, dpiv: Dpiv, family: Family, registration: Registration, sides: Sides, inputs: Inputs
+    files: LabFiles,
+    dpiv: Dpiv,
+    family: Family,
+    registration: Registration,
+    planes: CommonGrid,
+    inputs: Inputs,
 ) -> Case:
     """The case that budgets are made of, with the effects of the runs."""
     settings = read_json(files.stage.required("settings/vortices.json", "settings"))
-    times = sides.direct["time"].values
-    window = stroke_window(times, sides.direct["bend"].values[:, 0].astype(float), MIDDLE)
+    times = planes.direct["time"].values
+    window = stroke_window(times, planes.direct["bend"].values[:, 0].astype(float), MIDDLE)
     geometry, bend_std = fea_band(files, dpiv)
     px = 1 / registration.pose.px_per_m  # m; of vectors the picture's unit is the stated metre
     if dpiv.kind == "vectors":
@@ -94,9 +99,9 @@ def make_case(
     case = Case(
         family,
         registration,
-        sides.data,
-        sides.virtual,
-        sides.direct,
+        planes.data,
+        planes.virtual,
+        planes.direct,
         window,
         VortexSettings(**settings),
         window_m,
@@ -122,18 +127,20 @@ def moved_as_recorded(files: LabFiles, dpiv: Dpiv) -> bool:
 
 def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, FieldComparison]:
     """Verdicts, series over time, and the field."""
-    found = tables(case)
-    rows = common_rows(found, case.window)
+    measured = tables(case)
+    rows = common_rows(measured, case.window)
     seen = case.registration.times.size > 0 and not case.measured_motion  # what was put in is no test
     quantities = motion_quantities(case) if seen else []
-    quantities += flow_quantities(case, found, rows)
+    quantities += flow_quantities(case, measured, rows)
     field = field_comparison(case, rows)
     joint = budget.joint_level(len(quantities) + 1)
     judged = [_judged(q, inputs.too_uncertain, joint) for q in quantities]
     judged.append(_judged_field(field, case, rows, inputs.too_uncertain, joint))
     wrong = [q["name"] for q in judged if q["joint_verdict"] == budget.ERROR]
-    unsaid = [q["name"] for q in judged if q["verdict"] == budget.UNCERTAIN]
-    verdict = budget.ERROR if wrong else budget.AGREES if len(unsaid) < len(judged) / 2 else budget.UNCERTAIN
+    undecided = [q["name"] for q in judged if q["verdict"] == budget.UNCERTAIN]
+    verdict = (
+        budget.ERROR if wrong else budget.AGREES if len(undecided) < len(judged) / 2 else budget.UNCERTAIN
+    )
     registration = case.registration
     result = {
         "format": "lab-comparison",
@@ -147,10 +154,10 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, F
         "quantities": judged,
         "registration": registration_summary(registration, case.family),
     }
-    return result, series_table(case, found), field
+    return result, series_table(case, measured), field
 
 
-def _judged(q: Quantity, too_uncertain: float, joint: float) -> dict[str, Any]:
+def _judged(q: ValidatedQuantity, too_uncertain: float, joint: float) -> dict[str, Any]:
     return {
         "name": q.name,
         "label": q.label,
@@ -170,11 +177,11 @@ def _judged(q: Quantity, too_uncertain: float, joint: float) -> dict[str, Any]:
         "verdict": q.verdict(too_uncertain),
         "joint_verdict": q.verdict(too_uncertain, joint),
         "dominant": q.dominant.name,
-        "sources": [_told(s) for s in q.sources],
+        "sources": [source_row(s) for s in q.sources],
     }
 
 
-def _told(source: Source) -> dict[str, Any]:
+def source_row(source: Source) -> dict[str, Any]:
     return {"name": source.name, "kind": source.kind, "std": source.std, "how": source.how}
 
 
@@ -187,9 +194,9 @@ def _judged_field(
     def size(plane):
         return float(np.sqrt(np.nanmean(plane["u"].values[rows] ** 2 + plane["v"].values[rows] ** 2)))
 
-    sides = {"data": case.data, "direct": case.direct}
-    sides["simulation"] = case.direct if case.virtual is None else case.virtual
-    values = {name: np.array([size(plane)]) for name, plane in sides.items()}
+    planes = {"data": case.data, "direct": case.direct}
+    planes["simulation"] = case.direct if case.virtual is None else case.virtual
+    values = {name: np.array([size(plane)]) for name, plane in planes.items()}
     kinds = {
         kind: np.array([np.sqrt(sum(v**2 for k, v in parts.values() if k == kind))]) for kind in budget.KINDS
     }

@@ -6,7 +6,7 @@ import numpy as np
 
 from fileio.formats.kinematics import Family
 from postprocess.lab.judgement.inputs_of_budget import Case
-from postprocess.lab.judgement.validation import Quantity, Source
+from postprocess.lab.judgement.validation import Source, ValidatedQuantity
 from postprocess.lab.registration.register import fit_law
 
 PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
@@ -44,7 +44,7 @@ def stroke_duration(family: Family) -> float:
     return last - first
 
 
-def motion_quantities(case: Case) -> list[Quantity]:
+def motion_quantities(case: Case) -> list[ValidatedQuantity]:
     """Final bend angle and duration of the stroke: does the simulation's finger move as the recording's?"""
     registration, family = case.registration, case.family
     bend, length = motion_values(case)
@@ -73,6 +73,6 @@ def motion_quantities(case: Case) -> list[Quantity]:
         )
     one = lambda v: np.array([v])  # noqa: E731
     return [
-        Quantity("final_bend", "bend angle at the end", "rad", one(bend[0]), one(bend[0]), one(bend[1]), abs(bend[1]), sources["final_bend"]),
-        Quantity("duration", "duration of the stroke", "s", one(length[0]), one(length[0]), one(length[1]), length[1], sources["duration"]),
+        ValidatedQuantity("final_bend", "bend angle at the end", "rad", one(bend[0]), one(bend[0]), one(bend[1]), abs(bend[1]), sources["final_bend"]),
+        ValidatedQuantity("duration", "duration of the stroke", "s", one(length[0]), one(length[0]), one(length[1]), length[1], sources["duration"]),
     ]  # fmt: skip

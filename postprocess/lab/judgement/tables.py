@@ -13,12 +13,12 @@ from postprocess.lab.judgement.uncertainty_sources import Case
 from postprocess.lab.judgement.validation import FieldComparison
 
 
-def series_table(case: Case, found: dict[str, pd.DataFrame]) -> pd.DataFrame:
+def series_table(case: Case, measured: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """Every quantity of every side over time (s of the simulation), with the bend angles."""
     out = pd.DataFrame({"time": case.direct["time"].values})
     out["bend_deg_direct"] = np.degrees(case.direct["bend"].values[:, 0])
     out["bend_deg_data"] = np.degrees(case.data["bend"].values[:, 0])
-    for name, table in found.items():
+    for name, table in measured.items():
         for column in table.columns.drop("time"):
             out[f"{column}_{name}"] = table[column].to_numpy()
     return out

@@ -12,7 +12,7 @@ from postprocess.lab.data.pose import Pose
 from postprocess.lab.judgement.inputs_of_budget import Case, Effect
 from postprocess.lab.judgement.measures import measure, scatter
 from postprocess.lab.judgement.motion import motion_of_run, motion_values
-from postprocess.lab.judgement.validation import Quantity, Source
+from postprocess.lab.judgement.validation import Source, ValidatedQuantity
 
 VORTEX = {  # quantity: columns, unit, label
     "circulation": (("circulation",), "m²/s", "circulation of the tip vortex"),
@@ -33,11 +33,11 @@ def tables(case: Case) -> dict[str, pd.DataFrame]:
     }
 
 
-def common_rows(found: dict[str, pd.DataFrame], window: tuple[float, float]) -> np.ndarray:
+def common_rows(measured: dict[str, pd.DataFrame], window: tuple[float, float]) -> np.ndarray:
     """Instants of the window at which every side has its vortex (instant,) bool; ValueError where there are fewer than three."""
-    first = next(iter(found.values()))
+    first = next(iter(measured.values()))
     ok = first["time"].between(*window).to_numpy()
-    for table in found.values():
+    for table in measured.values():
         ok = ok & np.isfinite(table["circulation"].to_numpy())
     if ok.sum() < 3:
         raise ValueError(
@@ -70,41 +70,43 @@ def means(table: pd.DataFrame, rows: np.ndarray) -> pd.Series:
 
 def numerical_and_input(effects: list[Effect], columns: tuple[str, ...]) -> list[Source]:
     """Sources that runs beside the nominal one measured."""
-    found = []
+    sources = []
     for effect in effects:
         change = effect.change[list(columns)].to_numpy(float)
-        found.append(Source(effect.name, effect.kind, np.abs(change) * effect.per_std, effect.how))
-    return found
+        sources.append(Source(effect.name, effect.kind, np.abs(change) * effect.per_std, effect.how))
+    return sources
 
 
-def flow_quantities(case: Case, found: dict[str, pd.DataFrame], rows: np.ndarray) -> list[Quantity]:
+def flow_quantities(
+    case: Case, measured: dict[str, pd.DataFrame], rows: np.ndarray
+) -> list[ValidatedQuantity]:
     """Circulation, centre, core radius and jet speed with all their sources."""
-    base = {name: means(table, rows) for name, table in found.items()}
-    simulated = "virtual" if "virtual" in found else "direct"
+    base = {name: means(table, rows) for name, table in measured.items()}
+    simulated = "virtual" if "virtual" in measured else "direct"
     own = {
         name: scatter(
             getattr(case, name),
-            found[name],
+            measured[name],
             np.flatnonzero(rows),
             case.registration.pose,
             case.vortices,
             case.window_m,
         )
         for name in ("data", "virtual")
-        if name in found
+        if name in measured
     }
     out = []
     for name, (columns, unit, label) in VORTEX.items():
         take = lambda s, columns=columns: np.array([float(s[c]) for c in columns])  # noqa: E731
-        rates = np.array([_mean_rate(found["direct"], c, rows) for c in columns])
-        error = (found[simulated] - found["data"]).loc[rows, list(columns)].to_numpy(float)
+        rates = np.array([_mean_rate(measured["direct"], c, rows) for c in columns])
+        error = (measured[simulated] - measured["data"]).loc[rows, list(columns)].to_numpy(float)
         random, instant = vector_sources(
             case, base["data"], rows, error, {n: take(s) for n, s in own.items()}
         )
         sources = [*numerical_and_input(case.effects, columns), *geometry_sources(case, columns), *random]
         sources += registration_sources(case, name, take(base["data"]), rates)
         out.append(
-            Quantity(
+            ValidatedQuantity(
                 name,
                 label,
                 unit,
@@ -136,11 +138,11 @@ def vector_sources(
     of = {"data": "", "virtual": " of the virtual experiment"}
     sources = []
     for side, std in own.items():
-        told = f"Monte Carlo over the vectors' uncertainty{of[side]}; {count[side]:.1f} of {times.size} instants count as independent"
-        sources.append(Source(names[side], "data", std / np.sqrt(count[side]), told))
+        how = f"Monte Carlo over the vectors' uncertainty{of[side]}; {count[side]:.1f} of {times.size} instants count as independent"
+        sources.append(Source(names[side], "data", std / np.sqrt(count[side]), how))
     excess = excess_scatter(times, error, np.sum([std**2 for std in own.values()], axis=0))
-    told = "scatter of E from instant to instant beyond the vectors' uncertainty"
-    sources.append(Source("scatter", "data", excess / np.sqrt(times.size), told))
+    how = "scatter of E from instant to instant beyond the vectors' uncertainty"
+    sources.append(Source("scatter", "data", excess / np.sqrt(times.size), how))
     simulation = own.get("virtual", np.zeros_like(excess))
     return sources, {"data": np.hypot(own["data"], excess), "simulation": simulation}
 

@@ -28,7 +28,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ValidatedQuantity:
     """One quantity: simulation (like with like and direct) and data, (component,), in SI, and its sources of uncertainty.
 
     `scale`: what too wide a band is measured by (SI). `explained`: part of E that the motion's difference explains. `instant`:
@@ -125,8 +125,8 @@ class FieldComparison:
                 np.sqrt(np.nanmean(np.sum(np.where(np.isfinite(self.error), a, np.nan) ** 2, axis=1)))
             )
 
-        found = {name: (kind, rms(mode)) for name, (kind, mode) in self.modes.items()}
-        return found | {"vectors": ("data", rms(self.noise))}
+        parts = {name: (kind, rms(mode)) for name, (kind, mode) in self.modes.items()}
+        return parts | {"vectors": ("data", rms(self.noise))}
 
     def allowed_rms(self, level: float = LEVEL, seed: int = 0) -> float:
         """The RMS of |E| that u_val lets be exceeded with probability 1 − level, m/s.

@@ -17,7 +17,7 @@ import numpy as np
 from fileio.formats.kinematics import Family
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.outline_sampler import sample
-from postprocess.lab.registration.silhouette import FINE_PX, Evidence, integral_image
+from postprocess.lab.registration.silhouette import FINE_PX, WaterLikelihood, integral_image
 
 TABLE = 241  # shapes in the table that outlines are interpolated from
 REACH = 0.15  # of the family's range: how far a recording may bend beyond the simulation
@@ -64,7 +64,7 @@ def moved(pose: Pose, change: np.ndarray) -> Pose:
 def prepare(
     images: list[np.ndarray],
     times: np.ndarray,
-    evidence: Evidence,
+    evidence: WaterLikelihood,
     blind: np.ndarray | None = None,
     blur_px: float = FINE_PX,
 ) -> Frames:

@@ -21,7 +21,7 @@ from postprocess.lab.data.files import Law, Registration
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.fit_outline import Frames, OutlineFit, fit_outline, outline_table, prepare
 from postprocess.lab.registration.outline_sampler import all_scores
-from postprocess.lab.registration.silhouette import ROUGH_PX, Evidence, inside_sum, learn
+from postprocess.lab.registration.silhouette import ROUGH_PX, WaterLikelihood, inside_sum, learn
 
 MAX_FRAMES = 60
 LEARN_FROM = 4
@@ -199,7 +199,7 @@ def hidden_part(pose: Pose, family: Family, hidden: float, shape: tuple[int, int
 
 
 def check_root(
-    frames: Frames, family: Family, pose: Pose, evidence: Evidence, beyond: tuple[float, float]
+    frames: Frames, family: Family, pose: Pose, evidence: WaterLikelihood, beyond: tuple[float, float]
 ) -> None:
     """ValueError where it is as dark `beyond` (m from, m to) the finger's root as in it: the root's edge is then not seen."""
     start = float(family.law(family.time[0]))

@@ -29,7 +29,7 @@ CORE_PX, CLEAR_PX = 9, 15  # away from the first guess of the body's edge: surel
 
 
 @dataclass(frozen=True)
-class Evidence:
+class WaterLikelihood:
     """What tells water from body: `threshold` (grey level) of a particle, `rate` of particles in water (1/px²), `cost` of one
     inside an outline; `body_level`, `body_std`: grey levels of the body."""
 
@@ -67,7 +67,7 @@ def particles(frame: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarr
     return places[0], places[1]
 
 
-def learn(frames: list[np.ndarray], masks: list[np.ndarray] | None = None) -> Evidence:
+def learn(frames: list[np.ndarray], masks: list[np.ndarray] | None = None) -> WaterLikelihood:
     """Evidence learnt from frames (row 0 at the top) in which the body is roughly known (found by piv.images.masks if not given)."""
     masks = [dark_body(f) for f in frames] if masks is None else masks
     cores = [_shrunk(m, CORE_PX) for m in masks]
@@ -92,7 +92,7 @@ def learn(frames: list[np.ndarray], masks: list[np.ndarray] | None = None) -> Ev
         raise ValueError(
             f"the dark body holds {within:.2g} bright spots per px², the water {rate:.2g}: the two cannot be told apart"
         )
-    return Evidence(threshold, rate - within, min(float(np.log(rate / within)), COST), level, std)
+    return WaterLikelihood(threshold, rate - within, min(float(np.log(rate / within)), COST), level, std)
 
 
 def _shrunk(mask: np.ndarray, by_px: int) -> np.ndarray:

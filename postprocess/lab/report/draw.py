@@ -45,12 +45,12 @@ def fields(
     every = max(1, x.size // ARROWS)
     cut = (slice(every // 2, None, every),) * 2
     gx, gy = np.meshgrid(x * MM, y * MM)
-    look: dict[str, Any] = {"origin": "lower", "extent": extent, "interpolation": "nearest"}
+    style: dict[str, Any] = {"origin": "lower", "extent": extent, "interpolation": "nearest"}
     scale = fastest / (1.6 * every * (x[1] - x[0]) * MM)
     for ax, (plane, field, ok), curl, title in zip(
         axes[0], shown, curls, (NAME["data"], NAME["virtual"]), strict=True
     ):
-        shade = ax.imshow(curl, cmap="RdBu_r", vmin=-limit, vmax=limit, alpha=0.8, **look)
+        shade = ax.imshow(curl, cmap="RdBu_r", vmin=-limit, vmax=limit, alpha=0.8, **style)
         arrows = np.ma.masked_array(field, mask=np.broadcast_to(~ok, field.shape))
         ax.quiver(
             gx[cut],
@@ -67,7 +67,7 @@ def fields(
     figure.colorbar(shade, ax=list(axes[0]), shrink=0.85, label="vorticity, 1/s")
     size = np.hypot(*error) * 1e3
     top = float(np.nanpercentile(size, 99.5)) or 1.0
-    shade = axes[1, 0].imshow(size, cmap="magma_r", vmin=0, vmax=top, **look)
+    shade = axes[1, 0].imshow(size, cmap="magma_r", vmin=0, vmax=top, **style)
     arrows = np.ma.masked_invalid(error)
     axes[1, 0].quiver(
         gx[cut],
@@ -81,7 +81,7 @@ def fields(
     )
     axes[1, 0].set_title("difference E = S − D (arrows 4 × longer)")
     figure.colorbar(shade, ax=axes[1, 0], shrink=0.85, label="|E|, mm/s")
-    shade = axes[1, 1].imshow(significance, cmap="RdYlGn_r", vmin=0, vmax=2 * k, **look)
+    shade = axes[1, 1].imshow(significance, cmap="RdYlGn_r", vmin=0, vmax=2 * k, **style)
     axes[1, 1].set_title(f"significance |E|/u_val (above {k:.2f}: not explained, at 95 %)")
     figure.colorbar(shade, ax=axes[1, 1], shrink=0.85, label="|E|/u_val")
     for ax in axes[1]:
@@ -230,8 +230,8 @@ def motion(
         ax.plot(
             data_bend[0], np.degrees(data_bend[1]), ".", color=GREY, ms=5, label="recording, single frames"
         )
-    told = f"factor {registration['pressure_factor']:.3f}, duration × {registration['stretch']:.3f}"
-    ax.set(xlabel="time of the simulation, s", ylabel="bend angle, °", title=f"Motion of the finger ({told})")
+    law = f"factor {registration['pressure_factor']:.3f}, duration × {registration['stretch']:.3f}"
+    ax.set(xlabel="time of the simulation, s", ylabel="bend angle, °", title=f"Motion of the finger ({law})")
     ax.legend(loc="best")
     return figure
 

@@ -66,16 +66,16 @@ def figures(files: LabFiles, result: dict[str, Any]) -> dict[str, tuple[Figure, 
     series = pd.read_csv(files.folder / "series.csv")
     by_name = {q["name"]: q for q in result["quantities"]}
     window = tuple(result["window_s"])
-    sides = {name: read_plane(files.side(name)) for name in ("data", "direct")}
-    sides["virtual"] = (
-        read_plane(files.side("virtual")) if files.side("virtual").exists() else sides["direct"]
+    planes = {name: read_plane(files.side(name)) for name in ("data", "direct")}
+    planes["virtual"] = (
+        read_plane(files.side("virtual")) if files.side("virtual").exists() else planes["direct"]
     )
     rows = result["rows"]
     with h5py.File(files.folder / "fields.h5", "r") as file:
         error, significance = file["error"][...], file["significance"][...]
         picture = file["picture"][...] if "picture" in file else None
         picture_time = float(file["picture"].attrs["time"]) if picture is not None else 0.0
-    found: dict[str, tuple[Figure, str]] = {
+    drawn: dict[str, tuple[Figure, str]] = {
         "verdicts": (
             draw.verdicts(result["quantities"]),
             "Difference of every quantity over its uncertainty, as bars with the limit of 95 %",
@@ -87,24 +87,24 @@ def figures(files: LabFiles, result: dict[str, Any]) -> dict[str, tuple[Figure, 
     }
     for part, word in ((0.25, "early"), (0.75, "late")):
         k = int(part * (len(rows) - 1))
-        figure = draw.fields(sides["data"], sides["virtual"], rows[k], error[k], significance[k], 2.45)
-        time = float(sides["data"]["time"].values[rows[k]])
-        found[f"field_{word}"] = (
+        figure = draw.fields(planes["data"], planes["virtual"], rows[k], error[k], significance[k], 2.45)
+        time = float(planes["data"]["time"].values[rows[k]])
+        drawn[f"field_{word}"] = (
             figure,
             f"Velocity of laboratory and simulation, their difference and its significance at {time:.3f} s",
         )
-    found["series"] = (
+    drawn["series"] = (
         draw.series(series, by_name, window),
         "Circulation, core radius and jet speed over time, laboratory and simulation, with 95 % bands",
     )
-    found["paths"] = (
-        draw.paths(series, sides["direct"], registration.pose, window, by_name["centre"]),
+    drawn["paths"] = (
+        draw.paths(series, planes["direct"], registration.pose, window, by_name["centre"]),
         "Paths of the vortex centre over the finger's outline",
     )
     bends = None
     if registration.times.size:
         bends = (registration.times - registration.law.delay, family.bend(registration.pressures))
-    found["motion"] = (
+    drawn["motion"] = (
         draw.motion(series, result["registration"], bends),
         "Bend angle over time, simulation and recording",
     )
@@ -118,10 +118,10 @@ def figures(files: LabFiles, result: dict[str, Any]) -> dict[str, tuple[Figure, 
         outlines = {
             name: registration.pose.to_px(family.shape("outline", p)) for name, p in pressures.items()
         }
-        found["picture"] = (
+        drawn["picture"] = (
             draw.overlay(picture, outlines),
             "A picture of the recording with the finger's outline as fitted and as simulated",
         )
-    for plane in sides.values():
+    for plane in planes.values():
         plane.close()
-    return found
+    return drawn

@@ -62,15 +62,15 @@ def answer(result: dict[str, Any]) -> str:
     by_name = {q["name"]: q for q in result["quantities"]}
     if result["verdict"] == "agrees":
         q = by_name["circulation"]
-        told = (
+        opening = (
             f"Yes: the simulation agrees with the laboratory's data within what is known of both. The {q['label']} is"
             f" {size(q['simulation'], q['unit'])} against {size(q['data'], q['unit'])}, with a band of"
             f" ±{NBSP}{size(q['k'] * np.asarray(q['u_val']), q['unit'])}."
         )
-        parts = [told, by_chance(result), motion_basis(result), undecided(result)]
+        parts = [opening, by_chance(result), motion_basis(result), undecided(result)]
     elif result["verdict"] == "too uncertain":
-        told = "It cannot be said: for most quantities the band of uncertainty is too wide for a verdict."
-        parts = [told, undecided(result), motion_basis(result)]
+        opening = "It cannot be said: for most quantities the band of uncertainty is too wide for a verdict."
+        parts = [opening, undecided(result), motion_basis(result)]
     else:
         wrong = "; ".join(f"{by_name[n]['label']}: {verdict_sentence(by_name[n])}" for n in result["wrong"])
         parts = [f"No: {wrong}.", basis(result), blame(result), motion_basis(result)]
@@ -82,10 +82,10 @@ def basis(result: dict[str, Any]) -> str:
     moves = [n for n in result["wrong"] if n in MOTION]
     if not moves or len(moves) < len(result["wrong"]):
         return ""
-    unsaid = undecided(result)
+    uncertain = undecided(result)
     return (
         "This verdict rests on the finger's silhouette, not on the flow: no quantity of the flow differs by more than its band."
-        + "".join(f" {more}" for more in (by_chance(result), unsaid) if more)
+        + "".join(f" {more}" for more in (by_chance(result), uncertain) if more)
     )
 
 
@@ -106,12 +106,12 @@ def by_chance(result: dict[str, Any]) -> str:
 
 def undecided(result: dict[str, Any]) -> str:
     """Quantities of which nothing can be said, and why."""
-    unsaid = [
+    uncertain = [
         f"{q['label']} (mostly {q['dominant']})"
         for q in result["quantities"]
         if q["verdict"] == "too uncertain"
     ]
-    return f"Too uncertain to say: {', '.join(unsaid)}." if unsaid else ""
+    return f"Too uncertain to say: {', '.join(uncertain)}." if uncertain else ""
 
 
 def motion_basis(result: dict[str, Any]) -> str:
@@ -144,10 +144,10 @@ def blame(result: dict[str, Any]) -> str:
             f" (±{NBSP}{100 * 1.96 * registration['pressure_factor_std']:.1f}) than the simulation's, and takes"
             f" {_more(stretch, 'more', 'less')} (±{NBSP}{100 * 1.96 * registration['stretch_std']:.1f}) time."
         )
-    told = [q for q in flow if q["explained_by_motion"] is not None]
-    rest = [q for q in told if _beyond_motion(q)]
+    explained = [q for q in flow if q["explained_by_motion"] is not None]
+    rest = [q for q in explained if _beyond_motion(q)]
     wrong_flow = [q for q in flow if q["name"] in result["wrong"]]
-    if moves and not told:
+    if moves and not explained:
         text.append(
             "Whether what the flow differs by follows from that motion is not known without the runs pressure and duration;"
             " drive the simulation with the measured motion (make compare-measured)."

@@ -1,4 +1,4 @@
-"""The two sides of a comparison as plane series on one grid and at the same instants: data, virtual experiment, direct."""
+"""Laboratory and simulated fields as plane series on one grid and at the same instants: data, virtual experiment, direct."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from postprocess.lab.registration.register import law_pressure
 from postprocess.lab.registration.silhouette import CORE_PX, learn
 from postprocess.lab.virtual.virtual_experiment import evaluate, virtual_experiment
 
-LOOK_AT = 4  # pictures from which the seeding is measured
+SEEDING_PICTURES = 4  # pictures from which the seeding is measured
 
 
 @dataclass(frozen=True)
-class Sides:
+class CommonGrid:
     """`data`, `virtual` (None where there is none) and `direct`: plane series in the camera frame, same axes and times."""
 
     data: xr.Dataset
@@ -37,7 +37,7 @@ class Sides:
     appearance: dict[str, Any]
 
 
-def simulation_sides(
+def on_common_grid(
     files: LabFiles,
     dpiv: Dpiv,
     family: Family,
@@ -46,7 +46,7 @@ def simulation_sides(
     seed: int,
     threads: int,
     quiet: bool,
-) -> Sides:
+) -> CommonGrid:
     """Evaluate the laboratory's data and the simulation alike; writes data.h5, virtual.h5 and direct.h5."""
     if not files.sheet.exists():
         raise FileNotFoundError(
@@ -63,7 +63,7 @@ def simulation_sides(
             write_plane(
                 plane, files.side(name), source={"data": "lab", "virtual": "piv", "direct": "cfd"}[name]
             )
-    return Sides(data, virtual, direct, picture, seen)
+    return CommonGrid(data, virtual, direct, picture, seen)
 
 
 def used_frames(
@@ -138,9 +138,9 @@ def _of_pictures(files, dpiv, family, registration, sheet, seed, threads, quiet)
         data = with_finger(
             piv, family, pose, law_pressure(family, piv["time"].values + law.delay, law.values)
         )
-        look = np.unique(np.linspace(0, index.size - 1, LOOK_AT).round().astype(int))
-        images = [recording.frame(int(index[k])) for k in look]
-        masks = [outline_mask(shapes[k], recording.shape) for k in look]
+        chosen = np.unique(np.linspace(0, index.size - 1, SEEDING_PICTURES).round().astype(int))
+        images = [recording.frame(int(index[k])) for k in chosen]
+        masks = [outline_mask(shapes[k], recording.shape) for k in chosen]
         seen = appearance_of(images, masks)
         rows, columns = recording.shape
         camera = _camera(columns, rows, recording.bits, seen, dpiv.frame_rate_hz)

@@ -8,17 +8,17 @@ from postprocess.lab.judgement.validation import (
     ERROR,
     UNCERTAIN,
     FieldComparison,
-    Quantity,
     Source,
+    ValidatedQuantity,
     coverage_factor,
     joint_level,
 )
 
 
-def quantity(error: float, *stds: float, scale: float = 10.0) -> Quantity:
+def quantity(error: float, *stds: float, scale: float = 10.0) -> ValidatedQuantity:
     kinds = ("numerical", "input", "data")
     sources = [Source(f"s{k}", kinds[k % 3], np.array([s]), "") for k, s in enumerate(stds)]
-    return Quantity(
+    return ValidatedQuantity(
         "q", "q", "m", np.array([10 + error]), np.array([10 + error + 0.5]), np.array([10.0]), scale, sources
     )
 
@@ -38,7 +38,7 @@ def test_verdict_is_that_of_the_band(error, std, word):
 
 def test_two_components_are_judged_together():
     source = Source("s", "data", np.array([1.0, 1.0]), "")
-    near = Quantity("c", "c", "m", np.array([2.2, 1.0]), np.zeros(2), np.zeros(2), 100.0, [source])
+    near = ValidatedQuantity("c", "c", "m", np.array([2.2, 1.0]), np.zeros(2), np.zeros(2), 100.0, [source])
     assert coverage_factor(2) == pytest.approx(2.4477, abs=1e-4)
     assert near.verdict(0.5) == AGREES  # 2.2 alone would be beyond 1.96
     assert joint_level(7) == pytest.approx(0.95 ** (1 / 7))
