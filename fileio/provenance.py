@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import h5py
-import xarray as xr
 
 from fileio import json_text
+from fileio.errors import StageError
 from fileio.json_text import AGAIN
 
 
@@ -28,11 +29,35 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in LIBRARIES}
 
 
-def settings_in(file: h5py.File | xr.Dataset, path: Path) -> dict[str, Any]:
-    """The scene's sections that a stage recorded in its file `path`; ValueError where it has none."""
-    if "settings" not in file.attrs:
-        raise ValueError(f"{path}: attribute 'settings' is missing; {AGAIN}")
-    return json_text.parse_json(file.attrs["settings"], f"{path}: attribute 'settings'", AGAIN)
+def recorded(settings: dict[str, Any]) -> dict[str, str]:
+    """Attributes that say with which settings a stage made a file: themselves, and their digest."""
+    return {"settings": json.dumps(settings), "settings_digest": digest(settings)}
+
+
+def check_version(
+    attributes: Mapping[str, Any], path: Path | str, name: str, version: int, remedy: str
+) -> None:
+    """StageError where what a file says of itself is not this `format` and `format_version`."""
+    if attributes.get("format") != name:
+        raise StageError(f"{path}: format is {attributes.get('format')!r}, not {name!r}; {remedy}")
+    found = attributes.get("format_version")
+    if found != version:
+        raise StageError(
+            f"{path}: format_version of this {name} file is {found}, this program reads {version}; {remedy}"
+        )
+
+
+def settings_in(attributes: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """The scene's sections that a stage recorded among the attributes of its file `path`; StageError where it has none."""
+    if "settings" not in attributes:
+        raise StageError(f"{path}: attribute 'settings' is missing; {AGAIN}")
+    return json_text.parse_json(attributes["settings"], f"{path}: attribute 'settings'", AGAIN)
+
+
+def read_settings(path: Path) -> dict[str, Any]:
+    """`settings_in` an HDF5 file."""
+    with h5py.File(path, "r") as file:
+        return settings_in(file.attrs, path)
 
 
 def sha256(path: Path) -> str:

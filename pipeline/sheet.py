@@ -16,7 +16,7 @@ from tqdm import tqdm
 from fileio.atomic import whole
 from fileio.command import guarded
 from fileio.errors import StageError
-from fileio.formats.kinematics import FingerTrack, read_track
+from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
 from fileio.formats.plane_series import FORMAT, FORMAT_VERSION, UNITS
 from fileio.hdf5_disk import Disk
@@ -109,7 +109,7 @@ def whole_picture(name: str, left: np.ndarray) -> np.ndarray:
 
 
 def frames(
-    scene: Scene, track: FingerTrack, x: np.ndarray, y: np.ndarray
+    scene: Scene, kinematics: Kinematics, x: np.ndarray, y: np.ndarray
 ) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
     """Time and variables of each picture of the sheet; absent inside the fingers."""
     mesh_x, mesh_y = np.meshgrid(x, y)
@@ -119,9 +119,9 @@ def frames(
     for time, path in sampled_planes(scene.out / "case", intervals):
         fields = sample(path, x, y, flat)
         fields["p"] = fields["p"] * np.float32(scene.fluid.density)
-        fingers = track.at(time)
+        fingers = kinematics.at(time)
         inside = shapely.contains_xy(shapely.Polygon(fingers["outline"][0]), mesh_x, mesh_y)
-        if track.mirror:
+        if kinematics.mirror:
             inside |= inside[:, ::-1]
         valid = ~inside & np.isfinite(fields["u"])
         for name in FIELDS:
@@ -134,21 +134,21 @@ View = tuple[float, float, float, float]
 
 def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path | None = None) -> None:
     """Write sheet.h5 frame by frame; `view` (m) in place of the camera's, to another file `path`."""
-    track = read_track(scene.out)
+    kinematics = read_kinematics(scene.out / "kinematics.h5")
     if view is None:
-        x, y = sheet_axes(scene.camera, scene.sheet.spacing, symmetric=track.mirror)
+        x, y = sheet_axes(scene.camera, scene.sheet.spacing, symmetric=kinematics.mirror)
     else:
         reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet has as much on either side
-        x, y = view_axes((-reach, reach, *view[2:]) if track.mirror else view, scene)
+        x, y = view_axes((-reach, reach, *view[2:]) if kinematics.mirror else view, scene)
     count = len(sampled_planes(scene.out / "case", read_intervals(scene.out)))
     path = path or scene.out / "sheet.h5"
     with whole(path) as part, Disk(part, "w") as disk, h5netcdf.File(disk, "w") as file:
-        fingers = 2 if track.mirror else 1
+        fingers = 2 if kinematics.mirror else 1
         file.dimensions = {"time": count, "y": len(y), "x": len(x), "finger": fingers, "axis": 2}
         for name, values in (("x", x), ("y", y), ("time", np.zeros(count))):
             _variable(file, name, (name,), np.float64)[...] = values
         for k, (time, fields) in enumerate(
-            tqdm(frames(scene, track, x, y), "sheet", count, disable=quiet or None)
+            tqdm(frames(scene, kinematics, x, y), "sheet", count, disable=quiet or None)
         ):
             if k == 0:
                 _create(file, fields)
@@ -160,7 +160,7 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path 
                 "format": FORMAT,
                 "format_version": FORMAT_VERSION,
                 "source": "cfd",
-                "tip_width": track.tip_width,
+                "tip_width": kinematics.tip_width,
                 "versions": json.dumps(versions()),
                 "scene_hash": scene.digest(),
                 "settings": json.dumps(

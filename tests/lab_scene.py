@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from fileio.formats.kinematics import Family, read_family
+from fileio.formats.kinematics import Kinematics, read_kinematics, write_kinematics
 from fileio.formats.plane_series import make_plane
-from fileio.hdf5 import write_dataset
-from pipeline.kinematics.stage import kinematics_dataset
+from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
+from pipeline.stage_settings import settings_of
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.particle_images import Body, add_particles, expose, fill_polygon, sheet_light
 from piv.synthetic.particles import Box, seed_particles
@@ -21,14 +21,16 @@ from postprocess.lab.virtual.virtual_laboratory import SetUp, camera_for
 CASE = Path(__file__).parents[1] / "cases" / "single_finger"
 
 
-def finger_family(folder: Path) -> Family:
+def finger_family(folder: Path) -> Kinematics:
     """The family of single_finger."""
     path = folder / "kinematics.h5"
-    write_dataset(kinematics_dataset(load_scene(CASE, "smoke")), path)
-    return read_family(path)
+    write_kinematics(
+        path, kinematics_values(scene := load_scene(CASE, "smoke")), settings_of(scene, "kinematics")
+    )
+    return read_kinematics(path)
 
 
-def set_up(family: Family, columns: int = 400, seed: int = 1, **more) -> SetUp:
+def set_up(family: Kinematics, columns: int = 400, seed: int = 1, **more) -> SetUp:
     """A small camera before the finger, with errors of set-up."""
     errors = {"shift_mm": (1.0, -0.6), "turn_deg": 2.0, "scale_error": 0.01} | more
     return SetUp(
@@ -39,13 +41,13 @@ def set_up(family: Family, columns: int = 400, seed: int = 1, **more) -> SetUp:
     )
 
 
-def stated_pose(family: Family, camera: Camera) -> Pose:
+def stated_pose(family: Kinematics, camera: Camera) -> Pose:
     """What the laboratory believes."""
     at = np.asarray(camera.origin_px) + np.asarray(family.root) / camera.scale_m_per_px
     return Pose(1 / camera.scale_m_per_px, 0.0, family.root, (float(at[0]), float(at[1])))
 
 
-def still_picture(family: Family, lab: SetUp, pressure: float, seed: int) -> np.ndarray:
+def still_picture(family: Kinematics, lab: SetUp, pressure: float, seed: int) -> np.ndarray:
     """One picture (row 0 at the top) of fresh particles around the finger at a pressure (Pa)."""
     camera, seeding, pose = lab.camera, lab.seeding, lab.pose(family.root)
     rng = np.random.default_rng([lab.seed, seed])
@@ -64,7 +66,7 @@ def still_picture(family: Family, lab: SetUp, pressure: float, seed: int) -> np.
 
 
 def vortex_series(
-    family: Family, times: np.ndarray, *, gain: float = 1.0, spacing: float = 1e-3
+    family: Kinematics, times: np.ndarray, *, gain: float = 1.0, spacing: float = 1e-3
 ) -> xr.Dataset:
     """A tank-frame series: a Lamb–Oseen vortex that follows the dorsal side of the tip, absent inside the finger."""
     import shapely

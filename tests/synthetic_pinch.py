@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from fileio.formats.kinematics import read_kinematics, write_kinematics
 from fileio.formats.plane_series import FINGER_VARIABLES, make_plane, read_plane, write_plane
 from tests.synthetic_stroke import write_case
 
@@ -80,14 +79,16 @@ def write_pinch(root: Path, **options) -> Path:
         path = out / f"vortices_{source}.csv"
         table = pd.read_csv(path, comment="#")
         path.write_text(mirrored_vortices(table, at, gain, shift).to_csv(index=False))
-    with h5py.File(out / "kinematics.h5", "a") as file:
-        file["gap"] = reach.max() - reach + LEAST_GAP
-        file.attrs["residual_gap"] = LEAST_GAP
-        file["shape_parameter"], file["shape_gap"] = file["pressure"][:], file["gap"][:]
-        file["free_pressure"] = file["pressure"][:] * 1.05
-        settings = json.loads(file.attrs["settings"])
-        settings["pinch"] = {"residual_gap": LEAST_GAP, "slowing_distance": 0.003, "object": None}
-        settings["motion"] = {"strokes": [{"pressure_kpa": 20.0, "start": 0.0, "duration": 0.4}]}
-        file.attrs["settings"] = json.dumps(settings)
-        assert file["time"].shape == time.shape
+    kinematics = read_kinematics(out / "kinematics.h5")
+    attributes = ("source", "finger_width", "tip_thickness")
+    values = {name: v.values for name, v in kinematics.data.variables.items()}
+    values |= {name: kinematics.data.attrs[name] for name in attributes}
+    gap, pressure = reach.max() - reach + LEAST_GAP, values["pressure"]
+    values |= {"gap": gap, "free_pressure": 1.05 * pressure, "residual_gap": LEAST_GAP, "mirror": 1}
+    values["shape_gap"] = np.interp(values["shape_parameter"], pressure, gap)
+    pinch = {"residual_gap": LEAST_GAP, "slowing_distance": 0.003, "object": None}
+    motion = {"strokes": [{"pressure_kpa": 20.0, "start": 0.0, "duration": 0.4}]}
+    settings = kinematics.settings | {"pinch": pinch, "motion": motion}
+    write_kinematics(out / "kinematics.h5", values, settings)
+    assert values["time"].shape == time.shape
     return case

@@ -15,6 +15,7 @@ import pandas as pd
 import xarray as xr
 from scipy.special import expit
 
+from fileio.formats.kinematics import write_kinematics
 from fileio.formats.plane_series import make_plane, write_plane
 
 ROOT = np.array([0.0, 0.24])
@@ -202,18 +203,18 @@ def _write_vortices(table: pd.DataFrame, path: Path) -> None:
 
 
 def _write_kinematics(time: np.ndarray, bend_end: float, path: Path) -> None:
-    bend = bend_law(time, bend_end)
+    pressure = 2e4 * bend_law(time, bend_end) / abs(bend_end)
+    knots = np.linspace(pressure.min(), pressure.max(), 9)
+    shapes = finger_series(knots / 2e4 * abs(bend_end))
     scene = {"tank": {"size": [0.6, 0.33, 0.3], "water_depth": 0.3}}
     scene["finger"] = {"root": ROOT.tolist(), "length": LENGTH, "thickness": THICKNESS, "width": WIDTH}
-    with h5py.File(path, "w") as file:
-        file.attrs.update(format="kinematics", format_version=1, settings=json.dumps(scene))
-        file["time"] = time
-        file["pressure"] = 2e4 * bend / abs(bend_end)
-        states = np.linspace(-2e4, 2e4, 21)
-        file["state_pressure"] = states
-        file["state_bend"] = 1.7 * states / 2e4
-        file["state_bend_std"] = 0.1 * np.abs(states) / 2e4
-        file["paper_bend"] = 1.6 * states / 2e4 - 0.05
+    scene["motion"] = {"source": "fea", "strokes": []}
+    states = np.linspace(-2e4, 2e4, 21)
+    values = {"time": time, "pressure": pressure, "shape_parameter": knots, "source": "fea"}
+    values |= {f"shape_{name}": shape[:, 0] for name, shape in shapes.items()}
+    values |= {"finger_width": WIDTH, "tip_thickness": THICKNESS, "state_pressure": states}
+    values |= {"state_bend": 1.7 * states / 2e4, "state_bend_std": 0.1 * np.abs(states) / 2e4}
+    write_kinematics(path, values | {"paper_bend": 1.6 * states / 2e4 - 0.05}, scene)
 
 
 def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:

@@ -1,51 +1,149 @@
-"""The finger's shapes as kinematics.h5 gives them: outline, tip and bend over the pressure, and the pressure over time."""
+"""The motion of one finger or rigid body, `kinematics.h5`: its pressure over time and its shapes over the pressure."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import h5py
 import numpy as np
+import xarray as xr
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from fileio.errors import StageError, one_line
-from fileio.hdf5 import read_dataset
-from fileio.provenance import settings_in
+from fileio.provenance import recorded, settings_in
+from fileio.schema import Schema, Variable
 
-NAMES = ("outline", "tip", "tip_direction", "dorsal_direction", "bend")
+SHAPES = ("outline", "tip", "tip_direction", "dorsal_direction", "bend")
+SHAPE = "shape_parameter"
+
+SCHEMA = Schema(
+    "kinematics",
+    2,
+    "delete it and run make again",
+    (
+        Variable("time", "time", "s", "instants of the law"),
+        Variable(
+            "pressure", "time", "Pa", "of the shape; of a rigid body the distance travelled (m, or rad)"
+        ),
+        Variable(
+            "free_pressure", "time", "Pa", "pinch: in the chambers; goes on when the fingers are held", True
+        ),
+        Variable("gap", "time", "m", "pinch: least distance of the outline to x = 0 or to the object", True),
+        Variable(SHAPE, SHAPE, "Pa", "pressure of each shape, ascending"),
+        Variable("shape_outline", f"{SHAPE}, point, axis", "m", "closed outline"),
+        Variable("shape_tip", f"{SHAPE}, axis", "m", "middle of the tip; of a rigid body its centre"),
+        Variable(
+            "shape_tip_direction", f"{SHAPE}, axis", "1", "unit vector out of the tip, along the finger"
+        ),
+        Variable(
+            "shape_dorsal_direction", f"{SHAPE}, axis", "1", "unit vector to the dorsal side at the tip"
+        ),
+        Variable("shape_bend", SHAPE, "rad", "bend angle; of a rigid body its turn"),
+        Variable("shape_gap", SHAPE, "m", "pinch: `gap` of each shape", True),
+        Variable("shape_edges", f"{SHAPE}, edge, axis", "m", "rigid body: where the mesh is fine", True),
+        Variable("state_pressure", "state", "Pa", "finger: pressure of each bending state", True),
+        Variable("state_bend", "state", "rad", "finger: bend angle of each state", True),
+        Variable("paper_bend", "state", "rad", "finger: bend angle by the paper's equations (1)–(6)", True),
+        Variable("state_bend_std", "state", "rad", "standard uncertainty of `state_bend`, where known", True),
+        Variable("source", "-", "", "`motion.source` of the scene"),
+        Variable("finger_width", "-", "m", "extent along z"),
+        Variable("tip_thickness", "-", "m", "of the finger's end at rest; of a rigid body its size"),
+        Variable("peak_tip_speed", "-", "m/s", "finger: largest speed of the tip", True),
+        Variable("mirror", "-", "1", "pinch: 1, a second finger is the mirror image in x = 0", True),
+        Variable("residual_gap", "-", "m", "pinch: gap at which a finger is held", True),
+        Variable("least_gap", "-", "m", "pinch: smallest value of `gap`", True),
+        Variable(
+            "peak_closing_speed", "-", "m/s", "pinch: largest rate at which one finger's gap falls", True
+        ),
+        Variable(
+            "contact_time", "-", "s", "pinch: first instant within 0.1 mm of the residual gap, if any", True
+        ),
+        Variable("settings", "-", "", "JSON: the scene's sections from which the motion follows"),
+        Variable("settings_digest", "-", "", "digest of `settings`"),
+    ),
+)
 
 
 @dataclass(frozen=True)
-class Family:
-    """Shapes over the pressure (Pa), tank frame; `law` is the simulation's pressure over time, `root` the root's middle (m)."""
+class Kinematics:
+    """A motion in the tank frame: the `law` of the pressure (Pa) over time (s), and `splines` of each of SHAPES over it.
 
-    low: float
-    high: float
-    splines: dict[str, CubicSpline]
+    `data` are all variables of the file, `settings` the scene's sections; `mirror`: a second finger, the image in x = 0.
+    """
+
+    data: xr.Dataset
+    settings: dict[str, Any]
     law: CubicSpline
-    root: tuple[float, float]
-    length: float
-    finger_width: float
-    tip_width: float
-    time: tuple[float, float]
-    mirror: bool = False  # a second finger, the mirror image in x = 0
+    splines: dict[str, CubicSpline]
+    mirror: bool
 
-    def fingers(self, name: str, pressure: float) -> np.ndarray:
-        """`shape` of every finger, (finger, …): the family's own, and its mirror image where there is one."""
-        own = np.asarray(self.shape(name, pressure))
-        if not self.mirror:
-            return own[None]
-        return np.stack([own, own if name == "bend" else own * np.array([-1.0, 1.0])])
+    @property
+    def time(self) -> tuple[float, float]:
+        """First and last instant of the law, s."""
+        return float(self.law.x[0]), float(self.law.x[-1])
+
+    @property
+    def low(self) -> float:
+        """Pressure (Pa) of the first shape."""
+        return float(self.data[SHAPE][0])
+
+    @property
+    def high(self) -> float:
+        """Pressure (Pa) of the last shape."""
+        return float(self.data[SHAPE][-1])
+
+    @property
+    def tip_width(self) -> float:
+        """Thickness of the finger's end at rest, m: the measure of lengths around the tip."""
+        return float(self.data.attrs["tip_thickness"])
+
+    @property
+    def root(self) -> tuple[float, float]:
+        """Middle of the finger's root, m."""
+        x, y = self.settings["finger"]["root"]
+        return float(x), float(y)
+
+    @property
+    def length(self) -> float:
+        """Length of the finger with its passive tip, m."""
+        finger = self.settings["finger"]
+        return float(finger["length"]) + float(finger.get("tip", {}).get("length", 0.0))
+
+    @property
+    def starts(self) -> tuple[float, ...]:
+        """When the strokes of the motion start, s."""
+        return tuple(float(stroke["start"]) for stroke in self.settings["motion"].get("strokes", []))
+
+    def values(self, name: str) -> np.ndarray | None:
+        """A variable of SCHEMA; None where the file has none."""
+        return self.data[name].values if name in self.data.variables else None
 
     def shape(self, name: str, pressure: float) -> np.ndarray:
         """`outline` (point, 2), `tip`, `tip_direction`, `dorsal_direction` (2,) or `bend` at a pressure.
 
-        Outside the family's range it goes on linearly: a recording may bend further than the simulation.
+        Outside the range of the shapes it goes on linearly: a recording may bend further than the simulation.
         """
         inside = float(np.clip(pressure, self.low, self.high))
         spline = self.splines[name]
         return spline(inside) + (pressure - inside) * spline(inside, 1)
+
+    def fingers(self, name: str, pressure: float) -> np.ndarray:
+        """`shape` of every finger, (finger, …)."""
+        own = np.asarray(self.shape(name, pressure))
+        return np.stack([own, mirrored_finger(name, own)]) if self.mirror else own[None]
+
+    def at(self, time: float) -> dict[str, np.ndarray]:
+        """Per finger, at `time` s: each of SHAPES, and the outline's velocity."""
+        p = float(self.law(time))
+        found = {name: spline(p) for name, spline in self.splines.items()}
+        found["outline_velocity"] = self.splines["outline"](p, 1) * float(self.law(time, 1))
+        for name in ("tip_direction", "dorsal_direction"):
+            found[name] = found[name] / np.hypot(*found[name])
+        if not self.mirror:
+            return {name: values[None] for name, values in found.items()}
+        return {name: np.stack([values, mirrored_finger(name, values)]) for name, values in found.items()}
 
     def bend(self, pressure: np.ndarray) -> np.ndarray:
         """Bend angles (rad) at pressures (n,)."""
@@ -59,86 +157,33 @@ class Family:
         order = np.argsort(angle)
         return PchipInterpolator(angle[order], fine[order], extrapolate=True)(bend)
 
+    def bend_std(self, pressure: float) -> float | None:
+        """Standard uncertainty of the bend angle (rad) at a pressure; None where the states carry none."""
+        std = self.values("state_bend_std")
+        return None if std is None else float(np.interp(pressure, self.data["state_pressure"], std))
 
-def read_family(path: Path) -> Family:
-    """The family of a kinematics.h5. ValueError in one sentence where it is another file."""
+
+def write_kinematics(
+    path: Path, values: Mapping[str, Any], settings: dict[str, Any], unit: str = "Pa"
+) -> None:
+    """Write a kinematics.h5 from SCHEMA's variables and attributes by name, but for its settings; `unit` of the pressure."""
+    SCHEMA.write(path, dict(values) | recorded(settings), instead_of_pa=unit)
+
+
+def read_kinematics(path: Path) -> Kinematics:
+    """The motion in a kinematics.h5. StageError in one sentence where the file is of no use."""
+    data = SCHEMA.read(path)
     try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != "kinematics":
-                raise ValueError(f"{path}: format is {file.attrs.get('format')!r}, expected 'kinematics'")
-            knots = file["shape_parameter"][...]
-            arrays = {name: file[f"shape_{name}"][...] for name in NAMES}
-            time, pressure = file["time"][...], file["pressure"][...]
-            finger = settings_in(file, path)["finger"]
-            mirror = bool(np.ravel(file.attrs.get("mirror", 0))[0])
-            width, tip_width = (float(np.ravel(file.attrs[n])[0]) for n in ("finger_width", "tip_thickness"))
-    except (OSError, KeyError) as error:
-        raise ValueError(
-            f"{path}: not a readable kinematics file ({error}); run the stage 'kinematics'"
-        ) from None
-    if not np.array_equal(counter_clockwise(arrays["outline"][0]), arrays["outline"][0]):
-        arrays["outline"] = arrays["outline"][:, ::-1]
-    splines = {name: CubicSpline(knots, values) for name, values in arrays.items()}
-    root, length = finger["root"], float(finger["length"]) + float(finger.get("tip", {}).get("length", 0.0))
-    return Family(
-        float(knots[0]),
-        float(knots[-1]),
-        splines,
-        CubicSpline(time, pressure),
-        (float(root[0]), float(root[1])),
-        length,
-        width,
-        tip_width,
-        (float(time[0]), float(time[-1])),
-        mirror,
-    )
-
-
-@dataclass(frozen=True)
-class FingerTrack:
-    """The left (or only) finger's outline and tip over time, from the kinematics; `mirror` where there is a right one."""
-
-    pressure: CubicSpline
-    splines: dict[str, CubicSpline]
-    tip_width: float
-    mirror: bool
-
-    def at(self, time: float) -> dict[str, np.ndarray]:
-        """Per finger, at `time` s: outline and its velocity, tip, tip_direction, dorsal_direction and bend."""
-        p = float(self.pressure(time))
-        found = {name: spline(p) for name, spline in self.splines.items()}
-        found["outline_velocity"] = self.splines["outline"](p, 1) * float(self.pressure(time, 1))
-        for name in ("tip_direction", "dorsal_direction"):
-            found[name] = found[name] / np.hypot(*found[name])
-        if not self.mirror:
-            return {name: values[None] for name, values in found.items()}
-        return {name: np.stack([values, mirrored_finger(name, values)]) for name, values in found.items()}
+        law = CubicSpline(data["time"].values, data["pressure"].values)
+        splines = {name: CubicSpline(data[SHAPE].values, data[f"shape_{name}"].values) for name in SHAPES}
+    except ValueError as error:
+        raise StageError(f"{path}: damaged ({one_line(error)}); {SCHEMA.remedy}") from None
+    return Kinematics(data, settings_in(data.attrs, path), law, splines, bool(data.attrs.get("mirror", 0)))
 
 
 def mirrored_finger(name: str, values: np.ndarray) -> np.ndarray:
     """What belongs to the right finger: vectors and points mirrored in x = 0, the bend towards the ventral side as it is."""
     return values if name == "bend" else values * np.array([-1.0, 1.0])
-
-
-def read_track(out: Path) -> FingerTrack:
-    """The finger's track from kinematics.h5. Raises StageError where its numbers make none."""
-    path = out / "kinematics.h5"
-    names = {
-        "outline": "shape_outline",
-        "tip": "shape_tip",
-        "tip_direction": "shape_tip_direction",
-        "dorsal_direction": "shape_dorsal_direction",
-        "bend": "shape_bend",
-    }
-    with read_dataset(path, "kinematics") as file:
-        try:
-            parameter = file["shape_parameter"].values
-            splines = {name: CubicSpline(parameter, file[stored].values) for name, stored in names.items()}
-            pressure = CubicSpline(file["time"].values, file["pressure"].values)
-            width, mirror = float(file.attrs["tip_thickness"]), bool(file.attrs.get("mirror", 0))
-        except (KeyError, ValueError, TypeError, IndexError) as error:
-            raise StageError(f"{path}: damaged ({one_line(error)}); delete it and run make again") from None
-    return FingerTrack(pressure, splines, width, mirror)
 
 
 def counter_clockwise(outline: np.ndarray) -> np.ndarray:

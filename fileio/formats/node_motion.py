@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from fileio.formats.kinematics import read_kinematics
 from fileio.formats.mesh_intervals import read_planform
-from fileio.hdf5 import read_dataset
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,6 @@ class NodeMotion:
 
 def read_motion(out: Path, mesh: int = 0) -> NodeMotion:
     """Motion of the nodes of one mesh of planform.h5, from `kinematics.h5` and `planform.h5` of a level's folder."""
-    with read_dataset(out / "kinematics.h5", "kinematics") as file:
-        pressure = CubicSpline(file["time"].values, file["pressure"].values)
+    law = read_kinematics(out / "kinematics.h5").law
     planform = read_planform(out, mesh)
-    return NodeMotion(pressure, CubicSpline(planform["shape_parameter"].values, planform["points"].values))
+    return NodeMotion(law, CubicSpline(planform["shape_parameter"].values, planform["points"].values))

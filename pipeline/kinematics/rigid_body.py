@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import xarray as xr
 from scipy.interpolate import CubicSpline
 
 from fileio.errors import StageError
-from fileio.provenance import digest
 from pipeline.scene.rigid_body import Body, Law
 from pipeline.scene.scene import Scene
-from pipeline.stage_settings import settings_of
 
 SAMPLES_PER_SMOOTHING = 200  # of the law: a cubic spline through them is exact to 1e-9 of its step
 
@@ -86,8 +83,8 @@ def turned(points: np.ndarray, angle: float) -> np.ndarray:
     return points @ np.array([[c, s], [-s, c]])
 
 
-def kinematics_dataset(scene: Scene) -> xr.Dataset:
-    """Everything of docs/formats.md, Kinematics, for a scene with a rigid body.
+def kinematics_values(scene: Scene) -> tuple[dict[str, Any], str]:
+    """Variables and attributes of kinematics.h5 for a scene with a rigid body, and the unit of its distance (m or rad).
 
     Raises StageError where the body leaves the water.
     """
@@ -97,7 +94,7 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
     assert law is not None
     path = travelled(law, motion.end_time)
     unit = np.radians(1.0) if motion.rotation else 1.0
-    way, speed = unit * path.way, unit * path.rate
+    way = unit * path.way
     low, high = float(way.min()), float(way.max())
     if high - low < 1e-12:
         raise StageError(
@@ -113,59 +110,26 @@ def kinematics_dataset(scene: Scene) -> xr.Dataset:
             return np.array([turned(points, q) for q in at]) + centre
         return points + centre + at[:, None, None] * direction
 
-    def rates(at: np.ndarray) -> np.ndarray:
-        if motion.rotation:
-            return np.array([turned(outline, q + 0.5 * np.pi) for q in at])
-        return np.broadcast_to(direction, (len(at), *outline.shape))
-
     shapes = placed(knots)
     _check(shapes, scene)
     turn = knots if motion.rotation else np.zeros_like(knots)
     middle = (
         centre + np.zeros_like(knots)[:, None] if motion.rotation else centre + knots[:, None] * direction
     )
-    look = np.linspace(0, motion.end_time, 101)
-    law_at = CubicSpline(path.time, way)
-    at = law_at(look)
-    bend = at if motion.rotation else np.zeros_like(at)
-    units = "rad" if motion.rotation else "m"
-    along = np.stack([np.cos(turn), np.sin(turn)], -1)
-    across = np.stack([-np.sin(turn), np.cos(turn)], -1)
-    point = ("point", "axis")
-    return xr.Dataset(
-        {
-            "pressure": ("time", way, {"units": units, "long_name": "way travelled"}),
-            "pressure_rate": ("time", speed, {"units": f"{units}/s"}),
-            "bend": ("look", bend, {"units": "rad", "long_name": "turn of the body"}),
-            "outline": (("look", *point), placed(at), {"units": "m"}),
-            "outline_velocity": (
-                ("look", *point),
-                rates(at) * law_at(look, 1)[:, None, None],
-                {"units": "m/s"},
-            ),
-            "shape_outline": (("shape_parameter", *point), shapes, {"units": "m"}),
-            "shape_outline_rate": (("shape_parameter", *point), rates(knots), {"units": f"m/{units}"}),
-            "shape_edges": (("shape_parameter", "edge", "axis"), placed(knots, edges(body)), {"units": "m"}),
-            "shape_bend": ("shape_parameter", turn, {"units": "rad"}),
-            "shape_tip": (("shape_parameter", "axis"), middle, {"units": "m"}),
-            "shape_tip_direction": (("shape_parameter", "axis"), along, {"units": "1"}),
-            "shape_dorsal_direction": (("shape_parameter", "axis"), across, {"units": "1"}),
-        },
-        coords={
-            "time": ("time", path.time, {"units": "s"}),
-            "look": ("look", look, {"units": "s"}),
-            "shape_parameter": ("shape_parameter", knots, {"units": units}),
-        },
-        attrs={
-            "format": "kinematics",
-            "format_version": 1,
-            "source": motion.source,
-            "finger_width": body.depth,
-            "tip_thickness": body.size,
-            "scene_hash": digest(settings_of(scene, "kinematics")),
-            "settings": json.dumps(settings_of(scene, "kinematics")),
-        },
-    )
+    return {
+        "time": path.time,
+        "pressure": way,
+        "shape_parameter": knots,
+        "shape_outline": shapes,
+        "shape_edges": placed(knots, edges(body)),
+        "shape_bend": turn,
+        "shape_tip": middle,
+        "shape_tip_direction": np.stack([np.cos(turn), np.sin(turn)], -1),
+        "shape_dorsal_direction": np.stack([-np.sin(turn), np.cos(turn)], -1),
+        "source": motion.source,
+        "finger_width": body.depth,
+        "tip_thickness": body.size,
+    }, "rad" if motion.rotation else "m"
 
 
 def _check(shapes: np.ndarray, scene: Scene) -> None:

@@ -86,16 +86,12 @@ class ShapeFamily:
 
     def outline(self, pressure: float) -> np.ndarray:
         """Closed outline (point, 2) in the actuator frame, origin at the middle of the root."""
-        return self._place(self._strip.s, self._strip.eta, pressure, 0)
-
-    def outline_rate(self, pressure: float) -> np.ndarray:
-        """Derivative of the outline with respect to pressure (point, 2), m/Pa."""
-        return self._place(self._strip.s, self._strip.eta, pressure, 1)
+        return self._place(self._strip.s, self._strip.eta, pressure)
 
     def tip(self, pressure: float) -> np.ndarray:
         """Rows: middle of the tip, unit tangent out of it, unit vector to the dorsal side."""
         end = np.array([self._s[-1]])
-        middle = self._place(end, np.array([0.5]), pressure, 0)[0]
+        middle = self._place(end, np.array([0.5]), pressure)[0]
         angle = self._node_angle(pressure, 0)[-1]
         return np.array([middle, [np.cos(angle), np.sin(angle)], [np.sin(angle), -np.cos(angle)]])
 
@@ -105,7 +101,7 @@ class ShapeFamily:
         inner = 0.5 * (angle[1:] + angle[:-1])
         return np.concatenate([[1.5 * angle[0] - 0.5 * angle[1]], inner, [1.5 * angle[-1] - 0.5 * angle[-2]]])
 
-    def _place(self, s: np.ndarray, eta: np.ndarray, pressure: float, derivative: int) -> np.ndarray:
+    def _place(self, s: np.ndarray, eta: np.ndarray, pressure: float) -> np.ndarray:
         angle, length = self._angle(pressure), self._length(pressure)
         node_angle = self._node_angle(pressure, 0)
         thickness = np.interp(s, self._s, self._thickness(pressure))
@@ -113,18 +109,9 @@ class ShapeFamily:
         turn = np.interp(s, self._s, node_angle)
         dorsal = np.column_stack([np.sin(turn), -np.cos(turn)])
         offset = (eta * thickness)[:, None]
-        if derivative == 0:
-            curve = _sum_from_root(length[:, None] * tangent)
-            on_curve = np.column_stack([np.interp(s, self._s, c) for c in curve.T])
-            return on_curve + offset * dorsal - np.array([0.0, -0.5 * self._root_thickness])
-        angle_rate, length_rate = self._angle(pressure, 1), self._length(pressure, 1)
-        normal = np.column_stack([-np.sin(angle), np.cos(angle)])
-        curve = _sum_from_root(length_rate[:, None] * tangent + (length * angle_rate)[:, None] * normal)
+        curve = _sum_from_root(length[:, None] * tangent)
         on_curve = np.column_stack([np.interp(s, self._s, c) for c in curve.T])
-        turn_rate = np.interp(s, self._s, self._node_angle(pressure, 1))[:, None]
-        thickness_rate = np.interp(s, self._s, self._thickness(pressure, 1))
-        along = np.column_stack([np.cos(turn), np.sin(turn)])
-        return on_curve + (eta * thickness_rate)[:, None] * dorsal + offset * turn_rate * along
+        return on_curve + offset * dorsal - np.array([0.0, -0.5 * self._root_thickness])
 
 
 def _sum_from_root(pieces: np.ndarray) -> np.ndarray:

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 import xarray as xr
-from scipy.interpolate import CubicSpline
 from tqdm import tqdm
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
+from fileio.formats.kinematics import read_kinematics
 from fileio.formats.mesh_intervals import overlap_steps
-from fileio.hdf5 import read_dataset, write_dataset
+from fileio.hdf5 import write_dataset
 from fileio.provenance import digest
 from pipeline.geometry.planform import Planform
 from pipeline.geometry.quality import Quality, shape_quality
@@ -75,11 +75,11 @@ class MorphedPlanform:
 def read_setting(scene: Scene, levels: np.ndarray) -> Setting:
     """The shapes of kinematics.h5 and what surrounds them. Raises StageError where the finger meets the support."""
     step = scene.numerics.time_step
-    with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
-        fine = "shape_edges" if "shape_edges" in file else "shape_tip"
-        family = Family(*(file[n].values for n in ("shape_parameter", "shape_outline", fine, "shape_bend")))
-        time = step * np.arange(round(scene.motion.end_time / step) + 1)
-        motion = CubicSpline(file["time"].values, file["pressure"].values)(time)
+    kinematics = read_kinematics(scene.out / "kinematics.h5")
+    file = kinematics.data
+    fine = "shape_edges" if "shape_edges" in file else "shape_tip"
+    family = Family(*(file[n].values for n in ("shape_parameter", "shape_outline", fine, "shape_bend")))
+    motion = kinematics.law(step * np.arange(round(scene.motion.end_time / step) + 1))
     mirror = scene.pinch is not None
     bodies = fixed_bodies(scene, levels, mirror)
     outlines = shapely.linearrings(family.outline)

@@ -119,7 +119,9 @@ def provenance(
         "inputs_sha256": {n: sha256(out / n) for n in INPUTS if (out / n).exists()},
         "findings_sha256": None if findings is None else sha256(findings),
         "seeds": {s: int(p.attrs["seed"]) for s, p in planes.items() if "seed" in p.attrs},
-        "settings": {s: settings_in(p, out / FILES[s]) for s, p in planes.items() if p.attrs.get("settings")},
+        "settings": {
+            s: settings_in(p.attrs, out / FILES[s]) for s, p in planes.items() if p.attrs.get("settings")
+        },
     }
 
 

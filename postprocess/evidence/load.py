@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from fileio.formats.kinematics import read_kinematics
 from fileio.formats.plane_series import read_plane
-from fileio.provenance import settings_in
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.centreline import centreline
@@ -81,13 +80,11 @@ def single_finger(folder: Path, level: str) -> tuple[dict[str, pd.DataFrame], st
     return tables, absent
 
 
-def read_clock(kinematics: Path, plane: xr.Dataset) -> Clock:
+def read_clock(path: Path, plane: xr.Dataset) -> Clock:
     """What windows of time are defined by: the stroke's progress on the sheet, gap and strokes of kinematics.h5."""
-    time, done = plane["time"].values, progress(plane)
-    with h5py.File(kinematics, "r") as file:
-        strokes = settings_in(file, kinematics).get("motion", {}).get("strokes", [])
-        starts = tuple(float(stroke["start"]) for stroke in strokes)
-        if "gap" not in file:
-            return Clock(time, done, starts=starts)
-        residual = float(np.ravel(file.attrs["residual_gap"])[0])
-        return Clock(time, done, file["time"][:], file["gap"][:], residual, starts)
+    time, done, kinematics = plane["time"].values, progress(plane), read_kinematics(path)
+    gap = kinematics.values("gap")
+    if gap is None:
+        return Clock(time, done, starts=kinematics.starts)
+    residual = float(kinematics.data.attrs["residual_gap"])
+    return Clock(time, done, kinematics.law.x, gap, residual, kinematics.starts)

@@ -14,7 +14,7 @@ import pandas as pd
 from fileio import json_text
 from fileio.atomic import write_text as write_text
 from fileio.json_text import AGAIN
-from fileio.provenance import settings_in
+from fileio.provenance import read_settings
 
 
 @dataclass(frozen=True)
@@ -72,20 +72,6 @@ def read_json(path: Path, kind: type = dict) -> Any:
     return json_text.read_json(path, AGAIN, kind)
 
 
-def read_arrays(path: Path, names: tuple[str, ...], optional: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
-    """Variables of an HDF5 file by name; ValueError where one is missing that is not `optional`."""
-    try:
-        with h5py.File(path, "r") as file:
-            missing = [name for name in names if name not in file]
-            if missing:
-                raise ValueError(
-                    f"{path}: variable {missing[0]!r} is missing; the file has {', '.join(file)}"
-                )
-            return {name: np.asarray(file[name]) for name in (*names, *optional) if name in file}
-    except OSError as error:
-        raise ValueError(f"{path}: not a readable HDF5 file ({error})") from error
-
-
 def read_planforms(path: Path) -> list[dict[str, np.ndarray]]:
     """The planforms of planform.h5 in their order; ValueError where there is none."""
     with h5py.File(path, "r") as file:
@@ -99,9 +85,7 @@ def scene_numbers(files: StageFiles) -> dict[str, Any]:
     """The scene's sections (tank, finger, motion, model, fluid …) as the stages that used them recorded them."""
     numbers: dict[str, Any] = {}
     for name, stage in (("kinematics.h5", "kinematics"), ("planform.h5", "mesh"), ("sweep.h5", "case")):
-        path = files.required(name, stage)
-        with h5py.File(path, "r") as file:
-            numbers |= settings_in(file, path)
+        numbers |= read_settings(files.required(name, stage))
     missing = [key for key in ("tank", "finger", "fluid", "model") if key not in numbers]
     if missing:
         raise ValueError(

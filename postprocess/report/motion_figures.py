@@ -8,8 +8,8 @@ import numpy as np
 import xarray as xr
 
 from fileio.atomic import write_bytes
+from fileio.formats.kinematics import read_kinematics
 from postprocess.draw import series as draw_series
-from postprocess.evidence.stage_files import read_arrays
 from postprocess.evidence.strokes import REST, peak_tip_speed, tip_speed
 from postprocess.report.picture_index import Album
 
@@ -20,39 +20,39 @@ STUDIES = {
 }
 
 
-def motion_figure(album: Album, kinematics: Path, plane: xr.Dataset, rigid: bool) -> None:
+def motion_figure(album: Album, path: Path, plane: xr.Dataset, rigid: bool) -> None:
     """What drives the finger, its bend angle and its tip's speed over time; of a rigid body its path or turn and its speed."""
-    drive = read_arrays(kinematics, ("time", "pressure"))
+    kinematics = read_kinematics(path)
+    clock, drive = kinematics.law.x, kinematics.data["pressure"].values
     times, tip = plane["time"].values, plane["tip"].values
     turn = np.degrees(plane["bend"].values[:, 0])
     drives = np.ptp(turn) > REST
     rows = [(times, tip_speed(times, tip)[:, 0], "tip speed, m/s")]
     if rigid:
         name = "turn, °" if drives else "distance, m"
-        rows.insert(0, (drive["time"], np.degrees(drive["pressure"]) if drives else drive["pressure"], name))
+        rows.insert(0, (clock, np.degrees(drive) if drives else drive, name))
     else:
         rows.insert(0, (times, turn, "bend angle, °"))
-        rows.insert(0, (drive["time"], drive["pressure"] / 1e3, "pressure, kPa"))
+        rows.insert(0, (clock, drive / 1e3, "pressure, kPa"))
     peak, at = peak_tip_speed(times, tip)
     alt = "Motion of the body over time." if rigid else "Pressure, bend angle and tip speed over time."
     caption = f"Peak tip speed {peak:.3f} m/s at {at:.3f} s."
     album.add(draw_series.motion(rows), "motion.svg", "motion", alt, caption)
 
 
-def bending_figure(album: Album, kinematics: Path, length: float) -> None:
+def bending_figure(album: Album, path: Path, length: float) -> None:
     """Bending radius over pressure of the states that drive the motion, beside the paper's equations; `length` in m."""
+    kinematics = read_kinematics(path)
     names = ("state_pressure", "state_bend", "paper_bend")
-    states = read_arrays(kinematics, names, optional=("state_bend_std",))
-    std = states.get("state_bend_std")
+    pressure, bend, paper = (kinematics.data[name].values for name in names)
+    std = kinematics.values("state_bend_std")
     band = (
         "The band is the standard uncertainty from roof and channel heights, the split of the material's stiffness, the mesh"
         " and ±0.2 kPa (docs/fea.md)."
         if std is not None
         else "These states carry no uncertainty, so no band is drawn."
     )
-    figure = draw_series.bending(
-        states["state_pressure"], states["state_bend"], std, states["paper_bend"], length
-    )
+    figure = draw_series.bending(pressure, bend, std, paper, length)
     alt = "Bending radius over pressure from the states that drive the motion, with the paper's equations."
     caption = f"R from the states that drive the motion; the paper's equations (1)–(6) dashed. {band}"
     album.add(figure, "bending.svg", "motion", alt, caption)

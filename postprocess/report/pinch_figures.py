@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from fileio.formats.kinematics import read_kinematics
 from postprocess.draw import pinch as draw_pinch
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.time_windows import Clock
@@ -73,13 +73,14 @@ def pinch_figures(
     )
 
 
-def free_gap(kinematics: Path, time: np.ndarray) -> np.ndarray:
+def free_gap(path: Path, time: np.ndarray) -> np.ndarray:
     """Gap (m) over `time` that the chambers' pressure alone would give, NaN once the shapes of the pinch end."""
-    with h5py.File(kinematics, "r") as file:
-        if "free_pressure" not in file:
-            return np.full(time.size, np.nan)
-        pressure = np.interp(time, file["time"][:], file["free_pressure"][:])
-        known, gaps = file["shape_parameter"][:], file["shape_gap"][:]
+    kinematics = read_kinematics(path)
+    free = kinematics.values("free_pressure")
+    if free is None:
+        return np.full(time.size, np.nan)
+    pressure = np.interp(time, kinematics.law.x, free)
+    known, gaps = kinematics.data["shape_parameter"].values, kinematics.data["shape_gap"].values
     passed = np.maximum.accumulate(pressure > known[-1])
     return np.where(passed, np.nan, np.interp(pressure, known, gaps))
 

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from fileio.atomic import write_text
+from fileio.formats.kinematics import read_kinematics
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.stage_files import StageFiles, read_json, read_table
 from postprocess.evidence.strokes import MIDDLE, stroke_window
@@ -91,10 +92,9 @@ def solver(files: StageFiles) -> dict[str, Any]:
 
 def middle_of_stroke(files: StageFiles) -> tuple[float, float]:
     """Instants (s) between which the finger does the middle half of its bend."""
-    with h5py.File(files.required("kinematics.h5", "kinematics")) as file:
-        return stroke_window(
-            file["look"][...], np.asarray(file["bend"][...]).reshape(len(file["look"]), -1)[:, 0], MIDDLE
-        )
+    kinematics = read_kinematics(files.required("kinematics.h5", "kinematics"))
+    times = np.linspace(*kinematics.time, 101)
+    return stroke_window(times, kinematics.bend(kinematics.law(times)), MIDDLE)
 
 
 def vortex(files: StageFiles) -> dict[str, Any]:

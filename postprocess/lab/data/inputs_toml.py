@@ -9,11 +9,10 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import h5py
 from pydantic import AfterValidator, Field, ValidationError
 
 from fileio.atomic import write_text
-from fileio.provenance import settings_in
+from fileio.provenance import read_settings
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.lab.data.dpiv_toml import Positive, Table
 
@@ -122,9 +121,7 @@ def write_runs(files: StageFiles, inputs: Inputs) -> list[Path]:
 
 def write_virtual(files: StageFiles, pressure_kpa: float) -> Path:
     """Write the scene of a virtual laboratory: the last stroke goes to another pressure; returns its folder."""
-    path = files.required("kinematics.h5", "kinematics")
-    with h5py.File(path, "r") as file:
-        motion = settings_in(file, path)["motion"]
+    motion = read_settings(files.required("kinematics.h5", "kinematics"))["motion"]
     if not motion["strokes"]:
         raise ValueError(
             f"{files.scene_folder / 'scene.toml'}: motion.strokes is empty; a virtual laboratory changes the last of them"

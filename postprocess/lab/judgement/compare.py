@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from fileio.atomic import write_text
-from fileio.formats.kinematics import Family, read_family
+from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.plane_series import read_plane
-from fileio.provenance import settings_in, sha256
+from fileio.provenance import sha256
 from piv.vortices.find import VortexSettings
 from postprocess.evidence.stage_files import read_json
 from postprocess.evidence.strokes import MIDDLE, stroke_window
@@ -46,7 +46,7 @@ def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]
             continue
         with read_plane(sheet_path) as sheet:
             plane = camera_series(sheet.load(), pose, x, y, times)
-        run = read_family(run_folder(files.stage, one.name) / "out" / files.stage.level / "kinematics.h5")
+        run = read_kinematics(run_folder(files.stage, one.name) / "out" / files.stage.level / "kinematics.h5")
         effects.append(effect_of(one, plane, run, case, nominal))
     return effects
 
@@ -55,7 +55,7 @@ def run_comparison(
     files: LabFiles, dpiv: Dpiv, *, seed: int = 1, threads: int = 1, quiet: bool = True
 ) -> dict[str, Any]:
     """Evaluate both sides alike, compare, and write comparison.json, comparison.csv, series.csv and fields.h5."""
-    family = read_family(files.stage.required("kinematics.h5", "kinematics"))
+    family = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     inputs = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
     registration = read_registration(files.registration)
     planes = on_common_grid(files, dpiv, family, registration, seed=seed, threads=threads, quiet=quiet)
@@ -82,7 +82,7 @@ def run_comparison(
 def make_case(
     files: LabFiles,
     dpiv: Dpiv,
-    family: Family,
+    family: Kinematics,
     registration: Registration,
     planes: CommonGrid,
     inputs: Inputs,
@@ -116,9 +116,7 @@ def make_case(
 
 def moved_as_recorded(files: LabFiles, dpiv: Dpiv) -> bool:
     """Whether the simulation is driven by the motion of this very recording: its bend is then no test of the simulation."""
-    path = files.stage.required("kinematics.h5", "kinematics")
-    with h5py.File(path, "r") as file:
-        motion = settings_in(file, path)["motion"]
+    motion = read_kinematics(files.stage.required("kinematics.h5", "kinematics")).settings["motion"]
     if motion["source"] != "recording":
         return False
     with h5py.File(files.stage.scene_folder / motion["recording"], "r") as file:

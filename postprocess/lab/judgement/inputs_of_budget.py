@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fileio.formats.kinematics import Family
+from fileio.formats.kinematics import Kinematics
 from piv.vortices.find import VortexSettings
 from postprocess.lab.data.files import Registration
 
@@ -35,7 +35,7 @@ class Effect:
 class Case:
     """All that the budgets are made of: series of the sides, the window (s), motions and the effects of the runs."""
 
-    family: Family
+    family: Kinematics
     registration: Registration
     data: xr.Dataset
     virtual: xr.Dataset | None

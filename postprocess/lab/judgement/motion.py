@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fileio.formats.kinematics import Family
+from fileio.formats.kinematics import Kinematics
 from postprocess.lab.judgement.inputs_of_budget import Case
 from postprocess.lab.judgement.validation import Source, ValidatedQuantity
 from postprocess.lab.registration.register import fit_law
@@ -19,13 +19,13 @@ def motion_values(case: Case) -> tuple[tuple[float, float], tuple[float, float]]
     return (final_bend(case.family, 1.0), final_bend(case.family, factor)), (length, length * float(stretch))
 
 
-def final_bend(family: Family, factor: float) -> float:
+def final_bend(family: Kinematics, factor: float) -> float:
     """Bend angle (rad) at the end of the simulation's law, its change multiplied by a factor."""
     start, end = (float(family.law(t)) for t in family.time)
     return float(family.shape("bend", start + factor * (end - start)))
 
 
-def motion_of_run(nominal: Family, run: Family) -> tuple[float, float]:
+def motion_of_run(nominal: Kinematics, run: Kinematics) -> tuple[float, float]:
     """Final bend (rad) and duration (s) by which a run's motion differs from the nominal one, in terms of its law."""
     times = np.linspace(*nominal.time, 201)
     values, _, _ = fit_law(nominal, times, run.law(times), np.array([1.0, 0.0, 1.0]))
@@ -35,7 +35,7 @@ def motion_of_run(nominal: Family, run: Family) -> tuple[float, float]:
     )
 
 
-def stroke_duration(family: Family) -> float:
+def stroke_duration(family: Kinematics) -> float:
     """Time (s) from 5 to 95 % of the simulation's change of bend."""
     times = np.linspace(*family.time, 801)
     bend = family.bend(family.law(times))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from fileio.atomic import write_text
-from fileio.formats.kinematics import read_family
+from fileio.formats.kinematics import read_kinematics
 from fileio.provenance import sha256
 from postprocess.evidence.stage_files import scene_title
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv
@@ -49,7 +49,7 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
         raise ValueError(
             f"{dpiv.folder / NAME}: vectors do not show the finger; its motion can be measured from pictures only"
         )
-    family = read_family(files.stage.required("kinematics.h5", "kinematics"))
+    family = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     registration = read_registration(files.registration)
     law, pose = registration.law, registration.pose
     strip = strip_at_rest(family)

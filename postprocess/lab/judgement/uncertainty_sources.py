@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fileio.formats.kinematics import Family
+from fileio.formats.kinematics import Kinematics
 from postprocess.lab.data.inputs_toml import Input, Numerics
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.judgement.inputs_of_budget import Case, Effect
@@ -48,7 +48,7 @@ def common_rows(measured: dict[str, pd.DataFrame], window: tuple[float, float]) 
 
 
 def effect_of(
-    one: Input | Numerics, plane: xr.Dataset, run: Family, case: Case, nominal: pd.DataFrame
+    one: Input | Numerics, plane: xr.Dataset, run: Kinematics, case: Case, nominal: pd.DataFrame
 ) -> Effect:
     """The effect of a run: its `plane` against the nominal `case.direct` (measured: `nominal`), its motion against the family's."""
     table = measure(plane, case.registration.pose, case.vortices, case.window, one.name)
@@ -177,7 +177,7 @@ def independent_instants(times: np.ndarray, speed: float, window_m: float) -> fl
     return float(times.size**2 / np.sum(np.clip(1 - speed * apart / window_m, 0.0, 1.0)))
 
 
-def _scale(name: str, data: pd.Series, family: Family) -> float:
+def _scale(name: str, data: pd.Series, family: Kinematics) -> float:
     return family.tip_width if name == "centre" else float(abs(data[VORTEX[name][0][0]]))
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fileio.formats.kinematics import Family
+from fileio.formats.kinematics import Kinematics, counter_clockwise
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.outline_sampler import sample
 from postprocess.lab.registration.silhouette import FINE_PX, WaterLikelihood, integral_image
@@ -79,11 +79,11 @@ def prepare(
     return Frames(integrals, mean, np.asarray(times, float), (1 - common) / (1 + common))
 
 
-def outline_table(family: Family) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def outline_table(family: Kinematics) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pressures (n,), outlines (n, point, 2) in m and outward unit normals of their points."""
     reach = REACH * (family.high - family.low)
     pressures = np.linspace(family.low - reach, family.high + reach, TABLE)
-    outlines = np.array([family.shape("outline", p) for p in pressures])
+    outlines = np.array([counter_clockwise(family.shape("outline", p)) for p in pressures])
     along = np.roll(outlines, -1, axis=1) - np.roll(outlines, 1, axis=1)
     normals = np.stack([along[..., 1], -along[..., 0]], axis=-1)
     return pressures, outlines, normals / np.hypot(normals[..., 0], normals[..., 1])[..., None]
@@ -100,7 +100,7 @@ def settled(rounds: list[tuple[np.ndarray, np.ndarray]]) -> bool:
 
 def fit_outline(
     frames: Frames,
-    family: Family,
+    family: Kinematics,
     first: Pose,
     law: np.ndarray,
     *,

@@ -14,7 +14,7 @@ import xarray as xr
 from scipy.interpolate import LSQUnivariateSpline
 from scipy.optimize import minimize
 
-from fileio.formats.kinematics import Family, counter_clockwise
+from fileio.formats.kinematics import Kinematics, counter_clockwise
 from fileio.hdf5 import whole_netcdf
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.silhouette import inside_sum
@@ -43,7 +43,7 @@ class Strip:
     dorsal: np.ndarray
 
 
-def strip_at_rest(family: Family) -> Strip:
+def strip_at_rest(family: Kinematics) -> Strip:
     """The strip that the family's shape at the start of the motion is. ValueError where that is not straight."""
     pressure = float(family.law(family.time[0]))
     if abs(float(family.shape("bend", pressure))) > 0.05:
@@ -133,7 +133,7 @@ def smooth_history(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.
 
 
 def motion_dataset(
-    family: Family, strip: Strip, times: np.ndarray, shapes: np.ndarray, end_time: float, **attrs: object
+    family: Kinematics, strip: Strip, times: np.ndarray, shapes: np.ndarray, end_time: float, **attrs: object
 ) -> xr.Dataset:
     """motion.h5 (docs/formats.md) from a₁ … a₄ (frame, 4) at `times` (s of the simulation's clock)."""
     order = np.argsort(times)

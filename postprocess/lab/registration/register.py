@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from fileio.formats.kinematics import Family, counter_clockwise
+from fileio.formats.kinematics import Kinematics, counter_clockwise
 from piv.images.masks import dark_body
 from piv.images.recording import Recording
 from postprocess.lab.data.files import Law, Registration
@@ -37,7 +37,7 @@ ROUNDS = 6  # of the final fit, at most
 SWEEPS = (1500, 800, 2500, 3000)
 
 
-def law_pressure(family: Family, times: np.ndarray, values: np.ndarray) -> np.ndarray:
+def law_pressure(family: Kinematics, times: np.ndarray, values: np.ndarray) -> np.ndarray:
     """The simulation's law, stretched: pressures (Pa) at times of the recording's clock."""
     factor, delay, stretch = values
     start = float(family.law(family.time[0]))
@@ -46,7 +46,7 @@ def law_pressure(family: Family, times: np.ndarray, values: np.ndarray) -> np.nd
 
 
 def fit_law(
-    family: Family, times: np.ndarray, pressures: np.ndarray, first: np.ndarray
+    family: Kinematics, times: np.ndarray, pressures: np.ndarray, first: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Least-squares (factor, delay, stretch), their covariance from the residuals, and the rms residual (Pa)."""
     noise = 0.005 * (family.high - family.low)
@@ -63,7 +63,7 @@ def fit_law(
     return fit.x, covariance, float(noise * np.sqrt(np.mean(rest**2)))
 
 
-def first_pose(recording: Recording, frames: list[np.ndarray], family: Family) -> Pose:
+def first_pose(recording: Recording, frames: list[np.ndarray], family: Kinematics) -> Pose:
     """A rough pose from the finger's root and tip in the first frame, in which it is straight."""
     mask = dark_body(frames[0]).astype(np.uint8)
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -79,7 +79,7 @@ def first_pose(recording: Recording, frames: list[np.ndarray], family: Family) -
 
 
 def search_delay(
-    frames: Frames, family: Family, pose: Pose, stated: float | None, stated_std: float = 0.0
+    frames: Frames, family: Kinematics, pose: Pose, stated: float | None, stated_std: float = 0.0
 ) -> float:
     """Delay (s) at which the simulation's motion fits the frames best: a correlation over time of the finger's picture."""
     table, outlines, normals = outline_table(family)
@@ -112,7 +112,7 @@ def search_delay(
 def register(
     recording: Recording,
     times: np.ndarray,
-    family: Family,
+    family: Kinematics,
     stated: Pose | None,
     stated_delay: tuple[float, float] | None,
     *,
@@ -190,7 +190,7 @@ def register(
     return with_length(_registration(family, single, fine, stated), scale_std, length_std)
 
 
-def hidden_part(pose: Pose, family: Family, hidden: float, shape: tuple[int, int]) -> np.ndarray:
+def hidden_part(pose: Pose, family: Kinematics, hidden: float, shape: tuple[int, int]) -> np.ndarray:
     """Pixels (rows, columns; row 0 at the top) beyond the line across the finger at rest, `hidden` (m) from its root."""
     rows, columns = shape
     x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
@@ -199,7 +199,7 @@ def hidden_part(pose: Pose, family: Family, hidden: float, shape: tuple[int, int
 
 
 def check_root(
-    frames: Frames, family: Family, pose: Pose, evidence: WaterLikelihood, beyond: tuple[float, float]
+    frames: Frames, family: Kinematics, pose: Pose, evidence: WaterLikelihood, beyond: tuple[float, float]
 ) -> None:
     """ValueError where it is as dark `beyond` (m from, m to) the finger's root as in it: the root's edge is then not seen."""
     start = float(family.law(family.time[0]))
@@ -222,7 +222,7 @@ def check_root(
         )
 
 
-def deviation_from_law(family: Family, rough: OutlineFit, values: np.ndarray) -> np.ndarray:
+def deviation_from_law(family: Kinematics, rough: OutlineFit, values: np.ndarray) -> np.ndarray:
     """How far (Pa, standard deviation) each frame may be off the law: what the rough fit's scatter about it leaves beyond its own."""
     span, start = family.high - family.low, float(family.law(family.time[0]))
     predicted = law_pressure(family, rough.times, values)
@@ -251,7 +251,9 @@ def with_length(found: Registration, scale_std: float | None, length_std: float)
     return replace(found, pose=replace(found.pose, px_per_m=scale), covariance=covariance)
 
 
-def _registration(family: Family, single: OutlineFit, fine: OutlineFit, stated: Pose | None) -> Registration:
+def _registration(
+    family: Kinematics, single: OutlineFit, fine: OutlineFit, stated: Pose | None
+) -> Registration:
     values, seen = fine.law.mean(axis=0), single.parameter.mean(axis=0)
     misfit = float(np.sqrt(np.mean((seen - law_pressure(family, single.times, values)) ** 2)))
     return Registration(

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from fileio.atomic import write_text
-from fileio.formats.kinematics import Family, read_family
+from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.provenance import sha256
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv, Start, read_dpiv
@@ -37,7 +36,7 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
     """
     read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
     fea_band(files, dpiv)
-    family = read_family(files.stage.required("kinematics.h5", "kinematics"))
+    family = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     stated_delay = (-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None
     if dpiv.kind == "vectors":
         registration = stated_registration(dpiv, family)
@@ -78,19 +77,18 @@ def fea_band(files: LabFiles, dpiv: Dpiv) -> tuple[bool, float]:
     A motion measured in a recording holds them both. ValueError where they count and are not known.
     """
     path = files.stage.required("kinematics.h5", "kinematics")
-    with h5py.File(path, "r") as file:
-        source = str(np.ravel(file.attrs["source"])[0])
-        bend_std = float(file["bend_std"][-1]) if "bend_std" in file else 0.0
-    counts = dpiv.finger_geometry == "nominal" and source != "recording"
+    kinematics = read_kinematics(path)
+    bend_std = kinematics.bend_std(float(kinematics.law(kinematics.time[1]))) or 0.0
+    counts = dpiv.finger_geometry == "nominal" and kinematics.data.attrs["source"] != "recording"
     if counts and bend_std == 0:
         raise ValueError(
-            f"{path}: carries no bend_std, so the bands of the FEA are not known; run make fea, or state"
+            f"{path}: carries no state_bend_std, so the bands of the FEA are not known; run make fea, or state"
             ' finger_geometry = "measured" in dpiv.toml'
         )
     return counts, bend_std
 
 
-def stated_registration(dpiv: Dpiv, family: Family) -> Registration:
+def stated_registration(dpiv: Dpiv, family: Kinematics) -> Registration:
     """Of vectors: what dpiv.toml states, with the uncertainties that it states. The picture's unit is the stated metre."""
     axes, start = dpiv.axes, dpiv.start
     assert isinstance(start, Start)
@@ -111,7 +109,7 @@ def stated_registration(dpiv: Dpiv, family: Family) -> Registration:
     return Registration(pose, covariance, 0.0, law, np.empty(0), np.empty(0), np.empty(0), pose)
 
 
-def registration_summary(registration: Registration, family: Family) -> dict[str, Any]:
+def registration_summary(registration: Registration, family: Kinematics) -> dict[str, Any]:
     """What was found, beside what was stated, in the units of a laboratory."""
     pose, law, stated = registration.pose, registration.law, registration.stated
     std = np.sqrt(np.diag(registration.covariance))

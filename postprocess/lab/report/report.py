@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from fileio.atomic import write_text
-from fileio.formats.kinematics import read_family
+from fileio.formats.kinematics import read_kinematics
 from fileio.formats.plane_series import read_plane
 from postprocess.draw.style import save
 from postprocess.evidence.stage_files import read_json, scene_title
@@ -62,7 +62,7 @@ def _saved(files: LabFiles, name: str, figure: Figure) -> str:
 def figures(files: LabFiles, result: dict[str, Any]) -> dict[str, tuple[Figure, str]]:
     """All figures by name, with their alternative text."""
     registration = read_registration(files.registration)
-    family = read_family(files.stage.required("kinematics.h5", "kinematics"))
+    family = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     series = pd.read_csv(files.folder / "series.csv")
     by_name = {q["name"]: q for q in result["quantities"]}
     window = tuple(result["window_s"])

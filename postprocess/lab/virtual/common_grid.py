@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import xarray as xr
 
-from fileio.formats.kinematics import Family
+from fileio.formats.kinematics import Kinematics
 from fileio.formats.plane_series import make_plane, read_plane, write_plane
 from piv.synthetic.camera import Camera
 from postprocess.evidence.fields import on_grid
@@ -40,7 +40,7 @@ class CommonGrid:
 def on_common_grid(
     files: LabFiles,
     dpiv: Dpiv,
-    family: Family,
+    family: Kinematics,
     registration: Registration,
     *,
     seed: int,
@@ -84,7 +84,7 @@ def used_frames(
     return index, np.clip(at[index], *span)
 
 
-def with_finger(plane: xr.Dataset, family: Family, pose: Pose, pressures: np.ndarray) -> xr.Dataset:
+def with_finger(plane: xr.Dataset, family: Kinematics, pose: Pose, pressures: np.ndarray) -> xr.Dataset:
     """A plane series in the camera frame with the finger's shape at each instant's pressure (Pa)."""
     shapes = {name: np.array([family.fingers(name, p) for p in pressures]) for name in family.splines}
     found = {
@@ -110,7 +110,7 @@ def with_finger(plane: xr.Dataset, family: Family, pose: Pose, pressures: np.nda
     return out.assign_attrs(plane.attrs | {"tip_width": family.tip_width})
 
 
-def outlines_px(family: Family, pose: Pose, pressures: np.ndarray) -> list[np.ndarray]:
+def outlines_px(family: Kinematics, pose: Pose, pressures: np.ndarray) -> list[np.ndarray]:
     """The outlines (finger, point, 2) in the picture at pressures (Pa)."""
     return [pose.to_px(family.fingers("outline", p)) for p in pressures]
 

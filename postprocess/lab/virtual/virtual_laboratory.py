@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from fileio.atomic import write_text
-from fileio.formats.kinematics import read_family
+from fileio.formats.kinematics import read_kinematics
 from fileio.formats.plane_series import read_plane
 from piv.synthetic.camera import Camera, Seeding
 from postprocess.lab.data.pose import Pose
@@ -172,7 +172,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args(argv)
     try:
-        family = read_family(args.case / "out" / args.level / "kinematics.h5")
+        family = read_kinematics(args.case / "out" / args.level / "kinematics.h5")
         camera = camera_for(family.root, args.columns, args.mm_per_px, 500.0)
         set_up = SetUp(
             camera,

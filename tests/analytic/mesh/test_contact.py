@@ -18,7 +18,7 @@ from pipeline.kinematics.contact import (
 )
 from pipeline.kinematics.finger import load_kinematics
 from pipeline.kinematics.pressure_law import stroke_law
-from pipeline.kinematics.stage import kinematics_dataset
+from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.pinch import Pinch
 from tests.conftest import write_scene
 
@@ -155,36 +155,33 @@ def pinch_scene(folder, more="", kind="quarter"):
 
 def test_the_fingers_of_the_scene_meet_at_the_residual_gap(tmp_path):
     scene = pinch_scene(tmp_path / "s")
-    data = kinematics_dataset(scene)
+    data = kinematics_values(scene)
     motion = load_kinematics(scene)
-    assert data["shape_gap"].values[-1] == pytest.approx(0.5e-3, abs=1e-9)
-    assert data["gap"].values[-1] == pytest.approx(0.5e-3, abs=1e-9)
-    assert data.attrs["mirror"] == 1
-    assert data.attrs["least_gap"] >= 0.5e-3 - 1e-9
+    assert data["shape_gap"][-1] == pytest.approx(0.5e-3, abs=1e-9)
+    assert data["gap"][-1] == pytest.approx(0.5e-3, abs=1e-9)
+    assert data["mirror"] == 1
+    assert data["least_gap"] >= 0.5e-3 - 1e-9
     # mirrored in x = 0 the two fingers are apart by twice the gap at every instant
-    left = data["outline"].values
-    assert -2 * left[..., 0].max(axis=1) == pytest.approx(
-        2 * np.interp(data["look"], data["time"], data["gap"]), abs=1e-7
-    )
-    assert (
-        np.diff(data["gap"].values) <= 1e-7
-    ).all()  # the start lies in the root's own corner: 0.3 µm of rounding
+    look = np.linspace(0, data["time"][-1], 101)
+    left = np.array([motion.outline(p) for p in motion.law(look)])
+    assert -left[..., 0].max(axis=1) == pytest.approx(np.interp(look, data["time"], data["gap"]), abs=5e-8)
+    assert (np.diff(data["gap"]) <= 1e-7).all()  # the start lies in the root's own corner: 0.3 µm of rounding
     # the splines that all stages take through the shapes hold the gap to a micrometre between the knots as well
-    knots = data["shape_parameter"].values
+    knots = data["shape_parameter"]
     between = np.concatenate([knots[:-1] + part * np.diff(knots) for part in (0.25, 0.5, 0.75)])
     exact = np.array([motion.outline(p) for p in between])
     close = gap(exact, scene.pinch) < 0.006
-    splined = gap(CubicSpline(knots, data["shape_outline"].values)(between), scene.pinch)
+    splined = gap(CubicSpline(knots, data["shape_outline"])(between), scene.pinch)
     assert np.abs(splined - gap(exact, scene.pinch))[close].max() < 1e-6
     assert np.abs(splined - gap(exact, scene.pinch)).max() < 2e-5
 
 
 def test_the_chambers_go_on_while_the_fingers_are_held(tmp_path):
-    data = kinematics_dataset(pinch_scene(tmp_path / "s"))
-    assert data["free_pressure"].values[-1] == pytest.approx(20e3, rel=1e-3)
-    held = data["time"].values > data.attrs["contact_time"]
-    assert np.ptp(data["gap"].values[held]) < 1e-4
-    assert data["pressure"].values[held].max() < 17e3
+    data = kinematics_values(pinch_scene(tmp_path / "s"))
+    assert data["free_pressure"][-1] == pytest.approx(20e3, rel=1e-3)
+    held = data["time"] > data["contact_time"]
+    assert np.ptp(data["gap"][held]) < 1e-4
+    assert data["pressure"][held].max() < 17e3
 
 
 def test_an_opening_stroke_comes_first_where_the_scene_says_so(tmp_path):
@@ -192,33 +189,31 @@ def test_an_opening_stroke_comes_first_where_the_scene_says_so(tmp_path):
         "[motion]\nstrokes = [{ pressure_kpa = -15.0, start = 0.005, duration = 0.3 },"
         "{ pressure_kpa = 20.0, start = 0.3, duration = 0.4 }]\nend_time = 1.0"
     )
-    data = kinematics_dataset(pinch_scene(tmp_path / "s", strokes))
-    bend = np.degrees(data["bend"].values)
-    assert bend.min() < -70
-    assert bend[-1] > 70
-    assert data["gap"].values[-1] == pytest.approx(0.5e-3, abs=1e-9)
+    data = kinematics_values(pinch_scene(tmp_path / "s", strokes))
+    assert np.degrees(data["shape_bend"]).min() < -70
+    assert np.degrees(data["shape_bend"]).max() > 70
+    assert data["gap"][-1] == pytest.approx(0.5e-3, abs=1e-9)
 
 
 @pytest.mark.parametrize("shape", ["cylinder", "sphere"])
 def test_the_fingers_stop_at_an_object_between_the_tips(tmp_path, shape):
     thing = f'[pinch.object]\nshape = "{shape}"\ndiameter = 0.03\ncentre_height = 0.185\n'
-    data = kinematics_dataset(pinch_scene(tmp_path / "s", thing))
-    outline = data["shape_outline"].values[-1]
+    data = kinematics_values(pinch_scene(tmp_path / "s", thing))
+    outline = data["shape_outline"][-1]
     fine = np.concatenate([outline + k / 50 * (np.roll(outline, -1, axis=0) - outline) for k in range(50)])
     distance = np.hypot(fine[:, 0], fine[:, 1] - 0.185).min() - 0.015
     assert distance == pytest.approx(0.5e-3, abs=1e-7)
-    assert data["shape_bend"].values[-1] < np.radians(60)  # sooner than at the plane, 75°
+    assert data["shape_bend"][-1] < np.radians(60)  # sooner than at the plane, 75°
 
 
 def test_a_tapered_tip_meets_sooner_and_as_exactly(tmp_path):
     tip = "[finger.tip]\nlength = 0.008\nthickness = 0.007\ncorner_radius = 0.001\n"
-    data = kinematics_dataset(pinch_scene(tmp_path / "s", tip))
-    assert data["shape_gap"].values[-1] == pytest.approx(0.5e-3, abs=1e-9)
-    assert data.attrs["tip_thickness"] == pytest.approx(0.007)
-    assert np.radians(50) < data["shape_bend"].values[-1] < np.radians(62)  # 74° without
+    data = kinematics_values(pinch_scene(tmp_path / "s", tip))
+    assert data["shape_gap"][-1] == pytest.approx(0.5e-3, abs=1e-9)
+    assert data["tip_thickness"] == pytest.approx(0.007)
+    assert np.radians(50) < data["shape_bend"][-1] < np.radians(62)  # 74° without
 
 
 def test_a_single_finger_knows_nothing_of_a_gap(tmp_path):
-    data = kinematics_dataset(write_scene(tmp_path / "s"))
-    assert not {"gap", "shape_gap", "free_pressure"} & set(data)
-    assert not {"mirror", "residual_gap", "contact_time"} & set(data.attrs)
+    data = kinematics_values(write_scene(tmp_path / "s"))
+    assert not {"gap", "shape_gap", "free_pressure", "mirror", "residual_gap", "contact_time"} & set(data)

@@ -21,7 +21,7 @@ from scipy.io import savemat
 
 from fileio.errors import StageError
 from fileio.formats.bending_states import read_states
-from fileio.formats.kinematics import read_track
+from fileio.formats.kinematics import read_kinematics, write_kinematics
 from fileio.formats.plane_series import make_plane, read_checked_plane
 from fileio.formats.recording import RecordingWriter
 from pipeline.kinematics.pressure_law import measured_law
@@ -337,26 +337,18 @@ def use_pressure(path: Path) -> None:
 
 def use_kinematics(path: Path) -> None:
     """Read kinematics.h5 as the stages do."""
-    track = read_track(path.parent)
-    track.pressure(0.1)
+    read_kinematics(path).at(0.1)
 
 
 def kinematics_seeds(folder: Path) -> list[bytes]:
     """A kinematics.h5 of six shapes of four points."""
     knots, time = np.linspace(0, 2e4, 6), np.linspace(0, 0.2, 9)
     box = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * 0.01
-    two = (("shape_parameter", "axis"), np.tile([0.0, 1.0], (6, 1)))
-    data = xr.Dataset(
-        {
-            "pressure": ("time", 1e5 * time),
-            "shape_outline": (("shape_parameter", "point", "axis"), np.stack([box] * 6)),
-            "shape_bend": ("shape_parameter", knots / 1e4),
-            "shape_tip": two, "shape_tip_direction": two, "shape_dorsal_direction": two,
-        },
-        coords={"time": time, "shape_parameter": knots},
-        attrs={"format": "kinematics", "format_version": 1, "tip_thickness": 0.0145},
-    )  # fmt: skip
-    data.to_netcdf(folder / "k.h5", engine="h5netcdf")
+    two = np.tile([0.0, 1.0], (6, 1))
+    values = {"time": time, "pressure": 1e5 * time, "shape_parameter": knots, "shape_bend": knots / 1e4}
+    values |= {"shape_outline": np.stack([box] * 6), "shape_tip": two, "shape_tip_direction": two}
+    values |= {"shape_dorsal_direction": two, "source": "fea", "finger_width": 0.028, "tip_thickness": 0.0145}
+    write_kinematics(folder / "k.h5", values, {})
     return [(folder / "k.h5").read_bytes()]
 
 

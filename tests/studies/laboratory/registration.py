@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pandas as pd
 
-from fileio.formats.kinematics import Family
+from fileio.formats.kinematics import Kinematics
 from piv.images.recording import Recording
 from piv.synthetic.camera import Seeding
 from postprocess.lab.registration.register import register
@@ -35,7 +35,7 @@ ROWS = (
 class Stills(Recording):
     """Pictures of the finger at the pressures of a law."""
 
-    def __init__(self, family: Family, lab: SetUp, times: np.ndarray, pressures: np.ndarray) -> None:
+    def __init__(self, family: Kinematics, lab: SetUp, times: np.ndarray, pressures: np.ndarray) -> None:
         super().__init__("stills", times.size, None)
         self.times, self._family, self._lab, self._pressures = times, family, lab, pressures
 
@@ -43,7 +43,7 @@ class Stills(Recording):
         return still_picture(self._family, self._lab, float(self._pressures[i]), i)
 
 
-def trial(family: Family, seed: int) -> dict[str, float]:
+def trial(family: Kinematics, seed: int) -> dict[str, float]:
     """One registration: errors against the truth and the standard uncertainties stated for them."""
     rng = np.random.default_rng(seed)
     camera = camera_for(family.root, 640, 0.25, 500.0)

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pandas as pd
 
-from fileio.formats.kinematics import Family, read_family
+from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.plane_series import read_plane
 from piv.images.open_recording import open_recording
 from piv.synthetic.camera import Seeding
@@ -51,7 +51,7 @@ class Laboratory:
 
     def __init__(self, case: Path, level: str) -> None:
         out = case / "out" / level
-        self.family: Family = read_family(out / "kinematics.h5")
+        self.family: Kinematics = read_kinematics(out / "kinematics.h5")
         self.inputs: Inputs = read_inputs(case / "reference" / "inputs.toml")
         self.settings = VortexSettings(**json.loads((out / "settings" / "vortices.json").read_text()))
         folder = out / "virtual" / "study"
@@ -71,7 +71,7 @@ class Laboratory:
             (
                 one,
                 read_plane(folder / f"{one.name}.h5").load(),
-                read_family(out / "inputs" / one.name / "out" / level / "kinematics.h5"),
+                read_kinematics(out / "inputs" / one.name / "out" / level / "kinematics.h5"),
             )
             for one in self.inputs.all
         ]

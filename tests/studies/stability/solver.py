@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from fileio.errors import StageError
-from fileio.hdf5 import read_dataset
+from fileio.formats.kinematics import read_kinematics
 from pipeline.scene.scene import Scene, load_scene
 
 LEAST_CLOSURE = -0.02  # of the work: below it energy has come from nothing
@@ -55,11 +55,9 @@ def result(run: dict[str, Any]) -> dict[str, Any]:
 
 def motion_numbers(scene: Scene) -> dict[str, Any]:
     """Bend (deg) and the tip's largest speed and acceleration of a scene whose kinematics are there."""
-    with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
-        times, pressure = file["time"].values, file["pressure"].values
-        tip = CubicSpline(file["shape_parameter"].values, file["shape_tip"].values)
-        bend = np.degrees(file["shape_bend"].values)
-    path = CubicSpline(times, tip(CubicSpline(times, pressure)(times)))
+    kinematics = read_kinematics(scene.out / "kinematics.h5")
+    times, bend = kinematics.law.x, np.degrees(kinematics.data["shape_bend"].values)
+    path = CubicSpline(times, kinematics.splines["tip"](kinematics.law(times)))
     largest = [float(np.hypot(*path(times, order).T).max()) for order in (1, 2)]
     return {
         "bend_deg": round(float(bend[np.abs(bend).argmax()]), 1),

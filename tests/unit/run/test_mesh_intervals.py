@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fileio.formats.kinematics import read_kinematics
 from fileio.formats.mesh_intervals import read_intervals
-from fileio.hdf5 import read_dataset
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
 from pipeline.mesh.intervals import HYSTERESIS, PADDING, cumulative_deformation, divide, last_move
@@ -131,5 +131,5 @@ def test_the_pinch_as_shipped_keeps_the_issues_limits(tmp_path):
     assert not resting.moving
     assert resting.mesh == moving[-1].mesh
     assert 0.31 < resting.start < 0.33  # the tips stop at 0.31 s
-    with read_dataset(scene.out / "kinematics.h5", "kinematics") as file:
-        assert float(file["shape_gap"].min()) == pytest.approx(0.5e-3, abs=1e-6)
+    shapes = read_kinematics(scene.out / "kinematics.h5").data
+    assert float(shapes["shape_gap"].min()) == pytest.approx(0.5e-3, abs=1e-6)

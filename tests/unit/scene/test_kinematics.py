@@ -9,7 +9,7 @@ from fileio.errors import StageError
 from fileio.formats.bending_states import read_states
 from pipeline.kinematics.finger import load_kinematics
 from pipeline.kinematics.pressure_law import measured_law
-from pipeline.kinematics.stage import kinematics_dataset
+from pipeline.kinematics.stage import kinematics_values
 from tests.conftest import write_scene
 
 STROKE = "[motion]\nstrokes = [{{ pressure_kpa = {p}, start = 0.005, duration = 0.4 }}]\n{more}"
@@ -111,7 +111,7 @@ def test_a_stroke_beyond_the_states_or_out_of_the_water_is_refused(tmp_path):
         load_kinematics(write_scene(tmp_path / "a", more=STROKE.format(p=60, more="")))
     tall = STROKE.format(p=39, more="") + "[tank]\nwater_depth = 0.252\n[finger.tip]\nlength = 0.04\n"
     with pytest.raises(StageError, match="leaves the water"):
-        kinematics_dataset(write_scene(tmp_path / "b", more=tall))
+        kinematics_values(write_scene(tmp_path / "b", more=tall))
     with pytest.raises(StageError, match=r"set motion\.source"):
         load_kinematics(
             write_scene(tmp_path / "c", more=STROKE.format(p=-30, more='source = "paper_equations"'))
@@ -119,18 +119,18 @@ def test_a_stroke_beyond_the_states_or_out_of_the_water_is_refused(tmp_path):
     (tmp_path / "curl.csv").write_text(csv_of({0: bent(0.0), 10: bent(3.5), 20: bent(7.0)}))
     curled = STROKE.format(p=20, more=f'states = "{tmp_path / "curl.csv"}"')
     with pytest.raises(StageError, match="crosses itself"):
-        kinematics_dataset(write_scene(tmp_path / "d", more=curled))
+        kinematics_values(write_scene(tmp_path / "d", more=curled))
 
 
 def test_the_finger_hangs_from_its_root_and_bends_to_its_ventral_side(tmp_path):
     for side, sign in (("+x", 1), ("-x", -1)):
         scene = write_scene(tmp_path / side, more=f'[finger]\nventral = "{side}"\nroot = [0.01, 0.24]\n')
-        data = kinematics_dataset(scene)
-        rest, bent_ = data["shape_outline"].values[[0, -1]]
+        data = kinematics_values(scene)
+        rest, bent_ = data["shape_outline"][[0, -1]]
         assert rest[:, 1].max() == pytest.approx(0.24, abs=1e-9)
         assert rest[:, 0].mean() == pytest.approx(0.01, abs=1e-4)
         assert sign * (bent_[:, 0].mean() - 0.01) > 0.01
-        dorsal = data["shape_dorsal_direction"].values[0]
+        dorsal = data["shape_dorsal_direction"][0]
         assert dorsal == pytest.approx([-sign, 0], abs=1e-9)
-        assert np.ptp(rest[:, 0]) == pytest.approx(data.attrs["tip_thickness"], abs=1e-9)
-        assert data["shape_tip_direction"].values[0] == pytest.approx([0, -1], abs=1e-9)
+        assert np.ptp(rest[:, 0]) == pytest.approx(data["tip_thickness"], abs=1e-9)
+        assert data["shape_tip_direction"][0] == pytest.approx([0, -1], abs=1e-9)

@@ -5,7 +5,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from fileio.errors import StageError
-from pipeline.kinematics.rigid_body import kinematics_dataset, rest_outline, smooth_step, travelled
+from fileio.formats.kinematics import read_kinematics
+from pipeline.kinematics.rigid_body import kinematics_values, rest_outline, smooth_step, travelled
 from pipeline.kinematics.stage import run as run_kinematics
 from pipeline.scene.rigid_body import Body, Law
 from pipeline.scene.scene import load_scene
@@ -94,22 +95,24 @@ def test_outlines_are_closed_counter_clockwise_and_of_the_right_area(angle):
 def test_kinematics_hold_the_body_where_its_law_says(tmp_path):
     scene = scene_of(tmp_path)
     run_kinematics(scene, quiet=True)
-    data = kinematics_dataset(scene)
-    assert data.attrs["format"] == "kinematics"
-    middle = data["outline"].values.mean(axis=1)
-    assert middle[:, 1] == pytest.approx(5.0)
-    wanted = -0.5 * smooth_step(data["look"].values / 0.3) * np.sin(2 * np.pi * data["look"].values)
-    assert middle[:, 0] == pytest.approx(wanted, abs=1e-6)
-    speed = data["outline_velocity"].values.mean(axis=1)[:, 0]
-    assert speed == pytest.approx(np.gradient(wanted, data["look"].values), abs=0.1)  # 20 ms apart
+    motion = read_kinematics(scene.out / "kinematics.h5")
+    times = np.linspace(0, 2.0, 101)
+    outlines = np.array([motion.at(t)["outline"][0] for t in times])
+    wanted = -0.5 * smooth_step(times / 0.3) * np.sin(2 * np.pi * times)
+    assert outlines.mean(axis=1)[:, 1] == pytest.approx(5.0)
+    assert outlines.mean(axis=1)[:, 0] == pytest.approx(wanted, abs=1e-6)
+    speed = [motion.at(t)["outline_velocity"][0].mean(axis=0)[0] for t in times]
+    assert speed == pytest.approx(np.gradient(wanted, times), abs=0.1)  # 20 ms apart
+    assert motion.data["pressure"].attrs["units"] == "m"
 
 
 def test_a_rotation_turns_the_plate(tmp_path):
     plate = 'shape = "plate"\nchord = 1.0\nthickness = 0.1\ncentre = [1.0, 5.0]'
     turn = 'rotation = { kind = "power", rate = 90.0, exponent = 0.0, smoothing = 0.2 }'
-    data = kinematics_dataset(scene_of(tmp_path, plate, turn))
-    assert np.degrees(data["bend"].values[-1]) == pytest.approx(90.0 * 1.9, rel=1e-6)
-    ends = data["shape_edges"].values
+    data, unit = kinematics_values(scene_of(tmp_path, plate, turn))
+    assert unit == "rad"
+    assert np.degrees(data["shape_bend"][-1]) == pytest.approx(90.0 * 1.9, rel=1e-6)
+    ends = data["shape_edges"]
     assert np.hypot(*(ends - [1.0, 5.0]).T) == pytest.approx(0.5)
 
 
@@ -131,9 +134,9 @@ def test_a_scene_that_cannot_be_is_refused_in_one_sentence(tmp_path, body, motio
 
 def test_a_body_that_leaves_the_water_or_never_moves_is_refused(tmp_path):
     with pytest.raises(StageError, match="leaves the water"):
-        kinematics_dataset(scene_of(tmp_path, CIRCLE, SINE.replace("-0.5", "-4.8")))
+        kinematics_values(scene_of(tmp_path, CIRCLE, SINE.replace("-0.5", "-4.8")))
     with pytest.raises(StageError, match="never moves"):
-        kinematics_dataset(scene_of(tmp_path, CIRCLE, SINE.replace("smoothing", "start = 2.0, smoothing")))
+        kinematics_values(scene_of(tmp_path, CIRCLE, SINE.replace("smoothing", "start = 2.0, smoothing")))
 
 
 def test_every_shipped_validation_scene_is_valid():

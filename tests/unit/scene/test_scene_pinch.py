@@ -3,7 +3,7 @@
 import pytest
 
 from fileio.errors import StageError
-from pipeline.kinematics.stage import kinematics_dataset
+from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
 from pipeline.stage_settings import write_settings
 from tests.conftest import ROOT, write_scene
@@ -64,13 +64,13 @@ def test_finger_0_hangs_left_of_the_plane(tmp_path, kind):
 def test_shapes_beyond_the_plane_are_refused(tmp_path):
     strokes = "[motion]\nstart_pressure_kpa = 20.0\nstrokes = [{ pressure_kpa = 0.0, start = 0.005, duration = 0.4 }]\n"
     with pytest.raises(StageError, match=r"gap of -4\.0\d mm to the plane"):
-        kinematics_dataset(write_scene(tmp_path / "a", "quarter", strokes, parent="pinch"))
+        kinematics_values(write_scene(tmp_path / "a", "quarter", strokes, parent="pinch"))
     tilted = "[finger]\ntilt_deg = 40.0\n"
     with pytest.raises(StageError, match=r"gap of -\d\.\d\d mm to the plane"):
-        kinematics_dataset(write_scene(tmp_path / "b", "quarter", tilted, parent="pinch"))
+        kinematics_values(write_scene(tmp_path / "b", "quarter", tilted, parent="pinch"))
     inside = OBJECT.format(d=0.07, y=0.18) + "[pinch]\nhalf_distance = 0.045\nresidual_gap = 0.0005\n"
     with pytest.raises(StageError, match="to the plane or the object"):
-        kinematics_dataset(
+        kinematics_values(
             write_scene(tmp_path / "c", "quarter", inside + "[finger]\ntilt_deg = 20.0", parent="pinch")
         )
 
@@ -79,8 +79,8 @@ def test_a_finger_that_curls_into_the_support_is_refused(tmp_path):
     curl = "[motion]\nstrokes = [{ pressure_kpa = 39.0, start = 0.005, duration = 0.4 }]\n"
     more = curl + SUPPORT.format(x=0.3, h=0.02, y=0.2451)
     with pytest.raises(StageError, match=r"touches the support at 1\d\d\.\d° of bend; raise"):
-        kinematics_dataset(write_scene(tmp_path / "s", "half", more + "[finger.tip]\nlength = 0.03\n"))
-    kinematics_dataset(write_scene(tmp_path / "t", "half", SUPPORT.format(x=0.3, h=0.02, y=0.245)))
+        kinematics_values(write_scene(tmp_path / "s", "half", more + "[finger.tip]\nlength = 0.03\n"))
+    kinematics_values(write_scene(tmp_path / "t", "half", SUPPORT.format(x=0.3, h=0.02, y=0.245)))
 
 
 def test_the_residual_gap_redoes_the_motion_and_no_settings_else(tmp_path):

@@ -1,0 +1,29 @@
+"""Write the tables of docs/formats.md from the formats' schemas: python -m fileio.formats (a test keeps them equal)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fileio.atomic import write_text
+from fileio.formats import kinematics
+from fileio.schema import Schema, markdown
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
+SCHEMAS = (kinematics.SCHEMA,)
+
+
+def with_tables(page: str, schemas: tuple[Schema, ...] = SCHEMAS) -> str:
+    """The page with what lies between `<!-- schema: NAME -->` and `<!-- end -->` written anew; ValueError without a place."""
+    for schema in schemas:
+        before, begin, rest = page.partition(f"<!-- schema: {schema.format} -->\n")
+        _, end, after = rest.partition("<!-- end -->")
+        if not end:
+            raise ValueError(
+                f"docs/formats.md: no place for {schema.format!r}; add '<!-- schema: {schema.format} -->'"
+            )
+        page = before + begin + markdown(schema) + end + after
+    return page
+
+
+if __name__ == "__main__":
+    write_text(PAGE, with_tables(PAGE.read_text(encoding="utf-8")))

@@ -1,0 +1,137 @@
+"""What the files of an HDF5 format hold: declared once, checked wherever one is read or written, shown in docs/formats.md."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from fileio.errors import StageError
+from fileio.hdf5 import open_netcdf, whole_netcdf
+from fileio.provenance import check_version, versions
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable over `dims` ("time, axis"); an attribute where they are "-". Where `finite`, NaN and ∞ are damage."""
+
+    name: str
+    dims: str
+    units: str
+    meaning: str
+    optional: bool = False
+    finite: bool = True
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The dimensions' names."""
+        return tuple(self.dims.split(", "))
+
+    def fault(self, dataset: xr.Dataset) -> str | None:
+        """What is wrong with it in a dataset; None where nothing is."""
+        attribute = self.dims == "-"
+        if self.name not in (dataset.attrs if attribute else dataset.variables):
+            kind = "attribute" if attribute else "variable"
+            return None if self.optional else f"{kind} {self.name!r} is missing"
+        if attribute:
+            return None
+        found = dataset[self.name]
+        if found.dims != self.axes:
+            return f"{self.name!r} is over ({', '.join(map(str, found.dims))}), not ({self.dims})"
+        if self.finite and found.dtype.kind == "f" and not np.isfinite(found.values).all():
+            return f"{self.name!r} holds NaN or infinite values"
+        return None
+
+
+@dataclass(frozen=True)
+class Schema:
+    """A format's name and version, what the root of its files and each group hold, and what to do with a file of no use."""
+
+    format: str
+    version: int
+    remedy: str
+    root: tuple[Variable, ...]
+    group: tuple[Variable, ...] = ()
+
+    def check(self, dataset: xr.Dataset, path: Path, group: bool = False) -> None:
+        """StageError where a dataset is not of this format and version, or a variable is missing or wrong."""
+        check_version(dataset.attrs, path, self.format, self.version, self.remedy)
+        for variable in self.group if group else self.root:
+            fault = variable.fault(dataset)
+            if fault:
+                raise StageError(f"{path}: {fault}; {self.remedy}")
+
+    def read(self, path: Path, group: str | None = None) -> xr.Dataset:
+        """A file's root, or a group of it with the root's attributes, loaded and checked.
+
+        StageError in one sentence where the file is missing, damaged, of another format or version, or incomplete.
+        """
+        if not path.exists():
+            raise StageError(f"{path}: missing; {self.remedy}")
+        try:
+            dataset = open_netcdf(path, load=True)
+            self.check(dataset, path)
+            dataset.close()
+            if group is None:
+                return dataset
+            part = open_netcdf(path, load=True, group=group)
+        except StageError:
+            raise
+        except ValueError as error:
+            raise StageError(f"{error}; {self.remedy}") from None
+        part = part.assign_attrs(dataset.attrs | part.attrs)
+        self.check(part, path, group=True)
+        part.close()
+        return part
+
+    def write(
+        self,
+        path: Path,
+        values: Mapping[str, Any],
+        groups: Mapping[str, Mapping[str, Any]] | None = None,
+        *,
+        instead_of_pa: str = "Pa",
+    ) -> None:
+        """Write a file, whole or not at all, from its variables and attributes by name, and those of its `groups`.
+
+        `instead_of_pa`: the unit of what takes the place of the pressure.
+        """
+        common = {"format": self.format, "format_version": self.version, "versions": json.dumps(versions())}
+        root = _dataset(self.root, values, instead_of_pa).assign_attrs(common)
+        self.check(root, path)
+        parts = {name: _dataset(self.group, part, instead_of_pa) for name, part in (groups or {}).items()}
+        for part in parts.values():
+            self.check(part.assign_attrs(root.attrs | part.attrs), path, group=True)
+        whole_netcdf(root, path, parts)
+
+
+def _dataset(declared: tuple[Variable, ...], values: Mapping[str, Any], unit: str) -> xr.Dataset:
+    known = {variable.name: variable for variable in declared}
+    variables = {
+        name: (v.axes, value, {"units": v.units.replace("Pa", unit), "long_name": v.meaning})
+        for name, value in values.items()
+        if (v := known[name]).dims != "-"
+    }
+    return xr.Dataset(variables, attrs={n: value for n, value in values.items() if known[n].dims == "-"})
+
+
+def markdown(schema: Schema) -> str:
+    """The schema as tables of docs/formats.md."""
+    text = f'`format = "{schema.format}"`, version {schema.version}\n'
+    for title, declared in (("", schema.root), ("Each group:\n\n", schema.group)):
+        attributes = "| attribute | units | |\n|---|---|---|\n"
+        variables = "| variable | dimensions | units | |\n|---|---|---|---|\n"
+        for v in declared:
+            meaning = ("optional: " if v.optional else "") + v.meaning
+            if v.dims == "-":
+                attributes += f"| `{v.name}` | {v.units} | {meaning} |\n"
+            else:
+                variables += f"| `{v.name}` | {v.dims} | {v.units} | {meaning} |\n"
+        tables = [table for table in (variables, attributes) if table.count("\n") > 2]
+        text += "\n" + title + "\n".join(tables) if tables else ""
+    return text
