@@ -16,109 +16,108 @@ MAKEFLAGS += -j$(JOBS)
 
 SHELL  := /bin/sh
 PY     := .venv/bin/python
-SCENES := $(patsubst $(CASES)/%/scene.toml,%,$(wildcard $(CASES)/*/scene.toml))
 SCENE  ?= single_finger
+SCENES := $(patsubst $(CASES)/%/scene.toml,%,$(wildcard $(CASES)/*/scene.toml))
 # scenes that a comparison with a laboratory made: runs beside the nominal one
-RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(wildcard $(addprefix $(CASES)/*/out/*/,inputs/*/scene.toml virtual/*/scene.toml \
-            lab/*/measured/scene.toml lab/*/measured/out/*/inputs/*/scene.toml)))
-STAGES := kinematics mesh case run sheet images piv vortices compare report
+MADE   := $(addprefix $(CASES)/*/out/*/,inputs/* virtual/* lab/*/measured lab/*/measured/out/*/inputs/*)
+RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(wildcard $(addsuffix /scene.toml,$(MADE))))
+ALL    := $(SCENES) $(RUNS)
 READY  := .venv/.ready
 FLAGS  := $(if $(QUIET),--quiet)
 
+include fileio/stages.mk
+include postprocess/lab/compare.mk
+
+USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs \
+    compare compare-measured virtual-lab virtual-lab-study validate convergence clean clean-all bench-piv \
+    piv-limits bench-steps stability faults fuzz
+OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS)))
 .SUFFIXES:
 .SECONDARY:
-.PHONY: help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare compare-measured virtual-lab virtual-lab-study lab-register lab-sheets study-sheets validate convergence clean clean-all bench-piv piv-limits bench-steps stability faults fuzz $(SCENES) $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd))
+.DEFAULT_GOAL := help
+.PHONY: $(USER_TARGETS) $(OF_SCENES) lab-register lab-sheets study-sheets
 
 help: ## this list
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"
 	@echo "    SCENE: $(SCENES)"
-	@echo "    LEVEL: smoke (2-D, seconds), coarse (default), medium, fine;  NP: MPI ranks, now $(NP)"
-	@echo "make SCENE ACCURACY=12%        the cheapest measured setting within 12 %; BUDGET=10min: the most accurate within it"
-	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]; or HOSTS=hosts.txt; COLLATED=1: few files"
-	@echo "make SCENE.STAGE               up to one stage: $(STAGES)"
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
+	@echo "    LEVEL: smoke (2-D, minutes), coarse (default: half an hour), medium (hours), fine (a day)"
+	@echo "    NP: MPI ranks, now $(NP); HOSTS=hosts.txt: on those machines; COLLATED=1: few files"
+	@echo "make SCENE ACCURACY=12%        the cheapest measured setting within 12 %;"
+	@echo "make SCENE BUDGET=10min        the most accurate within the time"
+	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]"
+	@echo "make SCENE.STAGE               up to one stage:"
+	@$(foreach s,$(STAGES),printf '    %-14s %s\n' $(s) "$(ABOUT.$(s))";)
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' \
+	    | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
 
 setup: $(READY) ## Python environment and OpenFOAM, where missing
 $(READY): requirements.lock pipeline/setup.sh
 	@sh pipeline/setup.sh
 	@touch $@
 
-# One set of rules per scene. Every stage depends on the files of the stages before it and on its own settings, which are
-# rewritten only when their content changes: touching one number redoes only what follows from it. Python files are no
-# prerequisites: editing them does not solve again (make clean does).
-# Every stage gives its files their names when they are whole: make need not, and after a kill or beside a second make must
-# not, delete them.
+# Rules of a scene $(1), whose results lie in $(2), and of its stage $(3). A stage depends on the files of the stages before
+# it and on its own settings, which are rewritten only when their content changes: touching one number redoes only what
+# follows from it. Python files are no prerequisites: editing them does not solve again (make clean does).
+# A stage gives its files their names when they are whole: make must not delete them, after a kill or beside another make.
+RANKS   = --ranks $(NP) $(if $(HOSTS),--hosts $(HOSTS)) $(if $(COLLATED),--collated)
+THREADS = --threads $(JOBS)
+# what a scene may be made of, before its settings say so
+INHERITED := $(wildcard cases/*/scene.toml cases/*/*.csv cases/*/kinematics/* cases/_base cases/_base/* cases/_base/*/*)
 define scene_rules
-.PRECIOUS: $(addprefix $(2)/,kinematics.h5 planform.h5 sweep.h5 run/run.json sheet.h5 images.h5 piv.h5 vortices_cfd.csv vortices_piv.csv comparison.json report.html)
-ifneq ($(ACCURACY)$(BUDGET),)
-# the cheapest setting that was measured to reach it (docs/tradeoff.md), in a folder of its own
-$(1): $(READY)
-	@set -e; found=$$$$($(PY) -m pipeline.study.ask_accuracy cases/$(1) $(if $(ACCURACY),--accuracy "$(ACCURACY)",--budget "$(BUDGET)")); \
-	set -- $$$$found; $$(MAKE) --no-print-directory CASES=cases/$(1)/out/studies/asked LEVEL=$$$$2 NP=$$$$3 ACCURACY= BUDGET= $$$$1$(if $(SLURM),,; \
-	$(PY) -m pipeline.study.ask_accuracy cases/$(1) --after)
-else ifneq ($(SLURM),)
-$(1): $(READY)
-	@$(PY) -m pipeline.study.slurm $(CASES)/$(1) --level $(LEVEL) $(if $(filter file,$(origin NP)),,--ranks $(NP)) --submit $(if $(MINUTES),--minutes $(MINUTES)) $(if $(NODES),--nodes $(NODES)) $(if $(PARTITION),--partition $(PARTITION)) $(if $(ACCOUNT),--account $(ACCOUNT)) $(if $(COLLATED),--collated) $(FLAGS)
-else
-$(1): $(1).report
-	@echo "report: $$(abspath $(CASES)/$(1)/out/$(LEVEL)/report.html)"
-endif
-$(1).kinematics: $(2)/kinematics.h5
-$(1).mesh: $(2)/planform.h5
-$(1).case: $(2)/sweep.h5
-$(1).run: $(2)/run/run.json
-$(1).sheet: $(2)/sheet.h5
-$(1).images: $(2)/images.h5
-$(1).piv: $(2)/piv.h5
-$(1).cfd: $(2)/vortices_cfd.csv
-$(1).vortices: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv
-$(1).compare: $(2)/comparison.json
-$(1).report: $(2)/report.html
-
-$(2)/settings/.stamp: $(wildcard cases/*/scene.toml cases/*/*.csv cases/*/kinematics/* cases/_base cases/_base/* cases/_base/*/* $(CASES)/$(1)/scene.toml) | $(READY)
-	@$(PY) -m pipeline.stage_settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
+.PRECIOUS: $(foreach s,$(STAGES),$(2)/$(FILE.$(s)))
+$(2)/settings/.stamp: $(INHERITED) $(CASES)/$(1)/scene.toml | $(READY)
+	@$(PY) -m pipeline settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/settings/%.json: $(2)/settings/.stamp
 	@:
-$(2)/kinematics.h5: $(2)/settings/kinematics.json
-	$(PY) -m pipeline.kinematics.stage $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
-$(2)/planform.h5: $(2)/kinematics.h5 $(2)/settings/mesh.json
-	$(PY) -m pipeline.mesh.stage $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
-$(2)/sweep.h5: $(2)/planform.h5 $(2)/settings/case.json
-	$(PY) -m pipeline.case $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
-$(2)/run/run.json: $(2)/sweep.h5
-	$(PY) -m pipeline.run.stage $(CASES)/$(1) --level $(LEVEL) --ranks $(NP) $(if $(HOSTS),--hosts $(HOSTS)) $(if $(COLLATED),--collated) $(FLAGS)
-$(2)/sheet.h5: $(2)/run/run.json $(2)/settings/sheet.json
-	$(PY) -m pipeline.sheet $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
-$(2)/images.h5: $(2)/sheet.h5 $(2)/settings/images.json
-	$(PY) -m fileio.cost $(2)/costs/images.json -- $(PY) -m piv render $$< -o $$@ --settings $(2)/settings/images.json $(FLAGS)
-$(2)/piv.h5: $(2)/images.h5 $(2)/settings/piv.json
-	$(PY) -m fileio.cost $(2)/costs/piv.json -- $(PY) -m piv correlate $$< -o $$@ --threads $(JOBS) --settings $(2)/settings/piv.json $(FLAGS)
-$(2)/vortices_cfd.csv: $(2)/sheet.h5 $(2)/settings/vortices.json
-	$(PY) -m fileio.cost $(2)/costs/vortices_cfd.json -- $(PY) -m piv vortices $$< -o $$@ --threads $(JOBS) --settings $(2)/settings/vortices.json $(FLAGS)
-$(2)/vortices_piv.csv: $(2)/piv.h5 $(2)/settings/vortices.json
-	$(PY) -m fileio.cost $(2)/costs/vortices_piv.json -- $(PY) -m piv vortices $$< -o $$@ --threads $(JOBS) --settings $(2)/settings/vortices.json $(FLAGS)
-$(2)/comparison.json: $(2)/vortices_cfd.csv $(2)/vortices_piv.csv $(wildcard $(CASES)/$(1)/reference/*) $(3)
-	$(PY) -m postprocess.compare.stage $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
-$(2)/report.html: $(2)/comparison.json $(2)/settings/report.json
-	$(PY) -m postprocess.report.figures $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
-	$(PY) -m postprocess.report.stage $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
+$(2)/$(FILE.compare): $(wildcard $(CASES)/$(1)/reference/*)
+$(foreach g,$(GROUPS),$(1).$(g): $(addprefix $(1).,$(OF.$(g))))
 endef
-# A pinch is compared with the single finger at the same level, where that was run; make single_finger first.
-SINGLE := $(wildcard cases/single_finger/out/$(LEVEL)/vortices_*.csv)
-$(foreach s,$(SCENES) $(RUNS),$(eval $(call scene_rules,$(s),$(CASES)/$(s)/out/$(LEVEL),$(if $(findstring pinch,$(s)),$(SINGLE)))))
-# the files that each scene was made of when its settings were written, wherever they lie
-include $(wildcard $(foreach s,$(SCENES) $(RUNS),$(CASES)/$(s)/out/$(LEVEL)/settings/.files.mk))
+define stage_rules
+$(1).$(3): $(2)/$(FILE.$(3))
+$(2)/$(FILE.$(3)): $(addprefix $(2)/,$(NEEDS.$(3)))
+	$(PY) -m pipeline $(3) $(CASES)/$(1) --level $(LEVEL) $(OPTIONS.$(3)) $(FLAGS)
+endef
+$(foreach s,$(ALL),$(eval $(call scene_rules,$(s),$(CASES)/$(s)/out/$(LEVEL))))
+$(foreach s,$(ALL),$(foreach t,$(STAGES),$(eval $(call stage_rules,$(s),$(CASES)/$(s)/out/$(LEVEL),$(t)))))
+# what each scene was made of when its settings were written, wherever it lies, and what it is compared with
+include $(wildcard $(foreach s,$(ALL),$(CASES)/$(s)/out/$(LEVEL)/settings/.files.mk))
 
+# Studies: many runs by Snakemake, in an environment of its own; everything that computes stays in .venv.
+# By Slurm: a job that is cut off at its time limit is submitted again for twice the time, and its solver resumes.
+STUDY_READY := .venv-study/.ready
+SNAKEFLAGS  ?=
+SNAKEMAKE    = .venv-study/bin/snakemake -s pipeline/study/Snakefile $(SNAKEFLAGS)
+RETRIES     ?= 5
+PLACE       := $(if $(PARTITION),slurm_partition=$(PARTITION)) $(if $(ACCOUNT),slurm_account=$(ACCOUNT))
+OF_RUN      := $(if $(NODES),run:nodes=$(NODES)) $(if $(MINUTES),run:runtime=$(MINUTES))
+IN_SLURM    := $(if $(strip $(PLACE)),--default-resources $(PLACE)) $(if $(strip $(OF_RUN)),--set-resources $(OF_RUN))
+EXECUTOR    := $(if $(SLURM),--executor slurm -j100 --retries $(RETRIES) $(IN_SLURM),-j$(JOBS))
+empty :=
+comma := ,
+ONLY  = $(if $(STUDIES),only=$(subst $(empty) $(empty),$(comma),$(strip $(STUDIES))))
+
+# A whole scene: at once, at the cheapest setting that was measured to be as accurate (docs/tradeoff.md), or by Slurm.
+ifneq ($(ACCURACY)$(BUDGET),)
+ASKED = cases/$@ $(if $(ACCURACY),--accuracy "$(ACCURACY)",--budget "$(BUDGET)")
+$(ALL): $(READY)
+	+@set -e; found=$$($(PY) -m pipeline choose $(ASKED)); set -- $$found; \
+	$(MAKE) --no-print-directory CASES=cases/$@/out/studies/asked LEVEL=$$2 NP=$$3 ACCURACY= BUDGET= $$1; \
+	$(PY) -m pipeline choose cases/$@ --after
+else ifneq ($(SLURM),)
+$(ALL): $(STUDY_READY)
+	+$(SNAKEMAKE) $(EXECUTOR) --config run=$(CASES)/$@ level=$(LEVEL) ranks=$(NP)
+else
+$(ALL): %: %.report
+	@echo "report: $(abspath $(CASES)/$*/out/$(LEVEL)/report.html)"
+endif
 ifneq ($(SLURM),)
-ifneq ($(filter $(foreach s,$(SCENES) $(RUNS),$(addprefix $(s).,$(STAGES) cfd)),$(MAKECMDGOALS)),)
-$(error SLURM=1 goes with a whole scene, as make pinch SLURM=1, or with a study; single stages run on this machine, without it)
+ifneq ($(filter $(filter-out $(ALL),$(OF_SCENES)),$(MAKECMDGOALS)),)
+$(error SLURM=1 goes with a whole scene, as make pinch SLURM=1, or with a study, not with a single stage)
 endif
 endif
-
-include postprocess/lab/compare.mk
 
 fea: $(READY) ## bending analysis of the actuator of SCENE (single_finger): cases/SCENE/kinematics/states.h5
-	$(PY) -m pipeline.fea cases/$(SCENE)
+	$(PY) -m pipeline fea cases/$(SCENE) --level $(LEVEL) $(FLAGS)
 
 bench-piv: piv-limits ## PIV against its peers (own environment), and its limits; every table of docs/piv_benchmarks.md
 	$(PY) -m tests.studies.piv.benchmark --docs
@@ -135,24 +134,13 @@ fuzz: $(READY) ## damaged files for every reader, with atheris where it is insta
 	$(PY) -m tests.studies.fuzz --table docs/stability/fuzz.csv
 	$(PY) -m tests.studies.stability.page
 
-# The level that each scene's page is made at. One after the other: each solver takes all ranks, and a pinch is compared with
-# the single finger at its level.
-DOCS ?= single_finger:coarse single_deflate:coarse cycle:coarse pinch:medium
-docs: | $(READY) ## pages and pictures of the docs that come from runs (hours; one page: DOCS=pinch:medium)
-	+set -e; for page in $(DOCS); do scene=$${page%:*}; level=$${page#*:}; run="$(MAKE) --no-print-directory LEVEL=$$level"; \
-	case $$scene in *pinch*) $$run single_finger.vortices;; esac; \
-	$$run $$scene.report; $(PY) -m postprocess.report.docs_page cases/$$scene --level $$level; done
+# scene:level of each page, and the scene it is compared with, run first. One after the other: each takes all ranks.
+DOCS ?= single_finger:coarse single_deflate:coarse cycle:coarse pinch:medium:single_finger
+docs: | $(READY) ## pages and pictures of the docs that come from runs (hours; one page: DOCS=cycle:coarse)
+	+set -e; IFS=:; for page in $(DOCS); do set -- $$page; run() { $(MAKE) --no-print-directory LEVEL=$$2 $$1; }; \
+	[ -z "$$3" ] || run $$3.vortices $$2; run $$1.report $$2; $(PY) -m postprocess docs-page cases/$$1 --level $$2; done
 	$(PY) -m tests.studies.pictures.vortices docs/vortices.png
 	$(PY) -m tests.studies.pictures.synthetic docs/synthetic.png
-
-# Studies: many runs by Snakemake, in an environment of its own; everything that computes stays in .venv.
-STUDY_READY := .venv-study/.ready
-SNAKEFLAGS  ?=
-SNAKEMAKE    = .venv-study/bin/snakemake -s pipeline/study/Snakefile $(SNAKEFLAGS)
-EXECUTOR    := $(if $(SLURM),--executor slurm -j100 --retries 3,-j$(JOBS))
-empty :=
-comma := ,
-ONLY  = $(if $(STUDIES),only=$(subst $(empty) $(empty),$(comma),$(strip $(STUDIES))))
 
 $(STUDY_READY): requirements-study.lock | $(READY)
 	.venv/bin/python -m venv .venv-study
@@ -161,22 +149,24 @@ $(STUDY_READY): requirements-study.lock | $(READY)
 
 study: $(STUDY_READY) ## the runs of a table: make study STUDY=my_table.csv [SCENE=..] [STUDIES="some runs"] [SLURM=1]
 	$(if $(STUDY),,$(error give the table: make study STUDY=cases/single_finger/studies/tradeoff.csv))
-	+$(SNAKEMAKE) $(EXECUTOR) --config study=$(STUDY) $(ONLY) $(if $(filter command line,$(origin SCENE)),scene=cases/$(SCENE))
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=$(STUDY) $(ONLY) \
+	    $(if $(filter command line,$(origin SCENE)),scene=cases/$(SCENE))
 
 tradeoff: $(STUDY_READY) ## what accuracy costs: the study of SCENE (single_finger), docs/tradeoff.md and docs/tradeoff/
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/$(SCENE)/studies/tradeoff.csv
-	$(PY) -m postprocess.studies.tradeoff cases/$(SCENE)/out/studies/tradeoff/plan.json
+	$(PY) -m postprocess tradeoff cases/$(SCENE)/out/studies/tradeoff/plan.json
 
 fea-studies: $(STUDY_READY) ## studies over wedge, width and materials: cases/single_finger/kinematics/studies
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/bending.csv
-	$(PY) -m pipeline.fea.studies.studies
+	$(PY) -m pipeline fea-studies
 
+VARIED := cases/pinch/out/studies/variations/plan.json
 pinch-studies: $(STUDY_READY) ## studies of the pinch (STUDIES="gap1 gap2": only some): docs/pinch_studies.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/variations.csv $(ONLY); made=$$?; \
-	$(PY) -m postprocess.studies.judge cases/pinch/out/studies/variations/plan.json --words cases/pinch/studies/variations.md -o docs/pinch_studies \
+	$(PY) -m postprocess judge $(VARIED) --words cases/pinch/studies/variations.md -o docs/pinch_studies \
 	&& exit $$made # a run that was stopped is named on the page, and in the exit code
 
-bench-steps: $(READY) ## a time step on moving and static mesh, 1 and 2 ranks, with and without samples: docs/tradeoff/steps.csv
+bench-steps: $(READY) ## a time step on moving and static mesh, 1 and 2 ranks: pipeline/study/steps.csv
 	$(PY) -m tests.studies.step_cost --level $(LEVEL)
 
 validate: $(STUDY_READY) ## flows of known answer through the project's own stages: docs/verification.md
@@ -193,10 +183,10 @@ stability: $(STUDY_READY) ## runs and images at the extremes: docs/stability.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/stability.csv
 	$(PY) -m tests.studies.stability
 
-predict: cases/$(SCENE)/out/$(LEVEL)/sweep.h5 ## hours of SCENE at LEVEL on 1 to 256 ranks, and how many ranks pay
-	@$(PY) -m pipeline.study.predict cases/$(SCENE) --level $(LEVEL)
+predict: cases/$(SCENE)/out/$(LEVEL)/$(FILE.case) ## hours of SCENE at LEVEL on 1 to 256 ranks, and how many ranks pay
+	@$(PY) -m pipeline predict cases/$(SCENE) --level $(LEVEL)
 
-test-slurm: $(STUDY_READY) ## a real Slurm of one node, started and stopped by the test (slurm-wlm, root); log in docs/cluster.md
+test-slurm: $(STUDY_READY) ## a real Slurm of one node, started and stopped by the test (slurm-wlm, root)
 	$(PY) -m pytest tests/slurm -p no:cacheprovider -s
 
 lint: $(READY) ## ruff, mypy and the import rules

@@ -1,27 +1,85 @@
-"""Failures as one sentence, for every command line."""
+"""Command lines: subcommands by name, failures as one sentence, exit codes 0, 2 (bad input) and 130 (interrupted)."""
 
 from __future__ import annotations
 
+import argparse
 import sys
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from importlib import import_module, metadata
+from pathlib import Path
 from typing import Any
 
-from fileio.errors import StageError, sentence
+from fileio.errors import StageError, sentence, system_error
+
+# name: what it does, and where `run(args)` and, where it takes arguments, `add_arguments(parser)` are: a module or an object
+Commands = Mapping[str, tuple[str, Any]]
 
 
-def guarded(stage: str, action: Callable[[], Any]) -> None:
-    """Run `action`; a foreseeable failure becomes one sentence and exit code 2, an interrupt 130."""
+def version() -> str:
+    """Of the installed package, or of the checkout."""
     try:
-        action()
-    except StageError as error:
-        print(f"{stage}: {error}", file=sys.stderr)
-        sys.exit(2)
+        return metadata.version("softfinger-piv")
+    except metadata.PackageNotFoundError:
+        project = Path(__file__).resolve().parents[1] / "pyproject.toml"
+        return str(tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"])
+
+
+def add_scene(parser: argparse.ArgumentParser) -> None:
+    """Arguments of every command that works on a scene at one level."""
+    parser.add_argument("scene", type=Path, help="folder of the scene, as cases/single_finger")
+    parser.add_argument("--level", default="coarse", help="level of the scene (default: %(default)s)")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def guarded(name: str, action: Callable[[], int | None], strict: bool = False) -> int:
+    """Exit code of `action`; a foreseeable failure becomes one sentence that begins with `name`.
+
+    `strict`: a ValueError that is neither a StageError nor the system's is a defect, with its traceback.
+    """
+    try:
+        return action() or 0
+    except KeyboardInterrupt:
+        print(f"{name}: interrupted; run it again to go on: what is finished is kept", file=sys.stderr)
+        return 130
     except Exception as error:
-        message = sentence(error) if isinstance(error, OSError | RuntimeError | MemoryError) else None
+        defect = strict and isinstance(error, ValueError) and not isinstance(error, StageError)
+        message = None if defect and system_error(error) is None else sentence(error)
         if message is None:
             raise
-        print(f"{stage}: {message}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print(f"{stage}: interrupted; run make again to go on", file=sys.stderr)
-        sys.exit(130)
+        print(f"{name}: {message}", file=sys.stderr)
+        return 2
+
+
+def command_line(
+    program: str,
+    doc: str | None,
+    commands: Commands,
+    argv: list[str] | None = None,
+    around: Callable[[argparse.Namespace], AbstractContextManager[Any]] = lambda args: nullcontext(),
+    prefix: str = "",
+    strict: bool = False,
+) -> int:
+    """Run the subcommand that is asked for, within `around(args)`; returns the exit code.
+
+    Only that one's module is imported: the others' libraries are slow to load.
+    """
+    parser = argparse.ArgumentParser(prog=program, description=doc)
+    parser.add_argument("--version", action="version", version=version())
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="command")
+    given = sys.argv[1:] if argv is None else argv
+    found: Any = None
+    for name, (about, where) in commands.items():
+        sub = subparsers.add_parser(name, help=about, description=about)
+        if given and given[0] == name:
+            found = import_module(where) if isinstance(where, str) else where
+            if hasattr(found, "add_arguments"):
+                found.add_arguments(sub)
+    args = parser.parse_args(given)
+
+    def action() -> int | None:
+        with around(args):
+            return found.run(args)
+
+    return guarded(prefix + args.command, action, strict)

@@ -1,23 +1,14 @@
-"""What a stage cost, in costs/<stage>.json; also as a command around one that keeps no account of its own.
-
-Command: python -m fileio.cost cases/single_finger/out/coarse/costs/piv.json -- python -m piv correlate …
-"""
+"""What a stage cost, in costs/<stage>.json."""
 
 from __future__ import annotations
 
 import json
 import resource
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from fileio.atomic import write_text
-from fileio.errors import sentence
 
 
 @dataclass(frozen=True)
@@ -47,32 +38,3 @@ def record_cost(path: Path, stage: str, wall_time: float, earlier: Spent = NOTHI
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     write_text(path, json.dumps(cost, indent=1) + "\n")
-
-
-def main(argv: list[str]) -> int:
-    """Run the command after `--`; its exit code is passed on, and a cost is recorded of what ended well."""
-    if len(argv) < 3 or argv[1] != "--":
-        print("usage: python -m fileio.cost PATH.json -- COMMAND …", file=sys.stderr)
-        return 2
-    begin = time.monotonic()
-    code = subprocess.run(argv[2:]).returncode
-    if code == 0:
-        path = Path(argv[0])
-        try:
-            record_cost(path, path.stem, time.monotonic() - begin)
-        except OSError as error:
-            print(f"costs: {sentence(error)}", file=sys.stderr)
-            return 2
-    return code
-
-
-@contextmanager
-def cost_recorded(out: Path, stage: str) -> Iterator[None]:
-    """Record the cost in costs/<stage>.json of the folder `out` when the block ends well."""
-    begin = time.monotonic()
-    yield
-    record_cost(out / "costs" / f"{stage}.json", stage, time.monotonic() - begin)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -22,7 +22,6 @@ from pipeline.openfoam.base_case import BASE, template_files
 from pipeline.openfoam.covering_columns import covering_cells
 from pipeline.openfoam.displacement_files import steps_of, time_name
 from pipeline.openfoam.foamfile import write_bytes
-from pipeline.scene.command import run_stage
 from pipeline.scene.scene import Scene
 from pipeline.stage_settings import settings_of
 
@@ -224,7 +223,3 @@ def run(scene: Scene, quiet: bool = False) -> None:
     if not quiet:
         cells = [columns[interval.name].sizes["cell"] for interval in intervals]
         print(f"case: {' + '.join(map(str, cells))} cells in {folder}")
-
-
-if __name__ == "__main__":
-    run_stage("case", __doc__, run)

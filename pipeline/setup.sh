@@ -55,5 +55,5 @@ if ! command -v pimpleFoam >/dev/null && [ -z "${WM_PROJECT_DIR:-}" ]; then
     echo "setup: OpenFOAM"
     install openfoam
 fi
-.venv/bin/python -m pipeline.openfoam.environment
+.venv/bin/python -m pipeline openfoam
 rm -f .setup.log

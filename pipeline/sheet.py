@@ -14,18 +14,15 @@ import shapely
 from tqdm import tqdm
 
 from fileio.atomic import whole
-from fileio.command import guarded
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
 from fileio.formats.plane_series import FORMAT, FORMAT_VERSION, UNITS
 from fileio.hdf5_disk import Disk
-from fileio.lock import exclusive
 from fileio.provenance import digest, versions
 from pipeline.openfoam.surface_vtk import read_surface
-from pipeline.scene.command import parser, timed
 from pipeline.scene.measurement import Camera
-from pipeline.scene.scene import Scene, load_scene
+from pipeline.scene.scene import Scene
 from pipeline.stage_settings import settings_of
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
@@ -68,7 +65,7 @@ def sampled_planes(case: Path, intervals: tuple[Interval, ...]) -> list[tuple[fl
             (float(f.name), f / "sheet.vtk") for f in folder.glob("*") if (f / "sheet.vtk").exists()
         )
         if not times:
-            raise StageError(f"{folder}: the solver wrote no sheet; run python -m pipeline.run.stage first")
+            raise StageError(f"{folder}: the solver wrote no sheet; run the stage 'run' first")
         found += [
             (time, path) for time, path in times if time > interval.start + 1e-9
         ]  # not what its overlap repeats
@@ -132,8 +129,16 @@ def frames(
 View = tuple[float, float, float, float]
 
 
-def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path | None = None) -> None:
-    """Write sheet.h5 frame by frame; `view` (m) in place of the camera's, to another file `path`."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the stage: another view, for a laboratory's camera."""
+    parser.add_argument("--view", nargs=4, type=float, metavar=("X0", "X1", "Y0", "Y1"), help="m; needs -o")
+    parser.add_argument("-o", "--output", type=Path, help="file to write in place of sheet.h5")
+
+
+def run(scene: Scene, quiet: bool = False, view: View | None = None, output: Path | None = None) -> None:
+    """Write sheet.h5 frame by frame; `view` (x0, x1, y0, y1 in m) in place of the camera's, to another file `output`."""
+    if (view is None) != (output is None):
+        raise StageError("--view and --output belong together: another view goes to another file")
     kinematics = read_kinematics(scene.out / "kinematics.h5")
     if view is None:
         x, y = sheet_axes(scene.camera, scene.sheet.spacing, symmetric=kinematics.mirror)
@@ -141,7 +146,7 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, path: Path 
         reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet has as much on either side
         x, y = view_axes((-reach, reach, *view[2:]) if kinematics.mirror else view, scene)
     count = len(sampled_planes(scene.out / "case", read_intervals(scene.out)))
-    path = path or scene.out / "sheet.h5"
+    path = output or scene.out / "sheet.h5"
     with whole(path) as part, Disk(part, "w") as disk, h5netcdf.File(disk, "w") as file:
         fingers = 2 if kinematics.mirror else 1
         file.dimensions = {"time": count, "y": len(y), "x": len(x), "finger": fingers, "axis": 2}
@@ -196,30 +201,3 @@ def _create(file: h5netcdf.File, fields: dict[str, np.ndarray]) -> None:
             name, ("axis",)
         )
         _variable(file, name, ("time", "finger", *axes), np.float64)
-
-
-def other_view(args: argparse.Namespace) -> None:
-    """Write the sheet over `args.view` to the file `args.output`, one command at a time."""
-    args.output.parent.mkdir(parents=True, exist_ok=True)
-    with exclusive(args.output):
-        run(load_scene(args.scene, args.level), args.quiet, tuple(args.view), args.output)
-
-
-def main() -> None:
-    """Command line: the scene's own sheet, or another view of it for a laboratory's camera."""
-    arguments = parser("sheets", __doc__)
-    arguments.add_argument(
-        "--view", nargs=4, type=float, metavar=("X0", "X1", "Y0", "Y1"), help="m; needs -o"
-    )
-    arguments.add_argument("-o", "--output", type=Path, help="file to write in place of sheet.h5")
-    args = arguments.parse_args()
-    if (args.view is None) != (args.output is None):
-        arguments.error("--view and --output belong together: another view goes to another file")
-    if args.view is None:
-        guarded("sheets", lambda: timed("sheets", args, run))
-    else:
-        guarded("sheets", lambda: other_view(args))
-
-
-if __name__ == "__main__":
-    main()

@@ -2,40 +2,28 @@
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import json
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from fileio.atomic import write_text
-from fileio.command import guarded
+from fileio.command import add_scene as add_arguments  # noqa: F401 (of the command)
 from fileio.errors import StageError
 from fileio.lock import exclusive, held
+from fileio.stages import BY_NAME, STAGES
 from pipeline.fea.up_to_date import check_states
 from pipeline.openfoam.base_case import templates_digest
-from pipeline.scene.command import parser
 from pipeline.scene.measurement import piv_settings, render_settings
 from pipeline.scene.read_toml import read_layers, resolve
-from pipeline.scene.scene import Scene
+from pipeline.scene.scene import Scene, load_scene
 
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
-STAGE_SECTIONS: dict[str, Any] = {
-    "kinematics": {"tank", "finger", "body", "pinch", "support", "motion"},
-    # an interval begins with a picture of the sheet, and its planform's shapes cover an overlap of so many time steps
-    "mesh": {"mesh": True, "model": True, "support": True, "numerics": {"time_step"}, "sheet": {"rate_hz"}},
-    # the solver needs no more of the sheet than this: a finer grid does not solve again
-    "case": {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
-    "run": set(),
-    "sheet": {"sheet": {"spacing"}, "camera": {"columns", "rows", "scale_mm_per_px", "centre"}},
-    "images": {"camera", "sheet"},
-    "piv": {"piv"},
-    "vortices": {"vortices"},
-    "report": {"title"},
-}
-
-
+STAGE_SECTIONS = {stage.target: stage.sections for stage in STAGES if stage.sections}
 # The stages of piv/ know nothing of scenes: they get their own flags, by name, as a settings file.
 FLAT_SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
     "images": lambda scene: render_settings(scene.camera, scene.sheet),
@@ -83,15 +71,26 @@ def write_settings(scene: Scene) -> list[str]:
 def make_rules(scene: Scene) -> str:
     """What tells make that settings/.stamp follows from every scene.toml and file of the motion that the scene is made of.
 
-    Each is also a target of nothing, so that make does not stop where one is gone since.
+    Each is also a target of nothing, so that make does not stop where one is gone since. The comparison of a pinch follows
+    from the vortices of the single finger that it extends, at its level and where that was run.
     """
+    scenes = [layer.path for layer in read_layers(scene.folder / "scene.toml")]
     motion = [scene.folder / name for name in settings_of(scene, "kinematics")["files"]]
-    names = [re.sub(r"([\s#:%])", r"\\\1", str(path)).replace("$", "$$") for path in
-             (scene.out / "settings" / ".stamp", *(layer.path for layer in read_layers(scene.folder / "scene.toml")), *motion)]  # fmt: skip
-    return f"{names[0]}: {' '.join(names[1:])}\n" + "".join(f"{name}:\n" for name in names[1:])
+    sources = [_make_name(path) for path in (*scenes, *motion)]
+    lines = [f"{_make_name(scene.out / 'settings' / '.stamp')}: {' '.join(sources)}"]
+    lines += [f"{name}:" for name in sources]
+    if scene.pinch is not None and len(scenes) > 1:
+        single = _make_name(scenes[0].parent / "out" / scene.level)
+        done = _make_name(scene.out / BY_NAME["compare"].done)
+        lines.append(f"{done}: $(wildcard {single}/vortices_*.csv)")
+    return "\n".join(lines) + "\n"
 
 
-def run(scene: Scene, quiet: bool = False, fea_follows: bool = False) -> None:
+def _make_name(path: Path) -> str:
+    return re.sub(r"([\s#:%])", r"\\\1", os.path.normpath(path)).replace("$", "$$")
+
+
+def update_settings(scene: Scene, quiet: bool = False, fea_follows: bool = False) -> None:
     """Write settings/*.json and, for make, settings/.files.mk; touch settings/.stamp.
 
     StageError where the scene's bending states are another actuator's, unless `fea_follows`, which will make them.
@@ -118,8 +117,6 @@ def run(scene: Scene, quiet: bool = False, fea_follows: bool = False) -> None:
         print(f"settings: {', '.join(changed)} changed in {scene.folder} at level {scene.level}")
 
 
-if __name__ == "__main__":
-    from pipeline.scene.scene import load_scene
-
-    args = parser("settings", __doc__).parse_args()
-    guarded("settings", lambda: run(load_scene(args.scene, args.level), args.quiet))
+def run(args: argparse.Namespace) -> None:
+    """Command `settings`."""
+    update_settings(load_scene(args.scene, args.level), args.quiet)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import glob
-import importlib
 import sys
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
-from fileio.errors import sentence
+from fileio.command import command_line
 from fileio.lock import exclusive
 
 COMMANDS = {
@@ -43,33 +43,20 @@ def check_output(output: Path, args: argparse.Namespace) -> None:
             raise ValueError(f"{output}: is an input of this command and would be lost; give -o another name")
 
 
+@contextmanager
+def output_locked(args: argparse.Namespace) -> Iterator[None]:
+    """Hold the lock on the command's output, which is none of its inputs."""
+    output = getattr(args, "output", None)
+    if output:
+        check_output(Path(output), args)
+    with exclusive(Path(output)) if output else nullcontext():
+        yield
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run one subcommand; returns the exit code (0 good, 2 bad input, 130 interrupted)."""
-    parser = argparse.ArgumentParser(prog="python -m piv", description=__doc__)
-    subparsers = parser.add_subparsers(dest="command", required=True, metavar="command")
-    arguments = sys.argv[1:] if argv is None else argv
-    wanted = arguments[0] if arguments and arguments[0] in COMMANDS else None
-    for name, help_line in COMMANDS.items():
-        sub = subparsers.add_parser(name, help=help_line, description=help_line)
-        if name == wanted:  # import only what runs: the others' libraries are slow to load
-            importlib.import_module(f"piv.commands.{name}").add_arguments(sub)
-    args = parser.parse_args(arguments)
-    output = getattr(args, "output", None)
-    try:
-        if output:
-            check_output(Path(output), args)
-        with exclusive(Path(output)) if output else nullcontext():
-            importlib.import_module(f"piv.commands.{args.command}").run(args)
-    except Exception as error:
-        message = sentence(error)
-        if message is None:
-            raise
-        print(f"piv {args.command}: {message}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"piv {args.command}: interrupted; finished frames are kept", file=sys.stderr)
-        return 130
-    return 0
+    commands = {name: (about, f"piv.commands.{name}") for name, about in COMMANDS.items()}
+    return command_line("piv", __doc__, commands, argv, around=output_locked, prefix="piv ")
 
 
 if __name__ == "__main__":

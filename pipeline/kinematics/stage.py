@@ -13,7 +13,6 @@ from pipeline.kinematics import rigid_body as rigid
 from pipeline.kinematics.contact import closing_sentence, closing_summary, gap
 from pipeline.kinematics.finger import Kinematics, law_times, load_kinematics
 from pipeline.kinematics.shape_checks import check_shapes
-from pipeline.scene.command import run_stage
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.scene import Scene
 from pipeline.stage_settings import settings_of
@@ -125,7 +124,3 @@ def run(scene: Scene, quiet: bool = False) -> None:
         )
         if scene.pinch is not None:
             print(f"kinematics: {closing_sentence(values)}")
-
-
-if __name__ == "__main__":
-    run_stage("kinematics", __doc__, run)

@@ -26,7 +26,6 @@ from pipeline.mesh.morph import MorphError
 from pipeline.mesh.planform import build_planform, mirrored, mirrored_shapes
 from pipeline.mesh.shape_sequence import Family, between, morph_family
 from pipeline.mesh.sweep_levels import graded_layers
-from pipeline.scene.command import run_stage
 from pipeline.scene.scene import Scene
 from pipeline.scene.sections import Mesh
 from pipeline.stage_settings import settings_of
@@ -317,7 +316,3 @@ def mesh_dataset(mesh: MorphedPlanform, setting: Setting, levels: np.ndarray) ->
         coords={"shape_parameter": ("shape_parameter", family.parameter, {"units": "Pa"})},
         attrs={"corners": np.array(planform.corners).ravel()},
     )
-
-
-if __name__ == "__main__":
-    run_stage("mesh", __doc__, run)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import ctypes
 import os
@@ -125,7 +126,6 @@ def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False
     return [*mpi, "pimpleFoam", "-parallel", *(COLLATED if collated else ())]
 
 
-if __name__ == "__main__":
-    from fileio.command import guarded
-
-    guarded("setup", lambda: print(f"setup: OpenFOAM {foam_version()}"))
+def run(args: argparse.Namespace) -> None:
+    """Command `openfoam`."""
+    print(f"setup: OpenFOAM {foam_version()}")

@@ -11,7 +11,6 @@ import numpy as np
 from tqdm import tqdm
 
 from fileio.atomic import write_text
-from fileio.command import guarded
 from fileio.cost import Spent
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
@@ -26,7 +25,6 @@ from pipeline.run.checks import energy_from_nothing, guards_of
 from pipeline.run.prepare import case_state, prepare, prepared_for
 from pipeline.run.results import collect_results, copies_of
 from pipeline.run.solver import BAR, read_progress, solve
-from pipeline.scene.command import parser, timed
 from pipeline.scene.scene import Scene
 
 
@@ -64,12 +62,24 @@ def _words(ranks: Ranks) -> str:
     return f"{ranks.count} ranks" + (", collated," if ranks.collated else "")
 
 
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the stage."""
+    parser.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
+    parser.add_argument("--hosts", type=Path, help="MPI host file")
+    parser.add_argument("--collated", action="store_true", help="one file for all ranks, not one for each")
+
+
 def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
         collated: bool = False) -> Spent:  # fmt: skip
     """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns what earlier runs spent.
 
     `collated`: the ranks share their files.
     """
+    if ranks < 1:
+        raise StageError(f"--ranks {ranks}: give 1 or more")
+    if hosts is not None and not hosts.is_file():
+        raise StageError(f"--hosts {hosts}: no such file; give an MPI host file, one host per line")
+    hosts = hosts and hosts.resolve()  # the solver runs in another folder
     version = foam_version()
     earlier = Spent()
     case, end, step = scene.out / "case", scene.motion.end_time, scene.numerics.time_step
@@ -129,37 +139,3 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
             f"run: {record['wall_time']:.0f} s of solver, power balance closes to {balance['closure_fraction']:.1%}"
         )
     return earlier
-
-
-def main() -> None:
-    """Command line of the stage."""
-    arguments = parser("run", __doc__)
-    arguments.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
-    arguments.add_argument("--hosts", type=Path, help="MPI host file")
-    arguments.add_argument(
-        "--collated", action="store_true", help="one file for all ranks instead of one for each"
-    )
-    args = arguments.parse_args()
-
-    def action(scene: Scene, quiet: bool) -> Spent:
-        return run(scene, quiet, _checked_ranks(args), _checked_hosts(args), args.collated)
-
-    guarded("run", lambda: timed("run", args, action))
-
-
-def _checked_ranks(args: argparse.Namespace) -> int:
-    if args.ranks < 1:
-        raise StageError(f"--ranks {args.ranks}: give 1 or more")
-    return int(args.ranks)
-
-
-def _checked_hosts(args: argparse.Namespace) -> Path | None:
-    if args.hosts is None:
-        return None
-    if not args.hosts.is_file():
-        raise StageError(f"--hosts {args.hosts}: no such file; give an MPI host file, one host per line")
-    return Path(args.hosts.resolve())  # the solver runs in another folder
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
-"""Ask for accuracy, or for a time, not for settings: the cheapest setting measured to reach it (docs/tradeoff).
+"""Ask for accuracy, or for a time, not for settings: the cheapest setting measured to reach it (make tradeoff).
 
-Command: python -m pipeline.study.ask_accuracy cases/single_finger --accuracy 5% (make single_finger ACCURACY=5%, or BUDGET=10min)
+Command: python -m pipeline choose cases/single_finger --accuracy 5% (make single_finger ACCURACY=5%, or BUDGET=10min)
 """
 
 from __future__ import annotations
@@ -15,16 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from fileio.atomic import write_text
-from fileio.command import guarded
 from fileio.errors import StageError
 from fileio.json_text import parse_json, read_json
+from fileio.stages import BY_NAME
 from pipeline.study.machine_speed import probe
 from pipeline.study.plan import write_scenes
 from pipeline.study.table import Row, parse_cell
 
-RESULTS = Path(__file__).resolve().parents[2] / "docs" / "tradeoff"
 STUDY = "asked"
-SOLVER = ("run",)  # stages that go with the probe's solver piece; all others with its images piece
 NUMBER = r"(\d+\.?\d*|\.\d+)"
 UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
 OF_THE_STUDY = {"sheet.rate_hz"}  # varied there to save time, not as a setting
@@ -66,6 +64,11 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, float]]:
     return settings, head["probe"]
 
 
+def results_of(scene: Path) -> Path:
+    """What make tradeoff has measured of a scene."""
+    return scene / "studies" / "results" / "tradeoff.csv"
+
+
 def accuracy(text: str) -> float:
     """0.05 of "5%" or "0.05"."""
     found = re.fullmatch(rf"\s*{NUMBER}\s*(%?)\s*", text)
@@ -87,7 +90,7 @@ def predicted(setting: Setting, there: dict[str, float], here: dict[str, float])
     """CPU seconds of a setting on this machine, from those measured there and the probes of both."""
     ratio = {piece: here[piece] / there[piece] for piece in there}
     return sum(
-        seconds * ratio["solver" if stage in SOLVER else "images"]
+        seconds * ratio["solver" if BY_NAME[stage].ranks else "images"]
         for stage, seconds in setting.seconds.items()
     )
 
@@ -126,48 +129,45 @@ def spent(out: Path) -> tuple[float, float]:
     return sum(c.get("cpu_time", c["wall_time"]) for c in costs), sum(c["wall_time"] for c in costs)
 
 
-def main() -> None:
-    """Command line: choose, or say afterwards what it took."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline.study.ask_accuracy", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `choose`."""
     parser.add_argument("scene", type=Path, help="folder of the scene, as cases/single_finger")
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--accuracy", help="largest error, as 5%%")
     what.add_argument("--budget", help="longest time, as 10min")
     what.add_argument("--after", action="store_true", help="compare the time that it took with the predicted")
-    args = parser.parse_args()
+
+
+def run(args: argparse.Namespace) -> None:
+    """Command `choose`: before the run, or with --after what it took."""
     noted = args.scene / "out" / "studies" / STUDY / "choice.json"
-
-    def before() -> None:
-        settings, there = read_results(RESULTS / f"{args.scene.name}.csv")
-        here = probe()
-        times = [predicted(setting, there, here) for setting in settings]
-        index = choose(
-            settings, times,
-            accuracy(args.accuracy) if args.accuracy else None, budget(args.budget) if args.budget else None,
-        )  # fmt: skip
-        row = settings[index].row
-        write_scenes(args.scene, STUDY, [row])
-        choice = {"run": row.run, "level": row.level, "ranks": row.ranks, "error": settings[index].error,
-                  "seconds": round(times[index], 1), "probe": here}  # fmt: skip
-        write_text(noted, json.dumps(choice, indent=1) + "\n")
-        print(
-            f"choose: {row.run} (level {row.level}, {json.dumps(row.overrides)}): measured error {settings[index].error:.1%};"
-            f" about {times[index]:.0f} s of CPU on this machine",
-            file=sys.stderr,
-        )
-        print(row.run, row.level, row.ranks)  # for make
-
-    def after() -> None:
-        choice = read_json(noted, f"run make {args.scene.name} ACCURACY=… again, which writes it")
-        out = noted.parent / choice["run"] / "out" / choice["level"]
-        cpu, wall = spent(out)
-        print(
-            f"choose: took {cpu:.0f} s of CPU ({wall:.0f} s by the clock, stage by stage); predicted {choice['seconds']:.0f} s,"
-            f" {cpu / choice['seconds'] - 1:+.0%}"
-        )
-
-    guarded("choose", after if args.after else before)
+    if args.after:
+        _say_what_it_took(args.scene.name, noted)
+        return
+    settings, there = read_results(results_of(args.scene))
+    here = probe()
+    times = [predicted(setting, there, here) for setting in settings]
+    index = choose(
+        settings, times,
+        accuracy(args.accuracy) if args.accuracy else None, budget(args.budget) if args.budget else None,
+    )  # fmt: skip
+    row = settings[index].row
+    write_scenes(args.scene, STUDY, [row])
+    choice = {"run": row.run, "level": row.level, "ranks": row.ranks, "error": settings[index].error,
+              "seconds": round(times[index], 1), "probe": here}  # fmt: skip
+    write_text(noted, json.dumps(choice, indent=1) + "\n")
+    print(
+        f"choose: {row.run} (level {row.level}, {json.dumps(row.overrides)}): measured error {settings[index].error:.1%};"
+        f" about {times[index]:.0f} s of CPU on this machine",
+        file=sys.stderr,
+    )
+    print(row.run, row.level, row.ranks)  # for make
 
 
-if __name__ == "__main__":
-    main()
+def _say_what_it_took(scene: str, noted: Path) -> None:
+    choice = read_json(noted, f"run make {scene} ACCURACY=… again, which writes it")
+    cpu, wall = spent(noted.parent / choice["run"] / "out" / choice["level"])
+    print(
+        f"choose: took {cpu:.0f} s of CPU ({wall:.0f} s by the clock, stage by stage); predicted {choice['seconds']:.0f} s,"
+        f" {cpu / choice['seconds'] - 1:+.0%}"
+    )

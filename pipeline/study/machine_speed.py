@@ -1,7 +1,4 @@
-"""How fast this machine is now: seconds of CPU for two fixed pieces of work, one like the solver's, one like PIV's.
-
-Command: python -m pipeline.study.machine_speed probe.json
-"""
+"""How fast this machine is now: seconds of CPU for two fixed pieces of work, one like the solver's, one like PIV's."""
 
 from __future__ import annotations
 
@@ -60,13 +57,11 @@ def _image_work() -> Callable[[], None]:
     return work
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline.study.machine_speed", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `speed`."""
     parser.add_argument("output", type=Path, help="file to write (.json)")
-    args = parser.parse_args()
+
+
+def run(args: argparse.Namespace) -> None:
+    """Command `speed`."""
     write_text(args.output, json.dumps(probe()) + "\n")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,10 +1,8 @@
-"""Run a scene's stages to their end, whatever it is, and note it: for runs of a study that may fail.
-
-Command: python -m pipeline.study.outcome cases/…/pressure_60 --level smoke --until run (what the Snakefile calls for may_fail)
-"""
+"""Run a scene's stages to their end, whatever it is, and note it: for runs of a study that may fail."""
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import re
@@ -17,10 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from fileio.atomic import write_text
-from fileio.command import guarded
+from fileio.command import add_scene
+from fileio.stages import BY_NAME
 from pipeline.openfoam.environment import die_with_parent
-from pipeline.scene.command import parser
-from pipeline.study.reuse import MODULES
 from pipeline.study.table import MAY_FAIL_UNTIL
 
 LONGEST = 7200.0  # s of a stage, beyond which it is taken to hang
@@ -61,8 +58,8 @@ def ending(folder: Path, level: str, until: str, ranks: int) -> dict[str, Any]:
     """Run the stages up to `until`; how it ended, at which stage, why, and the CPU seconds it took."""
     found: dict[str, Any] = {"ended": "completed", "stage": until, "reason": ""}
     for stage in MAY_FAIL_UNTIL[: MAY_FAIL_UNTIL.index(until) + 1]:
-        command = [sys.executable, "-m", f"pipeline.{MODULES.get(stage, stage)}", str(folder), "--level", level, "--quiet"]  # fmt: skip
-        done = run_stage([*command, "--ranks", str(ranks)] if stage == "run" else command)
+        command = [sys.executable, "-m", "pipeline", stage, str(folder), "--level", level, "--quiet"]
+        done = run_stage(command + ["--ranks", str(ranks)] * BY_NAME[stage].ranks)
         if done is None:
             found = {"ended": "hung", "stage": stage, "reason": f"not over after {LONGEST / 60:g} minutes"}
             break
@@ -76,26 +73,21 @@ def ending(folder: Path, level: str, until: str, ranks: int) -> dict[str, Any]:
     return {"format": "ending", "format_version": 1} | found | {"cpu_s": round(used.ru_utime + used.ru_stime, 1)}  # fmt: skip
 
 
-def main() -> None:
-    """Command line. The solver's case is removed where no later stage of the run would read it."""
-    arguments = parser("ending", __doc__)
-    arguments.add_argument(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `outcome`."""
+    add_scene(parser)
+    parser.add_argument(
         "--until", choices=MAY_FAIL_UNTIL, default="run", help="last stage (default: %(default)s)"
     )
-    arguments.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
-    args = arguments.parse_args()
-
-    def action() -> None:
-        out = args.scene / "out" / args.level
-        found = ending(args.scene, args.level, args.until, args.ranks)
-        if args.until == "run":
-            shutil.rmtree(out / "case", ignore_errors=True)
-        write_text(out / NAME, json.dumps(found, indent=1) + "\n")
-        if not args.quiet:
-            print(f"ending: {found['ended']} at {found['stage']} {found['reason']}".rstrip())
-
-    guarded("ending", action)
+    parser.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
 
 
-if __name__ == "__main__":
-    main()
+def run(args: argparse.Namespace) -> None:
+    """Command `outcome`. The solver's case is removed where no later stage of the run would read it."""
+    out = args.scene / "out" / args.level
+    found = ending(args.scene, args.level, args.until, args.ranks)
+    if args.until == "run":
+        shutil.rmtree(out / "case", ignore_errors=True)
+    write_text(out / NAME, json.dumps(found, indent=1) + "\n")
+    if not args.quiet:
+        print(f"outcome: {found['ended']} at {found['stage']} {found['reason']}".rstrip())

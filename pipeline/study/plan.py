@@ -1,6 +1,6 @@
 """A study: runs of a table, each a scene that extends another and says only what differs.
 
-Command: python -m pipeline.study.plan cases/single_finger/studies/tradeoff.csv (what the Snakefile does first)
+Command: python -m pipeline plan cases/single_finger/studies/tradeoff.csv (what the Snakefile does first)
 """
 
 from __future__ import annotations
@@ -12,47 +12,19 @@ from pathlib import Path
 from typing import Any
 
 from fileio.atomic import write_text
-from fileio.command import guarded
 from fileio.errors import StageError
 from fileio.provenance import digest, versions
+from fileio.stages import FEA, STAGES, Stage, until
 from pipeline.openfoam.base_case import templates_digest
 from pipeline.openfoam.environment import foam_version
 from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
-from pipeline.stage_settings import run as write_settings
-from pipeline.stage_settings import settings_of
+from pipeline.stage_settings import settings_of, update_settings
 from pipeline.study.estimate import estimates
 from pipeline.study.outcome import NAME as ENDING
 from pipeline.study.table import Row, read_study
 
-# What each stage is made from, besides its own settings. `ranks` belongs to the case: a run writes into its folder.
-BEFORE = {
-    "kinematics": None,
-    "mesh": "kinematics",
-    "case": "mesh",
-    "run": "case",
-    "sheet": "run",
-    "images": "sheet",
-    "piv": "images",
-    "vortices_cfd": "sheet",
-    "vortices_piv": "piv",
-}
-# What each stage leaves behind when it is done.
-RESULT = {
-    "kinematics": "kinematics.h5",
-    "mesh": "planform.h5",
-    "case": "sweep.h5",
-    "run": "run/run.json",
-    "sheet": "sheet.h5",
-    "images": "images.h5",
-    "piv": "piv.h5",
-    "vortices_cfd": "vortices_cfd.csv",
-    "vortices_piv": "vortices_piv.csv",
-    "compare": "comparison.json",
-    "report": "report.html",
-}
-MAY_GO = "images"  # large, and nothing but PIV reads them
-STATES = "kinematics/states.h5"  # of a run whose bending is analysed first
+STATES = FEA.done  # of a run whose bending is analysed first
 ASKED = "asked.json"  # of a run that may fail: what its ending depends on
 
 
@@ -128,7 +100,7 @@ def write_scenes(scene: Path, study: str, rows: list[Row]) -> list[Scene | Stage
             continue
         # refused while another make is at work there with other numbers, or where the states are another actuator's
         try:
-            write_settings(loaded, quiet=True, fea_follows=needs_fea(row))
+            update_settings(loaded, quiet=True, fea_follows=needs_fea(row))
         except StageError as error:
             raise StageError(f"run {row.run}: {error}") from None
         found.append(loaded)
@@ -158,34 +130,14 @@ def owners(rows: list[Row], scenes: list[Scene | StageError]) -> list[dict[str, 
         if row.may_fail or not isinstance(scene, Scene):
             found.append({})
             continue
-        keys: dict[str | None, Any] = {None: row.run if needs_fea(row) else ""}
-        mine = {}
-        for stage, before in BEFORE.items():
-            name = "vortices" if stage.startswith("vortices") else stage
-            own = _without_names(settings_of(scene, name)) if name != "run" else {}
-            more = row.ranks if stage == "case" else row.piv_chunks if stage == "piv" else None
-            keys[stage] = digest([stage, keys[before], own, more])
-            mine[stage] = first.setdefault(str(keys[stage]), row.run)
-        # a case is shared with its run or not at all
-        found.append(mine)
+        begin = row.run if needs_fea(row) else ""
+        keys: dict[str, str] = {}
+        for stage in (stage for stage in STAGES if stage.shared):
+            before = [keys[name] for name in stage.inputs] or begin
+            more = [getattr(row, column) for column in stage.columns]
+            keys[stage.name] = digest([stage.name, before, _settings(scene, stage), more])
+        found.append({name: first.setdefault(key, row.run) for name, key in keys.items()})
     return found
-
-
-def stages_until(last: str) -> list[str]:
-    """Stages up to `last` (a cell `until`), each after those that it is made from; none of a bending analysis."""
-    if last == "fea":
-        return []
-    both = ["vortices_cfd", "vortices_piv"]
-    wanted = both if last in ("vortices", "compare", "report") else [last]
-    needed: list[str] = []
-    for stage in wanted:
-        chain: list[str] = []
-        at: str | None = stage
-        while at is not None:
-            chain.insert(0, at)
-            at = BEFORE[at]
-        needed += [name for name in chain if name not in needed]
-    return needed + {"compare": ["compare"], "report": ["compare", "report"]}.get(last, [])
 
 
 def wanted_of(row: Row) -> list[str]:
@@ -196,15 +148,19 @@ def wanted_of(row: Row) -> list[str]:
         return [f"{out}/{ENDING}"]
     if row.until == "fea":
         return [STATES]
-    stages = stages_until(row.until)
-    return [f"{out}/{RESULT[stage]}" for stage in stages if stage != MAY_GO or stage == row.until]
+    return [
+        f"{out}/{stage.done}" for stage in until(row.until) if not stage.temporary or stage.name == row.until
+    ]
 
 
-def settings_by_stage(scene: Scene, stages: list[str]) -> dict[str, dict[str, Any]]:
+def settings_by_stage(scene: Scene, stages: list[Stage]) -> dict[str, dict[str, Any]]:
     """By stage the numbers that its result is to be made with, without names of files."""
-    names = {stage: "vortices" if stage.startswith("vortices") else stage for stage in stages}
-    given = {stage: _without_names(settings_of(scene, names[stage])) for stage in stages if stage in BEFORE}
+    given = {stage.name: _settings(scene, stage) for stage in stages if stage.shared}
     return {stage: settings for stage, settings in given.items() if settings}
+
+
+def _settings(scene: Scene, stage: Stage) -> dict[str, Any]:
+    return _without_names(settings_of(scene, stage.target)) if stage.sections else {}
 
 
 def _without_names(settings: dict[str, Any]) -> dict[str, Any]:
@@ -217,13 +173,22 @@ def _without_names(settings: dict[str, Any]) -> dict[str, Any]:
 
 def plan(table: Path, scene: Path | None = None) -> Path:
     """Read the study, write its scenes and `plan.json` (docs/formats.md); returns the plan's path."""
-    rows = read_study(table)
-    home = scene or table.parent.parent
-    study = table.stem
+    return write_plan(scene or table.parent.parent, table.stem, read_study(table))
+
+
+def plan_run(scene: Path, level: str, ranks: int) -> Path:
+    """The plan of one scene as it is, to its report; returns its path."""
+    row = Row(scene.name, level, ranks, until="report", scene=".")
+    return write_plan(scene, f"run_{level}", [row])
+
+
+def write_plan(home: Path, study: str, rows: list[Row]) -> Path:
+    """Write the scenes and the plan of a study of the scene `home`."""
     scenes = write_scenes(home, study, rows)
     runs = []
     for row, loaded, mine in zip(rows, scenes, owners(rows, scenes), strict=True):
         folder = folder_of(home, study, row)
+        stages = [] if row.may_fail else until(row.until)
         if row.may_fail:
             write_asked(folder, row.level, loaded)
         runs.append(
@@ -240,10 +205,8 @@ def plan(table: Path, scene: Path | None = None) -> Path:
                 "folder": str(folder),
                 "owners": mine,
                 "wanted": wanted_of(row),
-                "stages": [] if row.may_fail else stages_until(row.until),
-                "settings": settings_by_stage(loaded, stages_until(row.until))
-                if isinstance(loaded, Scene) and not row.may_fail
-                else {},
+                "stages": [stage.name for stage in stages],
+                "settings": settings_by_stage(loaded, stages) if isinstance(loaded, Scene) else {},
                 "estimates": estimates(loaded, row.ranks, parent_of(home, row))
                 if isinstance(loaded, Scene)
                 else {},
@@ -252,7 +215,7 @@ def plan(table: Path, scene: Path | None = None) -> Path:
     _one_place_each(runs)
     path = home / "out" / "studies" / study / "plan.json"
     content = {"format": "study-plan", "format_version": 4, "scene": home.name, "folder": str(home),
-               "study": study, "files": RESULT, "runs": runs}  # fmt: skip
+               "study": study, "files": {stage.name: stage.done for stage in STAGES}, "runs": runs}  # fmt: skip
     write_text(path, json.dumps(content, indent=1) + "\n")
     return path
 
@@ -269,23 +232,22 @@ def _one_place_each(runs: list[dict[str, Any]]) -> None:
         seen[place] = run["run"]
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline.study.plan", description=__doc__)
-    parser.add_argument("table", type=Path, help="study table (.csv)")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `plan`."""
+    parser.add_argument("table", type=Path, nargs="?", help="study table (.csv)")
+    parser.add_argument("--scene", type=Path, help="folder of the scene (default: that of the table)")
     parser.add_argument(
-        "--scene", type=Path, help="folder of the scene (default: the one that the table lies in)"
+        "--run", type=Path, metavar="SCENE", help="one scene to its report, in place of a table"
     )
+    parser.add_argument("--level", default="coarse", help="with --run (default: %(default)s)")
+    parser.add_argument("--ranks", type=int, default=1, help="with --run (default: %(default)s)")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    args = parser.parse_args()
-
-    def action() -> None:
-        path = plan(args.table, args.scene)
-        if not args.quiet:
-            print(path)
-
-    guarded("study", action)
 
 
-if __name__ == "__main__":
-    main()
+def run(args: argparse.Namespace) -> None:
+    """Command `plan`."""
+    if (args.table is None) == (args.run is None):
+        raise StageError("plan: give either a study table or --run SCENE")
+    path = plan_run(args.run, args.level, args.ranks) if args.run else plan(args.table, args.scene)
+    if not args.quiet:
+        print(path)

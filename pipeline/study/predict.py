@@ -1,6 +1,6 @@
 """How long a run takes on n ranks, predicted (pipeline.study.scaling_model), and how many ranks pay.
 
-Command: python -m pipeline.study.predict cases/pinch --level fine (make predict SCENE=pinch LEVEL=fine)
+Command: python -m pipeline predict cases/pinch --level fine (make predict SCENE=pinch LEVEL=fine)
 """
 
 from __future__ import annotations
@@ -9,11 +9,10 @@ import argparse
 import json
 from dataclasses import replace
 
-from fileio.command import guarded
+from fileio.command import add_scene
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import read_intervals
 from pipeline.openfoam.ranks import LEAST_CELLS
-from pipeline.scene.command import parser
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.study.scaling_data import measured, read_data, size
 from pipeline.study.scaling_model import fit, step_time, useful_ranks
@@ -71,41 +70,36 @@ def _duration(hours: float) -> str:
     return f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.0f} min"
 
 
-def main() -> None:
-    """Command line."""
-    arguments = parser("scaling", __doc__)
-    arguments.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 4, 8, 16, 32, 64, 128, 256])
-    arguments.add_argument("--json", action="store_true", help="seconds of a step by ranks, for programs")
-    arguments.add_argument(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `predict`."""
+    add_scene(parser)
+    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 4, 8, 16, 32, 64, 128, 256])
+    parser.add_argument("--json", action="store_true", help="seconds of a step by ranks, for programs")
+    parser.add_argument(
         "--measure",
         action="store_true",
         help="print this run's measured step, for pipeline/study/scaling.toml, instead",
     )
-    args: argparse.Namespace = arguments.parse_args()
-
-    def action() -> None:
-        if min(args.ranks) < 1:
-            raise StageError(f"--ranks {min(args.ranks)}: give 1 or more")
-        scene = load_scene(args.scene, args.level)
-        cells, columns = size(scene)
-        numerics = scene.numerics
-        if args.measure:
-            step = measured(
-                scene.out / "case" / read_intervals(scene.out)[0].name,
-                numerics.sampling_steps(scene.sheet.rate_hz),
-            )
-            correctors = numerics.pressure_correctors * (1 + numerics.non_orthogonal_correctors)
-            print(f"cells = {cells}\ncolumns = {columns}\ncorrectors = {correctors}")
-            print("\n".join(f"{key} = {value:.5g}" for key, value in step.items()))
-        elif args.json:
-            one, two, network = read_data()
-            solver = fit(one, two, network)
-            print(json.dumps({n: step_time(cells, n, columns, solver, network) for n in args.ranks}))
-        else:
-            print(report(scene, cells, columns, args.ranks))
-
-    guarded("predict", action)
 
 
-if __name__ == "__main__":
-    main()
+def run(args: argparse.Namespace) -> None:
+    """Command `predict`."""
+    if min(args.ranks) < 1:
+        raise StageError(f"--ranks {min(args.ranks)}: give 1 or more")
+    scene = load_scene(args.scene, args.level)
+    cells, columns = size(scene)
+    numerics = scene.numerics
+    if args.measure:
+        step = measured(
+            scene.out / "case" / read_intervals(scene.out)[0].name,
+            numerics.sampling_steps(scene.sheet.rate_hz),
+        )
+        correctors = numerics.pressure_correctors * (1 + numerics.non_orthogonal_correctors)
+        print(f"cells = {cells}\ncolumns = {columns}\ncorrectors = {correctors}")
+        print("\n".join(f"{key} = {value:.5g}" for key, value in step.items()))
+    elif args.json:
+        one, two, network = read_data()
+        solver = fit(one, two, network)
+        print(json.dumps({n: step_time(cells, n, columns, solver, network) for n in args.ranks}))
+    else:
+        print(report(scene, cells, columns, args.ranks))

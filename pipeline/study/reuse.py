@@ -1,7 +1,4 @@
-"""Take over a stage's results from another run of a study that has the same settings up to that stage.
-
-Command: python -m pipeline.study.reuse cases/…/out/coarse cases/…/other/out/coarse mesh
-"""
+"""Take over a stage's results from another run of a study that has the same settings up to that stage."""
 
 from __future__ import annotations
 
@@ -11,21 +8,7 @@ import shutil
 from pathlib import Path
 
 from fileio.atomic import unlink_folders, whole
-from fileio.command import guarded
-
-# What each stage leaves behind, besides its costs; a run's case folder goes with it.
-FILES = {
-    "kinematics": ("kinematics.h5",),
-    "mesh": ("planform.h5", "mesh_quality.csv"),
-    "case": ("sweep.h5",),
-    "run": ("case", "run/forces.csv", "run/power.csv", "run/history.csv", "run/run.json"),
-    "sheet": ("sheet.h5",),
-    "images": ("images.h5", "images_truth.h5"),
-    "piv": ("piv.h5",),
-    "vortices_cfd": ("vortices_cfd.csv",),
-    "vortices_piv": ("vortices_piv.csv",),
-}
-MODULES = {"sheet": "sheets"}  # stages whose module, and so their cost, goes by another name
+from fileio.stages import BY_NAME, STAGES
 
 
 def link(source: Path, target: Path, stage: str) -> None:
@@ -38,7 +21,8 @@ def link(source: Path, target: Path, stage: str) -> None:
     """
     if stage == "run":
         unlink_folders(target)
-    for name in (*FILES[stage], f"costs/{MODULES.get(stage, stage)}.json"):
+    files = BY_NAME[stage].outputs[::-1]  # last the one that says that it is done
+    for name in (f"costs/{stage}.json", *files):
         old, new = source / name, target / name
         if not old.exists():
             continue
@@ -54,15 +38,13 @@ def link(source: Path, target: Path, stage: str) -> None:
                 shutil.copy2(old, part)
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline.study.reuse", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `reuse`."""
     parser.add_argument("source", type=Path, help="out/<level> of the run that has computed the stage")
     parser.add_argument("target", type=Path, help="out/<level> of the run that takes it over")
-    parser.add_argument("stage", choices=FILES)
-    args = parser.parse_args()
-    guarded("link", lambda: link(args.source, args.target, args.stage))
+    parser.add_argument("stage", choices=[stage.name for stage in STAGES if stage.shared])
 
 
-if __name__ == "__main__":
-    main()
+def run(args: argparse.Namespace) -> None:
+    """Command `reuse`."""
+    link(args.source, args.target, args.stage)

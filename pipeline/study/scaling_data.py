@@ -17,7 +17,7 @@ from pipeline.study.scaling_model import Network
 
 MEASURED = {"cells", "columns", "correctors", "step_s", "pressure_iterations"}  # of steps.csv
 DATA = Path(__file__).with_name("scaling.toml")
-STEPS = Path(__file__).resolve().parents[2] / "docs" / "tradeoff" / "steps.csv"  # of make bench-steps
+STEPS = Path(__file__).with_name("steps.csv")  # of make bench-steps
 
 
 def read_steps(

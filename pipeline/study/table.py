@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from fileio.errors import StageError
-from pipeline.study.reuse import FILES
+from fileio.stages import STAGES
 
-STAGES = tuple(FILES)  # in order
-LAST = ("fea", *STAGES, "vortices", "compare", "report")
-MAY_FAIL_UNTIL = STAGES[: STAGES.index("sheet") + 1]  # what pipeline.study.outcome runs
+LAST = tuple(dict.fromkeys(["fea", *(name for stage in STAGES for name in (stage.name, stage.target))]))
+# what pipeline.study.outcome runs
+MAY_FAIL_UNTIL = tuple(stage.name for stage in STAGES if stage.module.startswith("pipeline."))
 OWN_COLUMNS = {"run", "scene", "level", "ranks", "until", "piv_chunks", "may_fail"}
 
 

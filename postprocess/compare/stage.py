@@ -1,6 +1,5 @@
 """Comparison of CFD and PIV, judged by the scene's findings or, without them, by agreement alone: comparison.json and comparison.csv.
 
-Command: python -m postprocess.compare.stage cases/single_finger --level coarse
 A laboratory's data are compared by postprocess.lab (make compare).
 """
 
@@ -8,7 +7,6 @@ from __future__ import annotations
 
 import json
 import platform
-import sys
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,7 +22,6 @@ from postprocess.compare.series import series_table, summary
 from postprocess.evidence.check_finite import first_not_finite
 from postprocess.evidence.evidence import Evidence, Measured, Part
 from postprocess.evidence.load import FILES, load_evidence
-from postprocess.evidence.stage_command import run_stage
 from postprocess.evidence.stage_files import StageFiles, read_json
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.evidence.time_windows import interval
@@ -163,20 +160,15 @@ def compare(files: StageFiles) -> dict[str, Any]:
     return result
 
 
-def print_checks(files: StageFiles, result: dict[str, Any]) -> None:
-    """One line for each check, and where the result is."""
+def run(scene_folder: Path, level: str, quiet: bool = False) -> None:
+    """Stage compare."""
+    files = StageFiles(scene_folder, level)
+    result = compare(files)
+    if quiet:
+        return
     if not files.findings.exists():
         print(f"{files.findings} is missing: agreement of PIV with the CFD is judged, findings are not")
     for check in result["checks"]:
         word = {True: "met", False: "NOT MET", None: "not judged"}[check["met"]]
         print(f"{check['id']:32s} {word:10s} {check['measured']}")
     print(files.out / "comparison.json")
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns 0 good, 2 bad input."""
-    return run_stage("compare", __doc__, compare, print_checks, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

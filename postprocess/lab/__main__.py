@@ -1,12 +1,14 @@
-"""Comparison of a scene with a laboratory's DPIV, step by step: runs, register, compare, report, motion (make compare does all)."""
+"""Comparison of a scene with a laboratory's DPIV, step by step (make compare does all)."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from fileio.errors import sentence
+from fileio.command import Commands, add_scene, command_line
 from fileio.lock import exclusive
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import Dpiv
@@ -16,100 +18,90 @@ from postprocess.lab.judgement.compare import run_comparison
 from postprocess.lab.registration.step import lab_files, run_registration
 
 
-def parser() -> argparse.ArgumentParser:
-    """Arguments of the steps."""
-    result = argparse.ArgumentParser(prog="python -m postprocess.lab", description=__doc__)
-    steps = result.add_subparsers(dest="step", required=True, metavar="step")
-    for name, text in (
-        (
-            "runs",
-            "write the scenes of the runs beside the nominal one (reference/inputs.toml); prints their names",
-        ),
-        ("virtual", "write the scene of a virtual laboratory: the same finger under another pressure"),
-        ("register", "find the finger in the data: pose, scale, time, motion"),
-        ("compare", "evaluate both sides alike and judge every quantity"),
-        ("report", "figures and page"),
-        ("motion", "write the finger's motion as the recording shows it, and a scene that is driven by it"),
-    ):
-        step = steps.add_parser(name, help=text, description=text)
-        step.add_argument("case", type=Path, help="folder of the scene, such as cases/single_finger")
-        step.add_argument("--level", default="coarse")
-        step.add_argument("--quiet", action="store_true", help="print nothing but errors")
-        if name == "virtual":
-            step.add_argument("--pressure-kpa", type=float, required=True, help="of the last stroke")
-        elif name != "runs":
-            step.add_argument(
-                "--dpiv", type=Path, required=True, help="folder of dpiv.toml and the data, or the file"
-            )
-        if name in ("register", "compare"):
-            step.add_argument("--seed", type=int, default=1, help="of all random numbers (default 1)")
-        if name == "compare":
-            step.add_argument("--threads", type=int, default=1, help="vector fields at a time (default 1)")
-    return result
+def runs(args: argparse.Namespace, say: Callable[[object], None]) -> None:
+    inputs = read_inputs(args.scene / "reference" / "inputs.toml")
+    folders = write_runs(StageFiles(args.scene, args.level), inputs)
+    say(" ".join(folder.name for folder in folders))
 
 
-def run(args: argparse.Namespace) -> None:
-    """Run one step."""
-    if args.step == "runs":
-        inputs = read_inputs(args.case / "reference" / "inputs.toml")
-        folders = write_runs(StageFiles(args.case, args.level), inputs)
-        if not args.quiet:
-            print(" ".join(folder.name for folder in folders))
-        return
-    if args.step == "virtual":
-        folder = write_virtual(StageFiles(args.case, args.level), args.pressure_kpa)
-        if not args.quiet:
-            print(folder)
-        return
-    files, dpiv = lab_files(args.case, args.level, args.dpiv)
-    if not files.stage.out.is_dir():  # the step says what is missing, and writes nothing
-        run_step(args, files, dpiv)
-        return
-    files.folder.parent.mkdir(exist_ok=True)
-    with exclusive(files.folder):  # two makes at once
-        run_step(args, files, dpiv)
+def virtual(args: argparse.Namespace, say: Callable[[object], None]) -> None:
+    say(write_virtual(StageFiles(args.scene, args.level), args.pressure_kpa))
 
 
-def run_step(args: argparse.Namespace, files: LabFiles, dpiv: Dpiv) -> None:
-    """Run one of the steps of a comparison with one laboratory's data."""
-    if args.step == "register":
-        registration = run_registration(files, dpiv, args.seed)
-        if not args.quiet:
-            law = registration.law
-            print(
-                f"register: delay {law.delay * 1e3:.1f} ± {law.std('delay') * 1e3:.1f} ms, factor {law.values[0]:.3f}"
-            )
-    elif args.step == "compare":
-        result = run_comparison(files, dpiv, seed=args.seed, threads=args.threads, quiet=args.quiet)
-        if not args.quiet:
-            for q in result["quantities"]:
-                print(
-                    f"{q['name']:16s} {q['verdict']:14s} |E|/u_val = {q['significance']:.2f}, mostly {q['dominant']}"
-                )
-            print(f"verdict: {result['verdict']}")
-    elif args.step == "motion":
-        from postprocess.lab.judgement.recorded_motion import run_motion
+def register(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+    law = run_registration(files, dpiv, args.seed).law
+    say(
+        f"register: delay {law.delay * 1e3:.1f} ± {law.std('delay') * 1e3:.1f} ms, factor {law.values[0]:.3f}"
+    )
 
-        folder = run_motion(files, dpiv)
-        if not args.quiet:
-            print(folder)
-    else:
-        from postprocess.lab.report.report import make_report
 
-        path = make_report(files)
-        if not args.quiet:
-            print(f"report: {path.resolve()}")
+def compare(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+    result = run_comparison(files, dpiv, seed=args.seed, threads=args.threads, quiet=args.quiet)
+    for q in result["quantities"]:
+        say(f"{q['name']:16s} {q['verdict']:14s} |E|/u_val = {q['significance']:.2f}, mostly {q['dominant']}")
+    say(f"verdict: {result['verdict']}")
+
+
+def motion(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+    from postprocess.lab.judgement.recorded_motion import run_motion
+
+    say(run_motion(files, dpiv))
+
+
+def report(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+    from postprocess.lab.report.report import make_report
+
+    say(f"report: {make_report(files).resolve()}")
+
+
+OPTIONS = {
+    "pressure-kpa": {"type": float, "required": True, "help": "of the last stroke"},
+    "seed": {"type": int, "default": 1, "help": "of all random numbers (default 1)"},
+    "threads": {"type": int, "default": 1, "help": "vector fields at a time (default 1)"},
+}
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of the comparison; `with_data`: with one laboratory's data, one command at a time."""
+
+    act: Callable[..., None]
+    options: tuple[str, ...] = ()
+    with_data: bool = True
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        add_scene(parser)
+        if self.with_data:
+            parser.add_argument("--dpiv", type=Path, required=True, help="folder of dpiv.toml, or the file")
+        for name in self.options:
+            parser.add_argument(f"--{name}", **OPTIONS[name])  # type: ignore[arg-type]
+
+    def run(self, args: argparse.Namespace) -> None:
+        say: Callable[[object], None] = (lambda text: None) if args.quiet else print
+        if not self.with_data:
+            return self.act(args, say)
+        files, dpiv = lab_files(args.scene, args.level, args.dpiv)
+        if not files.stage.out.is_dir():  # the step says what is missing, and writes nothing
+            return self.act(args, say, files, dpiv)
+        files.folder.parent.mkdir(exist_ok=True)
+        with exclusive(files.folder):
+            return self.act(args, say, files, dpiv)
+
+
+COMMANDS: Commands = {
+    "runs": ("scenes of the runs beside the nominal one (reference/inputs.toml)", Step(runs, (), False)),
+    "virtual": ("scene of a virtual laboratory: another pressure", Step(virtual, ("pressure-kpa",), False)),
+    "recording": ("what a virtual laboratory records", "postprocess.lab.virtual.virtual_laboratory"),
+    "register": ("find the finger in the data: pose, scale, time, motion", Step(register, ("seed",))),
+    "compare": ("judge every quantity", Step(compare, ("seed", "threads"))),
+    "report": ("figures and page", Step(report)),
+    "motion": ("the finger's motion as recorded, and a scene that is driven by it", Step(motion)),
+}
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Command line; returns 0 good, 2 bad input."""
-    args = parser().parse_args(argv)
-    try:
-        run(args)
-    except (ValueError, OSError) as error:
-        print(f"lab {args.step}: {sentence(error)}", file=sys.stderr)
-        return 2
-    return 0
+    """Command line; returns the exit code."""
+    return command_line("python -m postprocess.lab", __doc__, COMMANDS, argv, prefix="lab ")
 
 
 if __name__ == "__main__":

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
 from fileio.atomic import write_bytes, write_text
+from fileio.command import add_scene
 from postprocess.evidence.stage_files import StageFiles, read_json
 from postprocess.report.pinch_wording import pinch_table
 from postprocess.report.wording import PAIRS, WORDS, quantity, requirement
@@ -106,32 +106,24 @@ def pinch_part(scene: str, pinch: dict[str, Any], run: dict[str, Any]) -> str:
 PINCH_PICTURES = ("pair.svg", "centreline.svg", "closing.svg", "beside_single.svg")
 
 
-def main() -> int:
-    """Command line: python -m postprocess.report.docs_page cases/single_finger --level coarse --docs docs."""
-    parser = argparse.ArgumentParser(prog="python -m postprocess.report.docs_page", description=__doc__)
-    parser.add_argument("scene", type=Path)
-    parser.add_argument("--level", default="coarse")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `docs-page`."""
+    add_scene(parser)
     parser.add_argument("--docs", type=Path, default=Path("docs"))
-    args = parser.parse_args()
+
+
+def run(args: argparse.Namespace) -> None:
+    """Command `docs-page`."""
     files = StageFiles(args.scene, args.level)
-    try:
-        comparison = read_json(files.required("comparison.json", "compare"))
-        run = read_json(files.required("run/run.json", "run"))
-        flow = sorted((files.out / "figures").glob("flow_*.png"))
-        if not flow:
-            raise FileNotFoundError(f"{files.figures}: no flow_*.png; run the stage 'report' first")
-    except (ValueError, OSError) as error:
-        print(f"summary: {error}", file=sys.stderr)
-        return 2
+    comparison = read_json(files.required("comparison.json", "compare"))
+    record = read_json(files.required("run/run.json", "run"))
+    flow = sorted((files.out / "figures").glob("flow_*.png"))
+    if not flow:
+        raise FileNotFoundError(f"{files.figures}: no flow_*.png; run the stage 'report' first")
     picture = f"{files.scene}.png"
     write_bytes(args.docs / picture, flow[len(flow) // 2].read_bytes())  # half-way; of a pinch about contact
-    text = page(files.scene, args.level, comparison, run, picture)
+    text = page(files.scene, args.level, comparison, record, picture)
     for name in PINCH_PICTURES:
         if (files.figures / name).exists():
             write_bytes(args.docs / f"{files.scene}_{name}", (files.figures / name).read_bytes())
     write_text(args.docs / f"{files.scene}.md", text)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

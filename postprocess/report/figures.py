@@ -1,12 +1,9 @@
-"""All pictures of the report: figures/*.png|svg, the frames of the slider, the film, and their index figures.json.
-
-Command: python -m postprocess.report.figures cases/single_finger --level coarse
-"""
+"""All pictures of the report: figures/*.png|svg, the frames of the slider, the film, and their index figures.json."""
 
 from __future__ import annotations
 
 import json
-import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +13,6 @@ from fileio.atomic import write_text
 from fileio.formats.plane_series import read_plane
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.load import read_clock, single_finger
-from postprocess.evidence.stage_command import run_stage
 from postprocess.evidence.stage_files import (
     StageFiles,
     extended_scenes,
@@ -90,15 +86,9 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     return album.entries
 
 
-def print_count(files: StageFiles, entries: list[dict[str, Any]]) -> None:
-    """How many pictures there are, and where."""
-    print(f"{len(entries)} pictures in {files.figures}")
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns 0 good, 2 bad input."""
-    return run_stage("figures", __doc__, make_figures, print_count, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def run(scene_folder: Path, level: str, quiet: bool = False) -> None:
+    """Stage figures."""
+    files = StageFiles(scene_folder, level)
+    entries = make_figures(files)
+    if not quiet:
+        print(f"{len(entries)} pictures in {files.figures}")

@@ -1,21 +1,17 @@
-"""One static page that answers whether the simulation agrees with PIV: report.html, everything inside it.
-
-Command: python -m postprocess.report.stage cases/single_finger --level coarse
-"""
+"""One static page that answers whether the simulation agrees with PIV: report.html, everything inside it."""
 
 from __future__ import annotations
 
 import base64
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 from fileio.atomic import write_text
 from fileio.formats.plane_series import read_plane
+from fileio.stages import BY_NAME
 from postprocess.draw.solver import costs as draw_costs
 from postprocess.draw.style import save
-from postprocess.evidence.stage_command import run_stage
 from postprocess.evidence.stage_files import StageFiles, read_json, scene_numbers, scene_title
 from postprocess.report import wording
 from postprocess.report.assumptions import statements
@@ -24,19 +20,6 @@ from postprocess.report.pinch_wording import pinch_table
 
 MIME = {".png": "image/png", ".svg": "image/svg+xml", ".webp": "image/webp", ".mp4": "video/mp4"}
 MAX_BYTES = 15_000_000
-ORDER = (
-    "kinematics",
-    "mesh",
-    "case",
-    "run",
-    "sheet",
-    "sheets",
-    "images",
-    "piv",
-    "vortices",
-    "compare",
-    "figures",
-)
 
 
 def data_uri(path: Path) -> str:
@@ -67,10 +50,11 @@ def read_costs(folder: Path, solver_time: float) -> list[dict[str, Any]]:
 
     A run that was resumed records its last part alone, so its time is at least `solver_time` (s), that of the whole run.
     """
+    order = list(BY_NAME)
     costs = {path.stem: read_json(path) for path in sorted(folder.glob("*.json")) if path.stem != "report"}
     if "run" in costs:
         costs["run"]["wall_time"] = max(costs["run"]["wall_time"], solver_time)
-    return [costs[n] for n in sorted(costs, key=lambda n: ORDER.index(n) if n in ORDER else len(ORDER))]
+    return [costs[n] for n in sorted(costs, key=lambda n: order.index(n) if n in order else len(order))]
 
 
 def absences(comparison: dict[str, Any], sections: dict[str, Any], finger: bool) -> list[str]:
@@ -156,15 +140,8 @@ def make_report(files: StageFiles) -> Path:
     return path
 
 
-def print_path(files: StageFiles, path: Path) -> None:
-    """Where the page is."""
-    print(path)
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns 0 good, 2 bad input."""
-    return run_stage("report", __doc__, make_report, print_path, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def run(scene_folder: Path, level: str, quiet: bool = False) -> None:
+    """Stage report."""
+    path = make_report(StageFiles(scene_folder, level))
+    if not quiet:
+        print(path)

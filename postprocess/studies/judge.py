@@ -1,6 +1,6 @@
 """A study's runs judged by the findings of their scene: what each changes, and what that does; a table, a figure, a page.
 
-Command: python -m postprocess.studies.judge cases/pinch/out/studies/variations/plan.json -o docs/pinch_studies (make pinch-studies)
+Command: python -m postprocess judge cases/pinch/out/studies/variations/plan.json -o docs/pinch_studies (make pinch-studies)
 """
 
 from __future__ import annotations
@@ -171,31 +171,20 @@ def gather(plan: dict[str, Any]) -> tuple[pd.DataFrame, dict[str, str]]:
     return pd.DataFrame(rows, columns=COLUMNS), missing
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns 0 good, 2 bad input."""
-    parser = argparse.ArgumentParser(prog="python -m postprocess.studies.judge", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `judge`."""
     parser.add_argument("plan", type=Path, help="plan.json of the study")
     parser.add_argument("--words", type=Path, help="what the page begins with (.md)")
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, help="page, table and figure, without a suffix"
-    )
-    args = parser.parse_args(argv)
-    try:
-        plan = read_plan(args.plan)
-        table, missing = gather(plan)
-        words = (
-            args.words.read_text(encoding="utf-8") if args.words else f"# {plan['scene']}: {plan['study']}"
-        )
-    except (ValueError, OSError) as error:
-        print(f"studies: {error}", file=sys.stderr)
-        return 2
+    parser.add_argument("-o", "--output", type=Path, required=True, help="page, table and figure, no suffix")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Command `judge`."""
+    plan = read_plan(args.plan)
+    table, missing = gather(plan)
+    words = args.words.read_text(encoding="utf-8") if args.words else f"# {plan['scene']}: {plan['study']}"
     if missing:
-        print(f"studies: {missing_sentence(missing, len(plan['runs']), 'the study again')}", file=sys.stderr)
+        print(f"judge: {missing_sentence(missing, len(plan['runs']), 'the study again')}", file=sys.stderr)
     write_text(args.output.with_suffix(".csv"), table.to_csv(index=False))
     save(draw_studies.bars(table), args.output.with_suffix(".svg"))
     write_text(args.output.with_suffix(".md"), page(words, table, missing, args.output.name))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

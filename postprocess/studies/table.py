@@ -1,13 +1,12 @@
 """A study's runs as one tidy table: a row per run, the unit at the end of each column's name.
 
-Command: python -m postprocess.studies.table cases/single_finger/out/studies/tradeoff/plan.json -o table.csv
+Command: python -m postprocess table cases/single_finger/out/studies/tradeoff/plan.json -o table.csv
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,23 +16,12 @@ import pandas as pd
 
 from fileio.atomic import write_text
 from fileio.formats.kinematics import read_kinematics
+from fileio.stages import BY_NAME
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.stage_files import StageFiles, read_json, read_table
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.studies.state import files_of, missing_runs
 
-STAGES = (
-    "fea",
-    "kinematics",
-    "mesh",
-    "case",
-    "run",
-    "sheets",
-    "images",
-    "piv",
-    "vortices_cfd",
-    "vortices_piv",
-)
 SOURCES = {"cfd": "vortices_cfd.csv", "piv": "vortices_piv.csv"}
 MB = 1e-6
 PLAN_VERSION = 4
@@ -56,10 +44,10 @@ def read_plan(path: Path) -> dict[str, Any]:
 
 
 def costs(files: StageFiles) -> dict[str, float]:
-    """CPU seconds of each stage, and of all, and the largest memory (MB); stages that were not run are left out."""
+    """CPU seconds of each stage, of all that runs may share, and the largest memory (MB); without stages not run."""
     costs_found: dict[str, float] = {}
     memory = 0.0
-    for stage in STAGES:
+    for stage in (stage.name for stage in BY_NAME.values() if stage.shared):
         path = files.out / "costs" / f"{stage}.json"
         if path.exists():
             cost = read_json(path)
@@ -159,20 +147,13 @@ def study_table(plan: dict[str, Any], missing: dict[str, str]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns 0 good, 2 bad input."""
-    parser = argparse.ArgumentParser(prog="python -m postprocess.studies.table", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `table`."""
     parser.add_argument("plan", type=Path, help="plan.json of the study")
     parser.add_argument("-o", "--output", type=Path, required=True, help="table to write (.csv)")
-    args = parser.parse_args(argv)
-    try:
-        plan = read_plan(args.plan)
-        write_text(args.output, study_table(plan, missing_runs(plan)).to_csv(index=False))
-    except (ValueError, OSError) as error:
-        print(f"study_table: {error}", file=sys.stderr)
-        return 2
-    return 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def run(args: argparse.Namespace) -> None:
+    """Command `table`."""
+    plan = read_plan(args.plan)
+    write_text(args.output, study_table(plan, missing_runs(plan)).to_csv(index=False))

@@ -1,12 +1,11 @@
 """What accuracy costs: errors of a study's runs against its best, the front of those that nothing beats, figure and page.
 
-Command: python -m postprocess.studies.tradeoff cases/single_finger/out/studies/tradeoff/plan.json (make tradeoff)
+Command: python -m postprocess tradeoff cases/single_finger/out/studies/tradeoff/plan.json (make tradeoff)
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -145,7 +144,7 @@ def predictions(table: pd.DataFrame, planes: pd.Series, whole: pd.Series) -> pd.
     out = pd.DataFrame(index=table.index)
     for stage in ("kinematics", "mesh", "case", "run"):
         out[f"predict_{stage}_s"] = table[f"cpu_{stage}_s"]
-    for stage in ("sheets", "vortices_cfd"):
+    for stage in ("sheet", "vortices_cfd"):
         out[f"predict_{stage}_s"] = table[f"cpu_{stage}_s"] * planes
     pixels = table["pixels"] / whole["pixels"]
     fields_ = table["piv_fields"] / whole["piv_fields"]
@@ -235,37 +234,25 @@ def evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.Dat
     return table.reset_index(drop=True)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns 0 good, 2 bad input."""
-    from postprocess.studies.tradeoff_page import write_results
-
-    parser = argparse.ArgumentParser(prog="python -m postprocess.studies.tradeoff", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `tradeoff`."""
     parser.add_argument("plan", type=Path, help="plan.json of the study")
     parser.add_argument("--best", help="run that the others are judged by (default: the finest)")
-    parser.add_argument(
-        "--docs", type=Path, default=Path("docs"), help="folder of the pages (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--partial", action="store_true", help="write the page though runs are missing, which it then names"
-    )
-    args = parser.parse_args(argv)
-    try:
-        plan = read_plan(args.plan)
-        missing = missing_runs(plan)
-        if missing:
-            sentence = missing_sentence(missing, len(plan["runs"]), f"make tradeoff SCENE={plan['scene']}")
-            if not args.partial:
-                raise ValueError(f"{sentence}, or give --partial for a page without them")
-            print(f"tradeoff: {sentence}", file=sys.stderr)
-        probe = read_json(args.plan.with_name("probe.json"))
-        best = args.best or finest(plan, missing)
-        table = evaluate(plan, best, missing)
-        write_results(plan["scene"], table, best, probe, args.docs, missing)
-    except (ValueError, OSError, json.JSONDecodeError) as error:
-        print(f"tradeoff: {error}", file=sys.stderr)
-        return 2
-    return 0
+    parser.add_argument("--docs", type=Path, default=Path("docs"), help="of the page (default: %(default)s)")
+    parser.add_argument("--partial", action="store_true", help="though runs are missing, which it then names")
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def run(args: argparse.Namespace) -> None:
+    """Command `tradeoff`."""
+    from postprocess.studies.tradeoff_page import write_results
+
+    plan = read_plan(args.plan)
+    missing = missing_runs(plan)
+    if missing:
+        said = missing_sentence(missing, len(plan["runs"]), f"make tradeoff SCENE={plan['scene']}")
+        if not args.partial:
+            raise ValueError(f"{said}, or give --partial for a page without them")
+        print(f"tradeoff: {said}", file=sys.stderr)
+    probe = read_json(args.plan.with_name("probe.json"))
+    best = args.best or finest(plan, missing)
+    write_results(Path(plan["folder"]), evaluate(plan, best, missing), best, probe, args.docs, missing)

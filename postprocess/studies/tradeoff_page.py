@@ -145,7 +145,7 @@ def page(scene: str, table: pd.DataFrame, best: str, missing: dict[str, str]) ->
     return f"""# What accuracy costs: {scene}
 
 Written by `make tradeoff SCENE={scene}` from the study `cases/{scene}/studies/tradeoff.csv`, which Snakemake runs; all its
-numbers are in [`tradeoff/{scene}.csv`](tradeoff/{scene}.csv) with versions and date. OpenFOAM {reference["openfoam"]}.
+numbers are in [`results/tradeoff.csv`](../cases/{scene}/studies/results/tradeoff.csv) with versions and date. OpenFOAM {reference["openfoam"]}.
 
 ![Error against CPU time, the front of those that nothing beats](tradeoff/{scene}.svg)
 
@@ -219,9 +219,9 @@ def _panel(axis: Axes, rows: pd.DataFrame, cost: str, colour: str) -> None:
 
 
 def write_results(
-    scene: str, table: pd.DataFrame, best: str, probe: dict[str, float], docs: Path, missing: dict[str, str]
+    folder: Path, table: pd.DataFrame, best: str, probe: dict[str, float], docs: Path, missing: dict[str, str]
 ) -> None:
-    """Write docs/tradeoff/<scene>.csv and .svg and docs/tradeoff.md."""
-    write_text(docs / "tradeoff" / f"{scene}.csv", results_text(table, best, probe))
-    draw(table, docs / "tradeoff" / f"{scene}.svg")
-    write_text(docs / "tradeoff.md", page(scene, table, best, missing))
+    """Write studies/results/tradeoff.csv of a scene's folder, docs/tradeoff/<scene>.svg and docs/tradeoff.md."""
+    write_text(folder / "studies" / "results" / "tradeoff.csv", results_text(table, best, probe))
+    draw(table, docs / "tradeoff" / f"{folder.name}.svg")
+    write_text(docs / "tradeoff.md", page(folder.name, table, best, missing))

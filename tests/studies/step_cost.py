@@ -1,6 +1,6 @@
 """What a time step costs: on a moving and on a static mesh, on one rank and on two, with and without samples; in one run.
 
-python -m tests.studies.step_cost --level coarse [-o docs/tradeoff/steps.csv]   (make bench-steps)
+python -m tests.studies.step_cost --level coarse [-o pipeline/study/steps.csv]   (make bench-steps)
 The single finger is solved to the middle of its stroke; from those fields each variant goes on for the same steps. On the
 static mesh the wall keeps its velocity, so that the flow is as busy. Run it on a machine that does nothing else.
 """
@@ -28,7 +28,7 @@ from pipeline.openfoam.ranks import Ranks
 from pipeline.run.prepare import prepare
 from pipeline.run.solver import reset_displacement, set_number
 from pipeline.scene.scene import Scene, load_scene
-from pipeline.study.scaling_data import size
+from pipeline.study.scaling_data import STEPS, size
 
 ROOT = Path(__file__).resolve().parents[2]
 MIDDLE = 0.15  # s: the finger is near its highest speed
@@ -112,7 +112,7 @@ def main() -> None:
     parser.add_argument("--level", default="coarse")
     parser.add_argument("--steps", type=int, default=80)
     parser.add_argument("--rounds", type=int, default=3, help="each variant so often; the fastest counts")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "tradeoff" / "steps.csv")
+    parser.add_argument("-o", "--output", type=Path, default=STEPS)
     args = parser.parse_args()
     scene = scene_at(args.level)
     cells, columns = size(scene)

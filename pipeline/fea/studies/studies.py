@@ -1,7 +1,7 @@
 """The paper's studies of θ, W and materials, from the states that the study `bending` computed: tables and figures in
 cases/single_finger/kinematics/studies, which the report of every scene that extends it shows.
 
-Command: python -m pipeline.fea.studies.studies (make fea-studies, which has Snakemake run cases/single_finger/studies/bending.csv first)
+Command: python -m pipeline fea-studies (make fea-studies, which has Snakemake run cases/single_finger/studies/bending.csv first)
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from fileio.command import guarded
 from fileio.errors import StageError
 from fileio.formats.bending_states import read
 from fileio.json_text import read_json
@@ -54,14 +53,23 @@ def against_calculix(actuator: Actuator, fea: Fea, work: Path) -> dict[str, Bend
     return {f"CalculiX {release()}": Bends(states.pressure, states.radius, states.fit_residual)}
 
 
-def run(case: Path, output: Path, calculix: bool) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `fea-studies`."""
+    parser.add_argument("case", type=Path, nargs="?", default=Path("cases/single_finger"))
+    parser.add_argument("-o", "--output", type=Path, help="folder to write (CASE/kinematics/studies)")
+    parser.add_argument("--calculix", action="store_true", help="compare in 3-D again (several minutes)")
+
+
+def run(args: argparse.Namespace) -> None:
     """Gather the study's states, write tables, draw figures."""
+    case = args.case
+    output = args.output or case / "kinematics" / "studies"
     path = case / "out" / "studies" / STUDY / "plan.json"
     if not path.exists():
         raise StageError(f"{path}: no plan; run make fea-studies, which makes the runs first")
     bends = bends_of(read_json(path, "run make fea-studies, which writes it anew"))
     write_table(output / "studies.csv", bends)
-    if calculix:
+    if args.calculix:
         scene = load_scene(case)
         compared = against_calculix(*sections(scene), case / "out" / "calculix")
         write_table(output / "calculix.csv", compared, last="fit_residual_mm")
@@ -69,24 +77,3 @@ def run(case: Path, output: Path, calculix: bool) -> None:
     write_results(output / "results.md", bends, states, output / "calculix.csv")
     draw(output, bends, states)
     print(f"tables and figures → {output}")
-
-
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline.fea.studies.studies", description=__doc__)
-    parser.add_argument("case", type=Path, nargs="?", default=Path("cases/single_finger"))
-    parser.add_argument(
-        "-o", "--output", type=Path, help="where tables and figures go (CASE/kinematics/studies)"
-    )
-    parser.add_argument(
-        "--calculix", action="store_true", help="run the comparison in 3-D again (several minutes)"
-    )
-    given = parser.parse_args()
-    guarded(
-        "fea.studies",
-        lambda: run(given.case, given.output or given.case / "kinematics" / "studies", given.calculix),
-    )
-
-
-if __name__ == "__main__":
-    main()

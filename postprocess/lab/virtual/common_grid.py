@@ -50,7 +50,7 @@ def on_common_grid(
     """Evaluate the laboratory's data and the simulation alike; writes data.h5, virtual.h5 and direct.h5."""
     if not files.sheet.exists():
         raise FileNotFoundError(
-            f"{files.sheet} is missing; make compare writes it: python -m pipeline.sheet CASE --view $(cat {files.view}) -o {files.sheet}"
+            f"{files.sheet} is missing; make compare writes it: python -m pipeline sheet CASE --view $(cat {files.view}) -o {files.sheet}"
         )
     with read_plane(files.sheet) as sheet:
         sheet = sheet.load()

@@ -1,6 +1,6 @@
 """A virtual laboratory: a recording rendered from a run, with errors of set-up that are known.
 
-Command: python -m postprocess.lab.virtual.virtual_laboratory cases/single_finger --sheet sheet.h5 -o folder writes recording.h5, dpiv.toml as a
+Command: python -m postprocess.lab recording cases/single_finger --sheet sheet.h5 -o folder writes recording.h5, dpiv.toml as a
 laboratory would give it, and truth.json, which nothing else reads.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -139,68 +138,47 @@ def camera_for(root: tuple[float, float], columns: int, mm_per_px: float, rate: 
     return Camera(columns, rows, scale, (float(origin[0]), float(origin[1])), rate)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns 0 good, 2 bad input."""
-    parser = argparse.ArgumentParser(
-        prog="python -m postprocess.lab.virtual.virtual_laboratory", description=__doc__
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `recording`."""
     parser.add_argument(
-        "case", type=Path, help="scene whose run is taken for the water, such as cases/single_finger"
+        "case", type=Path, help="scene whose run is taken for the water, as cases/single_finger"
     )
     parser.add_argument("--level", default="smoke")
     parser.add_argument(
-        "--sheet", type=Path, required=True, help="its sheet over a view larger than the camera's"
+        "--sheet", type=Path, required=True, help="its sheet over more than the camera's view"
     )
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder to write")
     parser.add_argument("--shift-mm", nargs=2, type=float, default=(1.0, 0.5), metavar=("X", "Y"))
     parser.add_argument("--turn-deg", type=float, default=2.0)
     parser.add_argument("--scale-error", type=float, default=0.01)
-    parser.add_argument(
-        "--start", type=float, default=0.007, help="s of the run at which the first picture is taken"
-    )
+    parser.add_argument("--start", type=float, default=0.007, help="s of the run at the first picture")
     parser.add_argument("--columns", type=int, default=640)
     parser.add_argument("--mm-per-px", type=float, default=0.25)
     parser.add_argument("--density-ppp", type=float, default=0.05)
     parser.add_argument("--window", type=int, default=24)
     parser.add_argument("--spacing", type=int, default=8)
     parser.add_argument(
-        "--pairs-hz", type=float, help="take pairs of pictures at this rate in place of all pictures"
+        "--pairs-hz", type=float, help="take pairs of pictures at this rate, not all pictures"
     )
-    parser.add_argument(
-        "--every", type=int, default=5, help="every how manieth pair of pictures is to be correlated"
-    )
+    parser.add_argument("--every", type=int, default=5, help="correlate one pair of pictures of so many")
     parser.add_argument("--seed", type=int, default=1)
-    args = parser.parse_args(argv)
-    try:
-        family = read_kinematics(args.case / "out" / args.level / "kinematics.h5")
-        camera = camera_for(family.root, args.columns, args.mm_per_px, 500.0)
-        set_up = SetUp(
-            camera,
-            Seeding(density_ppp=args.density_ppp),
-            tuple(args.shift_mm),
-            args.turn_deg,
-            args.scale_error,
-            args.start,
-            seed=args.seed,
-        )
-        with read_plane(args.sheet) as sheet:
-            make_recording(sheet.load(), set_up, family.root, args.output, args.pairs_hz)
-        write_dpiv(
-            set_up,
-            family.root,
-            args.output,
-            args.case.name,
-            args.window,
-            args.spacing,
-            args.pairs_hz,
-            args.every,
-        )
-    except (ValueError, OSError) as error:
-        print(f"stand_in: {error}", file=sys.stderr)
-        return 2
+
+
+def run(args: argparse.Namespace) -> None:
+    """Command `recording`."""
+    family = read_kinematics(args.case / "out" / args.level / "kinematics.h5")
+    camera = camera_for(family.root, args.columns, args.mm_per_px, 500.0)
+    set_up = SetUp(
+        camera,
+        Seeding(density_ppp=args.density_ppp),
+        tuple(args.shift_mm),
+        args.turn_deg,
+        args.scale_error,
+        args.start,
+        seed=args.seed,
+    )
+    with read_plane(args.sheet) as sheet:
+        make_recording(sheet.load(), set_up, family.root, args.output, args.pairs_hz)
+    name, window = args.case.name, args.window
+    write_dpiv(set_up, family.root, args.output, name, window, args.spacing, args.pairs_hz, args.every)
     print(args.output)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -14,10 +14,20 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from fileio.stages import BY_NAME, STAGES
 from tests.inner_make import inner_environment
 
 ROOT = Path(__file__).resolve().parents[3]
-PARTS = ("Makefile", "requirements.lock", "cases", "pipeline", "piv", "postprocess")
+PARTS = (
+    "Makefile",
+    "requirements.lock",
+    "pyproject.toml",
+    "cases",
+    "fileio",
+    "pipeline",
+    "piv",
+    "postprocess",
+)
 SCENE, LEVEL = "small", "tiny"
 
 SMALL = """# A stroke of 60 ms in 2-D on a coarse mesh: every stage takes seconds.
@@ -35,19 +45,10 @@ camera = { columns = 320, rows = 256, centre = [0.01, 0.185] }
 piv = { every = 2, preset = "fast" }
 """
 
-# What each stage leaves for the next, in the order of the chain.
-PRODUCTS = {
-    "kinematics": ("kinematics.h5",),
-    "mesh": ("planform.h5", "mesh_quality.csv"),
-    "case": ("sweep.h5",),
-    "run": ("run/run.json", "run/forces.csv", "run/power.csv", "run/history.csv"),
-    "sheet": ("sheet.h5",),
-    "images": ("images.h5", "images_truth.h5"),
-    "piv": ("piv.h5",),
-    "vortices": ("vortices_cfd.csv", "vortices_piv.csv"),
-    "compare": ("comparison.json", "comparison.csv"),
-    "report": ("report.html", "figures/figures.json"),
-}
+# What each target leaves for the next, in the order of the chain; a case is compared by what is solved on it.
+PRODUCTS: dict[str, tuple[str, ...]] = {}
+for _stage in STAGES:
+    PRODUCTS[_stage.target] = (*PRODUCTS.get(_stage.target, ()), *(f for f in _stage.outputs if f != "case"))
 ROUNDING = 1e-9  # of the table's largest number but the time: what is smaller is no result
 SOLVER_TOLERANCE = 1e-6  # of the largest value in a column: a resumed run repeats the forces to nine digits
 
@@ -143,7 +144,7 @@ def _works_in(process: Path, project: Path) -> bool:
 
 def complaints(text: str) -> list[str]:
     """Lines of a make's output that a stage has written: `<stage>: sentence`; make's own and progress left out."""
-    stages = "settings|kinematics|mesh|case|run|sheets|piv \\w+|compare|figures|report|costs"
+    stages = "|".join(["settings", "piv \\w+", *BY_NAME])
     return [line for line in text.splitlines() if re.match(rf"({stages}): ", line)]
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import sys
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -59,8 +60,7 @@ def main() -> None:
     def action() -> None:
         faults.extend(judge(args))
 
-    guarded("stability", action)
-    raise SystemExit(1 if faults else 0)
+    sys.exit(guarded("stability", action) or (1 if faults else 0))
 
 
 def judge(args: argparse.Namespace) -> list[dict[str, Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -79,7 +80,7 @@ def main() -> None:
             raise StageError(f"{', '.join(sorted(unknown))}: no such check; there are {', '.join(ORDER)}")
         run([] if args.page else args.names or list(ORDER), args.quiet, args.again)
 
-    guarded("validation", action)
+    sys.exit(guarded("validation", action))
 
 
 if __name__ == "__main__":

@@ -14,11 +14,12 @@ import numpy as np
 from fileio.errors import StageError
 from fileio.hdf5 import read_dataset
 from fileio.provenance import digest
+from fileio.stages import until
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.stage_settings import settings_of
 
 CASES = Path(__file__).resolve().parents[3] / "cases" / "validation"
-STAGES = ("kinematics", "mesh", "case", "run", "sheets")  # as costs/ names them
+STAGES = [stage.name for stage in until("sheet")]
 
 
 @dataclass(frozen=True)
