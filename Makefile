@@ -55,14 +55,14 @@ $(READY): requirements.lock pipeline/setup.sh
 	@sh pipeline/setup.sh
 	@touch $@
 
-# Rules of a scene $(1), whose results lie in $(2), and of its stage $(3). A stage depends on the files of the stages before
-# it and on its own settings, which are rewritten only when their content changes: touching one number redoes only what
-# follows from it. Python files are no prerequisites: editing them does not solve again (make clean does).
-# A stage gives its files their names when they are whole: make must not delete them, after a kill or beside another make.
+# Rules of a scene $(1), whose results lie in $(2), and of its stage $(3). A stage depends on the files of the stages
+# before it and on its own settings, which are rewritten only when their content changes: touching one number redoes
+# only what follows from it. Python files are no prerequisites: editing them does not solve again (make clean does).
+# A stage gives its files their names when they are whole: make must not delete them, not even after a kill.
 RANKS   = --ranks $(NP) $(if $(HOSTS),--hosts $(HOSTS)) $(if $(COLLATED),--collated)
 THREADS = --threads $(JOBS)
 # what a scene may be made of, before its settings say so
-INHERITED := $(wildcard cases/*/scene.toml cases/*/*.csv cases/*/kinematics/* cases/_base cases/_base/* cases/_base/*/*)
+INHERITED := $(wildcard $(addprefix cases/,*/scene.toml */*.csv */kinematics/* _base _base/* _base/*/*))
 define scene_rules
 .PRECIOUS: $(foreach s,$(STAGES),$(2)/$(FILE.$(s)))
 $(2)/settings/.stamp: $(INHERITED) $(CASES)/$(1)/scene.toml | $(READY)
@@ -122,7 +122,7 @@ fea: $(READY) ## bending analysis of the actuator of SCENE (single_finger): case
 bench-piv: piv-limits ## PIV against its peers (own environment), and its limits; every table of docs/piv_benchmarks.md
 	$(PY) -m tests.studies.piv.benchmark --docs
 
-piv-limits: $(READY) ## PIV where it becomes worse, and on flows that served no tuning; tables into docs/piv_benchmarks.md
+piv-limits: $(READY) ## PIV where it becomes worse, and on flows that served no tuning: docs/piv_benchmarks.md
 	$(PY) -m tests.studies.piv.limits --docs
 	$(PY) -m tests.studies.piv.unseen --docs
 

@@ -12,12 +12,13 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from pipeline.__main__ import main
 from postprocess.compare import stage as compare
 from postprocess.draw import mesh as draw_mesh
 from postprocess.draw import series as draw_series
 from postprocess.draw import solver as draw_solver
 from postprocess.evidence.stage_files import StageFiles
-from postprocess.report import figures, flow_figures, run_figures, wording
+from postprocess.report import flow_figures, run_figures, wording
 from postprocess.report import stage as report
 from tests.synthetic_pinch import GAIN, SHIFT, write_pinch
 from tests.synthetic_stroke import copy_findings, write_case
@@ -30,8 +31,8 @@ def build(root, write=write_case, **options):
     files = StageFiles(copy_findings(write(root, spacing=0.004, frames=21, **options)), "coarse")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(flow_figures, "FRAMES", 3)
-        for stage in (compare, figures, report):
-            assert stage.main([str(files.scene_folder), "--level", "coarse"]) == 0
+        for stage in ("compare", "figures", "report"):
+            assert main([stage, str(files.scene_folder), "--level", "coarse"]) == 0
     return files
 
 
@@ -175,17 +176,17 @@ def test_the_first_screen_has_the_answer_with_its_numbers(made):
 @pytest.mark.parametrize(
     "name, stage",
     [
-        ("sheet.h5", compare),
-        ("vortices_cfd.csv", compare),
-        ("planform.h5", figures),
-        ("run/power.csv", figures),
-        ("comparison.json", report),
+        ("sheet.h5", "compare"),
+        ("vortices_cfd.csv", "compare"),
+        ("planform.h5", "figures"),
+        ("run/power.csv", "figures"),
+        ("comparison.json", "report"),
     ],
 )
 def test_a_missing_required_input_is_one_sentence(made, tmp_path, capsys, name, stage):
     shutil.copytree(made.scene_folder, tmp_path / "single_finger")
     (tmp_path / "single_finger/out/coarse" / name).unlink()
-    assert stage.main([str(tmp_path / "single_finger"), "--level", "coarse"]) == 2
+    assert main([stage, str(tmp_path / "single_finger"), "--level", "coarse"]) == 2
     message = capsys.readouterr().err
     assert name in message
     assert "run the stage" in message
@@ -272,7 +273,7 @@ def test_the_single_finger_beside_is_compared_at_equal_bend(pinched, tmp_path):
     shutil.copytree(pinched.scene_folder.parent, tmp_path / "cases")
     write_case(tmp_path, "single_finger", bend_end=np.radians(80), spacing=0.004, frames=21)
     (tmp_path / "cases" / "pinch" / "scene.toml").write_text('extends = "../single_finger"\ntitle = "t"\n')
-    assert compare.main([str(tmp_path / "cases" / "pinch"), "--level", "coarse", "--quiet"]) == 0
+    assert main(["compare", str(tmp_path / "cases" / "pinch"), "--level", "coarse", "--quiet"]) == 0
     files = StageFiles(tmp_path / "cases" / "pinch", "coarse")
     check = next(c for c in result(files)["checks"] if c["id"] == "pair-forward")
     assert check["measured"]["cfd"] == pytest.approx(0.0, abs=1e-9)

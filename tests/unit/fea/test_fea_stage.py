@@ -36,7 +36,7 @@ def test_import_writes_states(tmp_path):
     ]
     (tmp_path / "curves.csv").write_text("\n".join(["pressure_kpa, s, x, y", *rows]))
     write_case(tmp_path, '[fea]\nengine = "import"\n[fea.results]\nfile = "curves.csv"\nthickness = 0.0165\n')
-    run(tmp_path, "coarse", 1)
+    run(load_scene(tmp_path), True, 1)
     states = read(tmp_path / "kinematics" / "states.h5")
     np.testing.assert_allclose(states.radius, [-0.08, 0.08, 0.04], rtol=1e-6)
     assert states.about["solver"] == "imported from curves.csv"
@@ -54,7 +54,7 @@ def test_import_writes_states(tmp_path):
 def test_impossible_actuator_or_analysis_is_one_sentence(tmp_path, more, words):
     write_case(tmp_path, more)
     with pytest.raises(StageError, match=words) as error:
-        run(tmp_path, "coarse", 1)
+        run(load_scene(tmp_path), True, 1)
     assert "\n" not in str(error.value)
 
 
@@ -67,7 +67,7 @@ def test_pressure_that_is_not_reached_is_said(tmp_path, monkeypatch):
         "mesh = { cavity = 1, wall = 1, gap = 1, base = 1, bridge = 1, side = 1, wedge = 1, span = 1 }\n",
     )
     with pytest.raises(StageError, match=r"converges only between 0 and .* narrow"):
-        run(tmp_path, "coarse", 1)
+        run(load_scene(tmp_path), True, 1)
 
 
 def test_states_that_converge_are_kept_where_that_is_asked_for(tmp_path, monkeypatch):
@@ -79,9 +79,9 @@ def test_states_that_converge_are_kept_where_that_is_asked_for(tmp_path, monkeyp
     )
     write_case(tmp_path, asked + "uncertainty = true\n")
     with pytest.raises(StageError, match="goes with uncertainty = false"):
-        run(tmp_path, "coarse", 1)
+        run(load_scene(tmp_path), True, 1)
     write_case(tmp_path, asked + "uncertainty = false\n")
-    run(tmp_path, "coarse", 1)
+    run(load_scene(tmp_path), True, 1)
     states = read(tmp_path / "kinematics" / "states.h5")
     assert 1 <= len(states.pressure) < 5
     assert states.radius_std is None
@@ -100,10 +100,10 @@ def test_a_study_of_actuators_is_read_by_its_plan(tmp_path):
         "narrow, fea, 0.02, -2, 2, 2, false\nwide, fea, 0.028, -2, 2, 2, false\n"
     )
     planned = json.loads(plan(table).read_text())
-    run(Path(planned["runs"][0]["folder"]), "coarse", 1)
+    run(load_scene(planned["runs"][0]["folder"]), True, 1)
     with pytest.raises(StageError, match="wide was not analysed"):
         bends_of(planned)
-    run(Path(planned["runs"][1]["folder"]), "coarse", 1)
+    run(load_scene(planned["runs"][1]["folder"]), True, 1)
     found = bends_of(planned)
     assert abs(found["narrow"].radius[-1]) > abs(found["wide"].radius[-1])  # the narrower one bends less
 

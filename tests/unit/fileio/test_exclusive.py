@@ -54,7 +54,7 @@ def test_waiting_ends_when_the_holder_does(tmp_path, holder):
 
 def test_new_numbers_wait_for_a_stage_that_works_with_the_old_ones(tmp_path):
     scene = write_scene(tmp_path / "s")
-    settings_stage.run(scene, quiet=True)
+    settings_stage.update_settings(scene, quiet=True)
     other = write_scene(tmp_path / "s", more="[piv]\nspacing = 4")
     assert list(changed_settings(other)) == ["piv"]
     process = subprocess.Popen(
@@ -62,13 +62,15 @@ def test_new_numbers_wait_for_a_stage_that_works_with_the_old_ones(tmp_path):
     )
     try:
         assert process.stdout.readline() == "held\n"
-        settings_stage.run(write_scene(tmp_path / "s"), quiet=True)  # the same numbers: nothing to wait for
+        settings_stage.update_settings(
+            write_scene(tmp_path / "s"), quiet=True
+        )  # the same numbers: nothing to wait for
         other = write_scene(tmp_path / "s", more="[piv]\nspacing = 4")
         with pytest.raises(StageError, match=r"another make is at work here \(mesh\)"):
-            settings_stage.run(other, quiet=True)
+            settings_stage.update_settings(other, quiet=True)
         assert list(changed_settings(other)) == ["piv"]
     finally:
         process.kill()
         process.wait()
-    settings_stage.run(other, quiet=True)
+    settings_stage.update_settings(other, quiet=True)
     assert changed_settings(other) == {}

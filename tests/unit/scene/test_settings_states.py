@@ -8,7 +8,7 @@ import pytest
 from fileio.errors import StageError
 from pipeline.fea.up_to_date import check_states
 from pipeline.scene.scene import load_scene
-from pipeline.stage_settings import run
+from pipeline.stage_settings import update_settings
 from pipeline.study.plan import plan
 from tests.conftest import ROOT, write_scene
 
@@ -33,7 +33,7 @@ def test_what_the_states_follow_from_is_refused_with_key_and_remedy_and_nothing_
 ):
     scene = write_scene(tmp_path / "scene", more=more)
     with pytest.raises(StageError) as caught:
-        run(scene, quiet=True)
+        update_settings(scene, quiet=True)
     for word in (*words, "scene.toml", "states.h5", "python -m pipeline.fea", "take the change back"):
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -51,7 +51,7 @@ def test_what_the_states_follow_from_is_refused_with_key_and_remedy_and_nothing_
     ],
 )
 def test_what_the_states_do_not_follow_from_is_left_alone(tmp_path, more):
-    run(write_scene(tmp_path / "scene", more=more), quiet=True)
+    update_settings(write_scene(tmp_path / "scene", more=more), quiet=True)
 
 
 def test_states_without_provenance_or_not_there_are_left_to_the_stage_that_reads_them(tmp_path):

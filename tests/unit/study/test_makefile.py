@@ -10,10 +10,9 @@ from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT
 from tests.inner_make import inner_environment
 
-MAKEFILES = [ROOT / "Makefile", ROOT / "postprocess" / "lab" / "compare.mk"]
+MAKEFILES = [ROOT / "Makefile", ROOT / "postprocess" / "lab" / "compare.mk", ROOT / "fileio" / "stages.mk"]
 TEXT = "\n".join(path.read_text(encoding="utf-8") for path in MAKEFILES)
-OWN = {"lab-register", "lab-sheets", "study-sheets"}  # steps of other targets, which call make again
-DOCUMENTED = dict(page.split(":") for page in re.search(r"(?m)^DOCS \?= (.*)$", TEXT).group(1).split())
+DOCUMENTED = dict(page.split(":")[:2] for page in re.search(r"(?m)^DOCS \?= (.*)$", TEXT).group(1).split())
 
 
 @pytest.fixture(scope="module")
@@ -24,9 +23,10 @@ def told():
 
 
 def phony():
-    """Targets of .PHONY that are no scene's."""
-    names = " ".join(re.findall(r"(?m)^\.PHONY:(.*)$", TEXT)).split("$(SCENES)")[0]
-    return set(names.split()) - OWN
+    """Targets for a user that are no scene's."""
+    return set(
+        re.search(r"(?m)^USER_TARGETS := ((?:.*\\\n)*.*)$", TEXT).group(1).replace("\\\n", " ").split()
+    )
 
 
 def test_every_target_for_a_user_has_a_line_of_help(told):
@@ -42,6 +42,10 @@ def test_what_the_readme_and_the_docs_tell_to_make_is_there(told):
     for page in pages:
         asked = set(re.findall(r"`make ([a-z][a-z_.-]*)", page.read_text(encoding="utf-8")))
         assert {name.split(".")[0] for name in asked} <= phony() | scenes, page
+
+
+def test_the_makefiles_can_be_read():
+    assert max(len(line) for line in TEXT.splitlines()) <= 120
 
 
 @pytest.mark.parametrize("scene", sorted(DOCUMENTED))

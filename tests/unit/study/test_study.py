@@ -86,9 +86,9 @@ def test_the_plan_says_what_each_result_is_to_be_made_with(tmp_path):
         "case",
         "run",
         "sheet",
-        "vortices_cfd",
         "images",
         "piv",
+        "vortices_cfd",
         "vortices_piv",
     ]
     assert b["stages"] == ["kinematics", "mesh", "case", "run"]

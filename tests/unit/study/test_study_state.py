@@ -6,10 +6,11 @@ from pathlib import Path
 import h5py
 import pytest
 
+from fileio.stages import BY_NAME
 from pipeline.scene.read_toml import merge
-from pipeline.study.plan import RESULT, plan
+from pipeline.study.plan import plan
+from postprocess.__main__ import main as postprocess
 from postprocess.studies import judge as studies
-from postprocess.studies import tradeoff
 from postprocess.studies.state import differing, missing_runs, missing_sentence, unfinished
 from postprocess.studies.table import read_plan
 from tests.conftest import write_scene
@@ -21,7 +22,7 @@ def made(row, settings=None):
     """Every result of a run, each with the settings that it was made with (those of the plan where not said)."""
     settings = row["settings"] | (settings or {})
     for stage in row["stages"]:
-        path = studies.files_of(row).out / RESULT[stage]
+        path = studies.files_of(row).out / BY_NAME[stage].done
         path.parent.mkdir(parents=True, exist_ok=True)
         text = json.dumps(settings.get(stage, {}))
         if path.suffix == ".h5":
@@ -119,7 +120,7 @@ def test_the_trade_is_not_written_with_runs_missing_unless_asked(planned, tmp_pa
     path = tmp_path / "small" / "out" / "studies" / "trial" / "plan.json"
     docs = tmp_path / "docs"
     made(planned["runs"][0])
-    assert tradeoff.main([str(path), "--docs", str(docs)]) == 2
+    assert postprocess(["tradeoff", str(path), "--docs", str(docs)]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     for word in (
@@ -137,7 +138,7 @@ def test_a_damaged_result_is_one_sentence(planned, capsys, tmp_path):
         made(row)
     (studies.files_of(planned["runs"][0]).out / "planform.h5").write_text("no HDF5")
     path = tmp_path / "small" / "out" / "studies" / "trial" / "plan.json"
-    assert tradeoff.main([str(path), "--docs", str(tmp_path / "docs")]) == 2
+    assert postprocess(["tradeoff", str(path), "--docs", str(tmp_path / "docs")]) == 2
     said = capsys.readouterr().err
     assert "planform.h5: not readable" in said
     assert said.count("\n") == 1

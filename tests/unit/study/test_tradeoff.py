@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fileio.cost import main as with_cost
 from fileio.errors import StageError
 from pipeline.study.ask_accuracy import Setting, accuracy, budget, choose, predicted, read_results
 from pipeline.study.plan import Row
@@ -150,17 +149,6 @@ def test_page_figure_and_results_that_can_be_chosen_from(tmp_path):
     assert [s.row.run for s in settings] == ["draft", "draft_2d"]  # the best has no error, PIV is no flow
     assert settings[1].row.overrides == {"model.kind": "2d"}  # how often the study sampled is no setting
     assert settings[1].seconds == {"run": 9.0}
-
-
-def test_a_command_is_measured_and_its_failure_passed_on(tmp_path):
-    path = tmp_path / "costs" / "piv.json"
-    assert with_cost([str(path), "--", "true"]) == 0
-    cost = json.loads(path.read_text())
-    assert cost["stage"] == "piv"
-    assert cost["cpu_time"] >= 0
-    path.unlink()
-    assert with_cost([str(path), "--", "false"]) == 1
-    assert not path.exists()
 
 
 def test_the_others_are_judged_by_the_finest_run_that_is_there(tmp_path):
