@@ -117,7 +117,7 @@ def read_states(path: Path, thickness: float) -> States:
 
 
 def _read_hdf5(path: Path) -> States:
-    remedy = "write it with python -m pipeline.fea"
+    remedy = "write it with python -m pipeline fea"
     try:
         file = open_netcdf(path, "states file", load=True)
     except ValueError as error:

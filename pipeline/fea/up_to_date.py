@@ -47,9 +47,9 @@ def _remedy(scene: Scene, path: Path) -> str:
     for layer in read_layers(owner / "scene.toml") if (owner / "scene.toml").exists() else ():
         said = merge(said, layer.base)
     if owner == scene.folder or said.get("actuator") == scene.actuator:
-        return f"analyse it anew with python -m pipeline.fea {owner}"
+        return f"analyse it anew with python -m pipeline fea {owner}"
     return (
-        f"analyse this scene's own with python -m pipeline.fea {scene.folder} and give motion.states ="
+        f"analyse this scene's own with python -m pipeline fea {scene.folder} and give motion.states ="
         " 'kinematics/states.h5'"
     )
 

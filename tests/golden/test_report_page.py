@@ -284,8 +284,8 @@ def test_a_scene_without_findings_is_judged_by_agreement_and_says_so(tmp_path):
     files = StageFiles(write_case(tmp_path, spacing=0.004, frames=21), "coarse")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(flow_figures, "FRAMES", 3)
-        for stage in (compare, figures, report):
-            assert stage.main([str(files.scene_folder), "--level", "coarse"]) == 0
+        for stage in ("compare", "figures", "report"):
+            assert main([stage, str(files.scene_folder), "--level", "coarse"]) == 0
     found = result(files)
     assert {c["kind"] for c in found["checks"]} == {"agreement"}
     assert found["verdict"]["agrees"] is True

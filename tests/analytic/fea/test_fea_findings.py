@@ -1,4 +1,4 @@
-"""The paper's findings about bending, in the shipped states and studies (`make fea`, `python -m pipeline.fea.studies.studies`)."""
+"""The paper's findings about bending, in the shipped states and studies (`make fea`, `python -m pipeline fea-studies`)."""
 
 from pathlib import Path
 

@@ -34,7 +34,7 @@ def test_what_the_states_follow_from_is_refused_with_key_and_remedy_and_nothing_
     scene = write_scene(tmp_path / "scene", more=more)
     with pytest.raises(StageError) as caught:
         update_settings(scene, quiet=True)
-    for word in (*words, "scene.toml", "states.h5", "python -m pipeline.fea", "take the change back"):
+    for word in (*words, "scene.toml", "states.h5", "python -m pipeline fea", "take the change back"):
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not list((scene.out / "settings").glob("*"))
