@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.scene.read_toml import merge, resolve
 from pipeline.scene.scene import load_scene
-from pipeline.stage_settings import run
+from pipeline.stage_settings import update_settings
 from tests.conftest import ROOT
 
 
@@ -81,9 +81,9 @@ def test_the_settings_stage_says_what_a_child_replaces(tmp_path, capsys):
     (child / "scene.toml").write_text(more.format(ROOT / "cases" / "single_finger"))
     scene = load_scene(child, "smoke")
     assert (scene.model.kind, scene.mesh.tip_cell, scene.numerics.time_step) == ("half", 1.3e-3, 5e-4)
-    run(scene)
+    update_settings(scene)
     told = capsys.readouterr().out.splitlines()[0]
     for word in ("mesh.tip_cell", "model.kind", "numerics.time_step", "[levels.smoke]"):
         assert word in told
-    run(scene, quiet=True)
+    update_settings(scene, quiet=True)
     assert capsys.readouterr().out == ""
