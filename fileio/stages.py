@@ -64,7 +64,7 @@ STAGES = (
           ("run/run.json", "run/history.csv", "run/power.csv", "run/forces.csv", "case"),
           cost=(300, 600), ranks=True),
     Stage("sheet", "pipeline.sheet", "the flow in the laser sheet", ("run",), ("sheet.h5",),
-          {"sheet": {"spacing"}, "camera": SHEET_GRID}),
+          {"sheet": {"spacing", "margin"}, "camera": SHEET_GRID}),
     Stage("images", "piv", "what the camera would see", ("sheet",), ("images.h5", "images_truth.h5"),
           {"camera": True, "sheet": True}, piv="render", cost=(120, 600), temporary=True),
     Stage("piv", "piv", "vectors from the images", ("images",), ("piv.h5",), {"piv": True},

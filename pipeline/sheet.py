@@ -27,7 +27,6 @@ from pipeline.stage_settings import settings_of
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
 ODD = ("u",)  # across the plane x = 0 between two fingers; the other fields are even
-MARGIN = 0.006  # m beyond the camera's view, so that particles that enter it have come from somewhere
 INSET = 1e-7  # m: points of the mirror plane are sampled this much inside the mesh
 
 
@@ -35,7 +34,7 @@ def sheet_axes(camera: Camera, spacing: float, symmetric: bool = False) -> tuple
     """Grid axes (m) that cover the camera's view and a margin; x about 0 where `symmetric`."""
     axes: list[np.ndarray] = []
     for middle, pixels in zip(camera.centre, (camera.columns, camera.rows), strict=True):
-        half = 0.5 * pixels * camera.scale_mm_per_px * 1e-3 + MARGIN
+        half = 0.5 * pixels * camera.scale_mm_per_px * 1e-3 + scene.sheet.margin
         if symmetric and not axes:
             middle, half = 0.0, abs(middle) + half
         count = int(np.ceil(half / spacing))

@@ -113,6 +113,8 @@ def update_settings(scene: Scene, quiet: bool = False, fea_follows: bool = False
     if replaced := resolve(scene.folder / "scene.toml", scene.level)[1]:
         told = ", ".join(f"{key} of {path}" for key, path in sorted(replaced.items()))
         print(f"settings: {told} holds in place of the parent's [levels.{scene.level}]")
+    for remark in scene.remarks():
+        print(f"settings: {remark}")
     if changed:
         print(f"settings: {', '.join(changed)} changed in {scene.folder} at level {scene.level}")
 

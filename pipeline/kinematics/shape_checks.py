@@ -30,8 +30,15 @@ def check_shapes(outlines: np.ndarray, bends: np.ndarray, scene: Scene) -> None:
                 f"{where}: the finger leaves the water at {bend:.1f}° of bend (it reaches y = {outline[:, 1].max():.3f} m,"
                 f" the surface is at {depth:g} m); lower finger.root"
             )
-        if np.abs(outline[:, 0]).max() >= half or outline[:, 1].min() <= 0:
-            raise StageError(f"{where}: the finger touches the tank at {bend:.1f}° of bend; move finger.root")
+        if outline[:, 1].min() <= 0:
+            raise StageError(
+                f"{where}: the finger hits the bottom at {bend:.1f}° of bend (it reaches y ="
+                f" {outline[:, 1].min():.3f} m); raise finger.root"
+            )
+        if np.abs(outline[:, 0]).max() >= half:
+            raise StageError(
+                f"{where}: the finger touches a wall of the tank at {bend:.1f}° of bend; move finger.root"
+            )
         if scene.pinch is not None:
             _check_gap(float(gap(outline, scene.pinch)), bend, scene.pinch, where)
         if scene.support is not None and _enters(outline, scene.support):

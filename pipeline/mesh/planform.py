@@ -13,7 +13,6 @@ from pipeline.mesh.triangulate import triangulate
 from pipeline.mesh.wall_layers import (
     GAP_CELL,
     Clearance,
-    nothing_near,
     outline_at,
     ring_layers,
     spread,
@@ -31,10 +30,8 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     are numbered from 2 in their order.
     """
     box = (-half_width, 0.0 if mirror else half_width, depth)
-    near: list[shapely.Geometry] = [shapely.LinearRing(np.vstack(body.pieces)) for body in bodies]
-    if mirror:
-        near.append(shapely.LineString([(0, 0), (0, depth)]))
-    clearance = distance_to(near)
+    tank = shapely.box(box[0], 0.0, box[1], depth).exterior
+    clearance = distance_to([tank, *(shapely.LinearRing(np.vstack(body.pieces)) for body in bodies)])
     area = 0.5 * np.sum(
         outline[:, 0] * np.roll(outline[:, 1], -1) - np.roll(outline[:, 0], -1) * outline[:, 1]
     )
@@ -73,9 +70,7 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
 
 
 def distance_to(things: list[shapely.Geometry]) -> Clearance:
-    """Function of points (n, 2): distance (m) to the nearest of `things`, infinite where there are none."""
-    if not things:
-        return nothing_near
+    """Function of points (n, 2): distance (m) to the nearest of `things`."""
     together = shapely.GeometryCollection(things)
     shapely.prepare(together)
     return lambda points: shapely.distance(together, shapely.points(points))

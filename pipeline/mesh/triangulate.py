@@ -143,7 +143,7 @@ def _size_field(walls: list[int], track: list[int], narrow: list[int], size: np.
         return threshold
 
     reach = mesh.near_distance + 5 * mesh.far_cell
-    parts = [graded("CurvesList", walls, 1.1 * mesh.wall_cell, 0.002, reach)]
+    parts = [graded("CurvesList", walls, 1.1 * mesh.wall_cell, mesh.wall_distance, reach)]
     parts.append(graded("PointsList", track, mesh.near_cell, mesh.near_distance, reach))
     bins, points = np.round(np.log(size) / np.log(BIN)), np.array(narrow)
     for chosen in np.unique(bins):

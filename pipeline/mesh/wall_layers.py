@@ -16,11 +16,6 @@ GAP_RING = 0.5
 Clearance = Callable[[np.ndarray], np.ndarray]  # points (n, 2) -> distance to what is near the finger (n,), m
 
 
-def nothing_near(points: np.ndarray) -> np.ndarray:
-    """The clearance where there is nothing but water around the finger."""
-    return np.full(len(points), np.inf)
-
-
 def outline_at(outline: np.ndarray, material: np.ndarray) -> np.ndarray:
     """Points (…, node, 2) of closed outlines (…, point, 2) at fractional point indices."""
     closed = np.concatenate([outline, outline[..., :1, :]], axis=-2)
@@ -49,7 +44,7 @@ def wall_nodes(outline: np.ndarray, tip: np.ndarray, mesh: Mesh, clearance: Clea
 
     def size(points: np.ndarray) -> np.ndarray:
         distance = np.min([np.hypot(*(points - end).T) for end in np.atleast_2d(tip)], axis=0)
-        blend = np.clip((distance - 0.012) / 0.02, 0, 1)
+        blend = np.clip((distance - mesh.tip_distance) / mesh.tip_transition, 0, 1)
         wanted = mesh.tip_cell + (mesh.wall_cell - mesh.tip_cell) * blend
         return np.minimum(wanted, GAP_CELL * clearance(points))
 

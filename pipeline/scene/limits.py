@@ -24,6 +24,7 @@ def check_numbers(scene: Any) -> None:
     if scene.body is None:  # a rigid body's scene is in units of its own
         _check_fluid(scene.fluid)
         _check_mesh(scene)
+    _check_cells(scene)
     steps = scene.motion.end_time / scene.numerics.time_step
     if steps > MAX_STEPS:
         raise ValueError(
@@ -76,7 +77,10 @@ def _check_mesh(scene: Any) -> None:
             f"the mesh's layers at the wall are {layers:.3g} m thick, but there are only {room:.3g} m to the tank's"
             f" walls or the surface; lower mesh.wall_layers or mesh.wall_first_layer by {layers / (room / 2):.2g}"
         )
-    cells = estimated_cells(scene)
+
+
+def _check_cells(scene: Any) -> None:
+    mesh, cells = scene.mesh, estimated_cells(scene)
     if cells > MAX_CELLS:
         by = (cells / MAX_CELLS) ** 0.5
         raise ValueError(
@@ -88,14 +92,14 @@ def _check_mesh(scene: Any) -> None:
 
 def estimated_cells(scene: Any) -> float:
     """Cells of the whole mesh, within a factor of two or three."""
-    mesh, finger = scene.mesh, scene.finger
-    length = finger.length + finger.tip.length
-    perimeter = 2 * (length + finger.thickness)
+    mesh, finger, body = scene.mesh, scene.finger, scene.body
+    length = body.size if body else finger.length + finger.tip.length
+    perimeter = 2 * (length + (body.thickness or body.size if body else finger.thickness))
     around = 2 * length * 2 * mesh.near_distance + np.pi * mesh.near_distance**2  # of the path of the tip
     triangles = 2.3 * (
         around / mesh.near_cell**2
         + scene.tank.size[0] * scene.tank.water_depth / mesh.far_cell**2
-        + perimeter * 0.004 / mesh.wall_cell**2
+        + perimeter * 2 * mesh.wall_distance / mesh.wall_cell**2
     )
     ring = perimeter / min(mesh.wall_cell, 2 * mesh.tip_cell) * mesh.wall_layers
     layers = {"2d": 1, "full": 2}.get(scene.model.kind, 1)

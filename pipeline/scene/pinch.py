@@ -47,6 +47,7 @@ class _Tank(Protocol):
 
 class _Finger(Protocol):
     root: Pair
+    length: float
     thickness: float
     width: float
     ventral: Literal["+x", "-x"]
@@ -90,7 +91,11 @@ def _check_object(
         raise ValueError(
             f"pinch.object.diameter = {thing.diameter:g} m does not fit between the tank's walls"
         )
-    if start_pressure_kpa >= 0 and radius >= free and thing.centre_height + radius > finger.root[1] - 0.1:
+    if (
+        start_pressure_kpa >= 0
+        and radius >= free
+        and thing.centre_height + radius > finger.root[1] - finger.length
+    ):
         raise ValueError(
             f"pinch.object.diameter = {thing.diameter:g} m is wider than the opening of the straight fingers,"
             f" {2 * free:g} m; raise half_distance, or start opened by a negative motion.start_pressure_kpa"

@@ -15,7 +15,19 @@ from pipeline.scene.pinch import Pinch, Support, check_pinch, check_support
 from pipeline.scene.read_toml import resolve
 from pipeline.scene.rigid_body import Body
 from pipeline.scene.section import Section, validation_sentence
-from pipeline.scene.sections import Finger, Fluid, Mesh, Model, Motion, Numerics, Tank
+from pipeline.scene.sections import (
+    FINGER_LENGTH,
+    SCALED,
+    Finger,
+    Fluid,
+    Mesh,
+    Model,
+    Motion,
+    Numerics,
+    Tank,
+)
+
+PAPER_CLEARANCE = 0.1  # m of water, or more, below the tip in the experiment
 
 
 class Scene(Section):
@@ -60,10 +72,27 @@ class Scene(Section):
             table = {**table, "finger": {"root": body["centre"], "width": body.get("depth", 1.0)}}
         return table
 
+    @model_validator(mode="before")
+    @classmethod
+    def _lengths_of_its_size(cls, table: Any) -> Any:
+        """Lengths that are not given are those of a finger of 70 mm, scaled with the finger or body."""
+        if not isinstance(table, dict):
+            return table
+        body, finger = (table.get(key) or {} for key in ("body", "finger"))
+        size = body.get("diameter", body.get("chord", finger.get("length", FINGER_LENGTH)))
+        if not isinstance(size, int | float):
+            return table  # the section's own check tells
+        for name, section, keys in (("mesh", Mesh, SCALED), ("sheet", Sheet, ("margin",))):
+            lengths = {key: section.model_fields[key].default * (size / FINGER_LENGTH) for key in keys}
+            table = {**table, name: lengths | table.get(name, {})}
+        return table
+
     @model_validator(mode="after")
     def _one_body(self) -> Scene:
         if (self.body is None) == (self.motion.source == "rigid"):
             raise ValueError("body and motion.source = 'rigid' belong together; give both or neither")
+        if self.body is not None and self.pinch is not None:
+            raise ValueError("pinch: a rigid body has no second finger; remove it")
         return self
 
     @model_validator(mode="after")
@@ -78,12 +107,6 @@ class Scene(Section):
         if not abs(finger.root[0]) < tank.size[0] / 2 or not 0 < finger.root[1] < tank.water_depth:
             raise ValueError(
                 f"finger.root = {list(finger.root)} is not in the water; move it inside the tank"
-            )
-        reach = finger.length + finger.tip.length
-        if finger.root[1] - reach < 0.1:
-            raise ValueError(
-                f"finger.root leaves the tip {finger.root[1] - reach:.3f} m above the bottom,"
-                " less than the experiment's 0.1 m; raise finger.root"
             )
         if finger.width >= tank.size[2]:
             raise ValueError(f"finger.width = {finger.width} m does not fit between the tank's walls")
@@ -119,6 +142,19 @@ class Scene(Section):
             return self
         finger = self.finger.model_copy(update={"root": (-self.pinch.half_distance, self.finger.root[1])})
         return self.model_copy(update={"finger": finger})
+
+    def remarks(self) -> list[str]:
+        """What holds otherwise than a reader of the scene may think, a sentence each."""
+        said = []
+        above = self.finger.root[1] - self.finger.length - self.finger.tip.length
+        if self.body is None and above < PAPER_CLEARANCE:
+            said.append(
+                f"warning: finger.root = {list(self.finger.root)} leaves the straight finger {above:.3g} m above the"
+                f" bottom, less than the experiment's {PAPER_CLEARANCE:g} m: the bottom may be felt"
+            )
+        if self.motion.states and self.motion.source != "fea":
+            said.append(f"motion.states is not used: motion.source = {self.motion.source!r}")
+        return said
 
     @property
     def out(self) -> Path:

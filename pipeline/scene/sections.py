@@ -89,7 +89,12 @@ class Motion(Section):
                 "motion.source = 'rigid' takes either motion.displacement or motion.rotation and nothing else"
             )
         if rigid:
+            unused = {"states", "recording", "recording_factor", "start_pressure_kpa", "max_bend_step_deg"}
+            if given := sorted(unused & self.model_fields_set):
+                raise ValueError(f"motion.{given[0]} is a finger's; remove it beside motion.source = 'rigid'")
             return self
+        if self.path_step:
+            raise ValueError("motion.path_step is a rigid body's; give motion.max_bend_step_deg for a finger")
         if self.source == "recording":
             if not self.recording or self.strokes or self.pressure_csv:
                 raise ValueError(
@@ -114,14 +119,24 @@ class Motion(Section):
         return self
 
 
+FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled
+SCALED = ("near_distance", "tip_distance", "tip_transition", "wall_distance", "jet_reach")  # of [mesh]
+
+
 class Mesh(Section):
-    """Planform and sweep: target cell sizes and layers, m."""
+    """Planform and sweep: target cell sizes and layers, m.
+
+    Defaults of `SCALED` are those of a finger of 70 mm; a scene with another, or with a rigid body, scales them with its size.
+    """
 
     wall_cell: Positive
     wall_first_layer: Positive
     wall_layers: Annotated[int, Field(ge=1, le=40)]
     wall_growth: Annotated[float, Field(ge=1, le=2)] = 1.3
+    wall_distance: Positive = 0.002  # within which triangles are as small as at the wall
     tip_cell: Positive
+    tip_distance: Positive = 0.012  # from the tip along the wall: cells of tip_cell
+    tip_transition: Positive = 0.02  # over which they grow from there to wall_cell
     near_cell: Positive
     near_distance: Positive = 0.045
     far_cell: Positive

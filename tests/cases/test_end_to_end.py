@@ -10,35 +10,13 @@ import pandas as pd
 import pytest
 
 from fileio.formats.plane_series import read_plane
+from tests.cases.conftest import make
 from tests.conftest import ROOT
-from tests.inner_make import inner_environment
 
 pytestmark = [
     pytest.mark.openfoam,
     pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
 ]
-PARTS = ("Makefile", "requirements.lock", "cases", "pipeline", "piv", "postprocess")
-
-
-@pytest.fixture(scope="module")
-def project(tmp_path_factory):
-    """A copy of the project without results, with this environment linked in."""
-    folder = tmp_path_factory.mktemp("project")
-    for part in PARTS:
-        source = ROOT / part
-        if source.is_dir():
-            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("out", "__pycache__"))
-        else:
-            shutil.copy2(source, folder / part)
-    (folder / ".venv").symlink_to(ROOT / ".venv")
-    return folder
-
-
-def make(project: Path, *arguments: str) -> subprocess.CompletedProcess:
-    command = ["make", "--no-print-directory", "LEVEL=smoke", "QUIET=1", "READY=Makefile", *arguments]
-    return subprocess.run(
-        command, cwd=project, capture_output=True, text=True, check=False, env=inner_environment()
-    )
 
 
 @pytest.fixture(scope="module")

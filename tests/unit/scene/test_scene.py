@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fileio.errors import StageError
+from pipeline.kinematics.stage import kinematics_dataset
 from pipeline.openfoam.base_case import template_files, templates_digest
 from pipeline.scene.scene import load_scene
 from pipeline.scene.sections import Numerics
@@ -27,7 +28,7 @@ def test_every_shipped_scene_is_valid_at_every_level(folder, level):
     "more, words",
     [
         ("[finger]\nlenght = 0.07", ["finger.lenght", "not known"]),
-        ("[finger]\nroot = [0.0, 0.16]", ["finger.root", "0.1 m", "raise"]),
+        ("[motion]\npath_step = 0.1", ["motion.path_step", "rigid"]),
         ("[finger]\nroot = [0.4, 0.245]", ["finger.root", "not in the water"]),
         ("[finger]\nlength = 70.0", ["millimetres"]),
         ("[tank]\nwater_depth = 0.4", ["water_depth", "exceeds"]),
@@ -61,6 +62,23 @@ def test_nonsense_is_refused_with_key_and_remedy(tmp_path, more, words):
     assert "\n" not in message
     for word in words:
         assert word in message
+
+
+def test_a_finger_near_the_bottom_is_warned_of_and_one_that_hits_it_refused(tmp_path):
+    assert write_scene(tmp_path / "as_shipped").remarks() == []
+    scene = write_scene(tmp_path / "near", more="[finger]\nroot = [0.0, 0.16]")
+    assert "0.1 m" in scene.remarks()[0]
+    kinematics_dataset(scene)
+    with pytest.raises(StageError, match="hits the bottom at .* raise finger.root"):
+        kinematics_dataset(write_scene(tmp_path / "deep", more="[finger]\nroot = [0.0, 0.065]"))
+
+
+def test_lengths_that_are_not_given_go_with_the_size_of_the_finger(tmp_path):
+    shipped = write_scene(tmp_path / "shipped").mesh
+    assert (shipped.tip_distance, shipped.tip_transition, shipped.wall_distance) == (0.012, 0.02, 0.002)
+    more = "[finger]\nlength = 0.14\n[mesh]\ntip_transition = 0.03"
+    twice = write_scene(tmp_path / "twice", more=more).mesh
+    assert (twice.tip_distance, twice.tip_transition, twice.wall_distance) == (0.024, 0.03, 0.004)
 
 
 def test_missing_scene_and_level_name_what_there_is(tmp_path):

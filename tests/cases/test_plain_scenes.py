@@ -1,0 +1,100 @@
+"""Scenes that are a scene.toml in a folder of any name, and nothing else, from kinematics to report at level smoke."""
+
+import json
+import shutil
+
+import pytest
+
+from tests.cases.conftest import make
+
+pytestmark = [
+    pytest.mark.openfoam,
+    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
+]
+
+WATER = """
+[numerics]
+time_step = 2e-3
+write_interval = 0.02
+[camera]
+columns = 320
+rows = 320
+scale_mm_per_px = 0.25
+centre = {centre}
+[levels.smoke]
+model = {{ kind = "2d" }}
+sheet = {{ spacing = 2e-3 }}
+piv = {{ preset = "fast" }}
+"""
+CYLINDER = """
+title = "A cylinder that is pushed aside"
+[body]
+shape = "circle"
+diameter = 0.02
+centre = [-0.005, 0.15]
+depth = 0.05
+[motion]
+source = "rigid"
+displacement = { kind = "power", rate = 0.1, exponent = 0.0, smoothing = 0.02 }
+end_time = 0.1
+[mesh]
+wall_cell = 2e-3
+wall_first_layer = 0.8e-3
+wall_layers = 2
+tip_cell = 2e-3
+near_cell = 4e-3
+far_cell = 0.04
+""" + WATER.format(centre="[0.0, 0.15]")
+FINGER = """
+title = "A finger of its own"
+[finger]
+root = {root}
+length = {length}
+thickness = {thickness}
+[motion]
+strokes = [{{ pressure_kpa = 12.0, start = 0.005, duration = 0.1 }}]
+end_time = 0.1
+[mesh]
+wall_cell = {wall}
+wall_first_layer = {first}
+wall_layers = 2
+tip_cell = {tip}
+near_cell = {near}
+far_cell = 0.04
+"""
+NEAR_THE_BOTTOM = FINGER.format(
+    root="[0.0, 0.095]", length=0.07, thickness=0.0145, wall=3.5e-3, first=1.2e-3, tip=2.2e-3, near=5e-3
+) + WATER.format(centre="[0.01, 0.045]")
+SMALL = FINGER.format(
+    root="[0.0, 0.2]", length=0.035, thickness=0.008, wall=2e-3, first=0.7e-3, tip=1.5e-3, near=3e-3
+) + WATER.format(centre="[0.01, 0.18]")
+# by a name of no meaning, one with a dash and a capital, and one that says what it is not
+SCENES = {"my_scene": CYLINDER, "Low-1": NEAR_THE_BOTTOM, "no_pinch": SMALL}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_scene_is_its_toml_alone(project, name):
+    folder = project / "cases" / name
+    folder.mkdir()
+    (folder / "scene.toml").write_text(SCENES[name])
+    done = make(project, name, "QUIET=")
+    assert done.returncode == 0, done.stderr[-3000:] + done.stdout[-1000:]
+    warned = [line for line in done.stdout.splitlines() if "0.1 m" in line]
+    assert len(warned) == (name == "Low-1")
+    out = folder / "out" / "smoke"
+    found = json.loads((out / "comparison.json").read_text())
+    assert {check["kind"] for check in found["checks"]} == {"agreement"}
+    page = (out / "report.html").read_text()
+    assert ("bend" in page) == (name != "my_scene")
+
+
+def test_a_finger_that_would_hit_the_bottom_is_refused(project):
+    folder = project / "cases" / "deep"
+    folder.mkdir()
+    (folder / "scene.toml").write_text(NEAR_THE_BOTTOM.replace("0.095", "0.065"))
+    done = make(project, "deep")
+    told = [line for line in done.stderr.splitlines() if line.startswith("kinematics:")]
+    assert done.returncode != 0
+    assert len(told) == 1
+    assert "hits the bottom" in told[0]
+    assert "raise finger.root" in told[0]
