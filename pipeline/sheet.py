@@ -30,11 +30,13 @@ ODD = ("u",)  # across the plane x = 0 between two fingers; the other fields are
 INSET = 1e-7  # m: points of the mirror plane are sampled this much inside the mesh
 
 
-def sheet_axes(camera: Camera, spacing: float, symmetric: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def sheet_axes(
+    camera: Camera, spacing: float, margin: float, symmetric: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """Grid axes (m) that cover the camera's view and a margin; x about 0 where `symmetric`."""
     axes: list[np.ndarray] = []
     for middle, pixels in zip(camera.centre, (camera.columns, camera.rows), strict=True):
-        half = 0.5 * pixels * camera.scale_mm_per_px * 1e-3 + scene.sheet.margin
+        half = 0.5 * pixels * camera.scale_mm_per_px * 1e-3 + margin
         if symmetric and not axes:
             middle, half = 0.0, abs(middle) + half
         count = int(np.ceil(half / spacing))
@@ -140,7 +142,7 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, output: Pat
         raise StageError("--view and --output belong together: another view goes to another file")
     kinematics = read_kinematics(scene.out / "kinematics.h5")
     if view is None:
-        x, y = sheet_axes(scene.camera, scene.sheet.spacing, symmetric=kinematics.mirror)
+        x, y = sheet_axes(scene.camera, scene.sheet.spacing, scene.sheet.margin, symmetric=kinematics.mirror)
     else:
         reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet has as much on either side
         x, y = view_axes((-reach, reach, *view[2:]) if kinematics.mirror else view, scene)

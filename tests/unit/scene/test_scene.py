@@ -69,7 +69,7 @@ def test_a_finger_near_the_bottom_is_warned_of_and_one_that_hits_it_refused(tmp_
     scene = write_scene(tmp_path / "near", more="[finger]\nroot = [0.0, 0.16]")
     assert "0.1 m" in scene.remarks()[0]
     kinematics_dataset(scene)
-    with pytest.raises(StageError, match="hits the bottom at .* raise finger.root"):
+    with pytest.raises(StageError, match=r"hits the bottom at .* raise finger.root"):
         kinematics_dataset(write_scene(tmp_path / "deep", more="[finger]\nroot = [0.0, 0.065]"))
 
 
