@@ -58,8 +58,8 @@ def test_the_right_finger_is_the_left_ones_image():
 
 def test_axes_about_the_plane_cover_a_view_that_is_off_it():
     camera = Camera(centre=(0.01, 0.18))
-    x, _ = sheet_axes(camera, 0.0005, symmetric=True)
+    x, _ = sheet_axes(camera, 0.0005, 0.006, symmetric=True)
     assert (x == -x[::-1]).all()
     assert x[len(x) // 2] == 0
     assert x[-1] >= 0.01 + 640 * 0.125e-3
-    assert sheet_axes(camera, 0.0005)[0].mean() == pytest.approx(0.01)
+    assert sheet_axes(camera, 0.0005, 0.006)[0].mean() == pytest.approx(0.01)
