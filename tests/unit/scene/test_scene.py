@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fileio.errors import StageError
-from pipeline.kinematics.stage import kinematics_dataset
+from pipeline.kinematics.stage import kinematics_values
 from pipeline.openfoam.base_case import template_files, templates_digest
 from pipeline.scene.scene import load_scene
 from pipeline.scene.sections import Numerics
@@ -68,9 +68,9 @@ def test_a_finger_near_the_bottom_is_warned_of_and_one_that_hits_it_refused(tmp_
     assert write_scene(tmp_path / "as_shipped").remarks() == []
     scene = write_scene(tmp_path / "near", more="[finger]\nroot = [0.0, 0.16]")
     assert "0.1 m" in scene.remarks()[0]
-    kinematics_dataset(scene)
+    kinematics_values(scene)
     with pytest.raises(StageError, match=r"hits the bottom at .* raise finger.root"):
-        kinematics_dataset(write_scene(tmp_path / "deep", more="[finger]\nroot = [0.0, 0.065]"))
+        kinematics_values(write_scene(tmp_path / "deep", more="[finger]\nroot = [0.0, 0.065]"))
 
 
 def test_lengths_that_are_not_given_go_with_the_size_of_the_finger(tmp_path):
