@@ -11,17 +11,17 @@ import pytest
 from tests.conftest import ROOT
 from tests.inner_make import inner_environment
 
-PARTS = ("Makefile", "requirements.lock", "cases", "fileio", "pipeline", "piv", "postprocess")
+PARTS = ("Makefile", "requirements.lock", "pyproject.toml", "cases", "fileio", "pipeline", "piv", "postprocess")
 
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
-    """A copy of the project without results, with this environment linked in."""
+    """A copy of the project without results, with this environment linked in; what numba has compiled comes along."""
     folder = tmp_path_factory.mktemp("project")
     for part in PARTS:
         source = ROOT / part
         if source.is_dir():
-            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("out", "__pycache__"))
+            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("out"))
         else:
             shutil.copy2(source, folder / part)
     (folder / ".venv").symlink_to(ROOT / ".venv")

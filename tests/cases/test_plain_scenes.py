@@ -17,13 +17,14 @@ WATER = """
 time_step = 2e-3
 write_interval = 0.02
 [camera]
-columns = 320
-rows = 320
-scale_mm_per_px = 0.25
+columns = 256
+rows = 256
+scale_mm_per_px = 0.3
+truth = false
 centre = {centre}
 [levels.smoke]
 model = {{ kind = "2d" }}
-sheet = {{ spacing = 2e-3 }}
+sheet = {{ spacing = 2e-3, rate_hz = 250.0 }}
 piv = {{ preset = "fast" }}
 """
 CYLINDER = """
