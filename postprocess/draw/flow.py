@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,9 +13,14 @@ from matplotlib.figure import Figure
 
 from postprocess.draw.style import MM, NAMES, new_figure
 from postprocess.evidence.fields import frame
+from postprocess.evidence.strokes import REST
 
 ARROW_EVERY = 0.0045  # m between drawn vectors: about 35 of them across the camera's picture
 HALO = [patheffects.withStroke(linewidth=4.0, foreground="white")]
+MARK: dict[str, Any] = {"color": "#0a7d2c", "linewidth": 2.0, "zorder": 4, "path_effects": HALO}
+SHADE: dict[str, Any] = {"origin": "lower", "cmap": "RdBu_r", "alpha": 0.75, "interpolation": "bilinear"}
+ARROWS: dict[str, Any] = {"units": "xy", "angles": "xy", "scale_units": "xy", "width": 0.5, "headwidth": 3.4, "headlength": 4,
+                          "color": "#1c2733"}  # fmt: skip
 
 
 def view_limits(planes: dict[str, xr.Dataset]) -> tuple[float, float, float, float]:
@@ -105,7 +111,7 @@ def flow_figure(
 
 
 def _bend(plane: xr.Dataset, time: float) -> float | None:
-    if "bend" not in plane:
+    if "bend" not in plane or np.ptp(plane["bend"].values[:, 0]) <= REST:
         return None
     return float(np.degrees(plane["bend"].values[nearest(plane, time), 0]))
 
@@ -117,61 +123,26 @@ def _panel(ax, plane: xr.Dataset, vortices: list[pd.DataFrame], scale: float, li
     rows, columns = np.arange(every // 2, y.size, every), np.arange(every // 2, x.size, every)
     extent = np.array([x[0] - dx / 2, x[-1] + dx / 2, y[0] - dy / 2, y[-1] + dy / 2]) * MM
     blank = np.full((y.size, x.size), np.nan)
-    shade = ax.imshow(
-        blank,
-        origin="lower",
-        extent=extent,
-        cmap="RdBu_r",
-        vmin=-limit,
-        vmax=limit,
-        alpha=0.75,
-        interpolation="bilinear",
-    )
+    shade = ax.imshow(blank, extent=extent, vmin=-limit, vmax=limit, **SHADE)
     gx, gy = np.meshgrid(x[columns] * MM, y[rows] * MM)
     hidden = np.ma.masked_all(gx.shape)
     unit = 0.45 * scale / (every * dx * MM)  # 45 % of the tip's peak speed reaches to the next vector
-    arrows = ax.quiver(
-        gx,
-        gy,
-        hidden,
-        hidden,
-        units="xy",
-        angles="xy",
-        scale_units="xy",
-        scale=unit,
-        width=0.5,
-        headwidth=3.4,
-        headlength=4,
-        color="#1c2733",
-    )
+    arrows = ax.quiver(gx, gy, hidden, hidden, scale=unit, **ARROWS)
     known = float(f"{0.5 * scale:.1g}")
-    ax.quiverkey(
-        arrows,
-        0.86,
-        1.03,
-        known,
-        f"{known:g} m/s",
-        labelpos="E",
-        coordinates="axes",
-        fontproperties={"size": 9},
-    )
+    beside = {"labelpos": "E", "coordinates": "axes", "fontproperties": {"size": 9}}
+    ax.quiverkey(arrows, 0.86, 1.03, known, f"{known:g} m/s", **beside)
     bodies = [ax.fill([], [], color="black", zorder=3)[0] for _ in range(plane.sizes.get("finger", 0))]
-    marks = [
-        ax.plot([], [], color="#0a7d2c", linewidth=2.0, zorder=4, path_effects=HALO)[0] for _ in vortices
-    ]
+    marks = [ax.plot([], [], **MARK)[0] for _ in vortices]
 
     def update(time: float) -> None:
         index = nearest(plane, time)
         field, valid = frame(plane, index)
         shade.set_data(vorticity(field, valid, x, y))
-        drawn = np.ma.masked_array(field, mask=np.broadcast_to(~valid, field.shape))[
-            :, rows[:, None], columns
-        ]
-        arrows.set_UVC(drawn[0], drawn[1])
+        drawn = np.ma.masked_array(field, mask=np.broadcast_to(~valid, field.shape))
+        arrows.set_UVC(*drawn[:, rows[:, None], columns])
         for number, body in enumerate(bodies):
-            body.set_xy(
-                plane["outline"].values[index, number] * MM if "outline" in plane else np.empty((0, 2))
-            )
+            outlines = plane["outline"].values[index] * MM if "outline" in plane else {}
+            body.set_xy(outlines[number] if len(outlines) else np.empty((0, 2)))
         for mark, vortex in zip(marks, vortices, strict=True):
             mark.set_data(*_mark_at(vortex, time))
 

@@ -38,7 +38,7 @@ def planform(
         near &= (ends.min(axis=1) < np.array(limits[1::2]) * MM).all(axis=1)
         ax.add_collection(LineCollection(ends[near], colors="#27405c", linewidths=0.25, rasterized=True))
         ax.set(xlim=(limits[0] * MM, limits[1] * MM), ylim=(limits[2] * MM, limits[3] * MM), aspect="equal")
-        ax.set(xlabel="x, mm", title=f"{name}, bent by {bend:.0f}°")
+        ax.set(xlabel="x, mm", title=f"{name}, bent by {bend:.0f}°" if np.any(bend_deg) else name)
         ax.grid(False)
     axes[0].set_ylabel("y, mm")
     return figure

@@ -6,14 +6,19 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from postprocess.draw.series import BESIDE
 from postprocess.draw.style import CFD, COLOURS, GREY, MM, NAMES, PIV, THIRD, new_figure
 from postprocess.evidence.vortex_pairs import broken
 
 
-def _contact(axes, met: float | None) -> None:
+def _with_contact(figure: Figure, axes, met: float | None, explained) -> Figure:
+    """The figure with a line at contact (s) in every panel, and legends beside those that are `explained`."""
     for ax in axes:
         if met is not None:
             ax.axvline(met, color=GREY, linewidth=1.0, linestyle=":", label="contact")
+    for ax in explained:
+        ax.legend(**BESIDE)
+    return figure
 
 
 def pair(pairs: dict[str, pd.DataFrame], met: float | None) -> Figure:
@@ -21,27 +26,17 @@ def pair(pairs: dict[str, pd.DataFrame], met: float | None) -> Figure:
     figure, axes = new_figure(8.6, 7.4, 4, 1, sharex=True)
     for source, whole in pairs.items():
         table = broken(whole, "track_0")
-        more = {"color": COLOURS[source], "label": NAMES[source]}
-        axes[0].plot(table["time"], table["imbalance"] * 100, **more)
-        axes[1].plot(table["time"], table["mirror_distance"] * MM, **more)
+        time, colour, label = table["time"], COLOURS[source], NAMES[source]
+        axes[0].plot(time, table["imbalance"] * 100, color=colour, label=label)
+        axes[1].plot(time, table["mirror_distance"] * MM, color=colour, label=label)
         for ax, name in ((axes[2], "along_tip"), (axes[3], "across_tip")):
-            for finger, style in ((0, "-"), (1, "--")):
-                label = f"{NAMES[source]}, {('left', 'right')[finger]}"
-                ax.plot(
-                    table["time"],
-                    table[f"{name}_{finger}"] * MM,
-                    color=COLOURS[source],
-                    ls=style,
-                    label=label,
-                )
+            ax.plot(time, table[f"{name}_0"] * MM, "-", color=colour, label=f"{label}, left")
+            ax.plot(time, table[f"{name}_1"] * MM, "--", color=colour, label=f"{label}, right")
     axes[0].set(ylabel="imbalance, %", ylim=(0, 15), title="The two tip vortices against each other")
     axes[1].set(ylabel="mirror\ndistance, mm", ylim=(0, None))
     axes[2].set(ylabel="along the\ntip, mm")
     axes[3].set(ylabel="to the dorsal\nside, mm", xlabel="time, s")
-    _contact(axes, met)
-    for ax in (axes[0], axes[2]):
-        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
+    return _with_contact(figure, axes, met, (axes[0], axes[2]))
 
 
 def centreline(
@@ -51,27 +46,15 @@ def centreline(
     figure, axes = new_figure(8.6, 5.8, 2, 1, sharex=True)
     axes[0].plot(tip_time, tip_height * MM, color=GREY, linestyle="--", linewidth=1.2, label="tips")
     for source, table in lines.items():
-        colour = COLOURS[source]
-        axes[0].plot(
-            table["time"], table["stagnation_y"] * MM, color=colour, label=f"parting, {NAMES[source]}"
-        )
-        axes[0].plot(
-            table["time"],
-            table["jet_y"].where(table["jet_speed"] > 0.02) * MM,
-            color=colour,
-            linestyle=":",
-            label=f"fastest of the jet, {NAMES[source]}",
-        )
-        axes[1].plot(table["time"], table["jet_speed"], color=colour, label=f"down, {NAMES[source]}")
-        axes[1].plot(
-            table["time"], table["rise_speed"], color=colour, linestyle="--", label=f"up, {NAMES[source]}"
-        )
+        time, colour, name = table["time"], COLOURS[source], NAMES[source]
+        jet = table["jet_y"].where(table["jet_speed"] > 0.02) * MM
+        axes[0].plot(time, table["stagnation_y"] * MM, color=colour, label=f"parting, {name}")
+        axes[0].plot(time, jet, ":", color=colour, label=f"fastest of the jet, {name}")
+        axes[1].plot(time, table["jet_speed"], color=colour, label=f"down, {name}")
+        axes[1].plot(time, table["rise_speed"], "--", color=colour, label=f"up, {name}")
     axes[0].set(ylabel="y, mm", title="On the plane between the fingers")
     axes[1].set(ylabel="peak speed, m/s", xlabel="time, s", ylim=(0, None))
-    _contact(axes, met)
-    for ax in axes:
-        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
+    return _with_contact(figure, axes, met, axes)
 
 
 def closing(
@@ -80,9 +63,7 @@ def closing(
     """Gap and closing speed of one tip, with the law and without it (m over s), and what they do to pressure and jet."""
     figure, axes = new_figure(8.6, 8.2, 4, 1, sharex=True)
     axes[0].semilogy(time, gap * MM, color=CFD, label="as it closes")
-    axes[0].semilogy(
-        time, free_gap * MM, color=GREY, linestyle="--", label="unhindered, until the tips would meet"
-    )
+    axes[0].semilogy(time, free_gap * MM, "--", color=GREY, label="unhindered, until the tips would meet")
     axes[0].set(ylabel="gap between tip\nand plane, mm", title="Closing")
     axes[1].plot(time, -np.gradient(gap, time), color=CFD)
     axes[1].plot(time, -np.gradient(free_gap, time), color=GREY, linestyle="--")
@@ -94,10 +75,7 @@ def closing(
     axes[2].set(ylabel="pressure, Pa")
     axes[3].plot(lines["time"], lines["jet_speed"], color=CFD)
     axes[3].set(ylabel="jet, m/s", xlabel="time, s", ylim=(0, None))
-    _contact(axes, met)
-    for ax in (axes[0], axes[2]):
-        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
+    return _with_contact(figure, axes, met, (axes[0], axes[2]))
 
 
 def beside_single(
@@ -111,14 +89,8 @@ def beside_single(
     for tables, style, name in ((single, "--", "single finger"), (pinch, "-", "pinch")):
         for source, table in tables.items():
             for ax, column in zip(axes, ("along_tip", "across_tip"), strict=True):
-                ax.plot(
-                    np.degrees(table["bend"]),
-                    table[column] * MM,
-                    color=COLOURS[source],
-                    linestyle=style,
-                    marker="." if len(table) < 60 else None,
-                    label=f"{name}, {NAMES[source]}",
-                )
+                (line,) = ax.plot(np.degrees(table["bend"]), table[column] * MM, style, color=COLOURS[source])
+                line.set(marker="." if len(table) < 60 else None, label=f"{name}, {NAMES[source]}")
     axes[0].set(ylabel="beyond the tip, mm", title="The vortex at the same bend, pinch and single finger")
     axes[1].set(ylabel="to the dorsal side, mm", xlabel="bend angle, °", xlim=limits)
     axes[1].axhline(0, color=GREY, linewidth=0.8)

@@ -23,11 +23,8 @@ STYLES = ("-", "--")  # of the left or only finger, and of the right one
 def circulation(tracks: Tracks, middle: tuple[float, float]) -> Figure:
     """Circulation and core radius of every tip's vortex over time with 95 % bands; the middle of the stroke is shaded."""
     figure, axes = new_figure(8.6, 5.6, 2, 1, sharex=True, height_ratios=(2, 1))
-    for ax, (name, unit, label) in zip(
-        axes,
-        (("circulation", 1e4, "circulation, cm²/s"), ("core_radius", MM, "core radius, mm")),
-        strict=True,
-    ):
+    rows = (("circulation", 1e4, "circulation, cm²/s"), ("core_radius", MM, "core radius, mm"))
+    for ax, (name, unit, label) in zip(axes, rows, strict=True):
         for source, fingers in tracks.items():
             for finger, track in enumerate(fingers):
                 _banded(ax, track, name, unit, source, finger, len(fingers))
@@ -51,14 +48,8 @@ def _banded(ax, track: pd.DataFrame, name: str, unit: float, source: str, finger
     std = track.get(f"{name}_std")
     if std is not None and np.any(std.to_numpy(float) > 0):
         half = BAND * std.to_numpy(float)
-        ax.fill_between(
-            track["time"],
-            (track[name] - half) * unit,
-            (track[name] + half) * unit,
-            color=colour,
-            alpha=0.2,
-            linewidth=0,
-        )
+        low, high = (track[name] - half) * unit, (track[name] + half) * unit
+        ax.fill_between(track["time"], low, high, color=colour, alpha=0.2, linewidth=0)
 
 
 def has_band(tracks: Tracks) -> list[str]:
@@ -89,27 +80,15 @@ def paths(tracks: Tracks, plane: xr.Dataset, middle: tuple[float, float]) -> Fig
 
 
 def _path(ax, track: pd.DataFrame, middle: tuple[float, float], source: str, label: str | None) -> None:
-    drawn = broken(track)
-    ax.plot(
-        drawn["x"] * MM,
-        drawn["y"] * MM,
-        color=COLOURS[source],
-        marker=".",
-        markersize=4,
-        linewidth=1.2,
-        label=label,
-    )
+    drawn, colour = broken(track), COLOURS[source]
+    style = {"marker": ".", "markersize": 4, "linewidth": 1.2, "label": label}
+    ax.plot(drawn["x"] * MM, drawn["y"] * MM, color=colour, **style)
     inside = track[track["time"].between(*middle)]
     if {"x_std", "y_std"} <= set(track):
         some = inside.iloc[:: max(1, len(inside) // 8)]
+        half = BAND * some[["x_std", "y_std"]] * MM
         ax.errorbar(
-            some["x"] * MM,
-            some["y"] * MM,
-            BAND * some["y_std"] * MM,
-            BAND * some["x_std"] * MM,
-            fmt="none",
-            ecolor=COLOURS[source],
-            alpha=0.7,
+            some["x"] * MM, some["y"] * MM, half["y_std"], half["x_std"], fmt="none", ecolor=colour, alpha=0.7
         )
 
 

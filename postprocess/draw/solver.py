@@ -14,14 +14,9 @@ def forces(table: pd.DataFrame) -> Figure:
     """Force of the water on the finger, total and its viscous part."""
     figure, ax = new_figure(8.6, 3.6)
     for axis, colour in (("x", CFD), ("y", PIV)):
-        ax.plot(table["time"], table[f"f{axis}"] * 1e3, color=colour, label=f"force along {axis}")
-        ax.plot(
-            table["time"],
-            table[f"f{axis}_viscous"] * 1e3,
-            color=colour,
-            linestyle=":",
-            label=f"its viscous part, {axis}",
-        )
+        total, viscous = table[f"f{axis}"] * 1e3, table[f"f{axis}_viscous"] * 1e3
+        ax.plot(table["time"], total, color=colour, label=f"force along {axis}")
+        ax.plot(table["time"], viscous, ":", color=colour, label=f"its viscous part, {axis}")
     ax.set(xlabel="time, s", ylabel="force, mN", title="Force of the water on the finger")
     ax.legend(**BESIDE)
     return figure

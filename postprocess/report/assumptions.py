@@ -10,20 +10,21 @@ GRAVITY = 9.81  # m/s²
 def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[tuple[str, str]]:
     """Pairs (what, why) for the report; speed is the peak tip speed (m/s), tip_height the highest position of the tip (m).
 
-    `scene` holds the scene's sections tank, finger, fluid and model.
+    `scene` holds the scene's sections tank, finger (or body), fluid and model.
     """
-    fluid, finger, tank = scene["fluid"], scene["finger"], scene["tank"]
-    reynolds = speed * finger["width"] / fluid["kinematic_viscosity"]
+    fluid, finger, tank, body = scene["fluid"], scene["finger"], scene["tank"], scene.get("body")
+    name, width = ("body", body["diameter"] or body["chord"]) if body else ("finger", finger["width"])
+    reynolds = f"Reynolds number by {name} width {speed * width / fluid['kinematic_viscosity']:,.0f}."
     depth = tank["water_depth"] - max(tip_height, finger["root"][1])
     froude = speed / (GRAVITY * depth) ** 0.5
     turbulence, kind = fluid["turbulence"], scene["model"]["kind"]
     flow = (
-        f"The flow is laminar in the equations: no turbulence model acts. Reynolds number by finger width {reynolds:,.0f}."
+        f"The flow is laminar in the equations: no turbulence model acts. {reynolds}"
         if turbulence == "laminar"
-        else f"Turbulence below the mesh size is modelled by {turbulence}. Reynolds number by finger width {reynolds:,.0f}."
+        else f"Turbulence below the mesh size is modelled by {turbulence}. {reynolds}"
     )
     parts = {
-        "2d": "A plane without depth is computed: no water passes round the finger's sides, so its forces and vortices are too strong.",
+        "2d": f"A plane without depth is computed: no water passes round the {name}'s sides, so its forces and vortices are too strong.",
         "half": "Half of the tank is computed; the laser sheet is its plane of symmetry, so no water crosses the sheet.",
         "quarter": "A quarter of the tank is computed; the laser sheet and the plane between the fingers are its planes of symmetry, so no water crosses them and the fingers' vortices are exact mirror images.",
         "full": "The whole tank is computed.",
@@ -33,16 +34,18 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
     held = (
         f"A block of {' × '.join(f'{1e3 * side:.0f}' for side in scene['support']['size'])} mm above the roots."
         if scene.get("support")
-        else "The hardware that holds the finger is not in the water of the simulation."
+        else f"The hardware that holds the {name} is not in the water of the simulation."
     )
     return [
         (
             "Motion",
-            "The finger's motion is prescribed; the water does not bend it. The paper finds the radius of bending in water at most 13.3 % above that in air.",
+            "The body is rigid and its motion is prescribed."
+            if body
+            else "The finger's motion is prescribed; the water does not bend it. The paper finds the radius of bending in water at most 13.3 % above that in air.",
         ),
         (
             "Water surface",
-            f"A rigid lid on which water slips: no waves. At {speed:.2f} m/s the finger could raise the surface by at most"
+            f"A rigid lid on which water slips: no waves. At {speed:.2f} m/s the {name} could raise the surface by at most"
             f" {speed**2 / (2 * GRAVITY) * 1e3:.1f} mm; it stays {depth * 1e3:.0f} mm below it (Froude number by that depth {froude:.2f}).",
         ),
         ("Turbulence", flow),

@@ -14,7 +14,7 @@ from postprocess.draw.series import Tracks
 from postprocess.draw.style import NAMES
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence import vortex_pairs as pairs
-from postprocess.evidence.strokes import stroke_window
+from postprocess.evidence.strokes import REST, stroke_window
 from postprocess.evidence.time_windows import Clock
 from postprocess.report.picture_index import Album
 
@@ -55,13 +55,12 @@ def flow_figures(
     figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=120)
     for number, time in enumerate(instants):
         show(time)
-        bend = np.degrees(np.interp(time, stroke, bends))
+        bent = f", bent by {np.degrees(np.interp(time, stroke, bends)):.0f}" if np.ptp(bends) > REST else ""
         vortices = [format_vortices(source, fingers, time) for source, fingers in dominant.items()]
-        alt = f"Velocity vectors around the black {body} at {time:.3f} s, bent by {bend:.0f} degrees, {sources}. {' '.join(vortices)}"
-        animation.write_picture(
-            animation.pixels(figure), album.folder / f"flow_{number}.png"
-        )  # no new layout
-        album.add(None, f"flow_{number}.png", "flow", alt, f"{time:.3f} s, bent by {bend:.0f}°")
+        alt = f"Velocity vectors around the black {body} at {time:.3f} s{bent and bent + ' degrees'}, {sources}. {' '.join(vortices)}"
+        # not `save`, which would lay the figure out anew
+        animation.write_picture(animation.pixels(figure), album.folder / f"flow_{number}.png")
+        album.add(None, f"flow_{number}.png", "flow", alt, f"{time:.3f} s{bent and bent + '°'}")
     figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=88)
     times = np.linspace(first, last, FRAMES)
 
@@ -70,21 +69,12 @@ def flow_figures(
             show(time)
             yield animation.pixels(figure)
 
-    write_film(
-        animation.write_frames(images(), album.folder / "frames"), album.folder / "stroke.mp4", FILM_HZ
-    )
+    frames = animation.write_frames(images(), album.folder / "frames")
+    write_film(frames, album.folder / "stroke.mp4", FILM_HZ)
     slower = ((FRAMES - 1) / FILM_HZ) / (last - first)
     caption = f"The whole stroke, slowed down {slower:.0f} times."
     album.add(None, "stroke.mp4", "film", f"Film of the flow around the bending {body}, {sources}", caption)
-    album.entries.append(
-        {
-            "file": "frames",
-            "section": "slider",
-            "alt": f"Flow around the {body}, {sources}",
-            "caption": "",
-            "times": times.tolist(),
-        }
-    )
+    album.add(None, "frames", "slider", f"Flow around the {body}, {sources}", times=times.tolist())
 
 
 def format_vortices(source: str, fingers: list[pd.DataFrame], time: float) -> str:
@@ -122,13 +112,8 @@ def vortex_figures(
         alt = "Circulation and core radius of the tip vortex over time, CFD and PIV where run."
         album.add(draw_series.circulation(dominant, middle), "circulation.svg", "vortex", alt, caption)
         alt = "Paths of the vortex centre and of the finger's tip over the finger's outline."
-        album.add(
-            draw_series.paths(dominant, plane, middle),
-            "paths.svg",
-            "vortex",
-            alt,
-            "Outline at the first, middle and last instant.",
-        )
+        caption = "Outline at the first, middle and last instant."
+        album.add(draw_series.paths(dominant, plane, middle), "paths.svg", "vortex", alt, caption)
     if "velocity_rms_difference" in series:
         alt = "RMS velocity difference, correlation and distance of vortex centres between PIV and CFD over time."
         caption = "No correlation is given while the water is at rest. The middle of the stroke is shaded."

@@ -17,8 +17,10 @@ class Album:
         self.folder = folder
         self.entries: list[dict[str, Any]] = []
 
-    def add(self, figure: Figure | None, name: str, section: str, alt: str, caption: str = "") -> None:
+    def add(
+        self, figure: Figure | None, name: str, section: str, alt: str, caption: str = "", **more: Any
+    ) -> None:
         """Save a figure (None: the file is there already) and list it under a section of the report."""
         if figure is not None:
             save(figure, self.folder / name)
-        self.entries.append({"file": name, "section": section, "alt": alt, "caption": caption})
+        self.entries.append({"file": name, "section": section, "alt": alt, "caption": caption, **more})

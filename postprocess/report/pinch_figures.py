@@ -34,43 +34,28 @@ def pinch_figures(
     pairs = {s: pd.read_csv(out / f"pairs_{s}.csv") for s in sources}
     lines = {s: pd.read_csv(out / f"centreline_{s}.csv") for s in sources}
     met = numbers["contact_time"]
-    album.add(
-        draw_pinch.pair(pairs, met),
-        "pair.svg",
-        "pinch",
-        "Imbalance of circulation, mirror distance and place of the two tip vortices over time.",
-        format_pair(numbers),
-    )
+    alt = "Imbalance of circulation, mirror distance and place of the two tip vortices over time."
+    album.add(draw_pinch.pair(pairs, met), "pair.svg", "pinch", alt, format_pair(numbers))
     tips = plane["tip"].values[..., 1].mean(axis=1)
-    album.add(
-        draw_pinch.centreline(lines, clock.time, tips, met),
-        "centreline.svg",
-        "pinch",
-        "Height of the line between the fingers at which the flow parts into up and down, and the speeds of both streams.",
-        "No line is drawn where one of the two streams is slower than 2 % of the tips' peak speed.",
-    )
+    alt = "Height of the line between the fingers at which the flow parts into up and down, and the speeds of both streams."
+    caption = "No line is drawn where one of the two streams is slower than 2 % of the tips' peak speed."
+    figure = draw_pinch.centreline(lines, clock.time, tips, met)
+    album.add(figure, "centreline.svg", "pinch", alt, caption)
     gap = clock.gap_at(clock.time)
     free = free_gap(out / "kinematics.h5", clock.time)
-    album.add(
-        draw_pinch.closing(clock.time, gap, free, lines["cfd"], met),
-        "closing.svg",
-        "pinch",
-        "Gap, closing speed, pressure between the tips and jet speed over time.",
-        format_closing(numbers, clock.time, free),
-    )
+    figure = draw_pinch.closing(clock.time, gap, free, lines["cfd"], met)
+    alt = "Gap, closing speed, pressure between the tips and jet speed over time."
+    caption = format_closing(numbers, clock.time, free) + ("" if single else f" Not shown: {absent}.")
+    album.add(figure, "closing.svg", "pinch", alt, caption)
     if not single:
-        album.entries[-1]["caption"] += f" Not shown: {absent}."
         return
     beside = {s: _with_bend(of_finger(table, 0), clock) for s, table in pairs.items()}
     alone = {s: _dominant(table) for s, table in single.items()}
     limits = (0.0, float(np.degrees(clock.progress.max())) + 2)
-    album.add(
-        draw_pinch.beside_single(beside, alone, limits),
-        "beside_single.svg",
-        "pinch",
-        "Place of the tip vortex as seen from the tip over the bend angle, of the pinch and of the single finger.",
-        "Left finger of the pinch. Above zero below: dorsal side.",
-    )
+    alt = "Place of the tip vortex as seen from the tip over the bend angle, of the pinch and of the single finger."
+    caption = "Left finger of the pinch. Lower panel: above zero is the dorsal side."
+    figure = draw_pinch.beside_single(beside, alone, limits)
+    album.add(figure, "beside_single.svg", "pinch", alt, caption)
 
 
 def free_gap(path: Path, time: np.ndarray) -> np.ndarray:

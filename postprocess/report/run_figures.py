@@ -12,6 +12,7 @@ from postprocess.draw import animation
 from postprocess.draw import mesh as draw_mesh
 from postprocess.draw import solver as draw_solver
 from postprocess.evidence.stage_files import read_table
+from postprocess.evidence.strokes import REST, progress
 from postprocess.report.picture_index import Album
 
 FORCE_COLUMNS = ("time", "fx", "fy", "fx_viscous", "fy_viscous")
@@ -46,17 +47,24 @@ def mesh_figures(
     outline, bend = plane["outline"].values, plane["bend"].values[:, 0]
     low, high = outline.min(axis=(0, 1, 2)) - 0.02, outline.max(axis=(0, 1, 2)) + 0.02
     limits = (low[0], high[0], low[1], high[1])
-    end = bend[np.argmax(np.abs(bend - bend[0]))]
-    drawn = [_nearest_shape(planforms, b) for b in (bend[0], 0.5 * (bend[0] + end), end)]
-    shapes = [planform["points"][knot] for planform, knot in drawn]
-    at = np.degrees([planform["bend"][knot] for planform, knot in drawn])
-    lines = [
-        draw_mesh.edges([planform["triangles"][planform["body"] == 0], planform["quads"]])
-        for planform, _ in drawn
-    ]
+    done = progress(plane)
+    end = int(np.argmax(np.abs(done - done[0])))
+    if np.ptp(bend) > REST:
+        wanted = np.array([bend[0], 0.5 * (bend[0] + bend[end]), bend[end]])[:, None]
+        known = [planform["bend"][:, None] for planform in planforms]
+    else:  # a body that does not turn is known by its place
+        half = int(np.argmin(np.abs(done - 0.5 * done[end])))
+        wanted = outline[[0, half, end], 0].mean(axis=1)
+        known = [planform["points"][:, planform["wall"]].mean(axis=1) for planform in planforms]
+    drawn = [_nearest_shape(known, place) for place in wanted]
+    shapes = [planforms[mesh]["points"][knot] for mesh, knot in drawn]
+    at = np.degrees([planforms[mesh]["bend"][knot] for mesh, knot in drawn])
+    used = [planforms[mesh] for mesh, _ in drawn]
+    lines = [draw_mesh.edges([mesh["triangles"][mesh["body"] == 0], mesh["quads"]]) for mesh in used]
     alt = "The planform of the mesh around the finger at the start, middle and end of the stroke."
     album.add(draw_mesh.planform(shapes, at, lines, limits), "planform.png", "mesh", alt)
-    bodies = outline[int(np.argmin(np.abs(np.degrees(bend) - at[1])))]
+    now = bend[:, None] if np.ptp(bend) > REST else outline[:, 0].mean(axis=1)
+    bodies = outline[_nearest_shape([now], known[drawn[1][0]][drawn[1][1]])[1]]
     drawn_by = draw_mesh.view_in_space(
         album.folder / "view3d.png",
         points=shapes[1],
@@ -69,10 +77,11 @@ def mesh_figures(
     album.add(None, "view3d.png", "mesh", alt, f"Half-way through the stroke (drawn by {drawn_by}).")
 
 
-def _nearest_shape(planforms: list[dict[str, np.ndarray]], bend: float) -> tuple[dict[str, np.ndarray], int]:
-    """The planform and its knot whose bend (rad) is nearest."""
-    knots = [(planform, int(np.argmin(np.abs(planform["bend"] - bend)))) for planform in planforms]
-    return min(knots, key=lambda pair: abs(pair[0]["bend"][pair[1]] - bend))
+def _nearest_shape(known: list[np.ndarray], wanted: np.ndarray) -> tuple[int, int]:
+    """The planform and its knot whose place (knot, component) is nearest to the one that is wanted."""
+    apart = [np.linalg.norm(places - wanted, axis=1) for places in known]
+    mesh = int(np.argmin([distances.min() for distances in apart]))
+    return mesh, int(np.argmin(apart[mesh]))
 
 
 def camera_picture(album: Album, recording: Path, time: float) -> None:

@@ -65,7 +65,9 @@ def _numbers(pair: dict[str, Any], comparison: dict[str, Any]) -> str:
     allowed = {c["quantity"]: c["value"] for c in comparison["checks"] if c["kind"] == "agreement"}
     limit = lambda name, unit: f" (allowed {quantity(allowed[name], unit)})" if name in allowed else ""  # noqa: E731
     vortex = (
-        "the tip vortex is not found in both"
+        "the flow has no tip vortex"
+        if pair["centre_rms_distance"] is None and "cfd" not in comparison["summary"]
+        else "the tip vortex is not found in both"
         if pair["centre_rms_distance"] is None
         else f"the circulation of the tip vortex differs by {quantity(pair['circulation_rms_difference'], 'fraction')}"
         f"{limit('circulation_difference', 'fraction')}, its centre by {quantity(pair['centre_rms_distance'], 'm')}"
@@ -116,13 +118,12 @@ def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
     if "piv-cfd" not in summary:
         return out
     pair = summary["piv-cfd"]
-    worst = quantity(pair["circulation_max_difference"], "fraction")
-    value = quantity(pair["circulation_rms_difference"], "fraction")
-    out.append((value, "difference of circulation", f"worst instant {worst}"))
-    worst = quantity(pair["centre_max_distance"], "m")
-    out.append(
-        (quantity(pair["centre_rms_distance"], "m"), "distance of the centres", f"worst instant {worst}")
-    )
+    for name, rms, worst, unit in (
+        ("difference of circulation", "circulation_rms_difference", "circulation_max_difference", "fraction"),
+        ("distance of the centres", "centre_rms_distance", "centre_max_distance", "m"),
+    ):
+        if pair[rms] is not None:
+            out.append((quantity(pair[rms], unit), name, f"worst instant {quantity(pair[worst], unit)}"))
     value = quantity(pair["velocity_rms_difference_relative"], "fraction")
     remark = f"of the peak tip speed; correlation {quantity(pair['velocity_correlation'], '1')}"
     out.append((value, "velocity difference (RMS)", remark))

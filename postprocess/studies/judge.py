@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +19,14 @@ from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.stage import judge
 from postprocess.draw.style import save
 from postprocess.evidence.load import load_evidence
-from postprocess.evidence.stage_files import StageFiles, read_json
+from postprocess.evidence.stage_files import StageFiles, extended_scenes, read_json
 from postprocess.report.wording import quantity
 from postprocess.studies import bars as draw_studies
 from postprocess.studies.state import files_of, missing_runs, missing_sentence
 from postprocess.studies.table import read_plan
 
-COLUMNS = ["run", "change", "model", "cells", "kind", "quantity", "value", "unit", "met"]
+ROW = ["kind", "quantity", "value", "unit", "met"]
+COLUMNS = ["run", "change", "model", "cells", *ROW]
 NUMBERS = {
     "contact_time": "s",
     "circulation_at_contact": "m²/s",
@@ -75,15 +75,13 @@ def _plain(value: Any) -> str:
     return f"{value:g}" if isinstance(value, int | float) else str(value)
 
 
-def findings_path(case: Path) -> Path:
+def findings_path(scene: Path) -> Path:
     """The findings of a scene, or of the nearest scene that it extends that has some."""
-    path = case / "reference" / "findings.toml"
-    if path.exists():
-        return path
-    table = tomllib.loads((case / "scene.toml").read_text(encoding="utf-8"))
-    if "extends" not in table:
-        raise FileNotFoundError(f"{path} is missing; a scene needs its findings to be judged by")
-    return findings_path(case / table["extends"])
+    paths = [folder / "reference" / "findings.toml" for folder in extended_scenes(scene)]
+    path = next((path for path in paths if path.exists()), None)
+    if path is None:
+        raise FileNotFoundError(f"{paths[0]} is missing; a study is judged by its scene's findings")
+    return path
 
 
 def measure(files: StageFiles, name: str, change: str) -> list[dict[str, Any]]:
@@ -103,22 +101,12 @@ def measure(files: StageFiles, name: str, change: str) -> list[dict[str, Any]]:
             if value is None and not any("was not run" in note for note in check["notes"]):
                 met = False
             rows.append(
-                about
-                | {
-                    "kind": "finding",
-                    "quantity": finding.id,
-                    "value": value,
-                    "unit": check["unit"],
-                    "met": met,
-                }
+                about | dict(zip(ROW, ("finding", finding.id, value, check["unit"], met), strict=True))
             )
     numbers = pinch_summary(evidence)
     numbers |= numbers["cfd"]
     for name, unit in NUMBERS.items():
-        rows.append(
-            about
-            | {"kind": "number", "quantity": name, "value": numbers.get(name), "unit": unit, "met": None}
-        )
+        rows.append(about | dict(zip(ROW, ("number", name, numbers.get(name), unit, None), strict=True)))
     for plane in evidence.planes.values():
         plane.close()
     return rows

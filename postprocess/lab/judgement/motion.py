@@ -51,27 +51,17 @@ def motion_quantities(case: Case) -> list[ValidatedQuantity]:
     law = registration.law
     slope = (final_bend(family, law.values[0] + 0.01) - bend[1]) / 0.01
     seen = abs(slope) * law.std("factor")
-    sources = {
-        "final_bend": [Source("silhouette", "data", np.array([seen]), "posterior of the registration")],
-        "duration": [
-            Source(
-                "silhouette",
-                "data",
-                np.array([length[0] * law.std("stretch")]),
-                "posterior of the registration",
-            )
-        ],
-    }
+    one = lambda v: np.array([v])  # noqa: E731
+    seen_by = {"final_bend": seen, "duration": length[0] * law.std("stretch")}
+    how = "posterior of the registration"
+    sources = {key: [Source("silhouette", "data", one(std), how)] for key, std in seen_by.items()}
     for effect in (e for e in case.effects if e.kind == "input"):
         for key, change in (("final_bend", effect.bend), ("duration", effect.duration)):
-            sources[key].append(
-                Source(effect.name, "input", np.array([abs(change) * effect.per_std]), effect.how)
-            )
+            sources[key].append(Source(effect.name, "input", one(abs(change) * effect.per_std), effect.how))
     if case.geometry:
         sources["final_bend"].append(
-            Source("geometry and material", "input", np.array([case.bend_std]), "FEA's band")
+            Source("geometry and material", "input", one(case.bend_std), "FEA's band")
         )
-    one = lambda v: np.array([v])  # noqa: E731
     return [
         ValidatedQuantity("final_bend", "bend angle at the end", "rad", one(bend[0]), one(bend[0]), one(bend[1]), abs(bend[1]), sources["final_bend"]),
         ValidatedQuantity("duration", "duration of the stroke", "s", one(length[0]), one(length[0]), one(length[1]), length[1], sources["duration"]),

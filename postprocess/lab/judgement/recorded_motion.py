@@ -69,20 +69,13 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
     frames = prepare(images, at[chosen], learn(images[:: max(1, len(images) // LEARN_FROM)]), blind)
     start = float(family.law(family.time[0]))
     guesses = np.interp(frames.times, registration.times - law.delay, registration.pressures)
-    shapes = np.array(
-        [
-            fit_profile(
-                integral,
-                frames.mean,
-                strip,
-                pose,
-                registration.edge_px,
-                float(family.shape("bend", p)),
-                frames.independent,
-            )
-            for integral, p in zip(frames.integrals, np.where(frames.times <= 0, start, guesses), strict=True)
-        ]
-    )
+    bends = family.bend(np.where(frames.times <= 0, start, guesses))
+    known = strip, pose, registration.edge_px
+    fits = [
+        fit_profile(integral, frames.mean, *known, float(bend), frames.independent)
+        for integral, bend in zip(frames.integrals, bends, strict=True)
+    ]
+    shapes = np.array(fits)
     dataset = motion_dataset(
         family, strip, frames.times, shapes, family.time[1], recording=dpiv.title, dpiv_sha256=sha256(dpiv.folder / NAME),
         registration=json.dumps({"delay": law.delay, "px_per_m": pose.px_per_m, "angle": pose.angle}),

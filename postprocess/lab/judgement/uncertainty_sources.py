@@ -222,15 +222,8 @@ def geometry_sources(case: Case, columns: tuple[str, ...]) -> list[Source]:
     if not case.geometry or effect is None:
         return []
     change = effect.change[list(columns)].to_numpy(float)
-    per_bend = case.bend_std / abs(effect.bend)
-    return [
-        Source(
-            "geometry and material",
-            "input",
-            np.abs(change) * per_bend,
-            "FEA's band, scaled from the run of the pressure",
-        )
-    ]
+    std = np.abs(change) * (case.bend_std / abs(effect.bend))
+    return [Source("geometry and material", "input", std, "FEA's band, scaled from the run of the pressure")]
 
 
 def explained_by_motion(case: Case, columns: tuple[str, ...]) -> np.ndarray | None:

@@ -23,6 +23,7 @@ NAME = {
 KIND_COLOUR = {"numerical": CFD, "input": PIV, "data": THIRD}
 KIND_NAME = {"numerical": "numerical", "input": "inputs", "data": "data"}
 K95 = 1.96
+THIN: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "width": 0.0022}  # arrows
 ARROWS = 26  # across a picture
 
 
@@ -52,16 +53,7 @@ def fields(
     ):
         shade = ax.imshow(curl, cmap="RdBu_r", vmin=-limit, vmax=limit, alpha=0.8, **style)
         arrows = np.ma.masked_array(field, mask=np.broadcast_to(~ok, field.shape))
-        ax.quiver(
-            gx[cut],
-            gy[cut],
-            arrows[0][cut],
-            arrows[1][cut],
-            angles="xy",
-            scale_units="xy",
-            scale=scale,
-            width=0.0022,
-        )
+        ax.quiver(gx[cut], gy[cut], arrows[0][cut], arrows[1][cut], scale=scale, **THIN)
         _finger(ax, plane, index)
         ax.set_title(title)
     figure.colorbar(shade, ax=list(axes[0]), shrink=0.85, label="vorticity, 1/s")
@@ -69,16 +61,7 @@ def fields(
     top = float(np.nanpercentile(size, 99.5)) or 1.0
     shade = axes[1, 0].imshow(size, cmap="magma_r", vmin=0, vmax=top, **style)
     arrows = np.ma.masked_invalid(error)
-    axes[1, 0].quiver(
-        gx[cut],
-        gy[cut],
-        arrows[0][cut],
-        arrows[1][cut],
-        angles="xy",
-        scale_units="xy",
-        scale=scale / 4,
-        width=0.0022,
-    )
+    axes[1, 0].quiver(gx[cut], gy[cut], arrows[0][cut], arrows[1][cut], scale=scale / 4, **THIN)
     axes[1, 0].set_title("difference E = S − D (arrows 4 × longer)")
     figure.colorbar(shade, ax=axes[1, 0], shrink=0.85, label="|E|, mm/s")
     shade = axes[1, 1].imshow(significance, cmap="RdYlGn_r", vmin=0, vmax=2 * k, **style)
@@ -127,14 +110,8 @@ def series(table: pd.DataFrame, quantities: dict[str, dict[str, Any]], window: t
             style = {"linestyle": ":"} if side == "direct" else {}
             ax.plot(table["time"], values * unit, color=COLOUR[side], label=NAME[side], **style)
             if side in half:
-                ax.fill_between(
-                    table["time"],
-                    (values - half[side]) * unit,
-                    (values + half[side]) * unit,
-                    color=COLOUR[side],
-                    alpha=0.2,
-                    lw=0,
-                )
+                low, high = (values - half[side]) * unit, (values + half[side]) * unit
+                ax.fill_between(table["time"], low, high, color=COLOUR[side], alpha=0.2, lw=0)
         ax.axvspan(*window, color="#f0e9d8", zorder=0)
         ax.set_ylabel(label)
     axes[0].set_title("Tip vortex and jet over time; bands hold 95 % of each instant")
@@ -163,15 +140,8 @@ def paths(
     inside = table[table["time"].between(*window)]
     some = inside.iloc[:: max(1, len(inside) // 6)]
     half = K95 * np.hypot(*(np.asarray(centre["u_instant"][side]) for side in ("data", "simulation"))) * MM
-    ax.errorbar(
-        some["x_data"] * MM,
-        some["y_data"] * MM,
-        half[1],
-        half[0],
-        fmt="none",
-        ecolor=GREY,
-        label="95 % of E at an instant",
-    )
+    x, y, label = some["x_data"] * MM, some["y_data"] * MM, "95 % of E at an instant"
+    ax.errorbar(x, y, half[1], half[0], fmt="none", ecolor=GREY, label=label)
     ax.set(aspect="equal", xlabel="x, mm", ylabel="y, mm", title="Paths of the vortex centre")
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
@@ -195,12 +165,16 @@ def budgets(quantities: list[dict[str, Any]]) -> Figure:
             if share > 9:
                 ax.text(left + share / 2, row, name, ha="center", va="center", color="white", fontsize=8)
             left += share
-    ax.set_yticks(range(len(quantities)), [q["label"] for q in quantities])
-    ax.invert_yaxis()
+    _label_rows(ax, quantities)
     ax.set(xlabel="share of u_val², %", xlim=(0, 100), title="Where the uncertainty comes from")
-    ax.grid(axis="y", visible=False)
     ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.12), ncols=3)
     return figure
+
+
+def _label_rows(ax, quantities: list[dict[str, Any]]) -> None:
+    ax.set_yticks(range(len(quantities)), [q["label"] for q in quantities])
+    ax.invert_yaxis()
+    ax.grid(axis="y", visible=False)
 
 
 def verdicts(quantities: list[dict[str, Any]]) -> Figure:
@@ -211,10 +185,8 @@ def verdicts(quantities: list[dict[str, Any]]) -> Figure:
         ax.barh(row, q["significance"], color=colour, height=0.6)
         ax.plot([q["k"], q["k"]], [row - 0.38, row + 0.38], color="black", lw=2)
         ax.text(q["significance"], row, f"  {q['verdict']}", va="center", fontsize=9)
-    ax.set_yticks(range(len(quantities)), [q["label"] for q in quantities])
-    ax.invert_yaxis()
+    _label_rows(ax, quantities)
     ax.margins(x=0.25)
-    ax.grid(axis="y", visible=False)
     ax.set(xlabel="|E| / u_val (black tick: limit at 95 %)", title="Difference against its uncertainty")
     return figure
 

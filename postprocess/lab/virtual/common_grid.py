@@ -124,20 +124,10 @@ def _of_pictures(files, dpiv, family, registration, sheet, seed, threads, quiet)
         index, times = used_frames(dpiv, recording.times, law.delay, span)
         theirs = law_pressure(family, times + law.delay, law.values)
         shapes = outlines_px(family, pose, theirs)
-        piv = evaluate(
-            recording,
-            index,
-            times,
-            shapes,
-            pose,
-            dpiv.piv,
-            files.folder / "data_piv.h5",
-            threads=threads,
-            quiet=quiet,
-        )
-        data = with_finger(
-            piv, family, pose, law_pressure(family, piv["time"].values + law.delay, law.values)
-        )
+        output = files.folder / "data_piv.h5"
+        piv = evaluate(recording, index, times, shapes, pose, dpiv.piv, output, threads=threads, quiet=quiet)
+        pressures = law_pressure(family, piv["time"].values + law.delay, law.values)
+        data = with_finger(piv, family, pose, pressures)
         chosen = np.unique(np.linspace(0, index.size - 1, SEEDING_PICTURES).round().astype(int))
         images = [recording.frame(int(index[k])) for k in chosen]
         masks = [outline_mask(shapes[k], recording.shape) for k in chosen]
@@ -171,15 +161,12 @@ def _core(mask: np.ndarray) -> np.ndarray:
 
 
 def _camera(columns: int, rows: int, bits: int, seen: Appearance, rate: float) -> Camera:
-    return Camera(
-        columns,
-        rows,
-        frame_rate_hz=rate,
-        bits=bits,
-        background=seen.background,
-        read_noise=seen.read_noise,
-        electrons_per_level=0.0,
-    )
+    noise: dict[str, Any] = {
+        "background": seen.background,
+        "read_noise": seen.read_noise,
+        "electrons_per_level": 0.0,
+    }
+    return Camera(columns, rows, frame_rate_hz=rate, bits=bits, **noise)
 
 
 def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):

@@ -82,25 +82,8 @@ def virtual_experiment(
     piv: Evaluation, folder: Path, *, seed: int = 1, threads: int = 1, quiet: bool = True,
 ) -> xr.Dataset:  # fmt: skip
     """PIV of the simulation, taken with the laboratory's camera, seeding and settings: a plane series in the camera frame."""
-    path = virtual_recording(
-        sheet,
-        pose,
-        camera,
-        seeding,
-        times,
-        folder / "virtual_recording.h5",
-        paired=piv.pairing == "1-2,3-4",
-        seed=seed,
-    )
+    path, paired = folder / "virtual_recording.h5", piv.pairing == "1-2,3-4"
+    virtual_recording(sheet, pose, camera, seeding, times, path, paired=paired, seed=seed)
     with open_recording(str(path)) as recording:
-        return evaluate(
-            recording,
-            np.arange(times.size),
-            times,
-            outlines,
-            pose,
-            piv,
-            folder / "virtual_piv.h5",
-            threads=threads,
-            quiet=quiet,
-        )
+        every, output = np.arange(times.size), folder / "virtual_piv.h5"
+        return evaluate(recording, every, times, outlines, pose, piv, output, threads=threads, quiet=quiet)

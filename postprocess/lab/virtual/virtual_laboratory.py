@@ -66,15 +66,9 @@ def make_recording(
         begin = first + np.arange(int((last - first - interval) * pairs_hz + 1e-6) + 1) / pairs_hz
         times = np.column_stack([begin, begin + interval]).ravel()
     pose = set_up.pose(root)
-    path = virtual_recording(
-        sheet,
-        pose,
-        set_up.camera,
-        set_up.seeding,
-        times,
-        folder / "recording.h5",
-        paired=pairs_hz is not None,
-        seed=set_up.seed,
+    path, paired = folder / "recording.h5", pairs_hz is not None
+    virtual_recording(
+        sheet, pose, set_up.camera, set_up.seeding, times, path, paired=paired, seed=set_up.seed
     )
     truth = asdict(set_up) | {"pose": asdict(pose), "first_frame_s": first}
     write_text(folder / "truth.json", json.dumps(truth, indent=1, default=str))

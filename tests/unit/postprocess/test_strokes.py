@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
-from postprocess.evidence.strokes import peak_tip_speed, stroke_window
+from postprocess.evidence.strokes import peak_tip_speed, progress, stroke_window
 
 
 def test_window_is_in_fractions_of_bend():
@@ -40,3 +41,15 @@ def test_peak_tip_speed_of_a_circular_motion():
     speed, at = peak_tip_speed(time, tip)
     assert speed == pytest.approx(0.07 * np.pi**2 / 2, rel=1e-5)  # central differences: (ω dt)²/6
     assert at == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_body_that_does_not_turn_is_followed_by_its_distance():
+    time = np.linspace(0, 1, 101)
+    tip = np.stack([-0.3 * time, np.full_like(time, 0.2)], axis=-1)[:, None]
+    plane = xr.Dataset(
+        {"bend": (("time", "finger"), np.zeros((101, 1))), "tip": (("time", "finger", "axis"), tip)}
+    )
+    assert progress(plane) == pytest.approx(0.3 * time)
+    assert stroke_window(time, progress(plane), (0.25, 0.75)) == pytest.approx((0.25, 0.75))
+    plane["bend"] = plane["bend"] + time[:, None]
+    assert progress(plane) == pytest.approx(time)
