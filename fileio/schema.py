@@ -48,6 +48,14 @@ class Variable:
         return None
 
 
+RECORDED = (
+    Variable(
+        "settings", "-", "", "JSON: the scene's sections that the stage depends on, and digests of its files"
+    ),
+    Variable("settings_digest", "-", "", "digest of `settings`"),
+)
+
+
 @dataclass(frozen=True)
 class Schema:
     """A format's name and version, what the root of its files and each group hold, and what to do with a file of no use."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
@@ -13,9 +12,8 @@ from fileio.atomic import unlink_folders, write_text
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
-from fileio.hdf5 import write_dataset
+from fileio.formats.sweep import write_sweep
 from fileio.lock import LOCK, only_one
-from fileio.provenance import digest
 from pipeline.geometry.quality import planform_edges
 from pipeline.geometry.sweep import BODY_PATCHES, OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
 from pipeline.openfoam.base_case import BASE, template_files
@@ -153,7 +151,9 @@ def zones(mesh: PolyMesh, planform: xr.Dataset) -> tuple[dict[str, np.ndarray], 
     return faces | {"frontZone": span["front"]}, {"behindSheet": cells[behind], "beforeSheet": cells[~behind]}
 
 
-def write_case(scene: Scene, interval: Interval, planform: xr.Dataset, mesh: PolyMesh) -> xr.Dataset:
+def write_case(
+    scene: Scene, interval: Interval, planform: xr.Dataset, mesh: PolyMesh
+) -> dict[str, np.ndarray]:
     """Write the OpenFOAM case of one interval, its mesh in its first shape; returns the columns of the mesh."""
     folder, kind, levels = scene.out / "case" / interval.name, scene.model.kind, planform["levels"].values
     for path in template_files():
@@ -168,14 +168,8 @@ def write_case(scene: Scene, interval: Interval, planform: xr.Dataset, mesh: Pol
     faces, cells = zones(mesh, planform)
     write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
     write_text(folder / "case.foam", "")
-    return xr.Dataset(
-        {
-            "node": ("point", mesh.node),
-            "level": ("point", mesh.level),
-            "cell_column": ("cell", mesh.cell_column),
-            "cell_layer": ("cell", mesh.cell_layer),
-        }
-    )
+    names = ("node", "level", "cell_column", "cell_layer")
+    return {name: getattr(mesh, name) for name in names}
 
 
 def check_intervals(intervals: tuple[Interval, ...], time_step: float, planform: Path) -> None:
@@ -211,15 +205,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
             interval.name: write_case(scene, interval, planforms[interval.mesh], meshes[interval.mesh])
             for interval in intervals
         }
-    root = xr.Dataset(
-        attrs={
-            "format": "sweep",
-            "format_version": 3,
-            "scene_hash": digest(settings),
-            "settings": json.dumps(settings),
-        }
-    )
-    write_dataset(root, scene.out / "sweep.h5", columns)
+    write_sweep(scene.out, columns, settings)
     if not quiet:
-        cells = [columns[interval.name].sizes["cell"] for interval in intervals]
+        cells = [len(columns[interval.name]["cell_column"]) for interval in intervals]
         print(f"case: {' + '.join(map(str, cells))} cells in {folder}")

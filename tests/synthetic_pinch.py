@@ -80,7 +80,7 @@ def write_pinch(root: Path, **options) -> Path:
         table = pd.read_csv(path, comment="#")
         path.write_text(mirrored_vortices(table, at, gain, shift).to_csv(index=False))
     kinematics = read_kinematics(out / "kinematics.h5")
-    attributes = ("source", "finger_width", "tip_thickness")
+    attributes = ("source", "tip_thickness")
     values = {name: v.values for name, v in kinematics.data.variables.items()}
     values |= {name: kinematics.data.attrs[name] for name in attributes}
     gap, pressure = reach.max() - reach + LEAST_GAP, values["pressure"]

@@ -9,14 +9,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pandas as pd
 import xarray as xr
 from scipy.special import expit
 
 from fileio.formats.kinematics import write_kinematics
+from fileio.formats.mesh_intervals import Interval, write_planform
 from fileio.formats.plane_series import make_plane, write_plane
+from fileio.formats.sweep import write_sweep
 
 ROOT = np.array([0.0, 0.24])
 LENGTH, THICKNESS, WIDTH = 0.070, 0.0145, 0.028
@@ -212,7 +213,7 @@ def _write_kinematics(time: np.ndarray, bend_end: float, path: Path) -> None:
     states = np.linspace(-2e4, 2e4, 21)
     values = {"time": time, "pressure": pressure, "shape_parameter": knots, "source": "fea"}
     values |= {f"shape_{name}": shape[:, 0] for name, shape in shapes.items()}
-    values |= {"finger_width": WIDTH, "tip_thickness": THICKNESS, "state_pressure": states}
+    values |= {"tip_thickness": THICKNESS, "state_pressure": states}
     values |= {"state_bend": 1.7 * states / 2e4, "state_bend_std": 0.1 * np.abs(states) / 2e4}
     write_kinematics(path, values | {"paper_bend": 1.6 * states / 2e4 - 0.05}, scene)
 
@@ -231,17 +232,23 @@ def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
         for j in range(n):
             a, b = k * n + j, k * n + (j + 1) % n
             quads.append([a, b, b + n, a + n])
-    with h5py.File(out / "planform.h5", "w") as file:
-        file.attrs.update(
-            format="planform", format_version=4, settings=json.dumps({"model": {"kind": "half"}})
-        )
-        mesh = file.create_group("mesh_0")
-        mesh["points"], mesh["bend"], mesh["quads"] = np.stack(points), bends, np.array(quads)
-        mesh["triangles"] = np.array([[0, 1, n - 1]])
-        mesh["body"] = np.array([1], np.uint8)
+    mesh = {"shape_parameter": bends, "points": np.stack(points), "bend": bends, "quads": np.array(quads)}
+    mesh |= {
+        "triangles": np.array([[0, 1, n - 1]]),
+        "body": np.array([1], np.uint8),
+        "levels": np.arange(2.0),
+    }
+    mesh |= {"body_name": np.array(["water", "finger"], object), "body_half_width": np.array([0, WIDTH / 2])}
+    mesh |= {
+        "wall": np.arange(n),
+        "material": np.arange(float(n)),
+        "outer": np.arange(4),
+        "corners": np.zeros(4),
+    }
+    attributes, settings = {"model": "half", "mirror": 0}, {"model": {"kind": "half"}}
+    write_planform(out / "planform.h5", [Interval(0, 0.0, 0.4, 0)], attributes, [mesh], settings)
     fluid = {"density": 998.2, "kinematic_viscosity": 1.004e-6, "turbulence": "laminar"}
-    with h5py.File(out / "sweep.h5", "w") as file:
-        file.attrs.update(format="sweep", format_version=3, settings=json.dumps({"fluid": fluid}))
+    write_sweep(out, {}, {"fluid": fluid})
 
 
 def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: str) -> None:

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from fileio.errors import StageError, one_line
 from fileio.provenance import recorded, settings_in
-from fileio.schema import Schema, Variable
+from fileio.schema import RECORDED, Schema, Variable
 
 SHAPES = ("outline", "tip", "tip_direction", "dorsal_direction", "bend")
 SHAPE = "shape_parameter"
@@ -48,7 +48,6 @@ SCHEMA = Schema(
         Variable("paper_bend", "state", "rad", "finger: bend angle by the paper's equations (1)–(6)", True),
         Variable("state_bend_std", "state", "rad", "standard uncertainty of `state_bend`, where known", True),
         Variable("source", "-", "", "`motion.source` of the scene"),
-        Variable("finger_width", "-", "m", "extent along z"),
         Variable("tip_thickness", "-", "m", "of the finger's end at rest; of a rigid body its size"),
         Variable("peak_tip_speed", "-", "m/s", "finger: largest speed of the tip", True),
         Variable("mirror", "-", "1", "pinch: 1, a second finger is the mirror image in x = 0", True),
@@ -60,8 +59,7 @@ SCHEMA = Schema(
         Variable(
             "contact_time", "-", "s", "pinch: first instant within 0.1 mm of the residual gap, if any", True
         ),
-        Variable("settings", "-", "", "JSON: the scene's sections from which the motion follows"),
-        Variable("settings_digest", "-", "", "digest of `settings`"),
+        *RECORDED,
     ),
 )
 

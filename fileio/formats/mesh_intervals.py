@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import xarray as xr
 
-from fileio.errors import StageError
-from fileio.hdf5 import read_dataset
+from fileio.provenance import recorded
+from fileio.schema import RECORDED, Schema, Variable
 
 # How long an interval is solved beside the one before it, until it has forgotten how it was started: the larger of
 OVERLAP_TIME = 4e-3  # s
@@ -40,14 +43,74 @@ def overlap_steps(time_step: float) -> int:
     return max(OVERLAP_STEPS, round(OVERLAP_TIME / time_step))
 
 
+SCHEMA = Schema(
+    "planform",
+    4,
+    "delete it and run make again",
+    (
+        Variable(
+            "interval_start", "interval", "s", "where it begins: a whole number of time steps, without a gap"
+        ),
+        Variable("interval_end", "interval", "s", "where it ends"),
+        Variable("interval_mesh", "interval", "1", "number of the mesh that serves"),
+        Variable(
+            "interval_moving",
+            "interval",
+            "1",
+            "0: the mesh stands still, as in a long rest at the end of a run",
+        ),
+        Variable("model", "-", "", "`2d`, `quarter`, `half` or `full`"),
+        Variable("mirror", "-", "1", "1: the planform ends at the plane x = 0 between two fingers"),
+        *RECORDED,
+    ),
+    (
+        Variable("shape_parameter", "shape_parameter", "Pa", "of the shapes that the mesh's intervals take"),
+        Variable("points", "shape_parameter, node, axis", "m", "nodes of the planform in each shape"),
+        Variable("bend", "shape_parameter", "rad", "bend angle of each shape"),
+        Variable("triangles", "triangle, corner3", "1", "nodes of each"),
+        Variable(
+            "quads",
+            "quad, corner4",
+            "1",
+            "nodes of each; with both fingers the second half of the cells mirrors the first",
+        ),
+        Variable("body", "triangle", "1", "number of the body in whose footprint it lies, 0 in the water"),
+        Variable(
+            "body_name",
+            "number",
+            "",
+            "`water`, `finger`, `object` (one per step of a sphere), `support`, `mirrored_finger`",
+        ),
+        Variable("body_half_width", "number", "m", "reach of each body in |z|"),
+        Variable("wall", "wall_node", "1", "nodes of finger 0's outline, counter-clockwise"),
+        Variable("material", "wall_node", "1", "their positions along the outline, point index"),
+        Variable(
+            "outer", "outer_node", "1", "nodes of the tank's outline, counter-clockwise from the lower left"
+        ),
+        Variable("levels", "level", "m", "z of the sweep; the same in all meshes"),
+        Variable("corners", "-", "m", "x, y of the tank's lower left and upper right corner"),
+    ),
+)
+
+
+def write_planform(
+    path: Path, intervals: Sequence[Interval], attributes: dict[str, Any], meshes: Sequence[dict[str, Any]],
+    settings: dict[str, Any],
+) -> None:  # fmt: skip
+    """Write planform.h5: the intervals, `attributes` of the root, and variables and attributes of each mesh by name."""
+    columns = {
+        f"interval_{name}": np.array([getattr(interval, name) for interval in intervals])
+        for name in ("start", "end", "mesh", "moving")
+    }
+    columns["interval_moving"] = columns["interval_moving"].astype(int)
+    groups = {f"mesh_{number}": mesh for number, mesh in enumerate(meshes)}
+    SCHEMA.write(path, columns | attributes | recorded(settings), groups)
+
+
 def read_intervals(out: Path) -> tuple[Interval, ...]:
     """The intervals of `planform.h5`, in order."""
-    with read_dataset(out / "planform.h5", "planform") as file:
-        if "interval_moving" not in file:
-            raise StageError(
-                f"{out / 'planform.h5'}: written by an earlier version; delete it and run make again"
-            )
-        columns = [file[f"interval_{name}"].values.tolist() for name in ("start", "end", "mesh", "moving")]
+    file = SCHEMA.read(out / "planform.h5")
+    columns = [file[f"interval_{name}"].values.tolist() for name in ("start", "end", "mesh", "moving")]
     rows = zip(*columns, strict=True)
     return tuple(
         Interval(k, start, end, mesh, bool(moving)) for k, (start, end, mesh, moving) in enumerate(rows)
@@ -56,5 +119,11 @@ def read_intervals(out: Path) -> tuple[Interval, ...]:
 
 def read_planform(out: Path, mesh: int) -> xr.Dataset:
     """One planform of `planform.h5`, loaded, with the attributes that all meshes share."""
-    with read_dataset(out / "planform.h5", "planform", f"mesh_{mesh}") as planform:
-        return planform.load()
+    return SCHEMA.read(out / "planform.h5", f"mesh_{mesh}")
+
+
+def read_planforms(path: Path) -> list[dict[str, np.ndarray]]:
+    """The variables of all planforms of a planform.h5, in order."""
+    count = int(SCHEMA.read(path)["interval_mesh"].max()) + 1
+    planforms = [SCHEMA.read(path, f"mesh_{mesh}") for mesh in range(count)]
+    return [{str(name): v.values for name, v in planform.variables.items()} for planform in planforms]

@@ -127,7 +127,6 @@ def kinematics_values(scene: Scene) -> tuple[dict[str, Any], str]:
         "shape_tip_direction": np.stack([np.cos(turn), np.sin(turn)], -1),
         "shape_dorsal_direction": np.stack([-np.sin(turn), np.cos(turn)], -1),
         "source": motion.source,
-        "finger_width": body.depth,
         "tip_thickness": body.size,
     }, "rad" if motion.rotation else "m"
 

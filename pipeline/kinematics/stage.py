@@ -102,7 +102,6 @@ def kinematics_values(scene: Scene) -> dict[str, Any]:
         "shape_tip_direction": kinematics.turn(tips[:, 1]),
         "shape_dorsal_direction": kinematics.turn(tips[:, 2]),
         "source": scene.motion.source,
-        "finger_width": scene.finger.width,
         "tip_thickness": family.tip_thickness,
         "peak_tip_speed": float(speed.max()),
         **contact_values(kinematics, time, knots, outlines, scene.pinch),

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
-import xarray as xr
 from tqdm import tqdm
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
-from fileio.formats.mesh_intervals import overlap_steps
-from fileio.hdf5 import write_dataset
-from fileio.provenance import digest
+from fileio.formats.mesh_intervals import Interval, overlap_steps, write_planform
 from pipeline.geometry.planform import Planform
 from pipeline.geometry.quality import Quality, shape_quality
 from pipeline.mesh.fixed_bodies import Body, fixed_bodies
@@ -221,8 +218,14 @@ def run(scene: Scene, quiet: bool = False) -> None:
     writer.writerow(QUALITY_COLUMNS)
     writer.writerows([[f"{value:.6g}" for value in row] for row in rows])
     write_text(scene.out / "mesh_quality.csv", table.getvalue())
-    groups = {f"mesh_{k}": mesh_dataset(morphed, setting, levels) for k, morphed in enumerate(meshes)}
-    write_dataset(intervals_dataset(meshes, setting), scene.out / "planform.h5", groups)
+    one_finger = scene.pinch is not None and not _both_fingers(scene)
+    write_planform(
+        scene.out / "planform.h5",
+        intervals_of(meshes, setting),
+        {"model": scene.model.kind, "mirror": int(one_finger)},
+        [mesh_values(morphed, setting, levels) for morphed in meshes],
+        settings_of(scene, "mesh"),
+    )
     if not quiet:
         cells = ", ".join(str(len(s.planform.triangles) + len(s.planform.quads)) for s in meshes)
         usual = scene.mesh.usual_non_orthogonality_deg
@@ -232,47 +235,15 @@ def run(scene: Scene, quiet: bool = False) -> None:
         )
 
 
-def intervals_dataset(meshes: list[MorphedPlanform], setting: Setting) -> xr.Dataset:
-    """The root of planform.h5: which mesh serves from when to when (s), and what all meshes share."""
-    scene = setting.scene
-    intervals = sorted(
-        (interval, k) for k, morphed in enumerate(meshes) for interval in morphed.part.intervals
-    )
-    step = scene.numerics.time_step
+def intervals_of(meshes: list[MorphedPlanform], setting: Setting) -> list[Interval]:
+    """Which mesh serves from when to when."""
+    step = setting.scene.numerics.time_step
+    spans = sorted((span, k) for k, morphed in enumerate(meshes) for span in morphed.part.intervals)
     rest = last_move(setting.deformation_of_steps) + overlap_steps(step)
-    return xr.Dataset(
-        {
-            "interval_start": (
-                "interval",
-                np.array([step * interval[0] for interval, _ in intervals]),
-                {"units": "s"},
-            ),
-            "interval_end": (
-                "interval",
-                np.array([step * interval[1] for interval, _ in intervals]),
-                {"units": "s"},
-            ),
-            "interval_mesh": (
-                "interval",
-                np.array([k for _, k in intervals]),
-                {"long_name": "number of the mesh"},
-            ),
-            "interval_moving": (
-                "interval",
-                np.array([int(interval[0] <= rest) for interval, _ in intervals]),
-                {"long_name": "0: the mesh rests"},
-            ),
-        },
-        attrs={
-            "format": "planform",
-            "format_version": 4,
-            "finger_width": scene.finger.width,
-            "model": scene.model.kind,
-            "mirror": int(scene.pinch is not None and not _both_fingers(scene)),
-            "scene_hash": digest(settings_of(scene, "mesh")),
-            "settings": json.dumps(settings_of(scene, "mesh")),
-        },
-    )
+    return [
+        Interval(number, step * first, step * last, k, first <= rest)
+        for number, ((first, last), k) in enumerate(spans)
+    ]
 
 
 def _both_fingers(scene: Scene) -> bool:
@@ -280,8 +251,8 @@ def _both_fingers(scene: Scene) -> bool:
     return scene.pinch is not None and scene.model.kind in ("half", "full")
 
 
-def mesh_dataset(mesh: MorphedPlanform, setting: Setting, levels: np.ndarray) -> xr.Dataset:
-    """A mesh's group of planform.h5 (docs/formats.md)."""
+def mesh_values(mesh: MorphedPlanform, setting: Setting, levels: np.ndarray) -> dict[str, Any]:
+    """Variables and attributes of a mesh in planform.h5."""
     planform, frames, family = mesh.planform, mesh.frames, mesh.family
     names = ["water", "finger", *(body.name for body in setting.bodies)]
     half = 0.5 * setting.scene.finger.width
@@ -291,28 +262,18 @@ def mesh_dataset(mesh: MorphedPlanform, setting: Setting, levels: np.ndarray) ->
         planform = mirrored(planform, len(names))
         names.append("mirrored_finger")
         reach.append(half)
-    return xr.Dataset(
-        {
-            "points": (("shape_parameter", "node", "axis"), frames, {"units": "m"}),
-            "bend": ("shape_parameter", family.bend, {"units": "rad"}),
-            "triangles": (("triangle", "corner3"), planform.triangles),
-            "quads": (("quad", "corner4"), planform.quads),
-            "body": (
-                "triangle",
-                planform.body.astype(np.uint8),
-                {"long_name": "number of the body in whose footprint it lies, 0 in the water"},
-            ),
-            "body_name": ("number", np.array(names, object)),
-            "body_half_width": ("number", np.array(reach), {"units": "m", "long_name": "reach in |z|"}),
-            "wall": ("wall_node", planform.wall),
-            "material": (
-                "wall_node",
-                planform.material,
-                {"long_name": "position along the outline, point index"},
-            ),
-            "outer": ("outer_node", planform.outer),
-            "levels": ("level", levels, {"units": "m", "long_name": "z of the sweep"}),
-        },
-        coords={"shape_parameter": ("shape_parameter", family.parameter, {"units": "Pa"})},
-        attrs={"corners": np.array(planform.corners).ravel()},
-    )
+    return {
+        "shape_parameter": family.parameter,
+        "points": frames,
+        "bend": family.bend,
+        "triangles": planform.triangles,
+        "quads": planform.quads,
+        "body": planform.body.astype(np.uint8),
+        "body_name": np.array(names, object),
+        "body_half_width": np.array(reach),
+        "wall": planform.wall,
+        "material": planform.material,
+        "outer": planform.outer,
+        "levels": levels,
+        "corners": np.array(planform.corners).ravel(),
+    }

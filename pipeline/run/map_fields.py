@@ -11,7 +11,7 @@ from fileio.atomic import write_text
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_planform
 from fileio.formats.node_motion import read_motion
-from fileio.hdf5 import read_dataset
+from fileio.formats.sweep import read_sweep
 from pipeline.geometry.swept_cells import SweptCells, carry, overlap_of, swept_cells
 from pipeline.openfoam.displacement_files import steps_of, time_name
 from pipeline.openfoam.foamfile import END, field_of, header, labels_of, read_field, write_bytes, write_field
@@ -25,8 +25,8 @@ def cells_of(scene: Scene, interval: Interval, time: float) -> SweptCells:
     """The mesh of an interval in its shape at `time` s."""
     planform = read_planform(scene.out, interval.mesh)
     motion = read_motion(scene.out, interval.mesh)
-    with read_dataset(scene.out / "sweep.h5", "sweep", interval.name) as sweep:
-        return swept_cells(planform, sweep.load(), motion.nodes(time), motion.velocity(time))
+    sweep = read_sweep(scene.out, interval.name)
+    return swept_cells(planform, sweep, motion.nodes(time), motion.velocity(time))
 
 
 def read_cells(case: Path, time: str, name: str, ranks: Ranks, cells: int) -> np.ndarray:

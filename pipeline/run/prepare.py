@@ -15,7 +15,7 @@ from fileio.atomic import write_text
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_planform
 from fileio.formats.node_motion import read_motion
-from fileio.hdf5 import read_dataset
+from fileio.formats.sweep import read_sweep
 from fileio.json_text import read_json
 from pipeline.geometry.quality import cell_centres, neighbours, planform_edges
 from pipeline.openfoam.displacement_files import PADDING, steps_of, time_name, write_frames
@@ -67,8 +67,7 @@ def prepare(
     set_number(case, "startTime", first)
     if interval.index:
         map_fields(scene, intervals[interval.index - 1], interval, ranks)
-    with read_dataset(scene.out / "sweep.h5", "sweep", interval.name) as sweep:
-        sweep.load()
+    sweep = read_sweep(scene.out, interval.name)
     planform = read_planform(scene.out, interval.mesh)
     if ranks.count > 1:
         _decompose(case, sweep, planform, ranks)

@@ -14,7 +14,7 @@ from fileio.atomic import write_text
 from fileio.cost import Spent
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
-from fileio.hdf5 import read_dataset
+from fileio.formats.sweep import read_sweep
 from fileio.lock import only_one
 from fileio.provenance import versions
 from pipeline.openfoam.displacement_files import remove_frames, steps_of
@@ -30,10 +30,7 @@ from pipeline.scene.scene import Scene
 
 def useful_ranks(scene: Scene, intervals: tuple[Interval, ...], ranks: int, quiet: bool) -> int:
     """`ranks`, or fewer where a mesh is too small for them."""
-    sizes = []
-    for interval in intervals:
-        with read_dataset(scene.out / "sweep.h5", "sweep", interval.name) as sweep:
-            sizes.append(sweep.sizes["cell"])
+    sizes = [read_sweep(scene.out, interval.name).sizes["cell"] for interval in intervals]
     useful = max(1, min(ranks, min(sizes) // LEAST_CELLS))
     if useful < ranks and not quiet:
         print(f"run: {min(sizes)} cells are too few for {ranks} ranks; {useful} used")

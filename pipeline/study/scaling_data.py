@@ -11,7 +11,7 @@ import numpy as np
 
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import read_intervals
-from fileio.hdf5 import read_dataset
+from fileio.formats.sweep import read_sweep
 from pipeline.scene.scene import Scene
 from pipeline.study.scaling_model import Network
 
@@ -97,6 +97,5 @@ def _low(values: list[float]) -> float:
 def size(scene: Scene) -> tuple[int, int]:
     """Cells and columns of a scene's mesh, of its longest interval; StageError where it was not made."""
     interval = max(read_intervals(scene.out), key=lambda interval: interval.end - interval.start)
-    with read_dataset(scene.out / "sweep.h5", "sweep", interval.name) as sweep:
-        column = sweep["cell_column"].values
+    column = read_sweep(scene.out, interval.name)["cell_column"].values
     return len(column), len(np.unique(column))

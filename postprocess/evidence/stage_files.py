@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
-import numpy as np
 import pandas as pd
 
 from fileio import json_text
@@ -70,15 +68,6 @@ def read_table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
 def read_json(path: Path, kind: type = dict) -> Any:
     """What a stage's JSON file holds, of `kind`; ValueError in one sentence where it is damaged."""
     return json_text.read_json(path, AGAIN, kind)
-
-
-def read_planforms(path: Path) -> list[dict[str, np.ndarray]]:
-    """The planforms of planform.h5 in their order; ValueError where there is none."""
-    with h5py.File(path, "r") as file:
-        names = sorted((name for name in file if name.startswith("mesh_")), key=lambda n: int(n[5:]))
-        if not names:
-            raise ValueError(f"{path}: no group 'mesh_0'; run the stage 'mesh' again")
-        return [{name: np.asarray(values) for name, values in file[mesh].items()} for mesh in names]
 
 
 def scene_numbers(files: StageFiles) -> dict[str, Any]:

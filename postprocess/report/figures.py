@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from fileio.atomic import write_text
+from fileio.formats.mesh_intervals import read_planforms
 from fileio.formats.plane_series import read_plane
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.load import read_clock, single_finger
@@ -17,7 +18,6 @@ from postprocess.evidence.stage_files import (
     StageFiles,
     extended_scenes,
     read_json,
-    read_planforms,
     scene_numbers,
 )
 from postprocess.report.flow_figures import flow_figures, tip_vortices, vortex_figures

@@ -26,7 +26,7 @@ from pipeline.run.prepare import prepare as lay_frames
 from pipeline.openfoam.ranks import Ranks
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.run.solver import read_progress, set_number
-from fileio.hdf5 import read_dataset
+from fileio.formats.sweep import read_sweep
 from tests.conftest import ROOT, prepare, write_scene
 
 pytestmark = [
@@ -81,8 +81,7 @@ def solved(prepared, tmp_path_factory):
 def test_mesh_points_follow_the_data(solved):
     """1e-11 m, from rounding of metres in double precision through a few additions."""
     motion = read_motion(solved.out)
-    with read_dataset(solved.out / "sweep.h5", "sweep", "interval_0") as sweep:
-        node = sweep["node"].values
+    node = read_sweep(solved.out, "interval_0")["node"].values
     for time_folder in ("0.02", "0.04"):
         points = vectors(solved.out / "case" / "interval_0" / time_folder / "polyMesh" / "points")
         wanted = motion.nodes(float(time_folder))[node]

@@ -347,7 +347,7 @@ def kinematics_seeds(folder: Path) -> list[bytes]:
     two = np.tile([0.0, 1.0], (6, 1))
     values = {"time": time, "pressure": 1e5 * time, "shape_parameter": knots, "shape_bend": knots / 1e4}
     values |= {"shape_outline": np.stack([box] * 6), "shape_tip": two, "shape_tip_direction": two}
-    values |= {"shape_dorsal_direction": two, "source": "fea", "finger_width": 0.028, "tip_thickness": 0.0145}
+    values |= {"shape_dorsal_direction": two, "source": "fea", "tip_thickness": 0.0145}
     write_kinematics(folder / "k.h5", values, {})
     return [(folder / "k.h5").read_bytes()]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from fileio.hdf5 import read_dataset
+from fileio.formats.plane_series import read_plane
 from pipeline.scene.scene import Scene, load_scene
 from piv.vortices.find import find_vortices
 from piv.vortices.vortex import Vortex
@@ -64,7 +64,7 @@ def read_run(scene: Scene) -> Run:
     """Quantities of a run that is there."""
     record = json.loads((scene.out / "run" / "run.json").read_text())
     table = np.genfromtxt(scene.out / "run" / "forces.csv", delimiter=",", names=True)
-    with read_dataset(scene.out / "sheet.h5", "plane-series") as sheet:
+    with read_plane(scene.out / "sheet.h5") as sheet:
         vortex = tip_vortex(sheet, scene)
     flat = scene.model.kind == "2d"
     area = scene.tank.size[0] * scene.tank.water_depth

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from fileio.errors import StageError
-from fileio.hdf5 import read_dataset
-from fileio.provenance import digest
+from fileio.provenance import read_settings
 from fileio.stages import until
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.stage_settings import settings_of
@@ -47,8 +46,7 @@ def solved(name: str, level: str = "coarse", folder: Path = CASES) -> Scene:
         raise StageError(
             f"{scene.out}: {name} was not run at level {level}; run make validate, which makes the runs first"
         )
-    with read_dataset(scene.out / "sweep.h5", "sweep") as case:
-        templates = case.attrs["scene_hash"] == digest(settings_of(scene, "case"))
+    templates = read_settings(scene.out / "sweep.h5") == settings_of(scene, "case")
     if not templates or json.loads(record.read_text())["scene_hash"] != scene.digest():
         raise StageError(
             f"{record}: of other numbers than {name} has now; run make validate, which makes the run again"

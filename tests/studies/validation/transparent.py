@@ -7,13 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import h5py
 import numpy as np
 from tqdm import tqdm
 
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
-from fileio.hdf5 import read_dataset, write_dataset
+from fileio.formats.sweep import read_sweep
 from pipeline import case
 from pipeline.geometry.quality import cell_areas, cell_centres
 from pipeline.geometry.sweep import OUTER_PATCHES
@@ -52,11 +53,8 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
         raise StageError(
             f"{path}: {len(intervals)} planforms; a flow of known order must stay on one: refine or move less"
         )
-    with read_dataset(path, "planform") as file:
-        root = file.load()
-    planform = read_planform(scene.out, 0)
-    planform["body"] = planform["body"] * 0
-    write_dataset(root, path, {"mesh_0": planform})
+    with h5py.File(path, "a") as file:
+        file["mesh_0/body"][...] = 0
     case.run(scene, quiet)
     folder = scene.out / "case" / intervals[0].name
     first = cells(scene, 0.0, None)
@@ -109,8 +107,7 @@ def cells(scene: Scene, time: float, folder: Path | None) -> Cells:
     """Cells at `time`; the velocity is read from `folder`, or zero without one."""
     planform = read_planform(scene.out, 0)
     triangles, quads = planform["triangles"].values, planform["quads"].values
-    with read_dataset(scene.out / "sweep.h5", "sweep", "interval_0") as file:
-        column = file["cell_column"].values
+    column = read_sweep(scene.out, "interval_0")["cell_column"].values
     nodes = read_motion(scene.out).nodes(time)
     centres = cell_centres(nodes, triangles, quads)[column]
     areas = cell_areas(nodes, triangles, quads)[column]
