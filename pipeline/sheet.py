@@ -19,7 +19,7 @@ from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
 from fileio.formats.plane_series import FORMAT, FORMAT_VERSION, UNITS
 from fileio.hdf5_disk import Disk
-from fileio.provenance import digest, versions
+from fileio.provenance import recorded, versions
 from pipeline.openfoam.surface_vtk import read_surface
 from pipeline.scene.measurement import Camera
 from pipeline.scene.scene import Scene
@@ -169,10 +169,8 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, output: Pat
                 "tip_width": kinematics.tip_width,
                 "versions": json.dumps(versions()),
                 "scene_hash": scene.digest(),
-                "settings": json.dumps(
-                    settings_of(scene, "sheet") | {"digest": digest(settings_of(scene, "sheet"))}
-                ),
             }
+            | recorded(settings_of(scene, "sheet"))
         )
     if not quiet:
         print(f"sheet: {count} planes of {len(x)}×{len(y)} points")

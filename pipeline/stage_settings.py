@@ -14,6 +14,7 @@ from typing import Any
 from fileio.atomic import write_text
 from fileio.command import add_scene as add_arguments  # noqa: F401 (of the command)
 from fileio.errors import StageError
+from fileio.formats import kinematics, mesh_intervals, sweep
 from fileio.lock import exclusive, held
 from fileio.stages import BY_NAME, STAGES
 from pipeline.fea.up_to_date import check_states
@@ -24,6 +25,8 @@ from pipeline.scene.scene import Scene, load_scene
 
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
 STAGE_SECTIONS = {stage.target: stage.sections for stage in STAGES if stage.sections}
+# A new version of what a stage writes makes it again.
+FORMATS = {"kinematics": kinematics.SCHEMA, "mesh": mesh_intervals.SCHEMA, "case": sweep.SCHEMA}
 # The stages of piv/ know nothing of scenes: they get their own flags, by name, as a settings file.
 FLAT_SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
     "images": lambda scene: render_settings(scene.camera, scene.sheet),
@@ -54,7 +57,8 @@ def changed_settings(scene: Scene) -> dict[str, str]:
     found = {}
     for stage in STAGE_SECTIONS:
         path = scene.out / "settings" / f"{stage}.json"
-        text = json.dumps(settings_of(scene, stage), indent=1, sort_keys=True) + "\n"
+        version = {"format_version": FORMATS[stage].version} if stage in FORMATS else {}
+        text = json.dumps(settings_of(scene, stage) | version, indent=1, sort_keys=True) + "\n"
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             found[stage] = text
     return found

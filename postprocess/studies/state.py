@@ -13,12 +13,7 @@ from postprocess.evidence.stage_files import StageFiles
 
 UNRECORDED = {"images": {"truth"}}  # whether there is a file beside the images: it changes nothing of them
 SECTIONS = ("kinematics", "mesh", "case", "sheet")  # record the scene's sections and nothing but
-UNASKED = {
-    "motion.states",
-    "motion.pressure_csv",
-    "motion.recording",
-    "digest",
-}  # names of files; sum of the rest
+UNASKED = {"motion.states", "motion.pressure_csv", "motion.recording"}  # names of files
 AGAIN = "delete it and run the study again"
 
 

@@ -1,6 +1,7 @@
 """A scene is refused in one sentence that names file, key and remedy."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from pipeline.kinematics.stage import kinematics_values
 from pipeline.openfoam.base_case import template_files, templates_digest
 from pipeline.scene.scene import load_scene
 from pipeline.scene.sections import Numerics
-from pipeline.stage_settings import STAGE_SECTIONS, make_rules, settings_of, write_settings
+from pipeline.stage_settings import FORMATS, STAGE_SECTIONS, make_rules, settings_of, write_settings
 from tests.conftest import ROOT, write_scene
 
 SCENES = sorted(p.parent for p in (ROOT / "cases").glob("*/scene.toml"))
@@ -97,6 +98,15 @@ def test_touching_one_number_changes_only_the_stages_that_use_it(tmp_path):
     assert write_settings(after) == ["piv"]
     after = write_scene(folder, more="[fluid]\ndensity = 1000.0")
     assert set(write_settings(after)) == {"case", "piv"}  # piv goes back
+
+
+@pytest.mark.parametrize("stage", ["kinematics", "mesh", "case"])
+def test_a_new_version_of_a_stages_file_makes_the_stage_again(tmp_path, monkeypatch, stage):
+    scene = write_scene(tmp_path / "s")
+    write_settings(scene)
+    newer = replace(FORMATS[stage], version=FORMATS[stage].version + 1)
+    monkeypatch.setitem(FORMATS, stage, newer)
+    assert write_settings(scene) == [stage]
 
 
 def base_case(folder: Path, files: dict[str, str]) -> Path:
