@@ -90,7 +90,7 @@ def beside_single(
         for source, table in tables.items():
             for ax, column in zip(axes, ("along_tip", "across_tip"), strict=True):
                 (line,) = ax.plot(np.degrees(table["bend"]), table[column] * MM, style, color=COLOURS[source])
-                line.set(marker="." if len(table) < 60 else None, label=f"{name}, {NAMES[source]}")
+                line.set(marker="." if len(table) < 60 else "None", label=f"{name}, {NAMES[source]}")
     axes[0].set(ylabel="beyond the tip, mm", title="The vortex at the same bend, pinch and single finger")
     axes[1].set(ylabel="to the dorsal side, mm", xlabel="bend angle, °", xlim=limits)
     axes[1].axhline(0, color=GREY, linewidth=0.8)

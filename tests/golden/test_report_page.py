@@ -15,6 +15,7 @@ from PIL import Image
 from pipeline.__main__ import main
 from postprocess.compare import stage as compare
 from postprocess.draw import mesh as draw_mesh
+from postprocess.draw import pinch as draw_pinch
 from postprocess.draw import series as draw_series
 from postprocess.draw import solver as draw_solver
 from postprocess.evidence.stage_files import StageFiles
@@ -244,6 +245,13 @@ def test_a_made_up_pinch_is_judged_by_its_pair(pinched):
     assert checks["pair-mirrored"]["measured"]["piv"] == pytest.approx(SHIFT, rel=1e-3)
     assert checks["pair-ventral"]["met"] is False  # made on the dorsal side
     assert checks["contact-dorsal"]["window"] == "-0.005 to +0.02 s from contact"
+
+
+@pytest.mark.parametrize("rows, marker", [(20, "."), (80, "None")])
+def test_a_coarse_series_beside_the_single_finger_shows_its_instants(rows, marker):
+    track = pd.DataFrame({name: np.linspace(0.0, 1e-2, rows) for name in ("bend", "along_tip", "across_tip")})
+    figure = draw_pinch.beside_single({"cfd": track}, {"cfd": track}, (0.0, 1.0))
+    assert {line.get_marker() for line in figure.axes[0].get_lines()} == {marker}
 
 
 def test_what_needs_the_single_finger_is_not_judged_without_it(pinched):
