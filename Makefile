@@ -40,7 +40,8 @@ OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS)))
 help: ## this list
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"
 	@echo "    SCENE: $(SCENES)"
-	@echo "    LEVEL: smoke (2-D, minutes), coarse (default: half an hour), medium (hours), fine (a day)"
+	@echo "    LEVEL: smoke (2-D, 2 minutes), draft (5), coarse (default, 10), medium (30), fine (60 minutes)"
+	@echo "    of CPU for single_finger, measured by make tradeoff; a pinch takes several times as long"
 	@echo "    NP: MPI ranks, now $(NP); HOSTS=hosts.txt: on those machines; COLLATED=1: few files"
 	@echo "make SCENE ACCURACY=12%        the cheapest measured setting within 12 %;"
 	@echo "make SCENE BUDGET=10min        the most accurate within the time"
@@ -83,7 +84,8 @@ $(foreach s,$(ALL),$(foreach t,$(STAGES),$(eval $(call stage_rules,$(s),$(CASES)
 include $(wildcard $(foreach s,$(ALL),$(CASES)/$(s)/out/$(LEVEL)/settings/.files.mk))
 
 # Studies: many runs by Snakemake, in an environment of its own; everything that computes stays in .venv.
-# By Slurm: a job that is cut off at its time limit is submitted again for twice the time, and its solver resumes.
+# By Slurm: a job that is cut off at its time limit is submitted again for twice the time (for MINUTES again, where they
+# are given), at most RETRIES times, and its solver goes on from its last checkpoint.
 STUDY_READY := .venv-study/.ready
 SNAKEFLAGS  ?=
 SNAKEMAKE    = .venv-study/bin/snakemake -s pipeline/study/Snakefile $(SNAKEFLAGS)
@@ -91,7 +93,7 @@ RETRIES     ?= 5
 PLACE       := $(if $(PARTITION),slurm_partition=$(PARTITION)) $(if $(ACCOUNT),slurm_account=$(ACCOUNT))
 OF_RUN      := $(if $(NODES),run:nodes=$(NODES)) $(if $(MINUTES),run:runtime=$(MINUTES))
 IN_SLURM    := $(if $(strip $(PLACE)),--default-resources $(PLACE)) $(if $(strip $(OF_RUN)),--set-resources $(OF_RUN))
-EXECUTOR    := $(if $(SLURM),--executor slurm -j100 --retries $(RETRIES) $(IN_SLURM),-j$(JOBS))
+EXECUTOR    := $(if $(SLURM),--executor slurm --slurm-requeue -j100 --retries $(RETRIES) $(IN_SLURM),-j$(JOBS))
 empty :=
 comma := ,
 ONLY  = $(if $(STUDIES),only=$(subst $(empty) $(empty),$(comma),$(strip $(STUDIES))))

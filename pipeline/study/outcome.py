@@ -22,11 +22,11 @@ from pipeline.study.table import MAY_FAIL_UNTIL
 
 LONGEST = 7200.0  # s of a stage, beyond which it is taken to hang
 LONGEST_REASON = 400  # characters
-NAME = "ending.json"
+NAME = "outcome.json"
 
 
 def how_it_ended(code: int, said: str) -> dict[str, Any]:
-    """The ending of a stage by its exit code and its last words: refused, stopped (by a guard), failed or crashed.
+    """The outcome of a stage by its exit code and its last words: refused, stopped (by a guard), failed or crashed.
 
     Exit code 2 is a foreseen failure in one sentence; any other is one of the program's own.
     """
@@ -54,7 +54,7 @@ def run_stage(command: list[str], longest: float = LONGEST) -> tuple[int, str] |
     return process.returncode, said
 
 
-def ending(folder: Path, level: str, until: str, ranks: int) -> dict[str, Any]:
+def outcome(folder: Path, level: str, until: str, ranks: int) -> dict[str, Any]:
     """Run the stages up to `until`; how it ended, at which stage, why, and the CPU seconds it took."""
     found: dict[str, Any] = {"ended": "completed", "stage": until, "reason": ""}
     for stage in MAY_FAIL_UNTIL[: MAY_FAIL_UNTIL.index(until) + 1]:
@@ -70,7 +70,7 @@ def ending(folder: Path, level: str, until: str, ranks: int) -> dict[str, Any]:
         found["reason"] = found["reason"].replace(f"{place}/", "")
     found["reason"] = found["reason"][:LONGEST_REASON]
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return {"format": "ending", "format_version": 1} | found | {"cpu_s": round(used.ru_utime + used.ru_stime, 1)}  # fmt: skip
+    return {"format": "outcome", "format_version": 1} | found | {"cpu_s": round(used.ru_utime + used.ru_stime, 1)}  # fmt: skip
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Command `outcome`. The solver's case is removed where no later stage of the run would read it."""
     out = args.scene / "out" / args.level
-    found = ending(args.scene, args.level, args.until, args.ranks)
+    found = outcome(args.scene, args.level, args.until, args.ranks)
     if args.until == "run":
         shutil.rmtree(out / "case", ignore_errors=True)
     write_text(out / NAME, json.dumps(found, indent=1) + "\n")

@@ -21,11 +21,11 @@ from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.stage_settings import settings_of, update_settings
 from pipeline.study.estimate import estimates
-from pipeline.study.outcome import NAME as ENDING
+from pipeline.study.outcome import NAME as OUTCOME
 from pipeline.study.table import Row, read_study
 
 STATES = FEA.done  # of a run whose bending is analysed first
-ASKED = "asked.json"  # of a run that may fail: what its ending depends on
+ASKED = "asked.json"  # of a run that may fail: what its outcome depends on
 
 
 def parent_of(scene: Path, row: Row) -> Path:
@@ -108,7 +108,7 @@ def write_scenes(scene: Path, study: str, rows: list[Row]) -> list[Scene | Stage
 
 
 def write_asked(folder: Path, level: str, scene: Scene | StageError) -> None:
-    """Note what the ending of a run that may fail depends on, where it changed: the scene, the base case, and what computes."""
+    """Note what the outcome of a run that may fail depends on, where it changed: the scene, the base case, and what computes."""
     asked = {
         "scene": scene.digest() if isinstance(scene, Scene) else str(scene),
         "templates": templates_digest(),
@@ -142,10 +142,10 @@ def owners(rows: list[Row], scenes: list[Scene | StageError]) -> list[dict[str, 
 
 def wanted_of(row: Row) -> list[str]:
     """Files that a run is to leave behind, relative to its folder: one of every stage, for what is lost on the way must not
-    pass for made, but for the images of a PIV that is done; the ending alone of a run that may fail."""
+    pass for made, but for the images of a PIV that is done; the outcome alone of a run that may fail."""
     out = f"out/{row.level}"
     if row.may_fail:
-        return [f"{out}/{ENDING}"]
+        return [f"{out}/{OUTCOME}"]
     if row.until == "fea":
         return [STATES]
     return [

@@ -11,7 +11,7 @@ from fileio.atomic import unlink_folders, whole
 from fileio.stages import BY_NAME, STAGES
 
 
-def link(source: Path, target: Path, stage: str) -> None:
+def reuse(source: Path, target: Path, stage: str) -> None:
     """Take a stage's results from one level's folder to another's: copies of its files, the names of its folders.
 
     Snakemake dates what a rule has made anew: with a hard link the other run's file would seem new, and be made into its later
@@ -47,4 +47,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Command `reuse`."""
-    link(args.source, args.target, args.stage)
+    reuse(args.source, args.target, args.stage)

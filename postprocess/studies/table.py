@@ -107,7 +107,7 @@ def vortex(files: StageFiles) -> dict[str, Any]:
 
 def outcome(files: StageFiles) -> dict[str, Any]:
     """How a run that may fail ended."""
-    path = files.optional("ending.json")
+    path = files.optional("outcome.json")
     costs_found = read_json(path) if path is not None else {}
     return {key: costs_found[key] for key in ("ended", "stopped_at_s", "reason") if key in costs_found}
 

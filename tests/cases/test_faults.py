@@ -1,4 +1,4 @@
-"""A small version of `make faults` and `make stability`: kills, two makes at once, a full disk; the three endings."""
+"""A small version of `make faults` and `make stability`: kills, two makes at once, a full disk; the three outcomes."""
 
 import json
 import random
@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from pipeline.study.outcome import NAME, ending
+from pipeline.study.outcome import NAME, outcome
 from pipeline.study.plan import write_scene
 from pipeline.study.table import Row
 from tests.studies.faults.conditions import disks, twice
@@ -84,7 +84,7 @@ def test_a_run_ends_in_one_of_three_ways(solved, changes, ended, words):
     scene = solved[0] / "cases" / SCENE
     row = Row(f"axis_{ended}{len(words)}", "tiny", until="run", overrides=TINY | changes)
     folder = write_scene(scene, "edges", row)
-    found = ending(folder, row.level, row.until, row.ranks)
+    found = outcome(folder, row.level, row.until, row.ranks)
     assert found["ended"] == ended, found
     assert words in found["reason"]
     assert str(folder) not in found["reason"]

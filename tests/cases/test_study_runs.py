@@ -109,9 +109,9 @@ def test_the_runs_lie_where_the_table_says(project):
     assert (thick / "costs" / "mesh.json").read_bytes() == (own / "costs" / "mesh.json").read_bytes()
     assert (thick / "run" / "run.json").read_bytes() != (own / "run" / "run.json").read_bytes()
     edge = scene / "out" / "studies" / "trial" / "edge" / "out" / "tiny"
-    ending = json.loads((edge / "ending.json").read_text())
-    assert ending["ended"] == "refused"
-    assert "time_step of at most" in ending["reason"]
+    outcome = json.loads((edge / "outcome.json").read_text())
+    assert outcome["ended"] == "refused"
+    assert "time_step of at most" in outcome["reason"]
 
 
 def test_what_is_lost_on_the_way_to_a_result_is_made_again(project):

@@ -1,4 +1,4 @@
-"""A real Slurm of one node, started here: a coarse case by make, cut off at its limit and queued again; a study.
+"""A real Slurm of one node, started here: a scene by make, cut off at its limit and submitted again; a study.
 
 Opt-in: make test-slurm (Debian's slurm-wlm, root). The log goes to docs/cluster_log.txt.
 """
@@ -39,6 +39,8 @@ two_ranks, draft, run, 2, , , , 0.02,
 edge, tiny, run, 1, yes, 1e-3, , 0.1, 0.01
 """
 CUT_OFF = 0.02  # s of flow: the checkpoint after which the solver's job is cut off
+# Slurm here keeps no accounts to ask for the state of a job
+FLAGS = "--latency-wait 30 --slurm-status-command squeue --slurm-init-seconds-before-status-checks 10"
 FOLDER = ROOT / "cases" / "slurm_test"
 
 
@@ -94,40 +96,13 @@ def note(title: str, text: str) -> None:
     print(f"\n== {title}\n{text}")
 
 
-def wait_for(jobs: list[str], seconds: float) -> str:
-    """Until Slurm has none of the jobs in its queue any more; the states that were seen, a line for each change."""
-    seen, last, deadline = [], "", time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        shown = subprocess.run(
-            ["squeue", "--noheader", "--states=all", "--format=%i %j %T %M %r", "--sort=i"],
-            capture_output=True,
-            text=True,
-        ).stdout
-        states = {
-            line.split()[0]: " ".join(line.split()[1:3])
-            for line in shown.splitlines()
-            if line.split()[0] in jobs
-        }
-        now = ", ".join(f"{job}: {state}" for job, state in states.items())
-        if now != last:
-            seen.append(f"{datetime.now(UTC):%H:%M:%S} {now}")
-            last = now
-        if all(
-            state.split()[1] in ("COMPLETED", "FAILED", "CANCELLED", "TIMEOUT") for state in states.values()
-        ):
-            break
-        time.sleep(1)
-    return "\n".join(seen)
-
-
-def state_of(job: str) -> str:
-    """Slurm's word for the state of a job."""
+def job_of(rule: str) -> str | None:
+    """Number of the job of a rule that Slurm is running, or None."""
     shown = subprocess.run(
-        ["squeue", "--noheader", "--states=all", "--format=%T", f"--jobs={job}"],
-        capture_output=True,
-        text=True,
-    )
-    return shown.stdout.strip()
+        ["squeue", "--noheader", "--states=R", "--format=%i %k"], capture_output=True, text=True, check=True
+    ).stdout
+    found = [line.split()[0] for line in shown.splitlines() if f"rule_{rule}_" in line]
+    return found[0] if found else None
 
 
 def minutes_run(job: str) -> int:
@@ -147,28 +122,39 @@ def wait_until(what: Callable[[], bool], seconds: float) -> None:
         time.sleep(0.5)
 
 
-def test_a_coarse_case_cut_off_by_its_limit_is_queued_again_and_ends(slurm, scene):
-    """`make slurm_test SLURM=1`: three jobs. Once the solver's has a checkpoint its limit is set to two minutes from now:
-    Slurm tells it, it queues again, resumes, and the third job goes on to the report."""
+def test_a_scene_cut_off_by_its_limit_is_submitted_again_and_ends(slurm, scene):
+    """`make slurm_test SLURM=1`: a job for each stage. Once the solver has a checkpoint its limit is set to the next full
+    minute: Slurm ends it, Snakemake submits it again, it resumes, and the later stages go on to the report."""
     begin = time.monotonic()
-    done = make("slurm_test", "LEVEL=coarse", "NP=2", "SLURM=1", seconds=120)
-    assert done.returncode == 0, done.stderr[-3000:]
-    jobs = {step: number for number, step in re.findall(r"(\d+) \((before|run|after)\)", done.stdout)}
-    solver = jobs["run"]
-    saved = scene.out / "case" / "interval_0" / "processor0" / f"{CUT_OFF:g}" / "uniform" / "time"
-    wait_until(saved.exists, 1800)
-    near = minutes_run(solver) + 2  # less than two minutes are left: it is told at once
-    subprocess.run(["scontrol", "update", f"JobId={solver}", f"TimeLimit={near}"], check=True)
-    wait_until(lambda: state_of(solver) == "PENDING", 240)
-    told = f"{datetime.now(UTC):%H:%M:%S} job {solver}: cut off at its limit, PENDING again\n"
-    subprocess.run(["scontrol", "update", f"JobId={solver}", "TimeLimit=60", "StartTime=now"], check=True)
-    told += wait_for(list(jobs.values()), 5400)
-    log = (scene.out / "slurm" / "run.log").read_text()
-    note(f"make slurm_test LEVEL=coarse NP=2 SLURM=1: {done.stdout.strip()}", told)
-    note("its run.log", log)
-    assert "time limit near: stopping for restart 1" in log
-    assert "restart 1 on" in log
-    assert (scene.out / "run" / "run.json").exists(), log[-2000:]
+    command = [
+        "make",
+        "--no-print-directory",
+        "slurm_test",
+        "LEVEL=coarse",
+        "NP=2",
+        "SLURM=1",
+        f"SNAKEFLAGS={FLAGS}",
+    ]
+    env = {key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")}
+    with (slurm / "make.log").open("w+") as log:
+        make_ = subprocess.Popen(command, cwd=ROOT, env=env, stdout=log, stderr=log)
+        saved = scene.out / "case" / "interval_0" / "processor0" / f"{CUT_OFF:g}" / "uniform" / "time"
+        wait_until(lambda: saved.exists() or make_.poll() is not None, 3000)
+        solver = job_of("run")
+        assert solver is not None, (slurm / "make.log").read_text()[-3000:]
+        near = minutes_run(solver) + 1
+        subprocess.run(["scontrol", "update", f"JobId={solver}", f"TimeLimit={near}"], check=True)
+        wait_until(lambda: job_of("run") != solver, 240)
+        told = f"{datetime.now(UTC):%H:%M:%S} job {solver}: ended at its limit of {near} min"
+        code = make_.wait(5400)
+    text = (slurm / "make.log").read_text()
+    lines = [
+        line
+        for line in text.splitlines()
+        if "submitted" in line or "rror in rule" in line or "steps (" in line
+    ]
+    note("make slurm_test LEVEL=coarse NP=2 SLURM=1", "\n".join([told, *lines]))
+    assert code == 0, text[-3000:]
     record = json.loads((scene.out / "run" / "run.json").read_text())
     kept = ("level", "cells", "steps", "ranks", "resumed", "wall_time")
     note(
@@ -176,9 +162,8 @@ def test_a_coarse_case_cut_off_by_its_limit_is_queued_again_and_ends(slurm, scen
         json.dumps({k: record[k] for k in kept}),
     )
     assert record["ranks"] == 2
-    assert record["cells"] > 50_000
     assert record["resumed"], "the solver began anew instead of resuming"
-    assert (scene.out / "report.html").exists(), (scene.out / "slurm" / "after.log").read_text()[-2000:]
+    assert (scene.out / "report.html").exists()
 
 
 def test_a_study_of_four_runs(slurm, scene):
@@ -186,10 +171,9 @@ def test_a_study_of_four_runs(slurm, scene):
     table = FOLDER / "studies" / "four.csv"
     table.parent.mkdir(exist_ok=True)
     table.write_text(STUDY)
-    flags = "--latency-wait 30 --slurm-status-command squeue --slurm-init-seconds-before-status-checks 10"
     begin = time.monotonic()
     done = make(
-        "study", "STUDY=cases/slurm_test/studies/four.csv", "SLURM=1", f"SNAKEFLAGS={flags}", seconds=3600
+        "study", "STUDY=cases/slurm_test/studies/four.csv", "SLURM=1", f"SNAKEFLAGS={FLAGS}", seconds=3600
     )
     lines = [
         line
@@ -204,7 +188,7 @@ def test_a_study_of_four_runs(slurm, scene):
     note("its table", result[columns].to_string())
     assert list(result.index) == ["base", "les", "one_rank", "two_ranks", "edge"]
     assert result["peak_force_N"].drop("edge").notna().all()
-    assert json.loads((study / "edge" / "out" / "tiny" / "ending.json").read_text())["ended"] == "refused"
+    assert json.loads((study / "edge" / "out" / "tiny" / "outcome.json").read_text())["ended"] == "refused"
     assert result.loc["two_ranks", "ranks"] == 2
     # the same run on two ranks: what is left of stopping the pressure's iterations early
     assert result.loc["two_ranks", "peak_force_N"] == pytest.approx(

@@ -1,7 +1,7 @@
 """`make stability`: runs and images at the extremes, one axis at a time and the corners; tables, map and page of the docs.
 
 The runs are studies whose rows may fail, made by the Snakefile; here they are judged. Each ends completed (bounded energy),
-refused beforehand, or stopped by a guard; any other ending is a fault, and the exit code is 1.
+refused beforehand, or stopped by a guard; any other outcome is a fault, and the exit code is 1.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def main() -> None:
 
 
 def judge(args: argparse.Namespace) -> list[dict[str, Any]]:
-    """Gather the endings, evaluate the pictures, write tables and page; the rows that are faults."""
+    """Gather the outcomes, evaluate the pictures, write tables and page; the rows that are faults."""
     ended: list[dict[str, Any]] = []
     if args.part != "images":
         rows = [row for row in read_plans(PLANS) if args.axes is None or row["axis"] in args.axes.split(",")]

@@ -37,13 +37,13 @@ def read_plans(paths: tuple[Path, ...]) -> list[dict[str, Any]]:
 def result(run: dict[str, Any]) -> dict[str, Any]:
     """The row of a run for the tables. StageError where it has not ended yet."""
     folder = Path(run["folder"])
-    path = folder / "out" / run["level"] / "ending.json"
+    path = folder / "out" / run["level"] / "outcome.json"
     if not path.exists():
         raise StageError(f"{path}: the run has not ended; run make stability again")
-    ending = json.loads(path.read_text(encoding="utf-8"))
+    outcome = json.loads(path.read_text(encoding="utf-8"))
     row = {key: run[key] for key in ("run", "axis", "value", "level", "ranks")}
     row |= {"scene": Path(run["scene"]).name}
-    row |= {key: value for key, value in ending.items() if key not in ("format", "format_version")}
+    row |= {key: value for key, value in outcome.items() if key not in ("format", "format_version")}
     row["ended"] = FAULTS.get(row["ended"], row["ended"])
     if row["ended"] == "completed":
         return row | judged(load_scene(folder, run["level"]))

@@ -14,7 +14,7 @@ from fileio.errors import StageError
 from fileio.lock import exclusive
 from pipeline.scene.scene import load_scene
 from pipeline.study.plan import folder_of, plan, scene_text, toml
-from pipeline.study.reuse import link
+from pipeline.study.reuse import reuse
 from pipeline.study.table import Row, read_study
 from postprocess.studies.judge import changes
 from postprocess.studies.state import missing_runs
@@ -145,8 +145,8 @@ def test_results_are_taken_over(tmp_path):
     (a / "case").mkdir()
     (a / "run" / "run.json").write_text("{}")
     (a / "costs" / "run.json").write_text('{"stage": "run"}')
-    link(a, b, "run")
-    link(a, b, "run")  # again, over what is there
+    reuse(a, b, "run")
+    reuse(a, b, "run")  # again, over what is there
     assert (b / "run" / "run.json").read_text() == "{}"
     assert (b / "costs" / "run.json").exists()
     assert (b / "case").resolve() == a / "case"
@@ -158,7 +158,7 @@ def test_a_run_that_is_no_longer_equal_leaves_the_other_alone(tmp_path):
     for name in ("run/run.json", "case/interval_0/U"):
         (a / name).parent.mkdir(parents=True)
         (a / name).write_text("of a")
-    link(a, b, "run")
+    reuse(a, b, "run")
     (b / "run" / "run.json").unlink()  # as Snakemake does before it runs a rule again
     unlink_folders(b)  # as the case stage does first
     assert not (b / "case").exists()
@@ -172,7 +172,7 @@ def test_the_name_of_a_folder_does_not_lead_into_the_other_run(tmp_path):
     (a / "run" / "run.json").write_text('{"of": "a"}')
     b.mkdir()
     (b / "run").symlink_to("../a/run")
-    link(a, b, "run")
+    reuse(a, b, "run")
     assert not (b / "run").is_symlink()
     assert (b / "run" / "run.json").read_text() == '{"of": "a"}'
     assert not (a / "run" / "run.json").samefile(b / "run" / "run.json")
@@ -187,11 +187,11 @@ def test_what_was_taken_over_of_a_run_stays_when_a_later_stage_is_taken_over(tmp
     b.mkdir()
     (b / "run").symlink_to("../a/run")  # of before
     (b / "case").symlink_to("../a/case")
-    link(a, b, "sheet")
+    reuse(a, b, "sheet")
     assert (b / "run" / "run.json").exists()
     assert (b / "case" / "interval_0" / "U").exists()
-    link(a, b, "run")
-    link(a, b, "sheet")
+    reuse(a, b, "run")
+    reuse(a, b, "sheet")
     assert (b / "run" / "run.json").exists()
     assert (b / "case" / "interval_0" / "U").exists()
 
@@ -216,8 +216,8 @@ def test_the_table_says_how_runs_ended_and_what_actuators_gave(tmp_path):
     wide, plain = (Path(row["folder"]) for row in planned["runs"])
     (wide / "kinematics").mkdir()
     shutil.copy2(ROOT / "cases" / "single_finger" / "kinematics" / "states.h5", wide / "kinematics")
-    (plain / "out" / "tiny" / "ending.json").write_text(
-        json.dumps({"format": "ending", "ended": "stopped", "stopped_at_s": 0.1, "reason": "Courant"})
+    (plain / "out" / "tiny" / "outcome.json").write_text(
+        json.dumps({"format": "outcome", "ended": "stopped", "stopped_at_s": 0.1, "reason": "Courant"})
     )
     missing = missing_runs(planned)
     assert missing == {"plain": "kinematics.h5 is not there"}

@@ -159,7 +159,7 @@ def test_a_bending_analysis_and_a_run_that_may_fail_are_missing_until_they_are_t
         "run, level, until, may_fail, actuator.width\nwide, tiny, fea, , 0.03\nedge, tiny, run, yes,\n"
     )
     planned = read_plan(plan(table))
-    wanted = {"wide": "kinematics/states.h5", "edge": "ending.json"}
+    wanted = {"wide": "kinematics/states.h5", "edge": "outcome.json"}
     assert missing_runs(planned) == {run: f"{name} is not there" for run, name in wanted.items()}
     for row in planned["runs"]:
         [name] = row["wanted"]

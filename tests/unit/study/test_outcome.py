@@ -1,4 +1,4 @@
-"""How a stage's exit and its last words become an ending; a stage that hangs is ended."""
+"""How a stage's exit and its last words become an outcome; a stage that hangs is ended."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TRACE = "Traceback (most recent call last):\n  File x\nKeyError: 'a'\n"
         (-11, "", "crashed", "exit code -11"),
     ],
 )
-def test_endings(code, said, ended, reason):
+def test_outcomes(code, said, ended, reason):
     found = how_it_ended(code, said)
     assert found["ended"] == ended
     assert reason in found["reason"]
