@@ -162,7 +162,7 @@ def test_a_run_killed_in_its_second_interval_and_while_mapping_ends_with_the_sam
             run_stage.run(scene, quiet=True)
     first, second = (scene.out / "case" / interval.name for interval in read_intervals(scene.out)[:2])
     logged = (first / "log.pimpleFoam").stat().st_mtime_ns
-    command = [sys.executable, "-m", "pipeline.run.stage", str(scene.folder), "--level", "tiny", "--quiet"]
+    command = [sys.executable, "-m", "pipeline", "run", str(scene.folder), "--level", "tiny", "--quiet"]
     process = subprocess.Popen(command, cwd=ROOT)
     deadline = time.monotonic() + 120
     while len(list(second.glob("0.*/uniform/time"))) < 3 and time.monotonic() < deadline:

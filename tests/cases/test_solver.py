@@ -159,7 +159,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
     scene = short_scene(tmp_path / "straight", end=0.06, numerics=f', time_scheme = "{scheme}"')
     killed = copy_of(scene, tmp_path / "killed")
     run_stage.run(scene, quiet=True)
-    command = [sys.executable, "-m", "pipeline.run.stage", str(killed.folder), "--level", "tiny", "--quiet"]
+    command = [sys.executable, "-m", "pipeline", "run", str(killed.folder), "--level", "tiny", "--quiet"]
     process = subprocess.Popen(command, cwd=ROOT)
     checkpoint = killed.out / "case" / "interval_0" / "0.03" / "uniform" / "time"
     deadline = time.monotonic() + 600

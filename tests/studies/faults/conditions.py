@@ -38,7 +38,7 @@ MADE_OF = {  # the file of an earlier stage that each stage reads first
     "piv": "images.h5",
     "vortices": "piv.h5",
     "compare": "sheet.h5",
-    "report": "piv.h5",
+    "figures": "piv.h5",
 }
 
 

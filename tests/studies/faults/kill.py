@@ -26,7 +26,7 @@ LEFTOVERS = {  # what a stage keeps to go on from: taken away before a new trial
     "case": ("case",),
     "sheet": ("sheet.h5.part",),
     "run": ("case", "sweep.h5"),
-    "report": ("figures",),
+    "figures": ("figures",),
 }
 ATTEMPTS = 30  # makes that may end before they are killed
 
