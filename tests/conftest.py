@@ -9,6 +9,7 @@ import pytest
 
 from pipeline import case
 from pipeline.kinematics import stage as kinematics
+from pipeline.kinematics.finger import FingerMotion, finger_motion
 from pipeline.mesh import stage as mesh
 from pipeline.scene.scene import Scene, load_scene
 
@@ -38,6 +39,11 @@ def write_scene(
     states = ROOT / "cases" / "single_finger" / "kinematics"
     (folder / "kinematics").symlink_to(states) if not (folder / "kinematics").exists() else None
     return load_scene(folder, "tiny")
+
+
+def motion_of(scene: Scene) -> FingerMotion:
+    """The motion of a scene's finger."""
+    return finger_motion(scene.motion, scene.finger, scene.pinch, scene.folder)
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from fileio.errors import StageError
 from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.scene.pinch import Pinch
 
-SCAN = 0.25e3  # Pa: pressures at which the way to contact is looked at, half a degree of bend apart
+SCAN = 0.25e3  # Pa: steps in which the pressure of contact is searched, half a degree of bend apart
 STOPPED = (
     1e-4  # m: a gap within this of the residual one counts as contact; the ramp takes long over the rest
 )
@@ -118,7 +118,7 @@ def closing_law(
     near = _reach(gap_at, pinch.residual_gap + pinch.slowing_distance, start, hold)
     if near is None:
         raise StageError(
-            f"{where}: pinch.slowing_distance = {pinch.slowing_distance:g} m is more than the way the finger has"
+            f"{where}: pinch.slowing_distance = {pinch.slowing_distance:g} m is more than the finger moves"
             f" before contact, {(gap_at(start) - pinch.residual_gap) * 1e3:.2f} mm; give less"
         )
     return ClosingLaw(free, hold, hold - near, CLOSING_LAWS[pinch.closing_law])
@@ -136,20 +136,22 @@ def _reach(gap_at: Callable[[float], float], value: float, start: float, highest
 
 def closing_summary(time: np.ndarray, gaps: np.ndarray, pinch: Pinch) -> dict[str, float]:
     """`least_gap` (m), `peak_closing_speed` (m/s, of the gap), and where it is reached `contact_time` (s)."""
-    found = {
+    summary = {
         "residual_gap": pinch.residual_gap,
         "least_gap": float(gaps.min()),
         "peak_closing_speed": float(-np.gradient(gaps, time).min()),
     }
     closed = gaps <= pinch.residual_gap + STOPPED
     if closed.any():
-        found["contact_time"] = float(time[np.argmax(closed)])
-    return found
+        summary["contact_time"] = float(time[np.argmax(closed)])
+    return summary
 
 
-def closing_sentence(found: dict[str, float]) -> str:
+def closing_sentence(summary: dict[str, float]) -> str:
     """The summary in a sentence."""
-    least = f"least gap {found['least_gap'] * 1e3:.3f} mm, closing ≤ {found['peak_closing_speed']:.3f} m/s"
-    if "contact_time" not in found:
-        return f"{least}; the tips do not come to the residual gap of {found['residual_gap'] * 1e3:g} mm"
-    return f"{least}, in contact from {found['contact_time']:.4f} s on"
+    least = (
+        f"least gap {summary['least_gap'] * 1e3:.3f} mm, closing ≤ {summary['peak_closing_speed']:.3f} m/s"
+    )
+    if "contact_time" not in summary:
+        return f"{least}; the tips do not come to the residual gap of {summary['residual_gap'] * 1e3:g} mm"
+    return f"{least}, in contact from {summary['contact_time']:.4f} s on"

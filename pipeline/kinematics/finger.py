@@ -1,4 +1,4 @@
-"""A finger in motion: the pressure law, the family of shapes, and where the scene hangs it."""
+"""A finger in motion: the pressure law, the shapes, and where it hangs in the tank."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from pipeline.fea import paper_equations as paper_model
 from pipeline.kinematics.contact import closing_law, gap
 from pipeline.kinematics.pressure_law import PressureLaw, measured_law, stroke_law
 from pipeline.kinematics.recorded_motion import recorded_law, recorded_states
-from pipeline.kinematics.shapes import ShapeFamily, add_tip, circular_states, rounded_strip
-from pipeline.scene.scene import Scene
+from pipeline.kinematics.shapes import FingerShapes, add_tip, circular_states, rounded_strip
+from pipeline.scene.pinch import Pinch
 from pipeline.scene.sections import Finger, Motion
 
 PAPER_LOWEST_PRESSURE = paper_model.LOWEST_VALID_PRESSURE
@@ -23,7 +23,7 @@ LENGTH_TOLERANCE = 0.02  # of finger.length against that of its states: digitise
 
 
 @dataclass(frozen=True)
-class Kinematics:
+class FingerMotion:
     """A pressure law and the shapes it runs through, with the placement in the tank.
 
     `law` is that of the shapes: in a pinch the fingers stop where they meet, while the chambers' own pressure,
@@ -32,7 +32,7 @@ class Kinematics:
 
     law: PressureLaw
     free_law: PressureLaw
-    family: ShapeFamily
+    shapes: FingerShapes
     finger: Finger
     states: States
 
@@ -42,7 +42,7 @@ class Kinematics:
 
     def outline(self, pressure: float) -> np.ndarray:
         """Closed outline (point, 2) of finger 0 in the tank frame at a pressure of the shape in Pa."""
-        return self.to_tank(self.family.outline(pressure))
+        return self.to_tank(self.shapes.outline(pressure))
 
     def turn(self, vectors: np.ndarray) -> np.ndarray:
         """Vectors (…, 2) from the actuator's axes to the tank's."""
@@ -52,24 +52,24 @@ class Kinematics:
         return hanging @ np.array([[c, s], [-s, c]])
 
 
-def load_kinematics(scene: Scene) -> Kinematics:
-    """The motion that a scene asks for. Raises StageError where it cannot be."""
-    motion, finger = scene.motion, scene.finger
-    law = _pressure_law(motion, scene.folder)
+def finger_motion(motion: Motion, finger: Finger, pinch: Pinch | None, folder: Path) -> FingerMotion:
+    """The motion that a scene in `folder` asks for. Raises StageError where it cannot be."""
+    where = folder / "scene.toml"
+    law = _pressure_law(motion, folder)
     time = law_times(motion.end_time)
     pressure = law(time)
-    states = _states(motion, finger, scene.folder, float(pressure.min()), float(pressure.max()))
+    states = _states(motion, finger, folder, float(pressure.min()), float(pressure.max()))
     low, high = states.pressure[0], states.pressure[-1]
     if pressure.min() < low - 1e-6 or pressure.max() > high + 1e-6:
         raise StageError(
-            f"{scene.folder / 'scene.toml'}: motion runs over {pressure.min() / 1e3:.3g}…{pressure.max() / 1e3:.3g} kPa"
+            f"{where}: motion runs over {pressure.min() / 1e3:.3g}…{pressure.max() / 1e3:.3g} kPa"
             f" but the states cover {low / 1e3:.3g}…{high / 1e3:.3g} kPa; shorten the stroke or add states"
         )
     rest = int(np.argmin(np.abs(states.pressure)))
     length = float(np.hypot(*np.diff(states.profile[rest], axis=0).T).sum())
     if abs(length - finger.length) > LENGTH_TOLERANCE * finger.length:
         raise StageError(
-            f"{scene.folder / 'scene.toml'}: finger.length = {finger.length:g} m but the states of motion.states are"
+            f"{where}: finger.length = {finger.length:g} m but the states of motion.states are"
             f" {length:.4g} m long; give that length"
         )
     states = add_tip(states, finger.tip.length, finger.tip.thickness)
@@ -77,8 +77,7 @@ def load_kinematics(scene: Scene) -> Kinematics:
     strip = rounded_strip(
         s[-1], states.thickness[rest], s, finger.root_corner_radius, finger.tip.corner_radius
     )
-    free = Kinematics(law, law, ShapeFamily(states, strip), finger, states)
-    pinch = scene.pinch
+    free = FingerMotion(law, law, FingerShapes(states, strip), finger, states)
     if pinch is None:
         return free
     closed = closing_law(
@@ -87,7 +86,7 @@ def load_kinematics(scene: Scene) -> Kinematics:
         float(law(np.zeros(1))[0]),
         float(high),
         pinch,
-        str(scene.folder / "scene.toml"),
+        str(where),
     )
     return replace(free, law=closed)
 

@@ -1,16 +1,17 @@
-"""Kinematics of a rigid body: kinematics.h5 with the way travelled in place of the pressure."""
+"""Kinematics of a rigid body: kinematics.h5 with the distance travelled in place of the pressure."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from fileio.errors import StageError
-from pipeline.scene.rigid_body import Body, Law
-from pipeline.scene.scene import Scene
+from pipeline.scene.rigid_body import Law, RigidBody
+from pipeline.scene.sections import Motion
 
 SAMPLES_PER_SMOOTHING = 200  # of the law: a cubic spline through them is exact to 1e-9 of its step
 
@@ -24,15 +25,15 @@ def smooth_step(x: np.ndarray, derivative: int = 0) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Path:
-    """The way (m or rad) and its rate over `time` (s), and the smooth functions through them."""
+class Distance:
+    """The distance (m or rad) and its rate over `time` (s), and the smooth functions through them."""
 
     time: np.ndarray
-    way: np.ndarray
+    distance: np.ndarray
     rate: np.ndarray
 
 
-def travelled(law: Law, end_time: float) -> Path:
+def travelled(law: Law, end_time: float) -> Distance:
     """The law sampled finely enough for a cubic spline; a rotation's degrees become radians elsewhere."""
     count = int(np.ceil(end_time / law.smoothing * SAMPLES_PER_SMOOTHING)) + 1
     time = np.linspace(0.0, end_time, min(max(count, 2001), 400_001))
@@ -42,17 +43,17 @@ def travelled(law: Law, end_time: float) -> Path:
         assert law.amplitude is not None
         assert law.period is not None
         turn = 2 * np.pi * since / law.period
-        way = law.amplitude * begun * np.sin(turn)
+        distance = law.amplitude * begun * np.sin(turn)
         begins = smooth_step(since / law.smoothing, 1) / law.smoothing
         rate = law.amplitude * (begins * np.sin(turn) + begun * 2 * np.pi / law.period * np.cos(turn))
-        return Path(time, way, np.where(since > 0, rate, 0.0))
+        return Distance(time, distance, np.where(since > 0, rate, 0.0))
     assert law.rate is not None
     assert law.exponent is not None
     rate = law.rate * begun * since**law.exponent
-    return Path(time, CubicSpline(time, rate).antiderivative()(time), rate)
+    return Distance(time, CubicSpline(time, rate).antiderivative()(time), rate)
 
 
-def rest_outline(body: Body) -> np.ndarray:
+def rest_outline(body: RigidBody) -> np.ndarray:
     """Closed outline (point, 2) about the body's centre, m, counter-clockwise; a plate's ends are half circles."""
     if body.shape == "circle":
         turn = np.linspace(0, 2 * np.pi, body.points, endpoint=False)
@@ -70,7 +71,7 @@ def rest_outline(body: Body) -> np.ndarray:
     return turned(np.column_stack([sign * x, sign * y]), np.radians(body.angle_deg))
 
 
-def edges(body: Body) -> np.ndarray:
+def edges(body: RigidBody) -> np.ndarray:
     """Where the mesh must be fine (edge, 2), about the body's centre, m: a plate's ends, a circle's centre."""
     half = 0.5 * body.size if body.shape == "plate" else 0.0
     ends = np.array([[half, 0.0], [-half, 0.0]]) if half else np.zeros((1, 2))
@@ -83,23 +84,16 @@ def turned(points: np.ndarray, angle: float) -> np.ndarray:
     return points @ np.array([[c, s], [-s, c]])
 
 
-def kinematics_values(scene: Scene) -> tuple[dict[str, Any], str]:
-    """Variables and attributes of kinematics.h5 for a scene with a rigid body, and the unit of its distance (m or rad).
-
-    Raises StageError where the body leaves the water.
-    """
-    body, motion = scene.body, scene.motion
-    assert body is not None
+def rigid_values(body: RigidBody, motion: Motion, where: Path) -> dict[str, Any]:
+    """Variables and attributes of kinematics.h5 for a rigid body. Raises StageError where it does not move."""
     law = motion.displacement or motion.rotation
     assert law is not None
     path = travelled(law, motion.end_time)
     unit = np.radians(1.0) if motion.rotation else 1.0
-    way = unit * path.way
-    low, high = float(way.min()), float(way.max())
+    distance = unit * path.distance
+    low, high = float(distance.min()), float(distance.max())
     if high - low < 1e-12:
-        raise StageError(
-            f"{scene.folder / 'scene.toml'}: the body never moves; motion.end_time must exceed the law's start"
-        )
+        raise StageError(f"{where}: the body never moves; motion.end_time must exceed the law's start")
     step = motion.path_step or (np.radians(5.0) if motion.rotation else 0.1 * body.size)
     knots = np.linspace(low, high, max(5, int(np.ceil((high - low) / step)) + 1))
     outline, centre = rest_outline(body), np.asarray(body.centre)
@@ -111,14 +105,13 @@ def kinematics_values(scene: Scene) -> tuple[dict[str, Any], str]:
         return points + centre + at[:, None, None] * direction
 
     shapes = placed(knots)
-    _check(shapes, scene)
     turn = knots if motion.rotation else np.zeros_like(knots)
     middle = (
         centre + np.zeros_like(knots)[:, None] if motion.rotation else centre + knots[:, None] * direction
     )
     return {
         "time": path.time,
-        "pressure": way,
+        "pressure": distance,
         "shape_parameter": knots,
         "shape_outline": shapes,
         "shape_edges": placed(knots, edges(body)),
@@ -126,16 +119,5 @@ def kinematics_values(scene: Scene) -> tuple[dict[str, Any], str]:
         "shape_tip": middle,
         "shape_tip_direction": np.stack([np.cos(turn), np.sin(turn)], -1),
         "shape_dorsal_direction": np.stack([-np.sin(turn), np.cos(turn)], -1),
-        "source": motion.source,
         "tip_thickness": body.size,
-    }, "rad" if motion.rotation else "m"
-
-
-def _check(shapes: np.ndarray, scene: Scene) -> None:
-    half, depth = 0.5 * scene.tank.size[0], scene.tank.water_depth
-    x, y = shapes[..., 0], shapes[..., 1]
-    if np.abs(x).max() >= half or y.min() <= 0 or y.max() >= depth:
-        raise StageError(
-            f"{scene.folder / 'scene.toml'}: the body leaves the water (x {x.min():.3g}…{x.max():.3g} m,"
-            f" y {y.min():.3g}…{y.max():.3g} m); enlarge tank.size or move body.centre"
-        )
+    }

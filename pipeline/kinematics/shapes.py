@@ -48,7 +48,7 @@ def rounded_strip(length: float, thickness: np.ndarray, s: np.ndarray, root_radi
     return Strip(s=x, eta=y / np.interp(x, s, thickness))
 
 
-class ShapeFamily:
+class FingerShapes:
     """Finger shapes as smooth functions of pressure.
 
     Between states the tangent angle, the stretch and the thickness of each piece of the profile are interpolated

@@ -1,4 +1,4 @@
-"""Stage kinematics: the pressure law and the family of finger shapes, checked and written to kinematics.h5."""
+"""Stage kinematics: the pressure law and the finger's shapes, checked and written to kinematics.h5."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from scipy.interpolate import CubicSpline
 
 from fileio.formats.kinematics import write_kinematics
 from pipeline.fea import paper_equations as paper_model
-from pipeline.kinematics import rigid_body as rigid
 from pipeline.kinematics.contact import closing_sentence, closing_summary, gap
-from pipeline.kinematics.finger import Kinematics, law_times, load_kinematics
-from pipeline.kinematics.shape_checks import check_shapes
+from pipeline.kinematics.finger import FingerMotion, finger_motion, law_times
+from pipeline.kinematics.rigid_body import rigid_values
+from pipeline.kinematics.shape_checks import check_body, check_shapes
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.scene import Scene
 from pipeline.stage_settings import settings_of
@@ -21,7 +21,7 @@ GAP_STEP = 0.2  # of the logarithm of the gap from shape to shape: the mesh betw
 
 
 def shape_knots(
-    kinematics: Kinematics, lowest: float, highest: float, step: float, pinch: Pinch | None = None
+    motion: FingerMotion, lowest: float, highest: float, step: float, pinch: Pinch | None = None
 ) -> np.ndarray:
     """Pressures (Pa) from `lowest` to `highest` at even steps of at most `step` rad of bend; at least five.
 
@@ -29,9 +29,9 @@ def shape_knots(
     together.
     """
     fine = np.linspace(lowest, highest, 2001)
-    steps = np.abs(np.diff([kinematics.family.bend(p) for p in fine])) / step
+    steps = np.abs(np.diff([motion.shapes.bend(p) for p in fine])) / step
     if pinch is not None:
-        gaps = gap(np.array([kinematics.outline(p) for p in fine]), pinch)
+        gaps = gap(np.array([motion.outline(p) for p in fine]), pinch)
         steps = np.maximum(
             steps, np.abs(np.diff(np.log(np.maximum(gaps, 0.5 * pinch.residual_gap)))) / GAP_STEP
         )
@@ -40,14 +40,13 @@ def shape_knots(
     return np.interp(np.linspace(0, walk[-1], count), walk, fine)
 
 
-def input_uncertainty(kinematics: Kinematics) -> dict[str, np.ndarray]:
+def input_uncertainty(motion: FingerMotion) -> dict[str, np.ndarray]:
     """Bend of the states and of the paper's equations, and the standard uncertainty of the bend, where known."""
-    states, length = kinematics.states, kinematics.finger.length
-    family = kinematics.family
+    states, length = motion.states, motion.finger.length
     paper, _ = paper_model.bend(states.pressure, length=length)
     found = {
         "state_pressure": states.pressure,
-        "state_bend": np.array([family.bend(p) for p in states.pressure]),
+        "state_bend": np.array([motion.shapes.bend(p) for p in states.pressure]),
         "paper_bend": paper,
     }
     if states.curvature_std is not None:
@@ -56,7 +55,7 @@ def input_uncertainty(kinematics: Kinematics) -> dict[str, np.ndarray]:
 
 
 def contact_values(
-    kinematics: Kinematics, time: np.ndarray, knots: np.ndarray, outlines: np.ndarray, pinch: Pinch | None
+    motion: FingerMotion, time: np.ndarray, knots: np.ndarray, outlines: np.ndarray, pinch: Pinch | None
 ) -> dict[str, Any]:
     """What a pinch adds to the file: the gap over time and over the shapes, the chambers' own pressure, and attributes.
 
@@ -64,34 +63,33 @@ def contact_values(
     """
     if pinch is None:
         return {}
-    shapes, pressure = CubicSpline(knots, outlines), kinematics.law(time)
+    shapes, pressure = CubicSpline(knots, outlines), motion.law(time)
     gaps = np.concatenate(
         [gap(shapes(part), pinch) for part in np.array_split(pressure, len(time) // 200 + 1)]
     )
     return {
-        "free_pressure": kinematics.free_law(time),
+        "free_pressure": motion.free_law(time),
         "gap": gaps,
         "shape_gap": gap(outlines, pinch),
         "mirror": 1,
     } | closing_summary(time, gaps, pinch)
 
 
-def kinematics_values(scene: Scene) -> dict[str, Any]:
-    """Variables and attributes of kinematics.h5 for a scene with a finger."""
-    kinematics = load_kinematics(scene)
-    time = law_times(scene.motion.end_time)
-    pressure = kinematics.law(time)
+def finger_values(
+    motion: FingerMotion, end_time: float, bend_step: float, pinch: Pinch | None
+) -> dict[str, Any]:
+    """Variables and attributes of kinematics.h5 for a finger whose shapes are `bend_step` rad apart, or less."""
+    time = law_times(end_time)
+    pressure = motion.law(time)
     low, high = float(pressure.min()), float(pressure.max())
     if high - low < 1e-9:
         high = low + 1.0
-    knots = shape_knots(kinematics, low, high, np.radians(scene.motion.max_bend_step_deg) / 2, scene.pinch)
-    family = kinematics.family
-    bends = np.array([family.bend(p) for p in knots])
-    outlines = np.array([kinematics.outline(p) for p in knots])
-    check_shapes(outlines, bends, scene)
-    tips = np.array([family.tip(p) for p in knots])
-    tip = kinematics.to_tank(tips[:, 0])
-    speed = np.hypot(*(CubicSpline(knots, tip)(pressure, 1) * kinematics.law(time, 1)[:, None]).T)
+    knots = shape_knots(motion, low, high, bend_step, pinch)
+    bends = np.array([motion.shapes.bend(p) for p in knots])
+    outlines = np.array([motion.outline(p) for p in knots])
+    tips = np.array([motion.shapes.tip(p) for p in knots])
+    tip = motion.to_tank(tips[:, 0])
+    speed = np.hypot(*(CubicSpline(knots, tip)(pressure, 1) * motion.law(time, 1)[:, None]).T)
     return {
         "time": time,
         "pressure": pressure,
@@ -99,19 +97,33 @@ def kinematics_values(scene: Scene) -> dict[str, Any]:
         "shape_outline": outlines,
         "shape_bend": bends,
         "shape_tip": tip,
-        "shape_tip_direction": kinematics.turn(tips[:, 1]),
-        "shape_dorsal_direction": kinematics.turn(tips[:, 2]),
-        "source": scene.motion.source,
-        "tip_thickness": family.tip_thickness,
+        "shape_tip_direction": motion.turn(tips[:, 1]),
+        "shape_dorsal_direction": motion.turn(tips[:, 2]),
+        "tip_thickness": motion.shapes.tip_thickness,
         "peak_tip_speed": float(speed.max()),
-        **contact_values(kinematics, time, knots, outlines, scene.pinch),
-        **input_uncertainty(kinematics),
+        **contact_values(motion, time, knots, outlines, pinch),
+        **input_uncertainty(motion),
     }
+
+
+def kinematics_values(scene: Scene) -> dict[str, Any]:
+    """Variables and attributes of kinematics.h5. Raises StageError where the motion cannot be."""
+    motion, where = scene.motion, scene.folder / "scene.toml"
+    if scene.body is not None:
+        values = rigid_values(scene.body, motion, where)
+        check_body(values["shape_outline"], scene.tank, where)
+    else:
+        finger = finger_motion(motion, scene.finger, scene.pinch, scene.folder)
+        values = finger_values(finger, motion.end_time, np.radians(motion.max_bend_step_deg) / 2, scene.pinch)
+        outlines, bends = values["shape_outline"], values["shape_bend"]
+        check_shapes(outlines, bends, scene.tank, scene.pinch, scene.support, where)
+    return values | {"source": motion.source}
 
 
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write kinematics.h5."""
-    values, unit = rigid.kinematics_values(scene) if scene.body else (kinematics_values(scene), "Pa")
+    values = kinematics_values(scene)
+    unit = "Pa" if scene.body is None else "rad" if scene.motion.rotation else "m"  # of a body: its distance
     write_kinematics(scene.out / "kinematics.h5", values, settings_of(scene, "kinematics"), unit)
     if not quiet and scene.body:
         print(f"kinematics: a {scene.body.shape} in {len(values['shape_parameter'])} places")

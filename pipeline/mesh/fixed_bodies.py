@@ -8,15 +8,15 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from pipeline.scene.scene import Scene
+from pipeline.scene.pinch import Pinch, Support
 
 CIRCLE_POINTS = 720  # of a full circle, before nodes are spread over it
 THIN_STEP = 0.3  # of a wall cell: thinner rings between the steps of a sphere are merged
 
 
 @dataclass(frozen=True)
-class Body:
-    """A body that is not moving: outline of its footprint and reach along z.
+class FixedBody:
+    """Outline of its footprint and reach along z.
 
     `pieces`: polylines (point, 2) between its corners, counter-clockwise, head to tail, m. Where the last does not
     end at the start of the first, the outline closes along the plane between the fingers.
@@ -32,23 +32,26 @@ class Body:
         return shapely.Polygon(np.vstack(self.pieces))
 
 
-def fixed_bodies(scene: Scene, levels: np.ndarray, mirror: bool) -> tuple[Body, ...]:
-    """The bodies that a scene asks for, outer ones before those within; only x <= 0 where `mirror`.
+def fixed_bodies(support: Support | None, pinch: Pinch | None, cylinder_length: float, wall_cell: float,
+                 levels: np.ndarray) -> tuple[FixedBody, ...]:  # fmt: skip
+    """The bodies that a scene asks for, outer ones before those within; of a pinch their halves on x <= 0.
 
-    `levels` (level,) m: z of the sweep, at which the steps of a sphere change.
+    `cylinder_length` (m) along z is that of an object that is no sphere; `levels` (level,) m: z of the sweep, at which the
+    steps of a sphere change.
     """
-    bodies: list[Body] = []
-    if scene.support is not None:
-        width, height, depth = scene.support.size
-        low = scene.support.bottom
-        bodies.append(Body("support", _block(0.5 * width, low, low + height, mirror), 0.5 * depth))
-    thing = scene.pinch.object if scene.pinch is not None else None
+    bodies: list[FixedBody] = []
+    mirror = pinch is not None
+    if support is not None:
+        width, height, depth = support.size
+        low = support.bottom
+        bodies.append(FixedBody("support", _block(0.5 * width, low, low + height, mirror), 0.5 * depth))
+    thing = pinch.object if pinch is not None else None
     if thing is not None:
         radius, middle = 0.5 * thing.diameter, thing.centre_height
-        steps = [(radius, 0.5 * scene.finger.width)]
+        steps = [(radius, 0.5 * cylinder_length)]
         if thing.shape == "sphere":
-            steps = sphere_steps(radius, levels, THIN_STEP * scene.mesh.wall_cell)
-        bodies += [Body("object", (_arc(r, middle, mirror),), reach) for r, reach in steps]
+            steps = sphere_steps(radius, levels, THIN_STEP * wall_cell)
+        bodies += [FixedBody("object", (_arc(r, middle, mirror),), reach) for r, reach in steps]
     return tuple(bodies)
 
 

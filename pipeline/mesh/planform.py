@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from pipeline.geometry.planform import Planform
-from pipeline.mesh.fixed_bodies import Body
+from pipeline.mesh.fixed_bodies import FixedBody
 from pipeline.mesh.triangulate import triangulate
 from pipeline.mesh.wall_layers import (
     GAP_CELL,
@@ -22,7 +22,7 @@ from pipeline.scene.sections import Mesh
 
 
 def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, depth: float, mesh: Mesh,
-                   path: np.ndarray, mirror: bool = False, bodies: tuple[Body, ...] = ()) -> Planform:  # fmt: skip
+                   path: np.ndarray, mirror: bool = False, bodies: tuple[FixedBody, ...] = ()) -> Planform:  # fmt: skip
     """Mesh the water around (and the footprint of) a finger given by its closed `outline` (point, 2).
 
     `path` (n, 2) holds points that the tip passes: cells stay small within `near_distance` of them. The tank spans
@@ -45,27 +45,35 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     crowded = np.vstack([layers[0], layers[-1], *lines])
     size = GAP_CELL * np.concatenate([np.tile(clearance(layers[0]), 2), *(to_finger(line) for line in lines)])
     narrow = size < mesh.tip_cell
-    found = triangulate(layers[0], layers[-1], box, mesh, path, lines, (crowded[narrow], size[narrow]))
+    mesh_2d = triangulate(layers[0], layers[-1], box, mesh, path, lines, (crowded[narrow], size[narrow]))
     # gmsh numbers: outer rim first, then the wall, then its own; put the ring's inner polygons behind them
     middle = np.vstack(layers[1:-1]) if len(layers) > 2 else np.empty((0, 2))
-    first_middle = len(found.nodes)
-    nodes = np.vstack([found.nodes, middle])
+    first_middle = len(mesh_2d.nodes)
+    nodes = np.vstack([mesh_2d.nodes, middle])
     row = [np.arange(count) + count]
     row += [first_middle + k * count + np.arange(count) for k in range(len(layers) - 2)]
     row += [np.arange(count)]
     quads = np.vstack([np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)]) for a, b in pairwise(row)])
-    body = found.inside.astype(int)
-    centre = nodes[found.triangles].mean(1)
+    body = mesh_2d.inside.astype(int)
+    centre = nodes[mesh_2d.triangles].mean(1)
     for number, thing in enumerate(bodies, 2):
         body[shapely.contains_xy(thing.polygon, *centre.T)] = number
     fixed = np.zeros((len(nodes), 2), bool)
-    fixed[row[0]] = fixed[found.outer] = True
+    fixed[row[0]] = fixed[mesh_2d.outer] = True
     if mirror:
-        x, y = nodes[found.outer].T
-        fixed[found.outer[(x == 0) & (y > 0) & (y < depth)], 1] = False
-    fixed[found.on_bodies] = True
+        x, y = nodes[mesh_2d.outer].T
+        fixed[mesh_2d.outer[(x == 0) & (y > 0) & (y < depth)], 1] = False
+    fixed[mesh_2d.on_bodies] = True
     return Planform(
-        nodes, found.triangles, quads, body, row[0], material, found.outer, fixed, ((box[0], 0.0), box[1:])
+        nodes,
+        mesh_2d.triangles,
+        quads,
+        body,
+        row[0],
+        material,
+        mesh_2d.outer,
+        fixed,
+        ((box[0], 0.0), box[1:]),
     )
 
 
@@ -76,7 +84,7 @@ def distance_to(things: list[shapely.Geometry]) -> Clearance:
     return lambda points: shapely.distance(together, shapely.points(points))
 
 
-def _body_lines(bodies: tuple[Body, ...], to_finger: Clearance, mesh: Mesh) -> list[np.ndarray]:
+def _body_lines(bodies: tuple[FixedBody, ...], to_finger: Clearance, mesh: Mesh) -> list[np.ndarray]:
     """Nodes (node, 2) along the outline of each body; a closed one ends where it starts."""
 
     def size(points: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ NEAR_KNOT = 0.3  # of the distance between knots: one nearer to an end of a part
 
 
 @dataclass(frozen=True)
-class Family:
+class ShapeSequence:
     """Outlines (knot, point, 2), tips (knot, 2; or several: knot, edge, 2) and bends (knot, rad) of the finger over the shape parameter (Pa)."""
 
     parameter: np.ndarray
@@ -24,14 +24,14 @@ class Family:
     tip: np.ndarray
     bend: np.ndarray
 
-    def at(self, parameter: np.ndarray) -> Family:
+    def at(self, parameter: np.ndarray) -> ShapeSequence:
         """The shapes at other parameters, by cubic splines."""
-        return Family(
+        return ShapeSequence(
             parameter,
             *(CubicSpline(self.parameter, v)(parameter) for v in (self.outline, self.tip, self.bend)),
         )
 
-    def within(self, low: float, high: float) -> Family:
+    def within(self, low: float, high: float) -> ShapeSequence:
         """The shapes from parameter `low` to `high`: these two and the knots between them."""
         knots = self.parameter
         if low <= knots[0] and high >= knots[-1]:
@@ -43,28 +43,31 @@ class Family:
         return self.at(np.concatenate([[low], inner, [high]]) if len(inner) >= 3 else few)
 
 
-def between(family: Family, frames: np.ndarray, parts: int = 3) -> tuple[Family, np.ndarray]:
-    """The shapes as the motion runs through them: `parts` to each interval of the family, by the same cubic spline."""
-    index = np.arange(len(family.parameter), dtype=float)
+def between(shapes: ShapeSequence, frames: np.ndarray, parts: int = 3) -> tuple[ShapeSequence, np.ndarray]:
+    """The shapes as the motion runs through them: `parts` to each interval between knots, by the same cubic spline."""
+    index = np.arange(len(shapes.parameter), dtype=float)
     fine = np.linspace(0, index[-1], parts * (len(index) - 1) + 1)
-    parameter = np.interp(fine, index, family.parameter)
-    return family.at(parameter), CubicSpline(family.parameter, frames)(parameter)
+    parameter = np.interp(fine, index, shapes.parameter)
+    return shapes.at(parameter), CubicSpline(shapes.parameter, frames)(parameter)
 
 
-def morph_family(
-    planform: Planform, family: Family, built: int, look: Callable[[int, np.ndarray], None] | None = None
+def morph_shapes(
+    planform: Planform,
+    shapes: ShapeSequence,
+    built: int,
+    accept: Callable[[int, np.ndarray], None] | None = None,
 ) -> np.ndarray:
     """Node positions (knot, node, 2) of a planform built at knot `built`, for every knot.
 
-    `look(knot, nodes)` is called with each shape as it is found, outwards from `built`. Raises MorphError.
+    `accept(knot, nodes)` is called with each shape as it is found, outwards from `built`. Raises MorphError.
     """
     morph = Morph(planform.nodes, corner_triangles(planform.triangles, planform.quads), planform.fixed)
-    count = len(family.parameter)
+    count = len(shapes.parameter)
 
     def boundary(knot: float) -> np.ndarray:
         low = min(int(knot), count - 2)
         part = knot - low
-        outline = family.outline[low] * (1 - part) + family.outline[low + 1] * part
+        outline = shapes.outline[low] * (1 - part) + shapes.outline[low + 1] * part
         nodes = planform.nodes.copy()
         nodes[planform.wall] = outline_at(outline, planform.material)
         return nodes
@@ -79,8 +82,8 @@ def morph_family(
             if knot != at:
                 frames[knot] = morph.follow(frames[at], boundary, at, knot)
         except MorphError as error:
-            reached, wanted = np.degrees(family.bend[[at, knot]])
+            reached, wanted = np.degrees(shapes.bend[[at, knot]])
             raise MorphError(f"{error} than {reached:.1f}° of bend on the way to {wanted:.1f}°") from None
-        if look:
-            look(knot, frames[knot])
+        if accept:
+            accept(knot, frames[knot])
     return frames

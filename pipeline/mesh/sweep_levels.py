@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.scene.scene import Scene
+from pipeline.scene.pinch import Support
+from pipeline.scene.sections import Mesh
 
 
-def graded_layers(scene: Scene) -> np.ndarray:
-    """z of the sweep's levels (m), from the back wall to the sheet; even over the finger, growing beyond.
+def graded_layers(
+    kind: str, finger_width: float, tank_width: float, mesh: Mesh, support: Support | None
+) -> np.ndarray:
+    """z of the sweep's levels (m), from the back wall of the tank to the sheet; even over the finger, growing beyond.
 
     Where a support is wanted its side is one of them.
     """
-    mesh, half = scene.mesh, 0.5 * scene.tank.size[2]
-    if scene.model.kind == "2d":
-        return np.array([-scene.finger.width, 0.0])
-    on = np.linspace(0.0, 0.5 * scene.finger.width, mesh.layers_on_finger + 1)
+    half = 0.5 * tank_width
+    if kind == "2d":
+        return np.array([-finger_width, 0.0])
+    on = np.linspace(0.0, 0.5 * finger_width, mesh.layers_on_finger + 1)
     beyond = on[-1] + _growing(half - on[-1], on[1], mesh.layers_beyond)
-    if scene.support is not None:
-        on, beyond = _with_level(on, beyond, 0.5 * scene.support.size[2])
+    if support is not None:
+        on, beyond = _with_level(on, beyond, 0.5 * support.size[2])
     back = -np.concatenate([on, beyond])[::-1]
-    return back if scene.model.kind in ("half", "quarter") else np.concatenate([back, -back[-2::-1]])
+    return back if kind in ("half", "quarter") else np.concatenate([back, -back[-2::-1]])
 
 
 def _growing(span: float, first: float, count: int) -> np.ndarray:

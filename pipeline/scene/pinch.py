@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import Literal
 
-from pipeline.scene.section import Pair, Positive, Section
+from pipeline.scene.section import Positive, Section
+from pipeline.scene.sections import Finger, Tank
 
 
 class Object(Section):
@@ -40,20 +41,7 @@ class Support(Section):
     bottom: Positive
 
 
-class _Tank(Protocol):
-    size: tuple[float, float, float]
-    water_depth: float
-
-
-class _Finger(Protocol):
-    root: Pair
-    length: float
-    thickness: float
-    width: float
-    ventral: Literal["+x", "-x"]
-
-
-def check_pinch(pinch: Pinch, finger: _Finger, tank: _Tank, start_pressure_kpa: float) -> None:
+def check_pinch(pinch: Pinch, finger: Finger, tank: Tank, start_pressure_kpa: float) -> None:
     """ValueError where two such fingers cannot hang in the tank."""
     opening = pinch.half_distance - 0.5 * finger.thickness
     if finger.root[0] != 0:
@@ -78,9 +66,7 @@ def check_pinch(pinch: Pinch, finger: _Finger, tank: _Tank, start_pressure_kpa: 
         _check_object(pinch.object, opening - pinch.residual_gap, finger, tank, start_pressure_kpa)
 
 
-def _check_object(
-    thing: Object, free: float, finger: _Finger, tank: _Tank, start_pressure_kpa: float
-) -> None:
+def _check_object(thing: Object, free: float, finger: Finger, tank: Tank, start_pressure_kpa: float) -> None:
     radius = 0.5 * thing.diameter
     if not radius < thing.centre_height < tank.water_depth - radius:
         raise ValueError(
@@ -102,7 +88,7 @@ def _check_object(
         )
 
 
-def check_support(support: Support, finger: _Finger, tank: _Tank) -> None:
+def check_support(support: Support, finger: Finger, tank: Tank) -> None:
     """ValueError where the block does not hang above the roots and in the water."""
     if support.bottom < finger.root[1]:
         raise ValueError(

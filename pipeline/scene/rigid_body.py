@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from pipeline.scene.section import Pair, Positive, Section
 
 
-class Body(Section):
+class RigidBody(Section):
     """A rigid body, m; `centre` is where it begins, `depth` its extent along z (2-D: forces are those on this depth)."""
 
     shape: Literal["circle", "plate"]
@@ -22,7 +22,7 @@ class Body(Section):
     points: Annotated[int, Field(ge=24)] = 720
 
     @model_validator(mode="after")
-    def _sized(self) -> Body:
+    def _sized(self) -> RigidBody:
         if (self.shape == "circle") != (self.diameter is not None):
             raise ValueError("give a diameter to a circle, and to a circle only")
         plate = self.chord is not None and self.thickness is not None

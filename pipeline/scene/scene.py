@@ -13,7 +13,7 @@ from pipeline.scene.limits import check_numbers
 from pipeline.scene.measurement import Camera, Piv, Sheet, Vortices
 from pipeline.scene.pinch import Pinch, Support, check_pinch, check_support
 from pipeline.scene.read_toml import resolve
-from pipeline.scene.rigid_body import Body
+from pipeline.scene.rigid_body import RigidBody
 from pipeline.scene.section import Section, validation_sentence
 from pipeline.scene.sections import (
     FINGER_LENGTH,
@@ -40,7 +40,7 @@ class Scene(Section):
     tank: Tank = Tank()
     fluid: Fluid = Fluid()
     finger: Finger
-    body: Body | None = None  # in the finger's place: validation against what is known of it
+    body: RigidBody | None = None  # in the finger's place: validation against what is known of it
     pinch: Pinch | None = None
     support: Support | None = None
     motion: Motion

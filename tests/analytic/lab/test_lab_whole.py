@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from fileio.formats.plane_series import write_plane
-from pipeline.kinematics.stage import load_kinematics
 from pipeline.scene.scene import load_scene
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import read_dpiv
@@ -17,6 +16,7 @@ from postprocess.lab.judgement.recorded_motion import run_motion
 from postprocess.lab.registration.step import run_registration
 from postprocess.lab.report.report import make_report
 from postprocess.lab.virtual.virtual_laboratory import make_recording, write_dpiv
+from tests.conftest import motion_of
 from tests.lab_exports import KINDS, exported
 from tests.lab_scene import CASE, finger_family, set_up, vortex_series
 
@@ -146,8 +146,8 @@ def test_recording_is_compared(recorded):
 def test_motion_of_the_recording_drives_a_scene(recorded, finger):
     (lab, _), dpiv = recorded
     folder = run_motion(lab, dpiv)
-    kinematics = load_kinematics(load_scene(folder, "smoke"))
+    kinematics = motion_of(load_scene(folder, "smoke"))
     family = finger[1]
     at = np.linspace(0.05, 0.38, 12)
-    moved = np.array([kinematics.family.bend(p) for p in kinematics.law(at)])
+    moved = np.array([kinematics.shapes.bend(p) for p in kinematics.law(at)])
     assert np.abs(np.degrees(moved - family.bend(family.law(at)))).max() < 3.0

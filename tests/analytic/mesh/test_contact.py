@@ -16,11 +16,10 @@ from pipeline.kinematics.contact import (
     gap,
     ramp,
 )
-from pipeline.kinematics.finger import load_kinematics
 from pipeline.kinematics.pressure_law import stroke_law
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.pinch import Pinch
-from tests.conftest import write_scene
+from tests.conftest import motion_of, write_scene
 
 PINCH = Pinch(half_distance=0.045)
 LAWS = sorted(CLOSING_LAWS)
@@ -145,7 +144,9 @@ def test_contact_at_the_start_and_a_way_too_short_are_refused():
     free = stroke_law(0.0, [(20e3, 0.005, 0.4)])
     with pytest.raises(StageError, match=r"gap of 0\.40 mm to the plane.*raise pinch\.half_distance"):
         closing_law(free, lambda p: 0.0004 - 1e-6 * p, 0.0, 40e3, PINCH, "scene")
-    with pytest.raises(StageError, match=r"slowing_distance = 0\.003 m is more than the way.*2\.50 mm"):
+    with pytest.raises(
+        StageError, match=r"slowing_distance = 0\.003 m is more than the finger moves.*2\.50 mm"
+    ):
         closing_law(free, lambda p: 0.003 - 1e-6 * p, 0.0, 40e3, PINCH, "scene")
 
 
@@ -156,7 +157,7 @@ def pinch_scene(folder, more="", kind="quarter"):
 def test_the_fingers_of_the_scene_meet_at_the_residual_gap(tmp_path):
     scene = pinch_scene(tmp_path / "s")
     data = kinematics_values(scene)
-    motion = load_kinematics(scene)
+    motion = motion_of(scene)
     assert data["shape_gap"][-1] == pytest.approx(0.5e-3, abs=1e-9)
     assert data["gap"][-1] == pytest.approx(0.5e-3, abs=1e-9)
     assert data["mirror"] == 1

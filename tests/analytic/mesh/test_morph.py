@@ -6,7 +6,7 @@ import pytest
 from pipeline.geometry.quality import shape_quality
 from pipeline.mesh.morph import Morph, MorphError, _svd, corner_triangles
 from pipeline.mesh.planform import build_planform
-from pipeline.mesh.shape_sequence import Family, morph_family
+from pipeline.mesh.shape_sequence import ShapeSequence, morph_shapes
 from pipeline.mesh.stage import check_quality
 from pipeline.mesh.sweep_levels import graded_layers
 from pipeline.mesh.wall_layers import outline_at
@@ -131,8 +131,8 @@ def test_the_exact_hessian_is_the_derivative_of_the_gradient_where_triangles_are
 def test_a_stroke_that_breaks_the_mesh_is_refused_with_the_bend_at_which_it_does(planform):
     outlines = np.array([slab(a) for a in np.linspace(0, 2.0, 9)])
     bends = np.linspace(0, 2, 9)
-    family = Family(np.arange(9.0), outlines, np.tile([0.0, 0.12], (9, 1)), bends)
-    quality = [shape_quality(planform, nodes) for nodes in morph_family(planform, family, 0)]
+    shapes = ShapeSequence(np.arange(9.0), outlines, np.tile([0.0, 0.12], (9, 1)), bends)
+    quality = [shape_quality(planform, nodes) for nodes in morph_shapes(planform, shapes, 0)]
     angles = [q.max_non_orthogonality_deg for q in quality]
     assert angles[-1] > angles[0] + 1
     loose = MESH.model_copy(update={"max_non_orthogonality_deg": max(angles) + 1})
@@ -147,7 +147,7 @@ def test_a_stroke_that_breaks_the_mesh_is_refused_with_the_bend_at_which_it_does
 @pytest.mark.parametrize("kind, count", [("2d", 2), ("half", 6), ("full", 11)])
 def test_layers_fill_the_tank_and_split_at_the_fingers_side(tmp_path, kind, count):
     scene = write_scene(tmp_path / "s", kind)
-    z = graded_layers(scene)
+    z = graded_layers(scene.model.kind, scene.finger.width, scene.tank.size[2], scene.mesh, scene.support)
     assert len(z) == count
     assert (np.diff(z) > 0).all()
     if kind != "2d":

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.kinematics.pressure_law import SETTLING_2_PERCENT, measured_law, stroke_law, three_pole
-from pipeline.kinematics.shapes import ShapeFamily, add_tip, circular_states, rounded_strip
+from pipeline.kinematics.shapes import FingerShapes, add_tip, circular_states, rounded_strip
 
 LENGTH, THICKNESS = 0.07, 0.0145
 
@@ -14,7 +14,7 @@ def family(bend=(-1.0, 0.0, 1.0, 2.0), tip=0.0):
         circular_states(np.array([-10e3, 0, 10e3, 20e3]), np.array(bend), LENGTH, THICKNESS), tip, 0.01
     )
     s = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(states.profile[1], axis=0).T))])
-    return ShapeFamily(states, rounded_strip(s[-1], states.thickness[1], s, 0.002, 0.002))
+    return FingerShapes(states, rounded_strip(s[-1], states.thickness[1], s, 0.002, 0.002))
 
 
 def test_a_stroke_is_settled_to_two_percent_after_its_duration():

@@ -189,10 +189,9 @@ def test_a_support_that_touches_the_finger_is_refused(tmp_path):
 def test_a_sphere_is_a_pile_of_discs_of_about_its_volume(tmp_path):
     more = OBJECT.format(shape="sphere", diameter=0.024)
     scene = write_scene(tmp_path / "ball", "quarter", more, parent="pinch")
-    fine = scene.model_copy(
-        update={"mesh": scene.mesh.model_copy(update={"layers_on_finger": 8, "wall_cell": 1.8e-3})}
-    )
-    bodies = fixed_bodies(fine, graded_layers(fine), mirror=True)
+    width, mesh = scene.finger.width, scene.mesh.model_copy(update={"layers_on_finger": 8})
+    levels = graded_layers("quarter", width, scene.tank.size[2], mesh, None)
+    bodies = fixed_bodies(None, scene.pinch, width, 1.8e-3, levels)
     assert {body.name for body in bodies} == {"object"}
     radii = [body.polygon.bounds[2] - body.polygon.bounds[0] for body in bodies]
     reach = [0.0, *(body.half_width for body in bodies)]

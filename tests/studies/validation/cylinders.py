@@ -157,7 +157,7 @@ def accelerating(scene: Scene) -> Result:
         "time": history.time.tolist(), "force": along.tolist(), "layer": layer.tolist(),
         "mass_force": (density * np.pi * radius**2 * now).tolist(),
     }  # fmt: skip
-    way = float(path.way[-1] / body.diameter)
+    way = float(path.distance[-1] / body.diameter)
     text = (
         f"U = a t after a smooth begin, over {way:.2g} D, before the flow separates. From the force is taken off that of"
         " the thin layer at the wall, 4ρR√(πν) ∫ U̇/√(t−τ) dτ (Stokes and Basset; at most"

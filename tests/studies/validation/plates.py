@@ -113,7 +113,7 @@ def history(scene: Scene, case: Path) -> list[Shed]:
     for t, file in reversed(found):
         if t > law.start + 1.5 * law.smoothing:
             wall = folder / "fingerSurface" / file.parent.name / "finger.vtk"
-            rows.append(shed(scene, t, float(np.interp(t, path.time, path.way)), file, wall, within))
+            rows.append(shed(scene, t, float(np.interp(t, path.time, path.distance)), file, wall, within))
             within = GROWTH * float(np.hypot(*rows[-1].core))
     return rows[::-1]
 

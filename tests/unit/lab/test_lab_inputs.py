@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from fileio.errors import StageError
-from pipeline.kinematics.stage import load_kinematics
 from pipeline.scene.scene import load_scene
 from pipeline.sheet import view_axes
 from pipeline.stage_settings import settings_of
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.inputs_toml import Input, Inputs, Numerics, read_inputs, write_runs, write_virtual
 from postprocess.lab.registration.profile import motion_dataset, strip_at_rest, write_motion
+from tests.conftest import motion_of
 from tests.lab_scene import CASE, finger_family
 
 
@@ -140,9 +140,9 @@ def test_recorded_motion_drives_the_kinematics(tmp_path):
         "strokes = []",
     ]
     (folder / "scene.toml").write_text("\n".join(lines) + "\n")
-    kinematics = load_kinematics(load_scene(folder, "smoke"))
+    kinematics = motion_of(load_scene(folder, "smoke"))
     at = np.linspace(0.05, 0.4, 30)
-    moved = np.array([kinematics.family.bend(p) for p in kinematics.law(at)])
+    moved = np.array([kinematics.shapes.bend(p) for p in kinematics.law(at)])
     assert np.abs(np.degrees(moved - np.interp(at, times, bend))).max() < 0.5
     assert (
         np.abs(kinematics.law(at, 1)).max() < 1.2 * 1.05 * np.abs(family.law(at, 1)).max()

@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 
 from fileio.errors import StageError
 from fileio.formats.bending_states import read_states
-from pipeline.kinematics.finger import load_kinematics
 from pipeline.kinematics.pressure_law import measured_law
 from pipeline.kinematics.stage import kinematics_values
-from tests.conftest import write_scene
+from tests.conftest import motion_of, write_scene
 
 STROKE = "[motion]\nstrokes = [{{ pressure_kpa = {p}, start = 0.005, duration = 0.4 }}]\n{more}"
 
@@ -41,7 +40,7 @@ def test_csv_states_give_the_bend_they_show(tmp_path):
     states = read_states(tmp_path / "s.csv", 0.0145)
     assert states.pressure.tolist() == [0, 10e3, 20e3]
     scene = write_scene(tmp_path / "scene", more=STROKE.format(p=20, more=f'states = "{tmp_path / "s.csv"}"'))
-    family = load_kinematics(scene).family
+    family = motion_of(scene).shapes
     for kpa, gamma in ((0, 0.0), (10, 0.8), (20, 1.6)):
         # 30 digitised points resample with a chord error of (s/R)^2/24 of a point's turn: below 1e-3 rad
         assert family.bend(kpa * 1e3) == pytest.approx(gamma, abs=2e-3)
@@ -103,19 +102,17 @@ def test_a_pressure_history_may_carry_comments(tmp_path):
 
 def test_a_length_that_the_states_contradict_is_refused(tmp_path):
     with pytest.raises(StageError, match=r"finger\.length = 0\.06 m but the states"):
-        load_kinematics(write_scene(tmp_path / "s", more="[finger]\nlength = 0.06\n"))
+        motion_of(write_scene(tmp_path / "s", more="[finger]\nlength = 0.06\n"))
 
 
 def test_a_stroke_beyond_the_states_or_out_of_the_water_is_refused(tmp_path):
     with pytest.raises(StageError, match="states cover"):
-        load_kinematics(write_scene(tmp_path / "a", more=STROKE.format(p=60, more="")))
+        motion_of(write_scene(tmp_path / "a", more=STROKE.format(p=60, more="")))
     tall = STROKE.format(p=39, more="") + "[tank]\nwater_depth = 0.252\n[finger.tip]\nlength = 0.04\n"
     with pytest.raises(StageError, match="leaves the water"):
         kinematics_values(write_scene(tmp_path / "b", more=tall))
     with pytest.raises(StageError, match=r"set motion\.source"):
-        load_kinematics(
-            write_scene(tmp_path / "c", more=STROKE.format(p=-30, more='source = "paper_equations"'))
-        )
+        motion_of(write_scene(tmp_path / "c", more=STROKE.format(p=-30, more='source = "paper_equations"')))
     (tmp_path / "curl.csv").write_text(csv_of({0: bent(0.0), 10: bent(3.5), 20: bent(7.0)}))
     curled = STROKE.format(p=20, more=f'states = "{tmp_path / "curl.csv"}"')
     with pytest.raises(StageError, match="crosses itself"):
