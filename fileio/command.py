@@ -4,26 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tomllib
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from importlib import import_module, metadata
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from fileio import __version__
 from fileio.errors import StageError, sentence, system_error
 
 # name: what it does, and where `run(args)` and, where it takes arguments, `add_arguments(parser)` are: a module or an object
 Commands = Mapping[str, tuple[str, Any]]
-
-
-def version() -> str:
-    """Of the installed package, or of the checkout."""
-    try:
-        return metadata.version("softfinger-piv")
-    except metadata.PackageNotFoundError:
-        project = Path(__file__).resolve().parents[1] / "pyproject.toml"
-        return str(tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"])
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
@@ -66,7 +57,7 @@ def command_line(
     Only that one's module is imported: the others' libraries are slow to load.
     """
     parser = argparse.ArgumentParser(prog=program, description=doc)
-    parser.add_argument("--version", action="version", version=version())
+    parser.add_argument("--version", action="version", version=f"{program} {__version__}")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="command")
     given = sys.argv[1:] if argv is None else argv
     found: Any = None

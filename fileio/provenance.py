@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from importlib.metadata import version
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +23,14 @@ def digest(value: Any) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 
-LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "gmsh", "pyvista", "pydantic")
-
-
-def versions() -> dict[str, str]:
-    """Versions of the libraries that results depend on."""
-    return {name: version(name) for name in LIBRARIES}
+@cache
+def versions(*names: str) -> dict[str, str]:
+    """Versions of the libraries `names` that are installed: looking them up takes as long as a Newton step of PIV."""
+    found = {}
+    for name in names or ("numpy", "scipy", "xarray", "h5py", "gmsh", "pyvista", "pydantic"):
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
 
 
 def recorded(settings: dict[str, Any]) -> dict[str, str]:

@@ -41,7 +41,7 @@ if [ ! -x .venv/bin/python ] || ! cmp -s requirements.lock .venv/requirements.lo
         install python3-venv
         "$python" -m venv .venv
     fi
-    .venv/bin/python -m pip install -q --disable-pip-version-check -r requirements.lock
+    .venv/bin/python -m pip install -q --disable-pip-version-check --require-hashes -r requirements.lock
     cp requirements.lock .venv/requirements.lock
 fi
 

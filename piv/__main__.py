@@ -1,4 +1,4 @@
-"""Command line: python -m piv correlate|join|render|vortices|calibrate|mask|plot|animate|convert."""
+"""Command line: piv (or python -m piv) correlate|join|render|vortices|calibrate|mask|plot|animate|convert."""
 
 from __future__ import annotations
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ import xarray as xr
 
 from fileio.errors import one_line
 from fileio.hdf5 import open_netcdf, whole_netcdf
+from fileio.provenance import versions
 
 FORMAT = "plane-series"
 FORMAT_VERSION = 1
@@ -40,17 +39,13 @@ BLOCK = 2**18  # vectors looked at at once
 FINGER_VARIABLES = ("outline", "outline_velocity", "tip", "tip_direction", "dorsal_direction", "bend")
 
 
-@cache
-def _versions() -> str:
-    """Versions of the libraries as JSON: looking them up takes as long as a Newton step."""
-    names = ("numpy", "scipy", "opencv-python-headless", "numba", "xarray", "h5py")
-    return json.dumps({name: version(name) for name in names})
+LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "numba", "xarray", "h5py")
 
 
 def provenance(**settings: Any) -> dict[str, str]:
     """Attributes that say what made a file: library versions and the settings given, as JSON."""
     return {
-        "versions": _versions(),
+        "versions": json.dumps(versions(*LIBRARIES)),
         "settings": json.dumps(settings, sort_keys=True, default=str),
     }
 

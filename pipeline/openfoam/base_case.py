@@ -8,6 +8,8 @@ from pathlib import Path
 from fileio.errors import StageError
 
 BASE = Path(__file__).resolve().parents[2] / "cases" / "_base"
+if not BASE.is_dir():  # installed from a wheel
+    BASE = Path(__file__).with_name("base")
 
 
 def template_files(base: Path = BASE) -> list[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 from collections.abc import Sequence
@@ -113,25 +114,28 @@ def _tecplot(plane: xr.Dataset) -> str:
 
 
 def _vti(plane: xr.Dataset) -> str:
-    import pyvista as pv
-    from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
-
+    """VTK's XML image data, version 1.0: arrays as base64 behind their length in bytes."""
     x, y = plane["x"].values, plane["y"].values
-    grid = pv.ImageData(
-        dimensions=(x.size, y.size, 1), spacing=(x[1] - x[0], y[1] - y[0], 1.0), origin=(x[0], y[0], 0.0)
-    )
     absent = plane["valid"].values == 0
-    u, v = (np.where(absent, 0.0, plane[n].values).ravel() for n in ("u", "v"))
-    grid["velocity"] = np.column_stack([u, v, np.zeros_like(u)])
-    for n in ("valid", "flag", "u_std", "v_std", "w", "p"):
-        if n in plane:
-            grid[n] = plane[n].values.ravel()
-    writer = vtkXMLImageDataWriter()
-    writer.SetInputData(grid)
-    writer.SetDataModeToBinary()
-    writer.WriteToOutputStringOn()  # into a file it would not say that the disk is full
-    writer.Write()
-    return str(writer.GetOutputString())
+    u, v = (np.where(absent, 0.0, plane[n].values) for n in ("u", "v"))
+    arrays = {"velocity": np.stack([u, v, np.zeros_like(u)], axis=-1)}
+    arrays |= {n: plane[n].values for n in ("valid", "flag", "u_std", "v_std", "w", "p") if n in plane}
+    extent = f"0 {x.size - 1} 0 {y.size - 1} 0 0"
+    geometry = f'Origin="{x[0]!s} {y[0]!s} 0" Spacing="{x[1] - x[0]!s} {y[1] - y[0]!s} 1"'
+    return (
+        '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n'
+        f'<ImageData WholeExtent="{extent}" {geometry}>\n<Piece Extent="{extent}">\n<PointData Vectors="velocity">\n'
+        + "".join(_vti_array(name, values) for name, values in arrays.items())
+        + "</PointData>\n</Piece>\n</ImageData>\n</VTKFile>\n"
+    )
+
+
+def _vti_array(name: str, values: np.ndarray) -> str:
+    kind = "UInt8" if values.dtype.itemsize == 1 else "Float64"
+    content = values.astype("u1" if kind == "UInt8" else "<f8").tobytes()
+    text = base64.b64encode(len(content).to_bytes(8, "little") + content).decode()
+    components = 3 if values.ndim == 3 else 1
+    return f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}" format="binary">{text}</DataArray>\n'
 
 
 def _write_pvd(path: Path, names: Sequence[Path], times: Sequence[float]) -> Path:

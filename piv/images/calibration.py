@@ -58,6 +58,11 @@ class Calibration:
         if not (np.isfinite(self.scale_m_per_px) and self.scale_m_per_px > 0):
             raise ValueError(f"scale_m_per_px must be positive, got {self.scale_m_per_px}")
 
+    def __repr__(self) -> str:
+        lens = f", lens of {self.lens.reprojection_rms_px:.2g} px" if self.lens else ""
+        origin = f"({self.origin_x_px:g}, {self.origin_y_px:g})"
+        return f"Calibration({self.scale_m_per_px:.6g} m/px, origin {origin} px{lens})"
+
     @property
     def origin_px(self) -> np.ndarray:
         """Position of x = y = 0 in px of the sheet, (2,)."""

@@ -33,6 +33,9 @@ class Recording:
             self.times = np.arange(count) / float(frame_rate_hz)
         self._shape: tuple[int, int] | None = None
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}: {self.count} frames>"
+
     def __len__(self) -> int:
         return self.count
 

@@ -37,6 +37,10 @@ class Vortex:
     explained: float
     n_vectors: int
 
+    def __repr__(self) -> str:
+        place = f"x={self.x:.4g}, y={self.y:.4g}"
+        return f"Vortex({place}, circulation={self.circulation:.4g}, core_radius={self.core_radius:.4g})"
+
     @property
     def peak_swirl_radius(self) -> float:
         """Radius of the largest swirl velocity."""
