@@ -1,58 +1,91 @@
-"""Whether an HDF5 file can be walked at all: on some damaged files the library loops for ever or ends the process."""
+"""Foreign and damaged files are read in a forked process: some end or hang the library that reads them."""
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import resource
 import signal
-import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any, TypeVar
 
 import h5py
 
-CPU_LIMIT = 3  # s; walking a sound file takes milliseconds
+from fileio.errors import one_line
+
+WALK_LIMIT = 3  # s of CPU time; walking a sound file takes milliseconds
+READ_LIMIT = 120  # s of CPU time; reading a file of gigabytes takes seconds
 WALL_LIMIT = 600.0  # s; even on a machine that gives a process a hundredth of its time
+T = TypeVar("T")
 
 
-def check_walkable(path: str | Path) -> None:
-    """ValueError where HDF5 cannot get through the file's structure, tried in a forked process that may die of it.
+def read_in_child(read: Callable[..., T], *args: Any, cpu_limit: int = READ_LIMIT) -> T:
+    """What `read(*args)` returns, or the exception that it raises, from a forked process that may die of it.
 
-    What the library refuses by itself, and systems that cannot fork, pass: the caller's own opening reports those.
+    ChildProcessError where it died or exceeded its time. Systems that cannot fork read in this process.
     """
-    if not hasattr(os, "fork") or not Path(path).is_file():
-        return
+    if not hasattr(os, "fork"):
+        return read(*args)
+    receiver, sender = multiprocessing.Pipe(duplex=False)
     child = os.fork()
     if child == 0:
-        _walk_and_exit(str(path))
-    deadline = time.monotonic() + WALL_LIMIT
-    pause = 0.001
-    while True:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            break
-        if time.monotonic() > deadline:
-            os.kill(child, signal.SIGKILL)
-            _, status = os.waitpid(child, 0)
-            break
-        time.sleep(pause)
-        pause = min(2 * pause, 0.05)
-    if os.WIFSIGNALED(status):
-        raise ValueError(f"{path}: damaged: the HDF5 library cannot get through its structure")
+        _read_and_exit(sender, read, args, cpu_limit)
+    sender.close()
+    try:
+        if not receiver.poll(WALL_LIMIT):
+            raise EOFError
+        good, result = receiver.recv()
+    except EOFError:
+        raise ChildProcessError(
+            "the library that reads it failed; the file is damaged or another kind"
+        ) from None
+    finally:
+        receiver.close()
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    if not good:
+        raise result
+    return result
 
 
-def _walk_and_exit(path: str) -> None:
-    import resource
-
+def _read_and_exit(sender: Connection, read: Callable[..., Any], args: tuple, cpu_limit: int) -> None:
     try:
         for kind in (signal.SIGXCPU, signal.SIGSEGV, signal.SIGABRT):
             signal.signal(kind, signal.SIG_DFL)
-        resource.setrlimit(resource.RLIMIT_CPU, (CPU_LIMIT, CPU_LIMIT))
+        resource.setrlimit(resource.RLIMIT_CPU, (cpu_limit, cpu_limit))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        silent = os.open(os.devnull, os.O_WRONLY)  # the libraries' own messages
+        os.dup2(silent, 1)
+        os.dup2(silent, 2)
+        try:
+            answer = (True, read(*args))
+        except Exception as error:
+            known = type(error).__module__ == "builtins"  # others may not survive the way back
+            answer = (False, error if known else ValueError(one_line(error, 200)))
+        sender.send(answer)
+    finally:
+        os._exit(0)
+
+
+def check_walkable(path: str | Path) -> None:
+    """ValueError where the HDF5 library cannot get through the file's structure; what it refuses itself passes."""
+    if not Path(path).is_file():
+        return
+    try:
+        read_in_child(_walk_file, str(path), cpu_limit=WALK_LIMIT)
+    except ChildProcessError:
+        raise ValueError(f"{path}: damaged: the HDF5 library cannot get through its structure") from None
+
+
+def _walk_file(path: str) -> None:
+    try:
         with h5py.File(path, "r") as file:
             _walk(file)
             file.visititems(lambda _, item: _walk(item))
-    except BaseException:
-        os._exit(1)
-    os._exit(0)
+    except Exception:
+        return  # the caller's own opening reports it
 
 
 def _walk(item: h5py.Group | h5py.Dataset) -> None:

@@ -180,11 +180,10 @@ def read_pivlab(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]
     Vector type 1 is measured, 0 masked, 2 rejected and interpolated: absent unless `keep_replaced`. In px the
     y axis points down (PIVlab's image axes); after a calibration in PIVlab the file does not say.
     """
-    found: Iterator[tuple[tuple[np.ndarray, ...], tuple[str, str] | None]]
     if path.suffix.lower() == ".mat":
-        found = ((data, _two_units(text)) for data, text in instants(path))
+        found = [(data, _two_units(text)) for data, text in instants(path)]
     else:
-        found = iter([_pivlab_ascii(path)])
+        found = [_pivlab_ascii(path)]
     for (x, y, u, v, kind), units in found:
         flag = np.select([kind == 1, kind == 0], [0, 2], 4 if keep_replaced else 1)
         length, velocity = (_spelled(unit) for unit in units) if units else (None, None)
@@ -217,10 +216,7 @@ def read_davis(path: Path, *, plane: int = 0) -> Vectors:
     rows run from the top, so y is "up" where that scale's slope is negative, as after a calibration, else "down".
     """
     _head(path, 16)
-    try:
-        found = read_buffer(path, plane)
-    except ValueError as error:
-        raise ValueError(f"{path}: not a readable DaVis vector buffer ({error})") from error
+    found = read_buffer(path, plane)
     absent = found["absent"]
     (slope_x, offset_x, unit_x), (slope_y, offset_y, _) = found["x"], found["y"]
     rows, columns = absent.shape

@@ -1,0 +1,162 @@
+"""Damaged MAT 5 files are refused, also those that end the process in which scipy reads them."""
+
+import io
+import struct
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from piv.foreign.pivlab import instants
+from piv.foreign.read import read_vectors
+
+DOUBLE, CELL, CHAR, STRUCT = 6, 1, 4, 2  # classes
+
+
+def element(kind, content):
+    return struct.pack("<II", kind, len(content)) + content + bytes(-len(content) % 8)
+
+
+def matrix(content, *, name=b"", kind=DOUBLE, shape=(2, 3), flags=0):
+    head = element(6, struct.pack("<II", kind | flags, 0)) + element(
+        5, struct.pack(f"<{len(shape)}i", *shape)
+    )
+    return element(14, head + element(1, name) + content)
+
+
+def numbers(data=9, count=6):
+    return element(data, struct.pack(f"<{count}d", *range(count)))
+
+
+@pytest.fixture
+def put(tmp_path):
+    """Write a session whose variables are sound but for those given by name."""
+
+    def write(**variables):
+        path = tmp_path / "a.mat"
+        sound = {n: matrix(numbers(), name=n.encode()) for n in ("x", "y", "u_original", "v_original", "typevector_original")}  # fmt: skip
+        path.write_bytes(
+            b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + b"".join((sound | variables).values())
+        )
+        return path
+
+    return write
+
+
+def test_a_sound_session_is_read(put):
+    for x in (matrix(numbers(), name=b"x"), matrix(matrix(numbers()), name=b"x", kind=CELL, shape=(1, 1))):
+        ((vectors, units),) = instants(put(x=x))
+        assert vectors[0].tolist() == [[0, 2, 4], [1, 3, 5]]
+        assert units == ""
+
+
+@pytest.mark.parametrize("data", [0, 8, 10, 11, 14, 15, 19, 20, 1000, 65535])
+@pytest.mark.parametrize("inside", [False, True], ids=["plain", "in a cell"])
+def test_a_data_type_that_does_not_exist(put, data, inside):
+    """scipy takes it as an index into a table of twenty pointers, some of them empty: a segmentation fault."""
+    bad = matrix(numbers(data), name=b"" if inside else b"x")
+    path = put(x=matrix(bad, name=b"x", kind=CELL, shape=(1, 1)) if inside else bad)
+    for read in (instants, lambda p: read_vectors([p])):
+        with pytest.raises(ValueError, match=r"a\.mat: damaged"):
+            read(path)
+
+
+def test_text_of_a_data_type_that_does_not_exist(put):
+    path = put(units=matrix(element(40, b"[px] "), name=b"units", kind=CHAR, shape=(1, 5)))
+    with pytest.raises(ValueError, match=r"a\.mat: damaged"):
+        read_vectors([path])
+    assert instants(put(other=matrix(element(40, b"[px] "), name=b"other", kind=CHAR, shape=(1, 5))))
+
+
+def test_cells_in_cells(put):
+    """scipy follows them until the stack ends: a segmentation fault from about 5000 on."""
+    for depth in (2, 20000):
+        inner = matrix(numbers())
+        for _ in range(depth - 1):
+            inner = matrix(inner, kind=CELL, shape=(1, 1))
+        with pytest.raises(ValueError, match=r"a\.mat: damaged"):
+            instants(put(x=matrix(inner, name=b"x", kind=CELL, shape=(1, 1))))
+
+
+CELLS = {"name": b"x", "kind": CELL, "shape": (1, 1)}
+
+
+@pytest.mark.parametrize(
+    "variable",
+    [
+        matrix(numbers(), name=b"x", shape=(2, 4)),
+        matrix(numbers(), name=b"x", shape=(-2, -3)),
+        matrix(numbers(), name=b"x", flags=0x800),
+        matrix(numbers(), name=b"x", kind=STRUCT),
+        matrix(numbers(), name=b"x", kind=0),
+        matrix(matrix(numbers()), **CELLS | {"shape": (2**20, 2**10)}),
+        matrix(numbers(), **CELLS),
+        matrix(b"", name=b"x", kind=CHAR, shape=(2**20, 2**10)),
+        matrix(element(16, b""), name=b"x", kind=CHAR, shape=(2**20, 2**10)),
+        matrix(numbers(), name=b"x")[:-9],
+        element(14, b""),
+        matrix(numbers()[:4] + struct.pack("<I", 56) + numbers()[8:], name=b"x"),
+        matrix(numbers(), name=b"x") + b"\x0e",
+    ],
+)
+def test_what_does_not_fit_together(put, variable):
+    with pytest.raises(ValueError, match=r"a\.mat: damaged") as error:
+        instants(put(x=variable))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "variable",
+    [
+        matrix(numbers() + bytes(8), name=b"x"),
+        matrix(matrix(numbers()) * 2, **CELLS),
+        matrix(matrix(numbers() + bytes(8)), **CELLS),
+    ],
+)
+def test_bytes_beyond_the_dimensions_change_no_vector(put, variable):
+    assert instants(put(x=variable))[0][0][0].tolist() == [[0, 2, 4], [1, 3, 5]]
+
+
+def export(frames, compressed):
+    """A PIVlab session as scipy writes it."""
+    x, y = np.meshgrid([8.0, 16.0, 24.0], [8.0, 16.0])
+    made = {
+        "x": x,
+        "y": y,
+        "u_original": 0.1 * x,
+        "v_original": 0.2 * y,
+        "typevector_original": np.ones((2, 3)),
+    }
+    cells = {name: np.empty((frames, 1), object) for name in (*made, "u_filtered")}
+    for name, cell in cells.items():
+        for k in range(frames):
+            cell[k, 0] = made.get(name, np.empty((0, 0)))  # PIVlab's [] where nothing was filtered
+    other = {"settings": {"window": 32.0}, "empty": "", "units": "[px] respectively [px/frame]"}
+    into = io.BytesIO()
+    savemat(into, other | cells, do_compression=compressed)
+    return into.getvalue()
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_session_is_read(tmp_path, compressed):
+    path = tmp_path / "a.mat"
+    path.write_bytes(export(3, compressed))
+    units = {"scale_m_per_px": 1e-3, "interval_s": 0.5, "image_rows": 32, "frame_rate_hz": 2.0}
+    plane = read_vectors([path], **units)
+    assert dict(plane.sizes) == {"time": 3, "y": 2, "x": 3}
+    assert plane["u"].values[2, 0, 0] == pytest.approx(0.8e-3 / 0.5)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_wherever_it_is_cut_off(tmp_path, compressed):
+    path, whole = tmp_path / "a.mat", export(1, compressed)
+    for length in range(0, len(whole), 7):
+        path.write_bytes(whole[:length])
+        with pytest.raises(ValueError, match=r"a\.mat: "):
+            read_vectors([path])
+
+
+def test_mat_4_is_refused(tmp_path):
+    savemat(tmp_path / "a.mat", {"x": np.eye(2)}, format="4")
+    with pytest.raises(ValueError, match=r"a\.mat: .*MAT 4 is not read; save it with -v7"):
+        read_vectors([tmp_path / "a.mat"])
