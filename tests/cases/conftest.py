@@ -11,7 +11,16 @@ import pytest
 from tests.conftest import ROOT
 from tests.inner_make import inner_environment
 
-PARTS = ("Makefile", "requirements.lock", "pyproject.toml", "cases", "fileio", "pipeline", "piv", "postprocess")
+PARTS = (
+    "Makefile",
+    "requirements.lock",
+    "pyproject.toml",
+    "cases",
+    "fileio",
+    "pipeline",
+    "piv",
+    "postprocess",
+)
 
 
 @pytest.fixture(scope="module")

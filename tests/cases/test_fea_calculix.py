@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from fileio.errors import StageError
-from pipeline.fea.solid import calculix
+from pipeline.fea.cell.path import follow
+from pipeline.fea.cell.unit_cell import UnitCell
 from pipeline.fea.engines import solid
 from pipeline.fea.finger import fit_circle
-from pipeline.fea.cell.path import follow
 from pipeline.fea.settings import Actuator, Fea, Material, SolidMesh, UnitCellMesh
-from pipeline.fea.cell.unit_cell import UnitCell
+from pipeline.fea.solid import calculix
 from pipeline.scene.scene import load_scene
 
 ROOT = Path(__file__).parents[2]

@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import case as case_stage
-from pipeline.run import prepare as preparing
-from pipeline.run import stage as run_stage
-from pipeline import sheet as sheets
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import read_intervals
-from fileio.lock import only_one
-from pipeline.scene.scene import Scene, load_scene
 from fileio.formats.plane_series import read_plane
+from fileio.lock import only_one
+from pipeline import case as case_stage
+from pipeline import sheet as sheets
+from pipeline.run import prepare as preparing
+from pipeline.run import stage as run_stage
+from pipeline.scene.scene import Scene, load_scene
 from tests.conftest import ROOT, prepare, write_scene
 
 pytestmark = [
@@ -85,7 +85,9 @@ def test_intervals_are_joined_without_a_seam(solved):
     assert np.abs(history[:, 3]).max() < 1e-5  # nothing leaks while the gap closes, nor at the field mapping
     assert np.diff(history[:, -1]).min() >= 0
     found = record(solved)
-    assert [interval["end"] for interval in found["intervals"][:-1]] == [s["time"] for s in found["field_mappings"]]
+    assert [interval["end"] for interval in found["intervals"][:-1]] == [
+        s["time"] for s in found["field_mappings"]
+    ]
     for mapping in found["field_mappings"]:
         # of few cells: 0.8 % measured, most of it in what the pressure takes out of the carried flow. The shipped levels
         # keep 0.2 % (docs/pinch_run.md); the flow as it is carried keeps its energy to rounding

@@ -7,10 +7,10 @@ import time
 
 import pytest
 
-from postprocess.report import figures, flow_figures
 from postprocess.compare.stage import compare
-from postprocess.report.stage import make_report
 from postprocess.evidence.stage_files import StageFiles
+from postprocess.report import figures, flow_figures
+from postprocess.report.stage import make_report
 from tests.synthetic_stroke import copy_findings, write_case
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
@@ -102,7 +102,9 @@ def test_the_film_can_be_decoded(browser):
             break
         time.sleep(0.05)
     assert width > 0
-    assert length == pytest.approx(FRAMES / flow_figures.FILM_HZ, abs=0.05)  # a container rounds to its time base
+    assert length == pytest.approx(
+        FRAMES / flow_figures.FILM_HZ, abs=0.05
+    )  # a container rounds to its time base
 
 
 @pytest.mark.parametrize("width", [360, 768, 1300])

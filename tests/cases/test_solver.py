@@ -13,20 +13,21 @@ import numpy as np
 import pytest
 from tqdm import tqdm
 
-from pipeline.run import stage as run_stage
-from pipeline.run import solver, checks as supervise
-from pipeline.case import numbers_text
 from fileio.cost import Spent
 from fileio.errors import StageError
-from pipeline.openfoam.foamfile import is_complete
-from pipeline.run.guards import Guard
 from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
-from pipeline.run.prepare import prepare as lay_frames
-from pipeline.openfoam.ranks import Ranks
-from pipeline.scene.scene import Scene, load_scene
-from pipeline.run.solver import read_progress, set_number
 from fileio.formats.sweep import read_sweep
+from pipeline.case import numbers_text
+from pipeline.openfoam.foamfile import is_complete
+from pipeline.openfoam.ranks import Ranks
+from pipeline.run import checks as supervise
+from pipeline.run import solver
+from pipeline.run import stage as run_stage
+from pipeline.run.guards import Guard
+from pipeline.run.prepare import prepare as lay_frames
+from pipeline.run.solver import read_progress, set_number
+from pipeline.scene.scene import Scene, load_scene
 from tests.conftest import ROOT, prepare, write_scene
 
 pytestmark = [
@@ -145,7 +146,9 @@ def test_collated_files_give_the_same_forces_to_the_last_digit(prepared, tmp_pat
             run_stage.run(stopped, quiet=True, ranks=2, collated=True)
     before = read_progress(stopped.out / "case" / "interval_0")
     earlier = run_stage.run(stopped, ranks=2)
-    assert earlier == Spent(before["wall_time"], before["cpu_time"])  # costs/ counts the parts that were stopped as well
+    assert earlier == Spent(
+        before["wall_time"], before["cpu_time"]
+    )  # costs/ counts the parts that were stopped as well
     assert 0 < earlier.cpu_time < 2 * 1.2 * earlier.wall_time + 1  # two ranks; CPU time is logged to 10 ms
     assert "goes on with the 2 ranks, collated, it began with" in capsys.readouterr().out
     assert json.loads((stopped.out / "run" / "run.json").read_text())["resumed"]
@@ -207,7 +210,9 @@ def test_a_run_stopped_again_and_again_ends_with_the_same_forces(tmp_path, monke
                 run_stage.run(stopped, quiet=True)
     before = read_progress(stopped.out / "case" / "interval_0")
     earlier = run_stage.run(stopped, ranks=2)
-    assert earlier == Spent(before["wall_time"], before["cpu_time"])  # costs/ counts the parts that were stopped as well
+    assert earlier == Spent(
+        before["wall_time"], before["cpu_time"]
+    )  # costs/ counts the parts that were stopped as well
     assert 0 < earlier.cpu_time < 1.2 * earlier.wall_time + 1  # one rank; CPU time is logged to 10 ms
     assert "goes on with the 1 ranks it began with" in capsys.readouterr().out
     record = json.loads((stopped.out / "run" / "run.json").read_text())
@@ -243,7 +248,9 @@ def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
     text = re.sub(r"(relTol +)[\d.]+;", r"\g<1>0;", re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-12;", text))
     (case / "system" / "fvSolution").write_text(text)
     with tqdm(total=1.0, disable=True) as bar:
-        solver.solve(case, intervals[0], 0.02, scene.numerics, Ranks(), None, bar, Guard(scene.numerics.max_courant))
+        solver.solve(
+            case, intervals[0], 0.02, scene.numerics, Ranks(), None, bar, Guard(scene.numerics.max_courant)
+        )
     field = vectors(case / "0.02" / "U")
     assert (
         np.abs(field - [0.3, 0.1, 0.0]).max() < 1e-8

@@ -127,7 +127,9 @@ def test_what_is_taken_over_again_leaves_its_owner_alone(project):
     """Snakemake dates what it makes: the owner's own files must not seem new, or all that follows them is made again."""
     scene = project / "cases" / "small"
     thick = scene / "out" / "studies" / "trial" / "thick" / "out" / "tiny"
-    made = [scene / "out" / "tiny" / name for name in ("kinematics.h5", "planform.h5", "sweep.h5", "run/run.json")]
+    made = [
+        scene / "out" / "tiny" / name for name in ("kinematics.h5", "planform.h5", "sweep.h5", "run/run.json")
+    ]
     own = {path: path.stat().st_mtime_ns for path in made}
     (thick / "kinematics.h5").unlink()
     process = snakemake(project)

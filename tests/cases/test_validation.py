@@ -5,10 +5,10 @@ import shutil
 import numpy as np
 import pytest
 
-from pipeline.run import stage as run
-from pipeline import sheet as sheets
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import read_intervals
+from pipeline import sheet as sheets
+from pipeline.run import stage as run
 from pipeline.scene.scene import load_scene
 from tests.conftest import prepare
 from tests.studies.validation import cylinders, deforming
