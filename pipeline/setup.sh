@@ -36,7 +36,7 @@ fi
 
 if [ ! -x .venv/bin/python ] || ! cmp -s requirements.lock .venv/requirements.lock; then
     echo "setup: Python packages into .venv (a few minutes the first time)"
-    if ! "$python" -m venv .venv >.setup.log 2>&1; then
+    if [ ! -x .venv/bin/python ] && ! "$python" -m venv .venv >.setup.log 2>&1; then
         rm -rf .venv
         install python3-venv
         "$python" -m venv .venv
