@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from pipeline.scene.section import Pair, Positive, Section
+from piv.correlation.options import Options
 
 
 class Sheet(Section):
@@ -50,8 +51,8 @@ class Camera(Section):
 class Piv(Section):
     """How the recording is correlated."""
 
-    window: Annotated[int, Field(ge=8)] = 32
-    spacing: Annotated[int, Field(ge=1)] = 8
+    window: Annotated[int, Field(ge=8)] = int(Options.window)
+    spacing: Annotated[int, Field(ge=1)] = Options.spacing
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
     every: Annotated[int, Field(ge=1)] = 1
     frames: Annotated[int, Field(ge=2)] = 2  # 3, 5, …: multi-frame sets

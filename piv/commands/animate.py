@@ -12,6 +12,7 @@ from tqdm import tqdm
 
 from fileio.atomic import write_bytes
 from fileio.formats.plane_series import read_checked_plane
+from fileio.formats.vortex_table import read_vortices
 from piv.commands.plot import add_style
 from piv.plots.film import write_film
 
@@ -29,7 +30,7 @@ def run(args: argparse.Namespace) -> None:
     """Draw all instants with one scale of colour and arrows, and join them."""
     import matplotlib.pyplot as plt
 
-    from piv.plots.vectors import Style, draw, read_vortices, speed_scale, vortices_at, vorticity_scale
+    from piv.plots.vectors import Style, draw, speed_scale, vortices_at, vorticity_scale
 
     if args.output.suffix.lower() not in (".mp4", ".gif"):
         raise ValueError(f"{args.output}: an animation is .mp4 or .gif")

@@ -23,29 +23,6 @@ from piv.sequence.chunks import chunk_path, join, parse, parts_of
 from piv.sequence.ensemble import correlate_ensemble_to
 from piv.sequence.sequence import SequenceOptions, correlate_recording
 
-HELPS = {
-    "window": "side of the correlation window, px",
-    "spacing": "distance of the vectors, px",
-    "preset": "fast, balanced or accurate",
-    "passes": "refinements at full resolution; 0 = as the preset says",
-    "smoothing": "damp what is no stronger than noise",
-    "search": "side of the first windows, px; displacements up to 3/8 of it are found",
-    "epsilon": "normalised median test: expected fluctuation, px",
-    "threshold": "normalised median test: largest residual",
-    "min_correlation": "least correlation coefficient of a valid vector",
-    "max_std": "largest standard uncertainty of a valid vector, px",
-    "max_masked": "largest masked part of a window",
-    "replace": "put the neighbours' mean in place of outliers, flagged 4",
-    "method": "correlation or optical_flow",
-}
-SEQUENCE_HELPS = {
-    "pairing": "1-2,2-3 (time-resolved) or 1-2,3-4 (frame-straddling)",
-    "skip": "frames left out between the two of a pair",
-    "every": "keep each so many-th field",
-    "frames": "2 for pairs; 3, 5, … for the multi-frame mode",
-    "preprocess": "steps of piv.images.preprocess with commas, such as background=min,cap=3",
-    "threads": "fields computed at a time",
-}
 CHUNKS_PER_PROCESS = 4  # so that no process waits long for the last
 CAMERA = ("scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz")
 
@@ -59,8 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--mask", metavar="FILE", help="static mask: polygon (.csv, px) or image (not black = body)"
     )
-    add_fields(parser, Options, HELPS)
-    add_fields(parser, SequenceOptions, SEQUENCE_HELPS)
+    add_fields(parser, Options)
+    add_fields(parser, SequenceOptions)
     parser.add_argument(
         "--ensemble",
         action=argparse.BooleanOptionalAction,

@@ -10,6 +10,7 @@ import numpy as np
 
 from fileio.atomic import write_bytes
 from fileio.formats.plane_series import read_checked_plane
+from fileio.formats.vortex_table import read_vortices
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +37,7 @@ def run(args: argparse.Namespace) -> None:
     """Draw one instant."""
     import matplotlib.pyplot as plt
 
-    from piv.plots.vectors import Style, draw, read_vortices, vortices_at
+    from piv.plots.vectors import Style, draw, vortices_at
 
     if args.output.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise ValueError(f"{args.output}: a picture is .png, .pdf or .svg")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import MISSING, fields
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from fileio.json_text import read_json
 
@@ -16,22 +16,19 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
-def add_fields(parser: argparse.ArgumentParser, kind: Any, helps: dict[str, str]) -> None:
-    """One flag per field of the dataclass `kind` that `helps` explains; absent flags leave no trace in the namespace."""
+def add_fields(parser: argparse.ArgumentParser, kind: Any) -> None:
+    """One flag per field of the dataclass `kind` that is annotated with a help; absent flags leave no trace."""
+    hints = get_type_hints(kind, include_extras=True)
     for field in fields(kind):
-        if field.name not in helps:
+        if get_origin(hints[field.name]) is not Annotated:
             continue
-        default = None if field.default is MISSING else field.default
+        value, about = get_args(hints[field.name])
+        text = f"{about} (default {'automatic' if field.default is None else field.default})"
+        options: dict[str, Any] = {"type": next(iter(get_args(value)), value)}
+        if value is bool:
+            options = {"action": argparse.BooleanOptionalAction}
         flag = "--" + field.name.replace("_", "-")
-        text = f"{helps[field.name]} (default {'automatic' if default is None else default})"
-        if isinstance(default, bool):
-            parser.add_argument(
-                flag, action=argparse.BooleanOptionalAction, default=argparse.SUPPRESS, help=text
-            )
-        else:
-            parser.add_argument(
-                flag, type=float if default is None else type(default), default=argparse.SUPPRESS, help=text
-            )
+        parser.add_argument(flag, default=argparse.SUPPRESS, help=text, **options)
 
 
 def merged(args: argparse.Namespace, known: set[str]) -> dict[str, Any]:

@@ -13,38 +13,13 @@ from piv.vortices.find import VortexSettings
 from piv.vortices.table import tabulate_vortices
 from piv.vortices.tracking import TrackingSettings
 
-HELPS = {
-    "stencil_radius": "radius of the Gamma2 disc, in the plane's unit of length",
-    "gamma2": "least |Gamma2| of a vortex region",
-    "min_points": "least grid points of a region",
-    "max_elongation": "longest region, length over width",
-    "min_circulation": "least |circulation| in the plane's units",
-    "min_part": "least |circulation| as a part of the plane's strongest, where --min-circulation is not given",
-    "significance": "least |circulation| over its standard error",
-    "fit_radius": "radius of the fitted disc, core radii",
-    "min_explained": "least part of the variance that a fit must explain",
-    "neighbour_part": "neighbours weaker than this part of a vortex belong to its background",
-    "strain_prior": "expected background strain over the vortex' peak vorticity",
-    "rotation_prior": "expected background vorticity over the vortex' peak vorticity",
-    "region_prior": "expected scatter of a core radius about its region's, the disc half hidden",
-    "correlation_length": "distance over which vector errors are correlated: the window's width",
-    "weights": "of the vectors in the fit: uncertainty (where given) or equal",
-    "scheme": "of the gradients: least-squares or fourth-order",
-    "agility": "velocity change per frame, core radii",
-    "scatter": "scatter of a position, core radii",
-    "gate": "largest Mahalanobis distance of a step",
-    "max_step": "largest step off the prediction, core radii",
-    "circulation_change": "relative circulation change that weighs as one standard deviation",
-    "max_missed": "frames without detection after which a track ends",
-}
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Flags of the subcommand."""
     parser.add_argument("plane_series", help="plane series or single plane (.h5), in m or px")
     parser.add_argument("-o", "--output", required=True, help="table to write (.csv)")
-    add_fields(parser, VortexSettings, HELPS)
-    add_fields(parser, TrackingSettings, HELPS)
+    add_fields(parser, VortexSettings)
+    add_fields(parser, TrackingSettings)
     parser.add_argument("--threads", type=int, default=1, help="processes that share the planes (default 1)")
     add_settings(parser)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 PRESETS = {  # Newton steps at half and at full resolution; how often the frequency weights are measured
     "fast": (2, 2, 1),
@@ -14,32 +15,25 @@ METHODS = ("correlation", "optical_flow")
 
 @dataclass(frozen=True)
 class Options:
-    """How images are correlated; lengths in px.
+    """How images are correlated; lengths in px."""
 
-    window: side of the square window with the same noise, its weight is a Gaussian of σ = window/4; spacing:
-    distance of the vectors; preset: fast, balanced or accurate; passes: Newton steps at full resolution (0: the
-    preset's); smoothing: damp what is no stronger than noise (piv.validation.denoise); search: side of the first windows,
-    displacements up to 3/8 of it are found; epsilon, threshold: of the normalised median test (px, multiples);
-    min_correlation: below it a vector is an outlier, and below twice as much where most of its neighbours are;
-    max_std: a vector whose standard uncertainty (px) is above it in a component is an outlier;
-    max_masked: share of a window's weight that may be masked;
-    replace: put the neighbours' mean in place of outliers and flag it; method: correlation, or optical_flow
-    (dense optical flow: fast, coarse, without uncertainty).
-    """
-
-    window: float = 32.0
-    spacing: int = 8
-    preset: str = "balanced"
-    passes: int = 0
-    smoothing: bool = True
-    search: int = 128
-    epsilon: float = 0.2
-    threshold: float = 3.0
-    min_correlation: float = 0.2
-    max_std: float = 0.3  # one error in ten is then above half a pixel
-    max_masked: float = 0.5
-    replace: bool = False
-    method: str = "correlation"
+    window: Annotated[
+        float, "side of the correlation window, px: its weight is a Gaussian of σ = window/4"
+    ] = 32.0
+    spacing: Annotated[int, "distance of the vectors, px"] = 8
+    preset: Annotated[str, "fast, balanced or accurate"] = "balanced"
+    passes: Annotated[int, "Newton steps at full resolution; 0 = those of the preset"] = 0
+    smoothing: Annotated[bool, "damp what is no stronger than noise"] = True
+    search: Annotated[int, "side of the first windows, px; displacements up to 3/8 of it are found"] = 128
+    epsilon: Annotated[float, "normalised median test: expected fluctuation, px"] = 0.2
+    threshold: Annotated[float, "normalised median test: largest residual"] = 3.0
+    # below twice as much a vector is an outlier where most of its neighbours are
+    min_correlation: Annotated[float, "least correlation coefficient of a valid vector"] = 0.2
+    # one error in ten is then above half a pixel
+    max_std: Annotated[float, "largest standard uncertainty of a valid vector, px"] = 0.3
+    max_masked: Annotated[float, "largest masked share of a window's weight"] = 0.5
+    replace: Annotated[bool, "put the neighbours' mean in place of outliers, flagged 4"] = False
+    method: Annotated[str, "correlation or optical_flow (fast, coarse, without uncertainty)"] = "correlation"
 
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:

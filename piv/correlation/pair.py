@@ -35,16 +35,7 @@ VALID, OUTLIER, MASKED, SECOND_PEAK, REPLACED = range(5)
 FLAGS = ("valid", "outlier", "masked", "second peak taken", "replaced on request")
 
 
-def correlate_pair(
-    a: Any,
-    b: Any,
-    *,
-    window: float = 32,
-    spacing: int = 8,
-    preset: str = "balanced",
-    mask: Any = None,
-    **options: Any,
-) -> xr.Dataset:
+def correlate_pair(a: Any, b: Any, *, mask: Any = None, **options: Any) -> xr.Dataset:
     """Displacement from image `a` to image `b`, in px, on a regular grid of vectors.
 
     a, b: 2-D, row 0 at the top, any real dtype; mask: 2-D, true = body, one for both or (mask_a, mask_b); options:
@@ -52,7 +43,7 @@ def correlate_pair(
     the centre of the bottom row), ascending, and u, v (px per frame interval, v positive upward; NaN where absent),
     valid, flag (FLAGS), u_std, v_std (standard uncertainty), correlation. ValueError where the input cannot be used.
     """
-    settings = Options(window=window, spacing=spacing, preset=preset, **options)
+    settings = Options(**options)
     if settings.method == "optical_flow":
         from piv.correlation.optical_flow import optical_flow
 

@@ -148,15 +148,6 @@ def _mark(axes: plt.Axes, vortices: pd.DataFrame, factor: float) -> None:
             axes.add_patch(circle)
 
 
-def read_vortices(path: str) -> pd.DataFrame:
-    """vortices.csv; ValueError where columns are missing."""
-    table = pd.read_csv(path, comment="#")
-    missing = {"time", "x", "y", "circulation", "core_radius"} - set(table.columns)
-    if missing:
-        raise ValueError(f"{path}: not a table of vortices, it has no column {', '.join(sorted(missing))}")
-    return table
-
-
 def vortices_at(table: pd.DataFrame | None, time: float | None) -> pd.DataFrame | None:
     """Rows of one instant (to 1 µs); all rows where the plane has no time."""
     if table is None or time is None:

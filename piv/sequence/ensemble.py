@@ -32,9 +32,6 @@ def correlate_ensemble(
     load: Callable[[int], Pair],
     count: int,
     *,
-    window: float = 32,
-    spacing: int = 8,
-    preset: str = "balanced",
     quiet: bool = True,
     **options: Any,
 ) -> xr.Dataset:
@@ -46,7 +43,7 @@ def correlate_ensemble(
     """
     if count < 1:
         raise ValueError("an ensemble needs at least one pair")
-    settings = Options(window=window, spacing=spacing, preset=preset, **options)
+    settings = Options(**options)
     if settings.method != "correlation":
         raise ValueError("the ensemble correlates; method must be 'correlation'")
     first = prepared(load, 0, settings)

@@ -21,9 +21,6 @@ from piv.correlation.uncertainty import errors_of
 def correlate_frames(
     frames: list[Any],
     *,
-    window: float = 32,
-    spacing: int = 8,
-    preset: str = "balanced",
     mask: Any = None,
     **options: Any,
 ) -> xr.Dataset:
@@ -38,7 +35,7 @@ def correlate_frames(
     """
     if len(frames) < 3 or len(frames) % 2 == 0:
         raise ValueError(f"a multi-frame set needs an odd number of frames, at least 3, got {len(frames)}")
-    settings = Options(window=window, spacing=spacing, preset=preset, **options)
+    settings = Options(**options)
     if settings.method != "correlation":
         raise ValueError("the multi-frame mode correlates; method must be 'correlation'")
     settings = replace(settings, passes=max(settings.full_steps, len(frames) // 2 + 2))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
@@ -30,15 +30,16 @@ HAND_OVER = 5e-4  # s: a thread that needs Python's lock for a moment does not w
 
 @dataclass(frozen=True)
 class SequenceOptions:
-    """Which frames make a vector field: pairing and skip (piv.images.open_recording.pairs), each `every`-th one; frames: 2 for pairs,
-    3, 5, … for multi-frame sets; preprocess: steps of piv.images.preprocess, comma-separated; threads: fields at a time."""
+    """Which frames make a vector field."""
 
-    pairing: str = "1-2,2-3"
-    skip: int = 0
-    every: int = 1
-    frames: int = 2
-    preprocess: str = ""
-    threads: int = 1
+    pairing: Annotated[str, "1-2,2-3 (time-resolved) or 1-2,3-4 (frame-straddling)"] = "1-2,2-3"
+    skip: Annotated[int, "frames left out between the two of a pair"] = 0
+    every: Annotated[int, "use every so many-th field"] = 1
+    frames: Annotated[int, "2 for pairs; 3, 5, … for the multi-frame mode"] = 2
+    preprocess: Annotated[str, "steps of piv.images.preprocess with commas, such as background=min,cap=3"] = (
+        ""
+    )
+    threads: Annotated[int, "fields computed at a time"] = 1
 
     def __post_init__(self) -> None:
         if self.threads < 1:

@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 
 @dataclass(frozen=True)
 class Camera:
-    """What takes the pictures: sensor, magnification, frame rate and noise (grey levels unless said).
-
-    `origin_px` is the place of the tank frame's origin, px right of the left column's and up from the bottom row's
-    centre; None puts the plane's middle in the picture's middle. `pairs_every`: 1 takes every frame; n > 1 takes pairs,
-    two frames in a row out of every n, as a double-frame camera does.
+    """Sensor, magnification, frame rate and noise; `origin_px` is the tank frame's origin, px right and up from the
+    centre of the bottom left pixel, None: the plane's middle is the picture's.
     """
 
-    width_px: int = 1280
-    height_px: int = 1024
-    scale_m_per_px: float = 1.25e-4
+    width_px: Annotated[int, "picture width"] = 1280
+    height_px: Annotated[int, "picture height"] = 1024
+    scale_m_per_px: Annotated[float, "metres per pixel"] = 1.25e-4
     origin_px: tuple[float, float] | None = None
-    frame_rate_hz: float = 500.0
-    bits: int = 8
-    background: float = 8.0
-    read_noise: float = 2.0
-    electrons_per_level: float = 50.0
-    pairs_every: int = 1
+    frame_rate_hz: Annotated[float, "frames per second"] = 500.0
+    bits: Annotated[int, "grey levels are 2**bits"] = 8
+    background: Annotated[float, "grey level of the background"] = 8.0
+    read_noise: Annotated[float, "standard deviation of the read noise, grey levels"] = 2.0
+    electrons_per_level: Annotated[float, "electrons per grey level, for shot noise; 0 = none"] = 50.0
+    pairs_every: Annotated[
+        int, "take a pair of frames out of every so many (correlate with --pairing 1-2,3-4); 1 = every frame"
+    ] = 1
 
     def __post_init__(self) -> None:
         if self.pairs_every < 1:
@@ -37,19 +37,15 @@ class Camera:
 
 @dataclass(frozen=True)
 class Seeding:
-    """Particles and light. `density_ppp`: particles per pixel within the sheet's 1/e^2 thickness (m).
+    """Particles and light sheet; a particle scatters with the square of its diameter."""
 
-    `diameter_px` is the full width at 1/e^2 of a particle's image, `peak` the mean particle's peak in the middle of
-    the sheet as a part of the grey scale; a particle scatters with the square of its diameter.
-    """
-
-    density_ppp: float = 0.04
-    diameter_px: float = 2.5
-    diameter_std_px: float = 0.25
-    sheet_thickness: float = 1.5e-3
-    peak: float = 0.7
-    shadow: float = 0.0
-    bead_diameter: float = 20e-6
+    density_ppp: Annotated[float, "particles per pixel within the sheet"] = 0.04
+    diameter_px: Annotated[float, "particle image diameter at 1/e^2"] = 2.5
+    diameter_std_px: Annotated[float, "its standard deviation"] = 0.25
+    sheet_thickness: Annotated[float, "thickness of the light sheet at 1/e^2, m"] = 1.5e-3
+    peak: Annotated[float, "peak of a mean particle in the middle of the sheet, part of the grey scale"] = 0.7
+    shadow: Annotated[float, "part of the light from below that the body takes away, 0 to 1"] = 0.0
+    bead_diameter: Annotated[float, "diameter of the particles, m"] = 20e-6
 
     def __post_init__(self) -> None:
         for name in ("density_ppp", "diameter_px", "sheet_thickness", "peak"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -13,20 +14,16 @@ from piv.vortices.vortex import Vortex
 
 @dataclass(frozen=True)
 class TrackingSettings:
-    """How detections join to tracks; lengths in core radii, so that the same numbers serve every unit.
+    """How detections join to tracks; lengths in core radii, so that the same numbers serve every unit."""
 
-    agility: standard deviation of the velocity change per frame. scatter: part of a position's scatter beside its standard
-    error. gate: largest Mahalanobis distance, and max_step: largest distance, between prediction and detection.
-    circulation_change: relative change of circulation that costs as much as one standard deviation of distance.
-    max_missed: frames without detection after which a track ends.
-    """
-
-    agility: float = 0.2
-    scatter: float = 0.1
-    gate: float = 4.0
-    max_step: float = 1.5
-    circulation_change: float = 0.5
-    max_missed: int = 3
+    agility: Annotated[float, "standard deviation of the velocity change per frame, core radii"] = 0.2
+    scatter: Annotated[float, "scatter of a position beside its standard error, core radii"] = 0.1
+    gate: Annotated[float, "largest Mahalanobis distance between prediction and detection"] = 4.0
+    max_step: Annotated[float, "largest distance between prediction and detection, core radii"] = 1.5
+    circulation_change: Annotated[
+        float, "relative change of circulation that costs as much as one standard deviation"
+    ] = 0.5
+    max_missed: Annotated[int, "frames without detection after which a track ends"] = 3
 
 
 class _Track:
