@@ -42,7 +42,7 @@ def numbers(scene: Scene, interval: Interval, back: float) -> dict[str, str]:
 
     return {
         "timeStep": f"{n.time_step:.10g}",
-        "startTime": time_name(interval.begin(n.time_step)),
+        "startTime": time_name(interval.begin),
         "endTime": f"{interval.end:.10g}",
         "writeInterval": f"{n.write_interval:.10g}",
         "sampleInterval": str(sampling),
@@ -137,7 +137,7 @@ def patch_types(kind: str) -> dict[str, str]:
 def zones(mesh: PolyMesh, planform: xr.Dataset) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Face zones that drive the motion, and the columns of cells along which the points follow each.
 
-    v1912 looks for the points and edges of these cells in every time step: only as many are named as touch all of them.
+    v1912 searches the points and edges of these cells in every time step: the zone holds only the cells needed to touch all.
     """
     levels, kind = planform["levels"].values, str(planform.attrs["model"])
     triangles = planform["triangles"].values
@@ -151,20 +151,19 @@ def zones(mesh: PolyMesh, planform: xr.Dataset) -> tuple[dict[str, np.ndarray], 
     return faces | {"frontZone": span["front"]}, {"behindSheet": cells[behind], "beforeSheet": cells[~behind]}
 
 
-def write_case(
-    scene: Scene, interval: Interval, planform: xr.Dataset, mesh: PolyMesh
-) -> dict[str, np.ndarray]:
-    """Write the OpenFOAM case of one interval, its mesh in its first shape; returns the columns of the mesh."""
-    folder, kind, levels = scene.out / "case" / interval.name, scene.model.kind, planform["levels"].values
+def write_case(folder: Path, entries: dict[str, str], first: bool, planform: xr.Dataset, mesh: PolyMesh,
+               points: np.ndarray) -> dict[str, np.ndarray]:  # fmt: skip
+    """Write the OpenFOAM case of one mesh interval; returns the columns of its mesh.
+
+    `entries`: of system/numbers; `points` (point, 3) m; all intervals but the `first` start from mapped fields.
+    """
+    kind = str(planform.attrs["model"])
     for path in template_files():
         write_bytes(folder / path.relative_to(BASE), path.read_bytes())
-    if interval.index:
-        (folder / "0").rename(folder / "0.orig")  # filled in with the flow of the interval before
-    write_text(folder / "system" / "numbers", numbers_text(numbers(scene, interval, float(levels[0]))))
+    if not first:
+        (folder / "0").rename(folder / "0.orig")  # the templates into which the run stage maps the fields
+    write_text(folder / "system" / "numbers", numbers_text(entries))
     write_text(folder / "system" / "regions", regions_text(kind))
-    points = mesh.points(
-        read_motion(scene.out, interval.mesh).nodes(interval.begin(scene.numerics.time_step)), levels
-    )
     faces, cells = zones(mesh, planform)
     write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
     write_text(folder / "case.foam", "")
@@ -197,14 +196,19 @@ def run(scene: Scene, quiet: bool = False) -> None:
     unlink_folders(scene.out)  # of a study's run that was equal to another one and no longer is
     (scene.out / "run" / "run.json").unlink(missing_ok=True)  # it was of the case that is now deleted
     folder.mkdir(exist_ok=True)
-    with only_one(folder):  # not under the feet of a run
+    with only_one(folder):  # no run may be using it
         for old in folder.iterdir():
             if old.name != LOCK:
                 shutil.rmtree(old) if old.is_dir() else old.unlink()
-        columns = {
-            interval.name: write_case(scene, interval, planforms[interval.mesh], meshes[interval.mesh])
-            for interval in intervals
-        }
+        columns = {}
+        for interval in intervals:
+            planform, mesh = planforms[interval.mesh], meshes[interval.mesh]
+            levels = planform["levels"].values
+            points = mesh.points(read_motion(scene.out, interval.mesh).nodes(interval.begin), levels)
+            entries = numbers(scene, interval, float(levels[0]))
+            columns[interval.name] = write_case(
+                folder / interval.name, entries, not interval.index, planform, mesh, points
+            )
     write_sweep(scene.out, columns, settings)
     if not quiet:
         cells = [len(columns[interval.name]["cell_column"]) for interval in intervals]

@@ -59,7 +59,7 @@ def view_axes(view: View, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 def sampled_planes(case: Path, intervals: tuple[Interval, ...]) -> list[tuple[float, Path]]:
     """Times and files of the sheet's pictures over all intervals, ascending; StageError where there is none."""
-    found = []
+    planes = []
     for interval in intervals:
         folder = case / interval.name / "postProcessing" / "sheetSurface"
         times = sorted(
@@ -67,10 +67,10 @@ def sampled_planes(case: Path, intervals: tuple[Interval, ...]) -> list[tuple[fl
         )
         if not times:
             raise StageError(f"{folder}: the solver wrote no sheet; run the stage 'run' first")
-        found += [
+        planes += [
             (time, path) for time, path in times if time > interval.start + 1e-9
-        ]  # not what its overlap repeats
-    return found
+        ]  # the overlap belongs to the interval before
+    return planes
 
 
 def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
@@ -107,16 +107,15 @@ def whole_picture(name: str, left: np.ndarray) -> np.ndarray:
 
 
 def frames(
-    scene: Scene, kinematics: Kinematics, x: np.ndarray, y: np.ndarray
-) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
-    """Time and variables of each picture of the sheet; absent inside the fingers."""
+    planes: list[tuple[float, Path]], mirrored: bool, flat: bool, density: float, kinematics: Kinematics,
+    x: np.ndarray, y: np.ndarray,
+) -> Iterator[tuple[float, dict[str, np.ndarray]]]:  # fmt: skip
+    """Time and variables of each of `planes`; absent inside the fingers. `mirrored`: they hold x <= 0 only."""
     mesh_x, mesh_y = np.meshgrid(x, y)
-    flat = scene.model.kind == "2d"
-    intervals = read_intervals(scene.out)
-    sample = sample_mirrored if read_planform(scene.out, intervals[0].mesh).attrs["mirror"] else sample_plane
-    for time, path in sampled_planes(scene.out / "case", intervals):
+    sample = sample_mirrored if mirrored else sample_plane
+    for time, path in planes:
         fields = sample(path, x, y, flat)
-        fields["p"] = fields["p"] * np.float32(scene.fluid.density)
+        fields["p"] = fields["p"] * np.float32(density)
         fingers = kinematics.at(time)
         inside = shapely.contains_xy(shapely.Polygon(fingers["outline"][0]), mesh_x, mesh_y)
         if kinematics.mirror:
@@ -146,7 +145,10 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, output: Pat
     else:
         reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet has as much on either side
         x, y = view_axes((-reach, reach, *view[2:]) if kinematics.mirror else view, scene)
-    count = len(sampled_planes(scene.out / "case", read_intervals(scene.out)))
+    intervals = read_intervals(scene.out)
+    planes = sampled_planes(scene.out / "case", intervals)
+    mirrored = bool(read_planform(scene.out, intervals[0].mesh).attrs["mirror"])
+    flat, density, count = scene.model.kind == "2d", scene.fluid.density, len(planes)
     path = output or scene.out / "sheet.h5"
     with whole(path) as part, Disk(part, "w") as disk, h5netcdf.File(disk, "w") as file:
         fingers = 2 if kinematics.mirror else 1
@@ -154,7 +156,12 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, output: Pat
         for name, values in (("x", x), ("y", y), ("time", np.zeros(count))):
             _variable(file, name, (name,), np.float64)[...] = values
         for k, (time, fields) in enumerate(
-            tqdm(frames(scene, kinematics, x, y), "sheet", count, disable=quiet or None)
+            tqdm(
+                frames(planes, mirrored, flat, density, kinematics, x, y),
+                "sheet",
+                count,
+                disable=quiet or None,
+            )
         ):
             if k == 0:
                 _create(file, fields)

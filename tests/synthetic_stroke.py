@@ -246,7 +246,7 @@ def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
         "corners": np.zeros(4),
     }
     attributes, settings = {"model": "half", "mirror": 0}, {"model": {"kind": "half"}}
-    write_planform(out / "planform.h5", [Interval(0, 0.0, 0.4, 0)], attributes, [mesh], settings)
+    write_planform(out / "planform.h5", [Interval(0, 0.0, 0.0, 0.4, 0)], attributes, [mesh], settings)
     fluid = {"density": 998.2, "kinematic_viscosity": 1.004e-6, "turbulence": "laminar"}
     write_sweep(out, {}, {"fluid": fluid})
 

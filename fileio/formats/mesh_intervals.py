@@ -13,16 +13,20 @@ import xarray as xr
 from fileio.provenance import recorded
 from fileio.schema import RECORDED, Schema, Variable
 
-# How long an interval is solved beside the one before it, until it has forgotten how it was started: the larger of
+# Both of two consecutive intervals are solved in their overlap, until the later one no longer depends on its start: the larger of
 OVERLAP_TIME = 4e-3  # s
 OVERLAP_STEPS = 8
 
 
 @dataclass(frozen=True)
 class Interval:
-    """From `start` to `end` (s) the mesh is number `mesh` of planform.h5; not `moving`: it stands still, also in the interval's overlap."""
+    """From `start` to `end` (s) results are those of mesh number `mesh` of planform.h5; its solver starts at `begin`.
+
+    `begin` is earlier than `start` but for the first interval: the overlap. Not `moving`: the mesh stands still, also there.
+    """
 
     index: int
+    begin: float
     start: float
     end: float
     mesh: int
@@ -33,10 +37,6 @@ class Interval:
         """Its folder in case/ and its group in sweep.h5."""
         return f"interval_{self.index}"
 
-    def begin(self, time_step: float) -> float:
-        """Time (s) at which the flow is carried over and its solver starts: before `start`, but for the first interval."""
-        return self.start - overlap_steps(time_step) * time_step if self.index else self.start
-
 
 def overlap_steps(time_step: float) -> int:
     """Time steps of an interval's overlap: its mesh must be good from so many steps before the interval's start on."""
@@ -45,9 +45,12 @@ def overlap_steps(time_step: float) -> int:
 
 SCHEMA = Schema(
     "planform",
-    4,
+    5,
     "delete it and run make again",
     (
+        Variable(
+            "interval_begin", "interval", "s", "when its solver starts: before interval_start by the overlap"
+        ),
         Variable(
             "interval_start", "interval", "s", "where it begins: a whole number of time steps, without a gap"
         ),
@@ -100,7 +103,7 @@ def write_planform(
     """Write planform.h5: the intervals, `attributes` of the root, and variables and attributes of each mesh by name."""
     columns = {
         f"interval_{name}": np.array([getattr(interval, name) for interval in intervals])
-        for name in ("start", "end", "mesh", "moving")
+        for name in ("begin", "start", "end", "mesh", "moving")
     }
     columns["interval_moving"] = columns["interval_moving"].astype(int)
     groups = {f"mesh_{number}": mesh for number, mesh in enumerate(meshes)}
@@ -110,10 +113,12 @@ def write_planform(
 def read_intervals(out: Path) -> tuple[Interval, ...]:
     """The intervals of `planform.h5`, in order."""
     file = SCHEMA.read(out / "planform.h5")
-    columns = [file[f"interval_{name}"].values.tolist() for name in ("start", "end", "mesh", "moving")]
-    rows = zip(*columns, strict=True)
+    columns = [
+        file[f"interval_{name}"].values.tolist() for name in ("begin", "start", "end", "mesh", "moving")
+    ]
     return tuple(
-        Interval(k, start, end, mesh, bool(moving)) for k, (start, end, mesh, moving) in enumerate(rows)
+        Interval(k, begin, start, end, mesh, bool(moving))
+        for k, (begin, start, end, mesh, moving) in enumerate(zip(*columns, strict=True))
     )
 
 

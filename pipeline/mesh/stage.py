@@ -245,8 +245,16 @@ def run(scene: Scene, quiet: bool = False) -> None:
 def intervals_of(parts: list[Part], time_step: float, rest: int) -> list[Interval]:
     """Which mesh serves from when to when; it is still after step `rest`."""
     spans = sorted((span, k) for k, part in enumerate(parts) for span in part.intervals)
+    overlap = overlap_steps(time_step) * time_step
     return [
-        Interval(number, time_step * first, time_step * last, k, first <= rest)
+        Interval(
+            number,
+            time_step * first - (overlap if number else 0.0),
+            time_step * first,
+            time_step * last,
+            k,
+            first <= rest,
+        )
         for number, ((first, last), k) in enumerate(spans)
     ]
 

@@ -1,4 +1,4 @@
-"""The fewest cells that touch every node of a swept mesh: all that OpenFOAM's layered motion needs to walk along."""
+"""The fewest cells that touch every node of a swept mesh: all that OpenFOAM's layered motion needs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def covering_columns(corners: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 
 def covering_cells(corners: np.ndarray, column: np.ndarray, layer: np.ndarray) -> np.ndarray:
-    """Cells (indices) that touch every upright edge of a swept mesh; `column` and `layer` (cell,) say where each lies."""
+    """Cells (indices) that touch every upright edge of a swept mesh; `column` and `layer` (cell,) are those of each cell."""
     chosen = np.zeros(len(column), bool)
     known: dict[bytes, np.ndarray] = {}  # layers beside the finger have the same columns, those beyond it too
     for number in np.unique(layer):

@@ -53,7 +53,7 @@ def frame_body(displacement: np.ndarray, flat: bool) -> bytes:
 
 def write_frames(folders: list[Path], motion: NodeMotion, nodes: list[np.ndarray], driving: list[np.ndarray],
                  time_step: float, first: int, last: int, flat: bool, collated: bool = False) -> Iterator[int]:  # fmt: skip
-    """Lay `<time>/wantedDisplacement` for the steps `first` to `last` into each rank's folder; yields the steps done.
+    """Write `<time>/wantedDisplacement` for the steps `first` to `last` into the folder of each rank; yields the steps done.
 
     Displacements are relative to the shape at `first`. Of each rank: `nodes` (point,) maps its mesh points to planform
     nodes; only `driving` points (on walls that drive a column) carry values, the others stay zero so that the files
@@ -79,7 +79,7 @@ def write_frames(folders: list[Path], motion: NodeMotion, nodes: list[np.ndarray
 
 
 def remove_frames(case: Path) -> None:
-    """Take the frames away again, and the folders that hold nothing else."""
+    """Remove the frames, and the folders that hold nothing else."""
     for path in case.glob(f"*/{FIELD}*"):
         path.unlink()
         if not any(path.parent.iterdir()):

@@ -34,17 +34,17 @@ def environment() -> dict[str, str]:
     if shutil.which("pimpleFoam", path=env.get("PATH")) is None:
         raise StageError(f"OpenFOAM is not installed (no pimpleFoam on the path); run: sudo {INSTALL}")
     if "WM_PROJECT_DIR" not in env:
-        found = next((folder for folder in PROJECT_DIRS if Path(folder, "etc").is_dir()), None)
-        if found is None:
+        installed = next((folder for folder in PROJECT_DIRS if Path(folder, "etc").is_dir()), None)
+        if installed is None:
             raise StageError("WM_PROJECT_DIR is not set; source OpenFOAM's etc/bashrc first")
-        env["WM_PROJECT_DIR"] = found
+        env["WM_PROJECT_DIR"] = installed
     env.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")  # one more busy process would stall spinning ranks
     env["OMP_NUM_THREADS"] = "1"
     return env if in_whole_job(env) else {k: v for k, v in env.items() if not k.startswith("SLURM_")}
 
 
 def in_whole_job(env: Mapping[str, str]) -> bool:
-    """Whether this is a Slurm job that tells mpirun its nodes; Snakemake's jobs keep a part of Slurm's names alone."""
+    """Whether this is a Slurm job whose environment lists its nodes for mpirun; Snakemake's jobs keep only a part of Slurm's variables."""
     return "SLURM_JOB_ID" in env and {"SLURM_NODELIST", "SLURM_TASKS_PER_NODE"} <= env.keys()
 
 
@@ -78,8 +78,8 @@ def die_with_parent() -> None:
 def foam_version() -> str:
     """OpenFOAM's version, as v1912; StageError where it is older than v1912 or not openfoam.com's."""
     text = subprocess.run(["pimpleFoam", "-help"], env=environment(), capture_output=True, text=True).stdout
-    found = re.search(r"Using:\s*OpenFOAM-\s*\(?v?(\d{4})", text)
-    number = next((g for g in found.groups() if g), None) if found else None
+    match = re.search(r"Using:\s*OpenFOAM-\s*\(?v?(\d{4})", text)
+    number = match.group(1) if match else None
     if number is None or int(number) < 1912:
         raise StageError(
             f"OpenFOAM {number or 'of unknown version'} found; openfoam.com v1912 or later is needed"

@@ -79,16 +79,16 @@ def read_field(path: Path, cells: int) -> np.ndarray:
 
 def field_of(content: bytes, cells: int, path: Path) -> np.ndarray:
     """The same from a field's bytes; `path` is where they are from."""
-    found = re.search(
+    match = re.search(
         rb"\ninternalField\s+(uniform ([^;]+);|nonuniform List<(scalar|vector)>\s*(\d+)\s*\()", content
     )
-    if found is None:
-        raise StageError(f"{path}: no field of OpenFOAM's; delete the case folder and run make again")
-    if found.group(2):
-        value = np.array(found.group(2).replace(b"(", b" ").replace(b")", b" ").split(), float)
+    if match is None:
+        raise StageError(f"{path}: not an OpenFOAM field; delete the case folder and run make again")
+    if match.group(2):
+        value = np.array(match.group(2).replace(b"(", b" ").replace(b")", b" ").split(), float)
         return np.tile(value, (cells, 1)) if len(value) > 1 else np.full(cells, value[0])
-    size = 3 if found.group(3) == b"vector" else 1
-    values = np.frombuffer(content, "<f8", size * int(found.group(4)), found.end())
+    size = 3 if match.group(3) == b"vector" else 1
+    values = np.frombuffer(content, "<f8", size * int(match.group(4)), match.end())
     return values.reshape(-1, 3) if size == 3 else values
 
 

@@ -1,4 +1,4 @@
-"""How a case lies on disk for its ranks: in a folder of each, or in one folder of files that hold a block of each (collated).
+"""The files of a case for its MPI ranks: a folder for each rank, or one folder whose files hold a block of each (collated).
 
 Collated files are OpenFOAM's decomposedBlockData: a header, then for each rank its size and its bytes in brackets. The
 header of what is in the blocks stands in the first one only.
@@ -29,6 +29,9 @@ class Ranks:
     count: int = 1
     collated: bool = False
 
+    def __str__(self) -> str:
+        return f"{self.count} ranks" + (" and collated files" if self.collated else "")
+
     def folders(self, case: Path) -> list[Path]:
         """Folders of `case` in which times are written."""
         if self.count == 1:
@@ -38,7 +41,7 @@ class Ranks:
         return [case / f"processor{rank}" for rank in range(self.count)]
 
     def announce(self, case: Path, time: str) -> None:
-        """Let a resumed run find the mesh's own past of collated files: its old volumes, and the fluxes of its motion.
+        """Let a resumed run find the old volumes and the mesh fluxes in collated files.
 
         v1912 reads them only where it sees their names in each rank's own folder, where collated files are not; without
         them it would go on as if the mesh had stood still. Empty files stand there until `withdraw`.
@@ -49,17 +52,17 @@ class Ranks:
                     write_bytes(case / f"processor{rank}" / time / name, b"")
 
     def withdraw(self, case: Path) -> None:
-        """Remove what `announce` has laid, also for a run that was killed since."""
+        """Remove the files of `announce`, also after a run that was killed."""
         if self.collated:
             for rank in range(self.count):
                 shutil.rmtree(case / f"processor{rank}", ignore_errors=True)
 
     def contents(self, case: Path, name: str) -> list[bytes]:
         """What the file `name` holds, rank by rank. StageError where it is missing or cut off."""
-        found = [read_content(folder / name) for folder in self.folders(case)]
+        contents = [read_content(folder / name) for folder in self.folders(case)]
         if not self.collated or self.count == 1:
-            return found
-        blocks = read_blocks(found[0])
+            return contents
+        blocks = read_blocks(contents[0])
         if len(blocks) != self.count:
             raise StageError(
                 f"{self.folders(case)[0] / name}: {len(blocks)} of {self.count} ranks are in it; delete {case} and run make again"
@@ -82,11 +85,11 @@ def read_blocks(content: bytes) -> list[bytes]:
     """The whole blocks of a collated file, in order."""
     blocks: list[bytes] = []
     at = content.find(b"// Processor0")
-    while at >= 0 and (found := BLOCK.match(content, at)):
-        end = found.end() + int(found.group(1))
+    while at >= 0 and (block := BLOCK.match(content, at)):
+        end = block.end() + int(block.group(1))
         if content[end : end + 1] != b")":
             break  # cut off
-        blocks.append(content[found.end() : end])
+        blocks.append(content[block.end() : end])
         at = end + 1
     return blocks
 

@@ -1,6 +1,6 @@
 """Surfaces that the solver has sampled (VTK's legacy format, binary): whether they are whole, and reading them.
 
-OpenFOAM goes on where the disk is full and leaves what was cut off; VTK reads it as far as it comes.
+On a full disk OpenFOAM continues and leaves files that are cut off; VTK reads those without an error.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def _is_whole(file: BinaryIO) -> bool:
     try:
         version = file.readline()
         if version.startswith(b"# vtk") and version.endswith(b"\n") and b" 2.0" not in version:
-            return True  # another layout than OpenFOAM's: for VTK to judge
+            return True  # another layout than OpenFOAM's: VTK reads it
         for _ in range(3):  # title, BINARY, DATASET
             file.readline()
         while line := file.readline():
@@ -72,7 +72,7 @@ def read_surface(path: Path) -> pv.DataSet:
         check_room(path.parent)
         case = path.parents[3]  # <case>/postProcessing/<recorder>/<time>/<surface>.vtk
         raise StageError(
-            f"{path}: cut off, as by a full disk; delete {case / 'progress.json'} and run/run.json, if they are"
-            " there, and run make again: the solver goes on before that time"
+            f"{path}: missing or cut off, as by a full disk; delete {case / 'progress.json'} and run/run.json, if they are"
+            " there, and run make again: the solver resumes before that time"
         )
     return pv.read(path)

@@ -1,4 +1,4 @@
-"""Finding the last whole set of fields a run has written, and clearing what a later start would collide with."""
+"""The last checkpoint that is complete, and the removal of tables that a resumed run will write again."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.openfoam.function_objects import table_rows
 from pipeline.openfoam.ranks import Ranks, is_whole
 from pipeline.openfoam.surface_vtk import is_whole_vtk
 
@@ -17,15 +18,15 @@ MOVED = ("pointDisplacement", "polyMesh/points")  # written where the mesh moves
 def saved_times(folder: Path, ranks: Ranks, moving: bool = True) -> list[tuple[float, str]]:
     """Times in a case's folder, or in one of its ranks', at which every file is whole, ascending."""
     wanted = FIELDS + (MOVED if moving else ())
-    found = []
+    saved = []
     for place in folder.iterdir() if folder.is_dir() else ():
         time = _number(place.name)
         if time is None or time <= 0 or not all(_exists(place / name) for name in wanted):
             continue
         # the old-time fields of the second-order scheme count as well, whatever their names
         if all(is_whole(path, ranks) for path in place.rglob("*") if path.is_file()):
-            found.append((time, place.name))
-    return sorted(found)
+            saved.append((time, place.name))
+    return sorted(saved)
 
 
 def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[float, str] | None:
@@ -43,15 +44,15 @@ def first_damaged(case: Path) -> float:
 
     Each kind of surface is sampled at an interval of its own, the least between two of its times.
     """
-    found: list[dict[float, bool]] = []
+    surfaces_whole: list[dict[float, bool]] = []
     for surfaces in (case / "postProcessing").glob("*Surface"):
         folders = [
             (time, folder) for folder in surfaces.iterdir() if (time := _number(folder.name)) is not None
         ]
-        found.append({t: any(map(is_whole_vtk, folder.glob("*.vtk"))) for t, folder in folders})
-    last = max((time for whole in found for time in whole), default=0.0)
-    damaged = [time for whole in found for time, good in whole.items() if not good]
-    for whole in found:
+        surfaces_whole.append({t: any(map(is_whole_vtk, folder.glob("*.vtk"))) for t, folder in folders})
+    last = max((time for whole in surfaces_whole for time in whole), default=0.0)
+    damaged = [time for whole in surfaces_whole for time, good in whole.items() if not good]
+    for whole in surfaces_whole:
         times = sorted(whole)
         if len(times) > 1:
             interval = min(b - a for a, b in pairwise(times))
@@ -70,14 +71,8 @@ def sampled_until(case: Path) -> float:
     if not parts:
         return 0.0
     start, folder = parts[-1]
-    times = [
-        _number(line.split()[0])
-        for path in folder.glob("force*.dat")
-        for line in path.read_text(errors="replace").splitlines()[:-1]  # the last line may be cut off
-        if line.strip() and not line.startswith("#")
-    ]
-    rows = sorted(t for t in times if t is not None)
-    return max(start, rows[-2]) if len(rows) > 1 else start
+    times = sorted(time for path in folder.glob("force*.dat") for time in table_rows(path)[:, 0])
+    return max(start, float(times[-3])) if len(times) > 2 else start
 
 
 def drop_tables(case: Path, start: float) -> None:

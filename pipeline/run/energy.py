@@ -1,4 +1,4 @@
-"""Energy from nothing: the water's energy held against the work done on it, at every sample and over a whole run."""
+"""The energy balance of the water against the work done on it, at every sample and over a whole run."""
 
 from __future__ import annotations
 
@@ -9,12 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from fileio.errors import StageError
+from pipeline.openfoam.function_objects import table_rows
+from pipeline.openfoam.surface_vtk import read_surface
+
 ENERGY_TOLERANCE = (
     0.05  # of the largest energy so far; sound runs: 0 to 0.015, the most where a step covers 16 cells
 )
 FLOOR = (
     1e-3  # of the energy that the finger's volume of water has at its peak speed: below it nothing is judged
 )
+HALVE = "halve numerics.time_step, and again where it stops again"  # finer cells would make it worse
 UNRESOLVED = (
     0.2  # part of the peak speed by which a wall may change within one time step for its work to be sampled
 )
@@ -22,14 +27,13 @@ UNRESOLVED = (
 
 @dataclass
 class Budget:
-    """Energy against the work done, as both come in: energy from nothing is what may never happen.
+    """Detects energy that no work accounts for, sample by sample.
 
-    What the water has of kinetic energy and has dissipated, less the work done on it, can only fall: by what the schemes
-    dissipate. Where it rises above the least that it has had by more than a tolerance, energy has come from nothing.
-    Without the dissipation a flow that is fed at a wall and dissipates that at once would pass. Between two samples work
-    is taken at the larger of their powers and dissipation at the smaller, so that what the samples miss of a peak is not
-    held against a run.
-    `floor`: energy (J) below which nothing is judged; `unresolved(a, b)`: whether the wall jumps between two times.
+    Kinetic energy plus dissipated energy less the work done can only fall, by what the schemes dissipate. Where it rises
+    above its least value so far by more than a tolerance, the numerical solution has produced energy. Dissipation must
+    count: a flow that is fed at a wall and dissipates that at once would pass otherwise. Between two samples the larger
+    of their powers and the smaller of their dissipations is taken, so that a peak between samples does not stop a run.
+    `floor`: energy (J) below which nothing is judged; `unresolved(a, b)`: whether the wall's velocity jumps between two times.
     """
 
     floor: float
@@ -73,8 +77,22 @@ def resolved_dissipation(density: float, viscosity: float, gradient: Any, half_v
     return density * viscosity * (2 * gradient - 2 * half_vorticity)
 
 
+def finger_power(path: Path, density: float) -> float:
+    """Work rate of the computed part of the finger on the water (W) from its sampled surface."""
+    surface = read_surface(path)
+    cells = surface.compute_cell_sizes(length=False, volume=False).compute_normals(
+        cell_normals=True, point_normals=False, auto_orient_normals=False, consistent_normals=False
+    )
+    stress = np.asarray(cells["p"])[:, None] * np.asarray(cells["Normals"]) - np.asarray(
+        cells["wallShearStress"]
+    )
+    # OpenFOAM's wall normals point out of the water, into the finger; wallShearStress is that of the wall on the water.
+    on_water = -density * stress
+    return float(np.einsum("fi,fi,f->", on_water, np.asarray(cells["U"]), np.asarray(cells["Area"])))
+
+
 def energy_cause(budget: Budget, kinetic: float, excess: float) -> str:
-    """What a budget's verdict means."""
+    """The cause of a stop, in words."""
     if not np.isfinite(excess):
         return "the water's energy is not a number"
     return (
@@ -85,28 +103,23 @@ def energy_cause(budget: Budget, kinetic: float, excess: float) -> str:
 
 @dataclass
 class EnergyGuard:
-    """Follows the samples that the solver writes to `samples` (postProcessing), and holds the energy against the work.
+    """Reads the samples that the solver writes to `samples` (postProcessing) and compares the energy with the work done.
 
-    `viscosity` (m²/s) is the fluid's; `work_rate(path, density)`: power (W) of a sampled surface of the finger; `rule`: the budget before any sample, `budget`
-    that of the solver's present start; `from_rest`: the water is at rest when the
-    solver starts, else the first sample is what the budget begins with.
+    `density` (kg/m³) and `viscosity` (m²/s) are the fluid's. Not `from_rest`: the budget begins with the first sample.
     """
 
     samples: Path
     density: float
     viscosity: float
-    work_rate: Callable[[Path, float], float]
-    rule: Budget  # as it is before the first sample
     budget: Budget
     from_rest: bool = True
+    work_rate: Callable[[Path, float], float] = finger_power  # W, of a sampled surface and the density
     rows: int = 0
 
-    def look(self, ended: bool = False) -> str | None:
-        """None while all is well, else the cause. A sample is read when the next one is there: then it is whole."""
+    def check(self, ended: bool = False) -> str | None:
+        """The cause where the budget is violated, else None. A sample is read once the next one exists: then it is whole."""
         table = self._table()
-        for time, square, gradient, half_vorticity in table[
-            self.rows : len(table) if ended else max(len(table) - 1, 0)
-        ]:
+        for time, square, gradient, half_vorticity in table[self.rows : len(table) - (not ended)]:
             surface = next(iter((self.samples / "fingerSurface").glob(f"{time:.8g}/*.vtk")), None)
             if surface is None:
                 break
@@ -122,46 +135,47 @@ class EnergyGuard:
                 return energy_cause(self.budget, kinetic, excess)
         return None
 
-    def _table(self) -> list[tuple[float, float, float, float]]:
-        """Times and integrals of |u|^2, |grad u|^2 and half of |curl u|^2 of this interval's newest table; a line that is not
-        whole is left out."""
-        found = list((self.samples / "volumes").glob("*/volFieldValue*.dat"))
-        if not found:
-            return []
-        newest = max(found, key=lambda path: float(path.parent.name))
-        rows = []
-        for line in newest.read_text(errors="replace").splitlines(keepends=True):
-            words = line.split()
-            if line.endswith("\n") and len(words) == 4 and line[0] != "#":
-                time, square, gradient, half_vorticity = map(float, words)
-                rows.append((time, square, gradient, half_vorticity))
-        return rows
+    def _table(self) -> np.ndarray:
+        """Times and integrals of |u|^2, |grad u|^2 and half of |curl u|^2 (time, 4) since the solver's last start."""
+        tables = list((self.samples / "volumes").glob("*/volFieldValue*.dat"))
+        return (
+            table_rows(max(tables, key=lambda path: float(path.parent.name))) if tables else np.empty((0, 4))
+        )
 
 
-def wall_steps(positions: np.ndarray, time_step: float) -> tuple[float, np.ndarray]:
-    """Peak speed (m/s) of wall positions (step, node, 2) one time step apart, and the steps within which the velocity
-    of a node jumps by more than UNRESOLVED of it (step,)."""
-    velocity = np.diff(positions, axis=0) / time_step
+def energy_budget(positions: np.ndarray, times: np.ndarray, depth: float, density: float) -> Budget:
+    """The budget of a run whose wall nodes, in order along the outline, are at `positions` (time, node, 2) m at `times` s.
+
+    `depth` (m) is the finger's extent in z within the computed part. The wall's work is not resolved in a time step in
+    which the velocity of a node jumps by more than UNRESOLVED of the peak speed.
+    """
+    velocity = np.diff(positions, axis=0) / np.diff(times)[:, None, None]
     peak = float(np.hypot(velocity[..., 0], velocity[..., 1]).max(initial=0.0))
     change = np.diff(velocity, axis=0, prepend=0 * velocity[:1])
-    jump = np.hypot(change[..., 0], change[..., 1]).max(axis=1)
-    return peak, jump > UNRESOLVED * peak
-
-
-def energy_budget(
-    positions: np.ndarray, start: float, time_step: float, depth: float, density: float
-) -> Budget:
-    """The budget of a run whose wall nodes, in order along the outline, take `positions` (step, node, 2) from `start` on.
-
-    `depth` (m) is the finger's extent in z within the computed part.
-    """
-    peak, jumps = wall_steps(positions, time_step)
+    jumps = np.hypot(change[..., 0], change[..., 1]).max(axis=1) > UNRESOLVED * peak
     x, y = positions[0].T
     area = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
-    times = start + time_step * np.arange(1, len(jumps) + 1)
 
     def unresolved(after: float, until: float) -> bool:
-        within = (times > after + 1e-9) & (times - time_step < until + 1e-9)
-        return bool(jumps[within].any())
+        return bool(jumps[(times[1:] > after + 1e-9) & (times[:-1] < until + 1e-9)].any())
 
-    return Budget(FLOOR * 0.5 * density * peak**2 * area * depth, unresolved, time=start)
+    return Budget(FLOOR * 0.5 * density * peak**2 * area * depth, unresolved, time=float(times[0]))
+
+
+def energy_from_nothing(power: np.ndarray, budgets: list[Budget], copies: int) -> float:
+    """The largest excess of energy and dissipation over the work in a whole run, as a part of its largest energy.
+
+    `power` (n, 4) as in power.csv, of the whole tank, which holds `copies` of the computed part; `budgets` of the
+    intervals. StageError where the excess is too large.
+    """
+    whole = Budget(
+        copies * max(budget.floor for budget in budgets),
+        lambda a, b: any(budget.unresolved(a, b) for budget in budgets),
+    )
+    for time, rate, kinetic, dissipation in power:
+        excess = whole.add(time, rate, kinetic, dissipation)
+        if excess is not None:
+            raise StageError(
+                f"stopped at {time:g} s by a guard: {energy_cause(whole, kinetic, excess)}; the tables are kept: {HALVE}"
+            )
+    return whole.worst / whole.largest if whole.largest else 0.0

@@ -1,12 +1,20 @@
-"""What stops a run that has gone wrong, while it runs: the log's numbers, the energy balance (pipeline.run.energy), silence."""
+"""Guards that stop a run that has gone wrong: the numbers in the solver's log, the energy balance, and silence."""
 
 from __future__ import annotations
 
 import re
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
-from pipeline.run.energy import EnergyGuard
+import numpy as np
+from scipy.interpolate import PPoly
+
+from fileio.formats.mesh_intervals import Interval, read_planform
+from fileio.formats.node_motion import read_motion
+from pipeline.openfoam.displacement_files import steps_of
+from pipeline.run.energy import HALVE, EnergyGuard, energy_budget
+from pipeline.scene.limits import check_courant
 
 MAX_CONTINUITY = 1e-2  # sum of the local errors per step; a sound run has 1e-5 or less
 MAX_PRESSURE_ITERATIONS = 1000  # OpenFOAM's own limit for one solution
@@ -14,11 +22,10 @@ UNSOLVED_STEPS = 5  # steps in a row whose pressure does not converge
 SILENCE = 900.0  # s without a line from the solver
 
 FINER = "lower numerics.time_step or refine the mesh"
-HALVE = "halve numerics.time_step, and again where it stops again"  # finer cells would make it worse
 
 
 class Guard:
-    """Reads the solver's log line by line and says when a run has gone wrong; `remedy` goes with the last verdict."""
+    """Checks the solver's log line by line; `remedy` belongs to the last verdict."""
 
     def __init__(self, max_courant: float, energy: EnergyGuard | None = None) -> None:
         self.max_courant = max_courant
@@ -29,7 +36,7 @@ class Guard:
         self._iterations = 0
 
     def verdict(self, line: str) -> str | None:
-        """None while all is well, else the cause in a few words."""
+        """The cause where a line of the log shows that the run has gone wrong, else None."""
         if line.startswith("Time = "):
             self.time = float(line.split("=")[1])
             return self._step()
@@ -49,34 +56,49 @@ class Guard:
         return None
 
     def _step(self) -> str | None:
-        """What a new time step says of the one before it."""
+        """The verdict on the time step that has just ended."""
         self._unsolved = self._unsolved + 1 if self._iterations >= MAX_PRESSURE_ITERATIONS else 0
         self._iterations = 0
         if self._unsolved >= UNSOLVED_STEPS:
             return f"the pressure did not converge in {UNSOLVED_STEPS} steps in a row"
-        return self.look()
+        return self.check_energy()
 
-    def look(self, ended: bool = False) -> str | None:
-        """The energy's verdict on the samples so far, all of them once the solver has `ended`."""
-        cause = self.energy.look(ended) if self.energy else None
+    def check_energy(self, ended: bool = False) -> str | None:
+        """The verdict of the energy balance on the samples so far, on all of them once the solver has `ended`."""
+        cause = self.energy.check(ended) if self.energy else None
         if cause:
             self.remedy = HALVE
         return cause
 
 
+def guard_of(out: Path, interval: Interval, time_step: float, max_courant: float, depth: float, density: float,
+             viscosity: float) -> Guard:  # fmt: skip
+    """The guard of one mesh interval; `out` is the level's folder, `depth` (m) the finger's extent in z of the computed part.
+
+    ValueError where the motion of the wall is sure to exceed `max_courant`.
+    """
+    times = time_step * np.arange(steps_of(interval.begin, time_step), steps_of(interval.end, time_step) + 1)
+    motion, wall = read_motion(out, interval.mesh), read_planform(out, interval.mesh)["wall"].values
+    positions = PPoly(motion.shape.c[:, :, wall], motion.shape.x)(motion.pressure(np.maximum(times, 0.0)))
+    check_courant(positions, time_step, max_courant)
+    budget = energy_budget(positions, times, depth, density)
+    samples = out / "case" / interval.name / "postProcessing"
+    return Guard(max_courant, EnergyGuard(samples, density, viscosity, budget))
+
+
 class Watchdog:
-    """Calls `bark` once when `fed` was not called for `limit` s of a machine that is awake."""
+    """Calls `on_silence` once when `reset` was not called for `limit` s of a machine that is awake."""
 
     TICK = 5.0  # s; a sleep that lasts much longer was the machine's or the job's, not the solver's
 
-    def __init__(self, limit: float, bark: Callable[[], None]) -> None:
-        self.limit, self.bark, self.barked = limit, bark, False
+    def __init__(self, limit: float, on_silence: Callable[[], None]) -> None:
+        self.limit, self.on_silence, self.expired = limit, on_silence, False
         self._quiet = 0.0
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
-    def fed(self) -> None:
-        """A sign of life."""
+    def reset(self) -> None:
+        """The solver has written a line."""
         self._quiet = 0.0
 
     def _watch(self) -> None:
@@ -84,8 +106,8 @@ class Watchdog:
         while not self._over.wait(tick):
             self._quiet += tick
             if self._quiet > self.limit:
-                self.barked = True
-                self.bark()
+                self.expired = True
+                self.on_silence()
                 return
 
     def __enter__(self) -> Watchdog:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,21 +13,21 @@ from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_planform
 from fileio.formats.node_motion import read_motion
 from fileio.formats.sweep import read_sweep
+from fileio.json_text import read_json
 from pipeline.geometry.swept_cells import SweptCells, carry, overlap_of, swept_cells
-from pipeline.openfoam.displacement_files import steps_of, time_name
+from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.foamfile import END, field_of, header, labels_of, read_field, write_bytes, write_field
 from pipeline.openfoam.ranks import Ranks
-from pipeline.scene.scene import Scene
 
+SETTLED = 0.02  # of the peak force of the run: the forces of two intervals that differ by less agree
 FIELD_MAPPING = "field_mapping.json"  # in an interval's folder: the change of energy by the mapping
 
 
-def cells_of(scene: Scene, interval: Interval, time: float) -> SweptCells:
+def cells_of(out: Path, interval: Interval, time: float) -> SweptCells:
     """The mesh of an interval in its shape at `time` s."""
-    planform = read_planform(scene.out, interval.mesh)
-    motion = read_motion(scene.out, interval.mesh)
-    sweep = read_sweep(scene.out, interval.name)
-    return swept_cells(planform, sweep, motion.nodes(time), motion.velocity(time))
+    planform = read_planform(out, interval.mesh)
+    motion = read_motion(out, interval.mesh)
+    return swept_cells(planform, read_sweep(out, interval.name), motion.nodes(time), motion.velocity(time))
 
 
 def read_cells(case: Path, time: str, name: str, ranks: Ranks, cells: int) -> np.ndarray:
@@ -68,27 +69,73 @@ def energy_share(source: SweptCells, target: SweptCells, velocity: np.ndarray, a
     return float(np.clip((-b + np.sqrt(max(b * b - 4 * a * c, 0.0))) / (2 * a), -1.0, 2.0))
 
 
-def map_fields(scene: Scene, before: Interval, interval: Interval, ranks: Ranks) -> None:
-    """Write the fields with which `interval` begins into its case, from those of the interval before it at that time."""
-    old, new = scene.out / "case" / before.name, scene.out / "case" / interval.name
-    step = scene.numerics.time_step
-    begin = interval.begin(step)
-    name = time_name(begin)
-    source, target = (cells_of(scene, of, begin) for of in (before, interval))
+def map_fields(out: Path, before: Interval, interval: Interval, ranks: Ranks, step: int) -> None:
+    """Write the fields with which `interval` begins, at time step number `step`, from those of the interval before it."""
+    old, new = out / "case" / before.name, out / "case" / interval.name
+    name = time_name(interval.begin)
+    source, target = (cells_of(out, of, interval.begin) for of in (before, interval))
     velocity, pressure = (read_cells(old, name, field, ranks, len(source.column)) for field in ("U", "p"))
     overlap = overlap_of(source, target)
     averaged, sampled = carry(source, target, overlap, velocity, no_slip=True)
-    carried = averaged + energy_share(source, target, velocity, averaged, sampled) * (sampled - averaged)
-    write_field(new / name / "U", new / "0.orig" / "U", carried)
+    mapped = averaged + energy_share(source, target, velocity, averaged, sampled) * (sampled - averaged)
+    write_field(new / name / "U", new / "0.orig" / "U", mapped)
     first_guess = carry(source, target, overlap, pressure[:, None], no_slip=False)[0][:, 0]
     write_field(new / name / "p", new / "0.orig" / "p", first_guess)
     for path in (new / "0.orig").iterdir():
         if not (new / name / path.name).exists():
             write_bytes(new / name / path.name, path.read_bytes() + END)
     # the sheet's pictures keep their phase over the field mapping
-    index = b"index %d;\n" % steps_of(begin, step)
+    index = b"index %d;\n" % step
     time_header = header("dictionary", f"{name}/uniform", "time", binary=False)
     write_bytes(new / name / "uniform" / "time", time_header + index + END)
-    squares = [square_sum(*pair) for pair in ((source, velocity, velocity), (target, carried, carried))]
+    squares = [square_sum(*pair) for pair in ((source, velocity, velocity), (target, mapped, mapped))]
     jump = squares[1] / squares[0] - 1 if squares[0] else 0.0
-    write_text(new / FIELD_MAPPING, json.dumps({"mapped_at": begin, "mapping_jump_fraction": jump}))
+    write_text(new / FIELD_MAPPING, json.dumps({"mapped_at": interval.begin, "mapping_jump_fraction": jump}))
+
+
+def common(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rows of two tables (time, …) at the times that both hold."""
+    first, second = (np.round(table[:, 0] * 1e9).astype(np.int64) for table in (before, after))
+    _, first, second = np.intersect1d(first, second, return_indices=True)
+    return before[first], after[second]
+
+
+def settling_time(before: np.ndarray, after: np.ndarray, mapped_at: float, peak: float) -> float | None:
+    """Time (s) after `mapped_at` until the forces (time, component …) of two intervals agree to SETTLED of `peak`.
+
+    None where they still differ by more at the end of the overlap.
+    """
+    old, new = common(before, after)
+    off = np.abs(old[:, 1:] - new[:, 1:]).max(1) > SETTLED * peak
+    if not len(off) or off[-1]:
+        return None
+    settled = np.flatnonzero(off)
+    return float(old[settled[-1] + 1, 0] - mapped_at) if len(settled) else 0.0
+
+
+def field_mappings(intervals: tuple[Interval, ...], cases: list[Path], force: list[np.ndarray],
+             energy: list[np.ndarray]) -> list[dict[str, Any]]:  # fmt: skip
+    """The records of the field mappings in run.json: kinetic energy of the tank (J) on both sides, and when the force had settled.
+
+    `force` (time, component …) and `energy` (time, energy) are those of each interval, its overlap included.
+    """
+    peak = max(float(np.abs(table[:, 1:3]).max()) for table in force)
+    records = []
+    for k in range(1, len(intervals)):
+        record = read_json(
+            cases[k] / FIELD_MAPPING,
+            f"delete {cases[k] / 'state.json'} and run make again: that interval is solved anew",
+        )
+        before, after = (float(table[-1, 1]) for table in common(energy[k - 1], energy[k]))
+        settled = settling_time(force[k - 1][:, :3], force[k][:, :3], record["mapped_at"], peak)
+        records.append(
+            {
+                "time": intervals[k].start,
+                "kinetic_energy_before": before,
+                "kinetic_energy_after": after,
+                "jump_fraction": (after - before) / before if before else 0.0,
+                "force_settled_after": settled,
+            }
+            | record
+        )
+    return records

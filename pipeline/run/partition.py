@@ -1,4 +1,4 @@
-"""Cutting the mesh for several ranks: whole columns only, equal load, few shared faces, every rank in one piece."""
+"""Decomposition of the mesh for several ranks: whole columns only, equal load, few shared faces, every rank in one piece."""
 
 from __future__ import annotations
 
@@ -123,9 +123,9 @@ def partition_scotch(load: np.ndarray, pairs: np.ndarray, faces: np.ndarray, ran
         )
         if done.returncode != 0 or not mapping.exists():
             raise StageError(f"{program} failed: {(done.stderr or done.stdout).strip()[-300:]}")
-        found = np.loadtxt(mapping, int, skiprows=1, ndmin=2)
+        assigned = np.loadtxt(mapping, int, skiprows=1, ndmin=2)
     rank = np.zeros(len(load), int)
-    rank[columns[found[:, 0]]] = found[:, 1]
+    rank[columns[assigned[:, 0]]] = assigned[:, 1]
     return rank
 
 

@@ -1,4 +1,4 @@
-"""What an interval's case needs before the solver: ranks, the flow it starts from, and the frames of the motion."""
+"""Preparation of an interval's case for the solver: decomposition, mapped fields, and displacement files of the motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tqdm import tqdm
 from fileio.atomic import write_text
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_planform
-from fileio.formats.node_motion import read_motion
+from fileio.formats.node_motion import NodeMotion, read_motion
 from fileio.formats.sweep import read_sweep
 from fileio.json_text import read_json
 from pipeline.geometry.quality import cell_centres, neighbours, planform_edges
@@ -25,13 +25,12 @@ from pipeline.openfoam.ranks import Ranks
 from pipeline.run.map_fields import map_fields
 from pipeline.run.partition import partition_columns
 from pipeline.run.solver import PROGRESS, set_number
-from pipeline.scene.scene import Scene
 
-STATE = "state.json"  # what the frames and the decomposition in an interval's folder were made for
+STATE = "state.json"  # the mesh and ranks for which an interval's folder was prepared
 
 
 def case_state(case: Path, ranks: Ranks) -> dict[str, int]:
-    """What frames, decomposition and fields in `case` belong to."""
+    """The mesh (time of its file) and the ranks to which displacement files, decomposition and fields in `case` belong."""
     points = case / "constant" / "polyMesh" / "points"
     if not points.exists():
         raise StageError(f"{case}: no mesh; run the case stage first")
@@ -40,58 +39,60 @@ def case_state(case: Path, ranks: Ranks) -> dict[str, int]:
 
 
 def prepared_for(case: Path) -> dict[str, int]:
-    """What `case` was last prepared for; empty where it never was. StageError where the file is damaged."""
+    """The state for which `case` was last prepared; empty where it never was. StageError where the file is damaged."""
     path = case / STATE
-    return read_json(path, f"delete it and run make again: {case.name} begins anew") if path.exists() else {}
+    return (
+        read_json(path, f"delete it and run make again: {case.name} is solved from its beginning")
+        if path.exists()
+        else {}
+    )
 
 
-def prepare(
-    scene: Scene, intervals: tuple[Interval, ...], interval: Interval, ranks: Ranks, quiet: bool
-) -> None:
-    """Decompose an interval's case, carry the flow over and lay the frames, unless that was done for the same mesh and ranks."""
-    case = scene.out / "case" / interval.name
+def prepare(out: Path, intervals: tuple[Interval, ...], interval: Interval, ranks: Ranks, time_step: float,
+            quiet: bool) -> None:  # fmt: skip
+    """Decompose an interval's case, map the fields to it and write its displacement files, unless that is done.
+
+    `out` is the level's folder. Done counts only for the same mesh and the same ranks.
+    """
+    case = out / "case" / interval.name
     wanted = case_state(case, ranks)
     if prepared_for(case) == wanted:
         return
-    # what is interrupted from here on must begin anew, and so what follows
+    # interrupted from here on, this interval and those after it start from the beginning
     for later in reversed(intervals[interval.index :]):
         for stale in (STATE, PROGRESS):
-            (scene.out / "case" / later.name / stale).unlink(missing_ok=True)
-    first = time_name(interval.begin(scene.numerics.time_step))
+            (out / "case" / later.name / stale).unlink(missing_ok=True)
+    steps = steps_of(interval.begin, time_step), steps_of(interval.end, time_step)
     for folder in case.glob("processor*"):
         shutil.rmtree(folder)
     for folder in case.iterdir():
         if folder.is_dir() and re.fullmatch(r"[0-9.e-]+", folder.name) and folder.name != "0":
             shutil.rmtree(folder)
     shutil.rmtree(case / "postProcessing", ignore_errors=True)
-    set_number(case, "startTime", first)
+    set_number(case, "startTime", time_name(interval.begin))
     if interval.index:
-        map_fields(scene, intervals[interval.index - 1], interval, ranks)
-    sweep = read_sweep(scene.out, interval.name)
-    planform = read_planform(scene.out, interval.mesh)
+        map_fields(out, intervals[interval.index - 1], interval, ranks, steps[0])
+    sweep = read_sweep(out, interval.name)
+    planform = read_planform(out, interval.mesh)
     if ranks.count > 1:
         _decompose(case, sweep, planform, ranks)
     if interval.moving:
-        _lay_frames(scene, interval, sweep, planform, ranks, quiet)
+        _write_motion(case, read_motion(out, interval.mesh), sweep, planform, ranks, time_step, steps, quiet)
     write_text(case / STATE, json.dumps(wanted))
 
 
-def _lay_frames(
-    scene: Scene, interval: Interval, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks, quiet: bool
-) -> None:
-    case, step = scene.out / "case" / interval.name, scene.numerics.time_step
-    node, level = sweep["node"].values, sweep["level"].values
-    kind, top = scene.model.kind, planform.sizes["level"] - 1
-    driving = (level == 0) | ((level == top) if kind == "full" else False)
+def _write_motion(case: Path, motion: NodeMotion, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks, time_step: float,
+                  steps: tuple[int, int], quiet: bool) -> None:  # fmt: skip
+    node, level, kind = sweep["node"].values, sweep["level"].values, str(planform.attrs["model"])
+    driving = (level == 0) | ((level == planform.sizes["level"] - 1) & (kind == "full"))
     points = [np.arange(len(node))]
     if ranks.count > 1:
         points = [labels_of(block) for block in ranks.contents(case, "constant/polyMesh/pointProcAddressing")]
-    first_step, last_step = steps_of(interval.begin(step), step), steps_of(interval.end, step)
     done = write_frames(
-        ranks.folders(case), read_motion(scene.out, interval.mesh), [node[p] for p in points], [driving[p] for p in points],
-        step, first_step, last_step, flat=kind == "2d", collated=ranks.collated,
+        ranks.folders(case), motion, [node[p] for p in points], [driving[p] for p in points],
+        time_step, *steps, flat=kind == "2d", collated=ranks.collated,
     )  # fmt: skip
-    for _ in tqdm(done, desc="frames", total=last_step - first_step + PADDING + 1, disable=quiet or None):
+    for _ in tqdm(done, desc="frames", total=steps[1] - steps[0] + PADDING + 1, disable=quiet or None):
         pass
 
 

@@ -1,4 +1,4 @@
-"""The solver at work on one interval: started from the last whole checkpoint, watched, stopped where it goes wrong."""
+"""The solver of one mesh interval: started from the last complete checkpoint and stopped where a guard finds it wrong."""
 
 from __future__ import annotations
 
@@ -23,21 +23,20 @@ from pipeline.openfoam.foamfile import END, write_bytes
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.checkpoint import drop_tables, first_damaged, last_checkpoint, sampled_until
 from pipeline.run.guards import FINER, SILENCE, Guard, Watchdog
-from pipeline.scene.sections import Numerics
 
 LOG = "log.pimpleFoam"
-PROGRESS = "progress.json"  # what the interval has cost so far, and whether it has ended
+PROGRESS = "progress.json"  # cost of the interval so far, and whether it has ended
 NOTE_EVERY = 10.0  # s between notes of the time spent, for a run that is killed
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
 
 
 def read_progress(case: Path) -> dict[str, Any]:
-    """What an interval has cost so far (`wall_time`, `cpu_time`, s), the times it was resumed at, and whether it has `ended`.
+    """Cost of an interval so far (`wall_time`, `cpu_time`, s), the times it was resumed at, and whether it has `ended`.
 
     StageError where the file is damaged.
     """
     path = case / PROGRESS
-    remedy = "delete it and run make again: the solver goes on from its last checkpoint, its cost counts from there"
+    remedy = "delete it and run make again: the solver resumes from its last checkpoint, its cost counts from there"
     known = read_json(path, remedy) if path.exists() else {}
     return {"wall_time": 0.0, "cpu_time": 0.0, "resumed": []} | known
 
@@ -51,8 +50,8 @@ def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
     write_text(path, text)
 
 
-def solve(case: Path, interval: Interval, handover: float, numerics: Numerics, ranks: Ranks, hosts: Path | None,
-          bar: tqdm, guard: Guard) -> None:  # fmt: skip
+def solve(case: Path, interval: Interval, handover: float, time_step: float, write_interval: float, ranks: Ranks,
+          hosts: Path | None, bar: tqdm, guard: Guard) -> None:  # fmt: skip
     """Run the solver to the end of an interval from its last whole checkpoint, unless it has got there before.
 
     `handover` is the time (s) whose fields the next interval needs: that of the last checkpoint. StageError where `guard`
@@ -62,18 +61,16 @@ def solve(case: Path, interval: Interval, handover: float, numerics: Numerics, r
     if record.get("ended"):
         return
     checkpoint = last_checkpoint(case, ranks, interval.moving)
-    begin = interval.begin(numerics.time_step)
-    start, name = checkpoint or (begin, time_name(begin))
+    first = time_name(interval.begin)
+    start, name = checkpoint or (interval.begin, first)
     if checkpoint is not None:
         record["resumed"] = [*record["resumed"], start]
         if interval.moving:
-            reset_displacement(ranks.folders(case), time_name(begin), name, whole=ranks.collated)
+            reset_displacement(ranks.folders(case), first, name, whole=ranks.collated)
         ranks.announce(case, name)
     drop_tables(case, start)
     set_number(case, "startTime", name)
-    set_number(
-        case, "writeInterval", f"{checkpoint_interval(handover - start, numerics.write_interval):.12g}"
-    )
+    set_number(case, "writeInterval", f"{checkpoint_interval(handover - start, write_interval):.12g}")
     clock = time.monotonic()
     noted = clock
     cpu = 0.0  # s of all ranks
@@ -113,7 +110,7 @@ def solve(case: Path, interval: Interval, handover: float, numerics: Numerics, r
             try:
                 for line in process.stdout:
                     output.write(line)
-                    watchdog.fed()
+                    watchdog.reset()
                     cause = guard.verdict(line)
                     if cause:
                         raise stopped(cause)
@@ -131,31 +128,31 @@ def solve(case: Path, interval: Interval, handover: float, numerics: Numerics, r
                 ranks.withdraw(case)
                 note()
     code = process.wait()
-    if watchdog.barked:
-        guard.remedy = "look at the machine, then run make again to go on"
-        raise stopped(f"the solver has said nothing for {SILENCE / 60:g} minutes")
+    if watchdog.expired:
+        guard.remedy = "check the machine, then run make again to resume"
+        raise stopped(f"the solver has written nothing for {SILENCE / 60:g} minutes")
     if code != 0:
         raise failed(case, guard)
     # of a flow without a body nothing is sampled, and no energy guarded (tests/studies/validation)
-    sampled = sampled_until(case) + 2.5 * numerics.time_step if guard.energy else interval.end
+    sampled = sampled_until(case) + 2.5 * time_step if guard.energy else interval.end
     until = min(sampled, first_damaged(case))
     if until < interval.end:
         check_room(case)
         raise StageError(
             f"{case / 'postProcessing'}: what the solver has sampled is cut off at {until:g} s, as by a full disk;"
-            " run make again: it goes on before that time"
+            " run make again: it resumes before that time"
         )
-    if cause := guard.look(ended=True):
+    if cause := guard.check_energy(ended=True):
         raise stopped(cause)
     for table in [log, *(case / "postProcessing").glob("*/*/*.dat")]:
         settle(
             table
-        )  # a power cut must not shorten what is said to be complete; fields and samples show that they are cut
+        )  # a power cut must not shorten these files once the interval counts as complete; cut fields and samples are detected
     note(ended=True)
 
 
 def failed(case: Path, guard: Guard) -> StageError:
-    """What to say of a solver that ended by itself: numbers that overflowed are a run gone wrong, not a defect.
+    """The error for a solver that ended by itself: numbers that overflowed are a run gone wrong, not a defect.
 
     OSError where its disk is full.
     """

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from fileio.atomic import write_text
 from fileio.cost import Spent
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
+from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.sweep import read_sweep
 from fileio.lock import only_one
 from fileio.provenance import versions
@@ -21,42 +21,30 @@ from pipeline.openfoam.displacement_files import remove_frames, steps_of
 from pipeline.openfoam.environment import foam_version
 from pipeline.openfoam.ranks import LEAST_CELLS, Ranks
 from pipeline.run.checkpoint import last_checkpoint
-from pipeline.run.checks import energy_from_nothing, guards_of
+from pipeline.run.energy import energy_from_nothing
+from pipeline.run.guards import guard_of
 from pipeline.run.prepare import case_state, prepare, prepared_for
 from pipeline.run.results import collect_results, copies_of
 from pipeline.run.solver import BAR, read_progress, solve
 from pipeline.scene.scene import Scene
 
 
-def useful_ranks(scene: Scene, intervals: tuple[Interval, ...], ranks: int, quiet: bool) -> int:
-    """`ranks`, or fewer where a mesh is too small for them."""
-    sizes = [read_sweep(scene.out, interval.name).sizes["cell"] for interval in intervals]
-    useful = max(1, min(ranks, min(sizes) // LEAST_CELLS))
-    if useful < ranks and not quiet:
-        print(f"run: {min(sizes)} cells are too few for {ranks} ranks; {useful} used")
-    return useful
-
-
-def begun_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Ranks:
-    """`ranks`, or those of an interrupted run that can be gone on with: its fields lie in its ranks' files.
+def resumable_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Ranks:
+    """The ranks of an interrupted run where it can be resumed, whose fields lie in the files of its ranks; else `ranks`.
 
     `case` is the folder of the first interval, whose mesh is `moving` or not: the others follow it.
     """
-    began = prepared_for(case)
-    earlier = Ranks(began.get("ranks", 0), bool(began.get("collated", False)))
-    if began != case_state(case, earlier) or earlier == ranks:
+    state = prepared_for(case)
+    earlier = Ranks(state.get("ranks", 0), bool(state.get("collated", False)))
+    if state != case_state(case, earlier) or earlier == ranks:
         return ranks
     if last_checkpoint(case, earlier, moving) is None:
         return ranks
     if not quiet:
         print(
-            f"run: goes on with the {_words(earlier)} it began with, not {_words(ranks)} (remove {case.parent} to begin anew)"
+            f"run: resumes with {earlier}, not {ranks} (remove {case.parent} to start again from the beginning)"
         )
     return earlier
-
-
-def _words(ranks: Ranks) -> str:
-    return f"{ranks.count} ranks" + (", collated," if ranks.collated else "")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
         collated: bool = False) -> Spent:  # fmt: skip
-    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns what earlier runs spent.
+    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns the cost of the earlier, interrupted runs.
 
     `collated`: the ranks share their files.
     """
@@ -79,36 +67,47 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     hosts = hosts and hosts.resolve()  # the solver runs in another folder
     version = foam_version()
     earlier = Spent()
-    case, end, step = scene.out / "case", scene.motion.end_time, scene.numerics.time_step
-    intervals = read_intervals(scene.out)
-    guards = guards_of(scene, intervals)
-    with only_one(case):
-        useful = useful_ranks(scene, intervals, ranks, quiet)
-        layout = begun_ranks(
-            case / intervals[0].name, intervals[0].moving, Ranks(useful, collated and useful > 1), quiet
-        )
+    out, end, step = scene.out, scene.motion.end_time, scene.numerics.time_step
+    intervals = read_intervals(out)
+    depth = scene.finger.width * (1.0 if scene.model.kind in ("2d", "full") else 0.5)
+    fluid = scene.fluid.density, scene.fluid.kinematic_viscosity
+    try:
+        guards = [guard_of(out, i, step, scene.numerics.max_courant, depth, *fluid) for i in intervals]
+    except StageError:
+        raise
+    except ValueError as error:
+        raise StageError(f"{scene.folder / 'scene.toml'}: {error}") from None
+    cells = [read_sweep(out, interval.name).sizes["cell"] for interval in intervals]
+    cases = [out / "case" / interval.name for interval in intervals]
+    with only_one(out / "case"):
+        useful = max(1, min(ranks, min(cells) // LEAST_CELLS))
+        if useful < ranks and not quiet:
+            print(f"run: {min(cells)} cells are too few for {ranks} ranks; {useful} used")
+        layout = resumable_ranks(cases[0], intervals[0].moving, Ranks(useful, collated and useful > 1), quiet)
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver", bar_format=BAR) as bar:
-            handovers = [*(interval.begin(step) for interval in intervals[1:]), end]
-            for interval, handover, guard in zip(intervals, handovers, guards, strict=True):
-                folder = case / interval.name
-                prepare(scene, intervals, interval, layout, quiet)
-                before = read_progress(folder)
+            handovers = [*(interval.begin for interval in intervals[1:]), end]
+            for interval, case, handover, guard in zip(intervals, cases, handovers, guards, strict=True):
+                prepare(out, intervals, interval, layout, step, quiet)
+                before = read_progress(case)
                 earlier += Spent(before["wall_time"], before["cpu_time"])
-                solve(folder, interval, handover, scene.numerics, layout, hosts, bar, guard)
-                for place in layout.folders(folder):
-                    remove_frames(place)
+                solve(
+                    case, interval, handover, step, scene.numerics.write_interval, layout, hosts, bar, guard
+                )
+                for folder in layout.folders(case):
+                    remove_frames(folder)
                 bar.update(interval.end - bar.n)
-        spent = [read_progress(case / interval.name) for interval in intervals]
+        spent = [read_progress(case) for case in cases]
         record: dict[str, Any] = {
             "wall_time": round(sum(float(s["wall_time"]) for s in spent), 2),
             "resumed": [at for s in spent for at in s["resumed"]],
         }
-        summary = collect_results(scene, intervals, scene.out / "run")
-        power = np.loadtxt(scene.out / "run" / "power.csv", delimiter=",", skiprows=1, ndmin=2)
-        copies = copies_of(read_planform(scene.out, intervals[0].mesh))
-        summary["power_balance"]["from_nothing_fraction"] = energy_from_nothing(power, guards, copies)
+        summary = collect_results(out, intervals, cells, *fluid)
+        power = np.loadtxt(out / "run" / "power.csv", delimiter=",", skiprows=1, ndmin=2)
+        copies = copies_of(read_planform(out, intervals[0].mesh))
+        budgets = [guard.energy.budget for guard in guards if guard.energy]
+        summary["power_balance"]["from_nothing_fraction"] = energy_from_nothing(power, budgets, copies)
     write_text(
-        scene.out / "run" / "run.json",
+        out / "run" / "run.json",
         json.dumps(
             {
                 "format": "run",

@@ -21,8 +21,7 @@ from fileio.formats.sweep import read_sweep
 from pipeline.case import numbers_text
 from pipeline.openfoam.foamfile import is_complete
 from pipeline.openfoam.ranks import Ranks
-from pipeline.run import checks as supervise
-from pipeline.run import solver
+from pipeline.run import guards, solver
 from pipeline.run import stage as run_stage
 from pipeline.run.guards import Guard
 from pipeline.run.prepare import prepare as lay_frames
@@ -136,12 +135,12 @@ def test_collated_files_give_the_same_forces_to_the_last_digit(prepared, tmp_pat
     assert [p.name for p in case.glob("processor*")] == ["processors2"]
     assert not list(case.glob("*/*/wantedDisplacement*"))
 
-    class Stop(supervise.Guard):
+    class Stop(guards.Guard):
         def verdict(self, line):
             return super().verdict(line) or ("test" if self.time >= 0.026 else None)
 
     with monkeypatch.context() as patch:
-        patch.setattr(supervise, "Guard", Stop)
+        patch.setattr(guards, "Guard", Stop)
         with pytest.raises(StageError, match="by a guard: test"):
             run_stage.run(stopped, quiet=True, ranks=2, collated=True)
     before = read_progress(stopped.out / "case" / "interval_0")
@@ -200,12 +199,12 @@ def test_a_run_stopped_again_and_again_ends_with_the_same_forces(tmp_path, monke
     run_stage.run(scene, quiet=True)
     for stop in (0.006, 0.036, 0.035):
 
-        class Stop(supervise.Guard):
+        class Stop(guards.Guard):
             def verdict(self, line, stop=stop):
                 return super().verdict(line) or ("test" if self.time >= stop else None)
 
         with monkeypatch.context() as patch:
-            patch.setattr(supervise, "Guard", Stop)
+            patch.setattr(guards, "Guard", Stop)
             with pytest.raises(StageError, match="by a guard: test"):
                 run_stage.run(stopped, quiet=True)
     before = read_progress(stopped.out / "case" / "interval_0")
@@ -243,14 +242,15 @@ def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
     velocity = re.sub(r"gap( +)\{[^}]*\}", r"gap\1{ type zeroGradient; }", velocity)
     (case / "0" / "U").write_text(velocity)
     intervals = read_intervals(scene.out)
-    lay_frames(scene, intervals, intervals[0], Ranks(), quiet=True)
+    lay_frames(scene.out, intervals, intervals[0], Ranks(), scene.numerics.time_step, quiet=True)
     text = (case / "system" / "fvSolution").read_text()
     text = re.sub(r"(relTol +)[\d.]+;", r"\g<1>0;", re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-12;", text))
     (case / "system" / "fvSolution").write_text(text)
     with tqdm(total=1.0, disable=True) as bar:
         solver.solve(
-            case, intervals[0], 0.02, scene.numerics, Ranks(), None, bar, Guard(scene.numerics.max_courant)
-        )
+            case, intervals[0], 0.02, scene.numerics.time_step, scene.numerics.write_interval, Ranks(), None, bar,
+            Guard(scene.numerics.max_courant),
+        )  # fmt: skip
     field = vectors(case / "0.02" / "U")
     assert (
         np.abs(field - [0.3, 0.1, 0.0]).max() < 1e-8

@@ -72,7 +72,7 @@ def step_seconds(folder: Path) -> dict[str, float]:
 def to_the_middle(scene: Scene, ranks: Ranks) -> Path:
     """The case solved to MIDDLE on some ranks."""
     intervals = read_intervals(scene.out)
-    prepare(scene, intervals, intervals[0], ranks, quiet=True)
+    prepare(scene.out, intervals, intervals[0], ranks, scene.numerics.time_step, quiet=True)
     folder = scene.out / "case" / intervals[0].name
     set_number(folder, "startTime", time_name(0.0))
     set_number(folder, "endTime", f"{MIDDLE:g}")

@@ -76,13 +76,14 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
     solution = re.sub(r"maxIter +\d+;", "", solution)
     (folder / "system" / "fvSolution").write_text(solution)
     (folder / "system" / "functions").write_text("// no body, no forces\n")
-    prepare(scene, intervals, intervals[0], Ranks(), quiet)
+    prepare(scene.out, intervals, intervals[0], Ranks(), scene.numerics.time_step, quiet)
     with tqdm(disable=True) as bar:
         solve(
             folder,
             intervals[0],
             scene.motion.end_time,
-            scene.numerics,
+            scene.numerics.time_step,
+            scene.numerics.write_interval,
             Ranks(),
             None,
             bar,

@@ -23,5 +23,5 @@ def test_a_field_is_written_into_its_template_and_read_back(tmp_path, name, shap
 
 def test_another_file_is_refused(tmp_path):
     (tmp_path / "nonsense").write_text("nonsense")
-    with pytest.raises(StageError, match="no field"):
+    with pytest.raises(StageError, match="not an OpenFOAM field"):
         read_field(tmp_path / "nonsense", 7)

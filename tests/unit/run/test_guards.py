@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fileio.errors import StageError
-from pipeline.run.energy import ENERGY_TOLERANCE, Budget, EnergyGuard, energy_budget
-from pipeline.run.guards import HALVE, Guard, Watchdog
+from pipeline.run.energy import ENERGY_TOLERANCE, HALVE, Budget, EnergyGuard, energy_budget
+from pipeline.run.guards import Guard, Watchdog
 from pipeline.scene.limits import check_courant, estimated_cells
 from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT, write_scene
@@ -132,7 +132,7 @@ def test_an_impulsive_start_is_known_from_the_walls_motion_and_not_held_against_
     smooth = square()[None] + np.stack([0.3 * steps**3 / steps[-1] ** 2, 0 * steps], -1)[:, None]
     sudden = square()[None] + np.stack([0.3 * steps, 0 * steps], -1)[:, None]
     for positions, allowed in ((smooth, False), (sudden, True)):
-        budget = energy_budget(positions, 0.0, 1e-3, 0.03, 1000.0)
+        budget = energy_budget(positions, steps, 0.03, 1000.0)
         energy = 0.5 * 1000 * 0.3**2 * 0.02**2 * 0.03
         assert (budget.add(2e-3, 0.0, energy, 0.0) is None) == allowed
         assert (
@@ -153,15 +153,14 @@ def test_samples_are_read_as_they_come_and_a_cut_line_waits(tmp_path):
         seen.append(path.parent.name)
         return 1.0
 
-    rule = Budget(1e-9)
-    guard = EnergyGuard(tmp_path, 1000.0, 1e-6, rate, rule, rule)
-    assert guard.look() is None
+    guard = EnergyGuard(tmp_path, 1000.0, 1e-6, Budget(1e-9), work_rate=rate)
+    assert guard.check() is None
     volumes.write_text("# Time\n0.002\t1e-6 0 0\n0.004\t2e-6 0 0\n0.006\t1")
-    assert guard.look() is None
+    assert guard.check() is None
     assert seen == ["0.002"]  # the second may still be without its surface
     volumes.write_text("# Time\n0.002\t1e-6 0 0\n0.004\t2e-6 0 0\n0.006\t1.0 0 0\n")
-    assert guard.look() is None
-    assert "500 J of kinetic energy" in guard.look(ended=True)
+    assert guard.check() is None
+    assert "500 J of kinetic energy" in guard.check(ended=True)
     assert seen == ["0.002", "0.004", "0.006"]
 
 
@@ -172,9 +171,10 @@ def test_a_resumed_run_begins_with_the_energy_it_finds(tmp_path):
     for name in ("0.302", "0.304", "0.306"):
         (tmp_path / "fingerSurface" / name).mkdir(parents=True)
         (tmp_path / "fingerSurface" / name / "finger.vtk").touch()
-    rule = Budget(1e-9)
-    guard = EnergyGuard(tmp_path, 2.0, 0.0, lambda path, density: 0.0, rule, rule, from_rest=False)
-    assert "1.2 J of kinetic energy and has dissipated 0 J, 0.21 J more" in guard.look(ended=True)
+    guard = EnergyGuard(
+        tmp_path, 2.0, 0.0, Budget(1e-9), from_rest=False, work_rate=lambda path, density: 0.0
+    )
+    assert "1.2 J of kinetic energy and has dissipated 0 J, 0.21 J more" in guard.check(ended=True)
 
 
 def test_the_resolved_dissipation_of_the_samples_is_held_against_the_work(tmp_path):
@@ -186,26 +186,24 @@ def test_the_resolved_dissipation_of_the_samples_is_held_against_the_work(tmp_pa
         (tmp_path / "fingerSurface" / name).mkdir(parents=True)
         (tmp_path / "fingerSurface" / name / "finger.vtk").touch()
     for viscosity, found in ((1e-3, True), (0.0, False)):
-        energy = EnergyGuard(
-            tmp_path, 1000.0, viscosity, lambda path, density: 0.0, Budget(1e-2), Budget(1e-2)
-        )
+        energy = EnergyGuard(tmp_path, 1000.0, viscosity, Budget(1e-2), work_rate=lambda path, density: 0.0)
         guard = Guard(20.0, energy)
-        cause = guard.look(ended=True)
+        cause = guard.check_energy(ended=True)
         assert (
             "does not close: the water has 0.0005 J of kinetic energy and has dissipated 0.6 J" in str(cause)
         ) == found
         assert (guard.remedy == HALVE) == found
 
 
-def test_the_watchdog_barks_once_when_nothing_is_heard():
+def test_the_watchdog_acts_once_when_nothing_is_written():
     heard = []
     with Watchdog(0.2, lambda: heard.append(1)) as dog:
         for _ in range(6):
             time.sleep(0.02)
-            dog.fed()
-        assert not dog.barked
+            dog.reset()
+        assert not dog.expired
         deadline = time.monotonic() + 20
-        while not dog.barked and time.monotonic() < deadline:
+        while not dog.expired and time.monotonic() < deadline:
             time.sleep(0.05)
     assert heard == [1]
 
