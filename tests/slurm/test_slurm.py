@@ -41,6 +41,13 @@ edge, tiny, run, 1, yes, 1e-3, , 0.1, 0.01
 CUT_OFF = 0.02  # s of flow: the checkpoint after which the solver's job is cut off
 # Slurm here keeps no accounts to ask for the state of a job
 FLAGS = "--latency-wait 30 --slurm-status-command squeue --slurm-init-seconds-before-status-checks 10"
+# Enough cells for two ranks, enough steps that the solver is at work for minutes; images and PIV are small.
+LONG = """
+[levels.draft]
+numerics = { time_step = 5e-4, write_interval = 0.02 }
+camera = { columns = 320, rows = 256, centre = [0.01, 0.185] }
+piv = { every = 10, preset = "fast" }
+"""
 FOLDER = ROOT / "cases" / "slurm_test"
 
 
@@ -73,11 +80,11 @@ def scene():
     shutil.rmtree(FOLDER, ignore_errors=True)
     FOLDER.mkdir(parents=True)
     (FOLDER / "scene.toml").write_text(
-        TINY.format(parent="../single_finger", kind="2d", more="", numerics=""), encoding="utf-8"
+        TINY.format(parent="../single_finger", kind="2d", more="", numerics="") + LONG, encoding="utf-8"
     )
     for name in ("kinematics", "reference"):
         (FOLDER / name).symlink_to(f"../single_finger/{name}")
-    yield load_scene(Path("cases/slurm_test"), "coarse")
+    yield load_scene(Path("cases/slurm_test"), "draft")
     shutil.rmtree(FOLDER)
 
 
@@ -130,9 +137,10 @@ def test_a_scene_cut_off_by_its_limit_is_submitted_again_and_ends(slurm, scene):
         "make",
         "--no-print-directory",
         "slurm_test",
-        "LEVEL=coarse",
+        "LEVEL=draft",
         "NP=2",
         "SLURM=1",
+        "MINUTES=60",
         f"SNAKEFLAGS={FLAGS}",
     ]
     env = {key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")}
@@ -153,7 +161,7 @@ def test_a_scene_cut_off_by_its_limit_is_submitted_again_and_ends(slurm, scene):
         for line in text.splitlines()
         if "submitted" in line or "rror in rule" in line or "steps (" in line
     ]
-    note("make slurm_test LEVEL=coarse NP=2 SLURM=1", "\n".join([told, *lines]))
+    note("make slurm_test LEVEL=draft NP=2 SLURM=1", "\n".join([told, *lines]))
     assert code == 0, text[-3000:]
     record = json.loads((scene.out / "run" / "run.json").read_text())
     kept = ("level", "cells", "steps", "ranks", "resumed", "wall_time")
