@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ import xarray as xr
 from fileio.formats.plane_series import provenance
 from piv.correlation import passes, prefilter
 from piv.correlation.buffers import image_buffers
-from piv.correlation.deform import Image, Nodes
+from piv.correlation.deform import Nodes
 from piv.correlation.fft_pass import window_maps
 from piv.correlation.options import Options
 from piv.correlation.pair_images import Prepared
@@ -54,33 +55,17 @@ def correlate_pair(a: Any, b: Any, *, mask: Any = None, **options: Any) -> xr.Da
 
 def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
     """`correlate_pair` of prepared images."""
-    held: dict[int, list[Image]] = {}
-    seen = both_seen(images.seen)
+    full = images.images(1)
 
-    def maps_of(columns, rows, shift_x, shift_y, size):
-        half, _ = images.at(2)
-        return window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
-
-    def at(factor: int) -> list[Image]:
-        if factor not in held:
-            held[factor] = images.images(factor)
-        return held[factor]
-
-    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:
-        a, b = at(nodes.factor)
-        a.filter(kernel)
-        b.filter(kernel)
-        return nodes.moments(a, b, dx, dy)
-
-    def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx: np.ndarray, dy: np.ndarray) -> tuple | None:
-        moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
-        return prefilter.radial_spectra(passes.strip_spectra(nodes, at(1), moves, seen, kernel))
+    def spectra_of(*where: Any) -> tuple | None:
+        return prefilter.radial_spectra(pair_powers(images, *where))
 
     def reseed(nodes: Nodes, vectors: Displacements) -> Displacements:
         vectors = passes.reseed(nodes, images.pixels, vectors, settings)
-        return measure_steep_regions(nodes, held[1], vectors, settings)
+        return measure_steep_regions(nodes, full, vectors, settings)
 
     x, y, keep = node_axes(images.shape, settings)
+    maps_of, cells_of = partial(pair_maps, images), partial(pair_cells, images)
     half_seen = both_seen(images.at(2)[1])
     vectors, nodes = run_passes(
         images.shape, x, y, half_seen, settings, maps_of, cells_of, spectra_of, reseed
@@ -88,14 +73,34 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
     errors = errors_of(nodes, vectors, settings)
     small = window_too_large(vectors, errors)
     if small.any():
-        new = measure_small_windows(nodes, held[1], vectors, small, settings)
+        new = measure_small_windows(nodes, full, vectors, small, settings)
         errors = errors.replaced(small, errors_of(nodes, new, settings))
         vectors = vectors.replaced(small, new)
-    vectors = measure_steep_regions(nodes, held[1], vectors, settings, final=True)
+    vectors = measure_steep_regions(nodes, full, vectors, settings, final=True)
     if vectors.steep is not None:
         errors = errors.in_small_window(vectors.steep & ~small)
     vectors.known[unresolved_in_small_window(small, errors)] = False
     return to_dataset(vectors, errors, x, y, keep, images.shape, settings)
+
+
+def pair_maps(images: Prepared, columns, rows, shift_x, shift_y, size: int) -> np.ndarray:
+    """`window_maps` of a pair at half resolution."""
+    half, _ = images.at(2)
+    return window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
+
+
+def pair_cells(images: Prepared, nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> np.ndarray:
+    """`Nodes.moments` of a pair that is filtered by `kernel`."""
+    a, b = images.images(nodes.factor)
+    a.filter(kernel)
+    b.filter(kernel)
+    return nodes.moments(a, b, dx, dy)
+
+
+def pair_powers(images: Prepared, nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> list[prefilter.Powers]:
+    """`strip_spectra` of a pair that is warped half-way along (dx, dy)."""
+    moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
+    return passes.strip_spectra(nodes, images.images(1), moves, both_seen(images.seen), kernel)
 
 
 def both_seen(seen: list[np.ndarray | None]) -> np.ndarray | None:

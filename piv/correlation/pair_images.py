@@ -85,6 +85,7 @@ class Prepared:
                     f"image {k + 1} is of one grey level where it is not masked; there is nothing to correlate"
                 )
         self.pixels = [np.multiply(p, np.float32(1 / energy), out=p) if energy > 0 else p for p in pixels]
+        self._images: dict[int, list[Image]] = {}
         self._half: tuple[list[np.ndarray], list[np.ndarray | None]] | None = None
 
     def at(self, factor: int) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
@@ -108,5 +109,7 @@ class Prepared:
         return pixels, seen
 
     def images(self, factor: int) -> list[Image]:
-        """The images at one resolution, not yet filtered."""
-        return [Image(p, s, self.new) for p, s in zip(*self.at(factor), strict=True)]
+        """The images at one resolution, to be filtered before they are sampled."""
+        if factor not in self._images:
+            self._images[factor] = [Image(p, s, self.new) for p, s in zip(*self.at(factor), strict=True)]
+        return self._images[factor]

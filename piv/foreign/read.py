@@ -49,10 +49,10 @@ def to_plane(
     with y down need `image_rows`, the height of the image, because 0 is to be its bottom row. ValueError names
     the missing option, and refuses an option that contradicts the file.
     """
-    length = _told(name, "--length-unit", found.length_unit, length_unit, [*LENGTHS, "px"])
+    length = _agreed(name, "--length-unit", found.length_unit, length_unit, [*LENGTHS, "px"])
     speeds = [*VELOCITIES, "px/frame", *(f"{u}/frame" for u in LENGTHS)]
-    velocity = _told(name, "--velocity-unit", found.velocity_unit, velocity_unit, [*speeds, "px/s"])
-    direction = _told(name, "--y-axis", found.y_axis, y_axis, ["up", "down"])
+    velocity = _agreed(name, "--velocity-unit", found.velocity_unit, velocity_unit, [*speeds, "px/s"])
+    direction = _agreed(name, "--y-axis", found.y_axis, y_axis, ["up", "down"])
 
     def factor(unit: str) -> float:
         if unit != "px":
@@ -86,7 +86,7 @@ def to_plane(
     return make_plane(x, y, u, v, valid=valid, flag=np.ascontiguousarray(flag, np.uint8))
 
 
-def _told(name: str, option: str, stated: str | None, given: str | None, known: Sequence[str]) -> str:
+def _agreed(name: str, option: str, stated: str | None, given: str | None, known: Sequence[str]) -> str:
     if stated and given and stated != given:
         raise ValueError(f"{name}: {option} {given} contradicts the file, which states {stated}")
     value = stated or given

@@ -15,10 +15,16 @@ from fileio.formats.plane_series import provenance
 from fileio.formats.resumable import SeriesWriter
 from piv.correlation import passes, prefilter
 from piv.correlation.deform import Nodes
-from piv.correlation.fft_pass import window_maps
-from piv.correlation.newton_step import MOMENTS
 from piv.correlation.options import Options
-from piv.correlation.pair import both_seen, node_axes, run_passes, to_dataset
+from piv.correlation.pair import (
+    both_seen,
+    node_axes,
+    pair_cells,
+    pair_maps,
+    pair_powers,
+    run_passes,
+    to_dataset,
+)
 from piv.correlation.pair_images import Prepared
 from piv.correlation.uncertainty import errors_of
 from piv.images.preprocess import Preprocessor
@@ -60,30 +66,14 @@ def correlate_ensemble(
             yield images
             bar.update()
 
-    def maps_of(columns, rows, shift_x, shift_y, size):
-        total = None
-        for images in each():
-            half, _ = images.at(2)
-            maps = window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
-            total = maps if total is None else np.add(total, maps, out=total)
-        return total
+    def maps_of(*where: Any) -> np.ndarray:
+        return summed(pair_maps(images, *where) for images in each())
 
-    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> np.ndarray:
-        total = np.zeros((MOMENTS, *nodes.cell_shape), np.float32)
-        for images in each():
-            a, b = images.images(nodes.factor)
-            a.filter(kernel)
-            b.filter(kernel)
-            total += nodes.moments(a, b, dx, dy)
-        return total
+    def cells_of(*where: Any) -> np.ndarray:
+        return summed(pair_cells(images, *where) for images in each())
 
-    def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> tuple | None:
-        moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
-        powers = []
-        for images in each():
-            seen = both_seen(images.seen)
-            powers += passes.strip_spectra(nodes, images.images(1), moves, seen, kernel)
-        return prefilter.radial_spectra(powers)
+    def spectra_of(*where: Any) -> tuple | None:
+        return prefilter.radial_spectra([p for images in each() for p in pair_powers(images, *where)])
 
     def reseed(nodes: Nodes, vectors: passes.Displacements) -> passes.Displacements:
         return passes.reseed(nodes, first.pixels, vectors, settings)
@@ -93,6 +83,15 @@ def correlate_ensemble(
     bar.close()
     # the share of usable pixels is that of all pairs together
     return to_dataset(vectors, errors_of(nodes, vectors, settings), x, y, keep, shape, settings)
+
+
+def summed(arrays: Iterable[np.ndarray]) -> np.ndarray:
+    """Sum of arrays, in the first of them."""
+    arrays = iter(arrays)
+    total = next(arrays)
+    for array in arrays:
+        total += array
+    return total
 
 
 def prepared(load: Callable[[int], Pair], index: int, options: Options) -> Prepared:

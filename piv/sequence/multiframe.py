@@ -46,7 +46,6 @@ def correlate_frames(
     x, y, keep = node_axes(images.shape, settings)
     acceleration = np.zeros((2, y.size, x.size), np.float32)
     work = {f: np.empty((2, images.shape[0] // f, images.shape[1] // f), np.float32) for f in (1, 2)}
-    held: dict[int, list] = {}
     calls = {1: 0, 2: 0}
 
     def maps_of(columns, rows, shift_x, shift_y, size):
@@ -57,14 +56,10 @@ def correlate_frames(
         ]
         return both[0] + both[1]
 
-    def at(factor: int) -> list:
-        if factor not in held:
-            held[factor] = images.images(factor)
-        return held[factor]
-
     def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> np.ndarray:
         f = nodes.factor
-        for image in at(f):
+        held = images.images(f)
+        for image in held:
             image.filter(kernel)
         # a wider set multiplies the error of the vectors it starts from: widen it as they improve
         near = 1 if f == 2 else min(1 + calls[1], reach)
@@ -76,14 +71,14 @@ def correlate_frames(
             t = instants[k]
             for axis, moved in enumerate(paths(dx, dy, x, y, acceleration, float(t))):
                 nodes.dense(moved, work[f][axis])
-            held[f][k].warp(work[f][0], work[f][1], 1.0, weight[k], False)
+            held[k].warp(work[f][0], work[f][1], 1.0, weight[k], False)
         total = np.zeros((MOMENTS, *nodes.cell_shape), np.float32)
         bent = np.zeros((5, *nodes.cell_shape), np.float32)
         cells = np.empty_like(total)
         for i in used:
             for j in range(i + 1, used[-1] + 1):
                 n = float(instants[j] - instants[i])
-                cell_moments(held[f][i].warped, held[f][j].warped, weight[i] * weight[j], cells)
+                cell_moments(held[i].warped, held[j].warped, weight[i] * weight[j], cells)
                 # the pair sees n d + m a; the straight-line fit weighs its gradient with n, coherence its noise
                 trust = np.float32(coherence_weight(cells))
                 cells[:8] *= trust
@@ -109,7 +104,7 @@ def correlate_frames(
             acceleration[axis] += np.where(ok, np.clip(step, -0.25, 0.25), 0)
 
     def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> tuple | None:
-        pair = [at(1)[reach - 1], at(1)[reach + 1]]
+        pair = images.images(1)[reach - 1 : reach + 2 : 2]
         moves = [(*paths(dx, dy, x, y, acceleration, t), 1.0) for t in (-1.0, 1.0)]
         return prefilter.radial_spectra(passes.strip_spectra(nodes, pair, moves, both, kernel))
 
