@@ -9,19 +9,23 @@ from typing import TYPE_CHECKING, Any
 from fileio import __version__
 
 if TYPE_CHECKING:
-    from fileio.formats.plane_series import read_plane, write_plane
-    from piv.correlation.options import Options
-    from piv.correlation.pair import correlate_pair
-    from piv.foreign.read import read_vectors
-    from piv.foreign.write import write_vectors
-    from piv.images.calibration import Calibration, calibrate_plane, load_calibration
-    from piv.images.open_recording import open_recording
-    from piv.sequence.ensemble import correlate_ensemble
-    from piv.sequence.multiframe import correlate_frames
-    from piv.sequence.sequence import SequenceOptions, correlate_recording
-    from piv.vortices.find import find_vortices
-    from piv.vortices.settings import VortexSettings
-    from piv.vortices.table import tabulate_vortices
+    from fileio.formats.plane_series import read_plane as read_plane
+    from fileio.formats.plane_series import write_plane as write_plane
+    from piv.correlation.options import Options as Options
+    from piv.correlation.pair import correlate_pair as correlate_pair
+    from piv.foreign.read import read_vectors as read_vectors
+    from piv.foreign.write import write_vectors as write_vectors
+    from piv.images.calibration import Calibration as Calibration
+    from piv.images.calibration import calibrate_plane as calibrate_plane
+    from piv.images.calibration import load_calibration as load_calibration
+    from piv.images.open_recording import open_recording as open_recording
+    from piv.sequence.ensemble import correlate_ensemble as correlate_ensemble
+    from piv.sequence.multiframe import correlate_frames as correlate_frames
+    from piv.sequence.sequence import SequenceOptions as SequenceOptions
+    from piv.sequence.sequence import correlate_recording as correlate_recording
+    from piv.vortices.find import find_vortices as find_vortices
+    from piv.vortices.settings import VortexSettings as VortexSettings
+    from piv.vortices.table import tabulate_vortices as tabulate_vortices
 
 _MODULES = {
     "fileio.formats.plane_series": ("read_plane", "write_plane"),
@@ -39,27 +43,7 @@ _MODULES = {
     "piv.vortices.table": ("tabulate_vortices",),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
-
-__all__ = [
-    "Calibration",
-    "Options",
-    "SequenceOptions",
-    "VortexSettings",
-    "__version__",
-    "calibrate_plane",
-    "correlate_ensemble",
-    "correlate_frames",
-    "correlate_pair",
-    "correlate_recording",
-    "find_vortices",
-    "load_calibration",
-    "open_recording",
-    "read_plane",
-    "read_vectors",
-    "tabulate_vortices",
-    "write_plane",
-    "write_vectors",
-]
+__all__ = ["__version__", *_HOME]
 
 
 def __getattr__(name: str) -> Any:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import xarray as xr
@@ -24,7 +25,26 @@ from piv.sequence.ensemble import correlate_ensemble_to
 from piv.sequence.sequence import SequenceOptions, correlate_recording
 
 CHUNKS_PER_PROCESS = 4  # so that no process waits long for the last
-CAMERA = ("scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz")
+
+
+@dataclass(frozen=True)
+class RecordingCamera:
+    """What is given in place of what the recording says."""
+
+    scale_m_per_px: Annotated[float | None, "metres per pixel, in place of the recording's"] = None
+    origin_x_px: Annotated[float | None, "x of the origin, px from the left, in place of the recording's"] = (
+        None
+    )
+    origin_y_px: Annotated[
+        float | None, "y of the origin, px up from the bottom, in place of the recording's"
+    ] = None
+    frame_rate_hz: Annotated[float | None, "frames per second, in place of the recording's"] = None
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            origin = name.startswith("origin")
+            if value is not None and not (np.isfinite(value) and (origin or value > 0)):
+                raise ValueError(f"{name} = {value:g}: give a {'finite' if origin else 'positive'} number")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,22 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=1,
         help="share the recording out over so many processes, and join their parts (default 1)",
     )
-    for name, text in zip(
-        CAMERA,
-        (
-            "metres per pixel",
-            "x of the origin, px from the left",
-            "y of the origin, px up from the bottom",
-            "frames per second",
-        ),
-        strict=True,
-    ):
-        parser.add_argument(
-            "--" + name.replace("_", "-"),
-            type=float,
-            default=argparse.SUPPRESS,
-            help=text + " (default: what the recording says)",
-        )
+    add_fields(parser, RecordingCamera)
     parser.add_argument(
         "--colour",
         choices=COLOURS,
@@ -82,9 +87,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Correlate and write."""
-    known = {f.name for kind in (Options, SequenceOptions) for f in fields(kind)}
-    given = merged(args, known | set(CAMERA) | {"ensemble", "colour"})
-    check_camera(given)
+    known = {f.name for kind in (Options, SequenceOptions, RecordingCamera) for f in fields(kind)}
+    given = merged(args, known | {"ensemble", "colour"})
+    build(RecordingCamera, given)
     chunk = parse(args.chunk) if args.chunk else None
     if args.processes < 1:
         raise ValueError(f"processes must be at least 1, got {args.processes}")
@@ -99,15 +104,6 @@ def run(args: argparse.Namespace) -> None:
         path = correlate(args, given, chunk)
     if not args.quiet:
         print(path)
-
-
-def check_camera(given: dict) -> None:
-    """ValueError where a number of the camera cannot be one."""
-    for name in CAMERA:
-        value = float(given.get(name, 1.0))
-        if not np.isfinite(value) or (value <= 0 and not name.startswith("origin")):
-            wanted = "a finite number" if name.startswith("origin") else "a positive number"
-            raise ValueError(f"{name} = {value:g}: give {wanted}")
 
 
 def share_out(args: argparse.Namespace) -> None:
@@ -140,7 +136,11 @@ def correlate(args: argparse.Namespace, given: dict, chunk: tuple[int, int] | No
     ) as recording:
         if len(recording) < 2:
             raise ValueError(f"{recording.name}: one frame is no pair; give two images or a recording")
-        recording.attrs |= {name: float(given[name]) for name in CAMERA[:3] if name in given}
+        recording.attrs |= {
+            name: float(given[name])
+            for name in ("scale_m_per_px", "origin_x_px", "origin_y_px")
+            if name in given
+        }
         if "scale_m_per_px" in given and recording.times is None:
             raise ValueError(
                 f"{recording.name}: scale_m_per_px gives m/s with the times of its frames; give frame_rate_hz too"

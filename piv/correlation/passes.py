@@ -111,11 +111,7 @@ Move = tuple[
 
 
 def strip_spectra(
-    nodes: Nodes,
-    images: list[Image],
-    moves: list[Move],
-    seen: np.ndarray | None,
-    kernel: prefilter.Kernel,
+    nodes: Nodes, images: list[Image], moves: list[Move], seen: np.ndarray | None, kernel: prefilter.Kernel
 ) -> list[prefilter.Powers]:
     """Cross and difference power of strips of two images, filtered by `kernel` and each warped by its move.
 

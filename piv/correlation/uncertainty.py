@@ -58,15 +58,7 @@ def errors_of(nodes: Nodes, v: Displacements, options: Options) -> Errors:
 
 
 def correlation_statistics(
-    nodes: Nodes,
-    cells,
-    sums,
-    step_x,
-    step_y,
-    sigma: float,
-    kept: float,
-    alike: float = 0.0,
-    few: float = FEW,
+    nodes: Nodes, cells, sums, step_x, step_y, sigma: float, kept: float, alike: float = 0.0, few: float = FEW
 ):
     """Variances (x, y, px²) of one measurement of each vector.
 

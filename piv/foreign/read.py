@@ -11,12 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from fileio.errors import one_line
-from fileio.formats.plane_series import (
-    FORMAT,
-    checked,
-    make_plane,
-    read_checked_plane,
-)
+from fileio.formats.plane_series import FORMAT, checked, make_plane, read_checked_plane
 from fileio.hdf5 import open_netcdf
 from fileio.json_text import natural_key
 from piv.foreign.vector_files import (

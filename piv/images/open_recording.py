@@ -30,10 +30,7 @@ __all__ = ["PAIRINGS", "Recording", "open_recording", "pairs", "row_to_y_px"]
 
 
 def open_recording(
-    source: str | Path | Sequence[str | Path],
-    *,
-    frame_rate_hz: float | None = None,
-    colour: str = "refuse",
+    source: str | Path | Sequence[str | Path], *, frame_rate_hz: float | None = None, colour: str = "refuse"
 ) -> Recording:
     """Open a recording for lazy reading.
 

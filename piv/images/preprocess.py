@@ -15,7 +15,7 @@ import numpy as np
 
 from piv.images.recording import Recording
 
-STEPS = ("background", "clahe", "highpass", "cap")
+STEPS = {"background": "min", "clahe": "64", "highpass": "8", "cap": "3"}  # and their default values
 BACKGROUND_FRAMES = 500  # of a longer recording, evenly chosen: more changes nothing that is visible
 
 
@@ -74,7 +74,7 @@ def parse_step(text: str) -> tuple[str, str]:
     name, _, value = text.partition("=")
     if name not in STEPS:
         raise ValueError(f"unknown pre-processing step {text!r}; known are {', '.join(STEPS)}")
-    value = value or {"background": "min", "clahe": "64", "highpass": "8", "cap": "3"}[name]
+    value = value or STEPS[name]
     if name != "background":
         try:
             float(value)

@@ -35,11 +35,7 @@ Pair = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
 
 
 def correlate_ensemble(
-    load: Callable[[int], Pair],
-    count: int,
-    *,
-    quiet: bool = True,
-    **options: Any,
+    load: Callable[[int], Pair], count: int, *, quiet: bool = True, **options: Any
 ) -> xr.Dataset:
     """Mean displacement of `count` pairs in px: correlations are summed over the pairs before peaks are sought.
 

@@ -18,12 +18,7 @@ from piv.correlation.pair_images import Prepared
 from piv.correlation.uncertainty import errors_of
 
 
-def correlate_frames(
-    frames: list[Any],
-    *,
-    mask: Any = None,
-    **options: Any,
-) -> xr.Dataset:
+def correlate_frames(frames: list[Any], *, mask: Any = None, **options: Any) -> xr.Dataset:
     """Displacement per frame interval at the middle frame of an odd number of equally spaced frames.
 
     Arguments and result as of `correlate_pair`; mask: one for all frames or one per frame. Every frame is warped to

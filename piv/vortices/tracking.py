@@ -50,11 +50,7 @@ class _Track:
         return f @ self.state, f @ p @ f.T + g @ g.T * (s.agility * a * frames / dt) ** 2
 
     def update(
-        self,
-        time: float,
-        vortex: Vortex,
-        predicted: tuple[np.ndarray, np.ndarray],
-        noise: np.ndarray,
+        self, time: float, vortex: Vortex, predicted: tuple[np.ndarray, np.ndarray], noise: np.ndarray
     ) -> None:
         state, p = predicted
         gain = p[:, :2] @ np.linalg.inv(p[:2, :2] + noise)
