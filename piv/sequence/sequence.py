@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -63,10 +63,9 @@ def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
 
 def correlate_set(images: list[np.ndarray], masks: list[Any], options: Options) -> xr.Dataset:
     """Vector field of a pair or a multi-frame set, in px per frame interval."""
-    correlate: Callable[..., xr.Dataset] = correlate_frames
     if len(images) == 2:
         return correlate_pair(*images, mask=masks, **asdict(options))
-    return correlate(images, mask=masks, **asdict(options))
+    return correlate_frames(images, mask=masks, **asdict(options))
 
 
 def correlate_recording(

@@ -7,9 +7,9 @@ import xarray as xr
 
 from piv.vortices.circulation import area_circulation, clear_radius, contour_circulation, distance_to_invalid
 from piv.vortices.criteria import gradients, vorticity
-from piv.vortices.joint_fit import Plane, fit_regions
+from piv.vortices.joint_fit import fit_regions
 from piv.vortices.lamb_oseen_fit import PEAK_SWIRL, Fit
-from piv.vortices.regions import find_candidates
+from piv.vortices.regions import Plane, find_candidates
 from piv.vortices.settings import VortexSettings
 from piv.vortices.vortex import Vortex
 
@@ -24,21 +24,10 @@ def find_vortices(
     neighbours taken along or taken off. Raises ValueError where the plane still has a time axis or an option is unknown.
     """
     s = _settings(settings, options)
-    p = _arrays(plane, s.weights)
+    p = plane_of(plane, s.weights)
     dx, dy = float(p.x[1] - p.x[0]), float(p.y[1] - p.y[0])
     g = gradients(p.u, p.v, p.valid, dx, dy, s.scheme)
-    candidates = find_candidates(
-        p.x,
-        p.y,
-        p.u,
-        p.v,
-        p.valid,
-        g,
-        stencil_radius=s.stencil_radius or 2 * max(dx, dy),
-        threshold=s.gamma2,
-        min_points=s.min_points,
-        max_elongation=s.max_elongation,
-    )
+    candidates = find_candidates(p, g, s)
     if not candidates:
         return []
     least = s.min_circulation
@@ -60,7 +49,8 @@ def _settings(settings: VortexSettings | None, options: dict[str, float | str]) 
     return VortexSettings(**(vars(base) | options))
 
 
-def _arrays(plane: xr.Dataset, weighting: str) -> Plane:
+def plane_of(plane: xr.Dataset, weighting: str) -> Plane:
+    """The arrays of a plane, with the weights of its vectors in the fit."""
     for name in ("u", "v"):
         if name not in plane or set(plane[name].dims) != {"y", "x"}:
             found = plane[name].dims if name in plane else "none"
@@ -90,32 +80,27 @@ def _arrays(plane: xr.Dataset, weighting: str) -> Plane:
 
 def _record(p: Plane, fit: Fit, omega: np.ndarray, distance: np.ndarray, n: int) -> Vortex:
     x, y, circulation, a = (float(q) for q in fit.vortices[0])
-    x_std, y_std, circulation_std, a_std = (
-        float(q) for q in np.sqrt(np.maximum(np.diag(fit.covariance)[:4], 0))
-    )
+    std = np.sqrt(np.maximum(np.diag(fit.covariance)[:4], 0))
     peak = PEAK_SWIRL * abs(circulation) / (2 * np.pi * a)
     slope = np.array([peak / circulation, -peak / a])
-    peak_std = float(np.sqrt(max(slope @ fit.covariance[2:4, 2:4] @ slope, 0.0)))
+    peak_std = np.sqrt(max(slope @ fit.covariance[2:4, 2:4] @ slope, 0.0))
     radius = clear_radius(distance, p.x, p.y, x, y, 2 * a)
-    room = radius >= 0.5 * a
-    gradient = fit.background[[1, 2, 4, 5]]
-    return Vortex(
+    integrals: tuple[float, ...] = (np.nan, np.nan, np.nan)
+    if radius >= 0.5 * a:
+        area = area_circulation(p.x, p.y, omega, x, y, radius)
+        integrals = area, contour_circulation(p.x, p.y, p.u, p.v, x, y, radius), radius
+    drift, gradient = fit.background[[0, 3]], fit.background[[1, 2, 4, 5]]
+    values = (
         x,
         y,
         circulation,
         a,
-        float(peak),
-        x_std,
-        y_std,
-        circulation_std,
-        a_std,
+        peak,
+        *std,
         peak_std,
-        area_circulation(p.x, p.y, omega, x, y, radius) if room else np.nan,
-        contour_circulation(p.x, p.y, p.u, p.v, x, y, radius) if room else np.nan,
-        radius if room else np.nan,
-        float(fit.background[0]),
-        float(fit.background[3]),
-        float(np.hypot.reduce(gradient)),
+        *integrals,
+        *drift,
+        np.hypot.reduce(gradient),
         fit.explained,
-        n,
     )
+    return Vortex(*map(float, values), n)  # type: ignore[arg-type]  # all but the last are floats

@@ -8,26 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from piv.vortices.lamb_oseen_fit import Fit, VelocitySamples, fit_vortices, lamb_oseen
-from piv.vortices.regions import seen_share
+from piv.vortices.regions import Plane, seen_share
 from piv.vortices.settings import VortexSettings
-
-
-class Plane(NamedTuple):
-    """Vectors of a plane on their grid: axes, components (NaN where absent), which are valid, and the fit's weights.
-
-    `noise_known`: weights are inverse variances.
-    """
-
-    x: np.ndarray
-    y: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
-    valid: np.ndarray
-    weight_u: np.ndarray
-    weight_v: np.ndarray
-    xx: np.ndarray
-    yy: np.ndarray
-    noise_known: bool
 
 
 class Fitted(NamedTuple):

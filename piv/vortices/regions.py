@@ -9,6 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from piv.vortices.criteria import Gradients, gamma2, q_criterion, swirling_strength, vorticity
+from piv.vortices.settings import VortexSettings
 
 # Of a Lamb-Oseen vortex, |Gamma2| > 2/pi, swirling strength > 0 and Q > 0 all bound r < 1.12 core radii, which holds
 # 71.5 % of its circulation.
@@ -16,6 +17,24 @@ REGION_RADIUS = 1.12
 REGION_PART = 0.715
 LEAST_SEEN = 0.3  # share of a disc below which it is not made up for what is hidden
 RADIUS_STEPS = 8  # the share changes slowly with the radius: each step leaves about a third of the error
+
+
+class Plane(NamedTuple):
+    """Vectors of a plane on their grid: axes, components (NaN where absent), which are valid, and the fit's weights.
+
+    `noise_known`: weights are inverse variances.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    valid: np.ndarray
+    weight_u: np.ndarray
+    weight_v: np.ndarray
+    xx: np.ndarray
+    yy: np.ndarray
+    noise_known: bool
 
 
 class Candidate(NamedTuple):
@@ -31,43 +50,32 @@ class Candidate(NamedTuple):
     points: int
 
 
-def find_candidates(
-    x: np.ndarray,
-    y: np.ndarray,
-    u: np.ndarray,
-    v: np.ndarray,
-    valid: np.ndarray,
-    g: Gradients,
-    *,
-    stencil_radius: float,
-    threshold: float,
-    min_points: int,
-    max_elongation: float,
-) -> list[Candidate]:
+def find_candidates(p: Plane, g: Gradients, s: VortexSettings) -> list[Candidate]:
     """Candidates on a regular grid, strongest first.
 
-    A region is connected points of one sense with |Gamma2| >= `threshold`, swirling strength > 0 and Q > 0. Its centre is
-    the mean position weighted with (|Gamma2| - threshold) times the swirling strength. Regions of less than `min_points`
-    points or longer than `max_elongation` times their width (shear layers) are left out.
+    A region is connected points of one sense with |Gamma2| >= `s.gamma2`, swirling strength > 0 and Q > 0. Its centre is
+    the mean position weighted with (|Gamma2| - s.gamma2) times the swirling strength. Regions of less than `s.min_points`
+    points or longer than `s.max_elongation` times their width (shear layers) are left out.
     """
+    x, y = p.x, p.y
     dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
-    size = gamma2(u, v, valid, dx, dy, stencil_radius)
+    size = gamma2(p.u, p.v, p.valid, dx, dy, s.stencil_radius or 2 * max(dx, dy))
     swirl, omega = swirling_strength(g), vorticity(g)
     inside = q_criterion(g) > 0
     found = []
     for sense in (1.0, -1.0):
-        region = (np.nan_to_num(sense * size) >= threshold) & (np.nan_to_num(sense * swirl) > 0) & inside
+        region = (np.nan_to_num(sense * size) >= s.gamma2) & (np.nan_to_num(sense * swirl) > 0) & inside
         labels, _n = ndimage.label(region, np.ones((3, 3)))
         for k, box in enumerate(ndimage.find_objects(labels), start=1):
             j, i = np.nonzero(labels[box] == k)
-            if j.size < min_points:
+            if j.size < s.min_points:
                 continue
             j, i = j + box[0].start, i + box[1].start
-            weight = (sense * size[j, i] - threshold + 1e-3) * np.abs(swirl[j, i])
-            if _elongation(x[i], y[j], dx, dy) > max_elongation:
+            weight = (sense * size[j, i] - s.gamma2 + 1e-3) * np.abs(swirl[j, i])
+            if _elongation(x[i], y[j], dx, dy) > s.max_elongation:
                 continue
             cx, cy = (float(np.average(q, weights=weight)) for q in (x[i], y[j]))
-            radius = _whole_radius(x, y, valid, cx, cy, j.size)
+            radius = _whole_radius(x, y, p.valid, cx, cy, j.size)
             circulation = float(omega[j, i].sum() * dx * dy / REGION_PART)
             found.append(Candidate(cx, cy, circulation, radius / REGION_RADIUS, int(j.size)))
     return sorted(found, key=lambda c: -abs(c.circulation))

@@ -12,6 +12,7 @@ import itertools
 import numpy as np
 
 from piv.vortices.criteria import gradients
+from piv.vortices.find import plane_of
 from piv.vortices.regions import REGION_RADIUS, Candidate, find_candidates
 from piv.vortices.settings import VortexSettings
 from tests.analytic.piv.tip_scene import young_scene
@@ -27,21 +28,9 @@ PLANES = (
 
 def region_of(plane, core: float, gap: float) -> Candidate | None:
     """The candidate whose centre is within a core radius of the vortex."""
-    u, v = (np.where(plane["valid"] > 0, plane[name], np.nan) for name in ("u", "v"))
-    x, y, valid = plane["x"].values, plane["y"].values, plane["valid"].values > 0
-    step, usual = float(x[1] - x[0]), VortexSettings()
-    found = find_candidates(
-        x,
-        y,
-        u,
-        v,
-        valid,
-        gradients(u, v, valid, step, step, usual.scheme),
-        stencil_radius=3e-3,
-        threshold=usual.gamma2,
-        min_points=usual.min_points,
-        max_elongation=usual.max_elongation,
-    )
+    p, settings = plane_of(plane, "equal"), VortexSettings(stencil_radius=3e-3)
+    step = float(p.x[1] - p.x[0])
+    found = find_candidates(p, gradients(p.u, p.v, p.valid, step, step, settings.scheme), settings)
     near = [c for c in found if c.circulation > 0 and np.hypot(c.x + gap * core, c.y) < core]
     return near[0] if near else None
 
