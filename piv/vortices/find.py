@@ -103,4 +103,4 @@ def _record(p: Plane, fit: Fit, omega: np.ndarray, distance: np.ndarray, n: int)
         np.hypot.reduce(gradient),
         fit.explained,
     )
-    return Vortex(*map(float, values), n)  # type: ignore[arg-type]  # all but the last are floats
+    return Vortex(*map(float, values), n)  # type: ignore[arg-type, call-arg]  # all but the last are floats
