@@ -44,7 +44,7 @@ def pivlab_mat(plane, path: Path) -> None:
 
 def davis(plane, folder: Path) -> None:
     """DaVis buffers in mm and m/s, rows running down."""
-    lv = pytest.importorskip("lvpyio")
+    lv = pytest.importorskip("lvpyio", reason="the DaVis reader, an extra, is not installed")
     x, y = plane["x"].values * 1e3, plane["y"].values * 1e3
     step = x[1] - x[0]
     for k in range(plane.sizes["time"]):

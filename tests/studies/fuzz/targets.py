@@ -254,7 +254,7 @@ def mat_seeds(folder: Path) -> list[bytes]:
 
 
 def davis_seeds(folder: Path) -> list[bytes]:
-    """A DaVis vector buffer."""
+    """A DaVis vector buffer, written by lvpyio (pip install lvpyio)."""
     import lvpyio as lv
 
     values = np.zeros((6, 8), dtype=lv.vec2c)

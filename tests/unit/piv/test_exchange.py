@@ -1,6 +1,7 @@
 """Every vector format: what is written comes back; what a file does not state is asked for."""
 
 import json
+import sys
 
 import h5py
 import numpy as np
@@ -207,7 +208,7 @@ def test_a_session_of_pivlab_is_read_once(tmp_path, monkeypatch):
 
 
 def test_davis_through_lvpyio(tmp_path):
-    lv = pytest.importorskip("lvpyio")
+    lv = pytest.importorskip("lvpyio", reason="the DaVis reader, an extra, is not installed")
     values = np.zeros((6, 8), dtype=lv.vec2c)
     values["u"], values["v"] = np.arange(8), np.arange(6)[:, None]
     absent = np.zeros((6, 8), bool)
@@ -343,3 +344,10 @@ def test_a_valid_vector_that_is_no_number_is_refused(tmp_path, suffix, capsys, m
         assert says in error
         assert error.count("\n") == 1
     assert not (tmp_path / "b.csv").exists()
+
+
+def test_without_lvpyio_the_sentence_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "lvpyio", None)
+    (tmp_path / "a.vc7").write_bytes(b"DaVis")
+    with pytest.raises(ValueError, match=r"a\.vc7: .*lvpyio.*pip install"):
+        read_vectors([tmp_path / "a.vc7"])
