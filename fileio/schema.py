@@ -109,8 +109,9 @@ class Schema:
 
         `instead_of_pa`: the unit of what takes the place of the pressure.
         """
-        common = {"format": self.format, "format_version": self.version, "versions": json.dumps(versions())}
-        root = _dataset(self.root, values, instead_of_pa).assign_attrs(common)
+        root = _dataset(self.root, values, instead_of_pa)
+        root.attrs = {"versions": json.dumps(versions())} | root.attrs
+        root.attrs |= {"format": self.format, "format_version": self.version}
         self.check(root, path)
         parts = {name: _dataset(self.group, part, instead_of_pa) for name, part in (groups or {}).items()}
         for part in parts.values():

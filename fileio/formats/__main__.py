@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from fileio.atomic import write_text
-from fileio.formats import kinematics, mesh_intervals, sweep
+from fileio.formats import bending_states, kinematics, mesh_intervals, recorded_motion, sweep
 from fileio.schema import Schema, markdown
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
-SCHEMAS = (kinematics.SCHEMA, mesh_intervals.SCHEMA, sweep.SCHEMA)
+SCHEMAS = tuple(m.SCHEMA for m in (bending_states, kinematics, recorded_motion, mesh_intervals, sweep))
 
 
 def with_tables(page: str, schemas: tuple[Schema, ...] = SCHEMAS) -> str:

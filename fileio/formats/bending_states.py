@@ -1,4 +1,4 @@
-"""The bending states of a finger and their file, `states.h5` (docs/formats.md)."""
+"""The bending states of a finger and their files: `states.h5` as analysed, or a CSV of digitised profiles."""
 
 from __future__ import annotations
 
@@ -7,27 +7,57 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from fileio.errors import StageError, one_line
-from fileio.hdf5 import open_netcdf
-from fileio.hdf5_disk import whole_hdf5
+from fileio.errors import StageError
+from fileio.schema import Schema, Variable
 
-FORMAT, VERSION = "bending-states", 1
 FloatArray = NDArray[np.float64]
+SCHEMA = Schema(
+    "bending-states",
+    1,
+    "write it again with python -m pipeline fea",
+    (
+        Variable("pressure", "state", "Pa", "gauge pressure in the chambers, ascending"),
+        Variable("profile_x", "state, point", "m", "lower (ventral) surface from root to tip, equal material points in every state"),
+        Variable("profile_y", "state, point", "m", "of the same points"),
+        Variable("thickness", "state, point", "m", "from the profile to the dorsal envelope, along the normal; > 0, gap-free"),
+        Variable("bend_angle", "state", "rad", "γ: length of the profile / R"),
+        Variable("radius", "state", "m", "R of the least-squares circle, positive towards the ventral side; infinite where straight", finite=False),
+        Variable("fit_residual", "state", "m", "rms distance of the profile from its circle"),
+        Variable("converged", "state", "1", "0: of no use"),
+        Variable("wall_gap", "state", "m", "least distance between neighbouring chambers, 0 = touching; not of imported states", True),
+        Variable("radius_std", "state", "m", "standard uncertainty of R (docs/fea.md); infinite at rest", True, finite=False),
+        Variable("width", "-", "m", "extent of the finger along z"),
+        Variable("frame", "-", "", "`actuator`"),
+        *(
+            Variable(name, "-", "", meaning, True)
+            for name, meaning in (
+                ("geometry", "JSON: [actuator] without materials"), ("material", "JSON: as given"), ("solver", "name and version"),
+                ("versions", "JSON: of the libraries"), ("settings", "JSON: [fea]"),
+                ("uncertainty", "JSON: `pressures_kpa`, and by source `curvature_std`, 1/m"),
+            )
+        ),
+    ),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
-class BendingStates:
-    """Bending states of one finger by ascending pressure, in the actuator's frame (SI)."""
+class States:
+    """Lower-layer profiles of a finger at ascending pressures, in the actuator's frame (docs/formats.md), SI."""
 
     pressure: FloatArray  # (state)
-    profile: FloatArray  # (state, point, 2); lower surface from root to tip
+    profile: FloatArray  # (state, point, 2); the same material points from root to tip in each state
     thickness: FloatArray  # (state, point)
+    curvature_std: FloatArray | None = None  # (state), 1/m: what is not known of the actuator
+
+
+@dataclass(frozen=True, kw_only=True)
+class BendingStates(States):
+    """States as a bending analysis gives them."""
+
     bend_angle: FloatArray  # (state), rad
     radius: FloatArray  # (state); infinite where straight
     fit_residual: FloatArray  # (state), rms distance of the profile from its circle
@@ -38,120 +68,61 @@ class BendingStates:
     about: dict[str, Any] = field(default_factory=dict)  # geometry, material, solver, versions, settings
 
 
+OWN = ("pressure", "thickness", "bend_angle", "radius", "fit_residual", "converged")
+ABOUT = {v.name for v in SCHEMA.root if v.dims == "-"} - {"width", "frame"}
+
+
 def write(path: Path, states: BendingStates) -> None:
     """Write `states.h5`, whole or not at all."""
-    columns: dict[str, tuple[NDArray[Any], str, tuple[str, ...]]] = {
-        "pressure": (states.pressure, "Pa", ("state",)),
-        "profile_x": (states.profile[..., 0], "m", ("state", "point")),
-        "profile_y": (states.profile[..., 1], "m", ("state", "point")),
-        "thickness": (states.thickness, "m", ("state", "point")),
-        "bend_angle": (states.bend_angle, "rad", ("state",)),
-        "radius": (states.radius, "m", ("state",)),
-        "fit_residual": (states.fit_residual, "m", ("state",)),
-        "converged": (states.converged, "1", ("state",)),
-    }
-    for name in ("wall_gap", "radius_std"):
-        optional = getattr(states, name)
-        if optional is not None:
-            columns[name] = (optional, "m", ("state",))
-    with whole_hdf5(path, track_order=True) as file:
-        file.attrs["format"], file.attrs["format_version"] = FORMAT, VERSION
-        file.attrs["width"], file.attrs["frame"] = states.width, "actuator"
-        for key, value in states.about.items():
-            file.attrs[key] = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
-        for dimension, size in (("state", len(states.pressure)), ("point", states.profile.shape[1])):
-            file.create_dataset(dimension, data=np.arange(size)).make_scale(dimension)
-        for name, (values, units, dimensions) in columns.items():
-            packed = {"compression": "gzip", "shuffle": True} if values.ndim == 2 else {}
-            data = file.create_dataset(name, data=values, track_times=False, **packed)
-            data.attrs["units"] = units
-            for axis, dimension in enumerate(dimensions):
-                data.dims[axis].attach_scale(file[dimension])
+    values = {name: getattr(states, name) for name in (*OWN, "wall_gap", "radius_std", "width")}
+    values |= {"profile_x": states.profile[..., 0], "profile_y": states.profile[..., 1], "frame": "actuator"}
+    values |= {k: v if isinstance(v, str) else json.dumps(v, sort_keys=True) for k, v in states.about.items()}
+    SCHEMA.write(path, {name: value for name, value in values.items() if value is not None})
 
 
 def read(path: Path) -> BendingStates:
-    """Read `states.h5`; raises ValueError where it is of another format or version, or incomplete."""
-    with h5py.File(path) as file:
-        if file.attrs.get("format") != FORMAT:
-            raise ValueError(
-                f"{path}: format = {file.attrs.get('format')!r}, not {FORMAT!r}: run `make fea` or import your states"
-            )
-        if int(file.attrs["format_version"]) != VERSION:
-            raise ValueError(
-                f"{path}: format_version = {file.attrs['format_version']}, this code reads {VERSION}: run `make fea` again"
-            )
-        missing = {"pressure", "profile_x", "profile_y", "thickness"} - set(file)
-        if missing:
-            raise ValueError(
-                f"{path}: {', '.join(sorted(missing))} missing: run `make fea` or import your states again"
-            )
-        about = {
-            key: json.loads(value) if value[:1] in "{[" else value
-            for key, value in file.attrs.items()
-            if isinstance(value, str) and key not in ("format", "frame")
-        }
-        return BendingStates(
-            pressure=file["pressure"][:],
-            profile=np.stack([file["profile_x"][:], file["profile_y"][:]], -1),
-            thickness=file["thickness"][:],
-            bend_angle=file["bend_angle"][:],
-            radius=file["radius"][:],
-            fit_residual=file["fit_residual"][:],
-            converged=file["converged"][:],
-            width=float(file.attrs["width"]),
-            wall_gap=file["wall_gap"][:] if "wall_gap" in file else None,
-            radius_std=file["radius_std"][:] if "radius_std" in file else None,
-            about=about,
-        )
+    """Read `states.h5`; StageError in one sentence where it is damaged, of another format or version, or incomplete."""
+    file = SCHEMA.read(path)
+    radius_std = file["radius_std"].values if "radius_std" in file else None
+    about = {name: value for name, value in file.attrs.items() if name in ABOUT}
+    try:
+        about = {name: json.loads(v) if v[:1] in "{[" else v for name, v in about.items()}
+    except ValueError as error:
+        raise StageError(f"{path}: an attribute is not valid JSON ({error}); {SCHEMA.remedy}") from None
+    return BendingStates(
+        **{name: file[name].values for name in OWN},
+        profile=np.stack([file["profile_x"].values, file["profile_y"].values], -1),
+        curvature_std=None
+        if radius_std is None
+        else _curvature_std(file["pressure"].values, file["radius"].values, radius_std),
+        width=float(file.attrs["width"]),
+        wall_gap=file["wall_gap"].values if "wall_gap" in file else None,
+        radius_std=radius_std,
+        about=about,
+    )
+
+
+def _curvature_std(pressure: FloatArray, radius: FloatArray, std: FloatArray) -> FloatArray:
+    """Standard uncertainty of 1/R (1/m) from that of R; at rest, where R is infinite, between its neighbours'."""
+    bent = np.isfinite(radius) & np.isfinite(std)
+    return np.interp(pressure, pressure[bent], std[bent] / radius[bent] ** 2)
 
 
 def read_states(path: Path, thickness: float) -> States:
-    """States from `states.h5` or a CSV (docs/formats.md); `thickness` (m) where a CSV gives none."""
+    """States to move by, from `states.h5` or a CSV (docs/formats.md); `thickness` (m) where a CSV gives none."""
     if not path.exists():
         raise StageError(
             f"{path}: motion.states names no file; give the path of a states.h5 or a profile CSV"
         )
-    states = _read_csv(path, thickness) if path.suffix.lower() == ".csv" else _read_hdf5(path)
+    if path.suffix.lower() == ".csv":
+        states = _read_csv(path, thickness)
+    else:
+        states = analysed = read(path)
+        if not analysed.converged.all():
+            bad = ", ".join(f"{p:g}" for p in analysed.pressure[analysed.converged == 0] / 1000)
+            raise StageError(f"{path}: the states at {bad} kPa did not converge; remove them")
     check_states(states, path)
     return states
-
-
-def _read_hdf5(path: Path) -> States:
-    remedy = "write it with python -m pipeline fea"
-    try:
-        file = open_netcdf(path, "states file", load=True)
-    except ValueError as error:
-        raise StageError(f"{error}; {remedy}") from None
-    try:
-        with file:
-            if file.attrs.get("format") != "bending-states":
-                raise StageError(f"{path}: format is {file.attrs.get('format')!r}, expected 'bending-states'")
-            converged = file["converged"].values.astype(bool) if "converged" in file else None
-            states = States(
-                file["pressure"].values.astype(float),
-                np.stack([file["profile_x"].values, file["profile_y"].values], axis=-1).astype(float),
-                file["thickness"].values.astype(float),
-                _curvature_std(file),
-            )
-    except StageError:
-        raise
-    except Exception as error:  # a variable is missing, or of another shape or kind
-        raise StageError(f"{path}: not a readable states file ({one_line(error)}); {remedy}") from None
-    if converged is not None and not converged.all():
-        bad = states.pressure[~converged] / 1000
-        raise StageError(
-            f"{path}: the states at {', '.join(f'{p:g}' for p in bad)} kPa did not converge; remove them"
-        )
-    return states
-
-
-def _curvature_std(file: xr.Dataset) -> np.ndarray | None:
-    """Standard uncertainty of 1/R (1/m) from that of R; at rest, where R is infinite, between its neighbours'."""
-    if "radius_std" not in file:
-        return None
-    pressure, radius, std = (file[name].values.astype(float) for name in ("pressure", "radius", "radius_std"))
-    bent = np.isfinite(radius) & np.isfinite(std)
-    return np.interp(pressure, pressure[bent], std[bent] / radius[bent] ** 2)
 
 
 def _read_csv(path: Path, thickness: float) -> States:
@@ -211,17 +182,3 @@ def check_states(states: States, path: Path) -> None:
         raise StageError(f"{path}: thickness must be > 0 everywhere; mend the envelope")
     if (np.hypot(*np.moveaxis(np.diff(states.profile, axis=1), -1, 0)) <= 0).any():
         raise StageError(f"{path}: two neighbouring points of a profile coincide; remove one in every state")
-
-
-@dataclass(frozen=True)
-class States:
-    """Lower-layer profiles of a finger at ascending pressures, in the actuator frame (docs/formats.md).
-
-    `pressure` (state,) Pa; `profile` (state, point, 2) m, the same material points in each state; `thickness`
-    (state, point) m.
-    """
-
-    pressure: np.ndarray
-    profile: np.ndarray
-    thickness: np.ndarray
-    curvature_std: np.ndarray | None = None  # (state,) 1/m: what is not known of the actuator

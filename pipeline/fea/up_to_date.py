@@ -7,9 +7,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-import h5py
-
 from fileio.errors import StageError
+from fileio.formats.bending_states import read
 from fileio.json_text import flat
 from pipeline.fea.sections import sections
 from pipeline.scene.read_toml import merge, read_layers
@@ -57,13 +56,10 @@ def _remedy(scene: Scene, path: Path) -> str:
 def _provenance(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
     """Sections [actuator] and [fea] with which a file of states was analysed; None where it does not say."""
     try:
-        with h5py.File(path) as file:
-            geometry, material, settings = (
-                json.loads(file.attrs[key]) for key in ("geometry", "material", "settings")
-            )
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError):
+        about = read(path).about
+        return about["geometry"] | {"materials": about["material"]}, about["settings"]
+    except (StageError, KeyError, TypeError):
         return None
-    return geometry | {"materials": material}, settings
 
 
 def _what_is_bent(actuator: dict[str, Any], fea: dict[str, Any]) -> dict[str, Any]:

@@ -10,11 +10,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pandas as pd
 
 from fileio.atomic import write_text
+from fileio.formats import bending_states
 from fileio.formats.kinematics import read_kinematics
 from fileio.stages import BY_NAME
 from postprocess.evidence import tip_vortex as tracks
@@ -114,8 +114,8 @@ def outcome(files: StageFiles) -> dict[str, Any]:
 
 def bending(files: StageFiles) -> dict[str, Any]:
     """What the bending analysis of another actuator gave: its states, from the lowest to the highest pressure."""
-    with h5py.File(files.scene_folder / "kinematics" / "states.h5") as file:
-        pressure, bend = np.asarray(file["pressure"]), np.asarray(file["bend_angle"])
+    states = bending_states.read(files.scene_folder / "kinematics" / "states.h5")
+    pressure, bend = states.pressure, states.bend_angle
     return {
         "states": len(pressure),
         "pressure_min_Pa": float(pressure[0]),

@@ -7,13 +7,13 @@ import platform
 from importlib.metadata import version
 from typing import Any
 
-import h5py
 import numpy as np
 import pandas as pd
 
 from fileio.atomic import write_text
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.plane_series import read_plane
+from fileio.formats.recorded_motion import read_recorded_motion
 from fileio.provenance import sha256
 from piv.vortices.find import VortexSettings
 from postprocess.evidence.stage_files import read_json
@@ -119,8 +119,8 @@ def moved_as_recorded(files: LabFiles, dpiv: Dpiv) -> bool:
     motion = read_kinematics(files.stage.required("kinematics.h5", "kinematics")).settings["motion"]
     if motion["source"] != "recording":
         return False
-    with h5py.File(files.stage.scene_folder / motion["recording"], "r") as file:
-        return str(file.attrs["dpiv_sha256"]) == sha256(dpiv.folder / NAME)
+    recorded = read_recorded_motion(files.stage.scene_folder / motion["recording"])
+    return str(recorded.attrs["dpiv_sha256"]) == sha256(dpiv.folder / NAME)
 
 
 def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, FieldComparison]:

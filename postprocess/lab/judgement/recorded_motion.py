@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fileio.atomic import write_text
 from fileio.formats.kinematics import read_kinematics
+from fileio.formats.recorded_motion import write_recorded_motion
 from fileio.provenance import sha256
 from postprocess.evidence.stage_files import scene_title
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv
@@ -16,7 +18,7 @@ from postprocess.lab.data.files import LabFiles, read_registration
 from postprocess.lab.data.inputs_toml import read_inputs
 from postprocess.lab.data.pictures import LabRecording
 from postprocess.lab.registration.fit_outline import prepare
-from postprocess.lab.registration.profile import fit_profile, motion_dataset, strip_at_rest, write_motion
+from postprocess.lab.registration.profile import fit_profile, motion_values, strip_at_rest
 from postprocess.lab.registration.register import LEARN_FROM, MAX_FRAMES, hidden_part
 from postprocess.lab.registration.silhouette import learn
 
@@ -76,11 +78,10 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
         for integral, bend in zip(frames.integrals, bends, strict=True)
     ]
     shapes = np.array(fits)
-    dataset = motion_dataset(
-        family, strip, frames.times, shapes, family.time[1], recording=dpiv.title, dpiv_sha256=sha256(dpiv.folder / NAME),
-        registration=json.dumps({"delay": law.delay, "px_per_m": pose.px_per_m, "angle": pose.angle}),
-    )  # fmt: skip
-    write_motion(dataset, files.motion)
+    values: dict[str, Any] = motion_values(family, strip, frames.times, shapes, family.time[1])
+    values |= {"recording": dpiv.title, "dpiv_sha256": sha256(dpiv.folder / NAME)}
+    values["registration"] = json.dumps({"delay": law.delay, "px_per_m": pose.px_per_m, "angle": pose.angle})
+    write_recorded_motion(files.motion, values)
     return _write_scene(files, dpiv, float(registration.law.std("factor")))
 
 

@@ -7,15 +7,12 @@ long: a₁ is the bend angle, a₂ and a₃ say how unevenly it is spread. Nothi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-import xarray as xr
 from scipy.interpolate import LSQUnivariateSpline
 from scipy.optimize import minimize
 
 from fileio.formats.kinematics import Kinematics, counter_clockwise
-from fileio.hdf5 import whole_netcdf
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.silhouette import inside_sum
 
@@ -132,10 +129,10 @@ def smooth_history(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.
     return LSQUnivariateSpline(times, values, inner[(inner > times[2]) & (inner < times[-3])], k=3)(at)
 
 
-def motion_dataset(
-    family: Kinematics, strip: Strip, times: np.ndarray, shapes: np.ndarray, end_time: float, **attrs: object
-) -> xr.Dataset:
-    """motion.h5 (docs/formats.md) from a₁ … a₄ (frame, 4) at `times` (s of the simulation's clock)."""
+def motion_values(
+    family: Kinematics, strip: Strip, times: np.ndarray, shapes: np.ndarray, end_time: float
+) -> dict[str, np.ndarray]:
+    """Variables of motion.h5 from a₁ … a₄ (frame, 4) at `times` (s of the simulation's clock)."""
     order = np.argsort(times)
     times, shapes = times[order], shapes[order]
     at = np.linspace(max(times[0], 0.0), min(times[-1], end_time), 121)
@@ -151,23 +148,16 @@ def motion_dataset(
     ).T
     lines = np.array([profile(strip, np.array([b, *a])) for b, a in zip(bends, uneven, strict=True)])
     seen = np.array([circle(profile(strip, a)) for a in shapes])
-    return xr.Dataset(
-        {
-            "pressure": ("time", pressure, {"units": "Pa"}),
-            "bend": ("time", bend, {"units": "rad"}),
-            "state_pressure": ("state", states, {"units": "Pa"}),
-            "profile_x": (("state", "point"), lines[..., 0], {"units": "m"}),
-            "profile_y": (("state", "point"), lines[..., 1], {"units": "m"}),
-            "thickness": (("state", "point"), np.full(lines.shape[:2], strip.thickness), {"units": "m"}),
-            "seen_bend": ("seen", shapes[:, 0], {"units": "rad"}),
-            "seen_radius": ("seen", seen[:, 0], {"units": "m"}),
-            "seen_residual": ("seen", seen[:, 1], {"units": "m"}),
-        },
-        coords={"time": ("time", at, {"units": "s"}), "seen": ("seen", times, {"units": "s"})},
-        attrs={"format": "recorded-motion", "format_version": 1, **attrs},
-    )
-
-
-def write_motion(dataset: xr.Dataset, path: Path) -> None:
-    """Write whole or not at all."""
-    whole_netcdf(dataset, path)
+    return {
+        "time": at,
+        "pressure": pressure,
+        "bend": bend,
+        "state_pressure": states,
+        "profile_x": lines[..., 0],
+        "profile_y": lines[..., 1],
+        "thickness": np.full(lines.shape[:2], strip.thickness),
+        "seen": times,
+        "seen_bend": shapes[:, 0],
+        "seen_radius": seen[:, 0],
+        "seen_residual": seen[:, 1],
+    }

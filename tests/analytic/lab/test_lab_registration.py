@@ -14,7 +14,7 @@ from postprocess.lab.registration.profile import (
     bent_outline,
     circle,
     fit_profile,
-    motion_dataset,
+    motion_values,
     profile,
     strip_at_rest,
 )
@@ -156,8 +156,8 @@ def test_lower_layer_is_measured(found, family):
     # single frames of a finger that is 175 px long: 2.5° is a pixel and a half at its tip
     assert np.sqrt((error**2).mean()) < 2.5
     assert np.abs(error).max() < 6.0
-    motion = motion_dataset(family, strip, np.linspace(0, 0.42, 24), np.column_stack([family.bend(family.law(np.linspace(0, 0.42, 24))), np.zeros((24, 3))]), 0.42)  # fmt: skip
-    error = motion["pressure"].values - family.law(motion["time"].values)
+    motion = motion_values(family, strip, np.linspace(0, 0.42, 24), np.column_stack([family.bend(family.law(np.linspace(0, 0.42, 24))), np.zeros((24, 3))]), 0.42)  # fmt: skip
+    error = motion["pressure"] - family.law(motion["time"])
     assert np.abs(error).max() < 0.02 * 20e3
 
 

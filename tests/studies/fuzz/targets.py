@@ -20,7 +20,7 @@ import xarray as xr
 from scipy.io import savemat
 
 from fileio.errors import StageError
-from fileio.formats.bending_states import read_states
+from fileio.formats.bending_states import BendingStates, read_states, write
 from fileio.formats.kinematics import read_kinematics, write_kinematics
 from fileio.formats.plane_series import make_plane, read_checked_plane
 from fileio.formats.recording import RecordingWriter
@@ -303,19 +303,12 @@ def states_seeds(folder: Path) -> list[bytes]:
     """A states.h5 of four states, small enough to be mutated well."""
     s = np.linspace(0, 0.07, 9)
     profile = np.stack([np.column_stack([s, k * s**2]) for k in (-1.0, 0.0, 1.0, 2.0)])
-    data = xr.Dataset(
-        {
-            "profile_x": (("state", "point"), profile[..., 0]),
-            "profile_y": (("state", "point"), profile[..., 1]),
-            "thickness": (("state", "point"), np.full((4, 9), 0.0145)),
-            "radius": ("state", [-0.5, np.inf, 0.5, 0.25]),
-            "radius_std": ("state", [0.01, np.inf, 0.01, 0.01]),
-            "converged": ("state", np.ones(4, np.uint8)),
-        },
-        coords={"pressure": ("state", [-1e4, 0.0, 1e4, 2e4])},
-        attrs={"format": "bending-states", "format_version": 1},
-    )
-    data.to_netcdf(folder / "s.h5", engine="h5netcdf")
+    states = BendingStates(
+        np.array([-1e4, 0.0, 1e4, 2e4]), profile, np.full((4, 9), 0.0145), bend_angle=np.zeros(4),
+        radius=np.array([-0.5, np.inf, 0.5, 0.25]), radius_std=np.array([0.01, np.inf, 0.01, 0.01]),
+        fit_residual=np.zeros(4), converged=np.ones(4, np.uint8), width=0.028,
+    )  # fmt: skip
+    write(folder / "s.h5", states)
     return [(folder / "s.h5").read_bytes()]
 
 

@@ -115,7 +115,9 @@ def test_file_of_another_format_is_refused(tmp_path):
 
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file.attrs["format"] = "plane-series"
-    with pytest.raises(ValueError, match=r"other\.h5: format = 'plane-series'"):
+    with pytest.raises(
+        ValueError, match=r"other\.h5: format is 'plane-series', not 'bending-states'; write it again"
+    ):
         read(tmp_path / "other.h5")
 
 

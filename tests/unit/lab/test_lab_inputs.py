@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from fileio.errors import StageError
+from fileio.formats.recorded_motion import write_recorded_motion
 from pipeline.scene.scene import load_scene
 from pipeline.sheet import view_axes
 from pipeline.stage_settings import settings_of
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.inputs_toml import Input, Inputs, Numerics, read_inputs, write_runs, write_virtual
-from postprocess.lab.registration.profile import motion_dataset, strip_at_rest, write_motion
+from postprocess.lab.registration.profile import motion_values, strip_at_rest
 from tests.conftest import motion_of
 from tests.lab_scene import CASE, finger_family
 
@@ -126,10 +127,11 @@ def test_recorded_motion_drives_the_kinematics(tmp_path):
     family = finger_family(tmp_path)
     times = np.linspace(0.0, 0.42, 60)
     bend = 1.05 * family.bend(family.law(times))
-    motion = motion_dataset(
+    motion = motion_values(
         family, strip_at_rest(family), times, np.column_stack([bend, 0 * bend, 0 * bend, 0 * bend]), 0.42
     )
-    write_motion(motion, tmp_path / "motion.h5")
+    about = {"recording": "r", "dpiv_sha256": "0", "registration": "{}"}
+    write_recorded_motion(tmp_path / "motion.h5", motion | about)
     folder = tmp_path / "measured"
     folder.mkdir()
     lines = [
