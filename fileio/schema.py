@@ -1,18 +1,21 @@
-"""What the files of an HDF5 format hold: declared once, checked wherever one is read or written, shown in docs/formats.md."""
+"""What the files of a format hold: declared once, checked wherever one is read or written, shown in docs/formats.md."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
-from fileio.errors import StageError
+from fileio.atomic import write_text
+from fileio.errors import StageError, one_line
 from fileio.hdf5 import open_netcdf, whole_netcdf
+from fileio.json_text import read_json
 from fileio.provenance import check_version, versions
 
 
@@ -127,6 +130,58 @@ def _dataset(declared: tuple[Variable, ...], values: Mapping[str, Any], unit: st
         if (v := known[name]).dims != "-"
     }
     return xr.Dataset(variables, attrs={n: value for n, value in values.items() if known[n].dims == "-"})
+
+
+@dataclass(frozen=True)
+class JsonFormat:
+    """A JSON object in a file that says its format and version, and what to do with one of no use."""
+
+    format: str
+    version: int
+    remedy: str
+
+    def write(self, path: Path, content: Mapping[str, Any]) -> None:
+        """Write a file, whole or not at all; ValueError where a number is none."""
+        whole = {"format": self.format, "format_version": self.version} | dict(content)
+        write_text(path, json.dumps(whole, indent=1, allow_nan=False, default=plain) + "\n")
+
+    def read(self, path: Path) -> dict[str, Any]:
+        """What a file holds; StageError in one sentence where it is damaged, or of another format or version."""
+        content = read_json(path, self.remedy)
+        check_version(content, path, self.format, self.version, self.remedy)
+        return dict(content)
+
+
+def plain(value: Any) -> Any:
+    """Numbers and arrays of numpy as JSON takes them."""
+    return value.tolist() if hasattr(value, "tolist") else float(value)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A CSV of numbers with one header line: its columns, the digits written, and what to do with one of no use."""
+
+    columns: tuple[str, ...]
+    remedy: str
+    digits: int = 12
+
+    def write(self, path: Path, rows: Iterable[Iterable[float]]) -> None:
+        """Write a file, whole or not at all."""
+        lines = [",".join(self.columns), *(",".join(f"{v:.{self.digits}g}" for v in row) for row in rows)]
+        write_text(path, "\n".join(lines) + "\n")
+
+    def read(self, path: Path) -> pd.DataFrame:
+        """All columns; StageError in one sentence where the file is missing, or is no such table."""
+        if not path.exists():
+            raise StageError(f"{path}: missing; {self.remedy}")
+        try:
+            table = pd.read_csv(path)
+        except ValueError as error:  # an empty file among them
+            raise StageError(f"{path}: not a readable table ({one_line(error)}); {self.remedy}") from None
+        missing = [name for name in self.columns if name not in table]
+        if missing:
+            raise StageError(f"{path}: column {missing[0]!r} is missing; {self.remedy}")
+        return table
 
 
 def markdown(schema: Schema) -> str:

@@ -9,8 +9,13 @@ from typing import Any
 import pandas as pd
 
 from fileio.atomic import write_text
+from fileio.errors import one_line
 from fileio.formats.plane_series import provenance
+from fileio.json_text import parse_json
+from fileio.provenance import check_version
 
+FORMAT, VERSION = "vortices", 1
+REMEDY = "find the vortices again"
 COLUMNS = [
     "time",
     "track",
@@ -41,17 +46,27 @@ COLUMNS = [
 ]
 
 
+NEEDED = ("time", "x", "y", "circulation", "core_radius")
+
+
 def write_vortices(table: pd.DataFrame, path: str | Path, **settings: Any) -> None:
     """Write a table to CSV, whole or not at all, with provenance in its `#` lines."""
-    head = json.dumps({"format": "vortices", "format_version": 1} | provenance(**settings))
+    head = json.dumps({"format": FORMAT, "format_version": VERSION} | provenance(**settings))
     rows = table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
     write_text(path, f"# {head}\n{rows}")
 
 
-def read_vortices(path: str | Path) -> pd.DataFrame:
-    """Read a table of vortices; ValueError where columns are missing."""
-    table = pd.read_csv(path, comment="#", dtype={"side": "string", "finger": "Int64"})
-    for name in ("time", "track", "x", "y", "circulation", "core_radius"):
-        if name not in table:
-            raise ValueError(f"{path}: a table of vortices needs the column {name!r}")
+def read_vortices(path: str | Path, needed: tuple[str, ...] = NEEDED) -> pd.DataFrame:
+    """Read a table of vortices, also one of another program; ValueError where `needed` columns are missing."""
+    with open(path, encoding="utf-8") as file:
+        head = file.readline()
+    if head.startswith("# {") and "format" in (about := parse_json(head[1:], path, REMEDY)):
+        check_version(about, path, FORMAT, VERSION, REMEDY)
+    try:
+        table = pd.read_csv(path, comment="#", skipinitialspace=True)
+    except ValueError as error:  # an empty file among them
+        raise ValueError(f"{path}: not a table of vortices ({one_line(error)}); {REMEDY}") from None
+    missing = [name for name in needed if name not in table]
+    if missing:
+        raise ValueError(f"{path}: not a table of vortices, it has no column {missing[0]!r}; {REMEDY}")
     return table

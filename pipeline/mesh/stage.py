@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,10 +10,10 @@ import numpy as np
 import shapely
 from tqdm import tqdm
 
-from fileio.atomic import write_text
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import Interval, overlap_steps, write_planform
+from fileio.formats.records import MESH_QUALITY
 from pipeline.geometry.planform import Planform
 from pipeline.geometry.quality import Quality, shape_quality
 from pipeline.mesh.fixed_bodies import FixedBody, fixed_bodies
@@ -28,10 +26,6 @@ from pipeline.scene.scene import Scene
 from pipeline.scene.sections import Mesh, Tank
 from pipeline.stage_settings import settings_of
 
-QUALITY_COLUMNS = (
-    "interval", "mesh", "time_share", "bend_deg", "shape_parameter", "max_non_orthogonality_deg",
-    "mean_non_orthogonality_deg", "max_skewness", "min_area_ratio",
-)  # fmt: skip
 MOST_MESHES = 6
 USUAL_SHARE = 0.95  # of the time in which mesh.usual_non_orthogonality_deg is not exceeded
 LEAST_CLEARANCE = 0.06  # of the finger's thickness, between it and the support: 1 mm of the shipped finger
@@ -180,7 +174,7 @@ def choose_meshes(setting: Setting, mesh: Mesh, sampling: int, overlap: int,
 def quality_rows(
     meshes: list[MorphedPlanform], parameter: np.ndarray, overlap: int, mesh: Mesh
 ) -> list[tuple]:
-    """Rows of QUALITY_COLUMNS: each shape that an interval, or its overlap, takes; `parameter` (step + 1,) Pa is the motion's.
+    """Rows of MESH_QUALITY: each shape that an interval, or its overlap, takes; `parameter` (step + 1,) Pa is the motion's.
 
     Raises MorphError where a shape breaks the limit.
     """
@@ -219,11 +213,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     setting = surroundings(kinematics, numerics.time_step, scene.tank, mesh, bodies)
     sampling, overlap = numerics.sampling_steps(scene.sheet.rate_hz), overlap_steps(numerics.time_step)
     meshes, rows = choose_meshes(setting, mesh, sampling, overlap, quiet)
-    table = io.StringIO()
-    writer = csv.writer(table, lineterminator="\n")
-    writer.writerow(QUALITY_COLUMNS)
-    writer.writerows([[f"{value:.6g}" for value in row] for row in rows])
-    write_text(scene.out / "mesh_quality.csv", table.getvalue())
+    MESH_QUALITY.write(scene.out / "mesh_quality.csv", rows)
     both = scene.pinch is not None and scene.model.kind in ("half", "full")  # fingers in the mesh
     rest = last_move(setting.deformation_of_steps) + overlap
     write_planform(

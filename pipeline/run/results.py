@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -12,9 +10,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from fileio.atomic import write_text
-from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_planform
+from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER
 from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.function_objects import read_function_object
 from pipeline.run.energy import finger_power, resolved_dissipation
@@ -22,15 +19,10 @@ from pipeline.run.map_fields import field_mappings
 from pipeline.run.solver import LOG
 
 PER_FINGER = {"2d": 1, "half": 2, "quarter": 2, "full": 1}  # fingers per computed part of one
-FORCE_COLUMNS = ("time", "fx", "fy", "fz", "fx_pressure", "fy_pressure", "fx_viscous", "fy_viscous")
-POWER_COLUMNS = ("time", "finger_power", "kinetic_energy", "dissipation")
-HISTORY_COLUMNS = (
-    "time", "courant_mean", "courant_max", "continuity_local", "continuity_global", "pressure_iterations", "wall_time",
-)  # fmt: skip
 
 
 def forces(case: Path, per_finger: int) -> np.ndarray:
-    """Columns FORCE_COLUMNS: force of the water on one whole finger (the left of two), N."""
+    """Columns FORCES: force of the water on one whole finger (the left of two), N."""
     raw = read_function_object(case / "postProcessing" / "forces", "force.dat")
     table = raw[:, [0, 1, 2, 3, 4, 5, 7, 8]].copy()
     table[:, 1:] *= per_finger
@@ -40,7 +32,7 @@ def forces(case: Path, per_finger: int) -> np.ndarray:
 
 
 def power(case: Path, density: float, viscosity: float, copies: int) -> np.ndarray:
-    """Columns POWER_COLUMNS for the whole tank (all fingers), which holds `copies` of the computed part."""
+    """Columns POWER for the whole tank (all fingers), which holds `copies` of the computed part."""
     raw = read_function_object(case / "postProcessing" / "volumes", "volFieldValue.dat")
     times, square, gradient, half_vorticity = raw.T
     surfaces = case / "postProcessing" / "fingerSurface"
@@ -77,7 +69,7 @@ PRESSURE = re.compile(r"Solving for p,.* No Iterations (\d+)")
 
 
 def history(log: Path) -> np.ndarray:
-    """Columns HISTORY_COLUMNS from the solver's log; a resumed run replaces what it repeats, and its clock is added."""
+    """Columns HISTORY from the solver's log; a resumed run replaces what it repeats, and its clock is added."""
     rows: dict[float, list[float]] = {}
     earlier = clock = 0.0
     for block in re.split(r"(?m)^Courant Number mean:", log.read_text(errors="replace"))[1:]:
@@ -94,23 +86,11 @@ def history(log: Path) -> np.ndarray:
     return np.array([rows[time] for time in sorted(rows)])
 
 
-def table_text(columns: tuple[str, ...], table: np.ndarray) -> str:
-    """A CSV with one header line and twelve digits."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([[f"{value:.12g}" for value in row] for row in table])
-    return text.getvalue()
-
-
 def mesh_quality(path: Path) -> dict[str, float]:
     """Worst of each measure of mesh_quality.csv over the stroke; StageError where there is no such table."""
-    if not path.exists():
-        raise StageError(f"{path}: missing; run the mesh stage first, or make")
-    with open(path, encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    table = MESH_QUALITY.read(path)
     worst = {"max_non_orthogonality_deg": max, "max_skewness": max, "min_area_ratio": min}
-    return {name: pick(float(row[name]) for row in rows) for name, pick in worst.items()}
+    return {name: float(pick(table[name])) for name, pick in worst.items()}
 
 
 def copies_of(planform: xr.Dataset) -> int:
@@ -143,9 +123,9 @@ def collect_results(out: Path, intervals: tuple[Interval, ...], cells: list[int]
     force = [forces(case, PER_FINGER[str(planform.attrs["model"])]) for case in cases]
     parts = [power(case, density, viscosity, copies_of(planform)) for case in cases]
     energy = joined(intervals, parts)
-    write_text(out / "run" / "forces.csv", table_text(FORCE_COLUMNS, joined(intervals, force)))
-    write_text(out / "run" / "power.csv", table_text(POWER_COLUMNS, energy))
-    write_text(out / "run" / "history.csv", table_text(HISTORY_COLUMNS, log))
+    FORCES.write(out / "run" / "forces.csv", joined(intervals, force))
+    POWER.write(out / "run" / "power.csv", energy)
+    HISTORY.write(out / "run" / "history.csv", log)
     return {
         "cells": cells[0],
         "courant_max": float(np.nanmax(log[:, 2])),

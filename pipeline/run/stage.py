@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from tqdm import tqdm
 
-from fileio.atomic import write_text
 from fileio.cost import Spent
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import read_intervals, read_planform
+from fileio.formats.records import POWER, RUN
 from fileio.formats.sweep import read_sweep
 from fileio.lock import only_one
 from fileio.provenance import versions
@@ -102,33 +100,23 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
             "resumed": [at for s in spent for at in s["resumed"]],
         }
         summary = collect_results(out, intervals, cells, *fluid)
-        power = np.loadtxt(out / "run" / "power.csv", delimiter=",", skiprows=1, ndmin=2)
+        power = POWER.read(out / "run" / "power.csv").to_numpy()
         copies = copies_of(read_planform(out, intervals[0].mesh))
         budgets = [guard.energy.budget for guard in guards if guard.energy]
         summary["power_balance"]["from_nothing_fraction"] = energy_from_nothing(power, budgets, copies)
-    write_text(
-        out / "run" / "run.json",
-        json.dumps(
-            {
-                "format": "run",
-                "format_version": 3,
-                "versions": {"OpenFOAM": version} | versions(),
-                "scene_hash": scene.digest(),
-                "scene": scene.name,
-                "level": scene.level,
-                "model": scene.model.kind,
-                "ranks": layout.count,
-                "collated": layout.collated,
-                "time_step": step,
-                "end_time": end,
-                "steps": steps_of(end, step),
-            }
-            | record
-            | summary,
-            indent=1,
-        )
-        + "\n",
-    )
+    about = {
+        "versions": {"OpenFOAM": version} | versions(),
+        "scene_hash": scene.digest(),
+        "scene": scene.name,
+        "level": scene.level,
+        "model": scene.model.kind,
+        "ranks": layout.count,
+        "collated": layout.collated,
+        "time_step": step,
+        "end_time": end,
+        "steps": steps_of(end, step),
+    }
+    RUN.write(out / "run" / "run.json", about | record | summary)
     if not quiet:
         balance = summary["power_balance"]
         print(

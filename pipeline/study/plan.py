@@ -13,6 +13,7 @@ from typing import Any
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
+from fileio.formats.records import STUDY_PLAN
 from fileio.provenance import digest, versions
 from fileio.stages import FEA, STAGES, Stage, until
 from pipeline.openfoam.base_case import templates_digest
@@ -214,9 +215,8 @@ def write_plan(home: Path, study: str, rows: list[Row]) -> Path:
         )
     _one_place_each(runs)
     path = home / "out" / "studies" / study / "plan.json"
-    content = {"format": "study-plan", "format_version": 4, "scene": home.name, "folder": str(home),
-               "study": study, "files": {stage.name: stage.done for stage in STAGES}, "runs": runs}  # fmt: skip
-    write_text(path, json.dumps(content, indent=1) + "\n")
+    content = {"scene": home.name, "folder": str(home), "study": study, "files": {stage.name: stage.done for stage in STAGES}, "runs": runs}  # fmt: skip
+    STUDY_PLAN.write(path, content)
     return path
 
 

@@ -5,7 +5,6 @@ A laboratory's data are compared by postprocess.lab (make compare).
 
 from __future__ import annotations
 
-import json
 import platform
 from importlib.metadata import version
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 import xarray as xr
 
 from fileio.atomic import write_text
+from fileio.formats.records import COMPARISON, RUN
 from fileio.provenance import settings_in, sha256
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.pinch_summary import pinch_summary
@@ -22,7 +22,7 @@ from postprocess.compare.series import series_table, summary
 from postprocess.evidence.check_finite import first_not_finite
 from postprocess.evidence.evidence import Evidence, Measured, Part
 from postprocess.evidence.load import FILES, load_evidence
-from postprocess.evidence.stage_files import StageFiles, read_json
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.evidence.time_windows import interval
 from postprocess.evidence.tip_vortex import strengths
@@ -128,7 +128,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
     own = files.findings if files.findings.exists() else None
     findings = read_findings(own or AGREEMENT, frozenset(QUANTITIES))
     evidence = load_evidence(files)
-    run = read_json(files.required("run/run.json", "run"))
+    run = RUN.read(files.required("run/run.json", "run"))
     middle = stroke_window(evidence.clock.time, evidence.clock.progress, MIDDLE)
     if (
         own is None and strengths(evidence.vortices["cfd"], 0, middle).empty
@@ -137,8 +137,6 @@ def compare(files: StageFiles) -> dict[str, Any]:
     checks = [judge(finding, evidence) for finding in findings]
     pinch = {"pinch": pinch_summary(evidence)} if evidence.pairs else {}
     result = {
-        "format": "comparison",
-        "format_version": 1,
         "scene": files.scene,
         "level": files.level,
         "sources": list(evidence.planes),
@@ -159,7 +157,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
             f" {middle[0]:.3f} to {middle[1]:.3f} s"
         )
     # last: make takes it for the whole stage
-    write_text(files.out / "comparison.json", json.dumps(result, indent=1, allow_nan=False, default=float))
+    COMPARISON.write(files.out / "comparison.json", result)
     for plane in evidence.planes.values():
         plane.close()
     return result

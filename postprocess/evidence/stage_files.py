@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from fileio import json_text
 from fileio.atomic import write_text as write_text
 from fileio.json_text import AGAIN
@@ -51,18 +49,6 @@ class StageFiles:
         """Path of out/<level>/<name>, or None where the stage that makes it was not run."""
         path = self.out / name
         return path if path.exists() else None
-
-
-def read_table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
-    """A CSV of docs/formats.md (lines starting with # are comments); ValueError where a column is missing."""
-    try:
-        table = pd.read_csv(path, comment="#", skipinitialspace=True)
-    except pd.errors.EmptyDataError as error:
-        raise ValueError(f"{path}: the file is empty, expected the columns {', '.join(columns)}") from error
-    missing = [name for name in columns if name not in table.columns]
-    if missing:
-        raise ValueError(f"{path}: column {missing[0]!r} is missing; the file has {', '.join(table.columns)}")
-    return table
 
 
 def read_json(path: Path, kind: type = dict) -> Any:

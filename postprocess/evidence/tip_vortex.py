@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from fileio.formats import vortex_table
 from postprocess.evidence.check_finite import check_table
-from postprocess.evidence.stage_files import read_table
 
-COLUMNS = ("time", "track", "x", "y", "circulation", "core_radius", "finger", "side", "tip_distance")
 REACH = 2.5  # tip widths; a vortex further off is not the tip's
 RIVAL = 0.5  # of the strongest's circulation: still a candidate for the vortex that another source sees
 COMPARED = ("circulation", "x", "y", "core_radius")
@@ -18,7 +17,9 @@ COMPARED = ("circulation", "x", "y", "core_radius")
 
 def read_vortices(path: Path) -> pd.DataFrame:
     """vortices.csv, sorted by time; an absent side is the empty string. ValueError where a vortex has no number."""
-    table = read_table(path, COLUMNS)
+    table = vortex_table.read_vortices(
+        path, (*vortex_table.NEEDED, "track", "finger", "side", "tip_distance")
+    )
     check_table(table, ("time", *COMPARED), path)
     return table.assign(side=table["side"].astype(object).fillna("").astype(str)).sort_values(
         "time", ignore_index=True

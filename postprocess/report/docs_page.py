@@ -8,7 +8,8 @@ from typing import Any
 
 from fileio.atomic import write_bytes, write_text
 from fileio.command import add_scene
-from postprocess.evidence.stage_files import StageFiles, read_json
+from fileio.formats.records import COMPARISON, RUN
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.report.pinch_wording import pinch_table
 from postprocess.report.wording import PAIRS, WORDS, quantity, requirement
 
@@ -115,8 +116,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Command `docs-page`."""
     files = StageFiles(args.scene, args.level)
-    comparison = read_json(files.required("comparison.json", "compare"))
-    record = read_json(files.required("run/run.json", "run"))
+    comparison = COMPARISON.read(files.required("comparison.json", "compare"))
+    record = RUN.read(files.required("run/run.json", "run"))
     flow = sorted((files.out / "figures").glob("flow_*.png"))
     if not flow:
         raise FileNotFoundError(f"{files.figures}: no flow_*.png; run the stage 'report' first")

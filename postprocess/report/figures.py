@@ -12,12 +12,12 @@ import pandas as pd
 from fileio.atomic import write_text
 from fileio.formats.mesh_intervals import read_planforms
 from fileio.formats.plane_series import read_plane
+from fileio.formats.records import COMPARISON
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.load import read_clock, single_finger
 from postprocess.evidence.stage_files import (
     StageFiles,
     extended_scenes,
-    read_json,
     scene_numbers,
 )
 from postprocess.report.flow_figures import flow_figures, tip_vortices, vortex_figures
@@ -47,7 +47,7 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     for name, stage in REQUIRED:  # before minutes of drawing, not after
         files.required(name, stage)
     out, scene = files.out, scene_numbers(files)
-    comparison = read_json(out / "comparison.json")
+    comparison = COMPARISON.read(out / "comparison.json")
     scale = comparison["scale"]["value"]
     start, end = comparison["middle_of_stroke_s"]
     middle = (float(start), float(end))

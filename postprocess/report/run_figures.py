@@ -8,36 +8,24 @@ import h5py
 import numpy as np
 import xarray as xr
 
+from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER
 from postprocess.draw import animation
 from postprocess.draw import mesh as draw_mesh
 from postprocess.draw import solver as draw_solver
-from postprocess.evidence.stage_files import read_table
 from postprocess.evidence.strokes import REST, progress
 from postprocess.report.picture_index import Album
-
-FORCE_COLUMNS = ("time", "fx", "fy", "fx_viscous", "fy_viscous")
-POWER_COLUMNS = ("time", "finger_power", "kinetic_energy", "dissipation")
-HISTORY_COLUMNS = ("time", "courant_mean", "courant_max", "continuity_local", "continuity_global")
-QUALITY_COLUMNS = (
-    "interval",
-    "bend_deg",
-    "max_non_orthogonality_deg",
-    "mean_non_orthogonality_deg",
-    "max_skewness",
-    "min_area_ratio",
-)
 
 
 def solver_figures(album: Album, out: Path) -> None:
     """The solver's tables and the mesh's quality over time or bend."""
-    for file, columns, draw, section, alt in (
-        ("run/forces.csv", FORCE_COLUMNS, draw_solver.forces, "run", "Force of the water on the finger over time."),
-        ("run/power.csv", POWER_COLUMNS, draw_solver.power, "run", "Power balance over time and its closure error."),
-        ("run/history.csv", HISTORY_COLUMNS, draw_solver.history, "run", "Courant number and continuity error over time."),
-        ("mesh_quality.csv", QUALITY_COLUMNS, draw_solver.mesh_quality, "mesh",
+    for file, table, draw, section, alt in (
+        ("run/forces.csv", FORCES, draw_solver.forces, "run", "Force of the water on the finger over time."),
+        ("run/power.csv", POWER, draw_solver.power, "run", "Power balance over time and its closure error."),
+        ("run/history.csv", HISTORY, draw_solver.history, "run", "Courant number and continuity error over time."),
+        ("mesh_quality.csv", MESH_QUALITY, draw_solver.mesh_quality, "mesh",
          "Non-orthogonality, skewness and area ratio over the bend angle."),
     ):  # fmt: skip
-        album.add(draw(read_table(out / file, columns)), f"{Path(file).stem}.svg", section, alt)
+        album.add(draw(table.read(out / file)), f"{Path(file).stem}.svg", section, alt)
 
 
 def mesh_figures(

@@ -9,6 +9,7 @@ from typing import Any
 
 from fileio.atomic import write_text
 from fileio.formats.plane_series import read_plane
+from fileio.formats.records import COMPARISON, RUN
 from fileio.stages import BY_NAME
 from postprocess.draw.solver import costs as draw_costs
 from postprocess.draw.style import save
@@ -87,8 +88,8 @@ def absences(comparison: dict[str, Any], sections: dict[str, Any], finger: bool)
 
 def render(files: StageFiles) -> str:
     """The page as text; FileNotFoundError or ValueError in one sentence where a required input is missing."""
-    comparison = read_json(files.required("comparison.json", "compare"))
-    run = read_json(files.required("run/run.json", "run"))
+    comparison = COMPARISON.read(files.required("comparison.json", "compare"))
+    run = RUN.read(files.required("run/run.json", "run"))
     sections = pictures(files.required("figures/figures.json", "figures"))
     stages = read_costs(files.out / "costs", run["wall_time"])
     if stages:

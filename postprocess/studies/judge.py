@@ -13,13 +13,14 @@ from typing import Any
 import pandas as pd
 
 from fileio.atomic import write_text
+from fileio.formats.records import RUN
 from postprocess.compare.findings import read_findings
 from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.stage import judge
 from postprocess.draw.style import save
 from postprocess.evidence.load import load_evidence
-from postprocess.evidence.stage_files import StageFiles, extended_scenes, read_json
+from postprocess.evidence.stage_files import StageFiles, extended_scenes
 from postprocess.report.wording import quantity
 from postprocess.studies import bars as draw_studies
 from postprocess.studies.state import files_of, missing_runs, missing_sentence
@@ -91,7 +92,7 @@ def measure(files: StageFiles, name: str, change: str) -> list[dict[str, Any]]:
     """
     comparable = all(part.startswith(FREE) for part in change.split("; ")) or change == AS_IT_IS
     evidence = load_evidence(files, files.level if comparable else name)
-    run = read_json(files.required("run/run.json", "run"))
+    run = RUN.read(files.required("run/run.json", "run"))
     about = {"run": name, "change": change, "model": run["model"], "cells": run["cells"]}
     rows: list[dict[str, Any]] = []
     for finding in read_findings(findings_path(files.scene_folder), frozenset(QUANTITIES)):

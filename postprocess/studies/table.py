@@ -16,15 +16,15 @@ import pandas as pd
 from fileio.atomic import write_text
 from fileio.formats import bending_states
 from fileio.formats.kinematics import read_kinematics
+from fileio.formats.records import FORCES, RUN, STUDY_PLAN
 from fileio.stages import BY_NAME
 from postprocess.evidence import tip_vortex as tracks
-from postprocess.evidence.stage_files import StageFiles, read_json, read_table
+from postprocess.evidence.stage_files import StageFiles, read_json
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.studies.state import files_of, missing_runs
 
 SOURCES = {"cfd": "vortices_cfd.csv", "piv": "vortices_piv.csv"}
 MB = 1e-6
-PLAN_VERSION = 4
 
 
 def read_plan(path: Path) -> dict[str, Any]:
@@ -33,14 +33,7 @@ def read_plan(path: Path) -> dict[str, Any]:
         raise FileNotFoundError(
             f"{path} is missing; run the study with snakemake -s pipeline/study/Snakefile first"
         )
-    plan = read_json(path)
-    if plan.get("format") != "study-plan":
-        raise ValueError(f"{path}: format is {plan.get('format')!r}, expected 'study-plan'")
-    if plan["format_version"] != PLAN_VERSION:
-        raise ValueError(
-            f"{path}: format_version = {plan['format_version']}, this code reads {PLAN_VERSION}; run the study again"
-        )
-    return plan
+    return STUDY_PLAN.read(path)
 
 
 def costs(files: StageFiles) -> dict[str, float]:
@@ -61,8 +54,8 @@ def solver(files: StageFiles) -> dict[str, Any]:
     path = files.optional("run/run.json")
     if path is None:
         return {}
-    run = read_json(path)
-    force = read_table(files.required("run/forces.csv", "run"), ("time", "fx", "fy"))
+    run = RUN.read(path)
+    force = FORCES.read(files.required("run/forces.csv", "run"))
     size = np.hypot(force["fx"], force["fy"])
     keys = ("scene_hash", "model", "ranks", "cells", "steps", "courant_max")
     return {key: run[key] for key in keys} | {

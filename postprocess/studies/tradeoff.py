@@ -15,9 +15,10 @@ import pandas as pd
 import xarray as xr
 
 from fileio.formats.plane_series import read_plane
+from fileio.formats.records import FORCES, RUN
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
-from postprocess.evidence.stage_files import StageFiles, read_json, read_table
+from postprocess.evidence.stage_files import StageFiles, read_json
 from postprocess.evidence.strokes import MIDDLE, peak_tip_speed, stroke_window
 from postprocess.studies.state import files_of, missing_runs, missing_sentence
 from postprocess.studies.table import read_plan, study_table
@@ -75,7 +76,7 @@ def flow_errors(best: StageFiles, files: StageFiles) -> dict[str, float]:
         errors = {"error_velocity": velocity_error(wanted, got, window) / scale, "tip_width_mm": width * 1e3}
     tables = [tracks.read_vortices(f.required("vortices_cfd.csv", "vortices")) for f in (best, files)]
     errors |= vortex_errors(tables[0], tables[1], window, width)
-    forces = [read_table(f.required("run/forces.csv", "run"), ("time", "fx", "fy")) for f in (best, files)]
+    forces = [FORCES.read(f.required("run/forces.csv", "run")) for f in (best, files)]
     errors["error_force"] = force_error(forces[0], forces[1], float(forces[0]["time"].iloc[-1]))
     return errors | worst(errors)
 
@@ -174,7 +175,7 @@ def finest(plan: dict[str, Any], missing: dict[str, str]) -> str:
         raise ValueError("the study has no finished run to judge the others by")
 
     def size(row: dict[str, Any]) -> tuple[int, int]:
-        record = read_json(files_of(row).out / "run" / "run.json")
+        record = RUN.read(files_of(row).out / "run" / "run.json")
         return record["cells"], record["steps"]
 
     return str(max(done, key=size)["run"])

@@ -19,7 +19,7 @@ from postprocess.draw import pinch as draw_pinch
 from postprocess.draw import series as draw_series
 from postprocess.draw import solver as draw_solver
 from postprocess.evidence.stage_files import StageFiles
-from postprocess.report import flow_figures, run_figures, wording
+from postprocess.report import flow_figures, wording
 from postprocess.report import stage as report
 from tests.synthetic_pinch import GAIN, SHIFT, write_pinch
 from tests.synthetic_stroke import copy_findings, write_case
@@ -206,7 +206,7 @@ UNIT = re.compile(r", (s|m|mm|m/s|°|kPa|mN|mW|mJ|GB|cm²/s|1/s|1|% of tip speed
 
 
 def test_every_axis_of_every_series_names_its_unit(made):
-    from postprocess.evidence.stage_files import read_table
+    from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER
     from postprocess.evidence.tip_vortex import dominant_tracks, read_vortices
 
     middle = tuple(result(made)["middle_of_stroke_s"])
@@ -216,10 +216,10 @@ def test_every_axis_of_every_series_names_its_unit(made):
     drawn = [
         draw_series.circulation({s: [track] for s, track in found.items()}, middle),
         draw_series.agreement(pd.read_csv(made.out / "comparison.csv"), 0.4, middle),
-        draw_solver.forces(read_table(made.out / "run/forces.csv", run_figures.FORCE_COLUMNS)),
-        draw_solver.power(read_table(made.out / "run/power.csv", run_figures.POWER_COLUMNS)),
-        draw_solver.history(read_table(made.out / "run/history.csv", run_figures.HISTORY_COLUMNS)),
-        draw_solver.mesh_quality(read_table(made.out / "mesh_quality.csv", run_figures.QUALITY_COLUMNS)),
+        draw_solver.forces(FORCES.read(made.out / "run/forces.csv")),
+        draw_solver.power(POWER.read(made.out / "run/power.csv")),
+        draw_solver.history(HISTORY.read(made.out / "run/history.csv")),
+        draw_solver.mesh_quality(MESH_QUALITY.read(made.out / "mesh_quality.csv")),
     ]
     for figure in drawn:
         assert all(UNIT.search(ax.get_ylabel().replace("\n", " ")) for ax in figure.axes)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fileio.atomic import write_text
-from postprocess.evidence.stage_files import StageFiles, read_json
+from fileio.formats.records import REGISTRATION
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.pose import Pose
 
 
@@ -60,17 +59,14 @@ class LabFiles:
 
 def write_registration(registration: Registration, path: Path, **more: Any) -> None:
     """registration.json (docs/formats.md)."""
-    whole = {"format": "registration", "format_version": 1} | asdict(registration) | more
-    write_text(path, json.dumps(whole, indent=1, default=lambda a: a.tolist()) + "\n")
+    REGISTRATION.write(path, asdict(registration) | more)
 
 
 def read_registration(path: Path) -> Registration:
     """The registration of a file; FileNotFoundError or ValueError in one sentence."""
     if not path.exists():
         raise FileNotFoundError(f"{path} is missing; run python -m postprocess.lab register first")
-    whole = read_json(path)
-    if whole.get("format") != "registration":
-        raise ValueError(f"{path}: format is {whole.get('format')!r}, expected 'registration'")
+    whole = REGISTRATION.read(path)
     law = whole["law"]
     return Registration(
         _pose(whole["pose"]),

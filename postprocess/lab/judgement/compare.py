@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from importlib.metadata import version
 from typing import Any
@@ -14,6 +13,7 @@ from fileio.atomic import write_text
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.plane_series import read_plane
 from fileio.formats.recorded_motion import read_recorded_motion
+from fileio.formats.records import LAB_COMPARISON, RUN
 from fileio.provenance import sha256
 from piv.vortices.find import VortexSettings
 from postprocess.evidence.stage_files import read_json
@@ -72,7 +72,7 @@ def run_comparison(
         "appearance": planes.appearance,
         "provenance": _provenance(files, dpiv, seed),
     }
-    write_text(files.comparison, json.dumps(result, indent=1, default=_plain) + "\n")
+    LAB_COMPARISON.write(files.comparison, result)
     write_text(files.folder / "comparison.csv", quantity_table(result).to_csv(index=False))
     write_text(files.folder / "series.csv", series.to_csv(index=False))
     write_fields(files.folder / "fields.h5", case, field, result["rows"], planes.picture)
@@ -141,8 +141,6 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, F
     )
     registration = case.registration
     result = {
-        "format": "lab-comparison",
-        "format_version": 1,
         "verdict": verdict,
         "wrong": wrong,
         "window_s": case.window,
@@ -234,7 +232,7 @@ def _judged_field(
 
 
 def _provenance(files: LabFiles, dpiv: Dpiv, seed: int) -> dict[str, Any]:
-    run = read_json(files.stage.required("run/run.json", "run"))
+    run = RUN.read(files.stage.required("run/run.json", "run"))
     names = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
     return {
         "versions": {"python": platform.python_version()}
@@ -245,7 +243,3 @@ def _provenance(files: LabFiles, dpiv: Dpiv, seed: int) -> dict[str, Any]:
         "seed": seed,
         "settings": {"dpiv": dpiv.model_dump(mode="json", exclude={"folder"})},
     }
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else str(value)

@@ -15,8 +15,9 @@ from matplotlib.figure import Figure
 from fileio.atomic import write_text
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.plane_series import read_plane
+from fileio.formats.records import LAB_COMPARISON
 from postprocess.draw.style import save
-from postprocess.evidence.stage_files import read_json, scene_title
+from postprocess.evidence.stage_files import scene_title
 from postprocess.lab.data.files import LabFiles, read_registration
 from postprocess.lab.registration.register import law_pressure
 from postprocess.lab.report import draw, wording
@@ -29,7 +30,7 @@ def make_report(files: LabFiles) -> Path:
     """Write figures/*.svg, *.pdf and report.html. FileNotFoundError where the comparison was not run."""
     if not files.comparison.exists():
         raise FileNotFoundError(f"{files.comparison} is missing; run python -m postprocess.lab compare first")
-    result = read_json(files.comparison)
+    result = LAB_COMPARISON.read(files.comparison)
     pictures = {
         name: (_saved(files, name, figure), alt) for name, (figure, alt) in figures(files, result).items()
     }

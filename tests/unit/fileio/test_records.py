@@ -1,0 +1,63 @@
+"""Tables and JSON records: other versions and kinds are one sentence; docs/formats.md names their columns."""
+
+import json
+
+import pytest
+
+from fileio.errors import StageError
+from fileio.formats.__main__ import PAGE
+from fileio.formats.records import COMPARISON, FORCES, LAB_COMPARISON, REGISTRATION, RUN, STUDY_PLAN, TABLES
+from fileio.formats.vortex_table import COLUMNS, read_vortices
+
+RECORDS = (COMPARISON, LAB_COMPARISON, REGISTRATION, RUN, STUDY_PLAN)
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.format)
+def test_a_record_of_another_version_is_refused_with_what_to_do(tmp_path, record):
+    path = tmp_path / "a.json"
+    record.write(path, {"value": 1.5})
+    assert record.read(path)["value"] == 1.5
+    for version in (record.version - 1, record.version + 1):
+        path.write_text(json.dumps({"format": record.format, "format_version": version}))
+        words = (
+            f"format_version of this {record.format} file is {version}, this program reads {record.version}; "
+        )
+        with pytest.raises(StageError, match=f"a.json: {words}.*again$"):
+            record.read(path)
+    path.write_text("{}")
+    with pytest.raises(StageError, match=f"a.json: format is None, not '{record.format}'; .*again$"):
+        record.read(path)
+
+
+def test_a_table_comes_back_to_the_last_digit_written(tmp_path):
+    rows = [[k / 3 for k in range(8)], [0.1 * k for k in range(8)]]
+    FORCES.write(tmp_path / "a.csv", rows)
+    assert FORCES.read(tmp_path / "a.csv").to_numpy().tolist() == [
+        [float(f"{v:.12g}") for v in r] for r in rows
+    ]
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [("", "not a readable table"), ("time,fx\n0,1\n", "column 'fy' is missing"), (None, "missing")],
+)
+def test_no_table_of_forces_is_one_sentence(tmp_path, text, words):
+    if text is not None:
+        (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(StageError, match=rf"a\.csv: {words}.*; delete it and run make again$"):
+        FORCES.read(tmp_path / "a.csv")
+
+
+def test_vortices_of_another_version_are_refused(tmp_path):
+    (tmp_path / "v.csv").write_text('# {"format": "vortices", "format_version": 2}\ntime,x\n')
+    with pytest.raises(StageError, match="this program reads 1; find the vortices again"):
+        read_vortices(tmp_path / "v.csv")
+
+
+def test_the_page_of_formats_names_the_columns_and_versions():
+    page = " ".join(PAGE.read_text(encoding="utf-8").split())
+    for name, table in TABLES.items():
+        assert f"`{', '.join(table.columns)}`" in page, name
+    assert f"`{', '.join(COLUMNS)}`" in page
+    for record in RECORDS:
+        assert f'`format = "{record.format}"`, version {record.version}' in page, record.format
