@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
 
 from fileio.errors import StageError
+from fileio.formats.records import RUN
 from pipeline.study.ask_accuracy import Setting, accuracy, budget, choose, predicted, read_results
 from pipeline.study.plan import Row
 from postprocess.studies.tradeoff import finest, force_error, front, own_errors, vortex_errors, worst
@@ -162,9 +161,7 @@ def test_the_others_are_judged_by_the_finest_run_that_is_there(tmp_path):
     ):
         folder = tmp_path / name
         rows.append({"run": name, "folder": str(folder), "level": "draft", "until": until})
-        (folder / "out" / "draft" / "run").mkdir(parents=True)
-        record = json.dumps({"cells": cells, "steps": steps})
-        (folder / "out" / "draft" / "run" / "run.json").write_text(record)
+        RUN.write(folder / "out" / "draft" / "run" / "run.json", {"cells": cells, "steps": steps})
     assert finest({"runs": rows}, {"gone": "sheet.h5 is not there"}) == "fine_dt"
     with pytest.raises(ValueError, match="no finished run"):
         finest({"runs": rows[3:]}, {"gone": "sheet.h5 is not there"})
