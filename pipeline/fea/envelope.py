@@ -24,12 +24,12 @@ def outline(profile: FloatArray, thickness: FloatArray) -> FloatArray:
 def crosses_itself(polygon: FloatArray) -> bool:
     """Whether two edges of a closed polygon (point, 2) that share no corner meet."""
     start, end = polygon, np.roll(polygon, -1, axis=0)
-    way = end - start
+    chord = end - start
 
     def side(points: FloatArray) -> FloatArray:
         """On which side of each edge (row) each point (column) lies."""
         away = points[None] - start[:, None]
-        return way[:, None, 0] * away[..., 1] - way[:, None, 1] * away[..., 0]
+        return chord[:, None, 0] * away[..., 1] - chord[:, None, 1] * away[..., 0]
 
     apart = side(start) * side(end) < 0
     return bool((apart & apart.T).any())

@@ -97,8 +97,8 @@ def carry(source: SweptCells, target: SweptCells, overlap: Overlap, values: np.n
         def continued(
             column: np.ndarray, place: np.ndarray, layer: int = layer, slope: np.ndarray = slope
         ) -> np.ndarray:
-            way = place - source.centre[column]
-            return values[number[column, layer]] + np.einsum("cd,cdn->cn", way, slope[column])
+            offset = place - source.centre[column]
+            return values[number[column, layer]] + np.einsum("cd,cdn->cn", offset, slope[column])
 
         members, columns = (np.flatnonzero(n[:, layer] >= 0) for n in (number, wanted))
         cells = wanted[columns, layer]
@@ -123,18 +123,18 @@ def gradients(cells: SweptCells, values: np.ndarray, number: np.ndarray, no_slip
     there, beyond = number[left] >= 0, inner & (number[right] >= 0)
     both = there & beyond
     own = [left[both], right[both]]
-    way = [cells.centre[right[both]] - cells.centre[left[both]]]
+    offset = [cells.centre[right[both]] - cells.centre[left[both]]]
     rise = [values[number[right[both]]] - values[number[left[both]]]]
-    way.append(-way[0])
+    offset.append(-offset[0])
     rise.append(-rise[0])
     if no_slip:
         for wall, cell in ((inner & there & ~beyond, left), (beyond & ~there, right)):
             own.append(cell[wall])
-            way.append(cells.middle[wall] - cells.centre[cell[wall]])
+            offset.append(cells.middle[wall] - cells.centre[cell[wall]])
             speed = np.zeros((int(wall.sum()), values.shape[1]))
             speed[:, :2] = cells.wall_velocity[wall]
             rise.append(speed - values[number[cell[wall]]])
-    owner, step, change = np.concatenate(own), np.vstack(way), np.vstack(rise)
+    owner, step, change = np.concatenate(own), np.vstack(offset), np.vstack(rise)
     weight = 1 / (step**2).sum(1)
     count = len(cells.centre)
     matrix = np.zeros((count, 2, 2))

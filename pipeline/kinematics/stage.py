@@ -44,14 +44,14 @@ def input_uncertainty(motion: FingerMotion) -> dict[str, np.ndarray]:
     """Bend of the states and of the paper's equations, and the standard uncertainty of the bend, where known."""
     states, length = motion.states, motion.finger.length
     paper, _ = paper_model.bend(states.pressure, length=length)
-    found = {
+    variables = {
         "state_pressure": states.pressure,
         "state_bend": np.array([motion.shapes.bend(p) for p in states.pressure]),
         "paper_bend": paper,
     }
     if states.curvature_std is not None:
-        found["state_bend_std"] = length * states.curvature_std
-    return found
+        variables["state_bend_std"] = length * states.curvature_std
+    return variables
 
 
 def contact_values(

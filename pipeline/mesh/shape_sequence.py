@@ -74,16 +74,16 @@ def morph_shapes(
 
     frames = np.empty((count, *planform.nodes.shape))
     frames[built] = morph.relax(planform.nodes)
-    found = [(built, built)]
-    found += [(k - 1, k) for k in range(built + 1, count)]
-    found += [(k + 1, k) for k in range(built - 1, -1, -1)]
-    for at, knot in found:
+    steps = [(built, built)]
+    steps += [(k - 1, k) for k in range(built + 1, count)]
+    steps += [(k + 1, k) for k in range(built - 1, -1, -1)]
+    for at, knot in steps:
         try:
             if knot != at:
                 frames[knot] = morph.follow(frames[at], boundary, at, knot)
         except MorphError as error:
             reached, wanted = np.degrees(shapes.bend[[at, knot]])
-            raise MorphError(f"{error} than {reached:.1f}° of bend on the way to {wanted:.1f}°") from None
+            raise MorphError(f"{error} than {reached:.1f}° of bend towards {wanted:.1f}°") from None
         if accept:
             accept(knot, frames[knot])
     return frames

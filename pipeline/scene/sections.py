@@ -79,7 +79,7 @@ class Motion(Section):
 
     displacement: Law | None = None  # of a rigid body, m
     rotation: Law | None = None  # of a rigid body, deg
-    path_step: Positive | None = None  # way of a rigid body between two shapes of the mesh
+    path_step: Positive | None = None  # distance (m, or rad) of a rigid body between two shapes of the mesh
 
     @model_validator(mode="after")
     def _one_history(self) -> Motion:

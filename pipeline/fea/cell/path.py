@@ -36,12 +36,12 @@ def _reach(cell: UnitCell, state: State, before: State | None, target: float) ->
     if target == state.pressure:
         return cell.solve(state, target), None
     while state.pressure != target:
-        way = target - state.pressure
-        pressure = target if abs(way) <= step else state.pressure + step * (1 if way > 0 else -1)
+        remaining = target - state.pressure
+        pressure = target if abs(remaining) <= step else state.pressure + step * (1 if remaining > 0 else -1)
         try:
             solved = cell.solve(_extrapolated(state, before, pressure), pressure)
         except NotConverged:
-            step = min(step, abs(way)) / 2
+            step = min(step, abs(remaining)) / 2
             before = None
             if step < LEAST_STEP:
                 raise

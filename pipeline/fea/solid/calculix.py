@@ -23,10 +23,10 @@ FACES = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (
 
 def executable() -> str:
     """Path of CalculiX's solver; raises StageError with the command that installs it."""
-    found = shutil.which("ccx")
-    if found is None:
+    program = shutil.which("ccx")
+    if program is None:
         raise StageError(f'engine = "calculix" needs the program ccx, which is not on the path: {INSTALL}')
-    return found
+    return program
 
 
 def release() -> str:

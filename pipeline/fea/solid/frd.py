@@ -50,10 +50,10 @@ def read_frd(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np
         raise ValueError(
             f"{path}: no {'displacements' if labels else 'nodes'} found: request them with *NODE FILE and U in ASCII"
         )
-    for time, found in zip(times, fields, strict=True):
-        if len(found) != len(labels):
+    for time, field in zip(times, fields, strict=True):
+        if len(field) != len(labels):
             raise ValueError(
-                f"{path}: {len(found)} displacements for {len(labels)} nodes at time {time:g}: export all nodes of every state"
+                f"{path}: {len(field)} displacements for {len(labels)} nodes at time {time:g}: export all nodes of every state"
             )
-    displacements = np.array([[found[label] for label in labels] for found in fields])
+    displacements = np.array([[field[label] for label in labels] for field in fields])
     return np.array(times), np.array(places), displacements, np.array(labels, dtype=np.intp)

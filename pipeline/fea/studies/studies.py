@@ -28,15 +28,15 @@ STUDY = "bending"
 
 def bends_of(plan: dict[str, Any]) -> dict[str, Bends]:
     """The states of every run of a study's plan, by its name. StageError where one was not computed."""
-    found = {}
+    bends = {}
     for run in plan["runs"]:
         path = Path(run["folder"]) / "kinematics" / "states.h5"
         if not path.exists():
             raise StageError(f"{path}: {run['run']} was not analysed; run make fea-studies")
         states = read(path)
         gap = states.wall_gap if states.wall_gap is not None else np.zeros_like(states.radius)
-        found[run["run"]] = Bends(states.pressure, states.radius, gap)
-    return found
+        bends[run["run"]] = Bends(states.pressure, states.radius, gap)
+    return bends
 
 
 def against_calculix(actuator: Actuator, fea: Fea, work: Path) -> dict[str, Bends]:

@@ -55,8 +55,8 @@ def read_table(path: Path) -> dict[str, Bends]:
 
 def at(bends: Bends, pressure_kpa: float) -> float:
     """Radius (mm) at one of the pressures solved; not a number where that one did not converge."""
-    found = np.flatnonzero(np.abs(bends.pressure - 1e3 * pressure_kpa) < 1e-6)
-    return float(bends.radius[found[0]] * 1e3) if len(found) else float("nan")
+    at = np.flatnonzero(np.abs(bends.pressure - 1e3 * pressure_kpa) < 1e-6)
+    return float(bends.radius[at[0]] * 1e3) if len(at) else float("nan")
 
 
 def _markdown(head: list[str], rows: list[list[str]]) -> str:
