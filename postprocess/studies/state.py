@@ -9,10 +9,12 @@ from typing import Any
 import h5py
 
 from fileio.json_text import flat, parse_json
+from fileio.stages import STAGES
 from postprocess.evidence.stage_files import StageFiles
 
 UNRECORDED = {"images": {"truth"}}  # whether there is a file beside the images: it changes nothing of them
-SECTIONS = ("kinematics", "mesh", "case", "sheet")  # record the scene's sections and nothing but
+# record the scene's sections and nothing but
+SECTIONS = [stage.name for stage in STAGES if stage.sections and stage.shared and not stage.piv]
 UNASKED = {"motion.states", "motion.pressure_csv", "motion.recording"}  # names of files
 AGAIN = "delete it and run the study again"
 

@@ -16,6 +16,7 @@ import xarray as xr
 
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import FORCES, RUN
+from fileio.stages import STAGES, until
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.stage_files import StageFiles, read_json
@@ -24,6 +25,7 @@ from postprocess.studies.state import files_of, missing_runs, missing_sentence
 from postprocess.studies.table import read_plan, study_table
 
 INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
+OF_THE_REPORT = [stage.name for stage in STAGES if not stage.shared]
 ERRORS = ("error_circulation", "error_centre", "error_velocity", "error_force")
 
 
@@ -143,7 +145,7 @@ def predictions(table: pd.DataFrame, planes: pd.Series, whole: pd.Series) -> pd.
     from the run `whole` that went to its report, with the picture's size.
     """
     out = pd.DataFrame(index=table.index)
-    for stage in ("kinematics", "mesh", "case", "run"):
+    for stage in (stage.name for stage in until("run")):
         out[f"predict_{stage}_s"] = table[f"cpu_{stage}_s"]
     for stage in ("sheet", "vortices_cfd"):
         out[f"predict_{stage}_s"] = table[f"cpu_{stage}_s"] * planes
@@ -152,7 +154,7 @@ def predictions(table: pd.DataFrame, planes: pd.Series, whole: pd.Series) -> pd.
     out["predict_images_s"] = whole["cpu_images_s"] * pixels
     out["predict_piv_s"] = whole["cpu_piv_s"] * pixels * fields_
     out["predict_vortices_piv_s"] = whole["cpu_vortices_piv_s"] * pixels * fields_
-    for stage in ("compare", "figures", "report"):
+    for stage in OF_THE_REPORT:
         out[f"predict_{stage}_s"] = whole[f"cpu_{stage}_s"]
     return out
 
@@ -193,7 +195,7 @@ def evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.Dat
         )
     table = study_table(plan, {}).set_index("run", drop=False)
     if table["until"].eq("report").any():
-        for stage in ("compare", "figures", "report"):
+        for stage in OF_THE_REPORT:
             for run, files in rows.items():
                 path = files.out / "costs" / f"{stage}.json"
                 if path.exists():
