@@ -61,11 +61,6 @@ def labels_of(content: bytes) -> np.ndarray:
 
 def is_complete(path: Path) -> bool:
     """Whether OpenFOAM finished writing a file: its last line is the closing rule."""
-    if path.suffix == ".gz":
-        try:
-            return gzip.decompress(path.read_bytes()).rstrip().endswith(b"* //")
-        except (OSError, EOFError):
-            return False
     with open(path, "rb") as file:
         file.seek(0, os.SEEK_END)
         file.seek(max(0, file.tell() - 200))

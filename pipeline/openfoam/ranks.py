@@ -6,7 +6,6 @@ header of what is in the blocks stands in the first one only.
 
 from __future__ import annotations
 
-import gzip
 import re
 import shutil
 from dataclasses import dataclass
@@ -71,10 +70,7 @@ class Ranks:
 
 
 def read_content(path: Path) -> bytes:
-    """A file's bytes, unzipped where it is `<path>.gz`."""
-    zipped = path.with_name(path.name + ".gz")
-    if zipped.exists():
-        return gzip.decompress(zipped.read_bytes())
+    """A file's bytes."""
     try:
         return path.read_bytes()
     except FileNotFoundError:
@@ -106,10 +102,7 @@ def is_whole(path: Path, ranks: Ranks) -> bool:
     """Whether OpenFOAM finished writing a file, for all ranks where it is collated."""
     if not ranks.collated:
         return is_complete(path)
-    try:
-        content = gzip.decompress(path.read_bytes()) if path.suffix == ".gz" else path.read_bytes()
-    except (OSError, EOFError):
-        return False
+    content = path.read_bytes()
     if COLLATED not in content[:HEAD]:
         return is_complete(path)  # written by one rank for all
     return len(read_blocks(content)) == ranks.count

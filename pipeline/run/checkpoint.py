@@ -21,10 +21,10 @@ def saved_times(folder: Path, ranks: Ranks, moving: bool = True) -> list[tuple[f
     saved = []
     for place in folder.iterdir() if folder.is_dir() else ():
         time = _number(place.name)
-        if time is None or time <= 0 or not all(_exists(place / name) for name in wanted):
+        if time is None or time <= 0 or not all((place / name).exists() for name in wanted):
             continue
-        # the old-time fields of the second-order scheme count as well, whatever their names
-        if all(is_whole(path, ranks) for path in place.rglob("*") if path.is_file()):
+        # the old-time fields of the second-order scheme count as well, whatever their names; frames of the motion do not
+        if all(is_whole(path, ranks) for path in place.rglob("*") if path.is_file() and path.suffix != ".gz"):
             saved.append((time, place.name))
     return sorted(saved)
 
@@ -62,17 +62,25 @@ def first_damaged(case: Path) -> float:
     return min(damaged, default=np.inf)
 
 
+def force_times(case: Path) -> list[float]:
+    """When the solver was last started (s), and the times in its table of forces since then."""
+    parts = _parts(case / "postProcessing" / "forces")
+    if not parts:
+        return [0.0]
+    start, folder = parts[-1]
+    return [
+        start,
+        *sorted(float(time) for path in folder.glob("force*.dat") for time in table_rows(path)[:, 0]),
+    ]
+
+
 def sampled_until(case: Path) -> float:
     """Latest time (s) whose samples are surely whole.
 
     OpenFOAM writes the fields of a time before its samples: those are whole when the forces of the step after are there.
     """
-    parts = _parts(case / "postProcessing" / "forces")
-    if not parts:
-        return 0.0
-    start, folder = parts[-1]
-    times = sorted(time for path in folder.glob("force*.dat") for time in table_rows(path)[:, 0])
-    return max(start, float(times[-3])) if len(times) > 2 else start
+    times = force_times(case)
+    return times[-3] if len(times) > 3 else times[0]
 
 
 def drop_tables(case: Path, start: float) -> None:
@@ -100,7 +108,3 @@ def _number(text: str) -> float | None:
         return float(text)
     except ValueError:
         return None
-
-
-def _exists(path: Path) -> bool:
-    return path.exists() or path.with_name(path.name + ".gz").exists()

@@ -21,7 +21,7 @@ from pipeline.openfoam.displacement_files import checkpoint_interval, time_name
 from pipeline.openfoam.environment import die_with_parent, environment_in, last_lines, solver_command
 from pipeline.openfoam.foamfile import END, write_bytes
 from pipeline.openfoam.ranks import Ranks
-from pipeline.run.checkpoint import drop_tables, first_damaged, last_checkpoint, sampled_until
+from pipeline.run.checkpoint import drop_tables, first_damaged, force_times, last_checkpoint
 from pipeline.run.guards import FINER, SILENCE, Guard, Watchdog
 
 LOG = "log.pimpleFoam"
@@ -50,8 +50,8 @@ def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
     write_text(path, text)
 
 
-def solve(case: Path, interval: Interval, handover: float, time_step: float, write_interval: float, ranks: Ranks,
-          hosts: Path | None, bar: tqdm, guard: Guard) -> None:  # fmt: skip
+def solve(case: Path, interval: Interval, handover: float, write_interval: float, ranks: Ranks, hosts: Path | None,
+          bar: tqdm, guard: Guard) -> None:  # fmt: skip
     """Run the solver to the end of an interval from its last whole checkpoint, unless it has got there before.
 
     `handover` is the time (s) whose fields the next interval needs: that of the last checkpoint. StageError where `guard`
@@ -134,7 +134,7 @@ def solve(case: Path, interval: Interval, handover: float, time_step: float, wri
     if code != 0:
         raise failed(case, guard)
     # of a flow without a body nothing is sampled, and no energy guarded (tests/studies/validation)
-    sampled = sampled_until(case) + 2.5 * time_step if guard.energy else interval.end
+    sampled = force_times(case)[-1] * (1 + 1e-6) if guard.energy else interval.end
     until = min(sampled, first_damaged(case))
     if until < interval.end:
         check_room(case)

@@ -88,9 +88,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                 prepare(out, intervals, interval, layout, step, quiet)
                 before = read_progress(case)
                 earlier += Spent(before["wall_time"], before["cpu_time"])
-                solve(
-                    case, interval, handover, step, scene.numerics.write_interval, layout, hosts, bar, guard
-                )
+                solve(case, interval, handover, scene.numerics.write_interval, layout, hosts, bar, guard)
                 for folder in layout.folders(case):
                     remove_frames(folder)
                 bar.update(interval.end - bar.n)

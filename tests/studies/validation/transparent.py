@@ -82,7 +82,6 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
             folder,
             intervals[0],
             scene.motion.end_time,
-            scene.numerics.time_step,
             scene.numerics.write_interval,
             Ranks(),
             None,
