@@ -16,7 +16,6 @@ from scipy.sparse.csgraph import connected_components
 
 from fileio.errors import StageError
 
-METHODS = ("auto", "scotch", "bisection")
 REPAIRS = 10  # rounds of handing stray pieces over; two were enough for 64 ranks on every level
 
 
