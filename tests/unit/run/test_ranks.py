@@ -32,20 +32,17 @@ def test_a_cut_file_is_not_whole(tmp_path):
 
 
 @pytest.mark.parametrize("collated", [False, True])
-@pytest.mark.parametrize("compress", [False, True])
-def test_labels_of_each_rank(tmp_path, collated, compress):
+def test_labels_of_each_rank(tmp_path, collated):
     """As decomposePar writes them: with a header in each file, or in the first block only."""
     ranks, lists = Ranks(2, collated), [np.arange(5), np.array([7, 9])]
     head = header("labelList", "", "pointProcAddressing", binary=True)
     name = "constant/polyMesh/pointProcAddressing"
     if collated:
         blocks = [head + binary_list(lists[0]), b"\n" + binary_list(lists[1])]
-        write_bytes(
-            tmp_path / "processors2" / name, collated_content("pointProcAddressing", blocks), compress
-        )
+        write_bytes(tmp_path / "processors2" / name, collated_content("pointProcAddressing", blocks))
     else:
         for rank, labels in enumerate(lists):
-            write_bytes(tmp_path / f"processor{rank}" / name, head + binary_list(labels), compress)
+            write_bytes(tmp_path / f"processor{rank}" / name, head + binary_list(labels))
     found = [labels_of(content) for content in ranks.contents(tmp_path, name)]
     for labels, wanted in zip(found, lists, strict=True):
         np.testing.assert_array_equal(labels, wanted)
