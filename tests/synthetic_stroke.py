@@ -276,6 +276,16 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
             "dissipation": loss,
         }
     ).to_csv(out / "run/power.csv", index=False)
+    parts = {"viscous": 0.5, "convection": 0.3, "coupling": 0.2}
+    pd.DataFrame(
+        {"time": t}
+        | {name: part * loss for name, part in parts.items()}
+        | {
+            f"{name}_{region}": part * loss / 3
+            for name, part in parts.items()
+            for region in ("wall", "edge", "wake")
+        }
+    ).to_csv(out / "run/power_terms.csv", index=False)
     pd.DataFrame(
         {
             "time": t,
@@ -303,8 +313,11 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
         "dissipated": 2.4e-5,
         "closure": 6e-6,
         "closure_fraction": 0.026,
+        "taken": {"viscous": 2.5e-5, "convection": 3e-6, "coupling": 1e-6},
+        "unexplained": 1e-6,
+        "unexplained_fraction": 0.004,
     }
-    run = {"format": "run", "format_version": 3, "versions": {"openfoam": "v1912"}, "scene_hash": "0123abcd"}
+    run = {"format": "run", "format_version": 4, "versions": {"openfoam": "v1912"}, "scene_hash": "0123abcd"}
     run |= {"scene": scene}
     run |= {
         "level": level,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fileio.schema import JsonFormat, Table
 
 AGAIN = "delete it and run make again"
-RUN = JsonFormat("run", 3, AGAIN)
+RUN = JsonFormat("run", 4, AGAIN)
 COMPARISON = JsonFormat("comparison", 1, AGAIN)
 LAB_COMPARISON = JsonFormat("lab-comparison", 1, "run make compare again")
 REGISTRATION = JsonFormat("registration", 1, "run python -m postprocess.lab register again")
@@ -13,6 +13,9 @@ STUDY_PLAN = JsonFormat("study-plan", 4, "run the study again")
 
 FORCES = Table(("time", "fx", "fy", "fz", "fx_pressure", "fy_pressure", "fx_viscous", "fy_viscous"), AGAIN)
 POWER = Table(("time", "finger_power", "kinetic_energy", "dissipation"), AGAIN)
+LOSSES = ("viscous", "convection", "coupling")  # what takes energy from the flow
+REGIONS = ("wall", "edge", "wake")
+POWER_TERMS = Table(("time", *LOSSES, *(f"{loss}_{region}" for loss in LOSSES for region in REGIONS)), AGAIN)
 HISTORY = Table(
     ("time", "courant_mean", "courant_max", "continuity_local", "continuity_global", "pressure_iterations", "wall_time"),
     AGAIN,
@@ -22,4 +25,10 @@ MESH_QUALITY = Table(
      "mean_non_orthogonality_deg", "max_skewness", "min_area_ratio"),
     AGAIN, digits=6,
 )  # fmt: skip
-TABLES = {"forces.csv": FORCES, "power.csv": POWER, "history.csv": HISTORY, "mesh_quality.csv": MESH_QUALITY}
+TABLES = {
+    "forces.csv": FORCES,
+    "power.csv": POWER,
+    "power_terms.csv": POWER_TERMS,
+    "history.csv": HISTORY,
+    "mesh_quality.csv": MESH_QUALITY,
+}

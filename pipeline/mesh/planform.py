@@ -9,7 +9,7 @@ import shapely
 
 from pipeline.geometry.planform import Planform
 from pipeline.mesh.fixed_bodies import FixedBody
-from pipeline.mesh.triangulate import triangulate
+from pipeline.mesh.triangulate import halves, triangulate
 from pipeline.mesh.wall_layers import (
     GAP_CELL,
     Clearance,
@@ -45,6 +45,11 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     crowded = np.vstack([layers[0], layers[-1], *lines])
     size = GAP_CELL * np.concatenate([np.tile(clearance(layers[0]), 2), *(to_finger(line) for line in lines)])
     narrow = size < mesh.tip_cell
+    if mesh.grade_from_wall:
+        rim = layers[-1]
+        crowded = np.vstack([crowded, rim])
+        size = np.append(size, np.hypot(*(np.roll(rim, -1, axis=0) - np.roll(rim, 1, axis=0)).T) / 2)
+        narrow = np.append(narrow, np.ones(len(rim), bool))
     mesh_2d = triangulate(layers[0], layers[-1], box, mesh, path, lines, (crowded[narrow], size[narrow]))
     # gmsh numbers: outer rim first, then the wall, then its own; put the ring's inner polygons behind them
     middle = np.vstack(layers[1:-1]) if len(layers) > 2 else np.empty((0, 2))
@@ -53,11 +58,16 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     row = [np.arange(count) + count]
     row += [first_middle + k * count + np.arange(count) for k in range(len(layers) - 2)]
     row += [np.arange(count)]
-    quads = np.vstack([np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)]) for a, b in pairwise(row)])
-    body = mesh_2d.inside.astype(int)
-    centre = nodes[mesh_2d.triangles].mean(1)
+    ring = [np.column_stack([a, b, np.roll(b, -1), np.roll(a, -1)]) for a, b in pairwise(row)]
+    # quads are of the water: within fixed bodies they are split
+    water = np.ones(len(mesh_2d.quads), bool)
+    for thing in bodies:
+        water &= ~within(thing, nodes, mesh_2d.quads)
+    triangles = np.vstack([mesh_2d.triangles, halves(nodes, mesh_2d.quads[~water])])
+    quads = np.vstack([*ring, mesh_2d.quads[water]])
+    body = np.concatenate([mesh_2d.inside, np.zeros(len(triangles) - len(mesh_2d.inside), int)])
     for number, thing in enumerate(bodies, 2):
-        body[shapely.contains_xy(thing.polygon, *centre.T)] = number
+        body[within(thing, nodes, triangles)] = number
     fixed = np.zeros((len(nodes), 2), bool)
     fixed[row[0]] = fixed[mesh_2d.outer] = True
     if mirror:
@@ -66,7 +76,7 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     fixed[mesh_2d.on_bodies] = True
     return Planform(
         nodes,
-        mesh_2d.triangles,
+        triangles,
         quads,
         body,
         row[0],
@@ -75,6 +85,11 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
         fixed,
         ((box[0], 0.0), box[1:]),
     )
+
+
+def within(body: FixedBody, nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Whether cells (n, corner) lie in a body's footprint (n,)."""
+    return np.asarray(shapely.contains_xy(body.polygon, *nodes[cells].mean(1).T))
 
 
 def distance_to(things: list[shapely.Geometry]) -> Clearance:

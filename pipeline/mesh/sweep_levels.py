@@ -1,6 +1,9 @@
-"""The layers of the sweep along z."""
+"""The levels of the sweep along z: layers graded both ways from the finger's side edges, which shed vortices."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,42 +14,30 @@ from pipeline.scene.sections import Mesh
 def graded_layers(
     kind: str, finger_width: float, tank_width: float, mesh: Mesh, support: Support | None
 ) -> np.ndarray:
-    """z of the sweep's levels (m), from the back wall of the tank to the sheet; even over the finger, growing beyond.
+    """z of the sweep's levels (m), from the back wall to the sheet, or to the front wall in a full model.
 
-    Where a support is wanted its side is one of them.
+    The finger's sides are levels, and the side of a support.
     """
-    half = 0.5 * tank_width
     if kind == "2d":
         return np.array([-finger_width, 0.0])
-    on = np.linspace(0.0, 0.5 * finger_width, mesh.layers_on_finger + 1)
-    beyond = on[-1] + _growing(half - on[-1], on[1], mesh.layers_beyond)
-    if support is not None:
-        on, beyond = _with_level(on, beyond, 0.5 * support.size[2])
-    back = -np.concatenate([on, beyond])[::-1]
+    edge = 0.5 * finger_width
+    # layers grow by a constant factor where their thickness is linear in the distance from the edge
+    slope = np.log(mesh.layer_growth)
+    first = mesh.edge_layer * slope / (mesh.layer_growth - 1)
+
+    def thickness(z: np.ndarray) -> np.ndarray:
+        wanted = first + slope * np.abs(z - edge)
+        return np.where(z < edge, np.minimum(wanted, mesh.sheet_layer), wanted)
+
+    ends = {0.0, edge, 0.5 * tank_width} | ({0.5 * support.size[2]} if support is not None else set())
+    parts = [divided(a, b, thickness) for a, b in pairwise(sorted(ends))]
+    back = -np.concatenate([[0.0], *parts])[::-1]
     return back if kind in ("half", "quarter") else np.concatenate([back, -back[-2::-1]])
 
 
-def _growing(span: float, first: float, count: int) -> np.ndarray:
-    """`count` cumulated steps that grow geometrically from about `first` and fill `span`."""
-    low, high = 1.0, 5.0
-    for _ in range(80):
-        ratio = 0.5 * (low + high)
-        low, high = (
-            (ratio, high) if first * sum(ratio**k for k in range(1, count + 1)) < span else (low, ratio)
-        )
-    steps = np.cumsum(ratio ** np.arange(1, count + 1))
-    return span * steps / steps[-1]
-
-
-def _with_level(on: np.ndarray, beyond: np.ndarray, z: float) -> tuple[np.ndarray, np.ndarray]:
-    """Levels with one at `z`: the nearest that may move is moved there, else one is added."""
-    levels = np.concatenate([on, beyond])
-    if np.abs(levels - z).min() < 1e-9:
-        return on, beyond
-    part, free = (on, slice(1, -1)) if z < on[-1] else (beyond, slice(0, -1))
-    if part[free].size:
-        part = part.copy()
-        part[free][np.argmin(np.abs(part[free] - z))] = z
-    else:
-        part = np.sort(np.append(part, z))
-    return (part, beyond) if z < on[-1] else (on, part)
+def divided(start: float, end: float, thickness: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Ends (n,) of the fewest intervals that divide start…end, none longer than `thickness` at its place; same units."""
+    fine = np.linspace(start, end, 4001)
+    walk = np.concatenate([[0.0], np.cumsum(np.diff(fine) / thickness(0.5 * (fine[1:] + fine[:-1])))])
+    count = max(1, int(np.ceil(walk[-1] - 1e-6)))
+    return np.interp(walk[-1] * np.arange(1, count + 1) / count, walk, fine)

@@ -1,4 +1,4 @@
-"""Triangles of a planform, by gmsh: the water beyond the finger's ring, and the finger's footprint."""
+"""Cells of a planform, by gmsh: the water beyond the finger's ring, and the finger's footprint."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from fileio.errors import StageError
 from pipeline.scene.sections import Mesh
 
 GROWTH = 0.3  # of the cell size with the distance from a gap
+LEAST_SINE = 0.45  # of a corner of a quadrilateral; those with a sharper or flatter one are split in two
 BIN = 1.25  # points in gaps are taken together where their sizes differ by less than this factor
 
 
 @dataclass(frozen=True)
 class Triangles:
-    """Nodes (node, 2) m, first the rim's, then the wall's; triangles, 1 in `inside` for those within the wall."""
+    """Nodes (node, 2) m, first the rim's, then the wall's; triangles, 1 in `inside` for those within the wall; quads of the water."""
 
     nodes: np.ndarray
     triangles: np.ndarray
+    quads: np.ndarray
     inside: np.ndarray
     outer: np.ndarray  # nodes of the tank's outline, counter-clockwise from the lower left
     on_bodies: np.ndarray  # nodes of the outlines of bodies
@@ -53,6 +55,8 @@ def triangulate(wall: np.ndarray, rim: np.ndarray, box: tuple[float, float, floa
         if body_lines:
             gmsh.model.mesh.embed(1, body_lines, 2, water)
         _size_field(rim_lines + wall_lines + body_lines, track, narrow, gaps[1], mesh)
+        if mesh.planform == "quads":
+            gmsh.model.mesh.setRecombine(2, water)
         gmsh.model.mesh.generate(2)
         return _collect(water, footprint, rim_lines + wall_lines, box_lines, body_lines)
     finally:
@@ -93,14 +97,7 @@ def _collect(
     tags, xyz, _ = gmsh.model.mesh.getNodes()
     position = dict(zip(tags.tolist(), range(len(tags)), strict=True))
     xy = xyz.reshape(-1, 3)[:, :2]
-    cells = []
-    for surface in (water, footprint):
-        kinds, _, members = gmsh.model.mesh.getElements(2, surface)
-        if list(kinds) != [2]:
-            raise StageError(
-                "the planform could not be meshed; make mesh.wall_cell or mesh.near_cell smaller"
-            )
-        cells.append(np.array([position[t] for t in members[0].tolist()]).reshape(-1, 3))
+    water_cells, footprint_cells = _cells(water, position), _cells(footprint, position)
 
     def ends(line: int) -> list[int]:
         points = gmsh.model.getAdjacencies(1, line)[1]
@@ -112,18 +109,61 @@ def _collect(
         line_tags, _, parameter = gmsh.model.mesh.getNodes(1, line)
         outer += [position[int(t)] for t in line_tags[np.argsort(parameter)]]
     first = np.array([ends(line)[0] for line in first_lines])
-    rest = np.setdiff1d(np.unique(np.concatenate([c.ravel() for c in cells])), first)
+    used = np.concatenate([c.ravel() for c in (*water_cells, *footprint_cells)])
+    rest = np.setdiff1d(used, first)
     order = np.concatenate([first, rest])
     new = np.full(len(xy), -1)
     new[order] = np.arange(len(order))
-    triangles = new[np.vstack(cells)]
     nodes = xy[order]
-    a, b, c = (nodes[triangles[:, k]] for k in range(3))
-    flipped = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
-    triangles[flipped] = triangles[flipped][:, ::-1]
-    inside = np.repeat([0, 1], [len(cells[0]), len(cells[1])])
+    quads, split = split_bad_quads(nodes, _turned(nodes, new[water_cells[1]]))
+    triangles = np.vstack([new[water_cells[0]], split, new[footprint_cells[0]]])
+    inside = np.repeat([0, 1], [len(water_cells[0]) + len(split), len(footprint_cells[0])])
     on_bodies = np.unique([n for line in body_lines for n in ends(line)]).astype(int)
-    return Triangles(nodes, triangles, inside, new[np.array(outer)], new[on_bodies])
+    return Triangles(nodes, _turned(nodes, triangles), quads, inside, new[np.array(outer)], new[on_bodies])
+
+
+def _cells(surface: int, position: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (n, 3) and quadrilaterals (n, 4) of a surface; `position` of gmsh's node tags."""
+    kinds, _, members = gmsh.model.mesh.getElements(2, surface)
+    found = {
+        int(kind): np.array([position[t] for t in tags.tolist()])
+        for kind, tags in zip(kinds, members, strict=True)
+    }
+    if not found or not found.keys() <= {2, 3}:
+        raise StageError("the planform could not be meshed; make mesh.wall_cell or mesh.near_cell smaller")
+    empty = np.empty(0, int)
+    return found.get(2, empty).reshape(-1, 3), found.get(3, empty).reshape(-1, 4)
+
+
+def _turned(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Cells (n, corner) with all corners counter-clockwise."""
+    x, y = (nodes[cells, axis] for axis in (0, 1))
+    area = (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(1)
+    return np.where(area[:, None] < 0, cells[:, ::-1], cells)
+
+
+def split_bad_quads(nodes: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Quads (n, 4), counter-clockwise, all of whose corners have a sine of LEAST_SINE or more; the halves of the others (n, 3)."""
+    area, ahead, behind = _corners(nodes, quads)
+    bad = (area / (ahead * behind)).min(axis=1, initial=1.0) < LEAST_SINE
+    return quads[~bad], halves(nodes, quads[bad])
+
+
+def halves(nodes: np.ndarray, quads: np.ndarray) -> np.ndarray:
+    """Triangles (2 n, 3) of quads (n, 4), each split along the diagonal that leaves the larger smallest area."""
+    area, _, _ = _corners(nodes, quads)
+    # the halves of diagonal 0-2 are the triangles at corners 1 and 3
+    turn = area[:, [0, 2]].min(axis=1) > area[:, [1, 3]].min(axis=1)
+    q = np.where(turn[:, None], np.roll(quads, -1, axis=1), quads)
+    return np.vstack([q[:, [0, 1, 2]], q[:, [2, 3, 0]]])
+
+
+def _corners(nodes: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """At each corner (n, 4): twice the area of the triangle with its two edges, and the lengths of these."""
+    corner = nodes[quads]
+    ahead, behind = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
+    area = ahead[..., 0] * behind[..., 1] - ahead[..., 1] * behind[..., 0]
+    return area, np.linalg.norm(ahead, axis=-1), np.linalg.norm(behind, axis=-1)
 
 
 def _size_field(walls: list[int], track: list[int], narrow: list[int], size: np.ndarray, mesh: Mesh) -> None:

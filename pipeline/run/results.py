@@ -11,11 +11,12 @@ import numpy as np
 import xarray as xr
 
 from fileio.formats.mesh_intervals import Interval, read_planform
-from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER
+from fileio.formats.records import FORCES, HISTORY, LOSSES, MESH_QUALITY, POWER, POWER_TERMS
 from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.function_objects import read_function_object
 from pipeline.run.energy import finger_power, resolved_dissipation
 from pipeline.run.map_fields import field_mappings
+from pipeline.run.power_terms import integrals
 from pipeline.run.solver import LOG
 
 PER_FINGER = {"2d": 1, "half": 2, "quarter": 2, "full": 1}  # fingers per computed part of one
@@ -43,13 +44,18 @@ def power(case: Path, density: float, viscosity: float, copies: int) -> np.ndarr
     )
 
 
-def power_balance(table: np.ndarray) -> dict[str, float]:
-    """Work = change of kinetic energy + resolved dissipation + closure; the closure is what the schemes dissipate."""
+def power_balance(table: np.ndarray, terms: np.ndarray) -> dict[str, Any]:
+    """Work = kinetic energy + what each term of `terms` (POWER_TERMS) has taken + what is left unexplained.
+
+    `closure` is what the resolved dissipation of `table` (POWER), by gradients in the cells, does not account for.
+    """
     time = np.concatenate([[0.0], table[:, 0]])
     rate = np.vstack([np.zeros(2), table[:, [1, 3]]])
     work, dissipated = np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None], axis=0)
     kinetic = table[-1, 2]
     closure = work - kinetic - dissipated
+    taken = integrals(terms)
+    unexplained = work - kinetic - sum(taken[name] for name in LOSSES)
     scale = abs(work) if work else 1.0
     return {
         "work": float(work),
@@ -57,6 +63,9 @@ def power_balance(table: np.ndarray) -> dict[str, float]:
         "dissipated": float(dissipated),
         "closure": float(closure),
         "closure_fraction": float(closure / scale),
+        "taken": taken,
+        "unexplained": float(unexplained),
+        "unexplained_fraction": float(unexplained / scale),
     }
 
 
@@ -109,10 +118,10 @@ def joined(intervals: tuple[Interval, ...], tables: list[np.ndarray]) -> np.ndar
 
 
 def collect_results(out: Path, intervals: tuple[Interval, ...], cells: list[int], density: float,
-                    viscosity: float) -> dict[str, Any]:  # fmt: skip
-    """Write run/forces.csv, power.csv and history.csv of all intervals joined; returns their summary for run.json.
+                    viscosity: float, terms: np.ndarray) -> dict[str, Any]:  # fmt: skip
+    """Write run/forces.csv, power.csv, power_terms.csv and history.csv of all intervals joined; returns their summary for run.json.
 
-    `cells`: of the mesh of each interval.
+    `cells`: of the mesh of each interval; `terms`: rows POWER_TERMS of the computed part.
     """
     cases = [out / "case" / interval.name for interval in intervals]
     planform = read_planform(out, intervals[0].mesh)
@@ -123,6 +132,8 @@ def collect_results(out: Path, intervals: tuple[Interval, ...], cells: list[int]
     force = [forces(case, PER_FINGER[str(planform.attrs["model"])]) for case in cases]
     parts = [power(case, density, viscosity, copies_of(planform)) for case in cases]
     energy = joined(intervals, parts)
+    terms = np.column_stack([terms[:, 0], copies_of(planform) * terms[:, 1:]])
+    POWER_TERMS.write(out / "run" / "power_terms.csv", terms)
     FORCES.write(out / "run" / "forces.csv", joined(intervals, force))
     POWER.write(out / "run" / "power.csv", energy)
     HISTORY.write(out / "run" / "history.csv", log)
@@ -131,7 +142,7 @@ def collect_results(out: Path, intervals: tuple[Interval, ...], cells: list[int]
         "courant_max": float(np.nanmax(log[:, 2])),
         "continuity_max": float(np.nanmax(np.abs(log[:, 3]))),
         "mesh_quality": mesh_quality(out / "mesh_quality.csv"),
-        "power_balance": power_balance(energy),
+        "power_balance": power_balance(energy, terms),
         "intervals": [
             {"start": i.start, "end": i.end, "mesh": i.mesh, "moving": i.moving, "cells": count}
             for i, count in zip(intervals, cells, strict=True)

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from fileio.cost import Spent
@@ -21,6 +22,7 @@ from pipeline.openfoam.ranks import LEAST_CELLS, Ranks
 from pipeline.run.checkpoint import last_checkpoint
 from pipeline.run.energy import energy_from_nothing
 from pipeline.run.guards import guard_of
+from pipeline.run.power_terms import term_rows
 from pipeline.run.prepare import case_state, prepare, prepared_for
 from pipeline.run.results import collect_results, copies_of
 from pipeline.run.solver import BAR, read_progress, solve
@@ -97,7 +99,9 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
             "wall_time": round(sum(float(s["wall_time"]) for s in spent), 2),
             "resumed": [at for s in spent for at in s["resumed"]],
         }
-        summary = collect_results(out, intervals, cells, *fluid)
+        convection = scene.numerics.convection
+        terms = np.vstack([term_rows(out, interval, layout, *fluid, convection) for interval in intervals])
+        summary = collect_results(out, intervals, cells, *fluid, terms)
         power = POWER.read(out / "run" / "power.csv").to_numpy()
         copies = copies_of(read_planform(out, intervals[0].mesh))
         budgets = [guard.energy.budget for guard in guards if guard.energy]
@@ -118,6 +122,6 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     if not quiet:
         balance = summary["power_balance"]
         print(
-            f"run: {record['wall_time']:.0f} s of solver, power balance closes to {balance['closure_fraction']:.1%}"
+            f"run: {record['wall_time']:.0f} s of solver, power balance explained to {balance['unexplained_fraction']:.1%}"
         )
     return earlier

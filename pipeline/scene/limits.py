@@ -104,7 +104,9 @@ def estimated_cells(scene: Any) -> float:
     ring = perimeter / min(mesh.wall_cell, 2 * mesh.tip_cell) * mesh.wall_layers
     layers = {"2d": 1, "full": 2}.get(scene.model.kind, 1)
     if scene.model.kind != "2d":
-        layers *= mesh.layers_on_finger + mesh.layers_beyond
+        growth = np.log(mesh.layer_growth)
+        graded = np.log(growth * scene.tank.size[2] / 2 / mesh.edge_layer) / growth
+        layers *= finger.width / 2 / mesh.sheet_layer + 1.3 * graded
     return float((triangles + ring) * layers)
 
 

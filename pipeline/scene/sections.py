@@ -140,8 +140,11 @@ class Mesh(Section):
     near_cell: Positive
     near_distance: Positive = 0.045
     far_cell: Positive
-    layers_on_finger: Annotated[int, Field(ge=1)] = 6
-    layers_beyond: Annotated[int, Field(ge=1)] = 7
+    edge_layer: Positive = 1.0e-3  # of the sweep, on both sides of the finger's side edge
+    sheet_layer: Positive = 2.3e-3  # most between the side edges: what the sheet's vortex needs
+    layer_growth: Annotated[float, Field(gt=1, le=5)] = 1.5  # of the layers with the distance from the edge
+    grade_from_wall: bool = False  # the water's cells begin as large as those beside them at the wall
+    planform: Literal["triangles", "quads"] = "triangles"  # cells beyond the layers at the wall
     max_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = 65.0
     usual_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = (
         70.0  # not exceeded for 95 % of the time

@@ -9,6 +9,8 @@ from matplotlib.figure import Figure
 from postprocess.draw.series import BESIDE
 from postprocess.draw.style import CFD, GREY, PIV, THIRD, new_figure
 
+LOSSES = {"viscous": "viscosity", "convection": "convection scheme", "coupling": "pressure and velocity"}
+
 
 def forces(table: pd.DataFrame) -> Figure:
     """Force of the water on the finger, total and its viscous part."""
@@ -23,7 +25,7 @@ def forces(table: pd.DataFrame) -> Figure:
 
 
 def power(table: pd.DataFrame) -> Figure:
-    """Power balance: rates above, energies with the closure error below."""
+    """Power balance: rates above, energies below, with what the gradients in the cells do not resolve of the dissipation."""
     time = table["time"].to_numpy()
     storage = np.gradient(table["kinetic_energy"].to_numpy(), time)
     total = lambda rate: np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])  # noqa: E731
@@ -37,8 +39,35 @@ def power(table: pd.DataFrame) -> Figure:
     axes[1].plot(time, work * 1e3, color=CFD, label="work of the finger")
     axes[1].plot(time, gain * 1e3, color=THIRD, label="kinetic energy")
     axes[1].plot(time, lost * 1e3, color=PIV, label="dissipated")
-    axes[1].plot(time, (work - gain - lost) * 1e3, color=GREY, linestyle="--", label="closure error")
+    axes[1].plot(time, (work - gain - lost) * 1e3, color=GREY, linestyle="--", label="not resolved")
     axes[1].set(xlabel="time, s", ylabel="energy, mJ")
+    for ax in axes:
+        ax.legend(**BESIDE)
+    return figure
+
+
+def losses(power: pd.DataFrame, terms: pd.DataFrame) -> Figure:
+    """Where the flow's energy goes: what each term takes over time, with the balance's own loss, and in which region."""
+    figure, axes = new_figure(8.6, 6.0, 2, 1, sharex=True)
+    storage = np.gradient(power["kinetic_energy"].to_numpy(), power["time"].to_numpy())
+    axes[0].plot(
+        power["time"], (power["finger_power"] - storage) * 1e3, color=GREY, label="work less kinetic energy"
+    )
+    axes[0].plot(terms["time"], terms[list(LOSSES)].sum(axis=1) * 1e3, "k.", label="sum of the three")
+    for (name, words), colour in zip(LOSSES.items(), (PIV, CFD, THIRD), strict=True):
+        axes[0].plot(terms["time"], terms[name] * 1e3, color=colour, label=words)
+    axes[0].set(ylabel="loss, mW", title="Where the energy goes")
+    for region, style in (("wall", "-"), ("edge", "--"), ("wake", ":")):
+        scheme = terms[f"convection_{region}"] + terms[f"coupling_{region}"]
+        axes[1].plot(terms["time"], scheme * 1e3, color=CFD, linestyle=style, label=f"schemes, {region}")
+        axes[1].plot(
+            terms["time"],
+            terms[f"viscous_{region}"] * 1e3,
+            color=PIV,
+            linestyle=style,
+            label=f"viscosity, {region}",
+        )
+    axes[1].set(xlabel="time, s", ylabel="loss, mW")
     for ax in axes:
         ax.legend(**BESIDE)
     return figure

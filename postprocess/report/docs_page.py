@@ -11,7 +11,7 @@ from fileio.command import add_scene
 from fileio.formats.records import COMPARISON, RUN
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.report.pinch_wording import pinch_table
-from postprocess.report.wording import PAIRS, WORDS, quantity, requirement
+from postprocess.report.wording import PAIRS, WORDS, balance_sentence, quantity, requirement
 
 
 def measured_cell(check: dict[str, Any]) -> str:
@@ -38,7 +38,6 @@ def verdict_sentence(verdict: dict[str, Any]) -> str:
 
 def page(scene: str, level: str, comparison: dict[str, Any], run: dict[str, Any], picture: str) -> str:
     """The page as Markdown."""
-    balance = run["power_balance"]
     rows = "\n".join(
         f"| {c['finding']} | {requirement(c)} | {measured_cell(c)} | {verdict_cell(c)} |"
         for c in comparison["checks"]
@@ -62,10 +61,7 @@ Written by `make docs` from `cases/{scene}/out/{level}/`; scene hash `{run["scen
 The reasons of the tolerances are in `cases/{scene}/reference/findings.toml`.
 {part}
 **The run.** {run["cells"]} cells ({run["model"]}), {run["steps"]} steps of {run["time_step"] * 1e3:g} ms, {run["ranks"]} ranks,
-{run["wall_time"]:.0f} s of solver; largest Courant number {run["courant_max"]:.2f}. **Power balance**: the finger's work on the water
-{balance["work"] * 1e3:.3f} mJ = kinetic energy {balance["kinetic_energy"] * 1e3:.3f} mJ + resolved dissipation
-{balance["dissipated"] * 1e3:.3f} mJ + closure {balance["closure"] * 1e3:.3f} mJ ({balance["closure_fraction"]:.0%} of the work): what the schemes
-dissipate on this mesh.
+{run["wall_time"]:.0f} s of solver; largest Courant number {run["courant_max"]:.2f}. **Power balance**: {balance_sentence(run["power_balance"])}
 """
 
 

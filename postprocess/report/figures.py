@@ -38,6 +38,7 @@ REQUIRED = (
     ("run/run.json", "run"),
     ("run/forces.csv", "run"),
     ("run/power.csv", "run"),
+    ("run/power_terms.csv", "run"),
     ("run/history.csv", "run"),
 )
 

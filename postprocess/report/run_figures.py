@@ -8,24 +8,31 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER
+from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER, POWER_TERMS, RUN
 from postprocess.draw import animation
 from postprocess.draw import mesh as draw_mesh
 from postprocess.draw import solver as draw_solver
 from postprocess.evidence.strokes import REST, progress
 from postprocess.report.picture_index import Album
+from postprocess.report.wording import balance_sentence
 
 
 def solver_figures(album: Album, out: Path) -> None:
     """The solver's tables and the mesh's quality over time or bend."""
     for file, table, draw, section, alt in (
         ("run/forces.csv", FORCES, draw_solver.forces, "run", "Force of the water on the finger over time."),
-        ("run/power.csv", POWER, draw_solver.power, "run", "Power balance over time and its closure error."),
+        ("run/power.csv", POWER, draw_solver.power, "run", "Power balance over time."),
         ("run/history.csv", HISTORY, draw_solver.history, "run", "Courant number and continuity error over time."),
         ("mesh_quality.csv", MESH_QUALITY, draw_solver.mesh_quality, "mesh",
          "Non-orthogonality, skewness and area ratio over the bend angle."),
     ):  # fmt: skip
         album.add(draw(table.read(out / file)), f"{Path(file).stem}.svg", section, alt)
+    losses = draw_solver.losses(
+        POWER.read(out / "run/power.csv"), POWER_TERMS.read(out / "run/power_terms.csv")
+    )
+    balance = RUN.read(out / "run/run.json")["power_balance"]
+    alt = "What viscosity and the schemes take from the flow over time, and where."
+    album.add(losses, "losses.svg", "run", alt, balance_sentence(balance))
 
 
 def mesh_figures(

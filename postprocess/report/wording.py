@@ -31,6 +31,18 @@ def quantity(value: float | str | None, unit: str) -> str:
     return f"{value:.3g}" + (NBSP + unit.replace(" ", NBSP) if unit not in ("", "1") else "")
 
 
+def balance_sentence(balance: dict[str, Any]) -> str:
+    """What has become of the finger's work, of run.json's `power_balance`."""
+    taken, work = balance["taken"], abs(balance["work"]) or 1.0
+    part = lambda *names: f"{sum(taken[name] for name in names) / work:.0%}"  # noqa: E731
+    return (
+        f"Of the finger's work on the water, {balance['work'] * 1e3:.3f}{NBSP}mJ, {balance['kinetic_energy'] / work:.0%} is kinetic"
+        f" energy at the end; viscosity has taken {part('viscous')}, the convection scheme {part('convection')}, the coupling of pressure"
+        f" and velocity {part('coupling')}; {balance['unexplained_fraction']:.1%} is unexplained. What the schemes take acts as"
+        " viscosity of the mesh: the computed vortices lose it sooner than those in the water."
+    )
+
+
 def requirement(check: dict[str, Any]) -> str:
     """What a check asks for, its tolerance included."""
     unit, value, tolerance = check["unit"], check["value"], check["tolerance"]

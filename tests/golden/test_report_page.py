@@ -206,7 +206,7 @@ UNIT = re.compile(r", (s|m|mm|m/s|°|kPa|mN|mW|mJ|GB|cm²/s|1/s|1|% of tip speed
 
 
 def test_every_axis_of_every_series_names_its_unit(made):
-    from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER
+    from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER, POWER_TERMS
     from postprocess.evidence.tip_vortex import dominant_tracks, read_vortices
 
     middle = tuple(result(made)["middle_of_stroke_s"])
@@ -218,6 +218,9 @@ def test_every_axis_of_every_series_names_its_unit(made):
         draw_series.agreement(pd.read_csv(made.out / "comparison.csv"), 0.4, middle),
         draw_solver.forces(FORCES.read(made.out / "run/forces.csv")),
         draw_solver.power(POWER.read(made.out / "run/power.csv")),
+        draw_solver.losses(
+            POWER.read(made.out / "run/power.csv"), POWER_TERMS.read(made.out / "run/power_terms.csv")
+        ),
         draw_solver.history(HISTORY.read(made.out / "run/history.csv")),
         draw_solver.mesh_quality(MESH_QUALITY.read(made.out / "mesh_quality.csv")),
     ]

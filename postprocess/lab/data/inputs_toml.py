@@ -16,8 +16,11 @@ from fileio.provenance import read_settings
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.lab.data.dpiv_toml import Positive, Table
 
-MESH_LENGTHS = ("wall_cell", "wall_first_layer", "tip_cell", "near_cell", "far_cell")
-MESH_COUNTS = ("wall_layers", "layers_on_finger", "layers_beyond")
+MESH_LENGTHS = (
+    "wall_cell", "wall_first_layer", "tip_cell", "near_cell", "far_cell", "edge_layer", "sheet_layer",
+)  # fmt: skip
+MESH_COUNTS = ("wall_layers",)
+MESH_GROWTH = ("wall_growth", "layer_growth")
 
 
 def _not_zero(value: float) -> float:
@@ -150,7 +153,8 @@ def _finer(numbers: dict[str, Any], finer: Numerics) -> dict[str, Any]:
         return {"numerics": {"time_step": numbers["numerics"]["time_step"] / finer.ratio}}
     mesh = numbers["mesh"]
     lengths = {name: mesh[name] / finer.ratio for name in MESH_LENGTHS}
-    return {"mesh": lengths | {name: round(mesh[name] * finer.ratio) for name in MESH_COUNTS}}
+    counts = {name: round(mesh[name] * finer.ratio) for name in MESH_COUNTS}
+    return {"mesh": lengths | counts | {name: mesh[name] ** (1 / finer.ratio) for name in MESH_GROWTH}}
 
 
 def _write(files: StageFiles, folder: Path, tables: dict[str, Any]) -> Path:

@@ -189,7 +189,7 @@ def test_a_support_that_touches_the_finger_is_refused(tmp_path):
 def test_a_sphere_is_a_pile_of_discs_of_about_its_volume(tmp_path):
     more = OBJECT.format(shape="sphere", diameter=0.024)
     scene = write_scene(tmp_path / "ball", "quarter", more, parent="pinch")
-    width, mesh = scene.finger.width, scene.mesh.model_copy(update={"layers_on_finger": 8})
+    width, mesh = scene.finger.width, scene.mesh.model_copy(update={"sheet_layer": 1.75e-3})
     levels = graded_layers("quarter", width, scene.tank.size[2], mesh, None)
     bodies = fixed_bodies(None, scene.pinch, width, 1.8e-3, levels)
     assert {body.name for body in bodies} == {"object"}

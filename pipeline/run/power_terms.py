@@ -1,0 +1,122 @@
+"""The parts of the power balance at the instants whose fields were written, over the tank and by region."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import shapely
+import xarray as xr
+from scipy.interpolate import PchipInterpolator
+
+from fileio.formats.mesh_intervals import Interval, read_planform
+from fileio.formats.node_motion import read_motion
+from fileio.formats.records import LOSSES, POWER_TERMS, REGIONS
+from fileio.formats.sweep import read_sweep
+from pipeline.geometry.quality import cell_areas, cell_centres
+from pipeline.openfoam.polymesh_files import Faces, read_faces
+from pipeline.openfoam.ranks import Ranks
+from pipeline.run.checkpoint import saved_times
+from pipeline.run.dissipation import FaceGeometry, face_geometry, face_terms
+from pipeline.run.map_fields import read_cells
+
+NEAR = 1 / 60  # of the length of the finger's outline: 2.8 mm of the shipped one
+FREE = ("sheet", "mirror", "top")  # patches along which the water slips
+
+
+def term_rows(out: Path, interval: Interval, ranks: Ranks, density: float, viscosity: float,
+              convection: str) -> np.ndarray:  # fmt: skip
+    """Rows POWER_TERMS (W) of the computed part of the tank, of the fields written in an interval.
+
+    `out`: the level's folder; `density` in kg/m³, `viscosity` in m²/s; `convection` as in numerics.convection.
+    """
+    case = out / "case" / interval.name
+    faces = read_faces(case / "constant" / "polyMesh")
+    planform, motion = read_planform(out, interval.mesh), read_motion(out, interval.mesh)
+    sweep = read_sweep(out, interval.name)
+    flat = planform.attrs["model"] == "2d"
+    reach = np.inf if flat else float(planform["body_half_width"].values[1])
+    mirrored = bool(planform.attrs["mirror"]) or "mirrored_finger" in planform["body_name"].values
+    rows = []
+    for time, name in saved_times(ranks.folders(case)[0], ranks, interval.moving):
+        if time < interval.start + 1e-9:
+            continue  # in the overlap with the interval before
+        nodes = motion.nodes(time)
+        mesh = geometry_at(faces, planform, sweep, nodes, flat)
+        cells = len(mesh.volume)
+        velocity, pressure = (read_cells(case, name, field, ranks, cells) for field in ("U", "p"))
+        effective = np.full(cells, viscosity)
+        if (ranks.folders(case)[0] / name / "nut").exists():
+            effective += read_cells(case, name, "nut", ranks, cells)
+        moving = face_velocity(faces, sweep, motion.velocity(time))
+        terms = face_terms(
+            mesh, velocity, pressure, boundary_velocity(mesh, velocity, moving),
+            np.einsum("fi,fi->f", moving, mesh.area), effective, convection,
+        )  # fmt: skip
+        region = regions(mesh.cell_centre, nodes[planform["wall"].values], reach, mirrored)
+        parts = density * np.array([np.bincount(region, terms[name], len(REGIONS)) for name in LOSSES])
+        rows.append([time, *parts.sum(axis=1), *parts.ravel()])
+    return np.array(rows).reshape(-1, len(POWER_TERMS.columns))
+
+
+def geometry_at(
+    faces: Faces, planform: xr.Dataset, sweep: xr.Dataset, nodes: np.ndarray, flat: bool
+) -> FaceGeometry:
+    """Geometry of a leg's mesh with its planform's nodes at `nodes` (node, 2), m."""
+    levels, cells = planform["levels"].values, (planform["triangles"].values, planform["quads"].values)
+    column, layer = sweep["cell_column"].values, sweep["cell_layer"].values
+    points = np.column_stack([nodes[sweep["node"].values], levels[sweep["level"].values]])
+    middle = 0.5 * (levels[1:] + levels[:-1])
+    return face_geometry(
+        faces, points, np.column_stack([cell_centres(nodes, *cells)[column], middle[layer]]),
+        cell_areas(nodes, *cells)[column] * np.diff(levels)[layer], ("back", "sheet") if flat else (),
+    )  # fmt: skip
+
+
+def face_velocity(faces: Faces, sweep: xr.Dataset, velocity: np.ndarray) -> np.ndarray:
+    """Velocity (face, 3) of the mesh's faces whose planform's nodes move with `velocity` (node, 2), m/s."""
+    plane = velocity[sweep["node"].values][faces.corners].mean(1)
+    return np.column_stack([plane, np.zeros(len(plane))])
+
+
+def boundary_velocity(mesh: FaceGeometry, velocity: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """Velocity (boundary face, 3) at the patches as the case's boundary conditions give it."""
+    found = np.zeros((len(mesh.faces.owner) - mesh.inner, 3))
+    for name, faces in mesh.faces.patches.items():
+        rows = slice(faces.start - mesh.inner, faces.stop - mesh.inner)
+        inside = velocity[mesh.faces.owner[faces]]
+        if name.endswith("finger"):
+            found[rows] = moving[faces]
+        elif name == "gap":
+            found[rows] = inside
+        elif name in FREE:
+            area = mesh.area[faces]
+            size = np.maximum(np.einsum("fi,fi->f", area, area), 1e-300)
+            found[rows] = inside - (np.einsum("fi,fi->f", inside, area) / size)[:, None] * area
+    return found
+
+
+def regions(centre: np.ndarray, outline: np.ndarray, reach: float, mirrored: bool) -> np.ndarray:
+    """Index into REGIONS of cells with centres (cell, 3): near the finger's side edge, else near its surface, else wake.
+
+    `outline` (node, 2) of the finger, which reaches to |z| = `reach`, infinite in 2-D; `mirrored`: there is another one in
+    x = 0. Near is within NEAR of the outline's length.
+    """
+    plane, z = centre[:, :2].copy(), np.abs(centre[:, 2])
+    if mirrored:
+        plane[:, 0] = -np.abs(plane[:, 0])
+    finger = shapely.Polygon(outline)
+    shapely.prepare(finger)
+    near, beyond = NEAR * finger.length, np.maximum(z - reach, 0.0)
+    at = shapely.points(plane)
+    to_edge = np.hypot(shapely.distance(finger.exterior, at), z - reach)
+    to_surface = np.hypot(shapely.distance(finger, at), beyond)
+    return np.where(to_edge < near, 1, np.where(to_surface < near, 0, 2))
+
+
+def integrals(table: np.ndarray) -> dict[str, float]:
+    """Energy (J) that each term, and each in each region, has taken by the last row of a table POWER_TERMS, from rest at 0."""
+    time = np.concatenate([[0.0], table[:, 0]])
+    rates = np.vstack([np.zeros(table.shape[1] - 1), table[:, 1:]])
+    taken = PchipInterpolator(time, rates).integrate(time[0], time[-1])
+    return dict(zip(POWER_TERMS.columns[1:], map(float, taken), strict=True))
