@@ -36,12 +36,13 @@ def render(
     background=5.0,
     frames=(-0.5, 0.5),
     path=None,
+    sheet=12.0,
 ):
-    """8-bit images at the instants `frames` of particles carried by displacement(x, y) -> (dx, dy).
+    """8-bit images at the instants `frames` of particles carried by displacement(x, y) -> (dx, dy) or (dx, dy, dz) px.
 
     Particles move along straight lines through their middle position, or along path(x, y, t) -> (x, y), x right and y up from the centre of the
     bottom row. `noise` is Gaussian, as a fraction of 255; `out_of_plane` is a shift between the frames as a
-    fraction of the light sheet's e⁻² thickness.
+    fraction of the light sheet's e⁻² thickness, which is `sheet` px for a displacement that has a dz of its own.
     """
     rng = np.random.default_rng(seed)
     rows, columns = shape
@@ -51,7 +52,9 @@ def render(
     x = rng.uniform(-margin, columns + margin, count)
     y = rng.uniform(-margin, rows + margin, count)
     z = rng.uniform(-half, half, count)
-    dx, dy = displacement(x, y) if path is None else (None, None)
+    dx, dy, *dz = displacement(x, y) if path is None else (None, None)
+    if dz:
+        out_of_plane = out_of_plane + dz[0] / sheet
     images = []
     for t in frames:
         brightness = peak * np.exp(-8 * (z + t * out_of_plane) ** 2)
