@@ -20,6 +20,9 @@ class Options:
     window: Annotated[
         float, "side of the correlation window, px: its weight is a Gaussian of σ = window/4"
     ] = 32.0
+    least_window: Annotated[
+        float, "side to which it may shrink where the flow requires it, px; as large as window: never"
+    ] = 12.0
     spacing: Annotated[int, "distance of the vectors, px"] = 8
     preset: Annotated[str, "fast, balanced or accurate"] = "balanced"
     passes: Annotated[int, "Newton steps at full resolution; 0 = those of the preset"] = 0
@@ -30,7 +33,7 @@ class Options:
     # below twice as much a vector is an outlier where most of its neighbours are
     min_correlation: Annotated[float, "least correlation coefficient of a valid vector"] = 0.2
     # one error in ten is then above half a pixel
-    max_std: Annotated[float, "largest standard uncertainty of a valid vector, px"] = 0.3
+    max_std: Annotated[float, "largest standard uncertainty of a valid vector, px; up to 1 px kept, flagged 5"] = 0.3
     max_masked: Annotated[float, "largest masked share of a window's weight"] = 0.5
     replace: Annotated[bool, "put the neighbours' mean in place of outliers, flagged 4"] = False
     method: Annotated[str, "correlation or optical_flow (fast, coarse, without uncertainty)"] = "correlation"
@@ -42,6 +45,8 @@ class Options:
             raise ValueError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
         if not 8 <= self.window <= 512:
             raise ValueError(f"window must be between 8 and 512 px, got {self.window}")
+        if not self.least_window >= 8:
+            raise ValueError(f"least_window must be at least 8 px, got {self.least_window}")
         if not (self.spacing >= 1 and float(self.spacing).is_integer()):
             raise ValueError(f"spacing must be a whole number of px, at least 1, got {self.spacing}")
         if self.search < 16:

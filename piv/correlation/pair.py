@@ -9,7 +9,7 @@ give each frequency its maximum-likelihood weight. Method and sources: docs/piv_
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
@@ -18,22 +18,24 @@ import xarray as xr
 
 from fileio.formats.plane_series import provenance
 from piv.correlation import passes, prefilter
+from piv.correlation.adaptive_windows import measure_adapted, separated, window_ratio
 from piv.correlation.buffers import image_buffers
 from piv.correlation.deform import Nodes
 from piv.correlation.fft_pass import window_maps
+from piv.correlation.newton_step import CELL
 from piv.correlation.options import Options
 from piv.correlation.pair_images import Prepared
 from piv.correlation.passes import Displacements
-from piv.correlation.small_windows import measure_small_windows, unresolved_in_small_window, window_too_large
 from piv.correlation.steep_regions import measure_steep_regions
 from piv.correlation.uncertainty import INTERPOLATION, Errors, errors_of
 from piv.validation.denoise import damp_noise
-from piv.validation.outliers import fill_absent, supported
+from piv.validation.outliers import RARE, fill_absent, supported
 
 __all__ = ["FLAGS", "Options", "correlate_pair"]
 
-VALID, OUTLIER, MASKED, SECOND_PEAK, REPLACED = range(5)
-FLAGS = ("valid", "outlier", "masked", "second peak taken", "replaced on request")
+VALID, OUTLIER, MASKED, SECOND_PEAK, REPLACED, UNCERTAIN = range(6)
+FLAGS = ("valid", "outlier", "masked", "second peak taken", "replaced on request", "uncertain")
+VAGUE = 1.0  # px: with a larger standard uncertainty a vector is not known at all
 
 
 def correlate_pair(a: Any, b: Any, *, mask: Any = None, **options: Any) -> xr.Dataset:
@@ -42,7 +44,7 @@ def correlate_pair(a: Any, b: Any, *, mask: Any = None, **options: Any) -> xr.Da
     a, b: 2-D, row 0 at the top, any real dtype; mask: 2-D, true = body, one for both or (mask_a, mask_b); options:
     see piv.correlation.options.Options. The result has coordinates x (px right of the centre of the left column), y (px up from
     the centre of the bottom row), ascending, and u, v (px per frame interval, v positive upward; NaN where absent),
-    valid, flag (FLAGS), u_std, v_std (standard uncertainty), correlation. ValueError where the input cannot be used.
+    valid (0 also where a known vector is uncertain), flag (FLAGS), u_std, v_std (standard uncertainty), correlation. ValueError where the input cannot be used.
     """
     settings = Options(**options)
     if settings.method == "optical_flow":
@@ -71,15 +73,13 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
         images.shape, x, y, half_seen, settings, maps_of, cells_of, spectra_of, reseed
     )
     errors = errors_of(nodes, vectors, settings)
-    small = window_too_large(vectors, errors)
-    if small.any():
-        new = measure_small_windows(nodes, full, vectors, small, settings)
-        errors = errors.replaced(small, errors_of(nodes, new, settings))
-        vectors = vectors.replaced(small, new)
+    errors = separated(nodes, vectors, errors, settings.sigma, settings.full_steps)
+    ratio = window_ratio(vectors, errors, settings)
+    if (ratio < 1).any():
+        vectors, errors = measure_adapted(nodes, full, vectors, errors, ratio, settings)
     vectors = measure_steep_regions(nodes, full, vectors, settings, final=True)
     if vectors.steep is not None:
-        errors = errors.in_small_window(vectors.steep & ~small)
-    vectors.known[unresolved_in_small_window(small, errors)] = False
+        errors = errors.in_small_window(vectors.steep & (ratio == 1))
     return to_dataset(vectors, errors, x, y, keep, images.shape, settings)
 
 
@@ -155,26 +155,28 @@ def run_passes(
     nodes = Nodes(x, y, half_shape, 2)
     for _ in range(options.half_steps):
         cells = cells_of(nodes, kernel, dx, dy)
-        vectors = passes.measure(
-            nodes, cells, dx, dy, 1.2 * options.sigma, options, max(options.epsilon, 0.5)
-        )
+        sums = nodes.window_sums(cells, 1.2 * options.sigma)
+        vectors = passes.measure(nodes, cells, sums, dx, dy, options, max(options.epsilon, 0.5))
         dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
     nodes = Nodes(x, y, shape, 1)
     second = np.zeros(dx.shape, bool)
+    cell_noise = Displacements.cell_noise
     for step in range(options.full_steps):
         if step < options.spectra and (spectra := spectra_of(nodes, kernel, dx, dy)) is not None:
             spectra = prefilter.undo(response, spectra)
             response = prefilter.optimal_response(*spectra)
             kernel = prefilter.kernel(response)
+            cell_noise = prefilter.cell_noise(spectra, response, CELL)
         cells = cells_of(nodes, kernel, dx, dy)
-        vectors = passes.measure(nodes, cells, dx, dy, options.sigma, options, options.epsilon)
+        sums = nodes.window_sums(cells, options.sigma)
+        vectors = passes.measure(nodes, cells, sums, dx, dy, options, options.epsilon)
         if step == options.full_steps - 1:
             break
         vectors = reseed(nodes, vectors)
         second |= vectors.second
         dx, dy = vectors.dx, vectors.dy
     vectors.second[:] = second & vectors.known
-    return vectors, nodes
+    return replace(vectors, cell_noise=cell_noise), nodes
 
 
 def to_dataset(
@@ -193,35 +195,43 @@ def to_dataset(
     var_x, var_y = errors.var_x, errors.var_y
     if options.smoothing:
         dx, dy, var_x, var_y = damp_noise(
-            dx, dy, var_x, var_y, known, sigma=options.sigma, spacing=spacing, passes=options.full_steps
-        )
+            dx, dy, var_x, var_y, known,
+            sigma=options.sigma, spacing=spacing, passes=options.full_steps, ratio=v.ratio,
+        )  # fmt: skip
     std_x, std_y = (
         np.sqrt(var + missed + INTERPOLATION**2)
         for var, missed in ((var_x, errors.missed_x), (var_y, errors.missed_y))
     )
-    above = known & (np.maximum(std_x, std_y) > options.max_std)
+    worst = np.maximum(std_x, std_y)
+    above = known & (worst > options.max_std)
     if v.steep is not None:
         above &= ~v.steep  # their uncertainty is only an upper bound (Errors.in_small_window)
     if above.any():
         known = supported(known & ~above, v.masked, v.correlation, doubtful=doubtful, across=across)
+    uncertain = above & (worst < VAGUE)
+    if known.sum() < RARE * (~v.masked).sum():
+        uncertain &= v.correlation > doubtful
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER
     flag[v.second & known] = SECOND_PEAK
+    flag[uncertain] = UNCERTAIN
     flag[v.masked] = MASKED
     present = known.copy()
+    finite = known | uncertain
     if options.replace and known.any():
         put = ~known & ~v.masked
         dx, dy = fill_absent(dx, dy, known)
         std_x[put] = std_y[put] = np.nan  # a replacement was not measured
         flag[put] = REPLACED
         present |= put
+        finite = present
     fields = {
-        "u": np.where(present, dx, np.nan),
-        "v": np.where(present, -dy, np.nan),
+        "u": np.where(finite, dx, np.nan),
+        "v": np.where(finite, -dy, np.nan),
         "valid": present.astype(np.uint8),
         "flag": flag,
-        "u_std": np.where(present, std_x, np.nan),
-        "v_std": np.where(present, std_y, np.nan),
+        "u_std": np.where(finite, std_x, np.nan),
+        "v_std": np.where(finite, std_y, np.nan),
         "correlation": np.where(v.masked, np.nan, v.correlation),
     }
     units = {"valid": "1", "flag": "1", "correlation": "1"}

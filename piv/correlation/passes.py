@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -16,7 +17,7 @@ from piv.validation.outliers import fill_absent, normalised_median
 
 FFT_WINDOWS = (64, 32)  # at half resolution
 FFT_SPACING = 0.75  # of these windows, as a part of their size: they only need to find whole pixels
-SMALL = 0.5  # side of the small window as a part of the window
+NEAR = 0.75  # side over the largest window's: smaller windows are tested against 3 x 3 neighbours
 RESEED = 32  # px: side of the windows in which outliers are searched again
 
 
@@ -35,14 +36,23 @@ class Displacements:
     cells: np.ndarray
     sums: np.ndarray
     visible: np.ndarray  # share of the window's weight that could be used
-    small: np.ndarray | None = None  # bool: measured in the small window (piv.correlation.small_windows)
+    cell_noise: float = (
+        1.15  # variance of noise in 3 x 3 cells over nine times that of one (prefilter.cell_noise)
+    )
+    ratio: np.ndarray | None = None  # side of the window over the largest (piv.correlation.adaptive_windows)
     steep: np.ndarray | None = None  # bool: measured by piv.correlation.steep_regions
+
+    TESTED: ClassVar = ("dx", "dy", "known", "correlation", "step_x", "step_y", "visible")
+
+    @property
+    def near(self) -> np.ndarray | None:
+        """Vectors (bool) of small windows, to be tested against the nearest neighbours only."""
+        return None if self.ratio is None else self.ratio < NEAR
 
     def replaced(self, where: np.ndarray, other: Displacements) -> Displacements:
         """These displacements and tests, with those of `other` at `where`; cells and sums are kept."""
-        names = ("dx", "dy", "known", "correlation", "step_x", "step_y", "visible")
-        chosen = {n: np.where(where, getattr(other, n), getattr(self, n)) for n in names}
-        return replace(self, **chosen, second=self.second & ~where, small=where)
+        chosen = {n: np.where(where, getattr(other, n), getattr(self, n)) for n in self.TESTED}
+        return replace(self, **chosen, second=self.second & ~where)
 
 
 def grid(length: int, spacing: float) -> np.ndarray:
@@ -135,47 +145,42 @@ def strip_spectra(
 def measure(
     nodes: Nodes,
     cells: np.ndarray,
+    window_sums: tuple,
     dx,
     dy,
-    sigma: float,
     options: Options,
     epsilon: float,
-    small: np.ndarray | None = None,
+    near: np.ndarray | None = None,
 ) -> Displacements:
     """One Newton step from the predictor (dx, dy), by which the images of `cells` were warped, and the tests of its result.
 
-    small: nodes (bool) that are measured in the small window.
+    window_sums: of the cells, and of the weights of whole windows; near: as of `deviates`.
     """
-    sums, full = nodes.window_sums(cells, sigma)
-    if small is not None:
-        small_sums, small_full = nodes.window_sums(cells, SMALL * sigma)
-        sums, full = np.where(small, small_sums, sums), np.where(small, small_full, full)
+    sums, full = window_sums
     step_x, step_y, correlation = newton_step(sums, 1.0)
     new_x = spline_value(dx) + step_x * nodes.factor
     new_y = spline_value(dy) + step_y * nodes.factor
     masked = sums[8] < (1 - options.max_masked) * full
     usable = ~masked & (correlation > options.min_correlation)
-    known = usable & ~deviates(new_x, new_y, usable, epsilon, options, small)
+    known = usable & ~deviates(new_x, new_y, usable, epsilon, options, near)
     no = np.zeros(known.shape, bool)
     seen = sums[8] / full
-    return Displacements(
-        new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, seen, small
-    )
+    return Displacements(new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, seen)
 
 
 def deviates(
-    dx, dy, usable: np.ndarray, epsilon: float, options: Options, small: np.ndarray | None
+    dx, dy, usable: np.ndarray, epsilon: float, options: Options, near: np.ndarray | None
 ) -> np.ndarray:
     """Vectors (bool) that fail the normalised median test; usable: vectors that may serve as neighbours.
 
-    5 x 5 neighbours; of vectors of the small window 3 x 3, since farther neighbours may lie in the next wave.
+    5 x 5 neighbours; of vectors (bool) marked `near` 3 x 3, since farther neighbours may lie in the next wave.
     """
     threshold = options.threshold
     failed = normalised_median(dx, dy, usable, epsilon=epsilon, radius=2, threshold=threshold)[0] > threshold
-    if small is None:
+    if near is None:
         return failed
-    near = normalised_median(dx, dy, usable, epsilon=epsilon, radius=1, threshold=threshold)[0] > threshold
-    return np.where(small, near, failed)
+    nearest = normalised_median(dx, dy, usable, epsilon=epsilon, radius=1, threshold=threshold)[0] > threshold
+    return np.where(near, nearest, failed)
 
 
 def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Displacements, options: Options) -> Displacements:

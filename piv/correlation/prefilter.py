@@ -51,10 +51,8 @@ def kernel(response: np.ndarray) -> Kernel:
     response: amplitude on the rfft2 frequencies of a TILE × TILE field. Any error of the filter is the same for
     both images and moves no vector, so the nearest separable kernel will do.
     """
-    f = np.abs(np.fft.fftfreq(TILE))
-    # frequencies next to the sampling limit cannot be interpolated: taper them off
-    one = np.cos(np.clip((f - 0.36) / 0.14, 0, 1) * np.pi / 2) ** 2 / kernel_response(f)
-    full = response * one[:, None] * one[None, : TILE // 2 + 1]
+    one = 1 / kernel_response(np.abs(np.fft.fftfreq(TILE)))
+    full = response * _taper() * one[:, None] * one[None, : TILE // 2 + 1]
     taps = np.fft.fftshift(np.fft.irfft2(full, s=(TILE, TILE)))
     middle = slice(TILE // 2 - TAPS // 2, TILE // 2 + TAPS // 2 + 1)
     columns, weights, rows = np.linalg.svd(taps[middle, middle])
@@ -133,11 +131,42 @@ def optimal_response(frequency: np.ndarray, signal: np.ndarray, noise: np.ndarra
     Thomson 1973; Knapp & Carter 1976): white noise leaves it flat until the signal drowns, particles without a
     partner (N ∝ S) make it whiten the spectrum, aliasing cuts its high end. Each image gets the square root.
     """
-    signal = np.maximum(signal, 1e-3 * np.maximum(noise, 1e-12 * signal.max()))
-    noise = _without_misalignment(frequency, signal, np.maximum(noise, 1e-5 * signal))
+    signal, noise = _aligned(frequency, signal, noise)
     response = np.sqrt(signal / (2 * signal * noise + noise**2))
     response = np.interp(radial_frequency(), frequency[1:], response[1:])
     return response / response.max()
+
+
+def cell_noise(spectra: tuple, response: np.ndarray, cell: int) -> float:
+    """Variance of the sum over 3 x 3 cells of the noise in the correlation's gradient, over nine times that of one cell.
+
+    spectra: (frequency, signal, noise) of the images before they are filtered by `response`; cell: side, px. Along x,
+    g = (s ∂n - n ∂s)/2 for the signal s and the noise n of the difference, and the product of both images' own noise.
+    """
+    frequency, signal, noise = spectra
+    power = (response * _taper()) ** 2
+    power[0, 0] = 0
+    parts = [np.interp(radial_frequency(), frequency, p) * power for p in _aligned(frequency, signal, noise)]
+    along = 2j * np.pi * np.fft.rfftfreq(TILE)[None, :]
+    (s, s1, s2), (n, n1, n2) = (
+        [np.fft.irfft2(p * along**m, s=(TILE, TILE)) for m in range(3)] for p in parts
+    )
+    gradient = 2 * s1 * n1 - s * n2 - n * s2 + n1**2 - n * n2  # its autocorrelation, but for a factor
+    window = np.abs(np.fft.fft(np.ones(cell), TILE)) ** 2
+    lags = np.fft.ifft2(np.fft.fft2(gradient) * np.outer(window, window)).real[::cell, ::cell]
+    return float((lags[0, 0] + 2 * lags[0, 1] + 2 * lags[1, 0] + 4 * lags[1, 1]) / lags[0, 0])
+
+
+def _taper() -> np.ndarray:
+    """Response that takes off frequencies next to the sampling limit, which cannot be interpolated."""
+    one = np.cos(np.clip((np.abs(np.fft.fftfreq(TILE)) - 0.36) / 0.14, 0, 1) * np.pi / 2) ** 2
+    return one[:, None] * one[None, : TILE // 2 + 1]
+
+
+def _aligned(frequency, signal, noise) -> tuple[np.ndarray, np.ndarray]:
+    """Signal and noise spectra, positive, without what misalignment of the images adds to the noise."""
+    signal = np.maximum(signal, 1e-3 * np.maximum(noise, 1e-12 * signal.max()))
+    return signal, _without_misalignment(frequency, signal, np.maximum(noise, 1e-5 * signal))
 
 
 def _without_misalignment(frequency, signal, noise):

@@ -17,7 +17,8 @@ from piv.correlation.deform import Image, Nodes, spline_value
 from piv.correlation.interpolate import denser
 from piv.correlation.newton_step import CELL, newton_step
 from piv.correlation.options import Options
-from piv.correlation.passes import SMALL, Displacements, deviates
+from piv.correlation.passes import Displacements, deviates
+from piv.correlation.uncertainty import SMALL
 from piv.validation.outliers import fill_absent
 
 # a region's correlation is below this part of the median and this many median deviations below it
@@ -80,7 +81,7 @@ def measure_steep_regions(
         & (correlation > options.min_correlation)
         & ~(poor & (correlation < LOST / POOR * target))
     )
-    failed = deviates(dx, dy, usable, options.epsilon, options, vectors.small)
+    failed = deviates(dx, dy, usable, options.epsilon, options, vectors.near)
     known = usable & ~failed & (vectors.known | poor)
     return replace(vectors, dx=dx, dy=dy, correlation=correlation, steep=poor, known=known)
 

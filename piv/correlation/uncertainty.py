@@ -11,7 +11,7 @@ import numpy as np
 from piv.correlation.deform import Nodes
 from piv.correlation.newton_step import CELL
 from piv.correlation.options import Options
-from piv.correlation.passes import SMALL, Displacements
+from piv.correlation.passes import Displacements
 
 # Set on rendered images so that one standard uncertainty covers two thirds of the errors (74 % without). It covers 60-76 % in
 # every condition of the benchmark except structures shorter than the window, whose damping is no noise.
@@ -19,6 +19,7 @@ CALIBRATION = 0.86  # on the variance
 ALIKE = 1.75  # factor of neighbouring cells on the variance in small windows; set on a rendered sine of 32 px
 LEAST_KEPT = 0.25  # residual share of the noise below which neighbouring cells hold none (24 px windows, vectors 8 px apart)
 LARGEST = 100.0  # px²
+SMALL = 0.5  # side of the last window of steep regions over the largest
 FEW = 5.0  # cells with texture: with so few in a window the variance doubles
 FEW_SMALL = 7.0  # the same below LEAST_KEPT: 5 leaves a tenth of the vectors of sparse images wrong, 9 rejects dense ones
 INTERPOLATION = 0.0005  # px: interpolation error without any noise
@@ -43,36 +44,39 @@ class Errors(NamedTuple):
 
 
 def errors_of(nodes: Nodes, v: Displacements, options: Options) -> Errors:
-    """`Errors` of vectors measured in the window, or in the small window where `v.small` is set."""
+    """`Errors` of vectors measured in the window."""
     spacing = float(nodes.x[1] - nodes.x[0])
     sigma, passes, alike, few = options.sigma, options.full_steps, 0.0, FEW
-    if v.small is not None:
-        sigma, spacing, alike = SMALL * sigma, spacing / 2, ALIKE
-        few = 0.0  # ALIKE was set without
-    elif noise_budget(sigma, spacing, passes)[1] < LEAST_KEPT:
+    if noise_budget(sigma, spacing, passes)[1] < LEAST_KEPT:
         alike, few = ALIKE, FEW_SMALL
     gain, kept = noise_budget(sigma, spacing, passes, not alike)
-    var = correlation_statistics(nodes, v.cells, v.sums, v.step_x, v.step_y, sigma, kept, alike, few)
-    missed = unresolved(nodes, v.cells, v.step_x, v.step_y, options.sigma)
+    var = correlation_statistics(nodes, v, sigma, kept, alike, few)
+    missed = unresolved(nodes, v, options.sigma)
     return Errors(gain * var[0], gain * var[1], *missed)
 
 
+def residual_gradients(nodes: Nodes, v: Displacements) -> tuple[np.ndarray, np.ndarray]:
+    """Gradients of the cells' correlation (x, y) that the last step leaves."""
+    x, y = nodes.at_cells(v.step_x), nodes.at_cells(v.step_y)
+    cells = v.cells
+    return cells[0] - cells[2] * x - cells[3] * y, cells[1] - cells[3] * x - cells[4] * y
+
+
 def correlation_statistics(
-    nodes: Nodes, cells, sums, step_x, step_y, sigma: float, kept: float, alike: float = 0.0, few: float = FEW
+    nodes: Nodes, v: Displacements, sigma: float, kept: float, alike: float = 0.0, few: float = FEW
 ):
     """Variances (x, y, px²) of one measurement of each vector.
 
     The displacement solves H d = Σ w g over the window's cells; its covariance is H⁻¹ (Σ w² g gᵀ) H⁻¹, where g is
     the residual of each cell's gradient. Products with the neighbouring cells are included because particle images
     span several cells (Wieneke 2015, with cells instead of pixels).
-    step_x, step_y: last step (px of this level); kept: residual share of the noise after it (noise_budget).
+    kept: residual share of the noise after it (noise_budget).
     alike: where positive, a factor on the variance of single cells in place of the sum over neighbouring cells, whose
     residuals are uncorrelated where the vectors follow the noise of small windows.
     few: number of cells with texture at which the variance doubles; 0: never.
     """
-    x, y = nodes.at_cells(step_x), nodes.at_cells(step_y)
-    gx = cells[0] - cells[2] * x - cells[3] * y
-    gy = cells[1] - cells[3] * x - cells[4] * y
+    gx, gy = residual_gradients(nodes, v)
+    cells, sums = v.cells, v.sums
     around = np.ones((3, 3), np.float32)
     sum_x = cv2.filter2D(gx, cv2.CV_32F, around, borderType=cv2.BORDER_CONSTANT)
     sum_y = cv2.filter2D(gy, cv2.CV_32F, around, borderType=cv2.BORDER_CONSTANT)
@@ -85,7 +89,10 @@ def correlation_statistics(
     count = texture**2 / np.maximum(spread[5], 1e-12)  # cells that make up the window
     doubt = (few / np.maximum(count, max(0.1 * few, 1e-12))) ** 2
     # a few dozen cells determine a variance poorly: average it over neighbouring windows
-    spread = np.stack([cv2.GaussianBlur(s, (0, 0), 1.0, borderType=cv2.BORDER_REPLICATE) for s in spread[:5]])
+    width = max(8.0 / float(nodes.x[1] - nodes.x[0]), 1.0)
+    spread = np.stack(
+        [cv2.GaussianBlur(s, (0, 0), width, borderType=cv2.BORDER_REPLICATE) for s in spread[:5]]
+    )
     sxx, syy = np.maximum(spread[0], 0.3 * spread[3]), np.maximum(spread[1], 0.3 * spread[4])
     if alike:
         sxx, syy = alike * spread[3], alike * spread[4]
@@ -127,14 +134,13 @@ WIDER = 2.0  # windows: width of the area over which unresolved displacement is 
 SURE = 4.0  # standard errors above which residual correlation is not noise
 
 
-def unresolved(nodes: Nodes, cells, step_x, step_y, sigma: float):
+def unresolved(nodes: Nodes, v: Displacements, sigma: float):
     """Variances (x, y, px²) of the displacement inside the windows that the vectors do not resolve.
 
     Cells LAG apart share no particle, hence no noise: a correlation of their residual displacements is flow, as where
     structures are shorter than the window. Zero where it is not significant.
     """
-    x, y = nodes.at_cells(step_x), nodes.at_cells(step_y)
-    left = (cells[0] - cells[2] * x - cells[3] * y, cells[1] - cells[3] * x - cells[4] * y)
+    left, cells = residual_gradients(nodes, v), v.cells
     width = WIDER * sigma / (nodes.factor * CELL)
     count = 4 * np.pi * width**2 * 2
     apart = np.zeros(2 * LAG + 1, np.float32)
@@ -155,11 +161,11 @@ def unresolved(nodes: Nodes, cells, step_x, step_y, sigma: float):
                 other = cv2.filter2D(h, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
                 curvature = np.maximum(mean(h * other), 1e-12)
                 found = np.maximum(found, np.where(sure, shared / curvature, 0))
-        out.append(cv2.remap(found, *_at_nodes(nodes), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+        out.append(cv2.remap(found, *at_nodes(nodes), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
     return out[0], out[1]
 
 
-def _at_nodes(nodes: Nodes) -> tuple[np.ndarray, np.ndarray]:
+def at_nodes(nodes: Nodes) -> tuple[np.ndarray, np.ndarray]:
     """Positions of the nodes in cells, as maps for cv2.remap."""
     middle = (CELL - 1) / 2
     i, j = (nodes.column - middle) / CELL, (nodes.row - middle) / CELL

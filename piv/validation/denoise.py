@@ -16,18 +16,23 @@ NODES = 1.9  # of L in vectors, at least: coarser scales are worked out on fewer
 AROUND = 1.0  # of L: where mean squares are taken
 LARGEST = 25.0  # variance counted as noise, in medians of the field
 NOISE_ONLY, SIGNAL = 1.7, 8.0  # mean square over that of noise: damped wholly below, kept above
+REGION = 9.0  # of L: where mean squares tell whether the flow fills the band
+CALM, FILLED = 1.5, 1.7  # regional mean square over noise: dead band as above, no dead band
+LEVEL = 2.5  # vectors: where variances of small windows are averaged
 SHARED = 0.5  # how far the noise of a part that is damped is taken to stay in the one that is kept
 
 
-def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, passes: int):
+def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, passes: int, ratio=None):
     """Displacements and variances after damping the fine part of the field where it is no stronger than noise.
 
     For each of SCALES the field is split into a smooth part and the rest, and the rest into its divergence-free and its
     curl-free part, of which measurement noise fills both alike and a flow in the plane of the sheet the first only. Where
     the mean square of a part around a vector is q times what noise leaves there, its share (1 - NOISE_ONLY/q) is kept,
     scaled to reach one at q = SIGNAL: a Wiener filter with known noise (Lee 1980; for PIV Wieneke 2017), with dead bands
-    that take uniform flow for uniform and spare steep vortex cores any damping.
-    var_x, var_y: variance of the iterated measurement (px²); known: bool; sigma, spacing (px), passes: as measured.
+    that take uniform flow for uniform and spare steep vortex cores any damping. Where the whole region has more than
+    noise in this band, as in turbulence, there is no lower dead band: (1 - 1/q), the filter of least error.
+    var_x, var_y: variance of the iterated measurement (px²); known: bool; sigma, spacing (px), passes: as measured; ratio: side of
+    each vector's window over the largest (None: all one).
     """
     weight = known.astype(np.float32)
     fields = [np.where(known, d, 0).astype(np.float32) for d in (dx, dy)]
@@ -35,33 +40,42 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
     if known.any():  # a few vectors that know nothing must not let all around them pass for noise
         some = variance[known][:: max(known.sum() // 2000, 1)]  # enough for a median
         variance = np.minimum(variance, LARGEST * np.median(some))
+    if ratio is not None:  # in small windows a few cells determine each variance: their geometric mean
+        level = _gauss(np.log(np.maximum(variance, 1e-12)) * weight, LEVEL) / np.maximum(
+            _gauss(weight, LEVEL), 1e-6
+        )
+        variance = np.where(ratio < 1, np.exp(level) * weight, variance)
     trends = [
         _quadratic(f, weight) for f in fields
     ]  # what has no fine part needs no neighbours beyond an edge
     fields = [f - trend for f, trend in zip(fields, trends, strict=True)]
     size = weight.shape[::-1]
-    gain, lost = np.ones_like(weight), np.zeros_like(weight)
+    low = fields  # less all finer bands, kept or not
+    remains = np.ones_like(weight)  # share of the noise in it
+    gain, lost = np.zeros_like(weight), np.zeros_like(weight)
     for (width, coarser), (fine, left) in zip(
-        scales(sigma, spacing), noise_shares(sigma, spacing, passes), strict=True
+        scales(sigma, spacing), _local_shares(sigma, spacing, passes, ratio), strict=True
     ):
-        noise = variance * gain * weight
-        parts, share = [f * weight for f in fields], weight
+        noise = variance * remains * weight * (fine / 2)
+        parts, share = [f * weight for f in low], weight
         if coarser > 1:
             few = tuple(-(-n // coarser) for n in size)
             share, noise, *parts = (
                 cv2.resize(a, few, interpolation=cv2.INTER_AREA) for a in (share, noise, *parts)
             )
             parts = [p / np.maximum(share, 1e-6) for p in parts]
-        *cut, kept, more, there = _damped(parts, share, noise * (fine / 2), width / coarser)
+        band, cut, shares = _damped(parts, share, noise, width / coarser)
         if coarser > 1:
-            cut = [cv2.resize(c, size, interpolation=cv2.INTER_CUBIC) for c in cut]
-            kept, more, there = (
-                cv2.resize(a, size, interpolation=cv2.INTER_LINEAR) for a in (kept, more, there)
-            )
+            band, cut = ([cv2.resize(c, size, interpolation=cv2.INTER_CUBIC) for c in p] for p in (band, cut))
+            shares = [cv2.resize(a, size, interpolation=cv2.INTER_LINEAR) for a in shares]
+        kept, more, there = shares
+        low = [f - e for f, e in zip(low, band, strict=True)]
         fields = [f - c for f, c in zip(fields, cut, strict=True)]
         smooth = np.minimum(left / there, 1)  # at an edge fewer vectors share the noise
-        gain = gain * (smooth + (1 - smooth) * kept)
+        gain = gain + remains * (1 - smooth) * kept
+        remains = remains * smooth
         lost = lost + more
+    gain = gain + remains
     dx, dy = (f + trend for f, trend in zip(fields, trends, strict=True))
     return dx, dy, var_x * gain + lost, var_y * gain + lost
 
@@ -89,17 +103,22 @@ def _damped(fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, wid
     tx, ty = mirrored(ex, ey)
     inner = ex * ex + ey * ey + tx * tx + ty * ty
     cross = 2 * (ex * tx + ey * ty)
-    inner, cross, noise, total = (_gauss(a, AROUND * width) for a in (inner, cross, noise, weight))
-    total = np.maximum(total, 1e-6)
-    noise = np.maximum(noise / total, 1e-12)
+    products = (inner, cross, noise, weight)
+    near, far = ([_gauss(a, reach * width) for a in products] for reach in (AROUND, REGION))
+    total = np.maximum(near[3], 1e-6)
+    noise = np.maximum(near[2] / total, 1e-12)
     keep, lost = [], 0
-    for energy in ((inner - cross) / (4 * total), (inner + cross) / (4 * total)):
-        ratio = np.maximum(energy / noise, 1e-6)
-        keep.append(np.clip((1 - NOISE_ONLY / ratio) / (1 - NOISE_ONLY / SIGNAL), 0, 1))
-        lost = lost + (1 - keep[-1]) ** 2 * noise * np.maximum(ratio - NOISE_ONLY, 0) / 2
+    for sign in (-1, 1):
+        ratio = np.maximum((near[0] + sign * near[1]) / (4 * total) / noise, 1e-6)
+        regional = (far[0] + sign * far[1]) / np.maximum(4 * far[2], 1e-12)
+        filled = np.clip((regional - CALM) / (FILLED - CALM), 0, 1)
+        only = NOISE_ONLY - (NOISE_ONLY - 1) * filled
+        keep.append(np.clip((1 - only / ratio) / (1 - only / SIGNAL), 0, 1))
+        lost = lost + (1 - keep[-1]) ** 2 * noise * np.maximum(ratio - only, 0) / 2
     mean, half = (keep[0] + keep[1]) / 2, (keep[1] - keep[0]) / 2
     kept = SHARED * np.maximum(*keep) + (1 - SHARED) * mean
-    return ex - mean * ex - half * tx, ey - mean * ey - half * ty, kept, lost, np.minimum(there, 1)
+    cut = ex - mean * ex - half * tx, ey - mean * ey - half * ty
+    return (ex, ey), cut, (kept, lost, np.minimum(there, 1))
 
 
 def _fine(field: np.ndarray, weight: np.ndarray, there: np.ndarray, width: float) -> np.ndarray:
@@ -125,20 +144,47 @@ def scales(sigma: float, spacing: float) -> tuple[tuple[float, int], ...]:
     return tuple((w, max(int(w / NODES), 1)) for w in widths)
 
 
+RATIOS = (
+    0.375,
+    0.5,
+    0.75,
+    0.99,
+)  # sides of smaller windows over the largest, between which shares are interpolated
+MORE = 3  # steps in the smaller windows beyond those of the largest
+
+
+def _local_shares(sigma: float, spacing: float, passes: int, ratio: np.ndarray | None) -> list[tuple]:
+    """`noise_shares` of each vector, measured in a window of `ratio`."""
+    whole = noise_shares(sigma, sigma, spacing, passes, 1)
+    if ratio is None:
+        return list(whole)
+    smaller = [noise_shares(r * sigma, sigma, spacing, passes + MORE, 2) for r in RATIOS]
+    tables = np.array([*smaller, whole])  # window, scale, share
+    return [
+        tuple(np.interp(ratio, (*RATIOS, 1.0), tables[:, k, m]).astype(np.float32) for m in (0, 1))
+        for k in range(len(whole))
+    ]
+
+
 @lru_cache
-def noise_shares(sigma: float, spacing: float, passes: int) -> tuple[tuple[float, float], ...]:
-    """For each scale: shares of the noise variance held by the fine part, and left when it is damped away."""
-    k = np.fft.fftfreq(64)  # per vector
+def noise_shares(sigma: float, largest: float, spacing: float, passes: int, density: int):
+    """For each scale of the `largest` window: shares of the noise variance held by the fine part, and left without it.
+
+    sigma: of the window (px); density: nodes per vector that images are deformed by.
+    """
+    k = np.fft.fftfreq(density * 64)  # per node
     square = k[:, None] ** 2 + k[None, :] ** 2
     spline = (2 + np.cos(2 * np.pi * k)) / 3
     spline = spline[:, None] * spline[None, :]
-    window = np.exp(-2 * np.pi**2 * (sigma / spacing) ** 2 * square)
+    window = np.exp(-2 * np.pi**2 * (sigma * density / spacing) ** 2 * square)
     total = np.zeros_like(window)
     for _ in range(passes):
         total = spline * total + window * (1 - spline * total)
-    power = total**2
+    power = (total**2).reshape(density, 64, density, 64).sum(axis=(0, 2))  # of one vector per `density` nodes
+    k = np.fft.fftfreq(64)
+    square = k[:, None] ** 2 + k[None, :] ** 2
     out = []
-    for width, coarser in scales(sigma, spacing):
+    for width, coarser in scales(largest, spacing):
         low = np.exp(-2 * np.pi**2 * width**2 * square)
         mean = np.sinc(k * coarser) / np.sinc(k)  # of neighbours, where fewer vectors stand for them
         fine = mean[:, None] * mean[None, :] * np.prod([1 - step * low for step in STEPS], axis=0)

@@ -12,7 +12,10 @@ import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 
 LONGEST, SHORTEST = 400.0, 20.0  # px: wavelengths of the inertial range, nothing beyond either
-DOMAIN = (1600, 2000)  # px: rows and columns after which the field repeats; four of the longest waves and more
+DOMAIN = (
+    1600,
+    2000,
+)  # px: rows and columns after which the field repeats; four of the longest waves and more
 DEPTHS = 400  # points of the integral over k_z
 
 
@@ -56,7 +59,8 @@ class TurbulentPlane:
         """Displacement at (x, y), px: two components, or three with the one out of the plane."""
         at = np.stack([np.asarray(y, float) + 100, np.asarray(x, float) + 100])
         return tuple(
-            map_coordinates(f, at, order=3, prefilter=False, mode="grid-wrap") for f in self._splines[:components]
+            map_coordinates(f, at, order=3, prefilter=False, mode="grid-wrap")
+            for f in self._splines[:components]
         )
 
     def with_normal(self, x, y):

@@ -1,0 +1,155 @@
+"""Windows whose side follows the flow: as small as its structures require, as large as the noise allows.
+
+Neighbouring cells share noise to an extent that the spectra tell; what their residuals have in common beyond that is
+displacement that the window does not resolve. Where it outweighs the noise of the vectors, the window is made smaller.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from piv.correlation.deform import Image, Nodes
+from piv.correlation.interpolate import denser
+from piv.correlation.newton_step import CELL
+from piv.correlation.options import Options
+from piv.correlation.passes import NEAR, Displacements, measure
+from piv.correlation.uncertainty import (
+    LEAST_KEPT,
+    Errors,
+    at_nodes,
+    correlation_statistics,
+    noise_budget,
+    residual_gradients,
+)
+from piv.validation.outliers import fill_absent
+
+LEVELS = (1.0, 0.75, 0.5, 0.375)  # sides of windows over the largest; those between are their blends
+BALANCE = 2.0  # of noise over unresolved variance: where they are so, the window is right
+ENOUGH = 2.0  # of the side: where so large a window would do, nodes need not be denser
+DENSE = (
+    0.99  # side in place of 1 where nodes are denser only: longer waves are then followed to a larger part
+)
+STEPS = 4  # Newton steps in the smaller windows
+AREAS = (
+    10.0,
+    2.5,
+)  # σ of the window: areas over which residuals are averaged, the smaller where it is certain
+CERTAIN = 3.0  # standard errors
+LEFT = 1.09  # of the noise that `noise_budget` leaves in neighbouring cells: what is seen in uniform flow (±0.05)
+UNRESOLVED = 0.6  # of the variance that the largest window does not resolve, where nodes are denser only
+SMALLER = 0.85  # on the variance of smaller windows: 78 % of errors are within the uncertainty without it
+ALIKE = 0.8  # mean correlation of unresolved displacement between neighbouring cells
+
+
+def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, steps: int) -> Errors:
+    """`errors` with the unresolved displacement taken out of the noise where neighbouring cells show it with certainty."""
+    spacing = float(nodes.x[1] - nodes.x[0])
+    together, single = (noise_budget(sigma, spacing, steps, n)[1] for n in (True, False))
+    if together < LEAST_KEPT:
+        return errors
+    left = LEFT * together / single * v.cell_noise
+    found = []
+    for g, h in zip(residual_gradients(nodes, v), (v.cells[2], v.cells[4]), strict=True):
+        products = [g * g, g * _around(g), h * h, h * _around(h)]
+        missed = None
+        for area in AREAS:
+            width = area * sigma / CELL
+            one, nine, h_one, h_nine = (
+                cv2.GaussianBlur(p, (0, 0), width, borderType=cv2.BORDER_REPLICATE) for p in products
+            )
+            shared = nine - left * one
+            # of pure noise: eight products per cell, each counted from both sides
+            certain = CERTAIN * one * 4 / np.sqrt(4 * np.pi * width**2)
+            here = shared / np.maximum(ALIKE * (h_nine - left * h_one), 1e-12)
+            if missed is None:
+                missed = np.where(shared > certain, here, 0)
+            else:
+                missed = np.where(np.abs(shared) > certain, np.maximum(here, 0), missed)
+        noise = np.clip(left * (one - missed * h_one) / np.maximum(nine, 1e-20), 0.05, 1)
+        found.append([
+            cv2.remap(f.astype(np.float32), *at_nodes(nodes), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            for f in (missed, np.where(missed > 0, noise, 1))
+        ])  # fmt: skip
+    (missed_x, share_x), (missed_y, share_y) = found
+    return Errors(
+        errors.var_x * share_x,
+        errors.var_y * share_y,
+        np.maximum(errors.missed_x, missed_x),
+        np.maximum(errors.missed_y, missed_y),
+    )
+
+
+def _around(field: np.ndarray) -> np.ndarray:
+    return cv2.boxFilter(field, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+
+
+def window_ratio(v: Displacements, errors: Errors, options: Options) -> np.ndarray:
+    """Side of each vector's window over that of the largest, `options.window`; one where it is measured well already."""
+    if options.least_window >= options.window:
+        return np.ones(v.dx.shape, np.float32)
+    noise, missed = errors.var_x + errors.var_y, errors.missed_x + errors.missed_y
+    ratio = np.sqrt(BALANCE * noise / np.maximum(missed, 1e-12))
+    limited = np.clip(ratio, min(options.least_window / options.window, DENSE), DENSE)
+    return np.where((ratio < ENOUGH) & ~v.masked, limited, 1).astype(np.float32)
+
+
+def measure_adapted(
+    nodes: Nodes, images: list[Image], v: Displacements, errors: Errors, ratio: np.ndarray, options: Options
+) -> tuple[Displacements, Errors]:
+    """Vectors and errors at the nodes, measured in windows of `ratio` on nodes twice as dense where it is below one.
+
+    images: both at full resolution, filtered.
+    """
+    dense = Nodes(_halved(nodes.x), _halved(nodes.y), nodes.shape, 1)
+    dx, dy = (denser(d) for d in fill_absent(v.dx, v.dy, v.known))
+    sides = denser(ratio)
+    weights = {level: w for level, w in zip(LEVELS, _shares(sides), strict=True) if w.any()}
+    for _ in range(STEPS):
+        cells = dense.moments(images[0], images[1], dx, dy)
+        level_sums = {level: dense.window_sums(cells, level * options.sigma) for level in weights}
+        sums = sum(weights[n] * s / full for n, (s, full) in level_sums.items())
+        new = measure(dense, cells, (sums, np.float32(1)), dx, dy, options, options.epsilon, sides < NEAR)
+        dx, dy = fill_absent(new.dx, new.dy, new.known)
+    new = replace(new, cell_noise=v.cell_noise)
+    new_errors = _errors(
+        dense, new, errors, {n: (weights[n], s) for n, (s, _) in level_sums.items()}, options
+    )
+    smaller = ratio < 1
+    every = {name: getattr(new, name)[::2, ::2] for name in Displacements.TESTED}
+    return (
+        replace(v.replaced(smaller, replace(new, **every)), ratio=ratio),
+        errors.replaced(smaller, Errors(*(e[::2, ::2] for e in new_errors))),
+    )
+
+
+def _shares(ratio: np.ndarray) -> list[np.ndarray]:
+    """Weight of each of LEVELS in windows of `ratio`: linear between the two next to it."""
+    position = np.interp(-ratio, -np.array(LEVELS), np.arange(len(LEVELS)))
+    return [np.maximum(1 - np.abs(position - k), 0).astype(np.float32) for k in range(len(LEVELS))]
+
+
+def _errors(nodes: Nodes, v: Displacements, largest: Errors, levels: dict, options: Options) -> Errors:
+    """`Errors` of vectors of blended windows: `levels` has their weights and sums, `largest` are those of the largest window."""
+    spacing, passes = float(nodes.x[1] - nodes.x[0]), options.full_steps + STEPS - 1
+    # what smaller windows do not resolve decorrelates their cells: it is counted as noise
+    total = [np.zeros_like(v.dx) for _ in largest]
+    for level, (weight, sums) in levels.items():
+        sigma = level * options.sigma
+        gain, kept = noise_budget(sigma, spacing, passes)
+        alike = 0.0 if kept >= LEAST_KEPT else v.cell_noise
+        if level == 1:
+            gain /= noise_budget(sigma, 2 * spacing, options.full_steps)[0]
+            found = [gain * denser(e) for e in largest[:2]] + [UNRESOLVED * denser(e) for e in largest[2:]]
+        else:
+            gain, kept = noise_budget(sigma, spacing, passes, not alike)
+            noise = correlation_statistics(nodes, replace(v, sums=sums), sigma, kept, alike)
+            found = [SMALLER * gain * e for e in noise] + [0.0, 0.0]
+        total = [t + weight * e for t, e in zip(total, found, strict=True)]
+    return Errors(*total)
+
+
+def _halved(axis: np.ndarray) -> np.ndarray:
+    return np.linspace(axis[0], axis[-1], 2 * axis.size - 1)
