@@ -123,6 +123,7 @@ fea: $(READY) ## bending analysis of the actuator of SCENE (single_finger): case
 
 bench-piv: piv-limits ## PIV against its peers (own environment), and its limits; every table of docs/piv_benchmarks.md
 	$(PY) -m tests.studies.piv.benchmark --docs
+	$(PY) -m tests.studies.piv.turbulence --docs
 
 piv-limits: $(READY) ## PIV where it becomes worse, and on flows that served no tuning: docs/piv_benchmarks.md
 	$(PY) -m tests.studies.piv.limits --docs

@@ -54,7 +54,7 @@ def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, step
     found = []
     for g, h in zip(residual_gradients(nodes, v), (v.cells[2], v.cells[4]), strict=True):
         products = [g * g, g * _around(g), h * h, h * _around(h)]
-        missed = None
+        missed = np.zeros(0)
         for area in AREAS:
             width = area * sigma / CELL
             one, nine, h_one, h_nine = (
@@ -64,7 +64,7 @@ def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, step
             # of pure noise: eight products per cell, each counted from both sides
             certain = CERTAIN * one * 4 / np.sqrt(4 * np.pi * width**2)
             here = shared / np.maximum(ALIKE * (h_nine - left * h_one), 1e-12)
-            if missed is None:
+            if not missed.size:
                 missed = np.where(shared > certain, here, 0)
             else:
                 missed = np.where(np.abs(shared) > certain, np.maximum(here, 0), missed)

@@ -205,7 +205,7 @@ def to_dataset(
     worst = np.maximum(std_x, std_y)
     above = known & (worst > options.max_std)
     if v.steep is not None:
-        above &= ~v.steep  # their uncertainty is only an upper bound (Errors.in_small_window)
+        above &= ~v.steep | (worst > VAGUE)  # up to there it is only an upper bound (Errors.in_small_window)
     if above.any():
         known = supported(known & ~above, v.masked, v.correlation, doubtful=doubtful, across=across)
     uncertain = above & (worst < VAGUE)

@@ -12,6 +12,7 @@ from piv.correlation.deform import Image
 from piv.correlation.prefilter import remove_background
 
 SMALLEST = 32  # px: fewer do not hold two windows
+FLAT = 48  # px: with 0.005 particles per px, one such square in 100,000 holds none
 
 
 def check_images(images: list[Any], window: float) -> list[np.ndarray]:
@@ -52,6 +53,23 @@ def check_masks(mask: Any, count: int, shape: tuple[int, int]) -> list[np.ndarra
     return out
 
 
+def flat_areas(image: np.ndarray) -> np.ndarray | None:
+    """Pixels (bool) in squares of FLAT px of one grey level: painted over or padded. None where there are none, or nothing else."""
+    apart = 8
+    samples = np.ascontiguousarray(image[::apart, ::apart])
+    box = np.ones((FLAT // apart - 1,) * 2, np.uint8)
+    if samples.dtype.name not in ("uint8", "uint16", "float32") or not _constant(samples, box).any():
+        return None
+    box = np.ones((FLAT, FLAT), np.uint8)
+    # a square of even side is eroded and dilated about opposite corners of its middle
+    flat = cv2.dilate(_constant(image, box).astype(np.uint8), box[::-1], anchor=(FLAT // 2 - 1,) * 2) > 0
+    return flat if flat.any() and not flat.all() else None
+
+
+def _constant(image: np.ndarray, box: np.ndarray) -> np.ndarray:
+    return cv2.dilate(image, box) == cv2.erode(image, box)
+
+
 class Prepared:
     """Several images without background, and their unmasked pixels."""
 
@@ -63,6 +81,8 @@ class Prepared:
         self.seen = [None if m is None else ~m for m in masks]
         pixels, levels = [], []
         for k, image in enumerate(arrays):
+            if (flat := flat_areas(image)) is not None:
+                self.seen[k] = ~flat if self.seen[k] is None else self.seen[k] & ~flat
             grey = new(*self.shape)
             grey[...] = image
             image, seen = grey, self.seen[k]

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from fileio.formats.plane_series import check_plane
 from piv.correlation.pair import correlate_pair
+from piv.correlation.pair_images import flat_areas
 from piv.validation.outliers import fill_absent, normalised_median
 from tests.studies.piv.particles import render
 
@@ -181,3 +182,16 @@ def test_fill_absent_fills_from_the_known():
     u = np.array([[1.0, np.nan, 3.0], [1.0, np.nan, 3.0]])
     filled, _ = fill_absent(u, u, np.isfinite(u))
     np.testing.assert_allclose(filled[:, 1], 2)
+
+
+def test_flat_areas_are_those_painted_over():
+    image = np.random.default_rng(3).integers(0, 255, (256, 320), np.uint8)
+    assert flat_areas(image) is None
+    painted = np.zeros(image.shape, bool)
+    painted[100:170, 60:200] = True
+    painted[:50, 250:] = True  # at the edge
+    assert (flat_areas(np.where(painted, 7, image)) == painted).all()
+    small = image.copy()
+    small[10:50, 10:50] = 7  # 40 px: may be water without particles
+    assert flat_areas(small) is None
+    assert flat_areas(np.full_like(image, 7)) is None  # told as an error instead
