@@ -16,8 +16,8 @@ NODES = 1.9  # of L in vectors, at least: coarser scales are worked out on fewer
 AROUND = 1.0  # of L: where mean squares are taken
 LARGEST = 25.0  # variance counted as noise, in medians of the field
 NOISE_ONLY, SIGNAL = 1.7, 8.0  # mean square over that of noise: damped wholly below, kept above
-REGION = 9.0  # of L: where mean squares tell whether the flow fills the band
-CALM, FILLED = 1.5, 1.7  # regional mean square over noise: dead band as above, no dead band
+REGION = 6.0  # of L: where mean squares tell whether the flow fills the band
+CALM, FILLED = 1.4, 1.7  # their geometric mean over noise: dead band as above, no dead band
 LEVEL = 2.5  # vectors: where variances of small windows are averaged
 SHARED = 0.5  # how far the noise of a part that is damped is taken to stay in the one that is kept
 
@@ -103,15 +103,16 @@ def _damped(fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, wid
     tx, ty = mirrored(ex, ey)
     inner = ex * ex + ey * ey + tx * tx + ty * ty
     cross = 2 * (ex * tx + ey * ty)
-    products = (inner, cross, noise, weight)
-    near, far = ([_gauss(a, reach * width) for a in products] for reach in (AROUND, REGION))
-    total = np.maximum(near[3], 1e-6)
-    noise = np.maximum(near[2] / total, 1e-12)
+    inner, cross, noise, total = (_gauss(a, AROUND * width) for a in (inner, cross, noise, weight))
+    total = np.maximum(total, 1e-6)
+    noise = np.maximum(noise / total, 1e-12)
+    region = np.maximum(_gauss(weight, REGION * width), 1e-6)
     keep, lost = [], 0
     for sign in (-1, 1):
-        ratio = np.maximum((near[0] + sign * near[1]) / (4 * total) / noise, 1e-6)
-        regional = (far[0] + sign * far[1]) / np.maximum(4 * far[2], 1e-12)
-        filled = np.clip((regional - CALM) / (FILLED - CALM), 0, 1)
+        ratio = np.maximum((inner + sign * cross) / (4 * total) / noise, 1e-6)
+        # the typical ratio: a strong vortex in calm water does not fill the region
+        typical = np.exp(_gauss(np.log(ratio) * weight, REGION * width) / region)
+        filled = np.clip((typical - CALM) / (FILLED - CALM), 0, 1)
         only = NOISE_ONLY - (NOISE_ONLY - 1) * filled
         keep.append(np.clip((1 - only / ratio) / (1 - only / SIGNAL), 0, 1))
         lost = lost + (1 - keep[-1]) ** 2 * noise * np.maximum(ratio - only, 0) / 2
