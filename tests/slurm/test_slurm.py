@@ -19,6 +19,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from pipeline.openfoam.ranks import Ranks
+from pipeline.run.checkpoint import last_checkpoint
 from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT, TINY
 
@@ -38,7 +40,6 @@ one_rank, draft, run, 1, , , , 0.02,
 two_ranks, draft, run, 2, , , , 0.02,
 edge, tiny, run, 1, yes, 1e-3, , 0.1, 0.01
 """
-CUT_OFF = 0.02  # s of flow: the checkpoint after which the solver's job is cut off
 # Slurm here keeps no accounts to ask for the state of a job
 FLAGS = "--latency-wait 30 --slurm-status-command squeue --slurm-init-seconds-before-status-checks 10"
 # Enough cells for two ranks, enough steps that the solver is at work for minutes; images and PIV are small.
@@ -146,8 +147,8 @@ def test_a_scene_cut_off_by_its_limit_is_submitted_again_and_ends(slurm, scene):
     env = {key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")}
     with (slurm / "make.log").open("w+") as log:
         make_ = subprocess.Popen(command, cwd=ROOT, env=env, stdout=log, stderr=log)
-        saved = scene.out / "case" / "interval_0" / "processor0" / f"{CUT_OFF:g}" / "uniform" / "time"
-        wait_until(lambda: saved.exists() or make_.poll() is not None, 3000)
+        case = scene.out / "case" / "interval_0"
+        wait_until(lambda: last_checkpoint(case, Ranks(2)) is not None or make_.poll() is not None, 3000)
         solver = job_of("run")
         assert solver is not None, (slurm / "make.log").read_text()[-3000:]
         near = minutes_run(solver) + 1
