@@ -11,8 +11,9 @@ from pipeline.fea.paper_equations import bend as paper_bend
 from pipeline.fea.studies.tables import at, read_table
 
 ROOT = Path(__file__).parents[3]
-STUDIES = read_table(ROOT / "docs" / "fea" / "studies.csv")
-CALCULIX = read_table(ROOT / "docs" / "fea" / "calculix.csv")
+RESULTS = ROOT / "cases" / "single_finger" / "kinematics" / "studies"
+STUDIES = read_table(RESULTS / "studies.csv")
+CALCULIX = read_table(RESULTS / "calculix.csv")
 STATES = read(ROOT / "cases" / "single_finger" / "kinematics" / "states.h5")
 WEDGES = [f"theta_{w}" for w in (0, 5, 10, 15, 20, 25, 30)]
 
