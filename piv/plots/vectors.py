@@ -111,7 +111,7 @@ def draw(
             xlim=extent[:2], ylim=extent[2:], aspect="equal", xlabel=f"$x$ ({shown})", ylabel=f"$y$ ({shown})"
         )
         title = style.title or (
-            f"$t$ = {float(plane['time']):.3f} s"
+            f"$t$ = {float(plane['time']):.3f} {plane['time'].attrs.get('units', 's')}"
             if "time" in plane.coords and plane["time"].ndim == 0
             else ""
         )
