@@ -20,7 +20,7 @@ from piv.synthetic.camera import Seeding
 from postprocess.lab.registration.register import register
 from postprocess.lab.virtual.virtual_laboratory import SetUp, camera_for
 from tests.lab_scene import finger_family, stated_pose, still_picture
-from tests.studies.piv.pages import write_between
+from tests.studies.pages import write_between
 
 PICTURES = 42
 SWEEPS = (1200, 500, 2000, 2000)

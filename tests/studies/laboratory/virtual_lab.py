@@ -36,7 +36,7 @@ from postprocess.lab.virtual.common_grid import appearance_of, outlines_px, with
 from postprocess.lab.virtual.virtual_experiment import evaluate, virtual_experiment
 from postprocess.lab.virtual.virtual_laboratory import SetUp, camera_for, make_recording
 from tests.studies.laboratory.registration import summary as registration_summary
-from tests.studies.piv.pages import write_between
+from tests.studies.pages import write_between
 
 PAIRS_HZ, INTERVAL = 50.0, 0.002
 WINDOW, SPACING = 24, 8

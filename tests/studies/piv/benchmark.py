@@ -23,9 +23,9 @@ import numpy as np
 
 from piv.correlation.pair import correlate_pair
 from piv.synthetic.render_recording import render_pair
+from tests.studies.pages import PIV, machine, write_between
 from tests.studies.piv.figures import extra_figures
 from tests.studies.piv.flows import CASES, CENTRE, SHAPE
-from tests.studies.piv.pages import PIV, machine, write_between
 
 SHEET = 12.0  # px
 EDGE = 24

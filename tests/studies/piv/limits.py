@@ -19,10 +19,10 @@ import numpy as np
 
 from piv.correlation.pair import correlate_pair
 from piv.synthetic.render_recording import render_pair
+from tests.studies.pages import PIV, libraries, write_between
 from tests.studies.piv.extremes import extremes
 from tests.studies.piv.flows import SHAPE, lamb_oseen, random_field, sine, uniform
 from tests.studies.piv.noise import sampling, smoothing
-from tests.studies.piv.pages import PIV, libraries, write_between
 from tests.studies.piv.real_pictures import real_pictures
 from tests.studies.piv.scores import HEAD, errors, row, without_count_of_cells
 from tests.studies.piv.walls import walls

@@ -18,9 +18,9 @@ import cv2
 import numpy as np
 
 from piv.correlation.pair import correlate_pair
+from tests.studies.pages import PIV, libraries, write_between
 from tests.studies.piv.benchmark import EDGE, peer_python
 from tests.studies.piv.flows import SHAPE
-from tests.studies.piv.pages import PIV, libraries, write_between
 from tests.studies.piv.particles import render
 from tests.studies.piv.turbulence_field import TurbulentPlane
 

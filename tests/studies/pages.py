@@ -8,7 +8,7 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 
-PIV = Path(__file__).resolve().parents[3] / "docs" / "piv_benchmarks.md"
+PIV = Path(__file__).resolve().parents[2] / "docs" / "piv_benchmarks.md"
 
 
 def write_between(page: Path, mark: str, text: str) -> None:
