@@ -37,7 +37,7 @@ def finger(tmp_path_factory):
     settings = {"stencil_radius": 0.004, "min_circulation": 2e-4, "weights": "equal"}
     (out / "settings" / "vortices.json").write_text(json.dumps(settings))
     (out / "run" / "run.json").write_text(
-        json.dumps({"format": "run", "format_version": 3, "versions": {}, "scene_hash": "0"})
+        json.dumps({"format": "run", "format_version": 4, "versions": {}, "scene_hash": "0"})
     )
     family = finger_family(out)
     return StageFiles(case, "smoke"), family, vortex_series(family, TIMES, spacing=SPACING)
