@@ -6,7 +6,6 @@ A laboratory's data are compared by postprocess.lab (make compare).
 from __future__ import annotations
 
 import platform
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import xarray as xr
 
 from fileio.atomic import write_text
 from fileio.formats.records import COMPARISON, RUN
-from fileio.provenance import settings_in, sha256
+from fileio.provenance import settings_in, sha256, versions
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
@@ -110,9 +109,7 @@ def provenance(
     """Versions, hashes of the inputs in `out`, seeds and settings that the result rests on; `run` as in run.json."""
     names = ("numpy", "scipy", "xarray", "h5py", "pandas")
     return {
-        "versions": {"python": platform.python_version()}
-        | {n: version(n) for n in names}
-        | run.get("versions", {}),
+        "versions": {"python": platform.python_version()} | versions(*names) | run.get("versions", {}),
         "scene_hash": str(run.get("scene_hash", "")),
         "inputs_sha256": {n: sha256(out / n) for n in INPUTS if (out / n).exists()},
         "findings_sha256": None if findings is None else sha256(findings),

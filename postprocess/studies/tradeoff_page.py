@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import platform
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from fileio.atomic import write_text
+from fileio.provenance import versions
 from postprocess.draw.style import CFD, GREY, PIV, new_figure, save
 
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "numba")
@@ -71,7 +71,7 @@ def results_text(table: pd.DataFrame, best: str, probe: dict[str, float]) -> str
         "best": best,
         "made": datetime.now(UTC).date().isoformat(),
         "probe": probe,
-        "versions": {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES},
+        "versions": {"python": platform.python_version()} | versions(*LIBRARIES),
     }
     rounded = table.copy()
     for name in rounded.select_dtypes("number"):

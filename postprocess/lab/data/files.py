@@ -13,48 +13,26 @@ from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.pose import Pose
 
 
-@dataclass(frozen=True)
 class LabFiles:
-    """Paths of a scene's comparison with one laboratory's data."""
+    """Paths of a scene's comparison with one laboratory's data: `stage`, the scene's files; all else in `folder`."""
 
-    stage: StageFiles
-    name: str
-
-    @property
-    def folder(self) -> Path:
-        """Everything of this comparison."""
-        return self.stage.out / "lab" / self.name
-
-    @property
-    def registration(self) -> Path:
-        return self.folder / "registration.json"
-
-    @property
-    def view(self) -> Path:
-        """Four numbers: what part of the tank the camera sees."""
-        return self.folder / "view.txt"
-
-    @property
-    def sheet(self) -> Path:
-        """The simulation's sheet over the camera's view."""
-        return self.folder / "sheet.h5"
+    def __init__(self, stage: StageFiles, name: str) -> None:
+        self.stage, self.folder = stage, stage.out / "lab" / name
+        self.registration = self.folder / "registration.json"
+        self.view = self.folder / "view.txt"  # four numbers: what part of the tank the camera sees
+        self.sheet = self.folder / "sheet.h5"  # the simulation's over the camera's view
+        self.comparison = self.folder / "comparison.json"
+        self.motion = (
+            self.folder / "motion.h5"
+        )  # the finger's as the recording shows it, for motion.source = "recording"
 
     def run_sheet(self, name: str) -> Path:
-        """The same of a run beside the nominal one."""
+        """The sheet of a run beside the nominal one."""
         return self.folder / "inputs" / f"{name}.h5"
 
     def side(self, name: str) -> Path:
         """Plane series of one side: data, virtual or direct."""
         return self.folder / f"{name}.h5"
-
-    @property
-    def comparison(self) -> Path:
-        return self.folder / "comparison.json"
-
-    @property
-    def motion(self) -> Path:
-        """The finger's motion as the recording shows it, for motion.source = "recording"."""
-        return self.folder / "motion.h5"
 
 
 def write_registration(registration: Registration, path: Path, **more: Any) -> None:

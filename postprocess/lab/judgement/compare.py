@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from importlib.metadata import version
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.plane_series import read_plane
 from fileio.formats.recorded_motion import read_recorded_motion
 from fileio.formats.records import LAB_COMPARISON, RUN
-from fileio.provenance import sha256
+from fileio.provenance import sha256, versions
 from piv.vortices.find import VortexSettings
 from postprocess.evidence.stage_files import read_json
 from postprocess.evidence.strokes import MIDDLE, stroke_window
@@ -29,9 +29,11 @@ from postprocess.lab.judgement.measures import measure
 from postprocess.lab.judgement.motion import motion_quantities
 from postprocess.lab.judgement.tables import quantity_table, series_table, write_fields
 from postprocess.lab.judgement.uncertainty_sources import common_rows, effect_of, flow_quantities, tables
-from postprocess.lab.judgement.validation import FieldComparison, Source, ValidatedQuantity
+from postprocess.lab.judgement.validation import FieldComparison, ValidatedQuantity
 from postprocess.lab.registration.step import fea_band, registration_summary
 from postprocess.lab.virtual.common_grid import CommonGrid, on_common_grid
+
+COPIED = ("name", "label", "unit", "simulation", "direct", "data", "error", "measurement_part")
 
 
 def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]:
@@ -155,14 +157,7 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, F
 
 def _judged(q: ValidatedQuantity, too_uncertain: float, joint: float) -> dict[str, Any]:
     return {
-        "name": q.name,
-        "label": q.label,
-        "unit": q.unit,
-        "simulation": q.simulation,
-        "direct": q.direct,
-        "data": q.data,
-        "error": q.error,
-        "measurement_part": q.measurement_part,
+        **{name: getattr(q, name) for name in COPIED},
         "explained_by_motion": q.explained,
         "scale": q.scale,
         "u_val": q.u_val,
@@ -173,12 +168,8 @@ def _judged(q: ValidatedQuantity, too_uncertain: float, joint: float) -> dict[st
         "verdict": q.verdict(too_uncertain),
         "joint_verdict": q.verdict(too_uncertain, joint),
         "dominant": q.dominant.name,
-        "sources": [source_row(s) for s in q.sources],
+        "sources": [asdict(s) for s in q.sources],
     }
-
-
-def source_row(source: Source) -> dict[str, Any]:
-    return {"name": source.name, "kind": source.kind, "std": source.std, "how": source.how}
 
 
 def _judged_field(
@@ -235,9 +226,7 @@ def _provenance(files: LabFiles, dpiv: Dpiv, seed: int) -> dict[str, Any]:
     run = RUN.read(files.stage.required("run/run.json", "run"))
     names = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
     return {
-        "versions": {"python": platform.python_version()}
-        | {n: version(n) for n in names}
-        | run.get("versions", {}),
+        "versions": {"python": platform.python_version()} | versions(*names) | run.get("versions", {}),
         "scene_hash": str(run.get("scene_hash", "")),
         "dpiv_sha256": sha256(dpiv.folder / NAME),
         "seed": seed,

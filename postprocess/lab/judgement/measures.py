@@ -61,7 +61,6 @@ def scatter(
     pose: Pose,
     settings: VortexSettings,
     window_m: float,
-    seed: int = 1,
 ) -> dict[str, float]:
     """Standard uncertainty of each quantity at one instant from the vectors' own (`u_std`, `v_std`), by Monte Carlo.
 
@@ -70,7 +69,7 @@ def scatter(
     """
     if "u_std" not in plane:
         raise ValueError("the vectors carry no uncertainty (u_std, v_std); give vectors.std_px in dpiv.toml")
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     x, _y = plane["x"].values, plane["y"].values
     smooth = (window_m / 4) / (x[1] - x[0])
     moved: dict[str, list[float]] = {name: [] for name in COLUMNS}
@@ -82,9 +81,8 @@ def scatter(
         box = now.sel(x=slice(at[0] - reach, at[0] + reach), y=slice(at[1] - reach, at[1] + reach))
         found = []
         for replica in range(REPLICAS + 1):
-            vortex = _nearest(
-                box if replica == 0 else _shaken(box, smooth, rng), settings, at, row["circulation"]
-            )
+            shaken = _shaken(box, smooth, rng) if replica else box
+            vortex = _nearest(shaken, settings, at, row["circulation"])
             if vortex is not None:
                 found.append([vortex.circulation, vortex.x, vortex.y, vortex.core_radius])
         if len(found) > 2:
@@ -112,17 +110,13 @@ def _jet_scatter(plane: xr.Dataset, smooth: float, rng: np.random.Generator) -> 
 def _shaken(box: xr.Dataset, smooth: float, rng: np.random.Generator) -> xr.Dataset:
     out = box.copy()
     *lead, rows, columns = box["u"].shape
+    impulse = np.zeros((rows, columns))
+    impulse[rows // 2, columns // 2] = 1.0
+    size = np.sqrt(np.sum(gaussian_filter(impulse, smooth) ** 2))
     for name in ("u", "v"):
         noise = gaussian_filter(rng.standard_normal((rows, columns)), smooth, mode="reflect")
-        size = np.sqrt(np.sum(gaussian_filter(_impulse((rows, columns)), smooth) ** 2))
         std = np.nan_to_num(box[f"{name}_std"].values)
         out[name] = box[name] + std * (noise / max(size, 1e-12)).reshape(*[1] * len(lead), rows, columns)
-    return out
-
-
-def _impulse(shape: tuple[int, ...]) -> np.ndarray:
-    out = np.zeros(shape)
-    out[shape[0] // 2, shape[1] // 2] = 1.0
     return out
 
 

@@ -70,11 +70,10 @@ def means(table: pd.DataFrame, rows: np.ndarray) -> pd.Series:
 
 def numerical_and_input(effects: list[Effect], columns: tuple[str, ...]) -> list[Source]:
     """Sources that runs beside the nominal one measured."""
-    sources = []
-    for effect in effects:
-        change = effect.change[list(columns)].to_numpy(float)
-        sources.append(Source(effect.name, effect.kind, np.abs(change) * effect.per_std, effect.how))
-    return sources
+    return [
+        Source(e.name, e.kind, np.abs(e.change[list(columns)].to_numpy(float)) * e.per_std, e.how)
+        for e in effects
+    ]
 
 
 def flow_quantities(

@@ -110,8 +110,7 @@ def fit_outline(
     edge_px: float = 0.0,
     pose_std: np.ndarray | None = None,
     seed: int = 1,
-    burn: int,
-    keep: int,
+    sweeps: tuple[int, ...],
     rounds: int = 1,
 ) -> OutlineFit:
     """Fit pose, law and pressures from a first guess of pose and law (factor, delay s, stretch).
@@ -119,9 +118,10 @@ def fit_outline(
     `deviation` (frame,) Pa: standard size of what a frame may be off the law. `scale_std`: relative standard uncertainty of the
     first pose's scale, a prior; None where nothing is known of it. `stated_delay`: value and standard uncertainty (s), likewise.
     `pose_std` (5 of `POSE`): standard uncertainty of the first pose and edge where they are known, in place of `scale_std`.
-    `burn`, `keep`: sweeps of the sampler to be dropped and kept, in at most so many `rounds`, until it has settled.
+    `sweeps`: of the sampler, to be dropped and kept, in at most so many `rounds`, until it has settled.
     ValueError where the recording's finger bends further than the simulation's shapes reach.
     """
+    burn, keep = sweeps
     table, outlines, normals = outline_table(family)
     step = table[1] - table[0]
     clock = np.linspace(*family.time, LAW_POINTS)

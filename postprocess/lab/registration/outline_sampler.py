@@ -99,17 +99,8 @@ def sample(
             at = np.array([first[0] + new[0], first[1] + new[1]])
             scale = first[3] * np.exp(new[3])
             tried = all_scores(
-                integrals,
-                mean_evidence,
-                outlines,
-                normals,
-                at,
-                first[2] + new[2],
-                scale,
-                anchor,
-                first[4] + new[4],
-                new_places,
-            )
+                integrals, mean_evidence, outlines, normals, at, first[2] + new[2], scale, anchor, first[4] + new[4], new_places
+            )  # fmt: skip
             gain = heat * (tried.sum() - scores.sum())
             gain -= 0.5 * np.sum(weight_prior * ((new - mean_prior) ** 2 - (change - mean_prior) ** 2))
             accept = np.log(rng.random()) < gain

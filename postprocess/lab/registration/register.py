@@ -9,6 +9,7 @@ the frames as far off it as the first fit found them. What each frame shows by i
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -88,24 +89,13 @@ def search_delay(
     around = (
         np.arange(-reach, reach, 0.004) if stated is not None else np.arange(-span - 0.1, span + 0.1, 0.006)
     )
+    pictures = frames.integrals, frames.mean, outlines, normals
+    seat = np.asarray(pose.at_px), pose.angle, pose.px_per_m, np.asarray(pose.anchor), -1.0
     scores = []
     for delay in around + (stated or 0.0):
         pressures = law_pressure(family, frames.times, np.array([1.0, delay, 1.0]))
         places = (pressures - table[0]) / (table[1] - table[0])
-        scores.append(
-            all_scores(
-                frames.integrals,
-                frames.mean,
-                outlines,
-                normals,
-                np.asarray(pose.at_px),
-                pose.angle,
-                pose.px_per_m,
-                np.asarray(pose.anchor),
-                -1.0,
-                places,
-            ).sum()
-        )
+        scores.append(all_scores(*pictures, *seat, places).sum())
     return float(around[int(np.argmax(scores))] + (stated or 0.0))
 
 
@@ -144,47 +134,21 @@ def register(
     prior = None if scale_std is None else float(np.hypot(scale_std, length_std))
     first = np.array([1.0, search_delay(frames, family, pose, *(stated_delay or (None,))), 1.0])
     free = np.full(frames.times.size, FREE * (family.high - family.low))
-    rough = fit_outline(
-        frames,
-        family,
-        pose,
-        first,
-        deviation=free,
-        scale_std=prior,
-        stated_delay=stated_delay,
-        seed=seed,
-        burn=sweeps[0],
-        keep=sweeps[1],
-    )
+    known: dict[str, Any] = {"scale_std": prior, "stated_delay": stated_delay}
+    rough = fit_outline(frames, family, pose, first, deviation=free, seed=seed, sweeps=sweeps[:2], **known)
     values, _, _ = fit_law(family, frames.times, rough.parameter.mean(axis=0), first)
     frames = prepare(images, times[chosen], evidence, blind)
-    fine = fit_outline(
-        frames,
-        family,
+    begin, tied = (
         replace(rough.mean_pose(), px_per_m=pose.px_per_m),
-        values,
-        deviation=deviation_from_law(family, rough, values),
-        scale_std=prior,
-        stated_delay=stated_delay,
-        edge_px=float(rough.pose[:, 4].mean()),
-        seed=seed + 1,
-        burn=sweeps[2],
-        keep=sweeps[3],
-        rounds=ROUNDS,
+        deviation_from_law(family, rough, values),
     )
-    single = fit_outline(
-        frames,
-        family,
-        fine.mean_pose(),
-        fine.law.mean(axis=0),
-        deviation=free,
-        scale_std=None,
-        edge_px=float(fine.pose[:, 4].mean()),
-        pose_std=fine.pose.std(axis=0),
-        seed=seed + 2,
-        burn=sweeps[0],
-        keep=sweeps[1],
+    known |= {"edge_px": float(rough.pose[:, 4].mean()), "rounds": ROUNDS}
+    fine = fit_outline(
+        frames, family, begin, values, deviation=tied, seed=seed + 1, sweeps=sweeps[2:], **known
     )
+    known = {"scale_std": None, "edge_px": float(fine.pose[:, 4].mean()), "pose_std": fine.pose.std(axis=0)}
+    at, law = fine.mean_pose(), fine.law.mean(axis=0)
+    single = fit_outline(frames, family, at, law, deviation=free, seed=seed + 2, sweeps=sweeps[:2], **known)
     if not hidden:
         check_root(frames, family, fine.mean_pose(), evidence, BEYOND)
     return with_length(_registration(family, single, fine, stated), scale_std, length_std)

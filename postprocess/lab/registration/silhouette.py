@@ -70,8 +70,8 @@ def particles(frame: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarr
 def learn(frames: list[np.ndarray], masks: list[np.ndarray] | None = None) -> WaterLikelihood:
     """Evidence learnt from frames (row 0 at the top) in which the body is roughly known (found by piv.images.masks if not given)."""
     masks = [dark_body(f) for f in frames] if masks is None else masks
-    cores = [_shrunk(m, CORE_PX) for m in masks]
-    clears = [_shrunk(~m, CLEAR_PX) for m in masks]
+    cores = [shrunk(m, CORE_PX) for m in masks]
+    clears = [shrunk(~m, CLEAR_PX) for m in masks]
     inside = np.concatenate([f[m] for f, m in zip(frames, cores, strict=True)]).astype(float)
     if inside.size < 200 or sum(m.sum() for m in clears) < 200:
         raise ValueError(
@@ -95,7 +95,8 @@ def learn(frames: list[np.ndarray], masks: list[np.ndarray] | None = None) -> Wa
     return WaterLikelihood(threshold, rate - within, min(float(np.log(rate / within)), COST), level, std)
 
 
-def _shrunk(mask: np.ndarray, by_px: int) -> np.ndarray:
+def shrunk(mask: np.ndarray, by_px: int) -> np.ndarray:
+    """A mask (rows, columns) without what is within `by_px` of its edge."""
     return cv2.erode(mask.astype(np.uint8), np.ones((2 * by_px + 1,) * 2, np.uint8)).astype(bool)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +32,7 @@ def make_report(files: LabFiles) -> Path:
     if not files.comparison.exists():
         raise FileNotFoundError(f"{files.comparison} is missing; run python -m postprocess.lab compare first")
     result = LAB_COMPARISON.read(files.comparison)
-    pictures = {
-        name: (_saved(files, name, figure), alt) for name, (figure, alt) in figures(files, result).items()
-    }
+    pictures = {name: (_saved(files, name, figure), alt) for name, figure, alt in figures(files, result)}
     page = page_template("lab.html").render(
         title=scene_title(files.stage.scene_folder),
         result=result,
@@ -60,8 +59,8 @@ def _saved(files: LabFiles, name: str, figure: Figure) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(svg.read_bytes()).decode()}"
 
 
-def figures(files: LabFiles, result: dict[str, Any]) -> dict[str, tuple[Figure, str]]:
-    """All figures by name, with their alternative text."""
+def figures(files: LabFiles, result: dict[str, Any]) -> Iterator[tuple[str, Figure, str]]:
+    """All figures: name, figure and alternative text."""
     registration = read_registration(files.registration)
     family = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     series = pd.read_csv(files.folder / "series.csv")
@@ -76,53 +75,32 @@ def figures(files: LabFiles, result: dict[str, Any]) -> dict[str, tuple[Figure, 
         error, significance = file["error"][...], file["significance"][...]
         picture = file["picture"][...] if "picture" in file else None
         picture_time = float(file["picture"].attrs["time"]) if picture is not None else 0.0
-    drawn: dict[str, tuple[Figure, str]] = {
-        "verdicts": (
-            draw.verdicts(result["quantities"]),
-            "Difference of every quantity over its uncertainty, as bars with the limit of 95 %",
-        ),
-        "budgets": (
-            draw.budgets(result["quantities"]),
-            "Share of every source in the uncertainty of each quantity, as stacked bars",
-        ),
-    }
+    alt = "Difference of every quantity over its uncertainty, as bars with the limit of 95 %"
+    yield "verdicts", draw.verdicts(result["quantities"]), alt
+    alt = "Share of every source in the uncertainty of each quantity, as stacked bars"
+    yield "budgets", draw.budgets(result["quantities"]), alt
     for part, word in ((0.25, "early"), (0.75, "late")):
         k = int(part * (len(rows) - 1))
         figure = draw.fields(planes["data"], planes["virtual"], rows[k], error[k], significance[k], 2.45)
         time = float(planes["data"]["time"].values[rows[k]])
-        drawn[f"field_{word}"] = (
-            figure,
-            f"Velocity of laboratory and simulation, their difference and its significance at {time:.3f} s",
-        )
-    drawn["series"] = (
-        draw.series(series, by_name, window),
-        "Circulation, core radius and jet speed over time, laboratory and simulation, with 95 % bands",
-    )
-    drawn["paths"] = (
-        draw.paths(series, planes["direct"], registration.pose, window, by_name["centre"]),
-        "Paths of the vortex centre over the finger's outline",
-    )
-    bends = None
+        alt = f"Velocity of laboratory and simulation, their difference and its significance at {time:.3f} s"
+        yield f"field_{word}", figure, alt
+    alt = "Circulation, core radius and jet speed over time, laboratory and simulation, with 95 % bands"
+    yield "series", draw.series(series, by_name, window), alt
+    figure = draw.paths(series, planes["direct"], registration.pose, window, by_name["centre"])
+    yield "paths", figure, "Paths of the vortex centre over the finger's outline"
+    law, bends = registration.law, None
     if registration.times.size:
-        bends = (registration.times - registration.law.delay, family.bend(registration.pressures))
-    drawn["motion"] = (
-        draw.motion(series, result["registration"], bends),
-        "Bend angle over time, simulation and recording",
-    )
+        bends = (registration.times - law.delay, family.bend(registration.pressures))
+    figure = draw.motion(series, result["registration"], bends)
+    yield "motion", figure, "Bend angle over time, simulation and recording"
     if picture is not None:
-        pressures = {
-            "recording, fitted": law_pressure(
-                family, np.array([picture_time + registration.law.delay]), registration.law.values
-            )[0],
-            "simulation": float(family.law(picture_time)),
-        }
+        fitted = law_pressure(family, np.array([picture_time + law.delay]), law.values)[0]
+        pressures = {"recording, fitted": fitted, "simulation": float(family.law(picture_time))}
         outlines = {
             name: registration.pose.to_px(family.shape("outline", p)) for name, p in pressures.items()
         }
-        drawn["picture"] = (
-            draw.overlay(picture, outlines),
-            "A picture of the recording with the finger's outline as fitted and as simulated",
-        )
+        alt = "A picture of the recording with the finger's outline as fitted and as simulated"
+        yield "picture", draw.overlay(picture, outlines), alt
     for plane in planes.values():
         plane.close()
-    return drawn

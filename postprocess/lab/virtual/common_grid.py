@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 import xarray as xr
 
@@ -20,7 +19,7 @@ from postprocess.lab.data.pose import Pose, camera_series
 from postprocess.lab.data.seeding import Appearance, measure_appearance, seeding_like
 from postprocess.lab.data.vectors import camera_before, lab_vectors, vector_tables
 from postprocess.lab.registration.register import law_pressure
-from postprocess.lab.registration.silhouette import CORE_PX, learn
+from postprocess.lab.registration.silhouette import CORE_PX, learn, shrunk
 from postprocess.lab.virtual.virtual_experiment import evaluate, virtual_experiment
 
 SEEDING_PICTURES = 4  # pictures from which the seeding is measured
@@ -58,11 +57,13 @@ def on_common_grid(
     data, virtual, picture, seen = make(files, dpiv, family, registration, sheet, seed, threads, quiet)
     pose, times = registration.pose, data["time"].values
     direct = camera_series(sheet, pose, data["x"].values, data["y"].values, times)
-    for name, plane in (("data", data), ("virtual", virtual), ("direct", direct)):
+    for name, source, plane in (
+        ("data", "lab", data),
+        ("virtual", "piv", virtual),
+        ("direct", "cfd", direct),
+    ):
         if plane is not None:
-            write_plane(
-                plane, files.side(name), source={"data": "lab", "virtual": "piv", "direct": "cfd"}[name]
-            )
+            write_plane(plane, files.side(name), source=source)
     return CommonGrid(data, virtual, direct, picture, seen)
 
 
@@ -95,18 +96,8 @@ def with_finger(plane: xr.Dataset, family: Kinematics, pose: Pose, pressures: np
         "bend": shapes["bend"],
     }
     grids = {str(n): plane[n].values for n in plane.data_vars if plane[n].dims == ("time", "y", "x")}
-    grids.pop("valid")
-    u, v = grids.pop("u"), grids.pop("v")
-    out = make_plane(
-        plane["x"].values,
-        plane["y"].values,
-        u,
-        v,
-        time=plane["time"].values,
-        valid=plane["valid"].values,
-        **grids,
-        **found,
-    )
+    x, y, time = (plane[name].values for name in ("x", "y", "time"))
+    out = make_plane(x, y, time=time, **grids, **found)
     return out.assign_attrs(plane.attrs | {"tip_width": family.tip_width})
 
 
@@ -149,24 +140,16 @@ def _of_pictures(files, dpiv, family, registration, sheet, seed, threads, quiet)
 def appearance_of(images: list[np.ndarray], masks: list[np.ndarray]) -> Appearance:
     """Seeding and noise of pictures in which the body is masked."""
     evidence = learn(images, masks)
-    core = np.concatenate([image[_core(mask)] for image, mask in zip(images, masks, strict=True)]).astype(
-        float
-    )
+    core = np.concatenate(
+        [image[shrunk(mask, CORE_PX)] for image, mask in zip(images, masks, strict=True)]
+    ).astype(float)
     middle = core[np.abs(core - evidence.body_level) < 5 * evidence.body_std]
     return measure_appearance(images, masks, float(middle.mean()), float(middle.std()))
 
 
-def _core(mask: np.ndarray) -> np.ndarray:
-    return cv2.erode(mask.astype(np.uint8), np.ones((2 * CORE_PX + 1,) * 2, np.uint8)).astype(bool)
-
-
 def _camera(columns: int, rows: int, bits: int, seen: Appearance, rate: float) -> Camera:
-    noise: dict[str, Any] = {
-        "background": seen.background,
-        "read_noise": seen.read_noise,
-        "electrons_per_level": 0.0,
-    }
-    return Camera(columns, rows, frame_rate_hz=rate, bits=bits, **noise)
+    noise: dict[str, Any] = {"background": seen.background, "read_noise": seen.read_noise}
+    return Camera(columns, rows, frame_rate_hz=rate, bits=bits, electrons_per_level=0.0, **noise)
 
 
 def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):
