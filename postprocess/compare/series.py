@@ -17,11 +17,6 @@ Window = tuple[float, float]
 REST = 0.01  # of the scale; slower than this on average is rest, where a correlation says nothing
 
 
-def vortex_series(evidence: Evidence, window: Window, finger: int = 0) -> dict[str, pd.DataFrame]:
-    """The dominant vortex of each source over the whole run; a source without one is left out."""
-    return tracks.dominant_tracks(evidence.vortices, finger, window)
-
-
 def series_table(evidence: Evidence, window: Window) -> pd.DataFrame:
     """Time series at the PIV's instants (the CFD's without PIV); empty cells where a vortex does not exist."""
     master = "piv" if evidence.has("piv") else "cfd"
@@ -29,10 +24,9 @@ def series_table(evidence: Evidence, window: Window) -> pd.DataFrame:
     cfd = evidence.planes["cfd"]
     bend = np.degrees(np.interp(times, cfd["time"].values, cfd["bend"].values[:, 0]))
     table = pd.DataFrame({"time": times, "bend_deg": bend})
-    for source, track in vortex_series(evidence, window).items():
+    for source, track in tracks.dominant_tracks(evidence.vortices, 0, window).items():
         there = (times >= track["time"].iloc[0] - 1e-9) & (times <= track["time"].iloc[-1] + 1e-9)
-        names = [*tracks.COMPARED, *(name for name in ("circulation_std",) if name in track)]
-        for name in names:
+        for name in (n for n in (*tracks.COMPARED, "circulation_std") if n in track):
             values = np.interp(times, track["time"], track[name].astype(float))
             table[f"{name}_{source}"] = pd.Series(values).where(there)
     if "piv-cfd" in evidence.sums:
@@ -45,7 +39,7 @@ def series_table(evidence: Evidence, window: Window) -> pd.DataFrame:
 
 def summary(evidence: Evidence, window: Window) -> dict[str, Any]:
     """Key numbers over a window, of each source and of PIV against CFD; None where a number cannot be measured."""
-    tips = vortex_series(evidence, window)
+    tips = tracks.dominant_tracks(evidence.vortices, 0, window)
     out: dict[str, Any] = {source: _vortex_numbers(track, window) for source, track in tips.items()}
     if "piv-cfd" in evidence.sums:
         out["piv-cfd"] = _velocity_numbers(evidence, window) | _pair_numbers(evidence, window)
@@ -80,10 +74,8 @@ def _pair_numbers(evidence: Evidence, window: Window) -> dict[str, Any]:
         pair = tracks.within(paired(Part(evidence, "piv-cfd", window)), window)
     except ValueError:  # one of the two does not exist; the checks say which
         names = ("rms_difference", "mean_difference", "max_difference")
-        return {f"circulation_{name}": None for name in names} | {
-            "centre_rms_distance": None,
-            "centre_max_distance": None,
-        }
+        nothing = {f"circulation_{name}": None for name in names}
+        return nothing | {"centre_rms_distance": None, "centre_max_distance": None}
     reference = pair["circulation_reference"]
     signed = (pair["circulation_other"] - reference) * np.sign(reference) / reference.abs().mean()
     return {

@@ -35,12 +35,8 @@ INPUTS = (
     "kinematics.h5",
     "run/run.json",
 )
-
-
 COPIED = ("id", "kind", "finding", "figure", "quantity", "comparison")
-AGREEMENT = (
-    Path(__file__).parent / "agreement.toml"
-)  # what is judged where a scene has no findings of its own
+AGREEMENT = Path(__file__).parent / "agreement.toml"  # for a scene that has no findings of its own
 
 
 def judge(finding: Finding, evidence: Evidence) -> dict[str, Any]:
@@ -70,8 +66,7 @@ def judge(finding: Finding, evidence: Evidence) -> dict[str, Any]:
             absent.add(of)
     judged = {of: is_met(finding, value) for of, value in measured.items() if value is not None}
     failed = any(of not in absent and measured[of] is None for of in finding.of)
-    missing = bool(absent)
-    met = False if failed or not all(judged.values()) else None if missing else True
+    met = False if failed or not all(judged.values()) else None if absent else True
     return {
         **{name: getattr(finding, name) for name in COPIED},
         "label": QUANTITIES[finding.quantity].label,
@@ -90,15 +85,12 @@ def judge(finding: Finding, evidence: Evidence) -> dict[str, Any]:
 
 def verdict(checks: list[dict[str, Any]]) -> dict[str, Any]:
     """Whether the simulation agrees with PIV (None: not judged), and how many checks of each kind are met."""
+    met = {kind: [c["met"] for c in checks if c["kind"] == kind] for kind in ("agreement", "paper")}
     counts = {
-        kind: {
-            "met": sum(c["met"] is True for c in checks if c["kind"] == kind),
-            "not_met": sum(c["met"] is False for c in checks if c["kind"] == kind),
-            "not_judged": sum(c["met"] is None for c in checks if c["kind"] == kind),
-        }
-        for kind in ("agreement", "paper")
+        kind: {"met": values.count(True), "not_met": values.count(False), "not_judged": values.count(None)}
+        for kind, values in met.items()
     }
-    agreement = [c["met"] for c in checks if c["kind"] == "agreement"]
+    agreement = met["agreement"]
     agrees = False if False in agreement else None if None in agreement or not agreement else True
     return {"agrees": agrees, "counts": counts}
 
@@ -127,9 +119,8 @@ def compare(files: StageFiles) -> dict[str, Any]:
     evidence = load_evidence(files)
     run = RUN.read(files.required("run/run.json", "run"))
     middle = stroke_window(evidence.clock.time, evidence.clock.progress, MIDDLE)
-    if (
-        own is None and strengths(evidence.vortices["cfd"], 0, middle).empty
-    ):  # a flow without a vortex to find
+    # a flow without a vortex to find
+    if own is None and strengths(evidence.vortices["cfd"], 0, middle).empty:
         findings = tuple(finding for finding in findings if finding.quantity.startswith("velocity"))
     checks = [judge(finding, evidence) for finding in findings]
     pinch = {"pinch": pinch_summary(evidence)} if evidence.pairs else {}

@@ -42,13 +42,8 @@ NUMBERS = {
     "along_tip_after": "m",
     "across_tip_after": "m",
 }
-FREE = (
-    "pinch.",
-    "sheet.",
-    "camera.",
-)  # changes of these keys leave the finger's own motion as the single finger's
-
-
+# changes of these keys leave the finger's own motion as the single finger's
+FREE = ("pinch.", "sheet.", "camera.")
 AS_IT_IS = "as it is"
 
 
@@ -94,23 +89,20 @@ def measure(files: StageFiles, name: str, change: str) -> list[dict[str, Any]]:
     evidence = load_evidence(files, files.level if comparable else name)
     run = RUN.read(files.required("run/run.json", "run"))
     about = {"run": name, "change": change, "model": run["model"], "cells": run["cells"]}
-    rows: list[dict[str, Any]] = []
+    rows: list[list[Any]] = []
     for finding in read_findings(findings_path(files.scene_folder), frozenset(QUANTITIES)):
         if finding.kind == "paper" and "cfd" in finding.of:
             check = judge(finding, evidence)
             value, met = check["measured"]["cfd"], check["met_by"].get("cfd")
             if value is None and not any("was not run" in note for note in check["notes"]):
                 met = False
-            rows.append(
-                about | dict(zip(ROW, ("finding", finding.id, value, check["unit"], met), strict=True))
-            )
+            rows.append(["finding", finding.id, value, check["unit"], met])
     numbers = pinch_summary(evidence)
     numbers |= numbers["cfd"]
-    for name, unit in NUMBERS.items():
-        rows.append(about | dict(zip(ROW, ("number", name, numbers.get(name), unit, None), strict=True)))
+    rows += [["number", quantity, numbers.get(quantity), unit, None] for quantity, unit in NUMBERS.items()]
     for plane in evidence.planes.values():
         plane.close()
-    return rows
+    return [about | dict(zip(ROW, row, strict=True)) for row in rows]
 
 
 def page(words: str, table: pd.DataFrame, missing: dict[str, str], name: str) -> str:

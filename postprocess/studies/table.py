@@ -36,17 +36,18 @@ def read_plan(path: Path) -> dict[str, Any]:
     return STUDY_PLAN.read(path)
 
 
+def stage_costs(files: StageFiles, stages: list[str]) -> tuple[dict[str, float], float]:
+    """CPU seconds of those of the stages that were run, `cpu_<stage>_s`, and their largest memory (MB)."""
+    paths = {stage: files.out / "costs" / f"{stage}.json" for stage in stages}
+    records = {stage: read_json(path) for stage, path in paths.items() if path.exists()}
+    seconds = {f"cpu_{n}_s": float(r.get("cpu_time", r["wall_time"])) for n, r in records.items()}
+    return seconds, max((r["peak_memory"] * MB for r in records.values()), default=0.0)
+
+
 def costs(files: StageFiles) -> dict[str, float]:
-    """CPU seconds of each stage, of all that runs may share, and the largest memory (MB); without stages not run."""
-    costs_found: dict[str, float] = {}
-    memory = 0.0
-    for stage in (stage.name for stage in BY_NAME.values() if stage.shared):
-        path = files.out / "costs" / f"{stage}.json"
-        if path.exists():
-            cost = read_json(path)
-            costs_found[f"cpu_{stage}_s"] = float(cost.get("cpu_time", cost["wall_time"]))
-            memory = max(memory, cost["peak_memory"] * MB)
-    return costs_found | {"cpu_total_s": sum(costs_found.values()), "peak_memory_MB": memory}
+    """`stage_costs` of all stages that runs may share, and their sum."""
+    seconds, memory = stage_costs(files, [stage.name for stage in BY_NAME.values() if stage.shared])
+    return seconds | {"cpu_total_s": sum(seconds.values()), "peak_memory_MB": memory}
 
 
 def solver(files: StageFiles) -> dict[str, Any]:
@@ -81,17 +82,14 @@ def middle_of_stroke(files: StageFiles) -> tuple[float, float]:
 def vortex(files: StageFiles) -> dict[str, Any]:
     """Mean circulation, centre and core radius of the tip's vortex over the middle of the stroke, by source."""
     numbers: dict[str, Any] = {}
-    window = (
-        middle_of_stroke(files) if any((files.out / n).exists() for n in SOURCES.values()) else (0.0, 0.0)
-    )
     for source, name in SOURCES.items():
         if files.optional(name) is None:
             continue
+        window = middle_of_stroke(files)
         table = tracks.read_vortices(files.out / name)
-        try:
-            track = tracks.dominant_track(table, 0, window, name)
-        except ValueError:
+        if tracks.strengths(table, 0, window).empty:
             continue  # no vortex near the tip: the cells stay empty
+        track = tracks.dominant_track(table, 0, window, name)
         track = track[track["time"].between(*window)]
         for column, unit in (("circulation", "m2_per_s"), ("x", "m"), ("y", "m"), ("core_radius", "m")):
             numbers[f"{column}_{source}_{unit}"] = float(track[column].mean())
@@ -101,13 +99,16 @@ def vortex(files: StageFiles) -> dict[str, Any]:
 def outcome(files: StageFiles) -> dict[str, Any]:
     """How a run that may fail ended."""
     path = files.optional("outcome.json")
-    costs_found = read_json(path) if path is not None else {}
-    return {key: costs_found[key] for key in ("ended", "stopped_at_s", "reason") if key in costs_found}
+    record = read_json(path) if path is not None else {}
+    return {key: record[key] for key in ("ended", "stopped_at_s", "reason") if key in record}
 
 
 def bending(files: StageFiles) -> dict[str, Any]:
-    """What the bending analysis of another actuator gave: its states, from the lowest to the highest pressure."""
-    states = bending_states.read(files.scene_folder / "kinematics" / "states.h5")
+    """What the bending analysis of another actuator gave, once there: its states, from the lowest to the highest pressure."""
+    path = files.scene_folder / "kinematics" / "states.h5"
+    if not path.exists():
+        return {}
+    states = bending_states.read(path)
     pressure, bend = states.pressure, states.bend_angle
     return {
         "states": len(pressure),
@@ -127,12 +128,7 @@ def study_table(plan: dict[str, Any], missing: dict[str, str]) -> pd.DataFrame:
             key: json.dumps(v) if isinstance(v, list | dict) else v for key, v in row["overrides"].items()
         }
         head = {"run": row["run"], "level": row["level"], "until": row["until"]}
-        analysed = (
-            bending(files)
-            if row["fea"] and (files.scene_folder / "kinematics" / "states.h5").exists()
-            else {}
-        )
-        cells = head | varied | outcome(files) | analysed
+        cells = head | varied | outcome(files) | (bending(files) if row["fea"] else {})
         if row["run"] in missing:
             rows.append(cells | {"missing": missing[row["run"]]})
         else:

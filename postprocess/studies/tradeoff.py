@@ -19,10 +19,11 @@ from fileio.formats.records import FORCES, RUN
 from fileio.stages import STAGES, until
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
+from postprocess.evidence.load import FILES
 from postprocess.evidence.stage_files import StageFiles, read_json
 from postprocess.evidence.strokes import MIDDLE, peak_tip_speed, stroke_window
 from postprocess.studies.state import files_of, missing_runs, missing_sentence
-from postprocess.studies.table import read_plan, study_table
+from postprocess.studies.table import read_plan, stage_costs, study_table
 
 INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
 OF_THE_REPORT = [stage.name for stage in STAGES if not stage.shared]
@@ -66,39 +67,29 @@ def force_error(reference: pd.DataFrame, other: pd.DataFrame, end: float) -> flo
     return float(np.sqrt(difference / reference2))
 
 
-def flow_errors(best: StageFiles, files: StageFiles) -> dict[str, float]:
-    """Errors of a run's flow against the best run's: ERRORS as parts of the scale of each, and `error`, the largest."""
+def errors_against(best: StageFiles, files: StageFiles, source: str) -> dict[str, float]:
+    """Errors of a run's flow ("cfd") or PIV ("piv") against the flow of `best`: ERRORS as parts of the scale of each, and
+    `error`, the largest."""
     with (
-        read_plane(best.required("sheet.h5", "sheet")) as wanted,
-        read_plane(files.required("sheet.h5", "sheet")) as got,
-    ):
-        window = stroke_window(wanted["time"].values, wanted["bend"].values[:, 0], MIDDLE)
-        scale, _ = peak_tip_speed(wanted["time"].values, wanted["tip"].values)
-        width = float(wanted.attrs["tip_width"])
-        errors = {"error_velocity": velocity_error(wanted, got, window) / scale, "tip_width_mm": width * 1e3}
-    tables = [tracks.read_vortices(f.required("vortices_cfd.csv", "vortices")) for f in (best, files)]
-    errors |= vortex_errors(tables[0], tables[1], window, width)
-    forces = [FORCES.read(f.required("run/forces.csv", "run")) for f in (best, files)]
-    errors["error_force"] = force_error(forces[0], forces[1], float(forces[0]["time"].iloc[-1]))
-    return errors | worst(errors)
-
-
-def piv_errors(files: StageFiles) -> dict[str, float]:
-    """Errors of a run's PIV against the flow that was rendered for it."""
-    with (
-        read_plane(files.required("sheet.h5", "sheet")) as wanted,
-        read_plane(files.required("piv.h5", "piv")) as got,
+        read_plane(best.required(FILES["cfd"], "sheet")) as wanted,
+        read_plane(files.required(FILES[source], "piv" if source == "piv" else "sheet")) as got,
     ):
         window = stroke_window(wanted["time"].values, wanted["bend"].values[:, 0], MIDDLE)
         scale, _ = peak_tip_speed(wanted["time"].values, wanted["tip"].values)
         width = float(wanted.attrs["tip_width"])
         errors = {"error_velocity": velocity_error(wanted, got, window) / scale}
-        errors["vectors"] = int(got.sizes["x"] * got.sizes["y"])
-        errors["fields"] = int(got.sizes["time"])
-    tables = [
-        tracks.read_vortices(files.required(n, "vortices")) for n in ("vortices_cfd.csv", "vortices_piv.csv")
+        if source == "piv":
+            errors |= {"vectors": got.sizes["x"] * got.sizes["y"], "fields": got.sizes["time"]}
+        else:
+            errors["tip_width_mm"] = width * 1e3
+    theirs, own = [
+        tracks.read_vortices(of.required(f"vortices_{seen}.csv", "vortices"))
+        for of, seen in ((best, "cfd"), (files, source))
     ]
-    errors |= vortex_errors(tables[0], tables[1], window, width)
+    errors |= vortex_errors(theirs, own, window, width)
+    if source == "cfd":
+        wanted_force, force = [FORCES.read(of.required("run/forces.csv", "run")) for of in (best, files)]
+        errors["error_force"] = force_error(wanted_force, force, float(wanted_force["time"].iloc[-1]))
     return errors | worst(errors)
 
 
@@ -194,37 +185,25 @@ def evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.Dat
             f"the study has no finished run {best!r} to judge the others by ({why}); name one with --best"
         )
     table = study_table(plan, {}).set_index("run", drop=False)
-    if table["until"].eq("report").any():
-        for stage in OF_THE_REPORT:
-            for run, files in rows.items():
-                path = files.out / "costs" / f"{stage}.json"
-                if path.exists():
-                    cost = read_json(path)
-                    table.loc[run, f"cpu_{stage}_s"] = cost.get("cpu_time", cost["wall_time"])
     is_piv = table["until"].eq("vortices")
     table["kind"] = np.where(is_piv, "piv", "flow")
     for run, files in rows.items():
-        errors = (
-            piv_errors(files)
-            if table.loc[run, "kind"] == "piv"
-            else {}
-            if run == best
-            else flow_errors(rows[best], files)
-        )
-        for name, value in (errors | picture(files)).items():
+        source, reference = ("piv", files) if is_piv[run] else ("cfd", rows[best])
+        numbers = {} if run == best else errors_against(reference, files, source)
+        if table.loc[run, "until"] == "report":
+            numbers |= stage_costs(files, OF_THE_REPORT)[0]
+        for name, value in (numbers | picture(files)).items():
             table.loc[run, name] = value
     if "error" in table:
         for name, value in own_errors(table, plan["runs"], best).items():
             table.loc[best, name] = value
     flow = ~is_piv
-    native = pd.Series(
-        table["rate_hz"].max(), table.index
-    )  # the scene's own: the study only ever samples less
+    # the scene's own rate: the study only ever samples less
+    native = pd.Series(table["rate_hz"].max(), table.index)
     table["piv_fields"] = native * table["end_time_s"] / table["every"]
     whole = table[flow & table.get("cpu_report_s", pd.Series(np.nan, table.index)).notna()]
     if len(whole):
-        guess = predictions(table[flow], (native / table["rate_hz"])[flow], whole.iloc[0])
-        table = table.join(guess)
+        table = table.join(predictions(table[flow], (native / table["rate_hz"])[flow], whole.iloc[0]))
     table["cpu_flow_s"] = table[["cpu_kinematics_s", "cpu_mesh_s", "cpu_case_s", "cpu_run_s"]].sum(axis=1)
     if is_piv.any():
         table.loc[is_piv, "cpu_piv_per_field_s"] = table["cpu_piv_s"] / table["fields"]
