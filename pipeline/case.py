@@ -184,9 +184,8 @@ def check_intervals(intervals: tuple[Interval, ...], time_step: float, planform:
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write the folders `case/interval_<k>` and `sweep.h5` (the columns of their meshes)."""
     folder = scene.out / "case"
-    settings = settings_of(
-        scene, "case"
-    )  # before the old case is deleted: refuses where a template is missing
+    # before the old case is deleted: refuses where a template is missing
+    settings = settings_of(scene, "case")
     intervals = read_intervals(scene.out)
     check_intervals(intervals, scene.numerics.time_step, scene.out / "planform.h5")
     planforms = {

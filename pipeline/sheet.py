@@ -17,7 +17,7 @@ from fileio.atomic import whole
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
-from fileio.formats.plane_series import FORMAT, FORMAT_VERSION, UNITS
+from fileio.formats.plane_series import FORMAT, FORMAT_VERSION, UNITS, finger_axes
 from fileio.hdf5_disk import Disk
 from fileio.provenance import recorded, versions
 from pipeline.openfoam.surface_vtk import read_surface
@@ -67,9 +67,8 @@ def sampled_planes(case: Path, intervals: tuple[Interval, ...]) -> list[tuple[fl
         )
         if not times:
             raise StageError(f"{folder}: the solver wrote no sheet; run the stage 'run' first")
-        planes += [
-            (time, path) for time, path in times if time > interval.start + 1e-9
-        ]  # the overlap belongs to the interval before
+        # the overlap belongs to the interval before
+        planes += [(time, path) for time, path in times if time > interval.start + 1e-9]
     return planes
 
 
@@ -155,14 +154,8 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, output: Pat
         file.dimensions = {"time": count, "y": len(y), "x": len(x), "finger": fingers, "axis": 2}
         for name, values in (("x", x), ("y", y), ("time", np.zeros(count))):
             _variable(file, name, (name,), np.float64)[...] = values
-        for k, (time, fields) in enumerate(
-            tqdm(
-                frames(planes, mirrored, flat, density, kinematics, x, y),
-                "sheet",
-                count,
-                disable=quiet or None,
-            )
-        ):
+        pictures = frames(planes, mirrored, flat, density, kinematics, x, y)
+        for k, (time, fields) in enumerate(tqdm(pictures, "sheet", count, disable=quiet or None)):
             if k == 0:
                 _create(file, fields)
             file.variables["time"][k] = time
@@ -193,17 +186,9 @@ def _create(file: h5netcdf.File, fields: dict[str, np.ndarray]) -> None:
     """Variables for what a frame holds."""
     for name, values in fields.items():
         if values.shape == (file.dimensions["y"].size, file.dimensions["x"].size):
-            more = {
-                "chunks": (1, *values.shape),
-                "compression": "gzip",
-                "compression_opts": 1,
-                "shuffle": True,
-            }
-            _variable(file, name, ("time", "y", "x"), values.dtype.type, **more)
+            deflate = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+            _variable(file, name, ("time", "y", "x"), values.dtype.type, chunks=(1, *values.shape), **deflate)
             continue
         if name == "outline":
             file.dimensions["point"] = values.shape[1]
-        axes = {"outline": ("point", "axis"), "outline_velocity": ("point", "axis"), "bend": ()}.get(
-            name, ("axis",)
-        )
-        _variable(file, name, ("time", "finger", *axes), np.float64)
+        _variable(file, name, ("time", "finger", *finger_axes(name)), np.float64)

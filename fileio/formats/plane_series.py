@@ -74,7 +74,7 @@ def make_plane(
     lead = () if time is None else ("time",)
     for name, values in more.items():
         if name in FINGER_VARIABLES:
-            fields[name] = (*lead, "finger", *_finger_axes(name)), values
+            fields[name] = (*lead, "finger", *finger_axes(name)), values
         else:
             fields[name] = (grid, values)
     plane = xr.Dataset({k: (d, np.asarray(a)) for k, (d, a) in fields.items()}, coords=coords)
@@ -85,7 +85,8 @@ def make_plane(
     return plane
 
 
-def _finger_axes(name: str) -> tuple[str, ...]:
+def finger_axes(name: str) -> tuple[str, ...]:
+    """Dimensions, beside time and finger, of a variable of FINGER_VARIABLES."""
     axes: dict[str, tuple[str, ...]] = {
         "outline": ("point", "axis"),
         "outline_velocity": ("point", "axis"),

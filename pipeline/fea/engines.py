@@ -52,7 +52,7 @@ def bending_states(
     return replace(states, about=about)
 
 
-def solid(folder: Path, actuator: Actuator, fea: Fea, threads: int = 1) -> BendingStates:
+def solid(folder: Path, actuator: Actuator, fea: Fea) -> BendingStates:
     """The whole finger in 3-D, pressurised, solved in `folder`."""
     pressures = fea.pressures
     if pressures[0] < 0:
@@ -61,8 +61,8 @@ def solid(folder: Path, actuator: Actuator, fea: Fea, threads: int = 1) -> Bendi
             'set first_pressure_kpa = 0 or use engine = "unit_cell"'
         )
     mesh = solid_mesh.build(actuator, fea.solid_mesh)
-    result = calculix.run(folder, calculix.deck(mesh, actuator, pressures[pressures > 0]), threads)
-    _, points, displacements, _ = read_frd(result)
+    result = calculix.run(folder, calculix.deck(mesh, actuator, pressures[pressures > 0]))
+    _, points, displacements = read_frd(result)
     if pressures[0] == 0:
         displacements = np.concatenate([np.zeros_like(displacements[:1]), displacements])
     profiles = []
@@ -91,7 +91,7 @@ def _fields(folder: Path, path: Path, given: Import) -> Fields:
     if path.suffix == ".xdmf":
         return read_xdmf(path, given)
     if path.suffix == ".frd":
-        times, points, displacements, _ = read_frd(path)
+        times, points, displacements = read_frd(path)
         return Fields(points, displacements, times, {})
     if path.suffix == ".inp":
         if given.displacements is None:

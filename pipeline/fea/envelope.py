@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
@@ -23,13 +24,4 @@ def outline(profile: FloatArray, thickness: FloatArray) -> FloatArray:
 
 def crosses_itself(polygon: FloatArray) -> bool:
     """Whether two edges of a closed polygon (point, 2) that share no corner meet."""
-    start, end = polygon, np.roll(polygon, -1, axis=0)
-    chord = end - start
-
-    def side(points: FloatArray) -> FloatArray:
-        """On which side of each edge (row) each point (column) lies."""
-        away = points[None] - start[:, None]
-        return chord[:, None, 0] * away[..., 1] - chord[:, None, 1] * away[..., 0]
-
-    apart = side(start) * side(end) < 0
-    return bool((apart & apart.T).any())
+    return not shapely.LinearRing(polygon).is_simple

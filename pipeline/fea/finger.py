@@ -22,9 +22,8 @@ def chain(half: FloatArray, angle: float, rest: FloatArray, chambers: int, end: 
     z = half[:, 0] - 1j * half[:, 1]  # y towards the ventral side
     turn = np.exp(1j * angle)
     forth = z - z[0]
-    back = -np.conj((z - z[-1]) / turn)[
-        ::-1
-    ]  # mirrored at the plane in the middle of the gap, and starting level
+    # mirrored at the plane in the middle of the gap, and starting level
+    back = -np.conj((z - z[-1]) / turn)[::-1]
     pieces = [(end - rest[within][::-1]).astype(complex)]
     place, heading = complex(end), 1.0 + 0j
     for number in range(2 * chambers - 1):
@@ -100,10 +99,8 @@ def smoothed(profiles: FloatArray, rest: FloatArray, intervals: int = 6) -> Floa
     knots = np.concatenate([np.zeros(3), np.linspace(0, 1, intervals + 1), np.ones(3)])
     basis = BSpline.design_matrix(s, knots, 3).toarray()
     result = np.empty_like(profiles)
-    for axis, fixed in (
-        (0, 1),
-        (1, 2),
-    ):  # the first coefficient is the root's place, the second its direction
+    # the first coefficient is the root's place, the second its direction
+    for axis, fixed in ((0, 1), (1, 2)):
         moved = (profiles[..., axis] - profiles[:, :1, axis]).T
         coefficients = np.linalg.lstsq(basis[:, fixed:], moved, rcond=None)[0]
         result[..., axis] = (basis[:, fixed:] @ coefficients).T + profiles[:, :1, axis]

@@ -5,23 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+CHAMBERS = 8
+# m, as the paper names them: heights of the cavity and of its rectangular part, side wall, length of the cavity
+H1, H2, B1, L2 = 0.012, 0.007, 0.002, 0.003
 LOWEST_VALID_PRESSURE = -25e3  # Pa; below it the walls of the default chamber would pass through each other
 
 
-def wall_stress(
-    pressure_pa: ArrayLike,
-    *,
-    width: float = 0.024,
-    wedge_deg: float = 15.0,
-    h1: float = 0.012,
-    h2: float = 0.007,
-    b1: float = 0.002,
-) -> NDArray[np.float64]:
+def wall_stress(pressure_pa: ArrayLike, width: float, wedge_deg: float) -> NDArray[np.float64]:
     """Mean axial stress in the chamber's walls (Pa), equation (1); `width` is that of the cavity."""
-    pressure = np.asarray(pressure_pa, dtype=float)
-    loaded_area = width * h2 + np.cos(np.deg2rad(wedge_deg)) * width * (h1 - h2)
-    wall_area = 2 * h1 * b1 + (width + 2 * b1) * b1
-    return pressure * loaded_area / wall_area
+    loaded_area = width * H2 + np.cos(np.deg2rad(wedge_deg)) * width * (H1 - H2)
+    wall_area = 2 * H1 * B1 + (width + 2 * B1) * B1
+    return np.asarray(pressure_pa, dtype=float) * loaded_area / wall_area
 
 
 def strain(stress_pa: ArrayLike) -> NDArray[np.float64]:
@@ -31,16 +25,7 @@ def strain(stress_pa: ArrayLike) -> NDArray[np.float64]:
 
 
 def bend(
-    pressure_pa: ArrayLike,
-    *,
-    chambers: int = 8,
-    width: float = 0.024,
-    wedge_deg: float = 15.0,
-    h1: float = 0.012,
-    h2: float = 0.007,
-    b1: float = 0.002,
-    l2: float = 0.003,
-    length: float = 0.070,
+    pressure_pa: ArrayLike, *, width: float = 0.024, wedge_deg: float = 15.0, length: float = 0.070
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Bend angle γ (rad) and radius R (m) over the chamber pressure (Pa), both of the shape of `pressure_pa`.
 
@@ -51,9 +36,9 @@ def bend(
     R infinite there); below `LOWEST_VALID_PRESSURE` the model knows no contact and the walls of neighbouring
     chambers pass through each other: the caller clips or refuses.
     """
-    stress = wall_stress(pressure_pa, width=width, wedge_deg=wedge_deg, h1=h1, h2=h2, b1=b1)
-    half_angle = np.arctan(l2 * strain(stress) / (2 * h2))  # equation (4)
-    gamma = np.asarray(2 * chambers * half_angle)  # equation (5)
+    stress = wall_stress(pressure_pa, width, wedge_deg)
+    half_angle = np.arctan(L2 * strain(stress) / (2 * H2))  # equation (4)
+    gamma = np.asarray(2 * CHAMBERS * half_angle)  # equation (5)
     with np.errstate(divide="ignore"):
         radius = np.asarray(length / gamma)  # equation (6)
     return gamma, radius

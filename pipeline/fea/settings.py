@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Length = Annotated[
-    float, Field(gt=0, lt=1, allow_inf_nan=False)
-]  # m; an actuator of a metre is millimetres misread
+# m; an actuator of a metre is millimetres misread
+Length = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=1)]
 
 
 class _Frozen(BaseModel):
@@ -43,7 +43,7 @@ class Materials(_Frozen):
 class Actuator(_Frozen):
     """Geometry of the bidirectional actuator (paper, Fig. 2), in m; the names are the paper's where it has one."""
 
-    chambers: Annotated[int, Field(ge=1)]  # n
+    chambers: Count  # n
     wedge_deg: Annotated[float, Field(ge=0, le=45)]  # θ
     width: Length  # W, outer
     h1: Length  # height of the cavity
@@ -91,31 +91,26 @@ class Actuator(_Frozen):
 class UnitCellMesh(_Frozen):
     """Numbers of second-order elements of the unit cell over each dimension."""
 
-    cavity: Annotated[int, Field(ge=1)] = 2  # half the cavity's length
-    wall: Annotated[int, Field(ge=1)] = 1  # l1, b1 and roof
-    gap: Annotated[int, Field(ge=1)] = 1  # half the gap
-    base: Annotated[int, Field(ge=1)] = 1  # b2
-    bridge: Annotated[int, Field(ge=1)] = 1  # air channel and its roof
-    side: Annotated[int, Field(ge=1)] = 2  # from the bridge up to h2
-    wedge: Annotated[int, Field(ge=1)] = 1  # from h2 up to h1
-    span: Annotated[int, Field(ge=1)] = 3  # half the cavity's width
+    cavity: Count = 2  # half the cavity's length
+    wall: Count = 1  # l1, b1 and roof
+    gap: Count = 1  # half the gap
+    base: Count = 1  # b2
+    bridge: Count = 1  # air channel and its roof
+    side: Count = 2  # from the bridge up to h2
+    wedge: Count = 1  # from h2 up to h1
+    span: Count = 3  # half the cavity's width
 
     def refined(self, factor: float) -> UnitCellMesh:
         """The same with every number of elements multiplied."""
-        return UnitCellMesh(**{k: max(1, round(v * factor)) for k, v in self.model_dump().items()})
+        return self.model_copy(update={k: max(1, round(v * factor)) for k, v in self.model_dump().items()})
 
 
-class SolidMesh(_Frozen):
-    """Numbers of second-order elements of the whole finger in 3-D over each dimension of a chamber."""
+class SolidMesh(UnitCellMesh):
+    """The same of the whole finger in 3-D; the cavity and the gap over all their length."""
 
-    cavity: Annotated[int, Field(ge=1)] = 2  # the cavity's length
-    wall: Annotated[int, Field(ge=1)] = 1  # l1, b1 and roof
-    gap: Annotated[int, Field(ge=1)] = 1
-    base: Annotated[int, Field(ge=1)] = 1  # b2
-    bridge: Annotated[int, Field(ge=1)] = 1  # air channel and its roof
-    side: Annotated[int, Field(ge=1)] = 1  # from the bridge up to h2
-    wedge: Annotated[int, Field(ge=1)] = 2  # from h2 up to h1
-    span: Annotated[int, Field(ge=1)] = 4  # half the cavity's width
+    side: Count = 1
+    wedge: Count = 2
+    span: Count = 4
 
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]

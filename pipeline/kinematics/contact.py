@@ -20,9 +20,7 @@ from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.scene.pinch import Pinch
 
 SCAN = 0.25e3  # Pa: steps in which the pressure of contact is searched, half a degree of bend apart
-STOPPED = (
-    1e-4  # m: a gap within this of the residual one counts as contact; the ramp takes long over the rest
-)
+STOPPED = 1e-4  # m: a gap within this of the residual one is contact; the ramp takes long over the rest
 
 
 def gap(outlines: np.ndarray, pinch: Pinch) -> np.ndarray:

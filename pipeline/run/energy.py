@@ -13,16 +13,13 @@ from fileio.errors import StageError
 from pipeline.openfoam.function_objects import table_rows
 from pipeline.openfoam.surface_vtk import read_surface
 
-ENERGY_TOLERANCE = (
-    0.05  # of the largest energy so far; sound runs: 0 to 0.015, the most where a step covers 16 cells
-)
-FLOOR = (
-    1e-3  # of the energy that the finger's volume of water has at its peak speed: below it nothing is judged
-)
+# of the largest energy so far; sound runs: 0 to 0.015, the most where a step covers 16 cells
+ENERGY_TOLERANCE = 0.05
+# of the energy that the finger's volume of water has at its peak speed: below it nothing is judged
+FLOOR = 1e-3
 HALVE = "halve numerics.time_step, and again where it stops again"  # finer cells would make it worse
-UNRESOLVED = (
-    0.2  # part of the peak speed by which a wall may change within one time step for its work to be sampled
-)
+# part of the peak speed by which a wall may change within one time step for its work to be sampled
+UNRESOLVED = 0.2
 
 
 @dataclass
@@ -83,12 +80,11 @@ def finger_power(path: Path, density: float) -> float:
     cells = surface.compute_cell_sizes(length=False, volume=False).compute_normals(
         cell_normals=True, point_normals=False, auto_orient_normals=False, consistent_normals=False
     )
-    stress = np.asarray(cells["p"])[:, None] * np.asarray(cells["Normals"]) - np.asarray(
-        cells["wallShearStress"]
-    )
+    names = ("p", "Normals", "wallShearStress", "U", "Area")
+    pressure, normals, shear, velocity, area = (np.asarray(cells[name]) for name in names)
     # OpenFOAM's wall normals point out of the water, into the finger; wallShearStress is that of the wall on the water.
-    on_water = -density * stress
-    return float(np.einsum("fi,fi,f->", on_water, np.asarray(cells["U"]), np.asarray(cells["Area"])))
+    on_water = -density * (pressure[:, None] * normals - shear)
+    return float(np.einsum("fi,fi,f->", on_water, velocity, area))
 
 
 def energy_cause(budget: Budget, kinetic: float, excess: float) -> str:
@@ -138,9 +134,9 @@ class EnergyGuard:
     def _table(self) -> np.ndarray:
         """Times and integrals of |u|^2, |grad u|^2 and half of |curl u|^2 (time, 4) since the solver's last start."""
         tables = list((self.samples / "volumes").glob("*/volFieldValue*.dat"))
-        return (
-            table_rows(max(tables, key=lambda path: float(path.parent.name))) if tables else np.empty((0, 4))
-        )
+        if not tables:
+            return np.empty((0, 4))
+        return table_rows(max(tables, key=lambda path: float(path.parent.name)))
 
 
 def energy_budget(positions: np.ndarray, times: np.ndarray, depth: float, density: float) -> Budget:

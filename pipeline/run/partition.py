@@ -105,21 +105,14 @@ def partition_scotch(load: np.ndarray, pairs: np.ndarray, faces: np.ndarray, ran
     number = np.full(len(load), -1)
     number[columns] = np.arange(len(columns))
     shared = faces > 0
-    env = os.environ | {
-        "SCOTCH_PTHREAD_NUMBER": "1",
-        "SCOTCH_DETERMINISTIC": "1",
-    }  # equal meshes, equal parts
+    # equal meshes, equal parts
+    env = os.environ | {"SCOTCH_PTHREAD_NUMBER": "1", "SCOTCH_DETERMINISTIC": "1"}
     with tempfile.TemporaryDirectory() as folder:
         graph, mapping = Path(folder) / "columns.grf", Path(folder) / "columns.map"
-        graph.write_text(
-            graph_text(load[columns].astype(int), number[pairs[shared]], faces[shared].astype(int))
-        )
-        done = subprocess.run(
-            [program, str(ranks), str(graph), str(mapping), "/dev/null"],
-            env=env,
-            capture_output=True,
-            text=True,
-        )
+        text = graph_text(load[columns].astype(int), number[pairs[shared]], faces[shared].astype(int))
+        graph.write_text(text)
+        command = [program, str(ranks), str(graph), str(mapping), "/dev/null"]
+        done = subprocess.run(command, env=env, capture_output=True, text=True)
         if done.returncode != 0 or not mapping.exists():
             raise StageError(f"{program} failed: {(done.stderr or done.stdout).strip()[-300:]}")
         assigned = np.loadtxt(mapping, int, skiprows=1, ndmin=2)

@@ -145,9 +145,8 @@ def solve(case: Path, interval: Interval, handover: float, write_interval: float
     if cause := guard.check_energy(ended=True):
         raise stopped(cause)
     for table in [log, *(case / "postProcessing").glob("*/*/*.dat")]:
-        settle(
-            table
-        )  # a power cut must not shorten these files once the interval counts as complete; cut fields and samples are detected
+        # a power cut must not shorten these files once the interval counts as complete; cut fields and samples are detected
+        settle(table)
     note(ended=True)
 
 

@@ -16,9 +16,7 @@ class Sheet(Section):
     z: float = 0.0
     rate_hz: Positive = 500.0
     spacing: Positive = 0.0005
-    margin: Positive = (
-        0.006  # m beyond the camera's view, so that particles that enter it have come from somewhere
-    )
+    margin: Positive = 0.006  # beyond the camera's view, so that particles that enter it come from somewhere
     thickness: Positive = 0.0015
 
 

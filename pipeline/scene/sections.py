@@ -146,12 +146,10 @@ class Mesh(Section):
     grade_from_wall: bool = False  # the water's cells begin as large as those beside them at the wall
     planform: Literal["triangles", "quads"] = "triangles"  # cells beyond the layers at the wall
     max_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = 65.0
-    usual_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = (
-        70.0  # not exceeded for 95 % of the time
-    )
-    jet_reach: Annotated[float, Field(ge=0)] = (
-        0.03  # pinch: along the plane from the contact, cells stay small
-    )
+    # not exceeded for 95 % of the time
+    usual_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = 70.0
+    # pinch: along the plane from the contact, cells stay small
+    jet_reach: Annotated[float, Field(ge=0)] = 0.03
 
 
 class Model(Section):

@@ -23,9 +23,8 @@ class Network:
     bandwidth: float  # bytes/s per rank
     ranks_per_node: int
     saturated: float  # slow-down of a rank on a full node against a rank alone
-    saturated_range: tuple[float, float] | None = (
-        None  # from a node whose memory feeds all to one that does not
-    )
+    # from a node whose memory feeds all to one that does not
+    saturated_range: tuple[float, float] | None = None
     source: str = ""
 
 
@@ -38,9 +37,7 @@ class Solver:
     serial_seconds_per_cell: float  # s
     pressure_cycles: float  # GAMG cycles of a step, all correctors
     momentum_sweeps: float = 6.0  # three components, about two sweeps each
-    halos_per_level: float = (
-        6.0  # smoothing before and after, residual, prolongation, interpolation and scaling
-    )
+    halos_per_level: float = 6.0  # smoothing twice, residual, prolongation, interpolation and scaling
     coarsest_iterations: float = 10.0  # of the solver of the coarsest level, two sums each
     coarsest_cells: float = 100.0  # of a rank, where agglomeration ends
     bytes_per_face: float = 8.0
@@ -48,9 +45,7 @@ class Solver:
 
 def levels(cells: float, solver: Solver) -> float:
     """Levels of the multigrid on one rank: it halves the cells until few are left."""
-    return (
-        max(1.0, math.log2(max(cells, 2.0) / solver.coarsest_cells)) if cells > solver.coarsest_cells else 1.0
-    )
+    return max(1.0, math.log2(max(cells, 2.0) / solver.coarsest_cells))
 
 
 def slowdown(ranks: int, solver: Solver, network: Network) -> float:
@@ -61,9 +56,7 @@ def slowdown(ranks: int, solver: Solver, network: Network) -> float:
     if here == 2:
         return solver.pair_slowdown
     share = math.log2(here / 2) / max(1.0, math.log2(network.ranks_per_node / 2))
-    return (
-        solver.pair_slowdown + (max(network.saturated, solver.pair_slowdown) - solver.pair_slowdown) * share
-    )
+    return solver.pair_slowdown + max(network.saturated - solver.pair_slowdown, 0.0) * share
 
 
 def imbalance(cells: float, ranks: int, columns: float) -> float:

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from pipeline.fea.materials import law
 from pipeline.fea.settings import Material
 
-REDUCED = felupe.GaussLegendre(
-    order=1, dim=3
-)  # 2 × 2 × 2 points, which keeps 20-node hexahedra free of locking
+# 2 × 2 × 2 points, which keeps 20-node hexahedra free of locking
+REDUCED = felupe.GaussLegendre(order=1, dim=3)
 
 
 def solid_body(mesh: felupe.Mesh, cells: NDArray[np.bool_], material: Material) -> felupe.SolidBody:

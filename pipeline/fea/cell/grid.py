@@ -12,11 +12,11 @@ import felupe
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.fea.lattice import hexahedra, lattice_line
 from pipeline.fea.settings import Actuator, UnitCellMesh
 
-APEX = (
-    0.15e-3  # m; the wedge is cut where its half length would fall below this, for the sake of the elements
-)
+# m; the wedge is cut where its half length would fall below this, for the sake of the elements
+APEX = 0.15e-3
 
 
 @dataclass(frozen=True)
@@ -41,29 +41,14 @@ def wedge_height(actuator: Actuator) -> float:
     return float(min(full, (actuator.l2 / 2 - APEX) / slope)) if slope > 0 else full
 
 
-# Nodes of a hexahedron on the lattice of half elements: corners, then middles of the edges below, above, upright.
-NODES = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
-NODES += [(1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0), (1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2)]
-NODES += [(0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1)]
-
-
-def _lines(breaks: list[float], counts: list[int]) -> NDArray[np.float64]:
-    """Coordinates of the corners and middles of elements between breaks."""
-    parts = [
-        np.linspace(a, b, 2 * n, endpoint=False)
-        for a, b, n in zip(breaks[:-1], breaks[1:], counts, strict=True)
-    ]
-    return np.concatenate([*parts, [breaks[-1]]])
-
-
 def build(actuator: Actuator, counts: UnitCellMesh) -> Grid:
     """Structured hexahedra, split into blocks (cavity, wall, gap) × (base, bridge, side, wedge, roof) × (span, wall)."""
     a, n = actuator, counts
     wedge = wedge_height(a)
     heights = np.cumsum([0.0, a.b2, a.bridge, a.h2 - a.bridge, wedge, a.roof]).tolist()
-    x_line = _lines([0, a.l2 / 2, a.l2 / 2 + a.l1, a.pitch / 2], [n.cavity, n.wall, n.gap])
-    y_line = _lines(heights, [n.base, n.bridge, n.side, n.wedge, n.wall])
-    z_line = _lines([0, a.width / 2 - a.b1, a.width / 2], [n.span, n.wall])
+    x_line = lattice_line([0, a.l2 / 2, a.l2 / 2 + a.l1, a.pitch / 2], [n.cavity, n.wall, n.gap])
+    y_line = lattice_line(heights, [n.base, n.bridge, n.side, n.wedge, n.wall])
+    z_line = lattice_line([0, a.width / 2 - a.b1, a.width / 2], [n.span, n.wall])
     i, j, k = np.meshgrid(*(np.arange(len(line)) for line in (x_line, y_line, z_line)), indexing="ij")
     x, y, z = x_line[i], y_line[j], z_line[k]
     # indices of the lattice at which the blocks end
@@ -84,28 +69,18 @@ def build(actuator: Actuator, counts: UnitCellMesh) -> Grid:
     sheared = (1 - rise) * sheared + rise * outer * i / x2
     x = np.where(i <= x2, sheared, x)
 
-    number = np.arange(i.size).reshape(i.shape)
-    size = [length // 2 for length in i.shape]
-    cells = np.stack(
-        [number[tuple(slice(c, c + 2 * s, 2) for c, s in zip(node, size, strict=True))] for node in NODES], -1
-    )
-    ci, cj, ck = 2 * np.indices(size)
+    ci, cj, ck = 2 * np.indices([length // 2 for length in i.shape])
     void = (ci < x1) & (cj >= y1) & (cj < y4) & (ck < z1)
     open_gap = (ci >= x2) & (cj >= y2)
     kept = ~(void | open_gap)
-    used = np.zeros(i.size, dtype=bool)
-    used[cells[kept].ravel()] = True
-    renumber = np.cumsum(used) - 1
-    points = np.stack([x.ravel(), y.ravel(), z.ravel()], -1)[used]
-    ijk = np.stack([i.ravel(), j.ravel(), k.ravel()], -1)[used]
-    mesh = felupe.Mesh(points, renumber[cells[kept]], "hexahedron20")
-
-    pi, pj, pk = ijk.T
+    cells, places = hexahedra(kept)
+    pi, pj, pk = places.T
+    points = np.stack([x, y, z], -1)[pi, pj, pk]
     cavity = (pi <= x1) & (pj >= y1) & (pj <= y4) & (pk <= z1)
     ventral = np.flatnonzero((pj == 0) & (pk == 0))
     top = np.flatnonzero((pj == len(y_line) - 1) & (pk == 0))
     return Grid(
-        mesh=mesh,
+        mesh=felupe.Mesh(points, cells, "hexahedron20"),
         lower=(cj < y1)[kept],
         middle=pi == 0,
         symmetry=pk == 0,

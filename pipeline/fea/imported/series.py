@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import meshio
 import numpy as np
 import pyvista
-from numpy.typing import NDArray
 
 from pipeline.fea.imported.importing import Fields
 from pipeline.fea.settings import Import
-
-FloatArray = NDArray[np.float64]
 
 
 def read_vtk(path: Path, given: Import) -> Fields:
@@ -34,39 +32,29 @@ def read_vtk(path: Path, given: Import) -> Fields:
         meshes = [pyvista.read(file) for file in files]
     if not meshes:
         raise ValueError(f"{path}: no file of that name: set file in [fea.results]")
-    fields: list[FloatArray] = []
-    for number, mesh in enumerate(meshes, 1):
-        if given.displacement_field not in mesh.point_data:
-            known = ", ".join(mesh.point_data.keys()) or "none"
-            raise ValueError(
-                f"{path}: state {number} has no point data {given.displacement_field!r} (it has: {known}): set displacement_field"
-            )
-        fields.append(np.asarray(mesh.point_data[given.displacement_field], dtype=float))
-        _same_count(path, number, len(fields[-1]), meshes[0].n_points)
-    return Fields(np.asarray(meshes[0].points, dtype=float), np.array(fields), np.array(times), {})
+    return _fields(path, given, meshes[0].points, times, [mesh.point_data for mesh in meshes])
 
 
 def read_xdmf(path: Path, given: Import) -> Fields:
     """All steps of an XDMF time series; raises ValueError."""
-    fields, times = [], []
     with meshio.xdmf.TimeSeriesReader(path) as reader:
         points, _ = reader.read_points_cells()
-        for step in range(reader.num_steps):
-            time, data, _ = reader.read_data(step)
-            if given.displacement_field not in data:
-                known = ", ".join(data) or "none"
-                raise ValueError(
-                    f"{path}: state {step + 1} has no point data {given.displacement_field!r} (it has: {known}): "
-                    "set displacement_field"
-                )
-            fields.append(np.asarray(data[given.displacement_field], dtype=float))
-            times.append(float(time))
-            _same_count(path, step + 1, len(fields[-1]), len(points))
+        steps = [reader.read_data(step) for step in range(reader.num_steps)]
+    return _fields(path, given, points, [float(step[0]) for step in steps], [step[1] for step in steps])
+
+
+def _fields(path: Path, given: Import, points: Any, times: list[float], states: list[Mapping]) -> Fields:
+    """The displacements among the point data of each state."""
+    fields = []
+    for number, data in enumerate(states, 1):
+        if given.displacement_field not in data:
+            known = ", ".join(data.keys()) or "none"
+            raise ValueError(
+                f"{path}: state {number} has no point data {given.displacement_field!r} (it has: {known}): set displacement_field"
+            )
+        fields.append(np.asarray(data[given.displacement_field], dtype=float))
+        if len(fields[-1]) != len(points):
+            raise ValueError(
+                f"{path}: state {number} has {len(fields[-1])} nodes, the first one {len(points)}: export the same mesh for every state"
+            )
     return Fields(np.asarray(points, dtype=float), np.array(fields), np.array(times), {})
-
-
-def _same_count(path: Path, number: int, count: int, expected: int) -> None:
-    if count != expected:
-        raise ValueError(
-            f"{path}: state {number} has {count} nodes, the first one {expected}: export the same mesh for every state"
-        )

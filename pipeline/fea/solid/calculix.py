@@ -18,7 +18,7 @@ from pipeline.fea.solid.mesh import Solid
 
 FloatArray = NDArray[np.float64]
 INSTALL = "install it with `apt-get install calculix-ccx`"
-FACES = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))  # P1 … P6
+FACES = [(0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)]  # P1 … P6
 
 
 def executable() -> str:
@@ -31,9 +31,8 @@ def executable() -> str:
 
 def release() -> str:
     """CalculiX's version, as it prints it."""
-    return subprocess.run([executable(), "-v"], capture_output=True, text=True, check=False).stdout.split()[
-        -1
-    ]
+    done = subprocess.run([executable(), "-v"], capture_output=True, text=True, check=False)
+    return done.stdout.split()[-1]
 
 
 def hyperelastic(material: Material) -> str:
@@ -69,14 +68,10 @@ def _elements(name: str, cells: NDArray[np.intp], first: int) -> str:
     return f"*ELEMENT, TYPE=C3D20R, ELSET={name}\n" + "\n".join(rows)
 
 
-def _pressure_faces(solid: Solid) -> list[tuple[int, int]]:
-    """Element (from 1) and face (from 1) of each face under pressure."""
+def _pressure_faces(solid: Solid) -> NDArray[np.intp]:
+    """Element and face (face, 2), both from 1, of what the pressure wets."""
     cells = np.concatenate([solid.lower, solid.upper])
-    owner: dict[tuple[int, ...], tuple[int, int]] = {}
-    for face, corners in enumerate(FACES):
-        for element, nodes in enumerate(np.sort(cells[:, corners], axis=1)):
-            owner.setdefault(tuple(nodes), (element + 1, face + 1))
-    return [owner[tuple(corners)] for corners in np.sort(solid.cavity, axis=1)]
+    return np.argwhere(solid.cavity[cells[:, FACES]].all(-1)) + 1
 
 
 def deck(solid: Solid, actuator: Actuator, pressures: FloatArray) -> str:
@@ -111,13 +106,17 @@ def deck(solid: Solid, actuator: Actuator, pressures: FloatArray) -> str:
     return "\n".join(cards) + "\n"
 
 
-def run(folder: Path, text: str, threads: int = 1) -> Path:
+def run(folder: Path, text: str) -> Path:
     """Solve in `folder` (finger.inp → finger.frd); raises StageError with the log's last line where it fails."""
     program = executable()
     write_text(folder / "finger.inp", text)
-    environment = os.environ | {"OMP_NUM_THREADS": str(threads)}
     done = subprocess.run(
-        [program, "finger"], cwd=folder, env=environment, capture_output=True, text=True, check=False
+        [program, "finger"],
+        cwd=folder,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
     )
     write_text(folder / "finger.log", done.stdout + done.stderr)
     if done.returncode or "*ERROR" in done.stdout:

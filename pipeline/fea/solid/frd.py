@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 
-def read_frd(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.intp]]:
-    """Times (state), coordinates (node, 3), displacements (state, node, 3) and node labels (node) of all states.
+def read_frd(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times (state), coordinates (node, 3) and displacements (state, node, 3) of all states.
 
     In the units of the file. Raises ValueError where the file has no nodes, no displacements, or ends within a block.
     Source: the format's description in the manual of CalculiX CrunchiX, "The .frd format" (fixed columns).
@@ -56,4 +56,4 @@ def read_frd(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np
                 f"{path}: {len(field)} displacements for {len(labels)} nodes at time {time:g}: export all nodes of every state"
             )
     displacements = np.array([[field[label] for label in labels] for field in fields])
-    return np.array(times), np.array(places), displacements, np.array(labels, dtype=np.intp)
+    return np.array(times), np.array(places), displacements

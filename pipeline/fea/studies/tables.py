@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from fileio.atomic import write_text
@@ -45,12 +46,11 @@ def write_table(path: Path, bends: dict[str, Bends], last: str = "wall_gap_mm") 
 
 def read_table(path: Path) -> dict[str, Bends]:
     """The same back, in SI."""
-    rows = [line.split(",") for line in path.read_text(encoding="utf-8").splitlines() if line[:1] != "#"][1:]
-    result = {}
-    for name in dict.fromkeys(row[0] for row in rows):
-        columns = np.array([[float(v) for v in row[1:]] for row in rows if row[0] == name]).T
-        result[name] = Bends(columns[0] * 1e3, columns[1] * 1e-3, columns[2] * 1e-3)
-    return result
+    table = pd.read_csv(path, comment="#")
+    return {
+        str(name): Bends(*(rows.iloc[:, 1:].to_numpy(float) * [1e3, 1e-3, 1e-3]).T)
+        for name, rows in table.groupby("case", sort=False)
+    }
 
 
 def at(bends: Bends, pressure_kpa: float) -> float:
