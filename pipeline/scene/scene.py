@@ -56,35 +56,26 @@ class Scene(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _quarter_of_a_pinch(cls, table: Any) -> Any:
-        if isinstance(table, dict) and table.get("pinch") is not None and "model" not in table:
-            return table | {"model": {"kind": "quarter"}}
-        return table
-
-    @model_validator(mode="before")
-    @classmethod
-    def _body_for_finger(cls, table: Any) -> Any:
-        """A rigid body takes the finger's place: its centre is the root, its depth the width."""
-        body = table.get("body") if isinstance(table, dict) else None
+    def _follow_from_other_sections(cls, table: dict[str, Any]) -> dict[str, Any]:
+        """What is not given: a pinch is a quarter; a rigid body takes the finger's place, its centre the root and its depth the
+        width; lengths are those of a finger of 70 mm, scaled with the finger or body.
+        """
+        table = dict(table)
+        if table.get("pinch") is not None:
+            table.setdefault("model", {"kind": "quarter"})
+        body = table.get("body")
         if isinstance(body, dict) and "centre" in body:
             if "finger" in table:
                 raise ValueError("give either finger or body")
-            table = {**table, "finger": {"root": body["centre"], "width": body.get("depth", 1.0)}}
-        return table
-
-    @model_validator(mode="before")
-    @classmethod
-    def _lengths_of_its_size(cls, table: Any) -> Any:
-        """Lengths that are not given are those of a finger of 70 mm, scaled with the finger or body."""
-        if not isinstance(table, dict):
-            return table
-        body, finger = (table.get(key) or {} for key in ("body", "finger"))
-        size = body.get("diameter", body.get("chord", finger.get("length", FINGER_LENGTH)))
-        if not isinstance(size, int | float):
-            return table  # the section's own check tells
+            table["finger"] = {"root": body["centre"], "width": body.get("depth", 1.0)}
+        given = body or table.get("finger")
+        given = given if isinstance(given, dict) else {}
+        size = given.get("diameter", given.get("chord", given.get("length", FINGER_LENGTH)))
         for name, section, keys in (("mesh", Mesh, SCALED), ("sheet", Sheet, ("margin",))):
-            lengths = {key: section.model_fields[key].default * (size / FINGER_LENGTH) for key in keys}
-            table = {**table, name: lengths | table.get(name, {})}
+            own = table.get(name, {})
+            if isinstance(own, dict) and isinstance(size, int | float):  # else the section's own check tells
+                scale = size / FINGER_LENGTH
+                table[name] = {key: section.model_fields[key].default * scale for key in keys} | own
         return table
 
     @model_validator(mode="after")
