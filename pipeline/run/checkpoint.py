@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from fileio.errors import StageError
 from pipeline.openfoam.function_objects import table_rows
 from pipeline.openfoam.ranks import Ranks, is_whole
 from pipeline.openfoam.surface_vtk import is_whole_vtk
@@ -37,6 +39,19 @@ def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[floa
         times = {t: n for t, n in saved_times(folder, ranks, moving) if t <= sampled * (1 + 1e-9)}
         common = times if common is None else {t: n for t, n in common.items() if t in times}
     return max(common.items()) if common else None
+
+
+def reached_time(case: Path, ranks: Ranks, name: str) -> str:
+    """The time of the checkpoint `name` (s) with all its digits, of which the folder's name shows eight.
+
+    The solver adds up its time steps with a rounding error each: started at the rounded time, it would interpolate the
+    mesh motion elsewhere and differ from an undisturbed run.
+    """
+    path = ranks.folders(case)[0] / name / "uniform" / "time"
+    value = re.search(r"(?m)^value\s+(\S+);", path.read_text(errors="replace"))
+    if value is None:
+        raise StageError(f"{path}: no value of the time; delete {path.parents[1]} and run make again")
+    return value[1]
 
 
 def first_damaged(case: Path) -> float:

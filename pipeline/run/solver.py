@@ -21,7 +21,7 @@ from pipeline.openfoam.displacement_files import checkpoint_interval, time_name
 from pipeline.openfoam.environment import die_with_parent, environment_in, last_lines, solver_command
 from pipeline.openfoam.foamfile import END, write_bytes
 from pipeline.openfoam.ranks import Ranks
-from pipeline.run.checkpoint import drop_tables, first_damaged, force_times, last_checkpoint
+from pipeline.run.checkpoint import drop_tables, first_damaged, force_times, last_checkpoint, reached_time
 from pipeline.run.guards import FINER, SILENCE, Guard, Watchdog
 
 LOG = "log.pimpleFoam"
@@ -69,7 +69,7 @@ def solve(case: Path, interval: Interval, handover: float, write_interval: float
             reset_displacement(ranks.folders(case), first, name, whole=ranks.collated)
         ranks.announce(case, name)
     drop_tables(case, start)
-    set_number(case, "startTime", name)
+    set_number(case, "startTime", reached_time(case, ranks, name) if checkpoint else name)
     set_number(case, "writeInterval", f"{checkpoint_interval(handover - start, write_interval):.12g}")
     clock = time.monotonic()
     noted = clock

@@ -2,9 +2,10 @@
 
 import pytest
 
+from fileio.errors import StageError
 from pipeline.openfoam.foamfile import END, write_bytes
 from pipeline.openfoam.ranks import Ranks, collated_content
-from pipeline.run.checkpoint import FIELDS, MOVED, drop_tables, last_checkpoint, sampled_until
+from pipeline.run.checkpoint import FIELDS, MOVED, drop_tables, last_checkpoint, reached_time, sampled_until
 from pipeline.run.results import history
 
 MORE = ("U_0", "meshPhi")
@@ -80,6 +81,20 @@ def test_a_resumed_part_stands_for_the_time_it_began_at_and_later_ones_are_dropp
     assert sampled_until(tmp_path) == 0.03  # what the first part shows: all but its last two rows
     drop_tables(tmp_path, 0.0)
     assert sampled_until(tmp_path) == 0.0
+
+
+@pytest.mark.parametrize("ranks", [Ranks(1), Ranks(2), Ranks(2, collated=True)])
+def test_a_resumed_run_starts_at_the_time_that_was_reached_with_all_its_digits(tmp_path, ranks):
+    content = b'value           0.340000000000000246;\nname "0.34";' + END
+    for folder in ranks.folders(tmp_path):
+        write_bytes(folder / "0.34" / "uniform" / "time", content)
+    assert reached_time(tmp_path, ranks, "0.34") == "0.340000000000000246"  # 340 steps of 1 ms, added up
+
+
+def test_a_checkpoint_without_its_time_is_refused(tmp_path):
+    write_bytes(tmp_path / "0.34" / "uniform" / "time", b"index 340;" + END)
+    with pytest.raises(StageError, match="no value of the time"):
+        reached_time(tmp_path, Ranks(1), "0.34")
 
 
 def test_a_log_that_was_cut_within_a_line_is_read(tmp_path):
