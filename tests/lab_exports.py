@@ -13,7 +13,7 @@ from piv.foreign.write import write_vectors
 
 SCALE, INTERVAL, ROWS = 0.25e-3, 0.002, 520
 TOML = """format = "dpiv"
-format_version = 1
+format_version = 2
 title = "exported"
 kind = "vectors"
 files = "{files}"
@@ -22,7 +22,7 @@ start = {{ at_s = 0.05, std_s = 0.001 }}
 sheet_thickness_mm = 1.5
 finger_geometry = "measured"
 camera = "none"
-scale = {{ mm_per_px = 0.25, std_percent = 0.5 }}
+scale = {{ scale_mm_per_px = 0.25, std_percent = 0.5 }}
 axes = {{ y = "{y}", root_mm = [{root[0]!r}, {root[1]!r}], root_std_mm = 0.3, turn_std_deg = 0.5 }}
 piv = {{ window = 24, spacing = 8 }}
 vectors = {{ interval_s = 0.002, std_px = 0.05{vectors} }}

@@ -44,7 +44,7 @@ def set_up(family: Kinematics, columns: int = 400, seed: int = 1, **more) -> Set
 def stated_pose(family: Kinematics, camera: Camera) -> Pose:
     """What the laboratory believes."""
     at = np.asarray(camera.origin_px) + np.asarray(family.root) / camera.scale_m_per_px
-    return Pose(1 / camera.scale_m_per_px, 0.0, family.root, (float(at[0]), float(at[1])))
+    return Pose(camera.scale_m_per_px, 0.0, family.root, (float(at[0]), float(at[1])))
 
 
 def still_picture(family: Kinematics, lab: SetUp, pressure: float, seed: int) -> np.ndarray:

@@ -12,7 +12,7 @@ from fileio.schema import Schema, Variable
 
 SCHEMA = Schema(
     "recorded-motion",
-    1,
+    2,
     "write it again with python -m postprocess.lab motion",
     (
         Variable("time", "time", "s", "of the simulation's clock"),

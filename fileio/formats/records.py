@@ -7,8 +7,8 @@ from fileio.schema import JsonFormat, Table
 AGAIN = "delete it and run make again"
 RUN = JsonFormat("run", 4, AGAIN)
 COMPARISON = JsonFormat("comparison", 1, AGAIN)
-LAB_COMPARISON = JsonFormat("lab-comparison", 1, "run make compare again")
-REGISTRATION = JsonFormat("registration", 1, "run python -m postprocess.lab register again")
+LAB_COMPARISON = JsonFormat("lab-comparison", 2, "run make compare again")
+REGISTRATION = JsonFormat("registration", 2, "run python -m postprocess.lab register again")
 STUDY_PLAN = JsonFormat("study-plan", 4, "run the study again")
 
 FORCES = Table(("time", "fx", "fy", "fz", "fx_pressure", "fy_pressure", "fx_viscous", "fy_viscous"), AGAIN)

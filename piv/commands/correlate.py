@@ -31,7 +31,7 @@ CHUNKS_PER_PROCESS = 4  # so that no process waits long for the last
 class RecordingCamera:
     """What is given in place of what the recording says."""
 
-    scale_m_per_px: Annotated[float | None, "metres per pixel, in place of the recording's"] = None
+    scale_mm_per_px: Annotated[float | None, "mm per pixel, in place of the recording's"] = None
     origin_x_px: Annotated[float | None, "x of the origin, px from the left, in place of the recording's"] = (
         None
     )
@@ -137,14 +137,14 @@ def correlate(args: argparse.Namespace, given: dict, chunk: tuple[int, int] | No
         if len(recording) < 2:
             raise ValueError(f"{recording.name}: one frame is no pair; give two images or a recording")
         recording.attrs |= {
-            name: float(given[name])
-            for name in ("scale_m_per_px", "origin_x_px", "origin_y_px")
-            if name in given
+            name: float(given[name]) for name in ("origin_x_px", "origin_y_px") if name in given
         }
-        if "scale_m_per_px" in given and recording.times is None:
-            raise ValueError(
-                f"{recording.name}: scale_m_per_px gives m/s with the times of its frames; give frame_rate_hz too"
-            )
+        if "scale_mm_per_px" in given:
+            if recording.times is None:
+                raise ValueError(
+                    f"{recording.name}: scale_mm_per_px gives m/s with the times of its frames; give frame_rate_hz too"
+                )
+            recording.attrs["scale_m_per_px"] = float(given["scale_mm_per_px"]) * 1e-3
         mask = read_mask(args.mask, recording.shape) if args.mask else None
         if given.get("ensemble"):
             return correlate_ensemble_to(

@@ -8,14 +8,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from fileio.provenance import check_version
+
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 NAME = "dpiv.toml"
+VERSION = 2
 HINTS = {
     "files": 'files = "frames/*.tif", a path beside dpiv.toml, or a list of them',
     "frame_rate_hz": "frame_rate_hz, the pictures (of pairs: the pairs) per second",
     "start": 'start = { at_s = …, std_s = … }, the time at which the first picture is taken after the motion\'s zero, or start = "from motion"',
-    "scale": 'scale = { mm_per_px = …, std_percent = … }, { calibration = "file.json", std_percent = … } or { from_finger = true }',
+    "scale": 'scale = { scale_mm_per_px = …, std_percent = … }, { calibration = "file.json", std_percent = … } or { from_finger = true }',
     "axes": 'axes = { y = "up" or "down", x = "right" or "left", root_px = [x, y] }, with the position of the root\'s middle in px, y counted as stated',
     "finger_geometry": 'finger_geometry = "measured" (it is the one of the scene\'s states) or "nominal" (then the bands of the FEA count)',
     "finger_length_std_mm": "finger_length_std_mm, how well the finger is known to be as long as the scene's, mm: the finger tells the scale as well",
@@ -46,14 +49,14 @@ class Start(Table):
 class Scale(Table):
     """One of three: a number, a calibration of `piv calibrate`, or the finger's own length."""
 
-    mm_per_px: Positive | None = None
+    scale_mm_per_px: Positive | None = None
     calibration: str | None = None
     from_finger: bool = False
     std_percent: Positive | None = None
 
     @model_validator(mode="after")
     def _one(self) -> Scale:
-        given = [self.mm_per_px is not None, self.calibration is not None, self.from_finger]
+        given = [self.scale_mm_per_px is not None, self.calibration is not None, self.from_finger]
         if sum(given) != 1:
             raise ValueError(f"give one of {HINTS['scale'].removeprefix('scale = ')}")
         if not self.from_finger and self.std_percent is None:
@@ -117,7 +120,7 @@ class LabCamera(Table):
     background: NotNegative
     read_noise: NotNegative
     peak: Positive
-    mm_per_px: Positive
+    scale_mm_per_px: Positive
     bits: Literal[8, 10, 12, 16] = 8
 
 
@@ -125,8 +128,8 @@ class Dpiv(Table):
     """One laboratory's data; `folder` is where dpiv.toml lies, paths are relative to it."""
 
     folder: Path
-    format: Literal["dpiv"]
-    format_version: Literal[1]
+    format: str
+    format_version: int
     title: str
     kind: Literal["pictures", "vectors"]
     files: str | tuple[str, ...]
@@ -160,7 +163,7 @@ class Dpiv(Table):
                 )
             if self.scale.from_finger or self.scale.calibration:
                 raise ValueError(
-                    "scale of vectors without pictures: give scale = { mm_per_px = …, std_percent = … }"
+                    "scale of vectors without pictures: give scale = { scale_mm_per_px = …, std_percent = … }"
                 )
             if self.piv.pairing or self.piv.interval_s or self.piv.every != 1:
                 raise ValueError(
@@ -183,7 +186,7 @@ class Dpiv(Table):
             )
         if self.scale.from_finger and self.root_hidden_mm:
             raise ValueError(
-                "scale cannot come from a finger whose root is hidden (root_hidden_mm): give a calibration or mm_per_px"
+                "scale cannot come from a finger whose root is hidden (root_hidden_mm): give a calibration or scale_mm_per_px"
             )
         return self
 
@@ -211,6 +214,7 @@ def read_dpiv(path: Path) -> Dpiv:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: not valid TOML ({error})") from None
+    check_version(table, path, "dpiv", VERSION, "state it as docs/comparison.md has it")
     try:
         return Dpiv(**table, folder=path.parent)
     except ValidationError as error:

@@ -60,7 +60,10 @@ def read_registration(path: Path) -> Registration:
 
 def _pose(values: dict[str, Any]) -> Pose:
     return Pose(
-        float(values["px_per_m"]), float(values["angle"]), tuple(values["anchor"]), tuple(values["at_px"])
+        float(values["scale_m_per_px"]),
+        float(values["angle"]),
+        tuple(values["anchor"]),
+        tuple(values["at_px"]),
     )
 
 
@@ -87,7 +90,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Registration:
-    """Pose of the tank frame in the pictures with the covariance of (x px, y px, angle, ln scale), and the motion's law.
+    """Pose of the tank frame in the pictures with the covariance of (x px, y px, angle, ln magnification), and the motion's law.
 
     `times` (frame,) s of the recording's clock, `pressures` and `pressures_std` (Pa): what each frame shows nearly by itself.
     """

@@ -64,13 +64,12 @@ def stated_pose(
     assert dpiv.axes.root_px is not None
     assert dpiv.scale.std_percent is not None
     calibration = recording.calibration
-    mm_per_px = dpiv.scale.mm_per_px or calibration.scale_m_per_px * 1e3  # type: ignore[union-attr]
+    stated = dpiv.scale.scale_mm_per_px
+    scale = stated * 1e-3 if stated else calibration.scale_m_per_px  # type: ignore[union-attr]
     rows, columns = recording.shape
     x, y = dpiv.axes.root_px
     at = (columns - 1 - x if dpiv.axes.x == "left" else x, rows - 1 - y if dpiv.axes.y == "down" else y)
-    return Pose(
-        1e3 / mm_per_px, float(np.radians(dpiv.axes.turn_deg)), root, at
-    ), dpiv.scale.std_percent / 100
+    return Pose(scale, float(np.radians(dpiv.axes.turn_deg)), root, at), dpiv.scale.std_percent / 100
 
 
 class MaskedRecording(Recording):

@@ -18,11 +18,11 @@ from piv.synthetic.virtual_camera import finger_at
 class Pose:
     """Where the tank frame (m) lies in a picture (px, x right and y up from the centre of the bottom left pixel).
 
-    picture = at_px + px_per_m R(angle) (tank - anchor); angle in rad, counter-clockwise. Vectors whose file is in
-    metres have a picture in metres: px_per_m is then close to 1.
+    picture = at_px + R(angle) (tank - anchor) / scale_m_per_px; angle in rad, counter-clockwise. Vectors whose file is in
+    metres have a picture in metres: scale_m_per_px is then close to 1.
     """
 
-    px_per_m: float
+    scale_m_per_px: float
     angle: float
     anchor: tuple[float, float]
     at_px: tuple[float, float]
@@ -35,19 +35,19 @@ class Pose:
 
     def to_px(self, points: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the tank frame in the picture."""
-        return (np.asarray(points) - self.anchor) @ self.rotation.T * self.px_per_m + self.at_px
+        return (np.asarray(points) - self.anchor) @ self.rotation.T / self.scale_m_per_px + self.at_px
 
     def to_tank(self, points_px: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the picture in the tank frame; inverse of `to_px`."""
-        return (np.asarray(points_px) - self.at_px) @ self.rotation / self.px_per_m + self.anchor
+        return (np.asarray(points_px) - self.at_px) @ self.rotation * self.scale_m_per_px + self.anchor
 
     def to_camera(self, points: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the tank frame in the camera frame: the picture's axes, in true metres."""
-        return self.to_px(points) / self.px_per_m
+        return self.to_px(points) * self.scale_m_per_px
 
     def from_camera(self, points: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the camera frame in the tank frame."""
-        return self.to_tank(np.asarray(points) * self.px_per_m)
+        return self.to_tank(np.asarray(points) / self.scale_m_per_px)
 
     def view(
         self, first: tuple[float, float], last: tuple[float, float], margin: float

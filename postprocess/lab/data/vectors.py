@@ -20,11 +20,11 @@ from postprocess.lab.data.pose import Pose
 def camera_before(data: xr.Dataset, pose: Pose, camera: LabCamera) -> tuple[Pose, np.ndarray]:
     """Pose in px of a camera whose picture has the vectors in its middle, wherever their files count from; and the position of
     its bottom left pixel in the vectors' frame (m)."""
-    scale = camera.mm_per_px * 1e-3
+    scale = camera.scale_mm_per_px * 1e-3
     middle = np.array([data[axis].values[[0, -1]].mean() for axis in ("x", "y")])
     corner = middle - 0.5 * scale * np.array([camera.columns - 1, camera.rows - 1])
-    at = (np.asarray(pose.at_px) / pose.px_per_m - corner) / scale
-    return Pose(1 / scale, pose.angle, pose.anchor, (float(at[0]), float(at[1]))), corner
+    at = (np.asarray(pose.at_px) * pose.scale_m_per_px - corner) / scale
+    return Pose(scale, pose.angle, pose.anchor, (float(at[0]), float(at[1]))), corner
 
 
 def vectors_view(dpiv: Dpiv, pose: Pose) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -34,7 +34,7 @@ def vectors_view(dpiv: Dpiv, pose: Pose) -> tuple[tuple[float, float], tuple[flo
     low = np.array([plane["x"].values[0], plane["y"].values[0]]) - step
     high = np.array([plane["x"].values[-1], plane["y"].values[-1]]) + step
     if isinstance(dpiv.camera, LabCamera):
-        size = dpiv.camera.mm_per_px * 1e-3 * np.array([dpiv.camera.columns, dpiv.camera.rows])
+        size = dpiv.camera.scale_mm_per_px * 1e-3 * np.array([dpiv.camera.columns, dpiv.camera.rows])
         low, high = np.minimum(low, 0.5 * (low + high - size)), np.maximum(high, 0.5 * (low + high + size))
     return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
 
@@ -47,10 +47,10 @@ def vector_tables(dpiv: Dpiv) -> VectorFiles:
 
 def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     """Exported vectors as a plane series in stated metres, y up, with their uncertainty; times from the first instant."""
-    assert dpiv.scale.mm_per_px is not None
+    assert dpiv.scale.scale_mm_per_px is not None
     stated = vector_tables(dpiv)
     paths = sorted_paths(dpiv)
-    scale = dpiv.scale.mm_per_px * 1e-3
+    scale = dpiv.scale.scale_mm_per_px * 1e-3
     try:
         plane = read_vectors(
             paths, kind=stated.kind, frame_rate_hz=dpiv.frame_rate_hz, keep_replaced=stated.keep_replaced,

@@ -94,9 +94,9 @@ def make_case(
     times = planes.direct["time"].values
     window = stroke_window(times, planes.direct["bend"].values[:, 0].astype(float), MIDDLE)
     geometry, bend_std = fea_band(files, dpiv)
-    px = 1 / registration.pose.px_per_m  # m; of vectors the picture's unit is the stated metre
+    px = registration.pose.scale_m_per_px  # m; of vectors the picture's unit is the stated metre
     if dpiv.kind == "vectors":
-        px *= (dpiv.scale.mm_per_px or 0.0) * 1e-3
+        px *= (dpiv.scale.scale_mm_per_px or 0.0) * 1e-3
     window_m = dpiv.piv.window * px
     case = Case(
         family,

@@ -47,12 +47,12 @@ def registration_modes(case: Case, rows: np.ndarray, direct: np.ndarray) -> dict
     rate = np.gradient(whole, times, axis=0)[rows]
     gx, gy = np.meshgrid(x, y)
     anchor = registration.pose.to_camera(np.asarray(registration.pose.anchor))
-    px = registration.pose.px_per_m
+    scale = registration.pose.scale_m_per_px
     arm_x, arm_y = gx - anchor[0], gy - anchor[1]
     ux, uy = direct[:, 0], direct[:, 1]
     basis = [
-        along_x / px,
-        along_y / px,
+        along_x * scale,
+        along_y * scale,
         -arm_y * along_x + arm_x * along_y - np.stack([-uy, ux], axis=1),
         arm_x * along_x + arm_y * along_y - direct,
     ]

@@ -80,7 +80,9 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
     shapes = np.array(fits)
     values: dict[str, Any] = motion_values(family, strip, frames.times, shapes, family.time[1])
     values |= {"recording": dpiv.title, "dpiv_sha256": sha256(dpiv.folder / NAME)}
-    values["registration"] = json.dumps({"delay": law.delay, "px_per_m": pose.px_per_m, "angle": pose.angle})
+    values["registration"] = json.dumps(
+        {"delay": law.delay, "scale_m_per_px": pose.scale_m_per_px, "angle": pose.angle}
+    )
     write_recorded_motion(files.motion, values)
     return _write_scene(files, dpiv, float(registration.law.std("factor")))
 

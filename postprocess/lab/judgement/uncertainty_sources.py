@@ -205,13 +205,13 @@ def registration_sources(case: Case, name: str, value: np.ndarray, rate: np.ndar
 
 
 def place_jacobian(pose: Pose, place: np.ndarray) -> np.ndarray:
-    """How a place (m, tank frame) found in a picture moves with (x px, y px, angle, ln scale) of the pose, (2, 4).
+    """How a place (m, tank frame) found in a picture moves with (x px, y px, angle, ln magnification) of the pose, (2, 4).
 
-    x_tank = R⁻¹ (px − at)/k + anchor. The signs matter: errors of shift, turn and scale come together, since the finger's tip
+    x_tank = R⁻¹ (px − at) scale + anchor. The signs matter: errors of shift, turn and scale come together, since the finger's tip
     is seen as well as its root.
     """
     arm = np.asarray(place) - np.asarray(pose.anchor)
-    shift = -pose.rotation.T / pose.px_per_m
+    shift = -pose.rotation.T * pose.scale_m_per_px
     return np.column_stack([shift, [arm[1], -arm[0]], -arm])
 
 

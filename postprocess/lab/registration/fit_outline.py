@@ -23,7 +23,7 @@ TABLE = 241  # shapes in the table that outlines are interpolated from
 REACH = 0.15  # of the family's range: how far a recording may bend beyond the simulation
 LAW_POINTS = 2001  # of the law's own table
 COLD = 0.05  # share of the evidence at the beginning: the landscape has a bump per particle, so the chain is cooled into it
-POSE = ("at_x_px", "at_y_px", "angle", "log_scale", "edge_px")
+POSE = ("at_x_px", "at_y_px", "angle", "log_magnification", "edge_px")
 EDGE_STD = 1.5  # px, prior: takes in blur and the mould's tolerance
 LAW_STD = 0.3  # prior of factor and stretch about 1: weak, for recordings that show only a part of the motion
 
@@ -56,9 +56,10 @@ class OutlineFit:
 
 
 def moved(pose: Pose, change: np.ndarray) -> Pose:
-    """A pose changed by (px, px, rad, ln of px_per_m, …)."""
+    """A pose changed by (px, px, rad, ln of the magnification, …): a picture twice as large has half the scale."""
     at = (pose.at_px[0] + float(change[0]), pose.at_px[1] + float(change[1]))
-    return Pose(pose.px_per_m * float(np.exp(change[3])), pose.angle + float(change[2]), pose.anchor, at)
+    scale = pose.scale_m_per_px * float(np.exp(-change[3]))
+    return Pose(scale, pose.angle + float(change[2]), pose.anchor, at)
 
 
 def prepare(
@@ -126,7 +127,7 @@ def fit_outline(
     step = table[1] - table[0]
     clock = np.linspace(*family.time, LAW_POINTS)
     history = (family.law(clock) - table[0]) / step
-    length_px = family.length * first.px_per_m
+    length_px = family.length / first.scale_m_per_px
     # first steps: half a pixel along the finger; half a millisecond
     spread = np.array([0.5, 0.5, 0.5 / length_px, 0.5 / length_px, 0.3, 3e-3, 5e-4, 3e-3])
     mean, weight = np.zeros(8), np.zeros(8)
@@ -138,7 +139,7 @@ def fit_outline(
         mean[6], weight[6] = stated_delay[0] - law[1], max(stated_delay[1], 1e-5) ** -2
     if pose_std is not None:
         mean[:5], weight[:5] = 0.0, pose_std**-2.0
-    start = np.array([*first.at_px, first.angle, first.px_per_m, edge_px, *law])
+    start = np.array([*first.at_px, first.angle, first.scale_m_per_px, edge_px, *law])
     apart, rng = np.asarray(deviation, float) / step, np.random.default_rng(seed)
     change, off, steps, cold = np.zeros(8), np.zeros(frames.times.size), np.diag(spread**2), COLD
     done: list[tuple[np.ndarray, np.ndarray]] = []

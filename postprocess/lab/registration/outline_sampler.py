@@ -15,12 +15,13 @@ STEP, TAKEN, TAKEN_ALONE = (
 
 
 @numba.njit(cache=True)
-def frame_score(integral, mean, outlines, normals, at, angle, px_per_m, anchor, edge, place):
+def frame_score(integral, mean, outlines, normals, at, angle, scale_m_per_px, anchor, edge, place):
     """Evidence inside the outline at `place` (index into the table, fractional) in one frame; `edge` (px) grows it.
 
     `integral` and `mean` as of `silhouette.integral_image`.
     """
     c, s = np.cos(angle), np.sin(angle)
+    magnification = 1 / scale_m_per_px
     t = min(max(int(place), 0), outlines.shape[0] - 2)
     w = place - t
     n = outlines.shape[1]
@@ -31,8 +32,8 @@ def frame_score(integral, mean, outlines, normals, at, angle, px_per_m, anchor, 
         x = (1 - w) * outlines[t, m, 0] + w * outlines[t + 1, m, 0] - anchor[0]
         y = (1 - w) * outlines[t, m, 1] + w * outlines[t + 1, m, 1] - anchor[1]
         nx, ny = normals[t, m, 0], normals[t, m, 1]
-        qx = at[0] + px_per_m * (c * x - s * y) + edge * (c * nx - s * ny)
-        qy = at[1] + px_per_m * (s * x + c * y) + edge * (s * nx + c * ny)
+        qx = at[0] + magnification * (c * x - s * y) + edge * (c * nx - s * ny)
+        qy = at[1] + magnification * (s * x + c * y) + edge * (s * nx + c * ny)
         if k > 0:
             total += left_of(integral, mean, px, py, qx, qy)
         px, py = qx, qy
@@ -40,12 +41,12 @@ def frame_score(integral, mean, outlines, normals, at, angle, px_per_m, anchor, 
 
 
 @numba.njit(cache=True)
-def all_scores(integrals, mean, outlines, normals, at, angle, px_per_m, anchor, edge, places):
+def all_scores(integrals, mean, outlines, normals, at, angle, scale_m_per_px, anchor, edge, places):
     """`frame_score` of every frame, (frame,)."""
     out = np.empty(places.size)
     for f in range(places.size):
         out[f] = frame_score(
-            integrals[f], mean, outlines, normals, at, angle, px_per_m, anchor, edge, places[f]
+            integrals[f], mean, outlines, normals, at, angle, scale_m_per_px, anchor, edge, places[f]
         )
     return out
 
@@ -67,9 +68,9 @@ def sample(
     integrals, mean_evidence, outlines, normals, first, change, off, anchor, times, law, begin, step, second, least, mean_prior,
     weight_prior, apart, temper, cold, burn, keep, rng,
 ):  # fmt: skip
-    """Samples of (x, y, angle, ln scale, edge, factor, delay, stretch), as changes of `first`, and of the places (sample, frame).
+    """Samples of (x, y, angle, ln magnification, edge, factor, delay, stretch), as changes of `first`, and of the places (sample, frame).
 
-    `first` (8,): at_x, at_y, angle, px_per_m, edge, factor, delay, stretch. A place is that of the law plus a deviation of
+    `first` (8,): at_x, at_y, angle, scale_m_per_px, edge, factor, delay, stretch. A place is that of the law plus a deviation of
     standard size `apart` (frame,). The chain begins at `change` (8,) and deviations `off` (frame,), which it moves on, with steps
     of covariance `second` (8, 8), later its own and `least` (8,). Priors of the changes: `mean_prior`, `weight_prior` (one over
     their variance). `cold`: share of the evidence that counts at the beginning.
@@ -79,7 +80,7 @@ def sample(
     at = np.array([first[0] + change[0], first[1] + change[1]])
     places = law_places(times, first[5:] + change[5:], law, begin, step) + off
     scores = all_scores(
-        integrals, mean_evidence, outlines, normals, at, first[2] + change[2], first[3] * np.exp(change[3]), anchor,
+        integrals, mean_evidence, outlines, normals, at, first[2] + change[2], first[3] * np.exp(-change[3]), anchor,
         first[4] + change[4], places,
     )  # fmt: skip
     out, out_places = np.empty((keep, size)), np.empty((keep, frames))
@@ -97,7 +98,7 @@ def sample(
             accept = new_places.min() >= 0 and new_places.max() <= largest
         if accept:
             at = np.array([first[0] + new[0], first[1] + new[1]])
-            scale = first[3] * np.exp(new[3])
+            scale = first[3] * np.exp(-new[3])
             tried = all_scores(
                 integrals, mean_evidence, outlines, normals, at, first[2] + new[2], scale, anchor, first[4] + new[4], new_places
             )  # fmt: skip
@@ -107,7 +108,7 @@ def sample(
             if accept:
                 change, scores, places = new, tried, new_places
         at = np.array([first[0] + change[0], first[1] + change[1]])
-        scale = first[3] * np.exp(change[3])
+        scale = first[3] * np.exp(-change[3])
         for f in range(frames):
             move = alone[f] * rng.standard_normal()
             if places[f] + move < 0 or places[f] + move > largest:

@@ -76,7 +76,7 @@ def first_pose(recording: Recording, frames: list[np.ndarray], family: Kinematic
     rest = family.shape("tip", float(family.law(family.time[0]))) - family.root
     turn = np.arctan2(direction[1], direction[0]) - np.arctan2(rest[1], rest[0])
     root = centre - 0.5 * length * direction
-    return Pose(length / family.length, float(turn), family.root, (float(root[0]), float(root[1])))
+    return Pose(family.length / length, float(turn), family.root, (float(root[0]), float(root[1])))
 
 
 def search_delay(
@@ -90,7 +90,7 @@ def search_delay(
         np.arange(-reach, reach, 0.004) if stated is not None else np.arange(-span - 0.1, span + 0.1, 0.006)
     )
     pictures = frames.integrals, frames.mean, outlines, normals
-    seat = np.asarray(pose.at_px), pose.angle, pose.px_per_m, np.asarray(pose.anchor), -1.0
+    seat = np.asarray(pose.at_px), pose.angle, pose.scale_m_per_px, np.asarray(pose.anchor), -1.0
     scores = []
     for delay in around + (stated or 0.0):
         pressures = law_pressure(family, frames.times, np.array([1.0, delay, 1.0]))
@@ -139,7 +139,7 @@ def register(
     values, _, _ = fit_law(family, frames.times, rough.parameter.mean(axis=0), first)
     frames = prepare(images, times[chosen], evidence, blind)
     begin, tied = (
-        replace(rough.mean_pose(), px_per_m=pose.px_per_m),
+        replace(rough.mean_pose(), scale_m_per_px=pose.scale_m_per_px),
         deviation_from_law(family, rough, values),
     )
     known |= {"edge_px": float(rough.pose[:, 4].mean()), "rounds": ROUNDS}
@@ -175,7 +175,7 @@ def check_root(
         [np.linspace(a, b, 40, endpoint=False) for a, b in zip(patch, np.roll(patch, -1, 0), strict=True)]
     )
     sums = [inside_sum(i, counter_clockwise(dense), frames.mean) for i in frames.integrals]
-    area = (beyond[1] - beyond[0]) * 2 * half * pose.px_per_m**2
+    area = (beyond[1] - beyond[0]) * 2 * half / pose.scale_m_per_px**2
     rows, columns = (n - 1 for n in frames.integrals.shape[1:])
     outside = (patch < 0).any() or (patch > [columns - 1, rows - 1]).any()
     if np.mean(sums) > 0.5 * evidence.rate * area or (outside and beyond == BEYOND):
@@ -207,12 +207,12 @@ def with_length(found: Registration, scale_std: float | None, length_std: float)
         assert found.stated is not None  # a stated scale has a stated pose
         share = scale_std**2 / (scale_std**2 + length_std**2)
         variance = share * length_std**2
-    stated = found.pose.px_per_m if found.stated is None else found.stated.px_per_m
-    scale = stated * (found.pose.px_per_m / stated) ** share
+    stated = (found.stated or found.pose).scale_m_per_px
+    scale = stated * (found.pose.scale_m_per_px / stated) ** share
     turn = np.diag([1.0, 1.0, 1.0, share])
     covariance = turn @ found.covariance @ turn
     covariance[3, 3] += variance
-    return replace(found, pose=replace(found.pose, px_per_m=scale), covariance=covariance)
+    return replace(found, pose=replace(found.pose, scale_m_per_px=scale), covariance=covariance)
 
 
 def _registration(

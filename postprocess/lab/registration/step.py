@@ -99,7 +99,7 @@ def stated_registration(dpiv: Dpiv, family: Kinematics) -> Registration:
     x, y = np.array(axes.root_mm) * 1e-3
     if axes.y == "down":  # counted from the top of the picture where the vectors are in px
         rows = dpiv.vectors.image_rows if dpiv.vectors else None
-        y = -y if rows is None else (rows - 1) * (dpiv.scale.mm_per_px or 0.0) * 1e-3 - y
+        y = -y if rows is None else (rows - 1) * (dpiv.scale.scale_mm_per_px or 0.0) * 1e-3 - y
     at = (-x if axes.x == "left" else x, y)
     scale = dpiv.scale.std_percent / 100
     turn = float(np.radians(axes.turn_std_deg))
@@ -113,14 +113,14 @@ def registration_summary(registration: Registration, family: Kinematics) -> dict
     """What was found, beside what was stated, in the units of a laboratory."""
     pose, law, stated = registration.pose, registration.law, registration.stated
     std = np.sqrt(np.diag(registration.covariance))
-    mm = 1e3 / pose.px_per_m
+    scale = pose.scale_m_per_px
     found = {
-        "scale_mm_per_px": mm,
+        "scale_m_per_px": scale,
         "scale_std_percent": 100 * float(std[3]),
         "turn_deg": float(np.degrees(pose.angle)),
         "turn_std_deg": float(np.degrees(std[2])),
         "root_px": pose.at_px,
-        "root_std_mm": [float(s) * mm for s in std[:2]],
+        "root_std_mm": [float(s) * scale * 1e3 for s in std[:2]],
         "delay_ms": law.delay * 1e3,
         "delay_std_ms": law.std("delay") * 1e3,
         "pressure_factor": float(law.values[0]),
@@ -130,9 +130,9 @@ def registration_summary(registration: Registration, family: Kinematics) -> dict
         "misfit_deg": float(np.degrees(abs(family.splines["bend"](family.high, 1)) * law.misfit)),
     }
     if stated is not None:
-        off = (np.asarray(pose.at_px) - stated.at_px) * mm
+        off = (np.asarray(pose.at_px) - stated.at_px) * scale * 1e3
         found |= {
-            "scale_against_stated_percent": 100 * (stated.px_per_m / pose.px_per_m - 1),
+            "scale_against_stated_percent": 100 * (scale / stated.scale_m_per_px - 1),
             "turn_against_stated_deg": float(np.degrees(pose.angle - stated.angle)),
             "root_against_stated_mm": [float(v) for v in off],
         }

@@ -233,5 +233,7 @@ def tiles(result: dict[str, Any]) -> list[tuple[str, str, str]]:
             f"± {1.96 * r['delay_std_ms']:.1f} ms",
         )
     )
-    out.append((f"{r['scale_mm_per_px']:.4f}", "scale, mm/px", f"± {1.96 * r['scale_std_percent']:.2f} %"))
+    out.append(
+        (f"{r['scale_m_per_px'] * 1e3:.4f}", "scale, mm/px", f"± {1.96 * r['scale_std_percent']:.2f} %")
+    )
     return out

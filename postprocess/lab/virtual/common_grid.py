@@ -166,8 +166,12 @@ def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):
         )
     plane, times = plane.isel(time=keep), times[keep]
     # the vectors' metres are the stated ones: the pose holds what is known of the true scale
-    plane = plane.assign_coords(x=plane["x"] / pose.px_per_m, y=plane["y"] / pose.px_per_m, time=times)
-    plane = plane.assign({n: plane[n] / pose.px_per_m for n in ("u", "v", "u_std", "v_std") if n in plane})
+    plane = plane.assign_coords(
+        x=plane["x"] * pose.scale_m_per_px, y=plane["y"] * pose.scale_m_per_px, time=times
+    )
+    plane = plane.assign(
+        {n: plane[n] * pose.scale_m_per_px for n in ("u", "v", "u_std", "v_std") if n in plane}
+    )
     data = with_finger(plane, family, pose, family.law(times))
     if not isinstance(dpiv.camera, LabCamera):
         return data, None, None, {}

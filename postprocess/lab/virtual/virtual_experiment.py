@@ -29,7 +29,7 @@ def evaluate(
 ) -> xr.Dataset:  # fmt: skip
     """PIV of some frames (at `times`, s) with the finger's outlines (px) masked: a plane series in the camera frame."""
     assert piv.pairing is not None  # the schema's own check
-    frames = MaskedRecording(recording, indices, times, outlines, 1 / pose.px_per_m)
+    frames = MaskedRecording(recording, indices, times, outlines, pose.scale_m_per_px)
     options = Options(
         window=piv.window, spacing=piv.spacing, preset=piv.preset, smoothing=piv.smoothing is not False
     )
@@ -52,7 +52,7 @@ def virtual_recording(
     must be evenly spaced.
     """
     step = float(sheet["x"][1] - sheet["x"][0])
-    scale = 1 / pose.px_per_m
+    scale = pose.scale_m_per_px
     x, y = (
         np.arange(-RENDER_MARGIN, size * scale + RENDER_MARGIN + step, step)
         for size in (camera.width_px, camera.height_px)

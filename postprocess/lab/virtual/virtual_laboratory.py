@@ -45,9 +45,7 @@ class SetUp:
         stated = self.camera.scale_m_per_px
         origin = np.asarray(self.camera.origin_px)
         at = origin + (np.asarray(root) + np.asarray(self.shift_mm) * 1e-3) / stated
-        return Pose(
-            1 / (stated * (1 + self.scale_error)), float(np.radians(self.turn_deg)), root, (at[0], at[1])
-        )
+        return Pose(stated * (1 + self.scale_error), float(np.radians(self.turn_deg)), root, (at[0], at[1]))
 
 
 def make_recording(
@@ -78,7 +76,7 @@ def make_recording(
 TOML = """# A virtual laboratory: rendered by postprocess.lab.virtual.virtual_laboratory from {run}. What is stated here is what its staff believes;
 # what is true is in truth.json, which no part of the comparison reads.
 format = "dpiv"
-format_version = 1
+format_version = 2
 title = "Virtual laboratory, {run}"
 kind = "pictures"
 files = "recording.h5"
@@ -89,7 +87,7 @@ finger_geometry = "measured"   # the finger of the run is that of the scene's st
 finger_length_std_mm = 0.0
 
 [scale]
-mm_per_px = {scale}
+scale_mm_per_px = {scale}
 std_percent = 1.0
 
 [axes]
@@ -123,13 +121,12 @@ def write_dpiv(
     write_text(folder / "dpiv.toml", text)
 
 
-def camera_for(root: tuple[float, float], columns: int, mm_per_px: float, rate: float) -> Camera:
+def camera_for(root: tuple[float, float], columns: int, scale_m_per_px: float, rate: float) -> Camera:
     """A 5:4 camera that sees a hanging finger from its root to where it bends."""
     rows = columns * 4 // 5
-    scale = mm_per_px * 1e-3
     middle = np.array([root[0] + 0.020, root[1] - 0.055])
-    origin = np.array([(columns - 1) / 2, (rows - 1) / 2]) - middle / scale
-    return Camera(columns, rows, scale, (float(origin[0]), float(origin[1])), rate)
+    origin = np.array([(columns - 1) / 2, (rows - 1) / 2]) - middle / scale_m_per_px
+    return Camera(columns, rows, scale_m_per_px, (float(origin[0]), float(origin[1])), rate)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -147,7 +144,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scale-error", type=float, default=0.01)
     parser.add_argument("--start", type=float, default=0.007, help="s of the run at the first picture")
     parser.add_argument("--columns", type=int, default=640)
-    parser.add_argument("--mm-per-px", type=float, default=0.25)
+    parser.add_argument("--scale-mm-per-px", type=float, default=0.25)
     parser.add_argument("--density-ppp", type=float, default=0.05)
     parser.add_argument("--window", type=int, default=24)
     parser.add_argument("--spacing", type=int, default=8)
@@ -161,7 +158,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Command `recording`."""
     family = read_kinematics(args.case / "out" / args.level / "kinematics.h5")
-    camera = camera_for(family.root, args.columns, args.mm_per_px, 500.0)
+    camera = camera_for(family.root, args.columns, args.scale_mm_per_px * 1e-3, 500.0)
     set_up = SetUp(
         camera,
         Seeding(density_ppp=args.density_ppp),

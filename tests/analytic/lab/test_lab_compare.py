@@ -65,7 +65,16 @@ def compared(tmp_path_factory):
         settings = VortexSettings(stencil_radius=0.004, min_circulation=2e-4, weights="equal")
         window = (float(instants[0]) - 1e-6, float(instants[-1]) + 1e-6)
         case = Case(
-            family, registration, data, virtual, direct, window, settings, 24 / pose.px_per_m, False, 0.0
+            family,
+            registration,
+            data,
+            virtual,
+            direct,
+            window,
+            settings,
+            24 * pose.scale_m_per_px,
+            False,
+            0.0,
         )
         case.effects.append(_grid_effect(direct))
         out[gain] = compare(case, INPUTS)

@@ -86,7 +86,7 @@ def test_pose_scale_and_time_are_found(found, family):
     # a camera of 400 px, 0.4 mm/px: what the target asks of a larger one, doubled
     assert np.abs(np.array(registration.pose.at_px) - true.at_px).max() * mm < 0.6
     assert abs(np.degrees(registration.pose.angle - true.angle)) < 1.0
-    assert abs(registration.pose.px_per_m / true.px_per_m - 1) < 0.006
+    assert abs(registration.pose.scale_m_per_px / true.scale_m_per_px - 1) < 0.006
     assert registration.law.delay == pytest.approx(DELAY, abs=0.003)
     assert registration.law.values[0] == pytest.approx(FACTOR, abs=0.02)
 
@@ -94,7 +94,7 @@ def test_pose_scale_and_time_are_found(found, family):
 def test_registration_says_how_sure_it_is(found, family):
     lab, _, registration = found
     true, std = lab.pose(family.root), np.sqrt(np.diag(registration.covariance))
-    off = [*(np.array(registration.pose.at_px) - true.at_px), registration.pose.angle - true.angle, np.log(registration.pose.px_per_m / true.px_per_m)]  # fmt: skip
+    off = [*(np.array(registration.pose.at_px) - true.at_px), registration.pose.angle - true.angle, np.log(true.scale_m_per_px / registration.pose.scale_m_per_px)]  # fmt: skip
     assert (np.abs(off) < 4 * std).all()
     assert (std < [2.0, 2.0, 0.02, 0.01]).all()
 
@@ -123,7 +123,7 @@ def test_a_hidden_root_is_told_and_left_out(family):
         register(held, held.times, family, stated, None, **options)
     found = register(held, held.times, family, stated, None, hidden=0.011, **options)
     true = lab.pose(family.root)
-    off = [*(np.array(found.pose.at_px) - true.at_px), found.pose.angle - true.angle, np.log(found.pose.px_per_m / true.px_per_m)]  # fmt: skip
+    off = [*(np.array(found.pose.at_px) - true.at_px), found.pose.angle - true.angle, np.log(true.scale_m_per_px / found.pose.scale_m_per_px)]  # fmt: skip
     assert (np.abs(off) < 4 * np.sqrt(np.diag(found.covariance))).all()
     assert found.law.delay == pytest.approx(DELAY, abs=0.003)
 
@@ -194,7 +194,7 @@ def test_seeding_is_measured(family):
 def test_camera_planes_turn_positions_and_vectors(family):
     times = np.linspace(0.0, 0.1, 6)
     series = vortex_series(family, times, spacing=2e-3)
-    pose = Pose(4000.0, 0.5, family.root, (300.0, 450.0))
+    pose = Pose(1 / 4000.0, 0.5, family.root, (300.0, 450.0))
     x, y = np.linspace(0.02, 0.13, 23), np.linspace(0.02, 0.11, 19)
     plane = next(camera_planes(series, pose, x, y, times[2:3]))
     gx, gy = np.meshgrid(x, y)
@@ -216,7 +216,7 @@ def test_a_second_finger_is_the_mirror_image(family):
     outlines, bends = pair.fingers("outline", 1e4), pair.fingers("bend", 1e4)
     assert np.allclose(outlines[1], outlines[0] * [-1, 1])
     assert bends[0] == bends[1]
-    pose = Pose(2500.0, 0.0, (0.0, 0.245), (250.0, 300.0))
+    pose = Pose(1 / 2500.0, 0.0, (0.0, 0.245), (250.0, 300.0))
     apart = replace(
         pair,
         splines=family.splines
@@ -231,7 +231,7 @@ def test_a_second_finger_is_the_mirror_image(family):
 
 
 def test_pose_there_and_back():
-    pose = Pose(3900.0, -0.3, (0.01, 0.24), (200.0, 400.0))
+    pose = Pose(1 / 3900.0, -0.3, (0.01, 0.24), (200.0, 400.0))
     points = np.random.default_rng(1).uniform(-0.1, 0.3, (20, 2))
     assert np.allclose(pose.to_tank(pose.to_px(points)), points)
     assert np.allclose(pose.from_camera(pose.to_camera(points)), points)

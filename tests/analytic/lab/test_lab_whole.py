@@ -102,7 +102,7 @@ def test_virtual_camera_is_put_before_the_vectors(finger, tmp_path):
     plane = plane.isel(time=slice(8, 16)).assign_coords(time=np.arange(8) / 100.0)
     folder = exported(plane, "microvec", tmp_path / "seen", root)
     text = (folder / "dpiv.toml").read_text()
-    camera = "{ columns = 640, rows = 520, density_ppp = 0.05, diameter_px = 2.5, background = 8.0, read_noise = 2.0, peak = 150.0, mm_per_px = 0.25 }"
+    camera = "{ columns = 640, rows = 520, density_ppp = 0.05, diameter_px = 2.5, background = 8.0, read_noise = 2.0, peak = 150.0, scale_mm_per_px = 0.25 }"
     text = text.replace('camera = "none"', f"camera = {camera}").replace("at_s = 0.05", "at_s = 0.13")
     text = text.replace("window = 24", "window = 16")
     (folder / "dpiv.toml").write_text(text)

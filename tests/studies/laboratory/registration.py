@@ -66,13 +66,13 @@ def trial(family: Kinematics, seed: int) -> dict[str, float]:
     )
     true, pose, law = lab.pose(family.root), found.pose, found.law
     std = np.sqrt(np.diag(found.covariance))
-    mm = 1e3 / true.px_per_m
+    mm = 1e3 * true.scale_m_per_px
     return {
         "seed": seed, "cpu_s": time.process_time() - begin,
         "root_x_mm": (pose.at_px[0] - true.at_px[0]) * mm, "root_x_mm_std": std[0] * mm,
         "root_y_mm": (pose.at_px[1] - true.at_px[1]) * mm, "root_y_mm_std": std[1] * mm,
         "turn_deg": float(np.degrees(pose.angle - true.angle)), "turn_deg_std": float(np.degrees(std[2])),
-        "scale_percent": 100 * (true.px_per_m / pose.px_per_m - 1), "scale_percent_std": 100 * float(std[3]),
+        "scale_percent": 100 * (pose.scale_m_per_px / true.scale_m_per_px - 1), "scale_percent_std": 100 * float(std[3]),
         "delay_ms": 1e3 * (law.delay - delay), "delay_ms_std": 1e3 * law.std("delay"),
         "factor": float(law.values[0]) - factor, "factor_std": law.std("factor"),
         "stretch": float(law.values[2]) - 1.0, "stretch_std": law.std("stretch"),

@@ -40,7 +40,7 @@ from tests.studies.pages import write_between
 
 PAIRS_HZ, INTERVAL = 50.0, 0.002
 WINDOW, SPACING = 24, 8
-COLUMNS, MM_PER_PX, PPP = 640, 0.25, 0.05
+COLUMNS, SCALE_MM_PER_PX, PPP = 640, 0.25, 0.05
 SETS = ("noise", "pressure", "level")
 BAND = 1.96
 INSTANTS = 5  # of every trial: the stroke's middle holds five or six
@@ -61,7 +61,7 @@ class Laboratory:
             "pressure": read_plane(folder / "21kpa.h5").load(),
             "level": read_plane(folder / "grid.h5").load(),
         }
-        self.camera = camera_for(self.family.root, COLUMNS, MM_PER_PX, 1 / INTERVAL)
+        self.camera = camera_for(self.family.root, COLUMNS, SCALE_MM_PER_PX * 1e-3, 1 / INTERVAL)
         self.pose = SetUp(self.camera).pose(self.family.root)
         times = self.sheet["time"].values
         bend = self.sheet["bend"].values[:, 0]
@@ -104,7 +104,7 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
         count = len(recording)
         times = np.arange(count) // 2 / PAIRS_HZ + np.arange(count) % 2 * INTERVAL
         stated = Pose(
-            1 / set_up.camera.scale_m_per_px,
+            set_up.camera.scale_m_per_px,
             0.0,
             family.root,
             tuple(
@@ -149,7 +149,7 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
         direct,
         window,
         lab.settings,
-        WINDOW * 1e-3 * MM_PER_PX,
+        WINDOW * 1e-3 * SCALE_MM_PER_PX,
         False,
         0.0,
     )
@@ -171,11 +171,11 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
     }
     std = np.sqrt(np.diag(found.covariance))
     row |= {
-        "root_mm": float(np.hypot(*(np.array(pose.at_px) - true.at_px)) * MM_PER_PX),
-        "root_x_mm": (pose.at_px[0] - true.at_px[0]) * MM_PER_PX, "root_x_mm_std": std[0] * MM_PER_PX,
-        "root_y_mm": (pose.at_px[1] - true.at_px[1]) * MM_PER_PX, "root_y_mm_std": std[1] * MM_PER_PX,
+        "root_mm": float(np.hypot(*(np.array(pose.at_px) - true.at_px)) * SCALE_MM_PER_PX),
+        "root_x_mm": (pose.at_px[0] - true.at_px[0]) * SCALE_MM_PER_PX, "root_x_mm_std": std[0] * SCALE_MM_PER_PX,
+        "root_y_mm": (pose.at_px[1] - true.at_px[1]) * SCALE_MM_PER_PX, "root_y_mm_std": std[1] * SCALE_MM_PER_PX,
         "turn_deg": np.degrees(pose.angle - true.angle), "turn_deg_std": np.degrees(std[2]),
-        "scale_percent": 100 * (true.px_per_m / pose.px_per_m - 1), "scale_percent_std": 100 * std[3],
+        "scale_percent": 100 * (pose.scale_m_per_px / true.scale_m_per_px - 1), "scale_percent_std": 100 * std[3],
         "delay_ms": 1e3 * offset, "delay_ms_std": 1e3 * law.std("delay"),
         "factor": law.values[0] - (1.05 if kind == "pressure" else 1.0), "factor_std": law.std("factor"),
         "stretch": law.values[2] - 1.0, "stretch_std": law.std("stretch"),

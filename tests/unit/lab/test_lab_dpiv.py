@@ -7,7 +7,7 @@ import pytest
 from postprocess.lab.data.dpiv_toml import read_dpiv
 
 WHOLE = """format = "dpiv"
-format_version = 1
+format_version = 2
 title = "a recording"
 kind = "pictures"
 files = "frames/*.tif"
@@ -16,7 +16,7 @@ start = "from motion"
 sheet_thickness_mm = 1.5
 finger_geometry = "nominal"
 finger_length_std_mm = 0.1
-scale = { mm_per_px = 0.125, std_percent = 0.2 }
+scale = { scale_mm_per_px = 0.125, std_percent = 0.2 }
 axes = { y = "up", root_px = [640.0, 950.0] }
 piv = { window = 32, spacing = 8, pairing = "1-2,2-3" }
 """
@@ -61,7 +61,8 @@ def test_each_missing_key_is_asked_for(tmp_path, key):
     "old, new, told",
     [
         (", std_percent = 0.2", "", "std_percent is missing"),
-        ("mm_per_px = 0.125", "mm_per_px = 0.125, from_finger = true", "give one of"),
+        ("format_version = 2", "format_version = 1", "format_version of this dpiv file is 1, this program reads 2"),
+        ("scale_mm_per_px = 0.125", "scale_mm_per_px = 0.125, from_finger = true", "give one of"),
         (', root_px = [640.0, 950.0]', "", "axes.root_px is missing"),
         ('"1-2,2-3"', '"1-2,3-4"', "interval_s"),
         (', pairing = "1-2,2-3"', "", "piv.pairing is missing: give pairing = "),

@@ -10,7 +10,7 @@ from postprocess.lab.data.pictures import LabRecording
 
 COUNT, ROWS, COLUMNS, RATE = 6, 40, 50, 500.0
 TOML = """format = "dpiv"
-format_version = 1
+format_version = 2
 title = "frames"
 kind = "pictures"
 files = "{files}"
@@ -19,7 +19,7 @@ start = "from motion"
 sheet_thickness_mm = 1.0
 finger_geometry = "nominal"
 finger_length_std_mm = 0.1
-scale = {{ mm_per_px = 0.1, std_percent = 1.0 }}
+scale = {{ scale_mm_per_px = 0.1, std_percent = 1.0 }}
 axes = {{ y = "down", x = "right", root_px = [20.0, 4.0] }}
 piv = {{ window = 16, spacing = 8, {pairing} }}
 """

@@ -36,10 +36,10 @@ def test_a_result_beside_the_images_may_be_made_again(pair):
 @pytest.mark.parametrize(
     "options, words",
     [
-        (["--scale-m-per-px", "0", "--frame-rate-hz", "500"], "scale_m_per_px = 0: give a positive number"),
-        (["--scale-m-per-px", "nan", "--frame-rate-hz", "500"], "scale_m_per_px = nan"),
-        (["--scale-m-per-px", "1e-4", "--frame-rate-hz", "5", "--origin-x-px", "inf"], "origin_x_px = inf"),
-        (["--scale-m-per-px", "1e-4"], "give frame_rate_hz too"),
+        (["--scale-mm-per-px", "0", "--frame-rate-hz", "500"], "scale_mm_per_px = 0: give a positive number"),
+        (["--scale-mm-per-px", "nan", "--frame-rate-hz", "500"], "scale_mm_per_px = nan"),
+        (["--scale-mm-per-px", "0.1", "--frame-rate-hz", "5", "--origin-x-px", "inf"], "origin_x_px = inf"),
+        (["--scale-mm-per-px", "0.1"], "give frame_rate_hz too"),
     ],
 )
 def test_numbers_of_the_camera_are_looked_at(pair, tmp_path, capsys, options, words):
