@@ -34,7 +34,7 @@ def set_up(family: Kinematics, columns: int = 400, seed: int = 1, **more) -> Set
     """A small camera before the finger, with errors of set-up."""
     errors = {"shift_mm": (1.0, -0.6), "turn_deg": 2.0, "scale_error": 0.01} | more
     return SetUp(
-        camera_for(family.root, columns, 160.0 / columns, 500.0),
+        camera_for(family.root, columns, 0.16 / columns, 500.0),
         Seeding(density_ppp=0.06),
         seed=seed,
         **errors,
