@@ -46,7 +46,7 @@ class Stills(Recording):
 def trial(family: Kinematics, seed: int) -> dict[str, float]:
     """One registration: errors against the truth and the standard uncertainties stated for them."""
     rng = np.random.default_rng(seed)
-    camera = camera_for(family.root, 640, 0.25, 500.0)
+    camera = camera_for(family.root, 640, 0.25e-3, 500.0)
     lab = SetUp(
         camera, Seeding(density_ppp=0.05), tuple(rng.uniform(-1, 1, 2)), float(rng.uniform(-2, 2)), float(rng.uniform(-0.01, 0.01)), seed=seed
     )  # fmt: skip
