@@ -50,6 +50,11 @@ def read_in_child(read: Callable[..., T], *args: Any, cpu_limit: int = READ_LIMI
     return result
 
 
+def end_at_interrupt() -> None:
+    """Initialiser of worker processes: Ctrl-C ends them without a word, for their parent says what there is to say."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def _read_and_exit(sender: Connection, read: Callable[..., Any], args: tuple, cpu_limit: int) -> None:
     try:
         for kind in (signal.SIGXCPU, signal.SIGSEGV, signal.SIGABRT):

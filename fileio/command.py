@@ -60,17 +60,17 @@ def command_line(
     parser.add_argument("--version", action="version", version=f"{program} {__version__}")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="command")
     given = sys.argv[1:] if argv is None else argv
-    found: Any = None
-    for name, (about, where) in commands.items():
-        sub = subparsers.add_parser(name, help=about, description=about)
-        if given and given[0] == name:
-            found = import_module(where) if isinstance(where, str) else where
-            if hasattr(found, "add_arguments"):
-                found.add_arguments(sub)
-    args = parser.parse_args(given)
 
     def action() -> int | None:
+        found: Any = None
+        for name, (about, where) in commands.items():
+            sub = subparsers.add_parser(name, help=about, description=about)
+            if given and given[0] == name:
+                found = import_module(where) if isinstance(where, str) else where
+                if hasattr(found, "add_arguments"):
+                    found.add_arguments(sub)
+        args = parser.parse_args(given)
         with around(args):
             return found.run(args)
 
-    return guarded(prefix + args.command, action, strict)
+    return guarded(prefix + (given[0] if given else ""), action, strict)

@@ -11,15 +11,17 @@ import numpy as np
 from tqdm import tqdm
 
 from fileio.atomic import write_bytes
-from fileio.formats.plane_series import read_checked_plane
+from fileio.formats.plane_series import checked
 from fileio.formats.vortex_table import read_vortices
-from piv.commands.plot import add_style
+from piv.commands.plot import add_style, check_style
+from piv.fields.summary import summary
+from piv.foreign.read import open_vectors
 from piv.plots.film import write_film
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `python -m piv animate`."""
-    parser.add_argument("plane", type=Path, help="plane series, .h5")
+    parser.add_argument("plane", type=Path, help="vectors over time: .h5, .nc or another file of piv convert")
     parser.add_argument("-o", "--output", type=Path, required=True, help=".mp4 or .gif")
     parser.add_argument("--fps", type=float, default=20.0, help="pictures per second (default 20)")
     parser.add_argument("--every", type=int, default=1, help="use each n-th instant")
@@ -36,7 +38,8 @@ def run(args: argparse.Namespace) -> None:
         raise ValueError(f"{args.output}: an animation is .mp4 or .gif")
     if args.every < 1 or not args.fps > 0:
         raise ValueError("--every must be at least 1 and --fps positive")
-    with read_checked_plane(args.plane) as planes:
+    check_style(args)
+    with checked(open_vectors(args.plane), args.plane) as planes:
         if "time" not in planes.dims:
             raise ValueError(f"{args.plane}: a single instant; use 'python -m piv plot'")
         chosen = range(0, planes.sizes["time"], args.every)
@@ -48,7 +51,7 @@ def run(args: argparse.Namespace) -> None:
         table = read_vortices(args.vortices) if args.vortices else None
 
         def pictures() -> Iterator[np.ndarray]:
-            for k in tqdm(chosen, desc="pictures", disable=args.quiet):
+            for k in tqdm(chosen, desc="pictures", disable=args.quiet or None):
                 plane = planes.isel(time=k)
                 figure = draw(plane, vortices_at(table, float(plane["time"])), style=style, speed=speed)
                 figure.set_dpi(130)
@@ -62,6 +65,8 @@ def run(args: argparse.Namespace) -> None:
             _write_gif(args.output, pictures(), args.fps)
         else:
             write_film(pictures(), args.output, args.fps, crf=15, preset="medium")
+        if not args.quiet:
+            print(f"{args.output}: {len(chosen)} pictures; {summary(planes)}")
 
 
 def _write_gif(path: Path, pictures: Iterator[np.ndarray], fps: float) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from piv.fields.summary import summary
 from piv.foreign.read import read_vectors
+from piv.foreign.vector_files import READERS
 from piv.foreign.write import write_vectors
 from piv.images.calibration import load_calibration
 
@@ -23,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--from",
         dest="kind",
-        choices=("openpiv", "pivlab", "tecplot", "davis", "csv", "plane"),
+        choices=READERS,
         help="format, where suffix and head do not tell",
     )
     parser.add_argument("--length-unit", help="m, cm, mm, um or px, where the file does not say")
@@ -79,7 +81,4 @@ def run(args: argparse.Namespace) -> None:
             plane[n].attrs = attrs
     files = write_vectors(plane, args.output)
     if not args.quiet:
-        good = float(plane["valid"].mean())
-        print(
-            f"{files[0]}{f' ... {files[-1].name}' if len(files) > 1 else ''}: {dict(plane.sizes)}, {good:.1%} valid"
-        )
+        print(f"{files[0]}{f' ... {files[-1].name}' if len(files) > 1 else ''}: {summary(plane)}")

@@ -13,9 +13,10 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
+from fileio.child_process import end_at_interrupt
 from fileio.formats.plane_series import FINGER_VARIABLES
 from fileio.hdf5 import open_netcdf
-from piv.commands.settings import add_fields, add_settings, build, merged
+from piv.commands.settings import add_fields, add_settings, build, merged, report
 from piv.correlation.options import Options
 from piv.images.image_files import COLOURS
 from piv.images.masks import read_mask
@@ -103,7 +104,7 @@ def run(args: argparse.Namespace) -> None:
     else:
         path = correlate(args, given, chunk)
     if not args.quiet:
-        print(path)
+        report(path)
 
 
 def share_out(args: argparse.Namespace) -> None:
@@ -111,11 +112,11 @@ def share_out(args: argparse.Namespace) -> None:
     of = args.processes * CHUNKS_PER_PROCESS
     alone = argparse.Namespace(**vars(args) | {"processes": 1, "quiet": True})
     jobs = [argparse.Namespace(**vars(alone) | {"chunk": f"{k}/{of}"}) for k in range(1, of + 1)]
-    with ProcessPoolExecutor(args.processes, get_context("spawn")) as pool:
+    with ProcessPoolExecutor(args.processes, get_context("spawn"), initializer=end_at_interrupt) as pool:
         waiting = [pool.submit(run, job) for job in jobs]
         try:
             for future in tqdm(
-                as_completed(waiting), "correlate", len(jobs), unit="chunk", disable=args.quiet
+                as_completed(waiting), "correlate", len(jobs), unit="chunk", disable=args.quiet or None
             ):
                 future.result()
         except BaseException:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from piv.commands.settings import report
 from piv.sequence.chunks import join, parts_of
 
 
@@ -22,4 +23,4 @@ def run(args: argparse.Namespace) -> None:
         for part in parts:
             part.unlink()
     if not args.quiet:
-        print(path)
+        report(path)

@@ -51,12 +51,23 @@ def run(args: argparse.Namespace) -> None:
         if args.output.suffix.lower() == ".png":
             if args.polygon is None and args.image is None:
                 raise ValueError(f"{args.output}: a moving mask is a folder of images; give a folder")
-            _save(read_mask(args.polygon or args.image, recording.shape), args.output)
+            still = read_mask(args.polygon or args.image, recording.shape)
+            _save(still, args.output)
+            if not args.quiet:
+                print(f"{args.output}: {still.mean():.1%} of the picture masked")
             return
         mask = _masks(args, recording)
         args.output.mkdir(parents=True, exist_ok=True)
-        for i in tqdm(range(len(recording)), desc="masks", disable=args.quiet):
-            _save(mask(i), args.output / f"mask_{i:06d}.png")
+        part = []
+        for i in tqdm(range(len(recording)), desc="masks", disable=args.quiet or None):
+            hidden = mask(i)
+            part.append(float(hidden.mean()))
+            _save(hidden, args.output / f"mask_{i:06d}.png")
+        if not args.quiet:
+            spread = (
+                f"{min(part):.1%} to {max(part):.1%}" if max(part) - min(part) > 5e-4 else f"{part[0]:.1%}"
+            )
+            print(f"{args.output}: {len(part)} masks, {spread} of the picture masked")
 
 
 def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], np.ndarray]:

@@ -9,17 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from fileio.atomic import write_bytes
-from fileio.formats.plane_series import read_checked_plane
+from fileio.formats.plane_series import checked
 from fileio.formats.vortex_table import read_vortices
+from piv.fields.summary import summary
+from piv.foreign.read import open_vectors
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `python -m piv plot`."""
-    parser.add_argument("plane", type=Path, help="plane (series), .h5")
+    parser.add_argument("plane", type=Path, help="vectors: .h5, .nc or another file of piv convert")
     parser.add_argument("-o", "--output", type=Path, required=True, help=".png, .pdf or .svg")
     add_style(parser)
     parser.add_argument(
-        "--time", type=float, help="instant, s (default: the one with the highest mean speed)"
+        "--time",
+        type=float,
+        help="instant, in the file's unit: s or frames (default: the one with the highest mean speed)",
     )
 
 
@@ -27,10 +31,18 @@ def add_style(parser: argparse.ArgumentParser) -> None:
     """Options that pictures and animations share."""
     parser.add_argument("--vortices", help="vortices.csv, to mark centres and cores")
     parser.add_argument("--metres", action="store_true", help="axes in m instead of mm")
-    parser.add_argument("--vorticity-limit", type=float, help="end of the colour scale, 1/s")
+    parser.add_argument("--vorticity-limit", type=float, help="end of the colour scale, 1/s or 1/frame")
     parser.add_argument("--arrow-every", type=int, help="draw each n-th vector")
     parser.add_argument("--title")
     parser.add_argument("--quiet", action="store_true")
+
+
+def check_style(args: argparse.Namespace) -> None:
+    """ValueError where a number of `add_style` is of no use."""
+    if args.vorticity_limit is not None and not args.vorticity_limit > 0:
+        raise ValueError(f"--vorticity-limit must be positive, got {args.vorticity_limit:g}")
+    if args.arrow_every is not None and args.arrow_every < 1:
+        raise ValueError(f"--arrow-every must be at least 1, got {args.arrow_every}")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -41,10 +53,11 @@ def run(args: argparse.Namespace) -> None:
 
     if args.output.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise ValueError(f"{args.output}: a picture is .png, .pdf or .svg")
-    with read_checked_plane(args.plane) as planes:
+    check_style(args)
+    with checked(open_vectors(args.plane), args.plane) as planes:
         plane, time = planes, None
         if "time" in planes.dims:
-            times = planes["time"].values
+            times, unit = planes["time"].values, planes["time"].attrs.get("units", "s")
             if args.time is None:
                 speed = [
                     float(np.nanmean(np.abs(planes["u"][k].values)))
@@ -57,13 +70,16 @@ def run(args: argparse.Namespace) -> None:
                 index = int(np.argmin(np.abs(times - args.time)))
                 if not times[0] - 1e-9 <= args.time <= times[-1] + 1e-9:
                     raise ValueError(
-                        f"{args.plane}: --time {args.time} is outside {times[0]:g} to {times[-1]:g} s"
+                        f"{args.plane}: --time {args.time} is outside {times[0]:g} to {times[-1]:g} {unit}"
                     )
             plane, time = planes.isel(time=index), float(times[index])
         style = Style(not args.metres, args.vorticity_limit, args.arrow_every, args.title)
         table = read_vortices(args.vortices) if args.vortices else None
         figure = draw(plane, vortices_at(table, time), style=style)
+        found = summary(plane)
     content = io.BytesIO()
     figure.savefig(content, format=args.output.suffix[1:])
     plt.close(figure)
     write_bytes(args.output, content.getbuffer())
+    if not args.quiet:
+        print(f"{args.output}: {f'{time:g} {unit}, ' if time is not None else ''}{found}")

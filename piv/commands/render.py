@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import fields
 
 from fileio.formats.plane_series import read_plane
 from piv.commands.settings import add_fields, add_settings, build, existing, merged
+from piv.images.open_recording import open_recording
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.render_recording import render_recording
 
@@ -55,4 +55,6 @@ def run(args: argparse.Namespace) -> None:
             quiet=args.quiet,
         )
     if not args.quiet:
-        print(path, file=sys.stdout)
+        with open_recording(path) as recording:
+            rows, columns = recording.shape
+            print(f"{path}: {len(recording)} frames of {columns} x {rows} px")

@@ -7,7 +7,9 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
+from fileio.formats.plane_series import read_plane
 from fileio.json_text import read_json
+from piv.fields.summary import summary
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
@@ -51,6 +53,12 @@ def build(kind: Any, given: dict[str, Any]) -> Any:
         return kind(**{key: value for key, value in given.items() if key in names})
     except TypeError as error:
         raise ValueError(f"a setting has the wrong type: {error}") from error
+
+
+def report(path: str | Path) -> None:
+    """Print what a file of vectors holds."""
+    with read_plane(path) as plane:
+        print(f"{path}: {summary(plane)}")
 
 
 def existing(path: str) -> Path:

@@ -6,9 +6,10 @@ import argparse
 from dataclasses import asdict, fields
 from pathlib import Path
 
-from fileio.formats.plane_series import read_plane
 from fileio.formats.vortex_table import write_vortices
 from piv.commands.settings import add_fields, add_settings, build, existing, merged
+from piv.foreign.read import open_vectors
+from piv.foreign.write import units_of
 from piv.vortices.find import VortexSettings
 from piv.vortices.table import tabulate_vortices
 from piv.vortices.tracking import TrackingSettings
@@ -16,7 +17,7 @@ from piv.vortices.tracking import TrackingSettings
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Flags of the subcommand."""
-    parser.add_argument("plane_series", help="plane series or single plane (.h5), in m or px")
+    parser.add_argument("plane_series", help="vectors, in m or px: .h5, .nc or another file of piv convert")
     parser.add_argument("-o", "--output", required=True, help="table to write (.csv)")
     add_fields(parser, VortexSettings)
     add_fields(parser, TrackingSettings)
@@ -29,10 +30,19 @@ def run(args: argparse.Namespace) -> None:
     known = {f.name for kind in (VortexSettings, TrackingSettings) for f in fields(kind)}
     given = merged(args, known)
     settings, tracking = build(VortexSettings, given), build(TrackingSettings, given)
-    with read_plane(existing(args.plane_series)) as series:
+    with open_vectors(existing(args.plane_series)) as series:
         table = tabulate_vortices(series, settings, tracking, processes=args.threads, quiet=args.quiet)
+        length = units_of(series)[0]
     write_vortices(
         table, args.output, source=Path(args.plane_series).name, **asdict(settings), **asdict(tracking)
     )
     if not args.quiet:
-        print(f"{args.output}: {len(table)} vortices in {table['track'].nunique()} tracks")
+        text = f"{args.output}: {len(table)} vortices in {table['track'].nunique()} tracks"
+        if len(table):
+            strongest = table.loc[table["circulation"].abs().idxmax()]
+            unit = "px²/frame" if length == "px" else f"{length}²/s"
+            text += (
+                f"; the strongest has a circulation of {strongest['circulation']:.3g} {unit} "
+                f"and a core radius of {strongest['core_radius']:.3g} {length}"
+            )
+        print(text)

@@ -11,10 +11,11 @@ import pandas as pd
 import xarray as xr
 
 from fileio.errors import one_line
-from fileio.formats.plane_series import FORMAT, checked, make_plane, read_checked_plane
-from fileio.hdf5 import open_netcdf
+from fileio.formats.plane_series import checked, make_plane, read_checked_plane, read_plane
 from fileio.json_text import natural_key
+from piv.foreign.pivpy import netcdf_layout, own_netcdf, read_pivpy
 from piv.foreign.vector_files import (
+    READERS,
     Vectors,
     guess_format,
     read_davis,
@@ -40,16 +41,21 @@ def to_plane(
 ) -> xr.Dataset:
     """A plane in m and m/s, y up, from vectors in the file's units; what the file does not state must be given.
 
-    Lengths in px need `scale_m_per_px`; displacements (px/frame, or a length per frame) need `interval_s`; px
-    with y down need `image_rows`, the height of the image, because 0 is to be its bottom row. ValueError names
+    Displacements in px stay px unless `scale_m_per_px` or `interval_s` is given, then both are needed; lengths per frame
+    need `interval_s`; px with y down need `image_rows`, the height of the image, because 0 is to be its bottom row. ValueError names
     the missing option, and refuses an option that contradicts the file.
     """
     length = _agreed(name, "--length-unit", found.length_unit, length_unit, [*LENGTHS, "px"])
     speeds = [*VELOCITIES, "px/frame", *(f"{u}/frame" for u in LENGTHS)]
-    velocity = _agreed(name, "--velocity-unit", found.velocity_unit, velocity_unit, [*speeds, "px/s"])
+    stated = "px/frame" if found.velocity_unit == "px" else found.velocity_unit
+    velocity = _agreed(name, "--velocity-unit", stated, velocity_unit, [*speeds, "px/s"])
     direction = _agreed(name, "--y-axis", found.y_axis, y_axis, ["up", "down"])
 
+    in_px = (length, velocity) == ("px", "px/frame") and scale_m_per_px is None and interval_s is None
+
     def factor(unit: str) -> float:
+        if in_px:
+            return 1.0
         if unit != "px":
             return LENGTHS[unit]
         if scale_m_per_px is None or not scale_m_per_px > 0:
@@ -60,7 +66,7 @@ def to_plane(
         speed = VELOCITIES[velocity]
     else:
         unit, per = velocity.split("/")
-        if per == "frame" and (interval_s is None or not interval_s > 0):
+        if per == "frame" and not in_px and (interval_s is None or not interval_s > 0):
             raise ValueError(f"{name}: displacements per frame; give the time between exposures, --interval")
         speed = factor(unit) / (interval_s if per == "frame" and interval_s else 1.0)
     x, y, u, v, flag = found.x * factor(length), found.y, found.u * speed, found.v * speed, found.flag
@@ -78,7 +84,18 @@ def to_plane(
     valid = (flag == 0) | (flag == 4)
     valid &= np.isfinite(u) & np.isfinite(v)
     u, v = np.where(valid, u, np.nan), np.where(valid, v, np.nan)
-    return make_plane(x, y, u, v, valid=valid, flag=np.ascontiguousarray(flag, np.uint8))
+    plane = make_plane(x, y, u, v, valid=valid, flag=np.ascontiguousarray(flag, np.uint8))
+    return with_units(plane, "px", "px", "frame") if in_px else plane
+
+
+def with_units(plane: xr.Dataset, length: str, velocity: str, time: str) -> xr.Dataset:
+    """The plane with the units that its numbers are in."""
+    units = (
+        {"time": time} | dict.fromkeys("xy", length) | dict.fromkeys(("u", "v", "u_std", "v_std"), velocity)
+    )
+    for name in units.keys() & plane.variables.keys():
+        plane[name].attrs["units"] = units[str(name)]
+    return plane
 
 
 def _agreed(name: str, option: str, stated: str | None, given: str | None, known: Sequence[str]) -> str:
@@ -122,13 +139,15 @@ def read_vectors(
         "tecplot": read_tecplot,
         "davis": read_davis,
     }
-    if kind not in (*readers, "pivlab"):
-        raise ValueError(
-            f"unknown format {kind!r}; known are {', '.join([*readers, 'pivlab', 'csv', 'plane'])}"
-        )
+    if kind not in READERS:
+        raise ValueError(f"unknown format {kind!r}; known are {', '.join(READERS)}")
     files.sort(key=natural_key)
     if kind == "pivlab" and len(files) == 1:  # a .mat holds all instants of a session
         read = ((files[0], found) for found in read_pivlab(files[0], keep_replaced=keep_replaced))
+    elif kind == "pivpy":
+        if len(files) > 1:
+            raise ValueError(f"{files[0]}: give one pivpy file; it holds all instants itself")
+        read = ((files[0], Vectors(*found)) for found in read_pivpy(files[0]))
     elif kind == "pivlab":
         read = ((path, next(read_pivlab(path, keep_replaced=keep_replaced))) for path in files)
     else:
@@ -142,27 +161,39 @@ def read_vectors(
     attrs = {"source": "lab", "imported_from": json.dumps([p.name for p in files])}
     if len(planes) == 1:
         return planes[0].assign_attrs(attrs)
-    if frame_rate_hz is None or not frame_rate_hz > 0:
-        raise ValueError(f"{len(planes)} instants are a series in time; give --frame-rate")
     first = planes[0]
+    in_px = first["x"].attrs["units"] == "px"
+    if in_px and frame_rate_hz is not None:
+        raise ValueError(
+            "displacements in px have their time in frames; leave out --frame-rate, or give a scale too"
+        )
+    if not in_px and (frame_rate_hz is None or not frame_rate_hz > 0):
+        raise ValueError(f"{len(planes)} instants are a series in time; give --frame-rate")
     for path, plane in zip(names, planes, strict=True):
         for axis in ("x", "y"):
             if plane[axis].shape != first[axis].shape or not np.allclose(plane[axis], first[axis]):
                 raise ValueError(f"{path}: its grid differs from that of {files[0].name}")
     stack = {n: np.stack([p[n].values for p in planes]) for n in ("u", "v", "valid", "flag")}
-    time = np.arange(len(planes)) / frame_rate_hz
-    return make_plane(first["x"].values, first["y"].values, time=time, **stack).assign_attrs(attrs)
+    time = np.arange(len(planes)) / (frame_rate_hz or 1.0)
+    series = make_plane(first["x"].values, first["y"].values, time=time, **stack).assign_attrs(attrs)
+    return with_units(series, "px", "px", "frame") if in_px else series
+
+
+def open_vectors(path: str | Path) -> xr.Dataset:
+    """Vectors of one file that this project writes; .h5 and .nc lazily, to be looked at by `check_vectors` as they are read.
+
+    ValueError, or FileNotFoundError, in one sentence.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".h5":
+        return read_plane(path)
+    if path.suffix.lower() == ".nc" and netcdf_layout(path) == "plane":
+        return own_netcdf(path)
+    return read_vectors([path])
 
 
 def _read_nc_or_plane(path: Path) -> xr.Dataset:
-    if path.suffix.lower() != ".nc":
-        return read_checked_plane(path)
-    data = open_netcdf(path, "netCDF-4 file")
-    if data.attrs.get("format") == FORMAT and "t" in data.dims:
-        back = data.rename(t="time").transpose("time", "y", "x").rename(chc="valid")
-        back.set_close(data.close)
-        return checked(back, path)
-    return read_checked_plane(path)
+    return checked(own_netcdf(path), path) if path.suffix.lower() == ".nc" else read_checked_plane(path)
 
 
 def read_csv(path: Path) -> xr.Dataset:
@@ -182,7 +213,7 @@ def read_csv(path: Path) -> xr.Dataset:
         for n in ("valid", "flag"):
             if n in names and not np.isin(fields[n], range(256)).all():
                 raise ValueError(f"column {n!r} holds other than whole numbers from 0 to 255")
-        units = head["length_unit"], head["velocity_unit"]
+        units = head["length_unit"], head["velocity_unit"], head.get("time_unit", "s")
     except FileNotFoundError:
         raise
     except Exception as error:
@@ -195,9 +226,4 @@ def read_csv(path: Path) -> xr.Dataset:
     if not head.get("series", True):
         fields = {n: a[0] for n, a in fields.items()}
     plane = make_plane(x, y, time=time if head.get("series", True) else None, **fields)
-    for n in ("x", "y"):
-        plane[n].attrs["units"] = units[0]
-    for n in ("u", "v", "u_std", "v_std"):
-        if n in plane:
-            plane[n].attrs["units"] = units[1]
-    return plane
+    return with_units(plane, *units)

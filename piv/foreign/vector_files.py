@@ -16,8 +16,9 @@ import numpy as np
 
 from piv.foreign.davis import read_buffer
 from piv.foreign.pivlab import instants
+from piv.foreign.pivpy import netcdf_layout
 
-READERS = ("openpiv", "pivlab", "tecplot", "davis", "csv", "plane")
+READERS = ("openpiv", "pivlab", "tecplot", "davis", "pivpy", "csv", "plane")
 
 
 @dataclass
@@ -37,8 +38,10 @@ class Vectors:
 def guess_format(path: Path) -> str:
     """Name of the reader for a file by its suffix and head; ValueError where it is unknown."""
     suffix = path.suffix.lower()
-    if suffix in (".h5", ".nc"):
+    if suffix == ".h5":
         return "plane"
+    if suffix == ".nc":
+        return netcdf_layout(path)
     if suffix == ".mat":
         return "pivlab"
     if suffix in (".vc7", ".vec7"):
@@ -118,7 +121,10 @@ def read_openpiv(path: Path) -> Vectors:
         flag[rows[:, 4] != 0] = 1
     if rows.shape[1] >= 6:
         flag[rows[:, 5] != 0] = 2
-    return Vectors(*_grid(path, rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], flag))
+    # what this project writes above the columns; OpenPIV itself states none of it
+    stated = re.search(r"^# length (\S+); velocity (\S+); y (up|down)", _head(path), re.MULTILINE)
+    units = stated.groups() if stated else (None, None, None)
+    return Vectors(*_grid(path, rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], flag), *units)
 
 
 def read_tecplot(path: Path) -> Vectors:
@@ -159,7 +165,9 @@ def read_tecplot(path: Path) -> Vectors:
             flag[rows[:, short.index(name)] <= 0] = 1
     x, y, u, v = (rows[:, column[k]] for k in "xyuv")
     grid = _grid(path, x, y, u, v, flag)
-    return Vectors(*grid, _unit(names[column["x"]]), _unit(names[column["u"]]))
+    upward = re.search(r'title\s*=\s*"[^"]*, y (up|down)"', text[: names_text.start()], re.IGNORECASE)
+    direction = upward.group(1) if upward else None
+    return Vectors(*grid, _unit(names[column["x"]]), _unit(names[column["u"]]), direction)
 
 
 def _unit(name: str) -> str | None:

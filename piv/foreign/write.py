@@ -62,8 +62,8 @@ def write_pivpy(plane: xr.Dataset, path: Path) -> None:
     keep = [n for n in ("u", "v", "valid", "u_std", "v_std", "flag") if n in series]
     out = series[keep].rename(time="t", valid="chc").transpose("y", "x", "t")
     interval = float(np.diff(out["t"].values[:2])[0]) if out.sizes["t"] > 1 else 0.0
+    out["t"].attrs.setdefault("units", "frame" if units_of(plane)[0] == "px" else "s")
     out.attrs = plane.attrs | {"format": FORMAT, "format_version": 1, "delta_t": interval}
-    out["t"].attrs["units"] = "s"
     whole_netcdf(out, path)
 
 
@@ -81,6 +81,7 @@ def write_csv(plane: xr.Dataset, path: Path) -> None:
             "format": FORMAT,
             "length_unit": length,
             "velocity_unit": velocity,
+            "time_unit": str(plane["time"].attrs.get("units", "s")) if "time" in plane.dims else "s",
             "series": "time" in plane.dims,
         }
         file.write("# " + json.dumps(head | {k: str(v) for k, v in plane.attrs.items()}) + "\n")
@@ -91,11 +92,18 @@ def write_csv(plane: xr.Dataset, path: Path) -> None:
 
 
 def _openpiv(plane: xr.Dataset) -> str:
+    length, velocity = units_of(plane)
     t = _frame_table(plane)
     masked = (t["flag"] == 2) if "flag" in t else (t["valid"] == 0)
     rows = np.column_stack([t["x"], t["y"], t["u"], t["v"], (t["valid"] == 0) & ~masked, masked])
     text = io.StringIO()
-    np.savetxt(text, rows, fmt="%.9g", delimiter="\t", header="x\ty\tu\tv\tflags\tmask")
+    np.savetxt(
+        text,
+        rows,
+        fmt="%.9g",
+        delimiter="\t",
+        header=f"length {length}; velocity {velocity}; y up\nx\ty\tu\tv\tflags\tmask",
+    )
     return text.getvalue()
 
 
@@ -105,7 +113,7 @@ def _tecplot(plane: xr.Dataset) -> str:
     rows = t[["x", "y", "u", "v", "valid"]].fillna(0.0).to_numpy()
     names = [f"X ({length})", f"Y ({length})", f"U ({velocity})", f"V ({velocity})", "CHC"]
     head = (
-        'TITLE = "plane"\nVARIABLES = ' + ", ".join(f'"{n}"' for n in names) + "\n"
+        'TITLE = "plane, y up"\nVARIABLES = ' + ", ".join(f'"{n}"' for n in names) + "\n"
         f"ZONE I={plane.sizes['x']}, J={plane.sizes['y']}, F=POINT"
     )
     text = io.StringIO()

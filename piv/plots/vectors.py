@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 import matplotlib
@@ -12,6 +13,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
+
+logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)  # warns of fonts that nothing here uses
 
 # Blue-white-orange, told apart by every kind of colour vision (ColorBrewer's PuOr, reversed so that blue is negative).
 COLOUR_MAP = "PuOr_r"

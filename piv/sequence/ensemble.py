@@ -52,7 +52,7 @@ def correlate_ensemble(
     shape = first.shape
     x, y, keep = node_axes(shape, settings)
     steps = 2 + settings.half_steps + settings.full_steps + settings.spectra
-    bar = tqdm(total=steps * count, unit="pair", desc="ensemble", disable=quiet)
+    bar = tqdm(total=steps * count, unit="pair", desc="ensemble", disable=quiet or None)
 
     def each() -> Iterable[Prepared]:
         for i in range(count):

@@ -125,7 +125,9 @@ def correlate_recording(
     sys.setswitchinterval(HAND_OVER)
     try:
         missing = [k for k in range(len(sets)) if k not in writer.done]
-        bar = tqdm(total=len(sets), initial=len(writer.done), unit="field", desc="correlate", disable=quiet)
+        bar = tqdm(
+            total=len(sets), initial=len(writer.done), unit="field", desc="correlate", disable=quiet or None
+        )
         for k, plane in _in_parallel(missing, sets, load, options, sequence.threads):
             writer.write(k, units.fields(plane, k))
             bar.update()

@@ -135,7 +135,11 @@ def render_recording(
             first = int(recorder.taken[missing[0]])
             state = _load_state(state_path, first) if writer.resumed else None
             bar = tqdm(
-                total=len(recorder.taken), initial=len(done), unit="frame", disable=quiet, desc="render"
+                total=len(recorder.taken),
+                initial=len(done),
+                unit="frame",
+                disable=quiet or None,
+                desc="render",
             )
             for i, frame in enumerate(recorder.frames(first, state), missing[0]):
                 if i not in done:

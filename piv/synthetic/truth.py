@@ -33,7 +33,7 @@ def write_truth(recorder: Recorder, path: Path, *, quiet: bool = True) -> None:
             data.attrs["units"] = UNITS[name]
             for k, dim in enumerate(("time", "y", "x")):
                 data.dims[k].attach_scale(file[dim])
-        for i in tqdm(range(middle.size), unit="plane", desc="truth", disable=quiet):
+        for i in tqdm(range(middle.size), unit="plane", desc="truth", disable=quiet or None):
             file["u"][i], file["v"][i], file["valid"][i] = recorder.truth(int(first[i]))
         for name in FINGER_VARIABLES:
             if name in recorder.series:

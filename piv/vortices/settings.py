@@ -7,6 +7,8 @@ from typing import Annotated
 
 import numpy as np
 
+from piv.vortices.criteria import SCHEMES
+
 
 @dataclass(frozen=True)
 class VortexSettings:
@@ -46,6 +48,21 @@ class VortexSettings:
     def __post_init__(self) -> None:
         if self.weights not in ("uncertainty", "equal"):
             raise ValueError(f"weights = {self.weights!r}: give 'uncertainty' or 'equal'")
+        if self.scheme not in SCHEMES:
+            raise ValueError(f"scheme = {self.scheme!r}: give {' or '.join(map(repr, SCHEMES))}")
+        for name in ("gamma2", "min_part", "min_explained", "neighbour_part"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"{name} = {getattr(self, name):g}: give a number from 0 to 1")
+        if self.min_points < 1:
+            raise ValueError(f"min_points = {self.min_points}: a region has at least 1 point")
+        for name in ("stencil_radius", "max_elongation", "fit_radius", "correlation_length"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise ValueError(f"{name} = {value:g}: give a positive number")
+        for name in ("min_circulation", "significance"):
+            value = getattr(self, name)
+            if value is not None and not value >= 0:
+                raise ValueError(f"{name} = {value:g}: give no negative number")
         for name in ("strain_prior", "rotation_prior", "region_prior"):
             if not getattr(self, name) > 0:
                 raise ValueError(

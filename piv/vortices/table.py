@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 from tqdm import tqdm
 
+from fileio.child_process import end_at_interrupt
 from fileio.formats.plane_series import FINGER_VARIABLES, check_vectors
 from fileio.formats.vortex_table import COLUMNS
 from piv.vortices.find import VortexSettings, find_vortices
@@ -36,12 +37,18 @@ def tabulate_vortices(
     has one in memory at once, and the result does not depend on their number.
     """
     tracker = Tracker(tracking)
+    if processes < 1:
+        raise ValueError(f"threads must be at least 1, got {processes}")
     rows = []
+    empty = True
     for plane, found in _found(series, settings, processes, quiet):
+        empty &= not plane["valid"].values.any()
         time = float(plane["time"]) if "time" in plane.coords else None
         for vortex, track in zip(found, tracker.update(0.0 if time is None else time, found), strict=True):
             place = place_at_tip(vortex.x, vortex.y, plane)
             rows.append({"time": time, "track": track} | asdict(vortex) | (place._asdict() if place else {}))
+    if empty:
+        raise ValueError("there is no valid vector to find vortices in")
     table = pd.DataFrame(rows, columns=[c for c in COLUMNS if c != "lifetime"])
     span = table.groupby("track")["time"].agg(lambda t: t.max() - t.min()) if len(table) else None
     table["lifetime"] = table["track"].map(span) if span is not None else []
@@ -64,7 +71,7 @@ def _found(
             plane = _plane(series, i)
             yield plane, find_vortices(plane, settings)
         return
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=end_at_interrupt) as pool:
         waiting: deque[tuple[xr.Dataset, Future[list[Vortex]]]] = deque()
         for i in bar:
             plane = _plane(series, i)

@@ -25,6 +25,14 @@ class TrackingSettings:
     ] = 0.5
     max_missed: Annotated[int, "frames without detection after which a track ends"] = 3
 
+    def __post_init__(self) -> None:
+        for name in ("agility", "gate", "max_step", "circulation_change"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} = {getattr(self, name):g}: give a positive number")
+        for name in ("scatter", "max_missed"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name} = {getattr(self, name):g}: give no negative number")
+
 
 class _Track:
     def __init__(self, identity: int, time: float, vortex: Vortex, noise: np.ndarray) -> None:

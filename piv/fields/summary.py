@@ -1,0 +1,35 @@
+"""What a file of vectors holds, in a line."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+INSTANTS = 50  # of a longer series, evenly chosen: the line is to be there at once
+
+
+def summary(plane: xr.Dataset) -> str:
+    """Fields and vectors, share valid, median and largest speed or displacement, median standard uncertainty (of u, v)."""
+    series = "time" in plane["u"].dims
+    count = plane.sizes["time"] if series else 1
+    chosen = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int))
+    valid, speeds, stds = [], [], []
+    for k in chosen:
+        one = plane.isel(time=int(k)) if series else plane
+        ok = one["valid"].values != 0
+        valid.append(ok.mean())
+        speeds.append(np.hypot(one["u"].values, one["v"].values)[ok])
+        if "u_std" in one and "v_std" in one:
+            std = np.concatenate([one[n].values[ok] for n in ("u_std", "v_std")])
+            stds.append(std[np.isfinite(std)])
+    speed = np.concatenate(speeds)
+    std = np.concatenate(stds) if stds else np.empty(0)
+    unit = str(plane["u"].attrs.get("units", "m/s"))
+    text = f"{count} field{'s' * (count != 1)} of {plane.sizes['x']} x {plane.sizes['y']} vectors, "
+    text += f"{np.mean(valid):.1%} valid"
+    if speed.size:
+        name = "displacement" if unit == "px" else "speed"
+        text += f"; {name} median {np.median(speed):.3g}, largest {speed.max():.3g} {unit}"
+    if std.size:
+        text += f"; standard uncertainty median {np.median(std):.2g} {unit}"
+    return text + (f" (from {chosen.size} of {count} fields)" if chosen.size < count else "")

@@ -1,0 +1,82 @@
+"""netCDF files in pivpy's layout: dimensions y, x, t; `chc` 1 = measured. Our own state their units and y up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from fileio.errors import one_line
+from fileio.formats.plane_series import FORMAT, read_plane
+from fileio.hdf5 import open_netcdf
+
+UNITS = {"pix": "px", "pixel": "px", "pix/dt": "px/frame", "pixel/dt": "px/frame"}
+
+
+def _open(path: Path) -> xr.Dataset:
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such file")
+    with path.open("rb") as file:
+        classic = file.read(3) == b"CDF"  # netCDF-3, which pivpy writes where netCDF4 is not installed
+    if not classic:
+        return open_netcdf(path, "netCDF file", decode_times=False)
+    try:
+        return xr.open_dataset(path, engine="scipy", decode_times=False)
+    except Exception as error:  # of damaged files scipy raises many kinds
+        raise ValueError(f"{path}: not a readable netCDF file ({one_line(error)})") from error
+
+
+def netcdf_layout(path: Path) -> str:
+    """ "plane" of a file that this project wrote, "pivpy" of another in pivpy's layout; ValueError where it is neither."""
+    with _open(path) as data:
+        if data.attrs.get("format") == FORMAT:
+            return "plane"
+        if {"u", "v", "x", "y"} <= set(data.variables) and {"x", "y"} <= set(data["u"].dims) <= {
+            "x",
+            "y",
+            "t",
+        }:
+            return "pivpy"
+        found = ", ".join(map(str, data.variables))
+    raise ValueError(f"{path}: no vectors as pivpy stores them (u, v over y, x, t), but {found}")
+
+
+def own_netcdf(path: Path) -> xr.Dataset:
+    """Our own file as a plane series, lazily."""
+    data = _open(path)
+    if "t" not in data.dims:
+        data.close()
+        return read_plane(path)
+    back = data.rename(t="time", chc="valid").transpose("time", "y", "x")
+    back.set_close(data.close)
+    return back
+
+
+def read_pivpy(path: Path) -> Iterator[tuple]:
+    """Every instant of a file of pivpy's: x, y, u, v, flag and the units of length and velocity, rows by ascending y."""
+    with _open(path) as data:
+        data = data.sortby(["y", "x"])
+        length, velocity = (_unit(data[n]) for n in ("x", "u"))
+        for k in range(data.sizes.get("t", 1)):
+            plane = (data.isel(t=k) if "t" in data.dims else data).transpose("y", "x", ...).load()
+            u, v = plane["u"].values.astype(float), plane["v"].values.astype(float)
+            measured = np.isfinite(u) & np.isfinite(v)
+            if "chc" in plane:
+                measured &= plane["chc"].values > 0
+            flag = np.where(measured, 0, 1).astype(np.uint8)
+            yield (
+                plane["x"].values.astype(float),
+                plane["y"].values.astype(float),
+                u,
+                v,
+                flag,
+                length,
+                velocity,
+            )
+
+
+def _unit(variable: xr.DataArray) -> str | None:
+    unit = str(variable.attrs.get("units", "")).strip()
+    return UNITS.get(unit, unit) or None

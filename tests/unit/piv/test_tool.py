@@ -1,0 +1,150 @@
+"""What every command of `piv` owes its user: reads what the project writes, says what it found, refuses wrong numbers."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from fileio import command
+from fileio.formats.plane_series import make_plane, write_plane
+from piv.__main__ import main
+from piv.fields.summary import summary
+from piv.foreign.read import open_vectors, read_vectors, with_units
+from piv.foreign.write import write_vectors
+from piv.vortices.lamb_oseen_fit import lamb_oseen
+
+
+def series_px(n=3, std=0.05):
+    """A Lamb-Oseen vortex over n frames, in px, with two absent vectors."""
+    x, y = np.arange(0, 320, 8.0), np.arange(0, 240, 8.0)
+    u, v = lamb_oseen(*np.meshgrid(x, y), 160.0, 120.0, 600.0, 30.0)
+    u, v = (np.repeat(f[None], n, axis=0) for f in (u, v))
+    valid = np.ones(u.shape, bool)
+    valid[:, 0, :2] = False
+    u, v = (np.where(valid, f, np.nan) for f in (u, v))
+    more = {n: np.where(valid, std, np.nan) for n in ("u_std", "v_std")}
+    plane = make_plane(x, y, u, v, time=np.arange(n) + 0.5, valid=valid, **more)
+    return with_units(plane, "px", "px", "frame")
+
+
+@pytest.fixture
+def series(tmp_path):
+    write_plane(series_px(), tmp_path / "a.h5")
+    return tmp_path / "a.h5"
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".csv", ".dat", ".txt"])
+def test_px_and_frames_come_back(tmp_path, suffix):
+    plane = series_px()
+    files = write_vectors(plane, tmp_path / f"a{suffix}")
+    back = read_vectors(files)
+    assert [back[n].attrs["units"] for n in ("x", "y", "u", "v", "time")] == ["px", "px", "px", "px", "frame"]
+    np.testing.assert_allclose(back["u"], plane["u"], rtol=1e-7)
+    np.testing.assert_array_equal(back["valid"], plane["valid"])
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".nc", ".csv"])
+def test_pictures_and_vortices_of_every_own_format(tmp_path, suffix, capsys):
+    write_vectors(series_px(), tmp_path / f"a{suffix}")
+    source = str(tmp_path / f"a{suffix}")
+    assert main(["plot", source, "-o", str(tmp_path / "a.png")]) == 0
+    assert (
+        "0.5 frame, 1 field of 40 x 30 vectors, 99.8% valid; displacement median" in capsys.readouterr().out
+    )
+    assert main(["animate", source, "-o", str(tmp_path / "a.gif")]) == 0
+    assert main(["vortices", source, "-o", str(tmp_path / "v.csv")]) == 0
+    assert (
+        "3 vortices in 1 tracks; the strongest has a circulation of 600 px²/frame" in capsys.readouterr().out
+    )
+
+
+def test_a_single_export_is_drawn_as_it_is(tmp_path):
+    for suffix in (".dat", ".txt"):
+        write_vectors(series_px().isel(time=0, drop=True), tmp_path / f"a{suffix}")
+        with open_vectors(tmp_path / f"a{suffix}") as plane:
+            assert plane["u"].attrs["units"] == "px"
+        assert main(["plot", str(tmp_path / f"a{suffix}"), "-o", str(tmp_path / "a.png"), "--quiet"]) == 0
+
+
+@pytest.mark.parametrize("falling", [False, True])
+def test_files_of_pivpy(tmp_path, falling):
+    plane = series_px()
+    ours = plane[["u", "v", "valid"]].rename(time="t", valid="chc").transpose("y", "x", "t")
+    theirs = xr.Dataset({n: (d.dims, d.values.astype(float)) for n, d in ours.variables.items()})
+    for n in ("x", "y", "u", "v"):
+        theirs[n].attrs["units"] = "pix"
+    theirs = theirs.isel(y=slice(None, None, -1)) if falling else theirs
+    theirs.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    with pytest.raises(ValueError, match="--y-axis"):
+        read_vectors([tmp_path / "a.nc"])
+    back = read_vectors([tmp_path / "a.nc"], y_axis="up")
+    np.testing.assert_allclose(back["u"], plane["u"])
+    np.testing.assert_array_equal(back["y"], plane["y"])
+    assert back["time"].attrs["units"] == "frame"
+
+
+def test_pivpy_opens_ours_and_we_open_its(tmp_path):
+    io = pytest.importorskip("pivpy.io", reason="pivpy is not installed: pip install pivpy")
+    plane = series_px()
+    write_vectors(plane, tmp_path / "a.nc")
+    theirs = io.read_piv(tmp_path / "a.nc")
+    np.testing.assert_allclose(theirs["u"].transpose("t", "y", "x"), plane["u"])
+    np.testing.assert_array_equal(theirs["chc"].transpose("t", "y", "x"), plane["valid"])
+    io.save_piv(theirs, tmp_path / "b.nc", format="nc")
+    np.testing.assert_allclose(read_vectors([tmp_path / "b.nc"], y_axis="up")["v"], plane["v"])
+
+
+def test_summary_of_exact_numbers():
+    plane = series_px()
+    plane["u"][:] = np.where(plane["valid"], 3.0, np.nan)
+    plane["v"][:] = np.where(plane["valid"], 4.0, np.nan)
+    assert summary(plane) == (
+        "3 fields of 40 x 30 vectors, 99.8% valid; displacement median 5, largest 5 px; "
+        "standard uncertainty median 0.05 px"
+    )
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        (["vortices", "--gamma2", "2"], "gamma2 = 2"),
+        (["vortices", "--min-points", "-4"], "min_points = -4"),
+        (["vortices", "--scheme", "best"], "scheme = 'best'"),
+        (["vortices", "--gate", "-1"], "gate = -1"),
+        (["vortices", "--threads", "0"], "threads must be at least 1"),
+        (["plot", "--arrow-every", "0"], "--arrow-every"),
+        (["plot", "--vorticity-limit", "-1"], "--vorticity-limit"),
+        (["plot", "--time", "9"], "outside 0.5 to 2.5 frame"),
+    ],
+)
+def test_wrong_numbers_are_refused(series, tmp_path, words, message, capsys):
+    output = tmp_path / ("o.csv" if words[0] == "vortices" else "o.png")
+    assert main([words[0], str(series), "-o", str(output), *words[1:]]) == 2
+    assert message in capsys.readouterr().err
+    assert not output.exists()
+
+
+def test_an_empty_plane_has_no_vortices(tmp_path, capsys):
+    plane = series_px().isel(time=0, drop=True)
+    plane["valid"][:] = 0
+    write_plane(plane, tmp_path / "a.h5")
+    assert main(["vortices", str(tmp_path / "a.h5"), "-o", str(tmp_path / "v.csv")]) == 2
+    assert "no valid vector" in capsys.readouterr().err
+
+
+def test_a_redirected_log_holds_no_bar(series, tmp_path):
+    command = [sys.executable, "-m", "piv", "animate", str(series), "-o", str(tmp_path / "a.gif")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    assert done.stdout.count("\n") == 1
+
+
+def test_ctrl_c_while_a_command_is_loaded(monkeypatch, capsys):
+    def interrupted(name):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "import_module", interrupted)
+    assert main(["plot", "a.h5", "-o", "a.png"]) == 130
+    assert capsys.readouterr().err.count("\n") == 1
