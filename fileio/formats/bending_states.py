@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
@@ -17,7 +18,7 @@ from fileio.schema import Schema, Variable
 FloatArray = NDArray[np.float64]
 SCHEMA = Schema(
     "bending-states",
-    1,
+    2,
     "write it again with python -m pipeline fea",
     (
         Variable("pressure", "state", "Pa", "gauge pressure in the chambers, ascending"),
@@ -30,6 +31,17 @@ SCHEMA = Schema(
         Variable("converged", "state", "1", "0: of no use"),
         Variable("wall_gap", "state", "m", "least distance between neighbouring chambers, 0 = touching; not of imported states", True),
         Variable("radius_std", "state", "m", "standard uncertainty of R (docs/fea.md); infinite at rest", True, finite=False),
+        Variable("bending_stiffness", "state", "N m2", "EI at the moment 0; this and the next are those of the unit cell", True),
+        Variable("bending_stiffness_std", "state", "N m2", "standard uncertainty of EI, from the same sources as that of R", True),
+        Variable("neutral_axis", "state", "m", "height above the ventral surface at which a moment changes no length", True),
+        Variable("moment", "moment", "N m", "on the finger, positive towards the ventral side, ascending", True),
+        Variable("curvature", "state, moment", "1/m", "per length at rest under each moment: no line where chamber walls touch", True),
+        Variable("air_section", "state", "m2", "volume of the chambers per length at rest", True),
+        Variable("air_height", "state", "m", "of its centre above the ventral surface", True),
+        Variable("rubber_mass", "-", "kg/m", "per length at rest", True),
+        Variable("rubber_section", "-", "m2", "volume of the rubber per length at rest", True),
+        Variable("rubber_height", "-", "m", "of its centre of mass above the ventral surface", True),
+        Variable("clamped_length", "-", "m", "from the root: does not bend", True),
         Variable("width", "-", "m", "extent of the finger along z"),
         Variable("frame", "-", "", "`actuator`"),
         *(
@@ -37,7 +49,7 @@ SCHEMA = Schema(
             for name, meaning in (
                 ("geometry", "JSON: [actuator] without materials"), ("material", "JSON: as given"), ("solver", "name and version"),
                 ("versions", "JSON: of the libraries"), ("settings", "JSON: [fea]"),
-                ("uncertainty", "JSON: `pressures_kpa`, and by source `curvature_std`, 1/m"),
+                ("uncertainty", "JSON: `pressures_kpa`, and by source `curvature_std`, 1/m, and `bending_stiffness_std`, N m2"),
             )
         ),
     ),
@@ -54,6 +66,36 @@ class States:
     curvature_std: FloatArray | None = None  # (state), 1/m: what is not known of the actuator
 
 
+@dataclass(frozen=True)
+class BendingLaw:
+    """How the finger bends under a moment in each state, and what it weighs and displaces; lengths are those at rest, SI."""
+
+    stiffness: FloatArray  # (state), EI at the moment 0
+    neutral_axis: FloatArray  # (state), above the ventral surface
+    moment: FloatArray  # (moment), ascending, positive towards the ventral side
+    curvature: FloatArray  # (state, moment)
+    air_section: FloatArray  # (state)
+    air_height: FloatArray  # (state)
+    rubber_mass: float
+    rubber_section: float
+    rubber_height: float
+    clamped_length: float
+    stiffness_std: FloatArray | None = None  # (state)
+
+
+LAW = {  # fields of BendingLaw by the names of SCHEMA
+    "bending_stiffness": "stiffness",
+    "bending_stiffness_std": "stiffness_std",
+    **{
+        name: name
+        for name in (
+            "neutral_axis", "moment", "curvature", "air_section", "air_height", "rubber_mass", "rubber_section",
+            "rubber_height", "clamped_length",
+        )
+    },
+}  # fmt: skip
+
+
 @dataclass(frozen=True, kw_only=True)
 class BendingStates(States):
     """States as a bending analysis gives them."""
@@ -65,17 +107,19 @@ class BendingStates(States):
     width: float
     wall_gap: FloatArray | None = None  # (state); not known of imported states
     radius_std: FloatArray | None = None  # (state)
+    law: BendingLaw | None = None  # not known of imported states
     about: dict[str, Any] = field(default_factory=dict)  # geometry, material, solver, versions, settings
 
 
 OWN = ("pressure", "thickness", "bend_angle", "radius", "fit_residual", "converged")
-ABOUT = {v.name for v in SCHEMA.root if v.dims == "-"} - {"width", "frame"}
+ABOUT = {v.name for v in SCHEMA.root if v.dims == "-" and not v.units} - {"frame"}
 
 
 def write(path: Path, states: BendingStates) -> None:
     """Write `states.h5`, whole or not at all."""
     values = {name: getattr(states, name) for name in (*OWN, "wall_gap", "radius_std", "width")}
     values |= {"profile_x": states.profile[..., 0], "profile_y": states.profile[..., 1], "frame": "actuator"}
+    values |= {name: getattr(states.law, field) for name, field in LAW.items() if states.law}
     values |= {k: v if isinstance(v, str) else json.dumps(v, sort_keys=True) for k, v in states.about.items()}
     SCHEMA.write(path, {name: value for name, value in values.items() if value is not None})
 
@@ -98,8 +142,16 @@ def read(path: Path) -> BendingStates:
         width=float(file.attrs["width"]),
         wall_gap=file["wall_gap"].values if "wall_gap" in file else None,
         radius_std=radius_std,
+        law=_law(file),
         about=about,
     )
+
+
+def _law(file: xr.Dataset) -> BendingLaw | None:
+    if "bending_stiffness" not in file:
+        return None
+    values = {field: float(file.attrs[name]) for name, field in LAW.items() if name in file.attrs}
+    return BendingLaw(**values, **{field: file[name].values for name, field in LAW.items() if name in file})
 
 
 def _curvature_std(pressure: FloatArray, radius: FloatArray, std: FloatArray) -> FloatArray:

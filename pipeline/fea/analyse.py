@@ -8,6 +8,7 @@ import numpy as np
 
 from fileio.formats.bending_states import BendingStates
 from pipeline.fea.cell import plane
+from pipeline.fea.cell.bending_law import TURNS, bending_law
 from pipeline.fea.cell.path import follow
 from pipeline.fea.cell.unit_cell import State, UnitCell
 from pipeline.fea.finger import FloatArray, arc_length, chain, fit_circle, smoothed
@@ -45,9 +46,11 @@ def bend(
     fea: Fea,
     done: Callable[[], object] = lambda: None,
     pressures: FloatArray | None = None,
+    turns: tuple[float, ...] = TURNS,
 ) -> BendingStates:
     """Bending states over `pressures` (Pa, else those of `fea`) by the unit cell; only converged ones are returned.
 
+    Their law of bending has the moments that would turn the finger by `turns` (rad); raises NotConverged.
     The bend angle is the arc of the fitted circle, γ = length / R, as in the paper's equation (6).
     """
     cell = UnitCell(actuator, fea.mesh)
@@ -66,4 +69,5 @@ def bend(
         wall_gap=np.array([wall_gap(cell, state) for state in states.values()]),
         converged=np.ones(len(states), dtype=np.uint8),
         width=actuator.width,
+        law=bending_law(cell, list(states.values()), actuator, turns) if fea.under_load else None,
     )

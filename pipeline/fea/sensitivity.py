@@ -1,4 +1,4 @@
-"""What is not known of the actuator, varied one at a time, as a standard uncertainty of R over the pressure."""
+"""What is not known of the actuator, varied one at a time, as a standard uncertainty of R and EI over the pressure."""
 
 from __future__ import annotations
 
@@ -61,15 +61,18 @@ def _split(actuator: Actuator, share: float) -> Actuator:
     )
 
 
-def curvatures(actuator: Actuator, fea: Fea, pressures: FloatArray) -> FloatArray:
-    """1/R (1/m) of the unit cell at `pressures` (Pa); raises RuntimeError where it does not converge."""
-    states = bend(actuator, fea, pressures=pressures)
+def bending(actuator: Actuator, fea: Fea, pressures: FloatArray) -> FloatArray:
+    """1/R (1/m) of the unit cell at `pressures` (Pa), and EI (N m²) where it is asked for, (1 or 2, pressure).
+
+    Raises RuntimeError where it does not converge.
+    """
+    states = bend(actuator, fea, pressures=pressures, turns=(0.0,))
     if len(states.pressure) != len(pressures):
         missing = sorted(set(pressures) - set(states.pressure))[0] / 1e3
         raise RuntimeError(
             f"a variation of the unit cell does not converge at {missing:g} kPa: narrow the pressures in [fea]"
         )
-    return np.asarray(1 / states.radius)
+    return np.array([1 / states.radius, *([states.law.stiffness] if states.law else [])])
 
 
 def shares(
@@ -79,12 +82,12 @@ def shares(
     processes: int,
     done: Callable[[], object] = lambda: None,
 ) -> dict[str, FloatArray]:
-    """Standard uncertainty of the curvature (1/m) by source, at `pressures` (Pa)."""
+    """Standard uncertainty of what `bending` returns, by source, at `pressures` (Pa)."""
     cases = variations(actuator, fea)
     ends = [end for case in cases for end in (case.low, case.high)]
     result = {}
     with ProcessPoolExecutor(processes) as pool:
-        jobs = [pool.submit(curvatures, a, f, pressures) for a, f in ends]
+        jobs = [pool.submit(bending, a, f, pressures) for a, f in ends]
         for number, case in enumerate(cases):
             low, high = jobs[2 * number].result(), jobs[2 * number + 1].result()
             result[case.name] = np.abs(high - low) / (2 if case.low[1] == case.high[1] else 1) / np.sqrt(3)
@@ -99,7 +102,7 @@ def with_uncertainty(
     processes: int,
     done: Callable[[], object] = lambda: None,
 ) -> BendingStates:
-    """States with `radius_std` and the shares of each source in their settings.
+    """States with `radius_std`, that of the stiffness, and the shares of each source in their settings.
 
     The curvature is varied, as R is infinite at rest: std(R) = R² std(1/R). The sources are independent and each is
     taken as evenly distributed between its ends.
@@ -107,7 +110,8 @@ def with_uncertainty(
     ends = np.array([fea.first_pressure_kpa, fea.last_pressure_kpa])
     within = PRESSURES_KPA[(ends[0] < PRESSURES_KPA) & (ends[1] > PRESSURES_KPA)]
     inside = 1e3 * np.union1d(within, ends[ends != 0])
-    by_source = shares(actuator, fea, inside, processes, done)
+    both = shares(actuator, fea, inside, processes, done)
+    by_source = {name: share[0] for name, share in both.items()}
     curvature = 1 / states.radius
     by_source["pressure ± 0.2 kPa"] = np.interp(
         inside, states.pressure, np.abs(np.gradient(curvature, states.pressure)) * PRESSURE_STD_PA
@@ -125,4 +129,10 @@ def with_uncertainty(
         "pressures_kpa": (inside / 1e3).tolist(),
         "curvature_std": {k: v.tolist() for k, v in by_source.items()},
     }
-    return replace(states, radius_std=radius_std, about=states.about | {"uncertainty": note})
+    law = states.law
+    if law:
+        stiffness = {name: share[1] for name, share in both.items()}
+        variance = np.sum([share**2 for share in stiffness.values()], axis=0)
+        law = replace(law, stiffness_std=np.interp(states.pressure, inside, np.sqrt(variance)))
+        note["bending_stiffness_std"] = {k: v.tolist() for k, v in stiffness.items()}
+    return replace(states, radius_std=radius_std, law=law, about=states.about | {"uncertainty": note})

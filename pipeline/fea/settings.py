@@ -25,6 +25,7 @@ class Material(_Frozen):
     law: str
     parameters: dict[str, float | list[float]]  # as FElupe names them; stresses in Pa
     bulk: Positive
+    density: Positive = 1080.0  # kg/m³: Dragon Skin 30, by its data sheet
     name: str = ""
 
     def number(self, key: str) -> float:
@@ -148,6 +149,7 @@ class Fea(_Frozen):
     solid_mesh: SolidMesh = SolidMesh()
     results: Import | None = None  # section [fea.results], for engine = "import"
     uncertainty: bool = True  # of R, from what is not known of the actuator: six more analyses
+    under_load: bool = True  # whether the states say how the finger bends under a moment, and what it weighs
     partial: bool = False  # whether the states that converge are kept where others do not
 
     @model_validator(mode="after")

@@ -24,10 +24,14 @@ class NotConverged(RuntimeError):
 
 @dataclass(frozen=True)
 class State:
-    """Unknowns at one pressure: displacements with the plane's points by their distance, then u and φ."""
+    """Unknowns at one pressure: displacements with the plane's points by their distance, then u and φ.
+
+    `moment` (N m): about the ventral edge, on the whole width of the actuator, positive where it bends towards that side.
+    """
 
     pressure: float
     unknowns: FloatArray
+    moment: float = 0.0
 
     @property
     def plane_shift(self) -> float:
@@ -122,16 +126,25 @@ class UnitCell:
                 addition = _only_x(addition, 3 * self.n)
             out = out + push
             matrix = matrix + addition
+        out[-1] -= 0.5 * state.moment  # the cell is half the width
         return out, matrix.tocsr()
 
-    def solve(self, state: State, pressure: float, *, iterations: int = 25, tolerance: float = 1e-9) -> State:
-        """Equilibrium at `pressure` (Pa) from a neighbouring state; raises NotConverged.
+    def solve(
+        self,
+        state: State,
+        pressure: float,
+        moment: float = 0.0,
+        *,
+        iterations: int = 25,
+        tolerance: float = 1e-9,
+    ) -> State:
+        """Equilibrium at `pressure` (Pa) under a moment (N m) from a neighbouring state; raises NotConverged.
 
         `tolerance` bounds the last Newton correction, in m and rad.
         """
         unknowns = state.unknowns.copy()
         for _ in range(iterations):
-            force, matrix = self.residual(State(pressure, unknowns))
+            force, matrix = self.residual(State(pressure, unknowns, moment))
             block = matrix[self.free][:, self.free].tocsc()
             with np.errstate(all="raise"):
                 try:
@@ -143,7 +156,7 @@ class UnitCell:
                 raise NotConverged(f"correction of {size:.3g} at {pressure / 1e3:.3g} kPa")
             unknowns[self.free] += step
             if size < tolerance:
-                return State(pressure, unknowns)
+                return State(pressure, unknowns, moment)
         raise NotConverged(f"no equilibrium at {pressure / 1e3:.3g} kPa after {iterations} iterations")
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from fileio.formats.bending_states import BendingStates, read, write
+from fileio.formats.bending_states import BendingLaw, BendingStates, read, write
 from pipeline.fea.envelope import crosses_itself, outline
 from pipeline.fea.finger import arc_length, chain, fit_circle, smoothed
 from pipeline.fea.settings import Actuator, Fea
@@ -108,6 +108,20 @@ def test_file_gives_back_what_was_written(tmp_path):
     assert again.wall_gap is None
     assert {key: again.about[key] for key in states.about} == states.about
     assert not list(tmp_path.glob("*.part"))
+
+
+def test_file_gives_back_the_law_of_bending(tmp_path):
+    each = np.array([4e-4, 5e-4, 6e-4])
+    law = BendingLaw(
+        stiffness=each, neutral_axis=5 * each, moment=np.array([-1e-3, 0.0]), curvature=np.ones((3, 2)),
+        air_section=each / 5, air_height=10 * each, rubber_mass=0.3, rubber_section=3e-4, rubber_height=0.007,
+        clamped_length=0.0035, stiffness_std=each / 10,
+    )  # fmt: skip
+    write(tmp_path / "states.h5", some_states(law=law))
+    again = read(tmp_path / "states.h5").law
+    for name, value in vars(law).items():
+        np.testing.assert_array_equal(getattr(again, name), value)
+    assert isinstance(again.rubber_mass, float)
 
 
 def test_file_of_another_format_is_refused(tmp_path):
