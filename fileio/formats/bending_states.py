@@ -150,8 +150,8 @@ def read(path: Path) -> BendingStates:
 def _law(file: xr.Dataset) -> BendingLaw | None:
     if "bending_stiffness" not in file:
         return None
-    values = {field: float(file.attrs[name]) for name, field in LAW.items() if name in file.attrs}
-    return BendingLaw(**values, **{field: file[name].values for name, field in LAW.items() if name in file})
+    values: dict[str, Any] = {f: float(file.attrs[name]) for name, f in LAW.items() if name in file.attrs}
+    return BendingLaw(**values | {f: file[name].values for name, f in LAW.items() if name in file})
 
 
 def _curvature_std(pressure: FloatArray, radius: FloatArray, std: FloatArray) -> FloatArray:
