@@ -132,11 +132,8 @@ def _sheet(lens: Lens, points: np.ndarray) -> np.ndarray:
         ]
         det = xx * yy - xy * yx
         det[np.abs(det) < 1e-3] = np.inf  # at a turning point: no step
-        ideal = (
-            ideal
-            - np.stack([yy * wrong[:, 0] - xy * wrong[:, 1], xx * wrong[:, 1] - yx * wrong[:, 0]], 1)
-            / det[:, None]
-        )
+        wx, wy = wrong.T
+        ideal = ideal - np.stack([yy * wx - xy * wy, xx * wy - yx * wx], 1) / det[:, None]
     lost = ~(np.abs(_distort(lens, ideal) - seen).max(axis=1) < INVERSE_PX)
     ideal[lost] = np.nan
     return _project(lens.to_sheet, ideal).reshape(points.shape)
@@ -148,13 +145,9 @@ def _distort(lens: Lens, ideal: np.ndarray) -> np.ndarray:
     x, y = _project(np.linalg.inv(lens.camera_matrix), ideal).T
     r2 = x * x + y * y
     radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-    bent = np.stack(
-        [
-            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-        ]
-    )
-    return _project(lens.camera_matrix, bent.T)
+    bent_x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    bent_y = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    return _project(lens.camera_matrix, np.stack([bent_x, bent_y], axis=1))
 
 
 def _unsheet(lens: Lens, points: np.ndarray) -> np.ndarray:
@@ -181,13 +174,11 @@ def load_calibration(path: str | Path) -> Calibration:
             count = np.size(lens["distortion"])
             if count not in DISTORTION_COUNTS:
                 raise ValueError(f"a lens has 4, 5, 8, 12 or 14 distortion coefficients, not {count}")
+            camera, to_sheet = (np.array(lens[k], float).reshape(3, 3) for k in ("camera_matrix", "to_sheet"))
+            distortion = np.array(lens["distortion"], float).ravel()
+            width, height, views = map(int, (*lens["size_px"], lens["views"]))
             lens = Lens(
-                (int(lens["size_px"][0]), int(lens["size_px"][1])),
-                np.array(lens["camera_matrix"], float).reshape(3, 3),
-                np.array(lens["distortion"], float).ravel(),
-                np.array(lens["to_sheet"], float).reshape(3, 3),
-                float(lens["reprojection_rms_px"]),
-                int(lens["views"]),
+                (width, height), camera, distortion, to_sheet, float(lens["reprojection_rms_px"]), views
             )
         scale, x0, y0 = (float(whole[k]) for k in ("scale_m_per_px", "origin_x_px", "origin_y_px"))
         return Calibration(scale, x0, y0, lens=lens, notes=whole.get("notes", {}))
@@ -195,9 +186,7 @@ def load_calibration(path: str | Path) -> Calibration:
         raise ValueError(f"{path}: not a calibration file ({error})") from error
 
 
-def calibrate_plane(
-    plane_px: xr.Dataset, calibration: Calibration, interval_s: float, *, spacing_px: float | None = None
-) -> xr.Dataset:
+def calibrate_plane(plane_px: xr.Dataset, calibration: Calibration, interval_s: float) -> xr.Dataset:
     """A plane (series) in px per frame interval to m and m/s.
 
     Without a lens the grid is scaled. With one, the field is sampled (linearly) on a regular grid in the sheet: a
@@ -207,10 +196,10 @@ def calibrate_plane(
         raise ValueError(f"interval_s must be positive, got {interval_s}")
     x, y = plane_px["x"].values.astype(float), plane_px["y"].values.astype(float)
     order = ("y", "x") if "time" not in plane_px.dims else ("time", "y", "x")
-    fields = {n: plane_px[n].transpose(*order).values for n in ("u", "v") if n in plane_px}
-    spread = {n: plane_px[n].transpose(*order).values for n in ("u_std", "v_std") if n in plane_px}
-    flag = plane_px["flag"].transpose(*order).values if "flag" in plane_px else None
-    valid = plane_px["valid"].transpose(*order).values.astype(bool)
+    names = ("u", "v", "u_std", "v_std", "flag", "valid")
+    fields = {n: plane_px[n].transpose(*order).values for n in names if n in plane_px}
+    spread = {n: fields[n] for n in ("u_std", "v_std") if n in fields}
+    flag, valid = fields.get("flag"), fields["valid"].astype(bool)
     per_second = calibration.scale_m_per_px / interval_s
     more: dict[str, np.ndarray] = {}
     if calibration.lens is None:
@@ -219,7 +208,7 @@ def calibrate_plane(
         u, v = fields["u"] * per_second, fields["v"] * per_second
         more = {n: a * per_second for n, a in spread.items()}
     else:
-        x_m, y_m = _sheet_grid(calibration, x, y, spacing_px)
+        x_m, y_m = _sheet_grid(calibration, x, y)
         at = calibration.to_px(np.stack(np.meshgrid(x_m, y_m), axis=-1))
         ok = (_sample(valid.astype(float), x, y, at) > 1 - 1e-9) & _same(calibration, at, x_m, y_m)
         shift = [_sample(np.where(valid, fields[n], 0.0), x, y, at) for n in ("u", "v")]
@@ -243,34 +232,25 @@ def calibrate_plane(
 
 def calibration_summary(calibration: Calibration) -> dict[str, Any]:
     """What to store with results."""
-    short: dict[str, Any] = {
-        k: getattr(calibration, k) for k in ("scale_m_per_px", "origin_x_px", "origin_y_px")
-    }
+    names = ("scale_m_per_px", "origin_x_px", "origin_y_px")
+    short: dict[str, Any] = {k: getattr(calibration, k) for k in names}
     if calibration.lens is not None:
         short["reprojection_rms_px"] = calibration.lens.reprojection_rms_px
     return short
 
 
-def _sheet_grid(
-    calibration: Calibration, x: np.ndarray, y: np.ndarray, spacing_px: float | None
-) -> tuple[np.ndarray, np.ndarray]:
-    step = (spacing_px or float(x[1] - x[0])) * calibration.scale_m_per_px
+def _sheet_grid(calibration: Calibration, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
+    step = float(x[1] - x[0]) * calibration.scale_m_per_px
     edge = calibration.to_m(np.stack(np.meshgrid(x, y), axis=-1))
     low, high = np.nanmin(edge.reshape(-1, 2), axis=0), np.nanmax(edge.reshape(-1, 2), axis=0)
-    return low[0] + step * np.arange(int((high[0] - low[0]) / step) + 1), low[1] + step * np.arange(
-        int((high[1] - low[1]) / step) + 1
-    )
+    return [a + step * np.arange(int((b - a) / step) + 1) for a, b in zip(low, high, strict=True)]
 
 
 def _same(calibration: Calibration, at: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
     """Where px -> m gives the grid point back (beyond the model's turning point it does not) at a sane scale."""
     miss = calibration.to_m(at) - np.stack(np.meshgrid(x_m, y_m), axis=-1)
     same = np.abs(miss).max(axis=-1) < INVERSE_PX * calibration.scale_m_per_px
-    jacobian = calibration.jacobian(at)
-    stretch = (
-        np.abs(jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0])
-        / calibration.scale_m_per_px**2
-    )
+    stretch = np.abs(np.linalg.det(calibration.jacobian(at))) / calibration.scale_m_per_px**2
     return same & (stretch < MAX_STRETCH) & (stretch > 1 / MAX_STRETCH)
 
 
@@ -278,10 +258,8 @@ def _sample(
     values: np.ndarray, x: np.ndarray, y: np.ndarray, at: np.ndarray, method: str = "linear"
 ) -> np.ndarray:
     stack = np.moveaxis(values.reshape(-1, *values.shape[-2:]), 0, -1)
-    found = RegularGridInterpolator((y, x), stack, method=method, bounds_error=False, fill_value=0.0)(
-        at[..., ::-1]
-    )
-    return np.moveaxis(found, -1, 0).reshape(*values.shape[:-2], *at.shape[:-1])
+    field = RegularGridInterpolator((y, x), stack, method=method, bounds_error=False, fill_value=0.0)
+    return np.moveaxis(field(at[..., ::-1]), -1, 0).reshape(*values.shape[:-2], *at.shape[:-1])
 
 
 def rectify_image(image: np.ndarray, calibration: Calibration) -> np.ndarray:

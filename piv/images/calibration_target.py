@@ -66,11 +66,10 @@ def calibrate_target(
     views: Sequence[np.ndarray],
     target: Target,
     *,
-    sheet_view: int = 0,
     model: str = "standard",
     origin_px: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Calibration, list[int]]:
-    """Calibration from frames of a target, one of which (`sheet_view`) shows it in the light sheet.
+    """Calibration from frames of a target, the first of which shows it in the light sheet.
 
     The sheet keeps the direction of the image's rows at the board and the scale there; distortion and tilt are
     taken out. With one view only the tilt is found, not the lens. Returns the calibration and the views used;
@@ -82,9 +81,9 @@ def calibrate_target(
         raise ValueError("the target's pictures must be at least one, all of the same size")
     found = [find_corners(v, target) for v in views]
     used = [k for k, (corners, _) in enumerate(found) if len(corners) >= MIN_CORNERS]
-    if sheet_view not in used:
+    if 0 not in used:
         raise ValueError(
-            f"picture {sheet_view}, which shows the target in the sheet: {len(found[sheet_view][0])} corners "
+            f"picture 0, which shows the target in the sheet: {len(found[0][0])} corners "
             "found; check rows, columns, marker size and dictionary"
         )
     rows, columns = views[0].shape
@@ -97,7 +96,7 @@ def calibrate_target(
     else:
         matrix, distortion, rms = np.diag([columns, columns, 1.0]), np.zeros(5), np.nan
         matrix[:2, 2] = (columns - 1) / 2, (rows - 1) / 2
-    corners, places = found[sheet_view]
+    corners, places = found[0]
     straight = cv2.undistortPoints(
         corners.reshape(-1, 1, 2), matrix, distortion, P=matrix, criteria=(3, 200, 1e-12)
     ).reshape(-1, 2)

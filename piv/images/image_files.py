@@ -86,9 +86,8 @@ def tiff_pages(path: Path) -> int:
         if order is None or len(head) < 8:
             raise broken
         big = struct.unpack(order + "H", head[2:4])[0] == 43
-        count_code, entry, link_code = (
-            (order + "Q", 20, order + "Q") if big else (order + "H", 12, order + "I")
-        )
+        count_code, entry, link_code = ("Q", 20, "Q") if big else ("H", 12, "I")
+        count_code, link_code = order + count_code, order + link_code
         count_size, link_size = struct.calcsize(count_code), struct.calcsize(link_code)
         link = head[8:16] if big else head[4:8]
         seen: set[int] = set()

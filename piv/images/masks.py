@@ -12,6 +12,7 @@ import xarray as xr
 from piv.images.open_recording import row_to_y_px
 
 MIN_CONTRAST = 1.6  # of particle images to a body: below it a threshold would cut the light sheet's own shade
+OPENED_PX, CLOSED_PX = 15, 25  # width of bridges and of gaps that are no part of a body's shape
 SUBPIXEL_BITS = 6  # fixed-point digits of polygon corners in OpenCV
 
 
@@ -92,13 +93,9 @@ def outline_masks(
         raise ValueError(
             f"the outline covers {first:g} to {last:g} s, the recording {times.min():g} to {times.max():g} s"
         )
-    at = (
-        outline.interp(time=np.clip(times, first, last)).values
-        if outline.sizes["time"] > 1
-        else outline.values
-    )
-    corners = outline_px(at, scale_m_per_px, origin_px)
-    return [list(frame) for frame in corners]
+    if outline.sizes["time"] > 1:
+        outline = outline.interp(time=np.clip(times, first, last))
+    return [list(frame) for frame in outline_px(outline.values, scale_m_per_px, origin_px)]
 
 
 def polygons_mask(polygons_px: list[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
@@ -114,8 +111,6 @@ def dark_body(
     *,
     threshold: float | None = None,
     smooth_px: float = 6.0,
-    open_px: int = 15,
-    close_px: int = 25,
     min_area: float = 0.002,
     grow_px: int = 3,
 ) -> np.ndarray:
@@ -123,7 +118,7 @@ def dark_body(
 
     Gaps between particles are closed over (grey closing by a disc of `smooth_px`, which keeps the body's edge)
     and the image is cut at `threshold` (grey levels of the closed image; without one, the geometric mean of its
-    darkest part and its median). Thin bridges are opened (`open_px`), gaps closed (`close_px`), regions below
+    darkest part and its median). Thin bridges are opened, gaps closed, regions below
     `min_area` (fraction of the image) dropped, holes filled and the rest grown by `grow_px`.
     Raises ValueError where no region is left: a mask that vanishes would let the body be correlated.
     """
@@ -140,10 +135,10 @@ def dark_body(
         threshold = float(np.sqrt(max(dark, 1.0) * middle))
     body: np.ndarray = (smooth < threshold).astype(np.uint8)
     # The frame's edge is no edge of the body: pad with what is there.
-    pad = 2 * max(open_px, close_px, 1)
+    pad = 2 * CLOSED_PX
     body = cv2.copyMakeBorder(body, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
-    body = cv2.morphologyEx(body, cv2.MORPH_OPEN, _disc(open_px // 2))
-    body = cv2.morphologyEx(body, cv2.MORPH_CLOSE, _disc(close_px // 2))
+    body = cv2.morphologyEx(body, cv2.MORPH_OPEN, _disc(OPENED_PX // 2))
+    body = cv2.morphologyEx(body, cv2.MORPH_CLOSE, _disc(CLOSED_PX // 2))
     body = body[pad:-pad, pad:-pad]
     count, labels, stats, _ = cv2.connectedComponentsWithStats(np.ascontiguousarray(body), connectivity=4)
     large = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] >= min_area * body.size]

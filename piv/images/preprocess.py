@@ -8,7 +8,7 @@ as float32; `Preprocessor.steps` is the list to store in the result's attributes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
@@ -17,15 +17,17 @@ from piv.images.recording import Recording
 
 STEPS = {"background": "min", "clahe": "64", "highpass": "8", "cap": "3"}  # and their default values
 BACKGROUND_FRAMES = 500  # of a longer recording, evenly chosen: more changes nothing that is visible
+CLIP = 2.0  # limit of the contrast of clahe
 
 
-def background(recording: Recording, kind: str = "min", *, frames: int = BACKGROUND_FRAMES) -> np.ndarray:
-    """Temporal minimum or mean of at most `frames` frames, float32; memory is that of one frame."""
+def background(recording: Recording, kind: str = "min") -> np.ndarray:
+    """Temporal minimum or mean of at most BACKGROUND_FRAMES frames, float32; memory is that of one frame."""
     if kind not in ("min", "mean"):
         raise ValueError(f"background must be 'min' or 'mean', got {kind!r}")
     if len(recording) < 3:
         raise ValueError(f"{recording.name}: a background needs at least 3 frames, this has {len(recording)}")
-    chosen = np.unique(np.linspace(0, len(recording) - 1, min(frames, len(recording))).astype(int))
+    count = min(BACKGROUND_FRAMES, len(recording))
+    chosen = np.unique(np.linspace(0, len(recording) - 1, count).astype(int))
     total = recording.frame(int(chosen[0])).astype(np.float64)
     for i in chosen[1:]:
         image = recording.frame(int(i))
@@ -40,20 +42,19 @@ def subtract_background(image: np.ndarray, dark: np.ndarray) -> np.ndarray:
     return np.maximum(image.astype(np.float32) - dark, 0)
 
 
-def clahe(image: np.ndarray, tile_px: float = 64, *, clip: float = 2.0) -> np.ndarray:
+def clahe(image: np.ndarray, tile_px: float) -> np.ndarray:
     """Contrast-limited adaptive histogram equalisation in tiles of `tile_px`; 16-bit levels, float32."""
     if not tile_px >= 8:
         raise ValueError(f"clahe: tiles need at least 8 px, got {tile_px}")
     top = float(image.max())
     if top <= 0:
         return image.astype(np.float32)
-    tiles = [max(1, round(n / tile_px)) for n in image.shape]
+    rows, columns = (max(1, round(n / tile_px)) for n in image.shape)
     levels = np.round(image.astype(np.float32) * (65535 / top)).astype(np.uint16)
-    equal = cv2.createCLAHE(clip, (tiles[1], tiles[0])).apply(levels)
-    return equal.astype(np.float32) * (top / 65535)
+    return cv2.createCLAHE(CLIP, (columns, rows)).apply(levels).astype(np.float32) * (top / 65535)
 
 
-def highpass(image: np.ndarray, sigma_px: float = 8.0) -> np.ndarray:
+def highpass(image: np.ndarray, sigma_px: float) -> np.ndarray:
     """Image minus its Gaussian mean of width `sigma_px`, cut at zero: takes away light-sheet gradients."""
     if not sigma_px > 0:
         raise ValueError(f"highpass: sigma must be positive, got {sigma_px}")
@@ -61,7 +62,7 @@ def highpass(image: np.ndarray, sigma_px: float = 8.0) -> np.ndarray:
     return np.maximum(image - cv2.GaussianBlur(image, (0, 0), sigma_px), 0)
 
 
-def cap_intensity(image: np.ndarray, n: float = 3.0) -> np.ndarray:
+def cap_intensity(image: np.ndarray, n: float) -> np.ndarray:
     """Cut intensities above median + n standard deviations, so that single bright particles do not rule."""
     if not n > 0:
         raise ValueError(f"cap: n must be positive, got {n}")
@@ -69,42 +70,38 @@ def cap_intensity(image: np.ndarray, n: float = 3.0) -> np.ndarray:
     return np.minimum(image, float(np.median(image)) + n * float(image.std()))
 
 
+FUNCTIONS: dict[str, Callable[..., np.ndarray]] = {
+    "background": subtract_background, "clahe": clahe, "highpass": highpass, "cap": cap_intensity,
+}  # fmt: skip
+
+
 def parse_step(text: str) -> tuple[str, str]:
     """("highpass", "8") from "highpass=8"; a step without a value takes its default."""
     name, _, value = text.partition("=")
     if name not in STEPS:
         raise ValueError(f"unknown pre-processing step {text!r}; known are {', '.join(STEPS)}")
-    value = value or STEPS[name]
-    if name != "background":
-        try:
-            float(value)
-        except ValueError:
-            raise ValueError(f"pre-processing step {text!r}: {value!r} is not a number") from None
-    return name, value
+    return name, value or STEPS[name]
 
 
 class Preprocessor:
     """The chain of named steps as one function of a frame; picklable, so that worker processes can have it."""
 
-    def __init__(self, steps: Sequence[str] | Iterable[str] = (), recording: Recording | None = None) -> None:
+    def __init__(self, steps: Sequence[str], recording: Recording) -> None:
         parsed = [parse_step(s) for s in steps]
         self.steps = [f"{name}={value}" for name, value in parsed]
-        self._chain: list[tuple[Callable[..., np.ndarray], object]] = []
-        functions: dict[str, Callable[..., np.ndarray]] = {
-            "clahe": clahe,
-            "highpass": highpass,
-            "cap": cap_intensity,
-        }
-        for name, value in parsed:
-            if name == "background":
-                if recording is None:
-                    raise ValueError("background subtraction needs the recording")
-                self._chain.append((subtract_background, background(recording, value)))
-            else:
-                self._chain.append((functions[name], float(value)))
+        self._chain = [(FUNCTIONS[name], _argument(name, value, recording)) for name, value in parsed]
 
     def __call__(self, image: np.ndarray) -> np.ndarray:
         """The cleaned frame: float32, or the frame itself where no step was asked for."""
         for function, argument in self._chain:
             image = function(image, argument)
         return image
+
+
+def _argument(name: str, value: str, recording: Recording) -> np.ndarray | float:
+    if name == "background":
+        return background(recording, value)
+    try:
+        return float(value)
+    except ValueError:
+        raise ValueError(f"pre-processing step '{name}={value}': {value!r} is not a number") from None

@@ -12,17 +12,8 @@ from fileio.child_process import check_walkable
 from fileio.errors import one_line
 from piv.images.recording import LARGEST_CHUNK, Recording
 
-HDF5_ERRORS = (
-    OSError,
-    RuntimeError,
-    KeyError,
-    ValueError,
-    TypeError,
-    MemoryError,
-    AttributeError,
-)  # of damaged files
-
-
+# of damaged files
+HDF5_ERRORS = (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError, AttributeError)
 ATTRIBUTES = ("bits", "scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz", "camera", "seed")
 
 

@@ -1,4 +1,4 @@
-"""Local vortex criteria of a plane field: vorticity, signed swirling strength, 2-D Q, Gamma1, Gamma2."""
+"""Local vortex criteria of a plane field: vorticity, signed swirling strength, 2-D Q, Gamma2."""
 
 from __future__ import annotations
 
@@ -93,62 +93,48 @@ def q_criterion(g: Gradients) -> np.ndarray:
     return -(g.dudx**2 + g.dvdy**2) / 2 - g.dudy * g.dvdx
 
 
-def gamma1(
-    u: np.ndarray, v: np.ndarray, valid: np.ndarray, dx: float, dy: float, radius: float
-) -> np.ndarray:
-    """Gamma1 (y, x): mean sine of the angle between radius and velocity over a disc; not Galilean-invariant.
-
-    `radius` in the grid's units. NaN where the point or half of its disc is invalid. Graftieux et al. 2001, eq. 1.
-    """
-    return _gamma(u, v, np.asarray(valid).astype(bool), dx, dy, radius, False)
-
-
 def gamma2(
     u: np.ndarray, v: np.ndarray, valid: np.ndarray, dx: float, dy: float, radius: float
 ) -> np.ndarray:
-    """Gamma2 (y, x): as `gamma1` with the disc's mean velocity taken off, so Galilean-invariant.
+    """Gamma2 (y, x): mean sine of the angle between radius and velocity, less the mean velocity, over a disc.
 
-    |Gamma2| > 2/pi marks points where rotation exceeds strain. Graftieux, Michard & Grosjean, Meas. Sci. Technol. 12
-    (2001), eq. 2.
+    `radius` in the grid's units. NaN where the point or half of its disc is invalid. |Gamma2| > 2/pi marks points where
+    rotation exceeds strain. Graftieux, Michard & Grosjean, Meas. Sci. Technol. 12 (2001), eq. 2.
     """
-    return _gamma(u, v, np.asarray(valid).astype(bool), dx, dy, radius, True)
+    reach_x, reach_y = (int(radius / step * (1 + 1e-9)) for step in (dx, dy))
+    q, p = np.mgrid[-reach_y : reach_y + 1, -reach_x : reach_x + 1]
+    disc = (p * dx) ** 2 + (q * dy) ** 2 <= radius**2 * (1 + 1e-9)
+    return _gamma2(u, v, np.asarray(valid).astype(bool), q[disc], p[disc], dx, dy)
 
 
 @numba.njit(cache=True)
-def _gamma(
-    u: np.ndarray, v: np.ndarray, valid: np.ndarray, dx: float, dy: float, radius: float, relative: bool
-) -> np.ndarray:
+def _gamma2(u, v, valid, rows, columns, dx, dy):
+    """`gamma2` over the neighbours so many rows and columns away."""
     ny, nx = u.shape
-    ni, nj = int(radius / dx * (1 + 1e-9)), int(radius / dy * (1 + 1e-9))
     out = np.full((ny, nx), np.nan)
     for j in range(ny):
         for i in range(nx):
             if not valid[j, i]:
                 continue
-            count = total = 0
+            count = 0
             um = vm = 0.0
-            for q in range(-nj, nj + 1):
-                for p in range(-ni, ni + 1):
-                    if (p * dx) ** 2 + (q * dy) ** 2 > radius**2 * (1 + 1e-9):
-                        continue
-                    total += 1
-                    if 0 <= j + q < ny and 0 <= i + p < nx and valid[j + q, i + p]:
-                        count += 1
-                        um += u[j + q, i + p]
-                        vm += v[j + q, i + p]
-            if 2 * count <= total or count < 5:
+            for k in range(rows.size):
+                r, c = j + rows[k], i + columns[k]
+                if 0 <= r < ny and 0 <= c < nx and valid[r, c]:
+                    count += 1
+                    um += u[r, c]
+                    vm += v[r, c]
+            if 2 * count <= rows.size or count < 5:
                 continue
-            um, vm = (um / count, vm / count) if relative else (0.0, 0.0)
+            um, vm = um / count, vm / count
             sine = 0.0
-            for q in range(-nj, nj + 1):
-                for p in range(-ni, ni + 1):
-                    rx, ry = p * dx, q * dy
-                    if (p == 0 and q == 0) or rx * rx + ry * ry > radius**2 * (1 + 1e-9):
-                        continue
-                    if 0 <= j + q < ny and 0 <= i + p < nx and valid[j + q, i + p]:
-                        a, b = u[j + q, i + p] - um, v[j + q, i + p] - vm
-                        size = math.sqrt((a * a + b * b) * (rx * rx + ry * ry))
-                        if size > 0:
-                            sine += (rx * b - ry * a) / size
+            for k in range(rows.size):
+                r, c = j + rows[k], i + columns[k]
+                if 0 <= r < ny and 0 <= c < nx and valid[r, c]:
+                    rx, ry = columns[k] * dx, rows[k] * dy
+                    a, b = u[r, c] - um, v[r, c] - vm
+                    size = math.sqrt((a * a + b * b) * (rx * rx + ry * ry))
+                    if size > 0:
+                        sine += (rx * b - ry * a) / size
             out[j, i] = sine / (count - 1)
     return out

@@ -32,7 +32,7 @@ def find_vortices(
         return []
     least = s.min_circulation
     rough = 0.3 * (s.min_part * abs(candidates[0].circulation) if least is None else least)
-    regions = np.array([c[:4] for c in candidates if abs(c.circulation) >= rough]).reshape(-1, 4)
+    regions = np.array([c for c in candidates if abs(c.circulation) >= rough]).reshape(-1, 4)
     fits = fit_regions(p, regions, s)
     omega = vorticity(g)
     distance = distance_to_invalid(p.valid, dx, dy)
@@ -89,18 +89,6 @@ def _record(p: Plane, fit: Fit, omega: np.ndarray, distance: np.ndarray, n: int)
     if radius >= 0.5 * a:
         area = area_circulation(p.x, p.y, omega, x, y, radius)
         integrals = area, contour_circulation(p.x, p.y, p.u, p.v, x, y, radius), radius
-    drift, gradient = fit.background[[0, 3]], fit.background[[1, 2, 4, 5]]
-    values = (
-        x,
-        y,
-        circulation,
-        a,
-        peak,
-        *std,
-        peak_std,
-        *integrals,
-        *drift,
-        np.hypot.reduce(gradient),
-        fit.explained,
-    )
+    drift, shear = fit.background[[0, 3]], np.hypot.reduce(fit.background[[1, 2, 4, 5]])
+    values = (x, y, circulation, a, peak, *std, peak_std, *integrals, *drift, shear, fit.explained)
     return Vortex(*map(float, values), n)  # type: ignore[arg-type, call-arg]  # all but the last are floats

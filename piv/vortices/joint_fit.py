@@ -27,10 +27,10 @@ class Fitted(NamedTuple):
 
 
 WIDER = (1.5, 2.0)  # times fit_radius
-MODEL_HOLDS = (
-    2.0  # mean square of the residuals over the vectors' variance; 1 of an exact model and uncertainty
-)
-WATER = 0.95  # share of a disc that holds vectors in open water; with less, beside a body, the vortex is hardly Lamb-Oseen's
+# mean square of the residuals over the vectors' variance; 1 of an exact model and uncertainty
+MODEL_HOLDS = 2.0
+# share of a disc that holds vectors in open water; with less, beside a body, the vortex is hardly Lamb-Oseen's
+WATER = 0.95
 POINTS_PER_CORE = 8
 SWEEPS = 3  # passes of the fit over all vortices: neighbours and fit discs settle to 1e-3 within three
 
@@ -43,9 +43,8 @@ def fit_regions(p: Plane, regions: np.ndarray, s: VortexSettings) -> list[Fitted
     """
     start, alone = np.hstack([regions, regions]), replace(s, region_prior=np.inf)
     fits: list[Fitted] = []
-    while len(
-        start
-    ):  # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
+    # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
+    while len(start):
         fits = _significant(_fit_all(p, start, alone), s)
         if len(fits) == len(start):
             break
@@ -76,21 +75,20 @@ def _fit_all(p: Plane, start: np.ndarray, s: VortexSettings) -> list[Fitted]:
     """Fit every candidate in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
     now = start[:, :4].copy()
     area = np.full(len(now), 10.0 * (p.x[1] - p.x[0]) * (p.y[1] - p.y[0]))  # per independent vector
+    fits: list[Fitted] = []
     for sweep in range(SWEEPS):
-        fits: list[Fitted | None] = []
-        for k in range(len(now)):
-            widen = p.noise_known and sweep == SWEEPS - 1  # neighbours are as good as they get
-            fits.append(_fit_one(p, now, k, start[k, 4:], float(area[k]), s, WIDER if widen else ()))
-        keep = [k for k, f in enumerate(fits) if f is not None and _plausible(p, f.fit, start[k])]
-        start = start[keep]
-        fits = [fits[k] for k in keep]
-        now = np.array([f.fit.vortices[0] for f in fits if f is not None]).reshape(-1, 4)
-        order = _distinct(now, [f.fit.explained for f in fits if f is not None])
-        now, start, fits = now[order], start[order], [fits[k] for k in order]
-        area = np.array([f.area for f in fits if f is not None])
-        if not len(now):
+        # in the last sweep neighbours are as good as they get
+        wider = WIDER if p.noise_known and sweep == SWEEPS - 1 else ()
+        found = [_fit_one(p, now, k, start[k, 4:], float(area[k]), s, wider) for k in range(len(now))]
+        kept = [(f, a) for f, a in zip(found, start, strict=True) if f and _plausible(p, f.fit, a)]
+        kept = [kept[k] for k in _distinct([f.fit for f, _ in kept])]
+        fits = [f for f, _ in kept]
+        if not fits:
             break
-    return [f for f in fits if f is not None]
+        start = np.array([a for _, a in kept])
+        now = np.array([f.fit.vortices[0] for f in fits])
+        area = np.array([f.area for f in fits])
+    return fits
 
 
 def _fit_one(
@@ -205,16 +203,14 @@ def _plausible(p: Plane, fit: Fit, start: np.ndarray) -> bool:
     )
 
 
-def _distinct(now: np.ndarray, explained: list[float]) -> list[int]:
+def _distinct(fits: list[Fit]) -> list[int]:
     """Indices without those that ended on top of a better fitted vortex of the same sense (half a core away)."""
     kept: list[int] = []
-    for k in np.argsort(explained)[::-1]:
-        near = [
-            m
-            for m in kept
-            if now[m, 2] * now[k, 2] > 0
-            and np.hypot(*(now[m, :2] - now[k, :2])) < 0.5 * max(now[m, 3], now[k, 3])
-        ]
-        if not near:
+    for k in np.argsort([f.explained for f in fits])[::-1]:
+        x, y, circulation, a = fits[k].vortices[0]
+        others = [fits[m].vortices[0] for m in kept]
+        if not any(
+            c * circulation > 0 and np.hypot(ox - x, oy - y) < 0.5 * max(b, a) for ox, oy, c, b in others
+        ):
             kept.append(int(k))
     return sorted(kept)

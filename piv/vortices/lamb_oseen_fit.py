@@ -13,9 +13,8 @@ import numpy as np
 PEAK_RADIUS = 1.1209064227785338  # of the swirl, in core radii: root of exp(s^2) = 1 + 2 s^2
 PEAK_SWIRL = 0.6381726863389515  # in circulation/(2 pi core_radius)
 MAX_ITERATIONS = 60
-NEIGHBOUR_PRIOR = (
-    0.3  # relative; a neighbour is mostly known from its own fit, this one sees only its near side
-)
+# relative; a neighbour is mostly known from its own fit, this one sees only its near side
+NEIGHBOUR_PRIOR = 0.3
 
 
 class VelocitySamples(NamedTuple):
@@ -39,7 +38,6 @@ class Fit(NamedTuple):
     residual_u: np.ndarray
     residual_v: np.ndarray
     explained: float
-    converged: bool
 
 
 def lamb_oseen(
@@ -98,7 +96,6 @@ def fit_vortices(
     rotation_prior: float = np.inf,
     core: tuple[float, float] = (1.0, np.inf),
     correlated: float = 1.0,
-    step_limit: float = 1.0,
 ) -> Fit:
     """Fit the vortices `start` (n, 4: x, y, circulation, core_radius) jointly with drift and a linear gradient.
 
@@ -107,9 +104,9 @@ def fit_vortices(
     only matter where the vectors do not tell background from vortex (one half hidden by a body, or not quite
     Lamb-Oseen). `core`: the first vortex' core radius expected beforehand and its relative standard deviation.
     `correlated`: number of vectors per independent one, which puts the vectors' information in
-    proportion to the prior's whatever the grid. `step_limit`: largest move of a centre per iteration, in core radii.
-    A core radius stays within a factor e of its start. The covariance is scaled with the residuals' weighted variance
-    and does not hold `correlated`.
+    proportion to the prior's whatever the grid. A centre moves at most a core radius per iteration; a core radius stays
+    within a factor e of its start. The covariance is scaled with the residuals' weighted variance and does not hold
+    `correlated`.
     """
     n = len(start)
     ox, oy = start[0, 0], start[0, 1]
@@ -131,7 +128,7 @@ def fit_vortices(
         return float(r @ r + (q - mean) @ prior @ (q - mean)), r, root[:, None] * j
 
     _, r, j = cost_of(p)
-    damping, converged = 1e-5, False
+    damping = 1e-5
     for _iteration in range(MAX_ITERATIONS):
         prior = unit * (correlated * (r @ r) / dof)
         cost = float(r @ r + (p - mean) @ prior @ (p - mean))
@@ -140,13 +137,12 @@ def fit_vortices(
         diagonal = np.diag(normal)
         step = _solve(normal + damping * np.diag(diagonal + 1e-12 * diagonal.max()), rhs)
         for k in range(n):  # no leap over several cores, no core growing or shrinking by more than a factor
-            limit = step_limit * np.exp(p[4 * k + 3])
+            limit = np.exp(p[4 * k + 3])
             step[4 * k : 4 * k + 2] = np.clip(step[4 * k : 4 * k + 2], -limit, limit)
             grown = p[4 * k + 3] - np.log(start[k, 3])
             step[4 * k + 3] = np.clip(step[4 * k + 3], max(-0.5, -1 - grown), min(0.5, 1 - grown))
         if 2 * step @ rhs - step @ normal @ step <= 1e-7 * cost + 1e-300:  # nothing left to gain
             if damping <= 1e-7:
-                converged = True
                 break
             damping /= 100  # a damped step may gain little in a long valley: look again undamped
             continue
@@ -157,13 +153,9 @@ def fit_vortices(
         else:
             damping *= 4
     weight = root * root
-    average = np.concatenate(
-        [
-            np.full(d.u.size, np.average(d.u, weights=d.weight_u)),
-            np.full(d.v.size, np.average(d.v, weights=d.weight_v)),
-        ]
-    )
-    spread = float(weight @ (data - average) ** 2)
+    m = d.x.size
+    average = [np.average(d.u, weights=d.weight_u), np.average(d.v, weights=d.weight_v)]
+    spread = float(weight @ (data - np.repeat(average, m)) ** 2)
     variance = max(float(r @ r) / dof, 0.0)
     covariance = variance * _inverse(j.T @ j + prior)
     vortices = p[: 4 * n].reshape(n, 4).copy()
@@ -172,9 +164,8 @@ def fit_vortices(
     to_radius[3 : 4 * n : 4] = vortices[:, 3]
     covariance *= np.outer(to_radius, to_radius)
     residual = data - _model(p, n, d, ox, oy)[0]
-    m = d.x.size
     explained = 1 - float(r @ r) / spread if spread > 0 else 1.0
-    return Fit(vortices, p[4 * n :], covariance, residual[:m], residual[m:], explained, converged)
+    return Fit(vortices, p[4 * n :], covariance, residual[:m], residual[m:], explained)
 
 
 def _prior(

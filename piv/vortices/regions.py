@@ -38,7 +38,7 @@ class Plane(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """A first guess: centre, circulation, core radius, and the number of grid points of its region.
+    """A first guess: centre, circulation and core radius.
 
     What bodies and border hide round the centre is left out of the circulation and made up for in the core radius.
     """
@@ -47,7 +47,6 @@ class Candidate(NamedTuple):
     y: float
     circulation: float
     core_radius: float
-    points: int
 
 
 def find_candidates(p: Plane, g: Gradients, s: VortexSettings) -> list[Candidate]:
@@ -65,7 +64,7 @@ def find_candidates(p: Plane, g: Gradients, s: VortexSettings) -> list[Candidate
     found = []
     for sense in (1.0, -1.0):
         region = (np.nan_to_num(sense * size) >= s.gamma2) & (np.nan_to_num(sense * swirl) > 0) & inside
-        labels, _n = ndimage.label(region, np.ones((3, 3)))
+        labels, _ = ndimage.label(region, np.ones((3, 3)))
         for k, box in enumerate(ndimage.find_objects(labels), start=1):
             j, i = np.nonzero(labels[box] == k)
             if j.size < s.min_points:
@@ -77,7 +76,7 @@ def find_candidates(p: Plane, g: Gradients, s: VortexSettings) -> list[Candidate
             cx, cy = (float(np.average(q, weights=weight)) for q in (x[i], y[j]))
             radius = _whole_radius(x, y, p.valid, cx, cy, j.size)
             circulation = float(omega[j, i].sum() * dx * dy / REGION_PART)
-            found.append(Candidate(cx, cy, circulation, radius / REGION_RADIUS, int(j.size)))
+            found.append(Candidate(cx, cy, circulation, radius / REGION_RADIUS))
     return sorted(found, key=lambda c: -abs(c.circulation))
 
 
