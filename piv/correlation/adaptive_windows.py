@@ -19,7 +19,6 @@ from piv.correlation.passes import NEAR, Displacements, measure
 from piv.correlation.uncertainty import (
     LEAST_KEPT,
     Errors,
-    at_nodes,
     correlation_statistics,
     noise_budget,
     residual_gradients,
@@ -30,13 +29,10 @@ LEVELS = (1.0, 0.75, 0.5, 0.375)  # sides of windows over the largest; those bet
 BALANCE = 2.0  # of noise over unresolved variance: where they are so, the window is right
 ENOUGH = 2.0  # of the side: where so large a window would do, nodes need not be denser
 DENSE = (
-    0.99  # side in place of 1 where nodes are denser only: longer waves are then followed to a larger part
+    0.99  # side in place of 1 where only nodes are denser: longer waves are then followed to a larger part
 )
 STEPS = 4  # Newton steps in the smaller windows
-AREAS = (
-    10.0,
-    2.5,
-)  # σ of the window: areas over which residuals are averaged, the smaller where it is certain
+AREAS = (10.0, 2.5)  # σ of the window: where residuals are averaged, the smaller area where it is certain
 CERTAIN = 3.0  # standard errors
 LEFT = 1.09  # of the noise that `noise_budget` leaves in neighbouring cells: what is seen in uniform flow (±0.05)
 UNRESOLVED = 0.6  # of the variance that the largest window does not resolve, where nodes are denser only
@@ -69,10 +65,7 @@ def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, step
             else:
                 missed = np.where(np.abs(shared) > certain, np.maximum(here, 0), missed)
         noise = np.clip(left * (one - missed * h_one) / np.maximum(nine, 1e-20), 0.05, 1)
-        found.append([
-            cv2.remap(f.astype(np.float32), *at_nodes(nodes), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            for f in (missed, np.where(missed > 0, noise, 1))
-        ])  # fmt: skip
+        found.append([nodes.from_cells(f) for f in (missed, np.where(missed > 0, noise, 1))])
     (missed_x, share_x), (missed_y, share_y) = found
     return Errors(
         errors.var_x * share_x,

@@ -10,9 +10,8 @@ import numpy as np
 
 _kept = threading.local()
 New = Callable[..., np.ndarray]
-FREED = (
-    31 * 2**20
-)  # bytes: glibc keeps the memory of smaller arrays once an array of this size has been freed
+# bytes: glibc keeps the memory of smaller arrays once an array of this size has been freed
+FREED = 31 * 2**20
 
 
 def fresh(*shape: int) -> np.ndarray:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from piv.correlation.buffers import New, fresh
-from piv.correlation.interpolate import PAD, bspline_table, dense_field, warp
+from piv.correlation.interpolate import PAD, bilinear, bspline_table, dense_field, warp
 from piv.correlation.newton_step import CELL, MOMENTS, window_sums, window_weights
 from piv.correlation.pair_moments import pair_moments
 from piv.correlation.prefilter import TAPS, Kernel, apply
@@ -85,9 +85,12 @@ class Nodes:
         middle = (CELL - 1) / 2
         i = (np.arange(columns) * CELL + middle - self.column[0]) / (self.column[1] - self.column[0])
         j = (np.arange(rows) * CELL + middle - self.row[0]) / (self.row[1] - self.row[0])
-        map_x, map_y = np.meshgrid(i.astype(np.float32), j.astype(np.float32))
-        field = field.astype(np.float32)
-        return cv2.remap(field, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return bilinear(field, i, j)
+
+    def from_cells(self, field: np.ndarray) -> np.ndarray:
+        """Bilinear values at the nodes of a field on the centres of the cells."""
+        middle = (CELL - 1) / 2
+        return bilinear(field, (self.column - middle) / CELL, (self.row - middle) / CELL)
 
 
 def inside(seen: np.ndarray) -> np.ndarray:

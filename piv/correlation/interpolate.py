@@ -7,6 +7,7 @@ displacements of particle images of two to three pixels (peak locking).
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numba import njit
 
@@ -43,6 +44,12 @@ def _polynomials() -> np.ndarray:
 
 
 _TAPS = tuple(np.float32(c) for c in _polynomials().ravel())
+
+
+def bilinear(field: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Values of a grid at every pair of a row and a column, which may lie between its own; held constant outside."""
+    at = np.meshgrid(column.astype(np.float32), row.astype(np.float32))
+    return cv2.remap(field.astype(np.float32), *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
 def denser(field: np.ndarray) -> np.ndarray:
@@ -192,18 +199,9 @@ def warp(coefficients, usable, dx, dy, factor, first, out, weight, multiply):
     high_y = np.float32(coefficients.shape[0] - PAD - 4.01)
     for r in range(rows):
         _split(
-            np.float32(factor),
-            dx[r],
-            dy[r],
-            first + r,
-            low,
-            high_x,
-            high_y,
-            np.int32(stride),
-            offset,
-            frac_x,
-            frac_y,
-        )
+            np.float32(factor), dx[r], dy[r], first + r, low, high_x, high_y, np.int32(stride),
+            offset, frac_x, frac_y,
+        )  # fmt: skip
         c = 0
         while c < columns:
             end = run_end(offset, c)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import cv2
 import numpy as np
 import xarray as xr
 
-from fileio.formats.plane_series import provenance
 from piv.correlation.options import Options
 from piv.correlation.pair_images import check_images, check_masks
-from piv.correlation.passes import grid
+from piv.correlation.passes import grid, vector_dataset
 
 
 def optical_flow(a: Any, b: Any, mask: Any, options: Options) -> xr.Dataset:
@@ -40,17 +38,14 @@ def optical_flow(a: Any, b: Any, mask: Any, options: Options) -> xr.Dataset:
     at = np.ix_(j, i)
     mean = [cv2.blur(flow[..., k] * both, (side, side))[at] / np.maximum(share[at], 1e-6) for k in range(2)]
     valid = share[at] > 1 - options.max_masked
+    u, v = np.where(valid, mean[0], np.nan), np.where(valid, -mean[1], np.nan)
+    unknown = np.full(valid.shape, np.nan)
     fields = {
-        "u": np.where(valid, mean[0], np.nan),
-        "v": np.where(valid, -mean[1], np.nan),
-        "valid": valid.astype(np.uint8),
-        "flag": np.where(valid, 0, 2).astype(np.uint8),
-        "u_std": np.full(valid.shape, np.nan),
-        "v_std": np.full(valid.shape, np.nan),
+        "u": u,
+        "v": v,
+        "valid": valid,
+        "flag": np.where(valid, 0, 2),
+        "u_std": unknown,
+        "v_std": unknown,
     }
-    units = {"valid": "1", "flag": "1"}
-    return xr.Dataset(
-        {n: (("y", "x"), f[::-1].copy(), {"units": units.get(n, "px")}) for n, f in fields.items()},
-        coords={"x": ("x", x, {"units": "px"}), "y": ("y", (rows - 1 - y)[::-1].copy(), {"units": "px"})},
-        attrs={"source": "piv", **provenance(**asdict(options))},
-    )
+    return vector_dataset(fields, x, y, rows, options)

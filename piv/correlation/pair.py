@@ -9,14 +9,13 @@ give each frequency its maximum-likelihood weight. Method and sources: docs/piv_
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from fileio.formats.plane_series import provenance
 from piv.correlation import passes, prefilter
 from piv.correlation.adaptive_windows import measure_adapted, separated, window_ratio
 from piv.correlation.buffers import image_buffers
@@ -25,7 +24,7 @@ from piv.correlation.fft_pass import window_maps
 from piv.correlation.newton_step import CELL
 from piv.correlation.options import Options
 from piv.correlation.pair_images import Prepared
-from piv.correlation.passes import Displacements
+from piv.correlation.passes import Displacements, vector_dataset
 from piv.correlation.steep_regions import measure_steep_regions
 from piv.correlation.uncertainty import INTERPOLATION, Errors, errors_of
 from piv.validation.denoise import damp_noise
@@ -149,8 +148,7 @@ def run_passes(
     """All passes; the callbacks hold the images. Displacements are in image axes at the nodes (x, y)."""
     half_shape = (shape[0] // 2, shape[1] // 2)
     dx, dy = passes.first_passes(maps_of, half_shape, seen, options.search, x, y)
-    frequency = prefilter.radial_frequency()
-    response = prefilter.default_response(frequency)
+    response = prefilter.default_response()
     kernel = prefilter.kernel(response)
     nodes = Nodes(x, y, half_shape, 2)
     for _ in range(options.half_steps):
@@ -225,27 +223,11 @@ def to_dataset(
         flag[put] = REPLACED
         present |= put
         finite = present
-    fields = {
-        "u": np.where(finite, dx, np.nan),
-        "v": np.where(finite, -dy, np.nan),
-        "valid": present.astype(np.uint8),
-        "flag": flag,
-        "u_std": np.where(finite, std_x, np.nan),
-        "v_std": np.where(finite, std_y, np.nan),
-        "correlation": np.where(v.masked, np.nan, v.correlation),
-    }
-    units = {"valid": "1", "flag": "1", "correlation": "1"}
+    in_px = {"u": dx, "v": -dy, "u_std": std_x, "v_std": std_y}
+    fields = {n: np.where(finite, f, np.nan) for n, f in in_px.items()}
+    fields |= {"valid": present, "flag": flag, "correlation": np.where(v.masked, np.nan, v.correlation)}
     rows, columns = keep
-    out = xr.Dataset(
-        {
-            n: (("y", "x"), f[rows, columns][::-1].copy(), {"units": units.get(n, "px")})
-            for n, f in fields.items()
-        },
-        coords={
-            "x": ("x", x[columns], {"units": "px"}),
-            "y": ("y", (shape[0] - 1 - y[rows])[::-1].copy(), {"units": "px"}),
-        },
-        attrs={"source": "piv", **provenance(**asdict(options))},
-    )
+    fields = {n: f[rows, columns] for n, f in fields.items()}
+    out = vector_dataset(fields, x[columns], y[rows], shape[0], options)
     out["flag"].attrs["meanings"] = "; ".join(f"{k} {name}" for k, name in enumerate(FLAGS))
     return out

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import ClassVar
 
 import cv2
 import numpy as np
+import xarray as xr
 
+from fileio.formats.plane_series import provenance
 from piv.correlation import fft_pass, prefilter
 from piv.correlation.deform import Image, Nodes, spline_value
+from piv.correlation.interpolate import bilinear
 from piv.correlation.newton_step import newton_step
 from piv.correlation.options import Options
 from piv.validation.outliers import fill_absent, normalised_median
@@ -36,9 +39,8 @@ class Displacements:
     cells: np.ndarray
     sums: np.ndarray
     visible: np.ndarray  # share of the window's weight that could be used
-    cell_noise: float = (
-        1.15  # variance of noise in 3 x 3 cells over nine times that of one (prefilter.cell_noise)
-    )
+    # variance of noise in 3 x 3 cells over nine times that of one (prefilter.cell_noise)
+    cell_noise: float = 1.15
     ratio: np.ndarray | None = None  # side of the window over the largest (piv.correlation.adaptive_windows)
     steep: np.ndarray | None = None  # bool: measured by piv.correlation.steep_regions
 
@@ -61,14 +63,21 @@ def grid(length: int, spacing: float) -> np.ndarray:
     return (length - 1 - (n - 1) * spacing) / 2 + spacing * np.arange(n)
 
 
+def vector_dataset(fields: dict[str, np.ndarray], x, y, height: int, options: Options) -> xr.Dataset:
+    """Fields at columns `x` and rows `y` (px) of images `height` px high as a dataset with y upward."""
+    fields = fields | {n: fields[n].astype(np.uint8) for n in ("valid", "flag")}
+    units = {"valid": "1", "flag": "1", "correlation": "1"}
+    return xr.Dataset(
+        {n: (("y", "x"), f[::-1].copy(), {"units": units.get(n, "px")}) for n, f in fields.items()},
+        coords={"x": ("x", x, {"units": "px"}), "y": ("y", (height - 1 - y)[::-1].copy(), {"units": "px"})},
+        attrs={"source": "piv", **provenance(**asdict(options))},
+    )
+
+
 def resample(x, y, field: np.ndarray, new_x, new_y) -> np.ndarray:
     """Bilinear values of a grid at new coordinates, held constant outside."""
-    i = np.interp(new_x, x, np.arange(x.size)).astype(np.float32)
-    j = np.interp(new_y, y, np.arange(y.size)).astype(np.float32)
-    map_x, map_y = np.meshgrid(i, j)
-    return cv2.remap(
-        field.astype(np.float32), map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
+    i, j = (np.interp(new, old, np.arange(old.size)) for new, old in ((new_x, x), (new_y, y)))
+    return bilinear(field, i, j)
 
 
 def first_passes(
@@ -79,10 +88,8 @@ def first_passes(
     maps_of(columns, rows, shift_x, shift_y, size): correlation maps of windows; seen: unmasked pixels (half
     resolution).
     """
-    sizes = [
-        s for s in sorted({min(search // 2, 512), *FFT_WINDOWS}, reverse=True) if s <= max(search // 2, 16)
-    ]
-    sizes = [s for s in sizes if s <= min(shape)] or [16]
+    largest = min(max(search // 2, 16), *shape)
+    sizes = sorted((s for s in {min(search // 2, 512), *FFT_WINDOWS} if s <= largest), reverse=True) or [16]
     gx = gy = np.zeros(0, np.int64)
     dx = dy = np.zeros((0, 0), np.float32)
     for size in sizes:
@@ -115,9 +122,8 @@ def first_passes(
     return 2 * resample(*at, dx, x, y), 2 * resample(*at, dy, x, y)
 
 
-Move = tuple[
-    np.ndarray, np.ndarray, float
-]  # dx, dy at the nodes and the share of them by which an image is warped
+# dx, dy at the nodes and the share of them by which an image is warped
+Move = tuple[np.ndarray, np.ndarray, float]
 
 
 def strip_spectra(
@@ -176,11 +182,12 @@ def deviates(
     5 x 5 neighbours; of vectors (bool) marked `near` 3 x 3, since farther neighbours may lie in the next wave.
     """
     threshold = options.threshold
-    failed = normalised_median(dx, dy, usable, epsilon=epsilon, radius=2, threshold=threshold)[0] > threshold
-    if near is None:
-        return failed
-    nearest = normalised_median(dx, dy, usable, epsilon=epsilon, radius=1, threshold=threshold)[0] > threshold
-    return np.where(near, nearest, failed)
+
+    def failed(radius: int) -> np.ndarray:
+        test = normalised_median(dx, dy, usable, epsilon=epsilon, radius=radius, threshold=threshold)
+        return test[0] > threshold
+
+    return failed(2) if near is None else np.where(near, failed(1), failed(2))
 
 
 def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Displacements, options: Options) -> Displacements:

@@ -13,12 +13,12 @@ from piv.correlation.interpolate import kernel_response
 TILE = 64  # px: side of the tiles whose spectra are averaged
 TILES = 50  # so many of them: a radial bin is then known to some per cent
 TAPS = 17  # px: length of the filter kernels
+BOX = 7  # px at half resolution: of the local mean
+LOWPASS = 0.35  # px: of the Gaussian before the spectra are measured
 
 
-def remove_background(
-    image: np.ndarray, seen: np.ndarray | None, new: New = fresh, size: int = 7
-) -> np.ndarray:
-    """Image (float32) minus its local mean (a triangle of 4·size px), zero where `seen` is False.
+def remove_background(image: np.ndarray, seen: np.ndarray | None, new: New = fresh) -> np.ndarray:
+    """Image (float32) minus its local mean (a triangle of 4·BOX px), zero where `seen` is False.
 
     Only seen pixels enter the local mean, which is smooth enough to be taken at half resolution.
     """
@@ -26,7 +26,7 @@ def remove_background(
 
     def blur(field):
         coarse = cv2.resize(field, (shape[0] // 2, shape[1] // 2), interpolation=cv2.INTER_AREA)
-        return cv2.blur(cv2.blur(coarse, (size, size)), (size, size))
+        return cv2.blur(cv2.blur(coarse, (BOX, BOX)), (BOX, BOX))
 
     weight = None if seen is None else seen.astype(np.float32)
     mean = blur(image) if weight is None else blur(image * weight) / np.maximum(blur(weight), 1e-6)
@@ -37,9 +37,9 @@ def remove_background(
     return out
 
 
-def default_response(frequency: np.ndarray, lowpass: float = 0.35) -> np.ndarray:
-    """Gaussian low-pass of `lowpass` px: the amplitude response before the spectra are measured."""
-    return np.exp(-2 * (np.pi * lowpass * frequency) ** 2)
+def default_response() -> np.ndarray:
+    """Amplitude response, on the rfft2 frequencies of a tile, before the spectra are measured."""
+    return np.exp(-2 * (np.pi * LOWPASS * radial_frequency()) ** 2)
 
 
 Kernel = tuple[np.ndarray, np.ndarray]  # along rows, along columns
@@ -82,9 +82,8 @@ def tile_rows(rows: int, columns: int, seen: np.ndarray | None) -> np.ndarray:
     return first[((np.arange(count) + 0.5) * first.size / max(count, 1)).astype(int)]
 
 
-Powers = tuple[
-    np.ndarray, np.ndarray
-]  # sums over tiles of the cross power and of half the power of the difference
+# sums over tiles of the cross power and of half the power of the difference
+Powers = tuple[np.ndarray, np.ndarray]
 
 
 def strip_powers(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> Powers | None:

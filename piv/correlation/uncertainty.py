@@ -161,13 +161,5 @@ def unresolved(nodes: Nodes, v: Displacements, sigma: float):
                 other = cv2.filter2D(h, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
                 curvature = np.maximum(mean(h * other), 1e-12)
                 found = np.maximum(found, np.where(sure, shared / curvature, 0))
-        out.append(cv2.remap(found, *at_nodes(nodes), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+        out.append(nodes.from_cells(found))
     return out[0], out[1]
-
-
-def at_nodes(nodes: Nodes) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of the nodes in cells, as maps for cv2.remap."""
-    middle = (CELL - 1) / 2
-    i, j = (nodes.column - middle) / CELL, (nodes.row - middle) / CELL
-    map_x, map_y = np.meshgrid(i.astype(np.float32), j.astype(np.float32))
-    return map_x, map_y

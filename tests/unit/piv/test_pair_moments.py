@@ -27,7 +27,7 @@ def by_whole_images(nodes, a, b, dx, dy):
 def test_row_by_row_as_whole_images(shape, masked):
     """Sizes that cells and runs do not divide, more columns than a block, and windows that leave the image."""
     rng, around = np.random.default_rng(5), np.ones((3, 3), np.uint8)
-    kernel = prefilter.kernel(prefilter.default_response(prefilter.radial_frequency()))
+    kernel = prefilter.kernel(prefilter.default_response())
     images = []
     for _ in range(2):
         seen = None
@@ -78,7 +78,7 @@ def test_products_are_those_of_their_definition():
 def test_whole_pixels_are_taken_as_they_are(shift):
     """Two views of one image, moved by whole pixels, correlate wholly and ask for no step."""
     image = np.random.default_rng(7).standard_normal((64, 80)).astype(np.float32)
-    kernel = prefilter.kernel(prefilter.default_response(prefilter.radial_frequency()))
+    kernel = prefilter.kernel(prefilter.default_response())
     a, b = (Image(i, None) for i in (image[:, shift:], image[:, : image.shape[1] - shift]))
     a.filter(kernel)
     b.filter(kernel)
