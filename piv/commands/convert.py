@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import numpy as np
+
 from piv.fields.summary import summary
 from piv.foreign.read import read_vectors
 from piv.foreign.vector_files import READERS
@@ -50,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Convert."""
     scale = args.scale_mm_per_px * 1e-3 if args.scale_mm_per_px is not None else None
-    shift = [0.0, 0.0]
+    shift = np.zeros(2)
     if args.calibration is not None:
         if scale is not None:
             raise ValueError("give --calibration or --scale-mm-per-px, not both")
@@ -60,7 +62,7 @@ def run(args: argparse.Namespace) -> None:
                 f"{args.calibration}: has a lens; use 'python -m piv calibrate --apply' on px vectors"
             )
         scale = calibration.scale_m_per_px
-        shift = list(calibration.origin_px * scale)
+        shift = calibration.origin_px * scale
     plane = read_vectors(
         args.input,
         kind=args.kind,
@@ -74,11 +76,9 @@ def run(args: argparse.Namespace) -> None:
         interval_s=args.interval,
         image_rows=args.image_rows,
     )
-    if any(shift):
-        units = {n: plane[n].attrs for n in ("x", "y")}
-        plane = plane.assign_coords(x=plane["x"] - shift[0], y=plane["y"] - shift[1])
-        for n, attrs in units.items():
-            plane[n].attrs = attrs
+    if shift.any():
+        moved = {n: plane[n].copy(data=plane[n] - s) for n, s in zip("xy", shift, strict=True)}
+        plane = plane.assign_coords(moved)
     files = write_vectors(plane, args.output)
     if not args.quiet:
         print(f"{files[0]}{f' ... {files[-1].name}' if len(files) > 1 else ''}: {summary(plane)}")

@@ -141,14 +141,9 @@ def _peaks(maps, reach, dx, dy, second_x, second_y):
                     and value >= near[r, c + 1]
                 ):
                     second, sr, sc = value, r, c
-        for pick in range(2):
-            r, c = (br, bc) if pick == 0 else (sr, sc)
-            x = c - side + _subpixel(near[r, c - 1], near[r, c], near[r, c + 1])
-            y = r - side + _subpixel(near[r - 1, c], near[r, c], near[r + 1, c])
-            if pick == 0:
-                dx[k], dy[k] = x, y
-            else:
-                second_x[k], second_y[k] = x, y
+        for r, c, x, y in ((br, bc, dx, dy), (sr, sc, second_x, second_y)):
+            x[k] = c - side + _subpixel(near[r, c - 1], near[r, c], near[r, c + 1])
+            y[k] = r - side + _subpixel(near[r - 1, c], near[r, c], near[r + 1, c])
 
 
 def find_peaks(maps: np.ndarray, shift_x: np.ndarray, shift_y: np.ndarray, reach: int) -> Peaks:

@@ -63,24 +63,18 @@ def measure_steep_regions(
         if np.count_nonzero(poor[box] & (labels[box] == k)) < FEWEST:
             poor[box] &= labels[box] != k
             continue
-        rows, columns = (
-            slice(max(s.start - BORDER, 0), min(s.stop + BORDER, n))
-            for s, n in zip(box, poor.shape, strict=True)
-        )
-        if min(rows.stop - rows.start, columns.stop - columns.start) < 4:
+        spans = zip(box, poor.shape, strict=True)
+        part = tuple(slice(max(s.start - BORDER, 0), min(s.stop + BORDER, n)) for s, n in spans)
+        if min(poor[part].shape) < 4:
             poor[box] = False
             continue
-        part = (rows, columns)
         new = _region(nodes, images, vectors, poor[part], part, target, options, 2 if final else 1)
         dx[part], dy[part] = new[:2]
         correlation[part] = np.where(poor[part], new[2], correlation[part])
     if not final:
         return replace(vectors, dx=dx, dy=dy)
-    usable = (
-        ~vectors.masked
-        & (correlation > options.min_correlation)
-        & ~(poor & (correlation < LOST / POOR * target))
-    )
+    lost = poor & (correlation < LOST / POOR * target)
+    usable = ~vectors.masked & (correlation > options.min_correlation) & ~lost
     failed = deviates(dx, dy, usable, options.epsilon, options, vectors.near)
     known = usable & ~failed & (vectors.known | poor)
     return replace(vectors, dx=dx, dy=dy, correlation=correlation, steep=poor, known=known)
@@ -132,9 +126,8 @@ def _cut(nodes: Nodes, images: list[Image], part: tuple[slice, slice], density: 
         first = max(int(axis[s.start]) - margin, 0) // CELL * CELL
         spans.append((first, min(int(axis[s.stop - 1]) + margin, length)))
     (c0, c1), (r0, r1) = spans
-    x, y = (
-        np.linspace(a[0], a[-1], density * (a.size - 1) + 1) for a in (nodes.x[part[1]], nodes.y[part[0]])
-    )
+    near = nodes.x[part[1]], nodes.y[part[0]]
+    x, y = (np.linspace(a[0], a[-1], density * (a.size - 1) + 1) for a in near)
     local = Nodes(x - c0, y - r0, (r1 - r0, c1 - c0), 1)
     return local, [i.crop(r0, r1, c0, c1) for i in images]
 
@@ -148,13 +141,10 @@ _AXIS = np.arange(-REACH, REACH + 1, dtype=np.float32)
 _BELL = np.exp(-0.5 * (_AXIS / WIDTH) ** 2)
 
 
-def _sums(field: np.ndarray) -> list[np.ndarray]:
-    """Weighted sums of field times 1, x, y around every node, x and y in nodes."""
-
-    def sums(kernel_x, kernel_y):
-        return cv2.sepFilter2D(field, cv2.CV_32F, kernel_x, kernel_y, borderType=cv2.BORDER_CONSTANT)
-
-    return [sums(_BELL, _BELL), sums(_AXIS * _BELL, _BELL), sums(_BELL, _AXIS * _BELL)]
+def _sums(field: np.ndarray, *powers: tuple[int, int]) -> list[np.ndarray]:
+    """Weighted sums of field times x^p y^q around every node for each of the powers (p, q); x and y in nodes."""
+    kernels = ((_AXIS**p * _BELL, _AXIS**q * _BELL) for p, q in powers)
+    return [cv2.sepFilter2D(field, cv2.CV_32F, *k, borderType=cv2.BORDER_CONSTANT) for k in kernels]
 
 
 def continue_linearly(u: np.ndarray, v: np.ndarray, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -162,12 +152,8 @@ def continue_linearly(u: np.ndarray, v: np.ndarray, good: np.ndarray) -> tuple[n
 
     Farther away, means of neighbours replace them (`fill_absent`).
     """
-    weight = good.astype(np.float32)
-    m, mx, my = _sums(weight)
-    axis2 = _AXIS**2 * _BELL
-    mxx = cv2.sepFilter2D(weight, cv2.CV_32F, axis2, _BELL, borderType=cv2.BORDER_CONSTANT)
-    myy = cv2.sepFilter2D(weight, cv2.CV_32F, _BELL, axis2, borderType=cv2.BORDER_CONSTANT)
-    mxy = cv2.sepFilter2D(weight, cv2.CV_32F, _AXIS * _BELL, _AXIS * _BELL, borderType=cv2.BORDER_CONSTANT)
+    linear = (0, 0), (1, 0), (0, 1)
+    m, mx, my, mxx, myy, mxy = _sums(good.astype(np.float32), *linear, (2, 0), (0, 2), (1, 1))
     total = np.maximum(m, 1e-9)
     cx, cy = mx / total, my / total  # centroid of the good vectors
     xx, yy, xy = mxx / total - cx**2 + RIDGE, myy / total - cy**2 + RIDGE, mxy / total - cx * cy
@@ -175,7 +161,7 @@ def continue_linearly(u: np.ndarray, v: np.ndarray, good: np.ndarray) -> tuple[n
     fitted = ~good & (m > LEAST)
     out = []
     for field in (u, v):
-        f, fx, fy = _sums(np.where(good, field, 0).astype(np.float32))
+        f, fx, fy = _sums(np.where(good, field, 0).astype(np.float32), *linear)
         mean = f / total
         gx, gy = fx / total - cx * mean, fy / total - cy * mean
         slope_x, slope_y = (yy * gx - xy * gy) / det, (xx * gy - xy * gx) / det

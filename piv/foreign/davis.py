@@ -11,7 +11,7 @@ from fileio.child_process import read_in_child
 from fileio.errors import one_line
 
 
-def read_buffer(path: Path, plane: int = 0) -> dict[str, Any]:
+def read_buffer(path: Path) -> dict[str, Any]:
     """Vectors of the first frame of a .vc7: `u`, `v` (rows, columns), `absent` (bool), `grid` (x, y), and of the
     axes `x`, `y`, `i` each (slope, offset, unit).
 
@@ -24,16 +24,16 @@ def read_buffer(path: Path, plane: int = 0) -> dict[str, Any]:
             f"{path}: DaVis files need the package lvpyio, which may be used but is not free software: pip install lvpyio"
         ) from None
     try:
-        return read_in_child(_read, str(path.resolve()), plane)
+        return read_in_child(_read, str(path.resolve()))
     except Exception as error:  # the library raises its own kinds
         raise ValueError(f"{path}: not a readable DaVis vector buffer ({one_line(error, 200)})") from error
 
 
-def _read(path: str, plane: int) -> dict[str, Any]:
+def _read(path: str) -> dict[str, Any]:
     import lvpyio
 
     frame = lvpyio.read_buffer(path)[0]
-    values = frame.as_masked_array(plane)
+    values = frame.as_masked_array(0)
     if values.dtype.names is None or "u" not in values.dtype.names:
         raise ValueError("the DaVis buffer holds an image, not vectors")
     scales = {a: getattr(frame.scales, a) for a in ("x", "y", "i")}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -73,9 +73,7 @@ def to_plane(
     if direction == "down":
         if length == "px":
             if image_rows is None:
-                raise ValueError(
-                    f"{name}: y is in px from the top; give the height of the image, --image-rows"
-                )
+                raise ValueError(f"{name}: y is in px from the top; give the image's height, --image-rows")
             y = (image_rows - 1) - y
         else:
             y = -y
@@ -130,34 +128,20 @@ def read_vectors(
     if len(kinds) > 1:
         raise ValueError(f"vector files of several kinds: {', '.join(sorted(kinds))}")
     kind = kinds.pop()
+    if kind in ("plane", "csv", "pivpy") and len(files) > 1:
+        raise ValueError(f"{files[0]}: give one {kind} file; it holds all instants itself")
     if kind in ("plane", "csv"):
-        if len(files) > 1:
-            raise ValueError(f"{files[0]}: give one {kind} file; it holds all instants itself")
         return _read_nc_or_plane(files[0]) if kind == "plane" else read_csv(files[0])
-    readers: dict[str, Callable[[Path], Vectors]] = {
-        "openpiv": read_openpiv,
-        "tecplot": read_tecplot,
-        "davis": read_davis,
-    }
     if kind not in READERS:
         raise ValueError(f"unknown format {kind!r}; known are {', '.join(READERS)}")
     files.sort(key=natural_key)
-    if kind == "pivlab" and len(files) == 1:  # a .mat holds all instants of a session
-        read = ((files[0], found) for found in read_pivlab(files[0], keep_replaced=keep_replaced))
-    elif kind == "pivpy":
-        if len(files) > 1:
-            raise ValueError(f"{files[0]}: give one pivpy file; it holds all instants itself")
-        read = ((files[0], Vectors(*found)) for found in read_pivpy(files[0]))
-    elif kind == "pivlab":
-        read = ((path, next(read_pivlab(path, keep_replaced=keep_replaced))) for path in files)
-    else:
-        read = ((path, readers[kind](path)) for path in files)
     planes, names = [], []
-    for path, found in read:
-        if zero_is_absent:
-            found.flag[(found.u == 0) & (found.v == 0)] = 2
-        planes.append(to_plane(found, str(path), **units))  # type: ignore[arg-type]
-        names.append(path)
+    for path in files:
+        for found in _instants(path, kind, keep_replaced):
+            if zero_is_absent:
+                found.flag[(found.u == 0) & (found.v == 0)] = 2
+            planes.append(to_plane(found, str(path), **units))  # type: ignore[arg-type]
+            names.append(path)
     attrs = {"source": "lab", "imported_from": json.dumps([p.name for p in files])}
     if len(planes) == 1:
         return planes[0].assign_attrs(attrs)
@@ -190,6 +174,14 @@ def open_vectors(path: str | Path) -> xr.Dataset:
     if path.suffix.lower() == ".nc" and netcdf_layout(path) == "plane":
         return own_netcdf(path)
     return read_vectors([path])
+
+
+def _instants(path: Path, kind: str, keep_replaced: bool) -> Iterable[Vectors]:
+    if kind == "pivlab":
+        return read_pivlab(path, keep_replaced=keep_replaced)
+    if kind == "pivpy":
+        return [Vectors(*found) for found in read_pivpy(path)]
+    return [{"openpiv": read_openpiv, "tecplot": read_tecplot, "davis": read_davis}[kind](path)]
 
 
 def _read_nc_or_plane(path: Path) -> xr.Dataset:

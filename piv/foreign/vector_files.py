@@ -65,9 +65,10 @@ def _head(path: Path, size: int = 4096) -> str:
     return path.read_bytes()[:size].decode("utf-8", "replace")
 
 
-def _grid(
-    path: Path, x: Any, y: Any, u: Any, v: Any, flag: Any
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+Grid = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # the first five of `Vectors`
+
+
+def _grid(path: Path, x: Any, y: Any, u: Any, v: Any, flag: Any) -> Grid:
     """Scattered rows to a regular grid; points not in the file are masked (flag 2)."""
     x, y, u, v = (np.asarray(a, float).ravel() for a in (x, y, u, v))
     flag = np.asarray(flag).ravel().astype(np.uint8)
@@ -154,11 +155,12 @@ def read_tecplot(path: Path) -> Vectors:
         raise ValueError(f"{path}: {len(names)} variables but rows of shape {rows.shape}")
     short = [re.split(r"[\s(\[/]", n.strip().lower())[0] for n in names]
     wanted = {"x": ("x",), "y": ("y",), "u": ("u", "vx"), "v": ("v", "vy")}
-    column: dict[str, int] = {}
+    column = {}
     for key, options in wanted.items():
-        if not set(options) & set(short):
+        known = [short.index(o) for o in options if o in short]
+        if not known:
             raise ValueError(f"{path}: no column {' or '.join(options)} among {', '.join(names)}")
-        column[key] = next(short.index(o) for o in options if o in short)
+        column[key] = known[0]
     flag = np.zeros(len(rows), np.uint8)
     for name in ("chc", "isvalid", "valid"):
         if name in short:
@@ -175,11 +177,12 @@ def _unit(name: str) -> str | None:
     return _spelled(found.group(1)) if found else None
 
 
+SPELLINGS = {"pxs": "px", "px/fr": "px/frame", "px/dt": "px/frame", "m s-1": "m/s", "mm s-1": "mm/s"}
+
+
 def _spelled(unit: str) -> str:
     unit = unit.strip().lower().replace("pixel", "px").replace("pix", "px")
-    return {"pxs": "px", "px/fr": "px/frame", "px/dt": "px/frame", "m s-1": "m/s", "mm s-1": "mm/s"}.get(
-        unit, unit
-    )
+    return SPELLINGS.get(unit, unit)
 
 
 def read_pivlab(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]:
@@ -217,14 +220,14 @@ def _two_units(text: str) -> tuple[str, str] | None:
     return (units[0], units[1]) if len(units) >= 2 else None
 
 
-def read_davis(path: Path, *, plane: int = 0) -> Vectors:
+def read_davis(path: Path) -> Vectors:
     """A DaVis vector buffer (.vc7) through lvpyio, scaled; disabled and masked vectors are absent.
 
     Positions are grid index x grid x slope + offset (DaVis) and v is positive in the direction of the axis that DaVis scaled;
     rows run from the top, so y is "up" where that scale's slope is negative, as after a calibration, else "down".
     """
     _head(path, 16)
-    found = read_buffer(path, plane)
+    found = read_buffer(path)
     absent = found["absent"]
     (slope_x, offset_x, unit_x), (slope_y, offset_y, _) = found["x"], found["y"]
     rows, columns = absent.shape
@@ -238,7 +241,5 @@ def read_davis(path: Path, *, plane: int = 0) -> Vectors:
     length, velocity = _spelled(unit_x), _spelled(found["i"][2])
     if velocity == "px":
         velocity = "px/frame"
-    down = slope_y > 0
-    return Vectors(
-        *_grid(path, xx, yy, u, v, flag), length or None, velocity or None, "down" if down else "up"
-    )
+    direction = "down" if slope_y > 0 else "up"
+    return Vectors(*_grid(path, xx, yy, u, v, flag), length or None, velocity or None, direction)

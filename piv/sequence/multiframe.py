@@ -45,11 +45,8 @@ def correlate_frames(frames: list[Any], *, mask: Any = None, **options: Any) -> 
 
     def maps_of(columns, rows, shift_x, shift_y, size):
         half, _ = images.at(2)
-        both = [
-            window_maps(half[k], half[k + 1], columns, rows, shift_x, shift_y, size)
-            for k in (reach - 1, reach)
-        ]
-        return both[0] + both[1]
+        pairs = ((half[k], half[k + 1]) for k in (reach - 1, reach))
+        return sum(window_maps(a, b, columns, rows, shift_x, shift_y, size) for a, b in pairs)
 
     def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> np.ndarray:
         f = nodes.factor

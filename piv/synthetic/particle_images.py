@@ -13,22 +13,6 @@ import numpy as np
 SLAB_HALF_WIDTH = 1.25  # in sheet thicknesses: light has fallen to exp(-12.5) there
 
 
-def particle_image_diameter_px(
-    bead_diameter: float,
-    scale_m_per_px: float,
-    pixel_pitch: float,
-    f_number: float,
-    wavelength: float = 532e-9,
-) -> float:
-    """Diameter (px) of a bead's image from geometry and diffraction, sqrt((M d)^2 + (2.44 f# (1+M) lambda)^2).
-
-    All lengths in m. Source: Raffel et al., Particle Image Velocimetry (2018), eq. 2.7-2.10.
-    """
-    magnification = pixel_pitch / scale_m_per_px
-    diffraction = 2.44 * f_number * (1 + magnification) * wavelength
-    return math.hypot(magnification * bead_diameter, diffraction) / pixel_pitch
-
-
 def sheet_light(z: np.ndarray, thickness: float) -> np.ndarray:
     """Relative light at distance `z` from the middle of a Gaussian sheet, exp(-8 z^2/thickness^2).
 
@@ -152,7 +136,6 @@ def shadow_of(mask: np.ndarray) -> np.ndarray:
 def expose(
     light: np.ndarray,
     rng: np.random.Generator,
-    *,
     bits: int = 8,
     background: float = 0.0,
     read_noise: float = 0.0,

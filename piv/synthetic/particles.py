@@ -27,22 +27,14 @@ class Box:
 
     def volume(self, margin: float = 0.0, margin_z: float = 0.0) -> float:
         """Volume, m^3, grown by the margins on every side."""
-        return (
-            (self.x1 - self.x0 + 2 * margin)
-            * (self.y1 - self.y0 + 2 * margin)
-            * 2
-            * (self.half_width + margin_z)
-        )
+        across, up = self.x1 - self.x0 + 2 * margin, self.y1 - self.y0 + 2 * margin
+        return across * up * 2 * (self.half_width + margin_z)
 
     def holds(self, p: np.ndarray) -> np.ndarray:
         """Which particles (rows x, y, z, ...) lie inside."""
-        return (
-            (p[0] >= self.x0)
-            & (p[0] < self.x1)
-            & (p[1] >= self.y0)
-            & (p[1] < self.y1)
-            & (np.abs(p[2]) <= self.half_width)
-        )
+        x, y, z = p[:3]
+        inside = (x >= self.x0) & (x < self.x1) & (y >= self.y0) & (y < self.y1)
+        return inside & (np.abs(z) <= self.half_width)
 
 
 def seed_particles(
@@ -144,13 +136,14 @@ def motion(field: PlaneField, start: float, end: float, half_width: float) -> Mo
     interval) and particles pass by q radians of its waves: s⁴/(120 n⁴) where the flow turns, s q³/(2880 n⁴), as of
     Simpson's rule, where they are carried through its waves. More than one step a cell (and two in all) is never made.
     """
-    e = extremes(field.at(_between(start, end, 0.5)), field.dx, field.dy)
+    coefficients = field.at(_between(start, end, 0.5))
+    u, v, w, dwdz, slope, curvature = extremes(coefficients, 1 / field.dx, 1 / field.dy)
     time = end - start
-    along = math.hypot(e.u, e.v) * time
-    turn, passed = e.slope * time, along * e.curvature / max(e.slope, 1e-300)
+    along = math.hypot(u, v) * time
+    turn, passed = slope * time, along * curvature / max(slope, 1e-300)
     needed = (max(turn**4 / 120, turn * passed**3 / 2880) / PRECISION) ** 0.25
     most = max(2, math.ceil(along / min(field.dx, field.dy)))
-    return Motion(along, (e.w + e.dwdz * half_width) * time, min(max(1, math.ceil(needed)), most))
+    return Motion(along, (w + dwdz * half_width) * time, min(max(1, math.ceil(needed)), most))
 
 
 def exact_displacement(

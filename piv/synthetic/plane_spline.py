@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -16,7 +15,7 @@ from fileio.formats.plane_series import check_vectors
 
 CACHED_PLANES = 6
 CACHED_INSTANTS = (
-    3  # a step's end is the next one's beginning, and both its truth and its speed are asked for too
+    3  # a step's end is the next one's beginning, and both its truth and its speed are asked for
 )
 BODY_REACH = 8.0  # cells into a body that take its surface's velocity; further in, no particle ever is
 
@@ -62,14 +61,10 @@ class PlaneField:
                         values = np.where(valid, values, body[name])
                         known |= np.isfinite(body[name])
                     filled = extend(values, known)
-                    out[..., k] = np.pad(
-                        ndimage.spline_filter(filled, order=3, mode="mirror"), 1, mode="reflect"
-                    )
+                    out[..., k] = _coefficients(filled)
             if plane:
                 outward = np.where(valid, divergence(out[..., 0], out[..., 1], self.dx, self.dy), 0.0)
-                out[..., 3] = np.pad(
-                    ndimage.spline_filter(-outward, order=3, mode="mirror"), 1, mode="reflect"
-                )
+                out[..., 3] = _coefficients(-outward)
             self._cache[i] = out
             if len(self._cache) > CACHED_PLANES:
                 self._cache.popitem(last=False)
@@ -97,7 +92,7 @@ class PlaneField:
             (first, w), *others = hermite_weights(self.time, t)
             out = w * self.plane(first)
             for i, w in others:
-                _add(out.reshape(-1), w, self.plane(i).reshape(-1))
+                out += w * self.plane(i)
             self._instants[t] = out
             if len(self._instants) > CACHED_INSTANTS:
                 self._instants.popitem(last=False)
@@ -109,30 +104,12 @@ class PlaneField:
         return _sample(coefficients, (np.ravel(x) - self.x[0]) / self.dx, (np.ravel(y) - self.y[0]) / self.dy)
 
 
-@numba.njit(cache=True)
-def _add(out: np.ndarray, weight: float, values: np.ndarray) -> None:
-    for k in range(out.size):
-        out[k] += weight * values[k]
-
-
-class Extremes(NamedTuple):
-    """Largest magnitudes of a plane's coefficients: of u, v, w, dwdz, of u's and v's slope between nodes, of their curvature."""
-
-    u: float
-    v: float
-    w: float
-    dwdz: float
-    slope: float
-    curvature: float
-
-
-def extremes(c: np.ndarray, dx: float, dy: float) -> Extremes:
-    """`Extremes` of coefficients as `PlaneField.at` gives them; nodes `dx`, `dy` apart."""
-    return Extremes(*_extremes(c, 1 / dx, 1 / dy))
-
-
 @numba.njit(cache=True, fastmath=True)
-def _extremes(c, per_x, per_y):
+def extremes(c, per_x, per_y):
+    """Largest magnitudes in a plane's coefficients: of u, v, w, dwdz, of u's and v's slope between nodes, of their curvature.
+
+    c: as `PlaneField.at` gives them; per_x, per_y: nodes per metre.
+    """
     ny, nx, _ = c.shape
     u = v = w = dwdz = slope = curvature = 0.0
     for j in range(1, ny - 1):
@@ -146,6 +123,10 @@ def _extremes(c, per_x, per_y):
                 slope = max(slope, abs(right) * per_x, abs(up) * per_y)
                 curvature = max(curvature, abs(right - left) * per_x**2, abs(up - down) * per_y**2)
     return u, v, w, dwdz, slope, curvature
+
+
+def _coefficients(values: np.ndarray) -> np.ndarray:
+    return np.pad(ndimage.spline_filter(values, order=3, mode="mirror"), 1, mode="reflect")
 
 
 def hermite_weights(time: np.ndarray, t: float) -> list[tuple[int, float]]:

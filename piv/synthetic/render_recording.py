@@ -56,13 +56,8 @@ def render_pair(
     corners = np.meshgrid(np.linspace(0, columns - 1, 65), np.linspace(0, rows - 1, 65))
     largest = max(float(np.abs(d).max()) for d in displacement(*corners)[:2])
     margin = largest + 4 * diameter_px
-    box = Box(
-        -0.5 - margin,
-        columns - 0.5 + margin,
-        -0.5 - margin,
-        rows - 0.5 + margin,
-        SLAB_HALF_WIDTH * sheet_thickness_px,
-    )
+    low, right, top = -0.5 - margin, columns - 0.5 + margin, rows - 0.5 + margin
+    box = Box(low, right, low, top, SLAB_HALF_WIDTH * sheet_thickness_px)
     p = seed_particles(box, density_ppp / sheet_thickness_px, diameter_px, diameter_std_px, rng)
     d = np.zeros((3, p.shape[1]))
     for k, component in enumerate(displacement(p[0], p[1])):
@@ -78,16 +73,7 @@ def render_pair(
         add_particles(image, x, rows - 1 - y, light, p[3])
         if body is not None:
             image[body] = 0
-        pictures.append(
-            expose(
-                image,
-                rng,
-                bits=bits,
-                background=background,
-                read_noise=noise * full,
-                electrons_per_level=electrons_per_level,
-            )
-        )
+        pictures.append(expose(image, rng, bits, background, noise * full, electrons_per_level))
     return pictures[0], pictures[1]
 
 
@@ -118,28 +104,17 @@ def render_recording(
     attrs["field_digest"] = _digest(series)
     masked = "outline" in series or bool((series["valid"].isel(time=0) == 0).any())
     dtype = np.uint8 if c.bits <= 8 else np.uint16
-    with RecordingWriter(
-        path,
-        (c.height_px, c.width_px),
-        dtype,
-        len(recorder.taken),
-        attrs,
-        times=recorder.time[recorder.taken],
-        mask=masked,
-    ) as writer:
+    shape, times = (c.height_px, c.width_px), recorder.time[recorder.taken]
+    with RecordingWriter(path, shape, dtype, len(times), attrs, times=times, mask=masked) as writer:
         _add_finger(writer, recorder)
         state_path = path.with_name(path.name + ".particles.npz")
         done = set(writer.done.tolist()) if writer.resumed else set()
-        missing = [i for i in range(len(recorder.taken)) if i not in done]
+        missing = [i for i in range(len(times)) if i not in done]
         if missing:
             first = int(recorder.taken[missing[0]])
             state = _load_state(state_path, first) if writer.resumed else None
             bar = tqdm(
-                total=len(recorder.taken),
-                initial=len(done),
-                unit="frame",
-                disable=quiet or None,
-                desc="render",
+                total=len(times), initial=len(done), unit="frame", disable=quiet or None, desc="render"
             )
             for i, frame in enumerate(recorder.frames(first, state), missing[0]):
                 if i not in done:

@@ -55,9 +55,8 @@ class Recorder:
         first, last = self.field.time[[0, -1]]
         self.n_frames = math.floor((last - first) * camera.frame_rate_hz + 1e-6) + 1
         self.time = first + np.arange(self.n_frames) / camera.frame_rate_hz
-        number = np.arange(
-            self.n_frames - (self.n_frames % camera.pairs_every == 1)
-        )  # no half pair at the end
+        half_pair = self.n_frames % camera.pairs_every == 1  # at the end
+        number = np.arange(self.n_frames - half_pair)
         self.taken = number[number % camera.pairs_every < 2]
         scale = camera.scale_m_per_px
         self.rim_px = math.ceil(3 * seeding.diameter_px)
@@ -147,14 +146,7 @@ class Recorder:
         image = np.zeros((c.height_px, c.width_px), np.float32)
         add_particles(image, column, row, light, particles[3])
         rng = np.random.default_rng([self.seed, index, 1])
-        return expose(
-            image,
-            rng,
-            bits=c.bits,
-            background=c.background,
-            read_noise=c.read_noise,
-            electrons_per_level=c.electrons_per_level,
-        )
+        return expose(image, rng, c.bits, c.background, c.read_noise, c.electrons_per_level)
 
     def frames(self, start: int = 0, state: tuple[int, np.ndarray] | None = None) -> Iterator[Frame]:
         """The frames taken from `start` on; `state`: an earlier frame's number and particles (None: from the first frame)."""
@@ -177,9 +169,8 @@ class Recorder:
     @property
     def truth_stride(self) -> int:
         """Every so many-th node of the plane has its truth written: no finer than vectors are wanted."""
-        return max(
-            1, int(TRUTH_SPACING_PX * self.camera.scale_m_per_px / max(self.field.dx, self.field.dy) + 1e-6)
-        )
+        wanted = TRUTH_SPACING_PX * self.camera.scale_m_per_px
+        return max(1, int(wanted / max(self.field.dx, self.field.dy) + 1e-6))
 
     def truth(self, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Exact u, v (m/s; NaN where absent) and `valid` on (every `truth_stride`-th node of) the plane's grid between frames `index` and `index` + 1.

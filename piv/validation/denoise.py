@@ -41,9 +41,8 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
         some = variance[known][:: max(known.sum() // 2000, 1)]  # enough for a median
         variance = np.minimum(variance, LARGEST * np.median(some))
     if ratio is not None:  # in small windows a few cells determine each variance: their geometric mean
-        level = _gauss(np.log(np.maximum(variance, 1e-12)) * weight, LEVEL) / np.maximum(
-            _gauss(weight, LEVEL), 1e-6
-        )
+        level = _gauss(np.log(np.maximum(variance, 1e-12)) * weight, LEVEL)
+        level /= np.maximum(_gauss(weight, LEVEL), 1e-6)
         variance = np.where(ratio < 1, np.exp(level) * weight, variance)
     trends = [
         _quadratic(f, weight) for f in fields
@@ -53,16 +52,14 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
     low = fields  # less all finer bands, kept or not
     remains = np.ones_like(weight)  # share of the noise in it
     gain, lost = np.zeros_like(weight), np.zeros_like(weight)
-    for (width, coarser), (fine, left) in zip(
-        scales(sigma, spacing), _local_shares(sigma, spacing, passes, ratio), strict=True
-    ):
+    shares_of = _local_shares(sigma, spacing, passes, ratio)
+    for (width, coarser), (fine, left) in zip(scales(sigma, spacing), shares_of, strict=True):
         noise = variance * remains * weight * (fine / 2)
         parts, share = [f * weight for f in low], weight
         if coarser > 1:
             few = tuple(-(-n // coarser) for n in size)
-            share, noise, *parts = (
-                cv2.resize(a, few, interpolation=cv2.INTER_AREA) for a in (share, noise, *parts)
-            )
+            known_fields = (share, noise, *parts)
+            share, noise, *parts = (cv2.resize(a, few, interpolation=cv2.INTER_AREA) for a in known_fields)
             parts = [p / np.maximum(share, 1e-6) for p in parts]
         band, cut, shares = _damped(parts, share, noise, width / coarser)
         if coarser > 1:

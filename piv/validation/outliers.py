@@ -8,9 +8,7 @@ from numba import njit
 
 SUPPORT = 0.5  # share of the neighbours that must have passed
 RARE = 0.2  # share of all vectors: where fewer have passed, those of doubtful correlation did so by chance
-LEAST_SUPPORT = (
-    0.25  # of the neighbours, where vectors are rare: a seeded part of a picture has it along its edge
-)
+LEAST_SUPPORT = 0.25  # of the neighbours, where vectors are rare: a seeded part has it along its edge
 SUPPORT_ROUNDS = 4  # each takes away what the one before has left alone
 
 

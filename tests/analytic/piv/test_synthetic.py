@@ -16,7 +16,6 @@ from piv.synthetic.particle_images import (
     add_particles,
     expose,
     fill_polygon,
-    particle_image_diameter_px,
     shadow_of,
 )
 from piv.synthetic.particles import TILES, Box, advance, by_tiles, exact_displacement, motion
@@ -76,11 +75,6 @@ def test_noise_has_the_size_that_is_asked_for():
     assert grey.mean() == pytest.approx(120, abs=0.04)
     assert grey.dtype == np.uint16
     assert expose(light * 10, rng, bits=8).max() == 255
-
-
-def test_beads_are_blurred_by_diffraction():
-    # 20 um beads at 0.125 mm/px on 10 um pixels: geometric image 0.16 px; f/11: 2.44*11*1.08*532 nm = 15.4 um
-    assert particle_image_diameter_px(20e-6, 1.25e-4, 10e-6, 11) == pytest.approx(1.55, abs=0.01)
 
 
 def test_particles_follow_solid_rotation_to_a_thousandth_of_a_pixel():
