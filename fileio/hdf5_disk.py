@@ -15,8 +15,7 @@ from typing import Any
 
 import h5py
 
-from fileio.atomic import settle, whole
-from fileio.child_process import check_walkable
+from fileio.atomic import whole
 
 
 class Disk(io.RawIOBase):
@@ -137,32 +136,6 @@ class DiskFile(h5py.File):
             self._disk.reserve(self.id.get_filesize())
         super().close()
         self._disk.close()
-
-
-def resumed(part: Path, identity: str) -> DiskFile | None:
-    """An unfinished file of this `identity` to go on with; None where there is none, or it is another's or damaged."""
-    if not part.exists():
-        return None
-    try:
-        check_walkable(part)
-        file = DiskFile(part, "r+")
-    except (OSError, ValueError):
-        return None  # killed while the file was being created
-    if file.attrs.get("_identity") == identity:
-        return file
-    file.close()
-    return None
-
-
-def finish(file: DiskFile, part: Path, path: Path) -> None:
-    """Give an unfinished file its name, without what tells how far it is."""
-    file.flush()
-    settle(part)  # what is lacking room is told while the file can still be gone on with
-    del file["_done"]
-    del file.attrs["_identity"]
-    file.close()
-    settle(part)
-    os.replace(part, path)
 
 
 @contextmanager

@@ -108,8 +108,7 @@ def render_recording(
     with RecordingWriter(path, shape, dtype, len(times), attrs, times=times, mask=masked) as writer:
         _add_finger(writer, recorder)
         state_path = path.with_name(path.name + ".particles.npz")
-        done = set(writer.done.tolist()) if writer.resumed else set()
-        missing = [i for i in range(len(times)) if i not in done]
+        missing = [i for i in range(len(times)) if i not in writer.done]
         if missing:
             first = int(recorder.taken[missing[0]])
             state = _load_state(state_path, first) if writer.resumed else None

@@ -1,0 +1,140 @@
+"""HDF5 files written item by item in any order, so that an interrupted run loses none that was finished."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+import h5py
+import numpy as np
+
+from fileio.atomic import settle
+from fileio.child_process import check_walkable
+from fileio.hdf5_disk import DiskFile
+
+
+class ResumableFile:
+    """Items of a kind (`ITEM`) written to `<path>.part`, which becomes `path` when `finish` is called.
+
+    `identity`: what the items depend on. A `.part` of the same identity is continued (`done` names its items, `resumed` is
+    True), any other or a damaged one is begun anew: `_create` makes its datasets and `attrs` become its root attributes.
+    """
+
+    ITEM = "item"
+
+    def __init__(self, path: str | Path, count: int, identity: Any, attrs: Mapping[str, Any]) -> None:
+        self.path = Path(path)
+        self.part = self.path.with_name(self.path.name + ".part")
+        self.count = count
+        text = json.dumps(identity, sort_keys=True, default=_plain)
+        self._identity = hashlib.sha256(text.encode()).hexdigest()
+        self.resumed = self._continue()
+        if not self.resumed:
+            self._begin(attrs)
+        self.done: set[int] = set(np.flatnonzero(self._file["_done"][...]).tolist())
+
+    def _continue(self) -> bool:
+        """Whether there is an unfinished file of this identity to go on with, which is then open."""
+        if not self.part.exists():
+            return False
+        try:
+            check_walkable(self.part)
+            self._file = DiskFile(self.part, "r+")
+        except (OSError, ValueError):
+            return False  # killed while the file was being created
+        if self._file.attrs.get("_identity") == self._identity:
+            return True
+        self._file.close()
+        return False
+
+    def _begin(self, attrs: Mapping[str, Any]) -> None:
+        self._file = DiskFile(self.part, "w")
+        try:
+            self._create()
+            self._file.create_dataset("_done", data=np.zeros(self.count, np.uint8))
+            # h5py reads them in this order: a file joined of others is equal to the last byte
+            for name in sorted(attrs):
+                self._file.attrs[name] = attribute(attrs[name])
+            self._file.flush()
+            self._file.attrs["_identity"] = (
+                self._identity
+            )  # last: a file that has it is whole but for its items
+            self._file.flush()
+        except BaseException:
+            self.part.unlink(missing_ok=True)  # not an item in it
+            self.close()
+            raise
+
+    def _create(self) -> None:
+        raise NotImplementedError
+
+    def axis(self, name: str, values: Any, units: str = "1") -> None:
+        """Create a coordinate."""
+        axis = self._file.create_dataset(name, data=values)
+        axis.make_scale(name)
+        axis.attrs["units"] = units
+
+    def items(self, name: str, size: tuple[int, ...], dtype: Any) -> None:
+        """Create a variable of one chunk per item, placed now: a kill while one is written cannot break the file's index."""
+        early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        early.set_chunk((1, *size[1:]))
+        early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+        early.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+        early.set_obj_track_times(False)  # equal items give equal files
+        space = h5py.h5s.create_simple(size)
+        h5py.h5d.create(self._file.id, name.encode(), h5py.h5t.py_create(np.dtype(dtype)), space, early)
+
+    def label(self, name: str, dims: Sequence[str], units: str) -> None:
+        """Say over which coordinates a variable is, and its units."""
+        for k, dim in enumerate(dims):
+            self._file[name].dims[k].attach_scale(self._file[dim])
+        self._file[name].attrs["units"] = units
+
+    def store(self, index: int, values: Mapping[str, Any]) -> None:
+        """Write an item of the variables in `values`; on disk when this returns."""
+        for name, value in values.items():
+            self._file[name][index] = value
+        self._file.flush()
+        self._file["_done"][index] = 1
+        self._file.flush()
+
+    def finish(self) -> Path:
+        """Give the file its name, without what tells how far it is; ValueError where items are missing."""
+        missing = np.flatnonzero(self._file["_done"][...] == 0)
+        if missing.size:
+            raise ValueError(
+                f"{self.path}: {missing.size} of {self.count} {self.ITEM}s were not written, the first is {missing[0]}"
+            )
+        self._file.flush()
+        settle(self.part)  # what is lacking room is told while the file can still be gone on with
+        del self._file["_done"]
+        del self._file.attrs["_identity"]
+        self._file.close()
+        settle(self.part)
+        os.replace(self.part, self.path)
+        return self.path
+
+    def close(self) -> None:
+        """Leave the `.part` for a later run."""
+        if self._file:
+            self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def attribute(value: Any) -> Any:
+    """HDF5 attributes hold numbers and text; anything nested becomes JSON."""
+    nested = isinstance(value, dict | list | tuple) or value is None
+    return json.dumps(value, default=_plain) if nested else value
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else str(value)
