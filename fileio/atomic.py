@@ -62,6 +62,12 @@ def write_text(path: str | Path, text: str) -> None:
     write_bytes(path, text.encode())
 
 
+def update_text(path: Path, text: str) -> None:
+    """`write_text` where the file is missing or says otherwise."""
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        write_text(path, text)
+
+
 def check_room(folder: Path) -> None:
     """OSError where `folder` has no room left for a small file: programs of others fail of it without saying so."""
     path = folder / ".room"

@@ -9,8 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from fileio.errors import StageError
-
 
 @contextmanager
 def exclusive(target: Path, *, wait: bool = False) -> Iterator[None]:
@@ -54,19 +52,3 @@ def held(folder: Path) -> str | None:
         except OSError:
             return path.name[1:].removesuffix(".lock")
     return None
-
-
-LOCK = ".lock"
-
-
-@contextmanager
-def only_one(folder: Path) -> Iterator[None]:
-    """Hold the lock on `folder`; StageError where there is no such folder, or another run holds it."""
-    if not folder.is_dir():
-        raise StageError(f"{folder}: no case; run the case stage first")
-    with open(folder / LOCK, "w", encoding="utf-8") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise StageError(f"{folder}: another run is at work here; wait for it or stop it") from None
-        yield

@@ -13,7 +13,7 @@ from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
 from fileio.formats.sweep import write_sweep
-from fileio.lock import LOCK, only_one
+from fileio.lock import exclusive
 from pipeline.geometry.quality import planform_edges
 from pipeline.geometry.sweep import BODY_PATCHES, OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
 from pipeline.openfoam.base_case import BASE, template_files
@@ -195,10 +195,9 @@ def run(scene: Scene, quiet: bool = False) -> None:
     unlink_folders(scene.out)  # of a study's run that was equal to another one and no longer is
     (scene.out / "run" / "run.json").unlink(missing_ok=True)  # it was of the case that is now deleted
     folder.mkdir(exist_ok=True)
-    with only_one(folder):  # no run may be using it
+    with exclusive(folder.resolve()):  # no run may be using it
         for old in folder.iterdir():
-            if old.name != LOCK:
-                shutil.rmtree(old) if old.is_dir() else old.unlink()
+            shutil.rmtree(old) if old.is_dir() else old.unlink()
         columns = {}
         for interval in intervals:
             planform, mesh = planforms[interval.mesh], meshes[interval.mesh]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -88,16 +88,12 @@ def face_measures(nodes: np.ndarray, planform: Planform, edges: Edges) -> tuple[
 
 @dataclass(frozen=True)
 class Quality:
-    """The measures of one shape of a planform; `min_area_ratio` is that of a cell to its area as built."""
+    """The measures of one shape of a planform; `min_area_ratio` is that of a cell to its area as built; columns of mesh_quality.csv."""
 
     max_non_orthogonality_deg: float
     mean_non_orthogonality_deg: float
     max_skewness: float
     min_area_ratio: float
-
-    def values(self) -> tuple[float, ...]:
-        """In the order of the columns of mesh_quality.csv."""
-        return astuple(self)
 
 
 def shape_quality(planform: Planform, nodes: np.ndarray) -> Quality:

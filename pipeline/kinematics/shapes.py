@@ -57,7 +57,6 @@ class FingerShapes:
 
     def __init__(self, states: States, strip: Strip) -> None:
         piece = np.diff(states.profile, axis=1)
-        self.pressure = states.pressure
         angle = np.unwrap(np.arctan2(piece[..., 1], piece[..., 0]), axis=1)
         angle = angle - 2 * np.pi * np.round(angle[:, :1] / (2 * np.pi))
         self._angle = CubicSpline(states.pressure, angle)
@@ -67,17 +66,7 @@ class FingerShapes:
         self._s = np.concatenate([[0], np.cumsum(np.hypot(*piece[rest].T))])
         self._strip = strip
         self._root_thickness = float(states.thickness[rest, 0])
-        self._tip_thickness = float(states.thickness[rest, -1])
-
-    @property
-    def length(self) -> float:
-        """Arc length of the profile at rest, m."""
-        return float(self._s[-1])
-
-    @property
-    def tip_thickness(self) -> float:
-        """Thickness of the finger's end at rest, m."""
-        return self._tip_thickness
+        self.tip_thickness = float(states.thickness[rest, -1])  # of the finger's end at rest, m
 
     def bend(self, pressure: float, derivative: int = 0) -> float:
         """Bend angle γ (rad): the turn of the tangent from root to tip."""

@@ -64,20 +64,18 @@ def sphere_steps(radius: float, levels: np.ndarray, thinnest: float) -> list[tup
     z = np.unique(np.abs(levels[levels <= 1e-12]))
     z = np.minimum(z, radius)
     layers = [(a, b) for a, b in pairwise(z) if b > a]
-    groups: list[list[tuple[float, float]]] = []
-    steps: list[tuple[float, float]] = []
-    for layer in layers:
-        joined = [*groups[-1], layer] if groups else [layer]
-        size = radius if not groups else _mean_radius(radius, [layer])
-        if groups and steps[-1][0] - size < thinnest:
-            groups[-1] = joined
-            size = radius if len(groups) == 1 else _mean_radius(radius, joined)
-            steps[-1] = (size, steps[-1][1])
+    groups = [layers[:1]]
+
+    def size(group: list[tuple[float, float]]) -> float:
+        return radius if group is groups[0] else _mean_radius(radius, group)
+
+    for layer in layers[1:]:
+        if size(groups[-1]) - size([layer]) < thinnest:
+            groups[-1].append(layer)
         else:
             groups.append([layer])
-            steps.append((size, 0.0))
-    ends = [_level_at_or_beyond(levels, group[-1][1]) for group in groups]
-    return [(size, end) for (size, _), end in zip(steps, ends, strict=True) if size > thinnest]
+    sized = [(size(group), group[-1][1]) for group in groups]
+    return [(r, _level_at_or_beyond(levels, end)) for r, end in sized if r > thinnest]
 
 
 def _mean_radius(radius: float, layers: list[tuple[float, float]]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -196,7 +196,7 @@ def quality_rows(
             measures = quality[k][at]
             check_quality(measures, shapes.bend[at], mesh)
             shape = float(np.degrees(shapes.bend[at])), float(shapes.parameter[at])
-            rows.append((number, k, share[at], *shape, *measures.values()))
+            rows.append((number, k, share[at], *shape, *astuple(measures)))
     return rows
 
 

@@ -14,7 +14,7 @@ from fileio.errors import StageError
 from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.records import POWER, RUN
 from fileio.formats.sweep import read_sweep
-from fileio.lock import only_one
+from fileio.lock import exclusive
 from fileio.provenance import versions
 from pipeline.openfoam.displacement_files import remove_frames, steps_of
 from pipeline.openfoam.environment import foam_version
@@ -79,7 +79,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         raise StageError(f"{scene.folder / 'scene.toml'}: {error}") from None
     cells = [read_sweep(out, interval.name).sizes["cell"] for interval in intervals]
     cases = [out / "case" / interval.name for interval in intervals]
-    with only_one(out / "case"):
+    with exclusive((out / "case").resolve()):
         useful = max(1, min(ranks, min(cells) // LEAST_CELLS))
         if useful < ranks and not quiet:
             print(f"run: {min(cells)} cells are too few for {ranks} ranks; {useful} used")

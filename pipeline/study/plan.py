@@ -11,7 +11,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from fileio.atomic import write_text
+from fileio.atomic import update_text
 from fileio.errors import StageError
 from fileio.formats.records import STUDY_PLAN
 from fileio.provenance import digest, versions
@@ -78,9 +78,7 @@ def write_scene(scene: Path, study: str, row: Row) -> Path:
                 f"run {row.run}: until = 'fea' would write over the states of {parent}; leave the cell scene empty"
             )
         return folder
-    path, text = folder / "scene.toml", scene_text(os.path.relpath(parent, folder), row)
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        write_text(path, text)
+    update_text(folder / "scene.toml", scene_text(os.path.relpath(parent, folder), row))
     reference = folder / "reference"
     if (parent / "reference").is_dir() and not reference.exists():
         reference.symlink_to(os.path.relpath(parent / "reference", folder))
@@ -115,9 +113,7 @@ def write_asked(folder: Path, level: str, scene: Scene | StageError) -> None:
         "templates": templates_digest(),
         "versions": {"OpenFOAM": foam_version()} | versions(),
     }
-    path, text = folder / "out" / level / ASKED, json.dumps(asked, indent=1) + "\n"
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        write_text(path, text)
+    update_text(folder / "out" / level / ASKED, json.dumps(asked, indent=1) + "\n")
 
 
 def owners(rows: list[Row], scenes: list[Scene | StageError]) -> list[dict[str, str]]:

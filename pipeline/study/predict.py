@@ -15,7 +15,7 @@ from fileio.formats.mesh_intervals import read_intervals
 from pipeline.openfoam.ranks import LEAST_CELLS
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.study.scaling_data import measured, read_data, size
-from pipeline.study.scaling_model import fit, step_time, useful_ranks
+from pipeline.study.scaling_model import Network, fit, step_time, useful_ranks
 
 WEAK_CELLS = 20000  # of a rank, in the weak-scaling column
 
@@ -27,30 +27,29 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
     steps = round(scene.motion.end_time / scene.numerics.time_step)
     correctors = scene.numerics.pressure_correctors * (1 + scene.numerics.non_orthogonal_correctors)
     factor = correctors / one.get("correctors", correctors)
-    ranks = [n for n in ranks if n == 1 or n * LEAST_CELLS <= cells]
-    hours = {n: factor * steps * step_time(cells, n, columns, solver, network) / 3600 for n in ranks}
+
+    def hours(n: int, network: Network = network) -> float:
+        return factor * steps * step_time(cells, n, columns, solver, network) / 3600
+
     pays = useful_ranks(cells, columns, solver, network)
-    best = factor * steps * step_time(cells, pays, columns, solver, network) / 3600
     spread = ""
     if network.saturated_range and pays > 2:
-        ends = [
-            factor * steps * step_time(cells, pays, columns, solver, replace(network, saturated=end)) / 3600
-            for end in network.saturated_range
-        ]
+        ends = [hours(pays, replace(network, saturated=end)) for end in network.saturated_range]
         spread = f" ({' to '.join(map(_duration, ends))}, by how well a node's memory feeds its ranks)"
     lines = [
         f"{scene.level} {scene.name}: {cells} cells in {columns} columns, {steps} steps of {scene.numerics.time_step * 1e3:g} ms",
         "",
         "ranks   hours   speed-up   efficiency   weak efficiency",
     ]
-    alone = factor * steps * step_time(cells, 1, columns, solver, network) / 3600
     base, per_cell = step_time(WEAK_CELLS, 1, 1, solver, network), columns / cells
-    for n, time in hours.items():
+    for n in (n for n in ranks if n == 1 or n * LEAST_CELLS <= cells):
         weak = base / step_time(WEAK_CELLS * n, n, WEAK_CELLS * n * per_cell, solver, network)
-        lines.append(f"{n:5d} {time:7.3g} {alone / time:10.1f} {alone / time / n:11.0%} {weak:16.0%}")
+        lines.append(
+            f"{n:5d} {hours(n):7.3g} {hours(1) / hours(n):10.1f} {hours(1) / hours(n) / n:11.0%} {weak:16.0%}"
+        )
     lines += [
         "",
-        f"{scene.level} {scene.name}: about {_duration(best)} on {pays} ranks{spread}; more than {pays} ranks no longer pay"
+        f"{scene.level} {scene.name}: about {_duration(hours(pays))} on {pays} ranks{spread}; more than {pays} ranks no longer pay"
         f" (twice as many would save less than a quarter, or have less than {LEAST_CELLS} cells each).",
         "",
         "Assumptions:",

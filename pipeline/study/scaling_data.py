@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import tomllib
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import read_intervals
@@ -26,16 +26,12 @@ def read_steps(
     """What `make bench-steps` measured of a step on one rank and on two, for `fit`; None where it was not run."""
     if not path.exists():
         return None
-    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
-    rows = {
-        row["ranks"]: row
-        for row in csv.DictReader(lines)
-        if (row["mesh"], row["samples"]) == ("moving", "True")
-    }
+    table = pd.read_csv(path, comment="#")
     try:
-        one, two = (
-            {key: float(value) for key, value in rows[n].items() if key in MEASURED} for n in ("1", "2")
+        rows = table[(table["mesh"] == "moving") & (table["samples"].astype(str) == "True")].set_index(
+            "ranks"
         )
+        one, two = (rows.loc[n, sorted(MEASURED)].astype(float).to_dict() for n in (1, 2))
         mesh = {key: one[key] for key in ("cells", "columns")}
         serial = serial_seconds_per_cell * one["cells"]
         return (

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from pipeline.fea.imported.importing import Fields
@@ -100,26 +100,21 @@ def read_abaqus(path: Path, displacements: Path) -> Fields:
 
     states: dict[float, FloatArray] = {}
     only = next(iter(instances)) if len(instances) == 1 else None
-    with open(displacements, encoding="utf-8", newline="") as file:
-        reader = csv.DictReader(line for line in file if not line.startswith("#"))
-        header = [name.strip() for name in reader.fieldnames or []]
-        reader.fieldnames = header
-        missing = [
-            name for name in (*COLUMNS, *(("instance",) if only is None else ())) if name not in header
-        ]
-        if missing:
+    table = pd.read_csv(displacements, comment="#", skipinitialspace=True, dtype={"instance": str})
+    for column in (*COLUMNS, *(("instance",) if only is None else ())):
+        if column not in table:
             raise ValueError(
-                f"{displacements}: column {missing[0]} is missing: write it with docs/abaqus_export.py"
+                f"{displacements}: column {column} is missing: write it with docs/abaqus_export.py"
             )
-        for row in reader:
-            name = only if only is not None else row["instance"].strip().upper()
-            key = (name, int(row["node"]))
-            if key not in index:
-                raise ValueError(
-                    f"{displacements}: node {row['node']} of instance {name!r} is not in {path.name}: export both from one job"
-                )
-            state = states.setdefault(float(row["pressure_kpa"]), np.full(points.shape, np.nan))
-            state[index[key]] = [float(row[u]) for u in ("u1", "u2", "u3")]
+    for row in table.to_dict("records"):
+        name = only if only is not None else row["instance"].strip().upper()
+        key = (name, int(row["node"]))
+        if key not in index:
+            raise ValueError(
+                f"{displacements}: node {row['node']} of instance {name!r} is not in {path.name}: export both from one job"
+            )
+        state = states.setdefault(float(row["pressure_kpa"]), np.full(points.shape, np.nan))
+        state[index[key]] = [float(row[u]) for u in ("u1", "u2", "u3")]
     for pressure, values in states.items():
         absent = int(np.isnan(values[:, 0]).sum())
         if absent:
