@@ -113,10 +113,10 @@ def render_recording(
             first = int(recorder.taken[missing[0]])
             state = _load_state(state_path, first) if writer.resumed else None
             bar = tqdm(
-                total=len(times), initial=len(done), unit="frame", disable=quiet or None, desc="render"
+                total=len(times), initial=len(writer.done), unit="frame", disable=quiet or None, desc="render"
             )
             for i, frame in enumerate(recorder.frames(first, state), missing[0]):
-                if i not in done:
+                if i not in writer.done:
                     writer.write(i, frame.image, frame.mask if masked else None)
                     bar.update()
                 if i % CHECKPOINT_FRAMES == 0:

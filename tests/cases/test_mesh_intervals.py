@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fileio.errors import StageError
 from fileio.formats.mesh_intervals import read_intervals
 from fileio.formats.plane_series import read_plane
 from fileio.lock import exclusive
