@@ -67,10 +67,8 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
 
     x, y, keep = node_axes(images.shape, settings)
     maps_of, cells_of = partial(pair_maps, images), partial(pair_cells, images)
-    half_seen = both_seen(images.at(2)[1])
-    vectors, nodes = run_passes(
-        images.shape, x, y, half_seen, settings, maps_of, cells_of, spectra_of, reseed
-    )
+    seen = both_seen(images.half[1])
+    vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
     errors = errors_of(nodes, vectors, settings)
     errors = separated(nodes, vectors, errors, settings.sigma, settings.full_steps)
     ratio = window_ratio(vectors, errors, settings)
@@ -84,7 +82,7 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
 
 def pair_maps(images: Prepared, columns, rows, shift_x, shift_y, size: int) -> np.ndarray:
     """`window_maps` of a pair at half resolution."""
-    half, _ = images.at(2)
+    half, _ = images.half
     return window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -106,30 +107,21 @@ class Prepared:
                 )
         self.pixels = [np.multiply(p, np.float32(1 / energy), out=p) if energy > 0 else p for p in pixels]
         self._images: dict[int, list[Image]] = {}
-        self._half: tuple[list[np.ndarray], list[np.ndarray | None]] | None = None
 
-    def at(self, factor: int) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
-        """Pixels and maps of unmasked pixels at full (1) or half (2) resolution."""
-        if factor == 1:
-            return self.pixels, self.seen
-        if self._half is None:
-            self._half = self._coarser(factor)
-        return self._half
+    @cached_property
+    def half(self) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
+        """Pixels and maps of unmasked pixels at half resolution."""
+        rows, columns = self.shape[0] // 2, self.shape[1] // 2
 
-    def _coarser(self, factor: int) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
-        size = (self.shape[1] // factor, self.shape[0] // factor)
-        whole = (slice(0, size[1] * factor), slice(0, size[0] * factor))
-        pixels = [cv2.resize(p[whole], size, interpolation=cv2.INTER_AREA) for p in self.pixels]
-        seen = [
-            None
-            if s is None
-            else cv2.resize(s[whole].astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.99
-            for s in self.seen
-        ]
-        return pixels, seen
+        def coarser(field: np.ndarray) -> np.ndarray:
+            return cv2.resize(field[: 2 * rows, : 2 * columns], (columns, rows), interpolation=cv2.INTER_AREA)
+
+        seen = [None if s is None else coarser(s.astype(np.float32)) > 0.99 for s in self.seen]
+        return [coarser(p) for p in self.pixels], seen
 
     def images(self, factor: int) -> list[Image]:
-        """The images at one resolution, to be filtered before they are sampled."""
+        """The images at full (1) or half (2) resolution, to be filtered before they are sampled."""
         if factor not in self._images:
-            self._images[factor] = [Image(p, s, self.new) for p, s in zip(*self.at(factor), strict=True)]
+            arrays = (self.pixels, self.seen) if factor == 1 else self.half
+            self._images[factor] = [Image(p, s, self.new) for p, s in zip(*arrays, strict=True)]
         return self._images[factor]

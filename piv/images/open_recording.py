@@ -53,13 +53,11 @@ def open_recording(
             f"{paths[0]} and {len(paths) - 1} more: only image files can be joined to a recording"
         )
     path, suffix = paths[0], paths[0].suffix.lower()
-    if suffix in VIDEO_SUFFIXES:
-        return Video(path, frame_rate_hz=frame_rate_hz)
-    if suffix in PHOTRON_SUFFIXES:
-        return Photron(path, frame_rate_hz=frame_rate_hz)
-    if suffix in HDF5_SUFFIXES:
-        return RecordingFile(path, frame_rate_hz=frame_rate_hz)
-    known = IMAGE_SUFFIXES + VIDEO_SUFFIXES + PHOTRON_SUFFIXES + HDF5_SUFFIXES
+    kinds = {VIDEO_SUFFIXES: Video, PHOTRON_SUFFIXES: Photron, HDF5_SUFFIXES: RecordingFile}
+    for own, kind in kinds.items():
+        if suffix in own:
+            return kind(path, frame_rate_hz=frame_rate_hz)
+    known = IMAGE_SUFFIXES + sum(kinds, ())
     raise ValueError(f"{path}: unknown kind of recording {suffix!r}; known are {' '.join(known)}")
 
 

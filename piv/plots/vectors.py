@@ -18,6 +18,7 @@ logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)  # warns of
 
 # Blue-white-orange, told apart by every kind of colour vision (ColorBrewer's PuOr, reversed so that blue is negative).
 COLOUR_MAP = "PuOr_r"
+WIDTH_IN = 6.7
 ARROWS_ACROSS = 42  # more cannot be read on a printed column
 
 
@@ -29,7 +30,6 @@ class Style:
     vorticity_limit: float | None = None
     arrow_every: int | None = None
     title: str | None = None
-    width_in: float = 6.7
 
 
 def vorticity(plane: xr.Dataset) -> np.ndarray:
@@ -70,85 +70,46 @@ def draw(
     speed = speed or speed_scale(plane)
     aspect = float(np.ptp(y) / np.ptp(x))
     with plt.rc_context({"font.size": 9, "font.family": "DejaVu Sans", "axes.linewidth": 0.8}):
-        size = (style.width_in, min(max(style.width_in * 0.82 * aspect + 0.9, 2.4), 9.0))
+        size = (WIDTH_IN, min(max(WIDTH_IN * 0.82 * aspect + 0.9, 2.4), 9.0))
         figure, axes = plt.subplots(figsize=size, dpi=200, layout="constrained")
         half_x, half_y = (x[1] - x[0]) / 2, (y[1] - y[0]) / 2
         extent = (x[0] - half_x, x[-1] + half_x, y[0] - half_y, y[-1] + half_y)
         axes.set_facecolor("0.82")  # absent vectors are grey, not the white of zero vorticity
-        picture = axes.imshow(
-            omega,
-            origin="lower",
-            extent=extent,
-            cmap=COLOUR_MAP,
-            vmin=-limit,
-            vmax=limit,
-            interpolation="nearest",
-        )
+        picture = axes.imshow(omega, COLOUR_MAP, origin="lower", extent=extent, interpolation="nearest")
+        picture.set_clim(-limit, limit)
         step = style.arrow_every or max(1, round(max(x.size, y.size) / ARROWS_ACROSS))
         cut = (slice(step // 2, None, step), slice(step // 2, None, step))
         ok = plane["valid"].values[cut] != 0
         xx, yy = np.meshgrid(x[cut[1]], y[cut[0]])
         u, v = plane["u"].values[cut][ok], plane["v"].values[cut][ok]
-        spacing = step * (x[1] - x[0])
-        arrows = axes.quiver(
-            xx[ok],
-            yy[ok],
-            u,
-            v,
-            angles="xy",
-            scale_units="xy",
-            scale=speed / (1.6 * spacing),
-            width=0.0016,
-            color="0.1",
-            pivot="mid",
-        )
+        scale = {"angles": "xy", "scale_units": "xy", "scale": speed / (1.6 * step * (x[1] - x[0]))}
+        arrows = axes.quiver(xx[ok], yy[ok], u, v, **scale, width=0.0016, color="0.1", pivot="mid")
         axes.quiverkey(arrows, 0.86, 1.03, speed, f"{speed:.3g} {velocity}", labelpos="E", coordinates="axes")
         if "outline" in plane:
-            for body in np.atleast_3d(plane["outline"].values * factor).reshape(
-                -1, *plane["outline"].shape[-2:]
-            ):
+            outline = plane["outline"].values * factor
+            for body in outline.reshape(-1, *outline.shape[-2:]):
                 axes.fill(body[:, 0], body[:, 1], facecolor="0.15", edgecolor="k", linewidth=0.8, zorder=3)
         if vortices is not None:
             _mark(axes, vortices, factor)
-        axes.set(
-            xlim=extent[:2], ylim=extent[2:], aspect="equal", xlabel=f"$x$ ({shown})", ylabel=f"$y$ ({shown})"
-        )
-        title = style.title or (
-            f"$t$ = {float(plane['time']):.3f} {plane['time'].attrs.get('units', 's')}"
-            if "time" in plane.coords and plane["time"].ndim == 0
-            else ""
-        )
+        axes.set(xlim=extent[:2], ylim=extent[2:], aspect="equal")
+        axes.set(xlabel=f"$x$ ({shown})", ylabel=f"$y$ ({shown})")
+        title = style.title or ""
+        if not title and "time" in plane.coords and plane["time"].ndim == 0:
+            title = f"$t$ = {float(plane['time']):.3f} {plane['time'].attrs.get('units', 's')}"
         axes.set_title(title, loc="left", fontsize=9)
-        figure.colorbar(
-            picture, ax=axes, shrink=0.85, pad=0.02, extend="both", label=rf"vorticity $\omega_z$ ({rate})"
-        )
+        bar = figure.colorbar(picture, ax=axes, shrink=0.85, pad=0.02, extend="both")
+        bar.set_label(rf"vorticity $\omega_z$ ({rate})")
     return figure
 
 
 def _mark(axes: plt.Axes, vortices: pd.DataFrame, factor: float) -> None:
     for row in vortices.itertuples():
-        sense = row.circulation > 0
-        axes.plot(
-            row.x * factor,
-            row.y * factor,
-            "o" if sense else "s",
-            mfc="none",
-            mec="k",
-            mew=1.2,
-            ms=6,
-            zorder=4,
-        )
+        centre = row.x * factor, row.y * factor
+        marker, line = ("o", "-") if row.circulation > 0 else ("s", "--")
+        axes.plot(*centre, marker, mfc="none", mec="k", mew=1.2, ms=6, zorder=4)
         if np.isfinite(row.core_radius):
-            circle = plt.Circle(
-                (row.x * factor, row.y * factor),
-                row.core_radius * factor,
-                fill=False,
-                color="k",
-                lw=1.0,
-                ls="-" if sense else "--",
-                zorder=4,
-            )
-            axes.add_patch(circle)
+            core = {"radius": row.core_radius * factor, "color": "k", "lw": 1.0, "ls": line}
+            axes.add_patch(plt.Circle(centre, **core, fill=False, zorder=4))
 
 
 def vortices_at(table: pd.DataFrame | None, time: float | None) -> pd.DataFrame | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import asdict
+from functools import reduce
+from operator import iadd
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +31,7 @@ from piv.correlation.pair_images import Prepared
 from piv.correlation.uncertainty import errors_of
 from piv.images.preprocess import Preprocessor
 from piv.images.recording import Recording
-from piv.sequence.sequence import SequenceOptions, SeriesUnits, carried, frame_sets
+from piv.sequence.sequence import SequenceOptions, SeriesUnits, carried, frame_and_mask, frame_sets
 
 Pair = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
 
@@ -63,10 +65,10 @@ def correlate_ensemble(
             bar.update()
 
     def maps_of(*where: Any) -> np.ndarray:
-        return summed(pair_maps(images, *where) for images in each())
+        return reduce(iadd, (pair_maps(images, *where) for images in each()))
 
     def cells_of(*where: Any) -> np.ndarray:
-        return summed(pair_cells(images, *where) for images in each())
+        return reduce(iadd, (pair_cells(images, *where) for images in each()))
 
     def spectra_of(*where: Any) -> tuple | None:
         return prefilter.radial_spectra([p for images in each() for p in pair_powers(images, *where)])
@@ -74,20 +76,11 @@ def correlate_ensemble(
     def reseed(nodes: Nodes, vectors: passes.Displacements) -> passes.Displacements:
         return passes.reseed(nodes, first.pixels, vectors, settings)
 
-    seen = both_seen(first.at(2)[1])
+    seen = both_seen(first.half[1])
     vectors, nodes = run_passes(shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
     bar.close()
     # the share of usable pixels is that of all pairs together
     return to_dataset(vectors, errors_of(nodes, vectors, settings), x, y, keep, shape, settings)
-
-
-def summed(arrays: Iterable[np.ndarray]) -> np.ndarray:
-    """Sum of arrays, in the first of them."""
-    arrays = iter(arrays)
-    total = next(arrays)
-    for array in arrays:
-        total += array
-    return total
 
 
 def prepared(load: Callable[[int], Pair], index: int, options: Options) -> Prepared:
@@ -109,13 +102,11 @@ def correlate_ensemble_to(
     if sequence.frames != 2:
         raise ValueError("the ensemble is of pairs; leave out --frames")
     sets = frame_sets(len(recording), sequence)
-    clean = Preprocessor([s for s in sequence.preprocess.split(",") if s], recording)
+    clean = Preprocessor(sequence.steps, recording)
 
     def load(i: int) -> Pair:
-        masks = [recording.mask(k) for k in sets[i]]
-        if mask is not None:
-            masks = [mask if m is None else m | mask for m in masks]
-        return clean(recording.frame(sets[i][0])), clean(recording.frame(sets[i][1])), masks
+        (a, hidden_a), (b, hidden_b) = (frame_and_mask(recording, k, clean, mask) for k in sets[i])
+        return a, b, [hidden_a, hidden_b]
 
     plane = correlate_ensemble(load, len(sets), quiet=quiet, **asdict(options))
     units = SeriesUnits.of(recording, sets)

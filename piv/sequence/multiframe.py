@@ -44,7 +44,7 @@ def correlate_frames(frames: list[Any], *, mask: Any = None, **options: Any) -> 
     calls = {1: 0, 2: 0}
 
     def maps_of(columns, rows, shift_x, shift_y, size):
-        half, _ = images.at(2)
+        half, _ = images.half
         pairs = ((half[k], half[k + 1]) for k in (reach - 1, reach))
         return sum(window_maps(a, b, columns, rows, shift_x, shift_y, size) for a, b in pairs)
 
@@ -104,7 +104,7 @@ def correlate_frames(frames: list[Any], *, mask: Any = None, **options: Any) -> 
         pair = [images.pixels[reach], images.pixels[reach + 1]]
         return passes.reseed(nodes, pair, vectors, settings)
 
-    seen = both_seen(images.at(2)[1])
+    seen = both_seen(images.half[1])
     vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
     return to_dataset(vectors, errors_of(nodes, vectors, settings), x, y, keep, images.shape, settings)
 

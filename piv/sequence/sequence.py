@@ -41,6 +41,11 @@ class SequenceOptions:
     )
     threads: Annotated[int, "fields computed at a time"] = 1
 
+    @property
+    def steps(self) -> list[str]:
+        """Of pre-processing, one by one."""
+        return [step for step in self.preprocess.split(",") if step]
+
     def __post_init__(self) -> None:
         if self.threads < 1:
             raise ValueError(f"threads must be at least 1, got {self.threads}")
@@ -59,6 +64,14 @@ def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
     if count < options.frames:
         raise ValueError(f"{count} frames are too few for sets of {options.frames}")
     return [tuple(range(i, i + options.frames)) for i in range(0, count - options.frames + 1, options.every)]
+
+
+def frame_and_mask(
+    recording: Recording, i: int, clean: Preprocessor, mask: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Frame `i`, cleaned, and its own mask together with the static `mask`."""
+    own = recording.mask(i)
+    return clean(recording.frame(i)), mask if own is None else own if mask is None else own | mask
 
 
 def correlate_set(images: list[np.ndarray], masks: list[Any], options: Options) -> xr.Dataset:
@@ -92,17 +105,12 @@ def correlate_recording(
     part = Chunk.of_series(len(sets), *chunk) if chunk else None
     if part is not None:
         sets = sets[part.first : part.first + part.count]
-    clean = Preprocessor([s for s in sequence.preprocess.split(",") if s], recording)
+    clean = Preprocessor(sequence.steps, recording)
 
     held: dict[int, tuple[np.ndarray, Any]] = {}  # frames of the last set: most sets share some with the next
 
-    def frame(i: int) -> tuple[np.ndarray, Any]:
-        own = recording.mask(i)
-        hidden = mask if own is None else own if mask is None else own | mask
-        return clean(recording.frame(i)), hidden
-
     def load(indices: tuple[int, ...]) -> tuple[list[np.ndarray], list[Any]]:
-        now = {i: held[i] if i in held else frame(i) for i in indices}
+        now = {i: held[i] if i in held else frame_and_mask(recording, i, clean, mask) for i in indices}
         held.clear()
         held.update(now)
         return [image for image, _ in now.values()], [hidden for _, hidden in now.values()]
@@ -170,8 +178,7 @@ def _in_parallel(missing, sets, load, options: Options, threads: int) -> Iterato
             for done, future in running:
                 yield done, future.result()
         except BaseException:
-            for _, future in running:
-                future.cancel()
+            pool.shutdown(cancel_futures=True)
             raise
 
 
