@@ -77,7 +77,7 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
     vectors = measure_steep_regions(nodes, full, vectors, settings, final=True)
     if vectors.steep is not None:
         errors = errors.in_small_window(vectors.steep & (ratio == 1))
-    return to_dataset(vectors, errors, x, y, keep, images.shape, settings)
+    return to_dataset(vectors, errors, nodes, keep, settings)
 
 
 def pair_maps(images: Prepared, columns, rows, shift_x, shift_y, size: int) -> np.ndarray:
@@ -176,16 +176,10 @@ def run_passes(
 
 
 def to_dataset(
-    v: Displacements,
-    errors: Errors,
-    x,
-    y,
-    keep: tuple[slice, slice],
-    shape: tuple[int, int],
-    options: Options,
+    v: Displacements, errors: Errors, nodes: Nodes, keep: tuple[slice, slice], options: Options
 ) -> xr.Dataset:
-    """Smoothed and flagged vectors as a dataset with y upward."""
-    dx, dy, spacing = v.dx, v.dy, float(x[1] - x[0])
+    """Smoothed and flagged vectors, those of the nodes to `keep`, as a dataset with y upward."""
+    dx, dy, spacing = v.dx, v.dy, float(nodes.x[1] - nodes.x[0])
     doubtful, across = 2 * options.min_correlation, 2 * round(1.125 * options.window / spacing) + 1
     known = supported(v.known, v.masked, v.correlation, doubtful=doubtful, across=across)
     var_x, var_y = errors.var_x, errors.var_y
@@ -226,6 +220,6 @@ def to_dataset(
     fields |= {"valid": present, "flag": flag, "correlation": np.where(v.masked, np.nan, v.correlation)}
     rows, columns = keep
     fields = {n: f[rows, columns] for n, f in fields.items()}
-    out = vector_dataset(fields, x[columns], y[rows], shape[0], options)
+    out = vector_dataset(fields, nodes.x[columns], nodes.y[rows], nodes.shape[0], options)
     out["flag"].attrs["meanings"] = "; ".join(f"{k} {name}" for k, name in enumerate(FLAGS))
     return out

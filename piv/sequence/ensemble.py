@@ -80,7 +80,7 @@ def correlate_ensemble(
     vectors, nodes = run_passes(shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
     bar.close()
     # the share of usable pixels is that of all pairs together
-    return to_dataset(vectors, errors_of(nodes, vectors, settings), x, y, keep, shape, settings)
+    return to_dataset(vectors, errors_of(nodes, vectors, settings), nodes, keep, settings)
 
 
 def prepared(load: Callable[[int], Pair], index: int, options: Options) -> Prepared:

@@ -106,7 +106,7 @@ def correlate_frames(frames: list[Any], *, mask: Any = None, **options: Any) -> 
 
     seen = both_seen(images.half[1])
     vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
-    return to_dataset(vectors, errors_of(nodes, vectors, settings), x, y, keep, images.shape, settings)
+    return to_dataset(vectors, errors_of(nodes, vectors, settings), nodes, keep, settings)
 
 
 def paths(dx, dy, x, y, unsteady: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
