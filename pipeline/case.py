@@ -195,7 +195,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     unlink_folders(scene.out)  # of a study's run that was equal to another one and no longer is
     (scene.out / "run" / "run.json").unlink(missing_ok=True)  # it was of the case that is now deleted
     folder.mkdir(exist_ok=True)
-    with exclusive(folder.resolve()):  # no run may be using it
+    with exclusive(folder.resolve().with_name("solver")):  # no run may be using it
         for old in folder.iterdir():
             shutil.rmtree(old) if old.is_dir() else old.unlink()
         columns = {}

@@ -79,7 +79,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         raise StageError(f"{scene.folder / 'scene.toml'}: {error}") from None
     cells = [read_sweep(out, interval.name).sizes["cell"] for interval in intervals]
     cases = [out / "case" / interval.name for interval in intervals]
-    with exclusive((out / "case").resolve()):
+    with exclusive((out / "case").resolve().with_name("solver")):
         useful = max(1, min(ranks, min(cells) // LEAST_CELLS))
         if useful < ranks and not quiet:
             print(f"run: {min(cells)} cells are too few for {ranks} ranks; {useful} used")

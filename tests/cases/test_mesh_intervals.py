@@ -170,7 +170,7 @@ def test_a_run_killed_in_its_second_interval_and_while_mapping_ends_with_the_sam
         assert process.poll() is None
         time.sleep(0.005)
     # the lock itself, not a second run: that takes a second to begin, and the interval is over by then
-    with pytest.raises(BlockingIOError, match="another make"), exclusive(scene.out / "case"):
+    with pytest.raises(BlockingIOError, match="another make"), exclusive(scene.out / "solver"):
         pass
     process.send_signal(signal.SIGKILL)
     process.wait()
@@ -187,7 +187,7 @@ def test_a_run_killed_in_its_second_interval_and_while_mapping_ends_with_the_sam
 def test_the_case_of_a_run_at_work_is_not_written_anew(meshed):
     intervals = sorted((meshed.out / "case").iterdir())
     with (
-        exclusive(meshed.out / "case"),
+        exclusive(meshed.out / "solver"),
         pytest.raises(BlockingIOError, match="another make"),
     ):
         case_stage.run(meshed, quiet=True)
