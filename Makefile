@@ -147,7 +147,7 @@ docs: | $(READY) ## pages and pictures of the docs that come from runs (hours; o
 
 $(STUDY_READY): requirements-study.lock | $(READY)
 	.venv/bin/python -m venv .venv-study
-	.venv-study/bin/python -m pip install -q --disable-pip-version-check -r requirements-study.lock
+	.venv-study/bin/python -m pip install -q --disable-pip-version-check --require-hashes -r requirements-study.lock
 	@touch $@
 
 study: $(STUDY_READY) ## the runs of a table: make study STUDY=my_table.csv [SCENE=..] [STUDIES="some runs"] [SLURM=1]
