@@ -21,7 +21,10 @@ from fileio.provenance import check_version, versions
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable over `dims` ("time, axis"); an attribute where they are "-". Where `finite`, NaN and ∞ are damage."""
+    """A variable over `dims` ("time, axis"); an attribute where they are "-". Where `finite`, NaN and ∞ are damage.
+
+    A dimension with a question mark ("time?, y, x") may be absent.
+    """
 
     name: str
     dims: str
@@ -33,7 +36,12 @@ class Variable:
     @property
     def axes(self) -> tuple[str, ...]:
         """The dimensions' names."""
-        return tuple(self.dims.split(", "))
+        return tuple(self.dims.replace("?", "").split(", "))
+
+    @property
+    def least_axes(self) -> tuple[str, ...]:
+        """The names of those that are never absent."""
+        return tuple(axis for axis in self.dims.split(", ") if not axis.endswith("?"))
 
     def fault(self, dataset: xr.Dataset) -> str | None:
         """What is wrong with it in a dataset; None where nothing is."""
@@ -44,7 +52,7 @@ class Variable:
         if attribute:
             return None
         found = dataset[self.name]
-        if found.dims != self.axes:
+        if found.dims not in (self.axes, self.least_axes):
             return f"{self.name!r} is over ({', '.join(map(str, found.dims))}), not ({self.dims})"
         if self.finite and found.dtype.kind == "f" and not np.isfinite(found.values).all():
             return f"{self.name!r} holds NaN or infinite values"
@@ -68,6 +76,11 @@ class Schema:
     remedy: str
     root: tuple[Variable, ...]
     group: tuple[Variable, ...] = ()
+
+    @property
+    def label(self) -> dict[str, Any]:
+        """The attributes that say what a file is."""
+        return {"format": self.format, "format_version": self.version}
 
     def check(self, dataset: xr.Dataset, path: Path, group: bool = False) -> None:
         """StageError where a dataset is not of this format and version, or a variable is missing or wrong."""
@@ -114,7 +127,7 @@ class Schema:
         """
         root = _dataset(self.root, values, instead_of_pa)
         root.attrs = {"versions": json.dumps(versions())} | root.attrs
-        root.attrs |= {"format": self.format, "format_version": self.version}
+        root.attrs |= self.label
         self.check(root, path)
         parts = {name: _dataset(self.group, part, instead_of_pa) for name, part in (groups or {}).items()}
         for part in parts.values():

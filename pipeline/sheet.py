@@ -7,18 +7,15 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-import h5netcdf
 import numpy as np
 import pyvista as pv
 import shapely
 from tqdm import tqdm
 
-from fileio.atomic import whole
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
-from fileio.formats.plane_series import FORMAT, FORMAT_VERSION, UNITS, finger_axes
-from fileio.hdf5_disk import Disk
+from fileio.formats.plane_writer import writing_planes
 from fileio.provenance import recorded, versions
 from pipeline.openfoam.surface_vtk import read_surface
 from pipeline.scene.measurement import Camera
@@ -149,46 +146,11 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, output: Pat
     mirrored = bool(read_planform(scene.out, intervals[0].mesh).attrs["mirror"])
     flat, density, count = scene.model.kind == "2d", scene.fluid.density, len(planes)
     path = output or scene.out / "sheet.h5"
-    with whole(path) as part, Disk(part, "w") as disk, h5netcdf.File(disk, "w") as file:
-        fingers = 2 if kinematics.mirror else 1
-        file.dimensions = {"time": count, "y": len(y), "x": len(x), "finger": fingers, "axis": 2}
-        for name, values in (("x", x), ("y", y), ("time", np.zeros(count))):
-            _variable(file, name, (name,), np.float64)[...] = values
-        pictures = frames(planes, mirrored, flat, density, kinematics, x, y)
+    about = {"source": "cfd", "tip_width": kinematics.tip_width, "versions": json.dumps(versions())}
+    about |= {"scene_hash": scene.digest()} | recorded(settings_of(scene, "sheet"))
+    pictures = frames(planes, mirrored, flat, density, kinematics, x, y)
+    with writing_planes(path, x, y, count, about) as file:
         for k, (time, fields) in enumerate(tqdm(pictures, "sheet", count, disable=quiet or None)):
-            if k == 0:
-                _create(file, fields)
-            file.variables["time"][k] = time
-            for name, values in fields.items():
-                file.variables[name][k] = values
-        file.attrs.update(
-            {
-                "format": FORMAT,
-                "format_version": FORMAT_VERSION,
-                "source": "cfd",
-                "tip_width": kinematics.tip_width,
-                "versions": json.dumps(versions()),
-                "scene_hash": scene.digest(),
-            }
-            | recorded(settings_of(scene, "sheet"))
-        )
+            file.write(k, time, fields)
     if not quiet:
         print(f"sheet: {count} planes of {len(x)}×{len(y)} points")
-
-
-def _variable(file: h5netcdf.File, name: str, dimensions: tuple[str, ...], kind: type, **more: object):
-    variable = file.create_variable(name, dimensions, kind, **more)
-    variable.attrs["units"] = UNITS[name]
-    return variable
-
-
-def _create(file: h5netcdf.File, fields: dict[str, np.ndarray]) -> None:
-    """Variables for what a frame holds."""
-    for name, values in fields.items():
-        if values.shape == (file.dimensions["y"].size, file.dimensions["x"].size):
-            deflate = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-            _variable(file, name, ("time", "y", "x"), values.dtype.type, chunks=(1, *values.shape), **deflate)
-            continue
-        if name == "outline":
-            file.dimensions["point"] = values.shape[1]
-        _variable(file, name, ("time", "finger", *finger_axes(name)), np.float64)

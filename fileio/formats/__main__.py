@@ -5,11 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 from fileio.atomic import write_text
-from fileio.formats import bending_states, kinematics, mesh_intervals, recorded_motion, sweep
+from fileio.formats import (
+    bending_states,
+    kinematics,
+    mesh_intervals,
+    plane_series,
+    recorded_motion,
+    recording,
+    sweep,
+)
 from fileio.schema import Schema, markdown
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
-SCHEMAS = tuple(m.SCHEMA for m in (bending_states, kinematics, recorded_motion, mesh_intervals, sweep))
+MODULES = (plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals, sweep)
+SCHEMAS = tuple(module.SCHEMA for module in MODULES)
 
 
 def with_tables(page: str, schemas: tuple[Schema, ...] = SCHEMAS) -> str:

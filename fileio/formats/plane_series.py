@@ -3,42 +3,61 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from fileio.errors import one_line
+from fileio.errors import StageError, one_line
 from fileio.hdf5 import open_netcdf, whole_netcdf
 from fileio.provenance import versions
+from fileio.schema import Schema, Variable
 
-FORMAT = "plane-series"
-FORMAT_VERSION = 1
-UNITS = {
-    "time": "s",
-    "x": "m",
-    "y": "m",
-    "u": "m/s",
-    "v": "m/s",
-    "w": "m/s",
-    "u_std": "m/s",
-    "v_std": "m/s",
-    "dwdz": "1/s",
-    "p": "Pa",
-    "valid": "1",
-    "flag": "1",
-    "outline": "m",
-    "outline_velocity": "m/s",
-    "tip": "m",
-    "tip_direction": "1",
-    "dorsal_direction": "1",
-    "bend": "rad",
-}
+FIELD, FINGER = "time?, y, x", "time?, finger"
+REMEDY = "make it again with this version of the program"
+FINGERS = (
+    Variable("outline", f"{FINGER}, point, axis", "m", "closed polygon of the body in the sheet (last point ≠ first)", True, finite=False),
+    Variable("outline_velocity", f"{FINGER}, point, axis", "m/s", "of the outline's points; with it particles are carried along by the body", True, finite=False),
+    Variable("tip", f"{FINGER}, axis", "m", "middle of the finger's tip", True, finite=False),
+    Variable("tip_direction", f"{FINGER}, axis", "1", "unit vector out of the tip, along the finger", True, finite=False),
+    Variable("dorsal_direction", f"{FINGER}, axis", "1", "unit vector from the ventral to the dorsal side at the tip", True, finite=False),
+    Variable("bend", FINGER, "rad", "bend angle, positive towards the ventral side", True, finite=False),
+)  # fmt: skip
+ORIGIN = (
+    Variable("source", "-", "", "`cfd`, `piv`, `truth` or `lab`", True),
+    Variable("tip_width", "-", "m", "of the finger", True),
+    Variable("seed", "-", "", "where something was drawn", True),
+    Variable("versions", "-", "", "JSON: of the libraries", True),
+    Variable("settings", "-", "", "JSON: what it was made with", True),
+    Variable("scene_hash", "-", "", "digest of the scene", True),
+)
+SCHEMA = Schema(
+    "plane-series", 1, REMEDY,
+    (
+        Variable("time", "time", "s", "ascending; of PIV: the middle of the two exposures", True),
+        Variable("y", "y", "m", "ascending, regular"),
+        Variable("x", "x", "m", "ascending, regular"),
+        Variable("u", FIELD, "m/s", "velocity along x; absent (NaN) exactly where `valid` is 0", finite=False),
+        Variable("v", FIELD, "m/s", "velocity along y, likewise", finite=False),
+        Variable("valid", FIELD, "1", "uint8: 1 = measured; 0 = inside a body, masked, or rejected", finite=False),
+        Variable("flag", FIELD, "1", "uint8: 0 valid, 1 outlier, 2 masked, 3 second peak taken, 4 replaced on request, "
+                 "5 uncertain (`u`, `v` and `u_std` are given, `valid` is 0)", True, finite=False),
+        Variable("u_std", FIELD, "m/s", "standard uncertainty of u", True, finite=False),
+        Variable("v_std", FIELD, "m/s", "standard uncertainty of v", True, finite=False),
+        Variable("correlation", FIELD, "1", "of PIV: height of the peak, 1 = the two windows are alike", True, finite=False),
+        Variable("w", FIELD, "m/s", "out-of-plane velocity on the sheet", True, finite=False),
+        Variable("dwdz", FIELD, "1/s", "its gradient across the sheet", True, finite=False),
+        Variable("p", FIELD, "Pa", "pressure without the hydrostatic part, zero far away", True, finite=False),
+        *FINGERS,
+        *ORIGIN,
+    ),
+)  # fmt: skip
+AXES = {v.name: v.axes for v in SCHEMA.root}  # dimensions of a series, by variable
+UNITS = {v.name: v.units for v in SCHEMA.root if v.dims != "-"}
 BLOCK = 2**18  # vectors looked at at once
-FINGER_VARIABLES = ("outline", "outline_velocity", "tip", "tip_direction", "dorsal_direction", "bend")
-
-
+FINGER_VARIABLES = tuple(v.name for v in FINGERS)
 LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "numba", "xarray", "h5py")
 
 
@@ -64,20 +83,14 @@ def make_plane(
 
     `more` holds further variables of docs/formats.md by name. Raises ValueError where shapes or axes do not fit.
     """
-    grid: tuple[str, ...] = ("y", "x") if time is None else ("time", "y", "x")
+    series = time is not None
     coords = {"x": np.asarray(x, float), "y": np.asarray(y, float)}
-    if time is not None:
+    if series:
         coords["time"] = np.asarray(time, float)
-    fields: dict[str, tuple[tuple[str, ...], np.ndarray]] = {"u": (grid, u), "v": (grid, v)}
     ok = np.isfinite(u) & np.isfinite(v) if valid is None else np.asarray(valid).astype(bool)
-    fields["valid"] = (grid, ok.astype(np.uint8))
-    lead = () if time is None else ("time",)
-    for name, values in more.items():
-        if name in FINGER_VARIABLES:
-            fields[name] = (*lead, "finger", *finger_axes(name)), values
-        else:
-            fields[name] = (grid, values)
-    plane = xr.Dataset({k: (d, np.asarray(a)) for k, (d, a) in fields.items()}, coords=coords)
+    fields = {"u": u, "v": v, "valid": ok.astype(np.uint8), **more}
+    axes = {name: AXES.get(name, AXES["u"])[0 if series else 1 :] for name in fields}
+    plane = xr.Dataset({n: (axes[n], np.asarray(a)) for n, a in fields.items()}, coords=coords)
     for name in map(str, plane.variables):
         if name in UNITS:
             plane[name].attrs["units"] = UNITS[name]
@@ -85,23 +98,11 @@ def make_plane(
     return plane
 
 
-def finger_axes(name: str) -> tuple[str, ...]:
-    """Dimensions, beside time and finger, of a variable of FINGER_VARIABLES."""
-    axes: dict[str, tuple[str, ...]] = {
-        "outline": ("point", "axis"),
-        "outline_velocity": ("point", "axis"),
-        "bend": (),
-    }
-    return axes.get(name, ("axis",))
-
-
-def check_plane(plane: xr.Dataset) -> None:
+def check_plane(plane: xr.Dataset, path: Path | None = None) -> None:
     """Raise ValueError with one sentence where `plane` is not a plane (series)."""
-    for name in ("x", "y", "u", "v", "valid"):
-        if name not in plane.variables:
-            raise ValueError(
-                f"a plane needs the variable {name!r}; this one has {sorted(map(str, plane.variables))}"
-            )
+    fault = next(filter(None, (variable.fault(plane) for variable in SCHEMA.root)), None)
+    if fault:
+        raise ValueError(f"a plane is not whole: {fault}")
     for axis in ("x", "y"):
         c = plane[axis].values
         if c.ndim != 1 or c.size < 2 or not np.all(np.diff(c) > 0):
@@ -134,19 +135,14 @@ def check_vectors(plane: xr.Dataset) -> None:
 def write_plane(plane: xr.Dataset, path: str | Path, **attrs: Any) -> None:
     """Write a plane series to HDF5, whole or not at all; `attrs` become root attributes."""
     check_plane(plane)
-    out = plane.assign_attrs(plane.attrs | {"format": FORMAT, "format_version": FORMAT_VERSION} | attrs)
+    out = plane.assign_attrs(plane.attrs | SCHEMA.label | attrs)
     deflate = {str(n): {"zlib": True, "complevel": 1} for n, d in out.data_vars.items() if d.ndim >= 2}
     whole_netcdf(out, path, encoding=deflate)
 
 
 def read_plane(path: str | Path) -> xr.Dataset:
-    """Open a plane series lazily; ValueError where the file is another one or damaged."""
-    plane = open_netcdf(path, "HDF5 plane series")
-    if plane.attrs.get("format") != FORMAT:
-        raise ValueError(f"{path}: format is {plane.attrs.get('format')!r}, expected {FORMAT!r}")
-    if int(plane.attrs.get("format_version", 0)) > FORMAT_VERSION:
-        raise ValueError(f"{path}: written by a newer version of this project; update it to read the file")
-    return plane
+    """Open a plane series lazily; ValueError where the file is damaged, of another format or version, or not whole."""
+    return checked(open_netcdf(path, "HDF5 plane series"), path, SCHEMA.check)
 
 
 def read_checked_plane(path: str | Path) -> xr.Dataset:
@@ -158,10 +154,15 @@ def read_checked_plane(path: str | Path) -> xr.Dataset:
     return checked(read_plane(path), path)
 
 
-def checked(plane: xr.Dataset, path: str | Path) -> xr.Dataset:
-    """The plane as it is, after `check_plane`; where that refuses it, it is closed and the ValueError names the file."""
+def checked(
+    plane: xr.Dataset, path: str | Path, check: Callable[[xr.Dataset, Path], None] = check_plane
+) -> xr.Dataset:
+    """The plane as it is, after `check`; where that refuses it, it is closed and the ValueError names the file."""
     try:
-        check_plane(plane)
+        check(plane, Path(path))
+    except StageError:
+        plane.close()
+        raise
     except Exception as error:  # of damaged data h5py raises more than one kind
         plane.close()
         raise ValueError(f"{path}: {one_line(error, 300)}") from error

@@ -1,4 +1,4 @@
-"""Writing of recordings, `images.h5` (docs/formats.md): one chunk per frame, resumable."""
+"""Recordings, `images.h5` (docs/formats.md): one chunk per frame, written resumably."""
 
 from __future__ import annotations
 
@@ -6,13 +6,65 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
+from fileio.child_process import check_walkable
+from fileio.errors import one_line
+from fileio.formats.plane_series import FINGERS, ORIGIN, REMEDY
+from fileio.provenance import check_version
 from fileio.resumable_file import ResumableFile, attribute
+from fileio.schema import Schema, Variable
 
-FORMAT = "recording"
-FORMAT_VERSION = 1
-UNITS = {"frames": "1", "mask": "1", "time": "s", "row": "px", "column": "px"}
+SCHEMA = Schema(
+    "recording", 1, REMEDY,
+    (
+        Variable("time", "time", "s", "of each frame; not even where `camera` has `pairs_every` > 1: two frames in a row out of every so many"),
+        Variable("row", "row", "px", "from the top"),
+        Variable("column", "column", "px", "from the left"),
+        Variable("frames", "time, row, column", "1", "uint8 or uint16, **row 0 at the top** as a camera writes it, one chunk per frame"),
+        Variable("mask", "time, row, column", "1", "uint8, 1 = body", True),
+        *FINGERS,
+        Variable("scale_m_per_px", "-", "m/px", "size of a pixel in the light sheet", True),
+        Variable("origin_x_px", "-", "px", "position of the tank frame's origin, right of the centre of the left column", True),
+        Variable("origin_y_px", "-", "px", "the same, **up** from the centre of the bottom row", True),
+        Variable("frame_rate_hz", "-", "Hz", "frames per second", True),
+        Variable("bits", "-", "", "of the camera", True),
+        Variable("camera", "-", "", "JSON: the camera that was simulated", True),
+        *ORIGIN,
+    ),
+)  # fmt: skip
+UNITS = {v.name: v.units for v in SCHEMA.root if v.dims != "-"}
+
+
+def open_recording_file(path: Path) -> h5py.File:
+    """The file of a recording, to be read frame by frame.
+
+    FileNotFoundError or ValueError in one sentence where it is missing, damaged, of another format or version, or not whole.
+    """
+    check_walkable(path)
+    try:
+        file = h5py.File(path, "r")
+    except FileNotFoundError:
+        raise FileNotFoundError(f"{path}: no such file") from None
+    except OSError as error:
+        raise ValueError(f"{path}: not a readable HDF5 file ({one_line(error)})") from error
+    try:
+        check_version(file.attrs, path, SCHEMA.format, SCHEMA.version, SCHEMA.remedy)
+        for variable in SCHEMA.root:
+            if variable.dims == "-" or (variable.optional and variable.name not in file):
+                continue
+            found = file.get(variable.name)
+            if not isinstance(found, h5py.Dataset) or found.ndim not in map(
+                len, (variable.axes, variable.least_axes)
+            ):
+                raise ValueError(
+                    f"{path}: no variable {variable.name!r} over ({variable.dims}); {SCHEMA.remedy}"
+                )
+    except BaseException:
+        file.close()
+        raise
+    return file
 
 
 class RecordingWriter(ResumableFile):
@@ -52,8 +104,7 @@ class RecordingWriter(ResumableFile):
             raise ValueError(f"{path}: times have shape {self.times.shape}, expected ({self.n_frames},)")
         self._masked = mask
         identity = [self.shape, str(self.dtype), self.n_frames, self.times.tolist(), mask, dict(attrs)]
-        about = {"format": FORMAT, "format_version": FORMAT_VERSION}
-        super().__init__(path, self.n_frames, identity, {**attrs, **about})
+        super().__init__(path, self.n_frames, identity, {**attrs, **SCHEMA.label})
 
     def _create(self) -> None:
         rows, columns = self.shape

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fileio.formats.plane_series import FORMAT, FORMAT_VERSION, UNITS
+from fileio.formats.plane_series import AXES, SCHEMA, UNITS
 from fileio.resumable_file import ResumableFile
 
 FIELDS = {
@@ -37,16 +37,14 @@ class SeriesWriter(ResumableFile):
         self._axes = {"x": np.asarray(x, float), "y": np.asarray(y, float), "time": np.asarray(time, float)}
         self._units = units
         key = [identity, *(values.tolist() for values in self._axes.values())]
-        about = {"format": FORMAT, "format_version": FORMAT_VERSION}
-        super().__init__(path, len(time), key, {**attrs, **about})
+        super().__init__(path, len(time), key, {**attrs, **SCHEMA.label})
 
     def _create(self) -> None:
         for name, values in self._axes.items():
             self.axis(name, values, self._units[name])
         for name, kind in FIELDS.items():
-            self.items(name, tuple(len(self._axes[dim]) for dim in ("time", "y", "x")), kind)
-            plain = name in ("valid", "flag", "correlation")
-            self.label(name, ("time", "y", "x"), "1" if plain else self._units["u"])
+            self.items(name, tuple(len(self._axes[dim]) for dim in AXES[name]), kind)
+            self.label(name, AXES[name], self._units["u"] if UNITS[name] == "m/s" else UNITS[name])
 
     def write(self, index: int, fields: dict[str, np.ndarray]) -> None:
         """Store one field (y, x each); on disk when this returns."""

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from fileio.errors import one_line
-from fileio.formats.plane_series import FORMAT, read_plane
+from fileio.formats.plane_series import SCHEMA, read_plane
 from fileio.hdf5 import open_netcdf
 
 UNITS = {"pix": "px", "pixel": "px", "pix/dt": "px/frame", "pixel/dt": "px/frame"}
@@ -31,7 +31,7 @@ def _open(path: Path) -> xr.Dataset:
 def netcdf_layout(path: Path) -> str:
     """ "plane" of a file that this project wrote, "pivpy" of another in pivpy's layout; ValueError where it is neither."""
     with _open(path) as data:
-        if data.attrs.get("format") == FORMAT:
+        if data.attrs.get("format") == SCHEMA.format:
             return "plane"
         if {"u", "v", "x", "y"} <= set(data.variables) and {"x", "y"} <= set(data["u"].dims) <= {
             "x",

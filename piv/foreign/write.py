@@ -13,7 +13,7 @@ import pandas as pd
 import xarray as xr
 
 from fileio.atomic import whole, write_text
-from fileio.formats.plane_series import FORMAT, check_plane, write_plane
+from fileio.formats.plane_series import SCHEMA, check_plane, write_plane
 from fileio.hdf5 import whole_netcdf
 
 
@@ -63,7 +63,7 @@ def write_pivpy(plane: xr.Dataset, path: Path) -> None:
     out = series[keep].rename(time="t", valid="chc").transpose("y", "x", "t")
     interval = float(np.diff(out["t"].values[:2])[0]) if out.sizes["t"] > 1 else 0.0
     out["t"].attrs.setdefault("units", "frame" if units_of(plane)[0] == "px" else "s")
-    out.attrs = plane.attrs | {"format": FORMAT, "format_version": 1, "delta_t": interval}
+    out.attrs = plane.attrs | SCHEMA.label | {"delta_t": interval}
     whole_netcdf(out, path)
 
 
@@ -78,7 +78,7 @@ def write_csv(plane: xr.Dataset, path: Path) -> None:
     length, velocity = units_of(plane)
     with whole(path) as part, part.open("w", encoding="utf-8") as file:
         head = {
-            "format": FORMAT,
+            "format": SCHEMA.format,
             "length_unit": length,
             "velocity_unit": velocity,
             "time_unit": str(plane["time"].attrs.get("units", "s")) if "time" in plane.dims else "s",

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
-from fileio.child_process import check_walkable
 from fileio.errors import one_line
+from fileio.formats.recording import open_recording_file
 from piv.images.recording import LARGEST_CHUNK, Recording
 
 # of damaged files
@@ -21,13 +20,7 @@ class RecordingFile(Recording):
     """The project's own `images.h5` (docs/formats.md)."""
 
     def __init__(self, path: Path, *, frame_rate_hz: float | None = None) -> None:
-        check_walkable(path)
-        try:
-            self._file = h5py.File(path, "r")
-        except FileNotFoundError:
-            raise FileNotFoundError(f"{path}: no such file") from None
-        except OSError as error:
-            raise ValueError(f"{path}: not a readable HDF5 file ({one_line(error)})") from error
+        self._file = open_recording_file(path)
         try:
             count = self._checked()
             super().__init__(str(path), count, frame_rate_hz)
@@ -40,12 +33,9 @@ class RecordingFile(Recording):
             raise ValueError(f"{path}: damaged, or not a recording ({one_line(error, 200)})") from error
 
     def _checked(self) -> int:
-        """Number of frames; ValueError where the file holds no recording."""
-        kind = self._file.attrs.get("format")
-        if kind != "recording" or "frames" not in self._file:
-            raise ValueError(f"format is {kind!r}, expected 'recording' with frames (time, row, column)")
+        """Number of frames; ValueError where they cannot be read one by one."""
         frames = self._file["frames"]
-        if frames.ndim != 3 or 0 in frames.shape or frames.dtype not in (np.uint8, np.uint16):
+        if 0 in frames.shape or frames.dtype not in (np.uint8, np.uint16):
             raise ValueError(
                 f"frames are {frames.shape} {frames.dtype}, expected (time, row, column) of uint8 or uint16"
             )

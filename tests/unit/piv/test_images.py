@@ -173,7 +173,7 @@ def test_recording_with_other_settings_begins_anew(tmp_path):
 def test_other_hdf5_is_refused(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.attrs["format"] = "plane-series"
-    with pytest.raises(ValueError, match="expected 'recording'"):
+    with pytest.raises(ValueError, match="format is 'plane-series', not 'recording'"):
         open_recording(tmp_path / "a.h5")
 
 

@@ -1,0 +1,69 @@
+"""Plane series and recordings: one schema, checked when they are read; a series written instant by instant."""
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from fileio.formats.plane_series import make_plane, read_plane, write_plane
+from fileio.formats.plane_writer import writing_planes
+from fileio.formats.recording import RecordingWriter
+from piv.images.open_recording import open_recording
+
+X, Y, TIME = np.linspace(0, 0.03, 4), np.linspace(0, 0.02, 3), np.array([0.5, 0.6])
+U = np.arange(24.0).reshape(2, 3, 4)
+TIP = np.zeros((2, 1, 2))
+
+
+def plane(path):
+    write_plane(make_plane(X, Y, U, -U, time=TIME, tip=TIP), path)
+    return read_plane
+
+
+def recording(path):
+    with RecordingWriter(path, (3, 4), np.uint8, 2, {"frame_rate_hz": 10.0}) as writer:
+        for k in range(2):
+            writer.write(k, np.zeros((3, 4), np.uint8))
+        writer.finish()
+    return open_recording
+
+
+@pytest.mark.parametrize("written", [plane, recording])
+@pytest.mark.parametrize("version", [0, 2])
+def test_another_version_is_refused_in_one_sentence(tmp_path, written, version):
+    path = tmp_path / "a.h5"
+    read = written(path)
+    read(path).close()
+    with h5py.File(path, "a") as file:
+        file.attrs["format_version"] = version
+    words = rf"a\.h5: format_version of this \S+ file is {version}, this program reads 1; make it again"
+    with pytest.raises(ValueError, match=words):
+        read(path)
+
+
+@pytest.mark.parametrize("written, name", [(plane, "v"), (recording, "frames")])
+def test_a_file_without_a_variable_is_refused(tmp_path, written, name):
+    path = tmp_path / "a.h5"
+    read = written(path)
+    with h5py.File(path, "a") as file:
+        del file[name]
+    with pytest.raises(ValueError, match=rf"a\.h5: .*'{name}'.*; make it again"):
+        read(path)
+
+
+def test_a_series_written_instant_by_instant_is_the_one_written_whole(tmp_path):
+    plane(tmp_path / "whole.h5")
+    fields = [{"u": U[k], "v": -U[k], "valid": np.ones((3, 4), np.uint8), "tip": TIP[k]} for k in range(2)]
+    with writing_planes(tmp_path / "new" / "parts.h5", X, Y, 2, {"source": "cfd"}) as file:
+        for k, time in enumerate(TIME):
+            file.write(k, time, fields[k])
+    with read_plane(tmp_path / "whole.h5") as whole, read_plane(tmp_path / "new" / "parts.h5") as parts:
+        assert parts.attrs["source"] == "cfd"
+        xr.testing.assert_equal(whole, parts)
+        assert all(parts[name].attrs == whole[name].attrs for name in whole.variables if name != "time")
+
+
+def test_a_series_that_fails_halfway_leaves_no_file(tmp_path):
+    with pytest.raises(KeyError, match="nothing"), writing_planes(tmp_path / "a.h5", X, Y, 2, {}) as file:
+        file.write(0, 0.5, {"nothing": U[0]})
+    assert not (tmp_path / "a.h5").exists()
