@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from fileio.child_process import check_walkable
-from fileio.errors import one_line
+from fileio.errors import StageError, one_line
 from fileio.formats.plane_series import FINGERS, ORIGIN, REMEDY
 from fileio.provenance import check_version
 from fileio.resumable_file import ResumableFile, attribute
@@ -58,12 +58,15 @@ def open_recording_file(path: Path) -> h5py.File:
             if not isinstance(found, h5py.Dataset) or found.ndim not in map(
                 len, (variable.axes, variable.least_axes)
             ):
-                raise ValueError(
+                raise StageError(
                     f"{path}: no variable {variable.name!r} over ({variable.dims}); {SCHEMA.remedy}"
                 )
-    except BaseException:
+    except StageError:
         file.close()
         raise
+    except Exception as error:  # of damaged files h5py raises many kinds
+        file.close()
+        raise ValueError(f"{path}: damaged, or not a recording ({one_line(error, 200)})") from error
     return file
 
 
