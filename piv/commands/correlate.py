@@ -19,8 +19,8 @@ from fileio.hdf5 import open_netcdf
 from piv.commands.settings import add_fields, add_settings, build, merged, report
 from piv.correlation.options import Options
 from piv.images.image_files import COLOURS
-from piv.images.masks import read_mask
 from piv.images.open_recording import open_recording
+from piv.images.part_of_recording import part_of_recording
 from piv.sequence.chunks import chunk_path, join, parse, parts_of
 from piv.sequence.ensemble import correlate_ensemble_to
 from piv.sequence.sequence import SequenceOptions, correlate_recording
@@ -55,8 +55,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-o", "--output", required=True, help="plane series to write (.h5)")
     parser.add_argument(
-        "--mask", metavar="FILE", help="static mask: polygon (.csv, px) or image (not black = body)"
+        "--mask",
+        metavar="FILE",
+        help="polygon (.csv, px), image (not black = body), folder or pattern of one image per frame, "
+        "or moving polygons (.json, .toml)",
     )
+    parser.add_argument(
+        "--roi", type=float, nargs=4, metavar=("X0", "Y0", "X1", "Y1"), help="only this region, y up"
+    )
+    parser.add_argument("--roi-unit", choices=("px", "m"), default="px", help="of --roi (default px)")
     add_fields(parser, Options)
     add_fields(parser, SequenceOptions)
     parser.add_argument(
@@ -146,15 +153,13 @@ def correlate(args: argparse.Namespace, given: dict, chunk: tuple[int, int] | No
                     f"{recording.name}: scale_mm_per_px gives m/s with the times of its frames; give frame_rate_hz too"
                 )
             recording.attrs["scale_m_per_px"] = float(given["scale_mm_per_px"]) * 1e-3
-        mask = read_mask(args.mask, recording.shape) if args.mask else None
+        part = part_of_recording(recording, args.mask, args.roi, roi_unit=args.roi_unit)
         if given.get("ensemble"):
-            return correlate_ensemble_to(
-                recording, args.output, options, sequence, mask=mask, quiet=args.quiet
-            )
+            return correlate_ensemble_to(part, args.output, options, sequence, quiet=args.quiet)
         output = chunk_path(args.output, *chunk) if chunk else args.output
         finger = finger_of(args.source)
         path = correlate_recording(
-            recording, output, options, sequence, mask=mask, finger=finger, chunk=chunk, quiet=args.quiet
+            part, output, options, sequence, finger=finger, chunk=chunk, quiet=args.quiet
         )
         if finger is not None:
             finger.close()

@@ -28,6 +28,8 @@ class Recording:
         self.count = count
         self.attrs: dict[str, Any] = {}
         self.times: np.ndarray | None = None
+        self.corner_px = (0.0, 0.0)  # of the lower left pixel, in the picture that coordinates are of
+        self.key: Any = None  # of what is not in the frames: masks, region
         if frame_rate_hz is not None:
             self.attrs["frame_rate_hz"] = float(frame_rate_hz)
             self.times = np.arange(count) / float(frame_rate_hz)

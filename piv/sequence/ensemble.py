@@ -31,7 +31,7 @@ from piv.correlation.pair_images import Prepared
 from piv.correlation.uncertainty import errors_of
 from piv.images.preprocess import Preprocessor
 from piv.images.recording import Recording
-from piv.sequence.sequence import SequenceOptions, SeriesUnits, carried, frame_and_mask, frame_sets
+from piv.sequence.sequence import SequenceOptions, SeriesUnits, carried, frame_sets
 
 Pair = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
 
@@ -95,7 +95,6 @@ def correlate_ensemble_to(
     options: Options,
     sequence: SequenceOptions,
     *,
-    mask: np.ndarray | None = None,
     quiet: bool = True,
 ) -> Path:
     """The ensemble mean of a recording's pairs as a plane series of one field, at the mean of their times."""
@@ -105,8 +104,8 @@ def correlate_ensemble_to(
     clean = Preprocessor(sequence.steps, recording)
 
     def load(i: int) -> Pair:
-        (a, hidden_a), (b, hidden_b) = (frame_and_mask(recording, k, clean, mask) for k in sets[i])
-        return a, b, [hidden_a, hidden_b]
+        a, b = sets[i]
+        return clean(recording.frame(a)), clean(recording.frame(b)), [recording.mask(k) for k in (a, b)]
 
     plane = correlate_ensemble(load, len(sets), quiet=quiet, **asdict(options))
     units = SeriesUnits.of(recording, sets)
@@ -116,7 +115,9 @@ def correlate_ensemble_to(
     attrs = {"source": "piv", **provenance(**settings), **carried(recording, None)}
     x, y = units.axes(plane["x"].values, plane["y"].values)
     time = [float(units.time.mean())]
-    writer = SeriesWriter(output, x, y, time, units.names, attrs, [recording.name, settings, "ensemble"])
+    writer = SeriesWriter(
+        output, x, y, time, units.names, attrs, [recording.name, recording.key, settings, "ensemble"]
+    )
     try:
         writer.write(0, units.fields(plane, 0))
         return writer.finish()

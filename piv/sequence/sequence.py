@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import sys
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -66,14 +65,6 @@ def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
     return [tuple(range(i, i + options.frames)) for i in range(0, count - options.frames + 1, options.every)]
 
 
-def frame_and_mask(
-    recording: Recording, i: int, clean: Preprocessor, mask: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """Frame `i`, cleaned, and its own mask together with the static `mask`."""
-    own = recording.mask(i)
-    return clean(recording.frame(i)), mask if own is None else own if mask is None else own | mask
-
-
 def correlate_set(images: list[np.ndarray], masks: list[Any], options: Options) -> xr.Dataset:
     """Vector field of a pair or a multi-frame set, in px per frame interval."""
     if len(images) == 2:
@@ -87,15 +78,13 @@ def correlate_recording(
     options: Options,
     sequence: SequenceOptions,
     *,
-    mask: np.ndarray | None = None,
     finger: xr.Dataset | None = None,
     chunk: tuple[int, int] | None = None,
     quiet: bool = True,
 ) -> Path:
     """Correlate a recording into the plane series `output` (docs/formats.md).
 
-    SI where the recording knows its scale and its times, else px, with time in frames. mask: static, true = body,
-    with the frame's own where the recording has masks, alone otherwise; finger: dataset whose finger variables (one per
+    SI where the recording knows its scale and its times, else px, with time in frames. finger: dataset whose finger variables (one per
     frame) are passed on. Finished
     fields survive an interruption in `<output>.part` and are not computed again; the result does not depend on
     that nor on the number of threads. chunk: (k, n) computes only the k-th of n parts of the fields, which
@@ -109,8 +98,11 @@ def correlate_recording(
 
     held: dict[int, tuple[np.ndarray, Any]] = {}  # frames of the last set: most sets share some with the next
 
+    def frame(i: int) -> tuple[np.ndarray, Any]:
+        return clean(recording.frame(i)), recording.mask(i)
+
     def load(indices: tuple[int, ...]) -> tuple[list[np.ndarray], list[Any]]:
-        now = {i: held[i] if i in held else frame_and_mask(recording, i, clean, mask) for i in indices}
+        now = {i: held[i] if i in held else frame(i) for i in indices}
         held.clear()
         held.update(now)
         return [image for image, _ in now.values()], [hidden for _, hidden in now.values()]
@@ -120,7 +112,7 @@ def correlate_recording(
     settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps}
     settings.pop("threads")
     attrs = {"source": "piv", **provenance(**settings), **carried(recording, finger)}
-    identity = series_key([_seen(recording), settings, _digest(mask), units.scale, units.origin])
+    identity = series_key([_seen(recording), settings, units.scale, units.origin])
     if part is not None:
         attrs["chunk"] = part.to_json(identity)
         if is_chunk(output, attrs["chunk"]):
@@ -154,14 +146,11 @@ def correlate_recording(
 
 
 def _seen(recording: Recording) -> list[Any]:
-    """What tells one recording from another: name, length, size, its first frame's mean, its first and last time."""
+    """What tells one recording from another: name, length, size, first frame's mean, first and last time, key."""
     times = recording.times
     ends = None if times is None else [float(times[0]), float(times[-1])]
-    return [recording.name, len(recording), list(recording.shape), float(np.mean(recording.frame(0))), ends]
-
-
-def _digest(mask: np.ndarray | None) -> str | None:
-    return None if mask is None else hashlib.sha256(np.packbits(np.asarray(mask, bool)).tobytes()).hexdigest()
+    mean = float(np.mean(recording.frame(0)))
+    return [recording.name, len(recording), list(recording.shape), mean, ends, recording.key]
 
 
 def _in_parallel(missing, sets, load, options: Options, threads: int) -> Iterator[tuple[int, xr.Dataset]]:
@@ -197,11 +186,15 @@ class SeriesUnits:
         """SI where scale and times are known, px and frames otherwise."""
         scale = recording.attrs.get("scale_m_per_px")
         times = recording.times
+        left, bottom = recording.corner_px
         if scale is None or times is None:
             middle = np.array([0.5 * (s[0] + s[-1]) for s in sets])
             units = {"x": "px", "y": "px", "time": "frame", "u": "px"}
-            return cls(1.0, (0.0, 0.0), middle, np.ones(len(sets)), units)
-        origin = float(recording.attrs.get("origin_x_px", 0)), float(recording.attrs.get("origin_y_px", 0))
+            return cls(1.0, (-left, -bottom), middle, np.ones(len(sets)), units)
+        origin = (
+            float(recording.attrs.get("origin_x_px", 0)) - left,
+            float(recording.attrs.get("origin_y_px", 0)) - bottom,
+        )
         middle = np.array([0.5 * (times[s[0]] + times[s[-1]]) for s in sets])
         interval = np.array([(times[s[-1]] - times[s[0]]) / (len(s) - 1) for s in sets])
         if not (interval > 0).all():
