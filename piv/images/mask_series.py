@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import hashlib
 import json
 import tomllib
 from collections.abc import Callable
@@ -30,21 +31,28 @@ class Masks:
     roi: tuple[float, float, float, float] | None = None
 
 
-def open_masks(source: str | Path, recording: Recording) -> Masks:
-    """Masks of `recording` from what `source` names.
+def open_masks(source: str | Path | np.ndarray, recording: Recording) -> Masks:
+    """Masks of `recording` from what `source` names, or from an array (bool, image order): one for all frames.
 
     A polygon (.csv, .txt) or an image: one for all frames. A folder, a pattern or a TIFF stack: one image per frame, as
     `piv mask` writes them. .json or .toml: polygons that move (docs/piv_guide.md). ValueError in one sentence where
     their number, their size or their times do not fit.
     """
+    if isinstance(source, np.ndarray):
+        return _still(source.astype(bool), "the mask", recording)
     path = Path(source)
     suffix = path.suffix.lower()
     if path.is_file() and suffix in (".json", ".toml"):
         return _polygons(path, recording)
     if path.is_dir() or (glob.has_magic(str(source)) and not path.exists()) or suffix in (".tif", ".tiff"):
         return _images(str(source), recording)
-    still = read_mask(path, recording.shape)
-    return Masks(lambda i: still, np.packbits(still).tobytes().hex())
+    return _still(read_mask(path, recording.shape), str(path), recording)
+
+
+def _still(mask: np.ndarray, name: str, recording: Recording) -> Masks:
+    if mask.shape != recording.shape:
+        raise ValueError(f"{name}: of shape {mask.shape}, the frames are {recording.shape}")
+    return Masks(lambda i: mask, hashlib.sha256(np.packbits(mask).tobytes()).hexdigest())
 
 
 def _images(source: str, recording: Recording) -> Masks:

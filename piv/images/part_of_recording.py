@@ -54,7 +54,7 @@ class PartOfRecording(Recording):
 
 def part_of_recording(
     recording: Recording,
-    mask: str | Path | None = None,
+    mask: str | Path | np.ndarray | None = None,
     roi: tuple[float, ...] | None = None,
     *,
     roi_unit: str = "px",

@@ -15,6 +15,7 @@ from fileio.formats.recording import RecordingWriter
 from piv.__main__ import main
 from piv.correlation.options import Options
 from piv.images.open_recording import open_recording
+from piv.images.part_of_recording import part_of_recording
 from piv.images.recording import Recording
 from piv.sequence.chunks import Chunk, chunk_path, join, parts_of
 from piv.sequence.sequence import SequenceOptions, correlate_recording
@@ -109,8 +110,9 @@ def test_a_chunk_with_another_mask_is_made_anew_and_not_joined(recording_file, t
 
     def part(k: int, mask: np.ndarray | None) -> int:
         with open_recording(recording_file) as recording:
+            seen = part_of_recording(recording, mask)
             path = correlate_recording(
-                recording, chunk_path(out, k, 2), Options(), SequenceOptions(), mask=mask, chunk=(k, 2)
+                seen, chunk_path(out, k, 2), Options(), SequenceOptions(), chunk=(k, 2)
             )
         return path.stat().st_mtime_ns
 
