@@ -45,7 +45,7 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     crowded = np.vstack([layers[0], layers[-1], *lines])
     size = GAP_CELL * np.concatenate([np.tile(clearance(layers[0]), 2), *(to_finger(line) for line in lines)])
     narrow = size < mesh.tip_cell
-    if mesh.grade_from_wall:
+    if mesh.wall_grading:
         rim = layers[-1]
         crowded = np.vstack([crowded, rim])
         size = np.append(size, np.hypot(*(np.roll(rim, -1, axis=0) - np.roll(rim, 1, axis=0)).T) / 2)

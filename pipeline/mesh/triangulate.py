@@ -11,7 +11,7 @@ import numpy as np
 from fileio.errors import StageError
 from pipeline.scene.sections import Mesh
 
-GROWTH = 0.3  # of the cell size with the distance from a gap
+GROWTH = 0.3  # of the cell size with the distance from a gap, where mesh.wall_grading says nothing
 LEAST_SINE = 0.45  # of a corner of a quadrilateral; those with a sharper or flatter one are split in two
 BIN = 1.25  # points in gaps are taken together where their sizes differ by less than this factor
 
@@ -188,7 +188,7 @@ def _size_field(walls: list[int], track: list[int], narrow: list[int], size: np.
     bins, points = np.round(np.log(size) / np.log(BIN)), np.array(narrow)
     for chosen in np.unique(bins):
         least = float(BIN**chosen)
-        far = least + (mesh.far_cell - least) / GROWTH
+        far = least + (mesh.far_cell - least) / (mesh.wall_grading or GROWTH)
         parts.append(graded("PointsList", points[bins == chosen].tolist(), least, least, far))
     smallest = fields.add("Min")
     fields.setNumbers(smallest, "FieldsList", parts)

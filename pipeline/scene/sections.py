@@ -143,7 +143,8 @@ class Mesh(Section):
     edge_layer: Positive = 1.0e-3  # of the sweep, on both sides of the finger's side edge
     sheet_layer: Positive = 2.3e-3  # most between the side edges: what the sheet's vortex needs
     layer_growth: Annotated[float, Field(gt=1, le=5)] = 1.5  # of the layers with the distance from the edge
-    grade_from_wall: bool = False  # the water's cells begin as large as those beside them at the wall
+    # growth with the distance of the water's cells that begin as large as those beside them at the wall; 0: they jump to wall_cell
+    wall_grading: Annotated[float, Field(ge=0, le=1)] = 0.0
     planform: Literal["triangles", "quads"] = "triangles"  # cells beyond the layers at the wall
     max_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = 65.0
     # not exceeded for 95 % of the time

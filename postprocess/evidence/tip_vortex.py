@@ -92,12 +92,12 @@ def dominant_tracks(
 def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
     """`reference` linear in time at `other`'s instants (only where it exists), and the two side by side.
 
-    Columns: time, and each of circulation, x, y, core_radius with _reference and _other; centre_distance (m).
+    Columns: time, and each of COMPARED that both have with _reference and _other; centre_distance (m).
     """
     inside = other["time"].between(reference["time"].iloc[0] - 1e-9, reference["time"].iloc[-1] + 1e-9)
     at = other[inside].reset_index(drop=True)
     pair = pd.DataFrame({"time": at["time"]})
-    for name in COMPARED:
+    for name in reference.columns.intersection(other.columns).intersection(COMPARED):
         pair[f"{name}_reference"] = np.interp(at["time"], reference["time"], reference[name])
         pair[f"{name}_other"] = at[name]
     dx, dy = pair["x_other"] - pair["x_reference"], pair["y_other"] - pair["y_reference"]

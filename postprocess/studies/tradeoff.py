@@ -22,6 +22,7 @@ from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.load import FILES
 from postprocess.evidence.stage_files import StageFiles, read_json
 from postprocess.evidence.strokes import MIDDLE, peak_tip_speed, stroke_window
+from postprocess.evidence.vortex_integral import CIRCLE, vortex_integrals
 from postprocess.studies.state import files_of, missing_runs, missing_sentence
 from postprocess.studies.table import read_plan, stage_costs, study_table
 
@@ -40,11 +41,8 @@ def velocity_error(reference: xr.Dataset, other: xr.Dataset, window: tuple[float
 def vortex_errors(
     reference: pd.DataFrame, other: pd.DataFrame, window: tuple[float, float], width: float
 ) -> dict[str, float]:
-    """Tip vortex of one table against another's: RMS of circulation (part of the reference's) and of centre (tip widths)."""
-    chosen = tracks.dominant_tracks({"reference": reference, "other": other}, 0, window)
-    if len(chosen) < 2:
-        return {}
-    pair = tracks.pair_tracks(chosen["reference"], chosen["other"])
+    """A vortex's rows against another's: RMS of circulation (part of the reference's) and of centre (tip widths)."""
+    pair = tracks.pair_tracks(reference, other)
     pair = pair[pair["time"].between(*window)]
     if pair.empty:
         return {}
@@ -69,7 +67,11 @@ def force_error(reference: pd.DataFrame, other: pd.DataFrame, end: float) -> flo
 
 def errors_against(best: StageFiles, files: StageFiles, source: str) -> dict[str, float]:
     """Errors of a run's flow ("cfd") or PIV ("piv") against the flow of `best`: ERRORS as parts of the scale of each, and
-    `error`, the largest."""
+    `error`, the largest.
+
+    A flow's circulation and centre of the vortex are integrals over CIRCLE, beside them those of the fit, `…_fit`; PIV's
+    are those of the fit, as the comparison takes them.
+    """
     with (
         read_plane(best.required(FILES["cfd"], "sheet")) as wanted,
         read_plane(files.required(FILES[source], "piv" if source == "piv" else "sheet")) as got,
@@ -82,11 +84,19 @@ def errors_against(best: StageFiles, files: StageFiles, source: str) -> dict[str
             errors |= {"vectors": got.sizes["x"] * got.sizes["y"], "fields": got.sizes["time"]}
         else:
             errors["tip_width_mm"] = width * 1e3
-    theirs, own = [
-        tracks.read_vortices(of.required(f"vortices_{seen}.csv", "vortices"))
-        for of, seen in ((best, "cfd"), (files, source))
-    ]
-    errors |= vortex_errors(theirs, own, window, width)
+        tables = {
+            name: tracks.read_vortices(of.required(f"vortices_{seen}.csv", "vortices"))
+            for name, of, seen in (("best", best, "cfd"), ("other", files, source))
+        }
+        fits = list(tracks.dominant_tracks(tables, 0, window).values())
+        if len(fits) == 2:
+            of_fit = vortex_errors(*fits, window, width)
+            errors |= of_fit
+            if source == "cfd":
+                planes = zip((wanted, got), fits, strict=True)
+                integrals = [vortex_integrals(plane, fit, CIRCLE * width, window) for plane, fit in planes]
+                errors |= {f"{name}_fit": value for name, value in of_fit.items()}
+                errors |= vortex_errors(*integrals, window, width)
     if source == "cfd":
         wanted_force, force = [FORCES.read(of.required("run/forces.csv", "run")) for of in (best, files)]
         errors["error_force"] = force_error(wanted_force, force, float(wanted_force["time"].iloc[-1]))

@@ -31,8 +31,7 @@ def test_errors_of_known_size():
     reference = pd.DataFrame({"time": time, "fx": np.sin(20 * time), "fy": np.cos(20 * time)})
     other = reference.assign(fx=1.1 * reference["fx"], fy=1.1 * reference["fy"])
     assert force_error(reference, other, 0.4) == pytest.approx(0.1, rel=1e-6)
-    columns = {"track": 1, "core_radius": 0.004, "finger": 0, "side": "dorsal", "tip_distance": 1.0}
-    table = pd.DataFrame({"time": time, "x": 0.01 * time, "y": 0.2, "circulation": -0.008, **columns})
+    table = pd.DataFrame({"time": time, "x": 0.01 * time, "y": 0.2, "circulation": -0.008})
     moved = table.assign(x=table["x"] + 0.003, y=table["y"] + 0.004, circulation=-0.0088)
     found = vortex_errors(table, moved, (0.1, 0.3), 0.02)
     assert found["error_circulation"] == pytest.approx(0.1)
