@@ -90,13 +90,15 @@ def errors_against(best: StageFiles, files: StageFiles, source: str) -> dict[str
         }
         fits = list(tracks.dominant_tracks(tables, 0, window).values())
         if len(fits) == 2:
-            of_fit = vortex_errors(*fits, window, width)
+            of_fit = vortex_errors(fits[0], fits[1], window, width)
             errors |= of_fit
             if source == "cfd":
-                planes = zip((wanted, got), fits, strict=True)
-                integrals = [vortex_integrals(plane, fit, CIRCLE * width, window) for plane, fit in planes]
+                a, b = (
+                    vortex_integrals(plane, fit, CIRCLE * width, window)
+                    for plane, fit in zip((wanted, got), fits, strict=True)
+                )
                 errors |= {f"{name}_fit": value for name, value in of_fit.items()}
-                errors |= vortex_errors(*integrals, window, width)
+                errors |= vortex_errors(a, b, window, width)
     if source == "cfd":
         wanted_force, force = [FORCES.read(of.required("run/forces.csv", "run")) for of in (best, files)]
         errors["error_force"] = force_error(wanted_force, force, float(wanted_force["time"].iloc[-1]))
