@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Self
 
 import cv2
 import numpy as np
@@ -80,7 +80,7 @@ class Recording:
     def close(self) -> None:
         """Release files; frames cannot be read afterwards."""
 
-    def __enter__(self) -> Recording:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -15,7 +15,8 @@ def paired_tips(part: Part) -> pd.DataFrame:
     """Pairs of tip vortices of a source in the window; ValueError where the scene has one finger or there is no pair."""
     if part.of not in part.evidence.pairs:
         raise ValueError("the scene has one finger, so there is no pair of vortices")
-    return pairs.within(part.evidence.pairs[part.of], part.window)
+    absent = "the two tips never have a vortex each"
+    return tracks.within(part.evidence.pairs[part.of], part.window, absent)
 
 
 def _lines(part: Part) -> pd.DataFrame:

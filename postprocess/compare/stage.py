@@ -59,11 +59,13 @@ def judge(finding: Finding, evidence: Evidence) -> dict[str, Any]:
                     f"{finding.quantity} of {of} between {window[0]:.3f} and {window[1]:.3f} s is no number"
                 )
             measured[of] = value
-        except ValueError as error:  # what cannot be measured is a finding not met, and says why
+        except (
+            ValueError,
+            FileNotFoundError,
+        ) as error:  # what cannot be measured is a finding not met, and says why
             notes[of] = str(error)
-        except FileNotFoundError as error:  # what was not run is not judged
-            notes[of] = str(error)
-            absent.add(of)
+            if isinstance(error, FileNotFoundError):  # what was not run is not judged
+                absent.add(of)
     judged = {of: is_met(finding, value) for of, value in measured.items() if value is not None}
     failed = any(of not in absent and measured[of] is None for of in finding.of)
     met = False if failed or not all(judged.values()) else None if absent else True

@@ -152,12 +152,11 @@ def oblique_flow(plane: xr.Dataset, lines: pd.DataFrame, window: tuple[float, fl
         else:
             region = valid & ((y < height) & (y > height - 2 * width))[:, None] & (np.abs(x) <= width)
         vertical = sign * field[1][region]
-        total, along, points = (
-            total + vertical.sum(),
-            along + int((vertical > 0).sum()),
-            points + vertical.size,
-        )
-        across, upright = across + np.abs(field[0][region]).sum(), upright + np.abs(vertical).sum()
+        total += vertical.sum()
+        along += int((vertical > 0).sum())
+        points += vertical.size
+        across += np.abs(field[0][region]).sum()
+        upright += np.abs(vertical).sum()
     if points == 0:
         raise ValueError(
             f"the flow between the fingers does not part into up and down between {window[0]:.3f} and {window[1]:.3f} s"

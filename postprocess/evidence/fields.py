@@ -79,18 +79,8 @@ def field_sums(reference: xr.Dataset, other: xr.Dataset) -> pd.DataFrame:
         shift = (b - a).mean(axis=1) if both.any() else np.zeros(2)
         sums = [((b - a) ** 2).sum(), (a**2).sum(), (b**2).sum(), (a * b).sum()]
         rows.append([time, int(both.sum()), both.sum() / max(a_ok.sum(), 1), *sums, *shift])
-    columns = [
-        "time",
-        "points",
-        "share",
-        "difference2",
-        "reference2",
-        "other2",
-        "product",
-        "mean_du",
-        "mean_dv",
-    ]
-    return pd.DataFrame(rows, columns=columns)
+    sums_named = ["difference2", "reference2", "other2", "product"]
+    return pd.DataFrame(rows, columns=["time", "points", "share", *sums_named, "mean_du", "mean_dv"])
 
 
 def rms_difference(sums: pd.DataFrame) -> float:

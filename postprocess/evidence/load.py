@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,20 +46,13 @@ def load_evidence(files: StageFiles, single_level: str | None = None) -> Evidenc
     scale, _ = peak_tip_speed(planes["cfd"]["time"].values, planes["cfd"]["tip"].values)
     sums = {"piv-cfd": fields.field_sums(planes["cfd"], planes["piv"])} if piv is not None else {}
     clock = read_clock(files.required("kinematics.h5", "kinematics"), planes["cfd"])
+    evidence = Evidence(planes, vortices, scale, clock, sums)
     if planes["cfd"].sizes["finger"] < 2:
-        return Evidence(planes, vortices, scale, clock, sums)
+        return evidence
+    pairs = {source: pair_vortices(table) for source, table in vortices.items()}
+    lines = {source: centreline(plane, scale) for source, plane in planes.items()}
     single, absent = single_finger(files.scene_folder, single_level or files.level)
-    return Evidence(
-        planes,
-        vortices,
-        scale,
-        clock,
-        sums,
-        pairs={source: pair_vortices(table) for source, table in vortices.items()},
-        lines={source: centreline(plane, scale) for source, plane in planes.items()},
-        single=single,
-        single_absent=absent,
-    )
+    return replace(evidence, pairs=pairs, lines=lines, single=single, single_absent=absent)
 
 
 def single_finger(folder: Path, level: str) -> tuple[dict[str, pd.DataFrame], str]:

@@ -62,12 +62,8 @@ class Clock:
 
     def met(self) -> float | None:
         """When the tips meet, s: the gap has come within `CONTACT` of the residual gap; None where it never does."""
-        _, gap = self.gaps()
-        return (
-            gap_reached(self, self.residual_gap + CONTACT)
-            if gap.min() <= self.residual_gap + CONTACT
-            else None
-        )
+        contact = self.residual_gap + CONTACT
+        return gap_reached(self, contact) if self.gaps()[1].min() <= contact else None
 
 
 def read_window(value: Any, where: str) -> Window:

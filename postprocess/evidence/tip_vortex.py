@@ -104,13 +104,13 @@ def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
     return pair.assign(centre_distance=np.hypot(dx, dy))
 
 
-def within(pair: pd.DataFrame, window: tuple[float, float]) -> pd.DataFrame:
-    """Rows of a pairing inside a window; ValueError where the two vortices never exist together there."""
+def within(
+    pair: pd.DataFrame, window: tuple[float, float], otherwise: str = "the two vortices do not exist together"
+) -> pd.DataFrame:
+    """Rows of a pairing inside a window (s); ValueError that says `otherwise` where there is none."""
     rows = pair[pair["time"].between(*window)]
     if rows.empty:
-        raise ValueError(
-            f"the two vortices do not exist together between {window[0]:.3f} and {window[1]:.3f} s"
-        )
+        raise ValueError(f"{otherwise} between {window[0]:.3f} and {window[1]:.3f} s")
     return rows
 
 

@@ -60,16 +60,6 @@ def broken(table: pd.DataFrame, track: str = "track") -> pd.DataFrame:
     return pd.concat(parts[:-1], ignore_index=True) if len(parts) > 1 else table
 
 
-def within(pairs: pd.DataFrame, window: tuple[float, float]) -> pd.DataFrame:
-    """The pairs of a window (s); ValueError where there is none."""
-    rows = pairs[pairs["time"].between(*window)]
-    if rows.empty:
-        raise ValueError(
-            f"the two tips never have a vortex each between {window[0]:.3f} and {window[1]:.3f} s"
-        )
-    return rows
-
-
 def both_sides(rows: pd.DataFrame) -> str:
     """The side of the tip on which most vortices of both fingers lie: "dorsal", "ventral", or "different"."""
     sides = [rows[f"side_{finger}"].mode().iloc[0] for finger in (0, 1)]

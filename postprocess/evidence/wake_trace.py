@@ -32,11 +32,9 @@ def trace_velocity(
         if times[index] >= window[0]:
             field, valid = frame(plane, int(index))
             upward = field[1][passed & valid]
-            total, rising, points = (
-                total + upward.sum(),
-                rising + int((upward > 0).sum()),
-                points + upward.size,
-            )
+            total += upward.sum()
+            rising += int((upward > 0).sum())
+            points += upward.size
         passed |= inside(plane["outline"].values[index, finger], x, y)
     if points == 0:
         raise ValueError(f"the finger leaves no trace between {window[0]:.3f} and {window[1]:.3f} s")

@@ -16,10 +16,9 @@ from postprocess.report.wording import PAIRS, WORDS, balance_sentence, quantity,
 
 def measured_cell(check: dict[str, Any]) -> str:
     """Measured values of a check with their sources."""
-    parts = [
-        f"{PAIRS[source]}: {quantity(value, check['unit'])}" for source, value in check["measured"].items()
-    ]
-    return ", ".join(parts)
+    return ", ".join(
+        f"{PAIRS[of]}: {quantity(value, check['unit'])}" for of, value in check["measured"].items()
+    )
 
 
 def verdict_cell(check: dict[str, Any]) -> str:

@@ -15,11 +15,7 @@ from fileio.formats.plane_series import read_plane
 from fileio.formats.records import COMPARISON
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.load import read_clock, single_finger
-from postprocess.evidence.stage_files import (
-    StageFiles,
-    extended_scenes,
-    scene_numbers,
-)
+from postprocess.evidence.stage_files import StageFiles, extended_scenes, scene_numbers
 from postprocess.report.flow_figures import flow_figures, tip_vortices, vortex_figures
 from postprocess.report.motion_figures import bending_figure, motion_figure, study_figures
 from postprocess.report.picture_index import Album
@@ -72,13 +68,8 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
         for folder in extended_scenes(files.scene_folder):
             study_figures(album, folder / "kinematics" / "studies")
     solver_figures(album, out)
-    mesh_figures(
-        album,
-        read_planforms(out / "planform.h5"),
-        planes["cfd"],
-        scene["finger"]["width"],
-        scene["tank"]["size"],
-    )
+    width, tank = scene["finger"]["width"], scene["tank"]["size"]
+    mesh_figures(album, read_planforms(out / "planform.h5"), planes["cfd"], width, tank)
     if (out / "images.h5").exists():
         camera_picture(album, out / "images.h5", float(np.mean(middle)))
     for plane in planes.values():

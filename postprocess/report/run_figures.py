@@ -60,14 +60,14 @@ def mesh_figures(
     album.add(draw_mesh.planform(shapes, at, lines, limits), "planform.png", "mesh", alt)
     now = bend[:, None] if np.ptp(bend) > REST else outline[:, 0].mean(axis=1)
     bodies = outline[_nearest_shape([now], known[drawn[1][0]][drawn[1][1]])[1]]
-    drawn_by = draw_mesh.view_in_space(
-        album.folder / "view3d.png",
-        points=shapes[1],
-        lines=lines[1],
-        outline=bodies,
-        width=width,
-        tank=np.array(tank),
-    )
+    middle = {
+        "points": shapes[1],
+        "lines": lines[1],
+        "outline": bodies,
+        "width": width,
+        "tank": np.array(tank),
+    }
+    drawn_by = draw_mesh.view_in_space(album.folder / "view3d.png", **middle)
     alt = "The finger and the mesh on the laser sheet inside the tank, seen in space."
     album.add(None, "view3d.png", "mesh", alt, f"Half-way through the stroke (drawn by {drawn_by}).")
 

@@ -60,30 +60,21 @@ def read_costs(folder: Path, solver_time: float) -> list[dict[str, Any]]:
 
 def absences(comparison: dict[str, Any], sections: dict[str, Any], finger: bool) -> list[str]:
     """One sentence for every optional part that is not on the page; `finger`: of a finger, not of a rigid body."""
-    notes = []
-    if comparison["provenance"]["findings_sha256"] is None:
-        notes.append(
-            "The scene has no findings (reference/findings.toml): agreement of PIV with the CFD is judged and nothing else."
-        )
-    if "piv" not in comparison["sources"]:
-        notes.append(
-            f"PIV was not run at level {comparison['level']}: every picture shows the CFD alone and no agreement is judged."
-        )
-    elif "piv" not in comparison["summary"]:
-        notes.append(
-            "PIV shows no vortex near the tip in the middle of the stroke, so the two vortices are not compared."
-        )
-    if "cfd" not in comparison["summary"]:
-        notes.append(
-            "The CFD shows no vortex near the tip in the middle of the stroke, so its series is not drawn."
-        )
-    if "camera" not in sections:
-        notes.append("No recording (images.h5) is kept for this level, so no camera picture is shown.")
-    if finger:
-        notes.append(
-            "The uncertainty of the finger's shape and pressure (FEA band) was not propagated: bands show the measurement alone."
-        )
-    return notes
+    seen, has_piv = comparison["summary"], "piv" in comparison["sources"]
+    notes = {
+        "The scene has no findings (reference/findings.toml): agreement of PIV with the CFD is judged and nothing else.":
+            comparison["provenance"]["findings_sha256"] is None,
+        f"PIV was not run at level {comparison['level']}: every picture shows the CFD alone and no agreement is judged.":
+            not has_piv,
+        "PIV shows no vortex near the tip in the middle of the stroke, so the two vortices are not compared.":
+            has_piv and "piv" not in seen,
+        "The CFD shows no vortex near the tip in the middle of the stroke, so its series is not drawn.":
+            "cfd" not in seen,
+        "No recording (images.h5) is kept for this level, so no camera picture is shown.": "camera" not in sections,
+        "The uncertainty of the finger's shape and pressure (FEA band) was not propagated: bands show the measurement alone.":
+            finger,
+    }  # fmt: skip
+    return [note for note, holds in notes.items() if holds]
 
 
 def render(files: StageFiles) -> str:

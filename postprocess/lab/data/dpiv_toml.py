@@ -82,9 +82,8 @@ class Evaluation(Table):
     window: Annotated[int, Field(ge=8)]
     spacing: Annotated[int, Field(ge=1)]
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
-    smoothing: bool | None = (
-        None  # this project's adaptive one; where it is not said: pictures yes, vectors (another program's) no
-    )
+    # this project's adaptive one; where it is not said: pictures yes, vectors (another program's) no
+    smoothing: bool | None = None
     pairing: Literal["1-2,2-3", "1-2,3-4"] | None = None  # of pictures
     interval_s: Positive | None = None  # between the exposures of a pair "1-2,3-4"
     every: Annotated[int, Field(ge=1)] = 1
@@ -228,8 +227,7 @@ def _sentence(error: ValidationError) -> str:
     place = [str(part) for part in first["loc"] if not str(part)[:1].isupper() and "[" not in str(part)]
     key = ".".join(place)
     if first["type"] == "missing":
-        hint = HINTS.get(key, key)
-        text = f"{key} is missing: give {hint}"
+        text = f"{key} is missing: give {HINTS.get(key, key)}"
     elif first["type"] == "extra_forbidden":
         text = f"{key}: this key is not known; check its spelling or remove it"
     else:

@@ -22,9 +22,7 @@ class LabFiles:
         self.view = self.folder / "view.txt"  # four numbers: what part of the tank the camera sees
         self.sheet = self.folder / "sheet.h5"  # the simulation's over the camera's view
         self.comparison = self.folder / "comparison.json"
-        self.motion = (
-            self.folder / "motion.h5"
-        )  # the finger's as the recording shows it, for motion.source = "recording"
+        self.motion = self.folder / "motion.h5"  # the recording's, for motion.source = "recording"
 
     def run_sheet(self, name: str) -> Path:
         """The sheet of a run beside the nominal one."""

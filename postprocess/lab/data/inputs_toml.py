@@ -115,11 +115,10 @@ def write_runs(files: StageFiles, inputs: Inputs) -> list[Path]:
         table = changed(numbers, [root, *rest], one.step, one.key)
         # of the level: what the scene gives for this level would have the last word
         level = {files.level: {root: {rest[0]: table[root][rest[0]]}}}
-        folders.append(_write(files, run_folder(files, one.name), {"levels": level}))
+        folders.append(_write(run_folder(files, one.name), {"levels": level}))
     for finer in inputs.numerics:
-        folders.append(
-            _write(files, run_folder(files, finer.name), {"levels": {files.level: _finer(numbers, finer)}})
-        )
+        level = {files.level: _finer(numbers, finer)}
+        folders.append(_write(run_folder(files, finer.name), {"levels": level}))
     return folders
 
 
@@ -132,7 +131,7 @@ def write_virtual(files: StageFiles, pressure_kpa: float) -> Path:
         )
     strokes = [*motion["strokes"][:-1], motion["strokes"][-1] | {"pressure_kpa": pressure_kpa}]
     folder = files.out / "virtual" / f"{pressure_kpa:g}kpa"
-    return _write(files, folder, {"motion": {"strokes": strokes}})
+    return _write(folder, {"motion": {"strokes": strokes}})
 
 
 def changed(section: Any, keys: list[str], step: float, key: str) -> Any:
@@ -158,14 +157,9 @@ def _finer(numbers: dict[str, Any], finer: Numerics) -> dict[str, Any]:
     return {"mesh": lengths | counts | {name: mesh[name] ** (1 / finer.ratio) for name in MESH_GROWTH}}
 
 
-def _write(files: StageFiles, folder: Path, tables: dict[str, Any]) -> Path:
-    lines = [
-        f"# Written by postprocess.lab: {folder.name}, beside the nominal run.",
-        'extends = "../../../.."',
-    ]
-    for key, table in tables.items():
-        lines += _toml(key, table)
-    text = "\n".join(lines) + "\n"
+def _write(folder: Path, tables: dict[str, Any]) -> Path:
+    head = f'# Written by postprocess.lab: {folder.name}, beside the nominal run.\nextends = "../../../.."\n'
+    text = head + "".join(f"{line}\n" for key, table in tables.items() for line in _toml(key, table))
     path = folder / "scene.toml"
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         write_text(path, text)

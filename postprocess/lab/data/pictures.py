@@ -31,8 +31,15 @@ def check_rate(dpiv: Dpiv, source: Recording) -> None:
         )
 
 
+def thinned(frames: np.ndarray, most: int) -> np.ndarray:
+    """At most so many of some frames, evenly spread from the first to the last."""
+    return frames[np.unique(np.linspace(0, frames.size - 1, min(most, frames.size)).round().astype(int))]
+
+
 class LabRecording(Recording):
     """The pictures of a dpiv.toml: mirrored where it says so, rectified where its calibration has a lens."""
+
+    times: np.ndarray
 
     def __init__(self, dpiv: Dpiv) -> None:
         self._source = open_recording(dpiv.sources(), colour=dpiv.colour)

@@ -95,16 +95,15 @@ def camera_planes(
 
 def camera_finger(series: xr.Dataset, pose: Pose, time: float) -> dict[str, np.ndarray]:
     """The finger's variables at one instant, in the camera frame; empty where the series has none."""
-    finger = {}
-    for name in ("outline", "outline_velocity", "tip", "tip_direction", "dorsal_direction", "bend"):
-        if name in series:
-            values = finger_at(series, name, time)
-            if name in ("outline", "tip"):
-                values = pose.to_camera(values)
-            elif name != "bend":
-                values = values @ pose.rotation.T
-            finger[name] = values
-    return finger
+    names = ("outline", "outline_velocity", "tip", "tip_direction", "dorsal_direction", "bend")
+    return {name: in_camera(name, finger_at(series, name, time), pose) for name in names if name in series}
+
+
+def in_camera(name: str, values: np.ndarray, pose: Pose) -> np.ndarray:
+    """A finger's variable of the tank frame in the camera frame: places are moved and turned, directions turned."""
+    if name in ("outline", "tip"):
+        return pose.to_camera(values)
+    return values if name == "bend" else values @ pose.rotation.T
 
 
 def camera_series(

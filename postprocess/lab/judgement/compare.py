@@ -98,20 +98,12 @@ def make_case(
     if dpiv.kind == "vectors":
         px *= (dpiv.scale.scale_mm_per_px or 0.0) * 1e-3
     window_m = dpiv.piv.window * px
+    sides = planes.data, planes.virtual, planes.direct
+    fresh = dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4"
     case = Case(
-        family,
-        registration,
-        planes.data,
-        planes.virtual,
-        planes.direct,
-        window,
-        VortexSettings(**settings),
-        window_m,
-        geometry,
-        bend_std,
-        fresh_pairs=dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4",
-        measured_motion=moved_as_recorded(files, dpiv),
-    )
+        family, registration, *sides, window, VortexSettings(**settings), window_m, geometry, bend_std,
+        fresh_pairs=fresh, measured_motion=moved_as_recorded(files, dpiv),
+    )  # fmt: skip
     case.effects.extend(effects_of_runs(files, inputs, case))
     return case
 
@@ -138,9 +130,8 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, F
     judged.append(_judged_field(field, case, rows, inputs.too_uncertain, joint))
     wrong = [q["name"] for q in judged if q["joint_verdict"] == budget.ERROR]
     undecided = [q["name"] for q in judged if q["verdict"] == budget.UNCERTAIN]
-    verdict = (
-        budget.ERROR if wrong else budget.AGREES if len(undecided) < len(judged) / 2 else budget.UNCERTAIN
-    )
+    clear = budget.AGREES if len(undecided) < len(judged) / 2 else budget.UNCERTAIN
+    verdict = budget.ERROR if wrong else clear
     registration = case.registration
     result = {
         "verdict": verdict,
@@ -184,11 +175,8 @@ def _judged_field(
     planes = {"data": case.data, "direct": case.direct}
     planes["simulation"] = case.direct if case.virtual is None else case.virtual
     values = {name: np.array([size(plane)]) for name, plane in planes.items()}
-    kinds = {
-        kind: np.array([np.sqrt(sum(v**2 for k, v in parts.values() if k == kind))]) for kind in budget.KINDS
-    }
-    direct = np.stack([case.direct["u"].values, case.direct["v"].values], 1)[rows]
-    measured = np.stack([case.data["u"].values, case.data["v"].values], 1)[rows]
+    squares = {kind: sum(v**2 for k, v in parts.values() if k == kind) for kind in budget.KINDS}
+    direct, measured = (np.stack([p["u"].values, p["v"].values], 1)[rows] for p in (case.direct, case.data))
     allowed = {level: field.allowed_rms(level) for level in (budget.LEVEL, joint)}
 
     def word(level: float) -> str:
@@ -209,7 +197,7 @@ def _judged_field(
         "scale": values["data"][0],
         "u_val": u_val,
         "k": allowed[budget.LEVEL] / float(u_val[0]),
-        **{symbol: kinds[kind] for kind, symbol in budget.KINDS.items()},
+        **{symbol: np.sqrt([squares[kind]]) for kind, symbol in budget.KINDS.items()},
         "significance": rms / float(u_val[0]),
         "verdict": word(budget.LEVEL),
         "joint_verdict": word(joint),

@@ -24,17 +24,13 @@ def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
         modes[effect.name] = (effect.kind, effect.field[rows] * effect.per_std)
     pressure = case.effect("pressure")
     if case.geometry and pressure is not None:
-        modes["geometry and material"] = (
-            "input",
-            pressure.field[rows] * case.bend_std / abs(pressure.bend),
-        )
+        modes["geometry and material"] = "input", pressure.field[rows] * case.bend_std / abs(pressure.bend)
     modes |= registration_modes(case, rows, direct)
     noise2 = np.zeros_like(error)
     for plane in (case.data, case.virtual):
         if plane is not None:
-            noise2 += (
-                np.stack([plane["u_std"].values, plane["v_std"].values], axis=1)[rows].astype(float) ** 2
-            )
+            std = np.stack([plane["u_std"].values, plane["v_std"].values], axis=1)[rows].astype(float)
+            noise2 += std**2
     return FieldComparison(error, modes, np.sqrt(noise2))
 
 

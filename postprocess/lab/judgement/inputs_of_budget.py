@@ -30,6 +30,10 @@ class Effect:
     bend: float
     duration: float
 
+    def moves(self, columns: tuple[str, ...]) -> np.ndarray:
+        """Its change of the quantity that `columns` of `measures` hold, (component,)."""
+        return self.change[list(columns)].to_numpy(float)
+
 
 @dataclass(frozen=True)
 class Case:

@@ -16,7 +16,7 @@ from postprocess.evidence.stage_files import scene_title
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv
 from postprocess.lab.data.files import LabFiles, read_registration
 from postprocess.lab.data.inputs_toml import read_inputs
-from postprocess.lab.data.pictures import LabRecording
+from postprocess.lab.data.pictures import LabRecording, thinned
 from postprocess.lab.registration.fit_outline import prepare
 from postprocess.lab.registration.profile import fit_profile, motion_values, strip_at_rest
 from postprocess.lab.registration.register import LEARN_FROM, MAX_FRAMES, hidden_part
@@ -55,17 +55,11 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
     registration = read_registration(files.registration)
     law, pose = registration.law, registration.pose
     strip = strip_at_rest(family)
-    recording = LabRecording(dpiv)
-    try:
-        assert recording.times is not None
+    with LabRecording(dpiv) as recording:
         at = recording.times - law.delay
         inside = np.flatnonzero((at >= family.time[0] - 0.02) & (at <= family.time[1]))
-        chosen = inside[
-            np.unique(np.linspace(0, inside.size - 1, min(MAX_FRAMES, inside.size)).round().astype(int))
-        ]
+        chosen = thinned(inside, MAX_FRAMES)
         images = [recording.frame(int(i)) for i in chosen]
-    finally:
-        recording.close()
     hidden = dpiv.root_hidden_mm * 1e-3
     blind = hidden_part(pose, family, hidden, images[0].shape) if hidden else None
     frames = prepare(images, at[chosen], learn(images[:: max(1, len(images) // LEARN_FROM)]), blind)
@@ -97,10 +91,8 @@ def _write_scene(files: LabFiles, dpiv: Dpiv, factor_std: float) -> Path:
     title = f"{scene_title(files.stage.scene_folder)}, moved as in the recording {dpiv.name}"
     write_text(folder / "scene.toml", SCENE.format(name=dpiv.name, title=title))
     limit = round(3**0.5 * factor_std, 6)
-    write_text(
-        folder / "reference" / "inputs.toml",
-        INPUTS.format(too_uncertain=inputs.too_uncertain, limit=limit, numerics=numerics),
-    )
+    text = INPUTS.format(too_uncertain=inputs.too_uncertain, limit=limit, numerics=numerics)
+    write_text(folder / "reference" / "inputs.toml", text)
     findings = files.stage.findings
     if findings.exists():
         write_text(folder / "reference" / "findings.toml", findings.read_text(encoding="utf-8"))

@@ -68,32 +68,15 @@ def means(table: pd.DataFrame, rows: np.ndarray) -> pd.Series:
     return table.loc[rows].drop(columns="time").mean()
 
 
-def numerical_and_input(effects: list[Effect], columns: tuple[str, ...]) -> list[Source]:
-    """Sources that runs beside the nominal one measured."""
-    return [
-        Source(e.name, e.kind, np.abs(e.change[list(columns)].to_numpy(float)) * e.per_std, e.how)
-        for e in effects
-    ]
-
-
 def flow_quantities(
     case: Case, measured: dict[str, pd.DataFrame], rows: np.ndarray
 ) -> list[ValidatedQuantity]:
     """Circulation, centre, core radius and jet speed with all their sources."""
     base = {name: means(table, rows) for name, table in measured.items()}
     simulated = "virtual" if "virtual" in measured else "direct"
-    own = {
-        name: scatter(
-            getattr(case, name),
-            measured[name],
-            np.flatnonzero(rows),
-            case.registration.pose,
-            case.vortices,
-            case.window_m,
-        )
-        for name in ("data", "virtual")
-        if name in measured
-    }
+    at, alike = np.flatnonzero(rows), (case.registration.pose, case.vortices, case.window_m)
+    sides = {"data": case.data, "virtual": case.virtual}
+    own = {name: scatter(p, measured[name], at, *alike) for name, p in sides.items() if p is not None}
     out = []
     for name, (columns, unit, label) in VORTEX.items():
         take = lambda s, columns=columns: np.array([float(s[c]) for c in columns])  # noqa: E731
@@ -102,22 +85,14 @@ def flow_quantities(
         random, instant = vector_sources(
             case, base["data"], rows, error, {n: take(s) for n, s in own.items()}
         )
-        sources = [*numerical_and_input(case.effects, columns), *geometry_sources(case, columns), *random]
+        sources = [Source(e.name, e.kind, np.abs(e.moves(columns)) * e.per_std, e.how) for e in case.effects]
+        sources += [*geometry_sources(case, columns), *random]
         sources += registration_sources(case, name, take(base["data"]), rates)
-        out.append(
-            ValidatedQuantity(
-                name,
-                label,
-                unit,
-                take(base[simulated]),
-                take(base["direct"]),
-                take(base["data"]),
-                _scale(name, base["data"], case.family),
-                sources,
-                explained_by_motion(case, columns),
-                at_instant(sources, instant),
-            )
-        )
+        ours, direct, theirs = (take(base[side]) for side in (simulated, "direct", "data"))
+        scale = case.family.tip_width if name == "centre" else float(abs(theirs[0]))
+        explained, each = explained_by_motion(case, columns), at_instant(sources, instant)
+        quantity = ValidatedQuantity(name, label, unit, ours, direct, theirs, scale, sources, explained, each)
+        out.append(quantity)
     return out
 
 
@@ -176,10 +151,6 @@ def independent_instants(times: np.ndarray, speed: float, window_m: float) -> fl
     return float(times.size**2 / np.sum(np.clip(1 - speed * apart / window_m, 0.0, 1.0)))
 
 
-def _scale(name: str, data: pd.Series, family: Kinematics) -> float:
-    return family.tip_width if name == "centre" else float(abs(data[VORTEX[name][0][0]]))
-
-
 def _mean_rate(table: pd.DataFrame, column: str, rows: np.ndarray) -> float:
     """Mean rate of change over the window, 1/s times the unit."""
     chosen = table.loc[rows]
@@ -220,8 +191,7 @@ def geometry_sources(case: Case, columns: tuple[str, ...]) -> list[Source]:
     effect = case.effect("pressure")
     if not case.geometry or effect is None:
         return []
-    change = effect.change[list(columns)].to_numpy(float)
-    std = np.abs(change) * (case.bend_std / abs(effect.bend))
+    std = np.abs(effect.moves(columns)) * (case.bend_std / abs(effect.bend))
     return [Source("geometry and material", "input", std, "FEA's band, scaled from the run of the pressure")]
 
 
@@ -232,10 +202,7 @@ def explained_by_motion(case: Case, columns: tuple[str, ...]) -> np.ndarray | No
         return None
     bend, length = motion_values(case)
     total = np.zeros(len(columns))
-    for effect, (simulated, seen), own in (
-        (pressure, bend, pressure.bend),
-        (duration, length, duration.duration),
-    ):
-        change = effect.change[list(columns)].to_numpy(float)
-        total += change * (simulated - seen) / own if abs(own) > 1e-12 else 0.0
+    runs = (pressure, bend, pressure.bend), (duration, length, duration.duration)
+    for effect, (simulated, seen), own in runs:
+        total += effect.moves(columns) * (simulated - seen) / own if abs(own) > 1e-12 else 0.0
     return total

@@ -88,9 +88,9 @@ def coverage_factor(components: int, level: float = LEVEL) -> float:
     return float(np.sqrt(chi2.ppf(level, components)))
 
 
-def joint_level(quantities: int, level: float = LEVEL) -> float:
-    """Level of each of so many tests at which all hold with probability `level` (Šidák)."""
-    return level ** (1 / quantities)
+def joint_level(quantities: int) -> float:
+    """Level of each of so many tests at which all hold with probability `LEVEL` (Šidák)."""
+    return LEVEL ** (1 / quantities)
 
 
 @dataclass(frozen=True)

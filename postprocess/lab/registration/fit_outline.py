@@ -145,7 +145,7 @@ def fit_outline(
     done: list[tuple[np.ndarray, np.ndarray]] = []
     while len(done) < rounds and not settled(done):
         found, places, change, off, accepted = sample(
-            frames.integrals, frames.mean, outlines, normals, start, change, off, np.asarray(first.anchor), frames.times, history,
+            frames.integrals, frames.mean, outlines, normals, np.asarray(first.anchor), start, change, off, frames.times, history,
             clock[0], clock[1] - clock[0], steps, 0.02 * spread, mean, weight, apart, frames.independent, cold, burn, keep, rng,
         )  # fmt: skip
         done.append((found, places))

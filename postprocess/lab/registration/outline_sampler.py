@@ -7,19 +7,18 @@ import numpy as np
 
 from postprocess.lab.registration.silhouette import left_of
 
-STEP, TAKEN, TAKEN_ALONE = (
-    0.6,
-    0.25,
-    0.4,
-)  # first size of a joint step; shares of steps taken that are aimed at
+# first size of a joint step; shares of steps taken that are aimed at
+STEP, TAKEN, TAKEN_ALONE = 0.6, 0.25, 0.4
 
 
 @numba.njit(cache=True)
-def frame_score(integral, mean, outlines, normals, at, angle, scale_m_per_px, anchor, edge, place):
-    """Evidence inside the outline at `place` (index into the table, fractional) in one frame; `edge` (px) grows it.
+def frame_score(integral, mean, outlines, normals, anchor, seat, place):
+    """Evidence inside the outline at `place` (index into the table, fractional) in one frame.
 
-    `integral` and `mean` as of `silhouette.integral_image`.
+    `integral` and `mean` as of `silhouette.integral_image`; `seat`: x and y (px) of `anchor` (m), angle (rad), scale (m per px), and
+    `edge` (px), by which the outline grows.
     """
+    x0, y0, angle, scale_m_per_px, edge = seat
     c, s = np.cos(angle), np.sin(angle)
     magnification = 1 / scale_m_per_px
     t = min(max(int(place), 0), outlines.shape[0] - 2)
@@ -32,8 +31,8 @@ def frame_score(integral, mean, outlines, normals, at, angle, scale_m_per_px, an
         x = (1 - w) * outlines[t, m, 0] + w * outlines[t + 1, m, 0] - anchor[0]
         y = (1 - w) * outlines[t, m, 1] + w * outlines[t + 1, m, 1] - anchor[1]
         nx, ny = normals[t, m, 0], normals[t, m, 1]
-        qx = at[0] + magnification * (c * x - s * y) + edge * (c * nx - s * ny)
-        qy = at[1] + magnification * (s * x + c * y) + edge * (s * nx + c * ny)
+        qx = x0 + magnification * (c * x - s * y) + edge * (c * nx - s * ny)
+        qy = y0 + magnification * (s * x + c * y) + edge * (s * nx + c * ny)
         if k > 0:
             total += left_of(integral, mean, px, py, qx, qy)
         px, py = qx, qy
@@ -41,14 +40,19 @@ def frame_score(integral, mean, outlines, normals, at, angle, scale_m_per_px, an
 
 
 @numba.njit(cache=True)
-def all_scores(integrals, mean, outlines, normals, at, angle, scale_m_per_px, anchor, edge, places):
+def all_scores(integrals, mean, outlines, normals, anchor, seat, places):
     """`frame_score` of every frame, (frame,)."""
     out = np.empty(places.size)
     for f in range(places.size):
-        out[f] = frame_score(
-            integrals[f], mean, outlines, normals, at, angle, scale_m_per_px, anchor, edge, places[f]
-        )
+        out[f] = frame_score(integrals[f], mean, outlines, normals, anchor, seat, places[f])
     return out
+
+
+@numba.njit(cache=True)
+def seat_of(first, change):
+    """The `seat` of `frame_score` that `first` (8,) becomes by a change (8,) of the chain."""
+    scale = first[3] * np.exp(-change[3])
+    return first[0] + change[0], first[1] + change[1], first[2] + change[2], scale, first[4] + change[4]
 
 
 @numba.njit(cache=True)
@@ -65,7 +69,7 @@ def law_places(times, values, law, begin, step):
 
 @numba.njit(cache=True)
 def sample(
-    integrals, mean_evidence, outlines, normals, first, change, off, anchor, times, law, begin, step, second, least, mean_prior,
+    integrals, mean_evidence, outlines, normals, anchor, first, change, off, times, law, begin, step, second, least, mean_prior,
     weight_prior, apart, temper, cold, burn, keep, rng,
 ):  # fmt: skip
     """Samples of (x, y, angle, ln magnification, edge, factor, delay, stretch), as changes of `first`, and of the places (sample, frame).
@@ -77,12 +81,8 @@ def sample(
     """
     frames, size = times.size, change.size
     largest = outlines.shape[0] - 1.0
-    at = np.array([first[0] + change[0], first[1] + change[1]])
     places = law_places(times, first[5:] + change[5:], law, begin, step) + off
-    scores = all_scores(
-        integrals, mean_evidence, outlines, normals, at, first[2] + change[2], first[3] * np.exp(-change[3]), anchor,
-        first[4] + change[4], places,
-    )  # fmt: skip
+    scores = all_scores(integrals, mean_evidence, outlines, normals, anchor, seat_of(first, change), places)
     out, out_places = np.empty((keep, size)), np.empty((keep, frames))
     mean, second = change.copy(), second.copy()
     factor = np.linalg.cholesky(second)
@@ -97,25 +97,19 @@ def sample(
             new_places = law_places(times, new_law, law, begin, step) + off
             accept = new_places.min() >= 0 and new_places.max() <= largest
         if accept:
-            at = np.array([first[0] + new[0], first[1] + new[1]])
-            scale = first[3] * np.exp(-new[3])
-            tried = all_scores(
-                integrals, mean_evidence, outlines, normals, at, first[2] + new[2], scale, anchor, first[4] + new[4], new_places
-            )  # fmt: skip
+            seat = seat_of(first, new)
+            tried = all_scores(integrals, mean_evidence, outlines, normals, anchor, seat, new_places)
             gain = heat * (tried.sum() - scores.sum())
             gain -= 0.5 * np.sum(weight_prior * ((new - mean_prior) ** 2 - (change - mean_prior) ** 2))
             accept = np.log(rng.random()) < gain
             if accept:
                 change, scores, places = new, tried, new_places
-        at = np.array([first[0] + change[0], first[1] + change[1]])
-        scale = first[3] * np.exp(-change[3])
+        seat = seat_of(first, change)
         for f in range(frames):
             move = alone[f] * rng.standard_normal()
             if places[f] + move < 0 or places[f] + move > largest:
                 continue
-            s = frame_score(
-                integrals[f], mean_evidence, outlines, normals, at, first[2] + change[2], scale, anchor, first[4] + change[4], places[f] + move
-            )  # fmt: skip
+            s = frame_score(integrals[f], mean_evidence, outlines, normals, anchor, seat, places[f] + move)
             gain = heat * (s - scores[f]) - 0.5 * ((off[f] + move) ** 2 - off[f] ** 2) / apart[f] ** 2
             better = np.log(rng.random()) < gain
             if better:

@@ -19,6 +19,7 @@ from fileio.formats.kinematics import Kinematics, counter_clockwise
 from piv.images.masks import dark_body
 from piv.images.recording import Recording
 from postprocess.lab.data.files import Law, Registration
+from postprocess.lab.data.pictures import thinned
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.fit_outline import Frames, OutlineFit, fit_outline, outline_table, prepare
 from postprocess.lab.registration.outline_sampler import all_scores
@@ -28,10 +29,8 @@ MAX_FRAMES = 60
 LEARN_FROM = 4
 REST = 0.003  # of the range of pressure: nearer to its start the finger is at rest
 REST_STD = 0.002  # of the range: how well the shape at rest is that of the simulation, at most
-FREE, TIED = (
-    0.05,
-    0.001,
-)  # of the range: how far a frame may be off the law in the rough fit; at least, in the final one
+# of the range: how far a frame may be off the law in the rough fit; at least, in the final one
+FREE, TIED = 0.05, 0.001
 # m from the root, away from the tip: where water must be seen, by the fitted and by the stated pose
 BEYOND, BEYOND_STATED = (0.001, 0.003), (0.003, 0.005)
 ROUNDS = 6  # of the final fit, at most
@@ -85,17 +84,15 @@ def search_delay(
     """Delay (s) at which the simulation's motion fits the frames best: a correlation over time of the finger's picture."""
     table, outlines, normals = outline_table(family)
     span = frames.times[-1] - frames.times[0]
-    reach = max(0.04, 3 * stated_std)
-    around = (
-        np.arange(-reach, reach, 0.004) if stated is not None else np.arange(-span - 0.1, span + 0.1, 0.006)
-    )
-    pictures = frames.integrals, frames.mean, outlines, normals
-    seat = np.asarray(pose.at_px), pose.angle, pose.scale_m_per_px, np.asarray(pose.anchor), -1.0
+    reach, step = (span + 0.1, 0.006) if stated is None else (max(0.04, 3 * stated_std), 0.004)
+    around = np.arange(-reach, reach, step)
+    pictures = frames.integrals, frames.mean, outlines, normals, np.asarray(pose.anchor)
+    seat = (*pose.at_px, pose.angle, pose.scale_m_per_px, -1.0)
     scores = []
     for delay in around + (stated or 0.0):
         pressures = law_pressure(family, frames.times, np.array([1.0, delay, 1.0]))
         places = (pressures - table[0]) / (table[1] - table[0])
-        scores.append(all_scores(*pictures, *seat, places).sum())
+        scores.append(all_scores(*pictures, seat, places).sum())
     return float(around[int(np.argmax(scores))] + (stated or 0.0))
 
 
@@ -121,9 +118,7 @@ def register(
     standard uncertainty of the finger's length over it. `sweeps`: of the sampler, to be dropped and kept, in the rough and in the
     final fit. ValueError where the root is not seen though `hidden` is 0.
     """
-    frames_used = np.arange(0, len(recording), 2 if paired else 1)
-    count = min(MAX_FRAMES, frames_used.size)
-    chosen = frames_used[np.unique(np.linspace(0, frames_used.size - 1, count).round().astype(int))]
+    chosen = thinned(np.arange(0, len(recording), 2 if paired else 1), MAX_FRAMES)
     images = [recording.frame(int(i)) for i in chosen]
     evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
     pose = stated or first_pose(recording, images, family)
@@ -138,10 +133,8 @@ def register(
     rough = fit_outline(frames, family, pose, first, deviation=free, seed=seed, sweeps=sweeps[:2], **known)
     values, _, _ = fit_law(family, frames.times, rough.parameter.mean(axis=0), first)
     frames = prepare(images, times[chosen], evidence, blind)
-    begin, tied = (
-        replace(rough.mean_pose(), scale_m_per_px=pose.scale_m_per_px),
-        deviation_from_law(family, rough, values),
-    )
+    begin = replace(rough.mean_pose(), scale_m_per_px=pose.scale_m_per_px)
+    tied = deviation_from_law(family, rough, values)
     known |= {"edge_px": float(rough.pose[:, 4].mean()), "rounds": ROUNDS}
     fine = fit_outline(
         frames, family, begin, values, deviation=tied, seed=seed + 1, sweeps=sweeps[2:], **known

@@ -16,14 +16,9 @@ import numpy as np
 
 from piv.images.masks import dark_body
 
-COST = (
-    4.0  # no particle counts more than this against an outline: a reflection on the body must not push it off
-)
-ROUGH_PX, FINE_PX = (
-    1.5,
-    0.5,
-)  # blur of a particle's place: wide, so that particles at rest beside the body are no barriers; as
-# well as it is measured
+COST = 4.0  # at most, of a particle against an outline: a reflection on the body must not push it off
+# blur of a particle's place: wide, so that particles at rest beside the body are no barriers; as well as it is measured
+ROUGH_PX, FINE_PX = 1.5, 0.5
 NOISE = 6.0  # standard deviations of the body's grey level: what is above is a particle
 CORE_PX, CLEAR_PX = 9, 15  # away from the first guess of the body's edge: surely inside, surely outside
 

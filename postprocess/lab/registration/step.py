@@ -42,10 +42,8 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
         registration = stated_registration(dpiv, family)
         corners = vectors_view(dpiv, registration.pose)
     else:
-        recording = LabRecording(dpiv)
-        try:
+        with LabRecording(dpiv) as recording:
             stated, scale_std = stated_pose(dpiv, recording, family.root)
-            assert recording.times is not None
             registration = register(
                 recording,
                 recording.times,
@@ -59,8 +57,6 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
                 seed=seed,
             )
             corners = (0.0, 0.0), (float(recording.shape[1]), float(recording.shape[0]))
-        finally:
-            recording.close()
     view = registration.pose.view(*corners, VIEW_MARGIN)
     write_registration(
         registration, files.registration, dpiv_sha256=sha256(dpiv.folder / NAME), seed=seed, view=view

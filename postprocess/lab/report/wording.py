@@ -34,11 +34,8 @@ def pair(values: Any, unit: str) -> str:
     """One number, or the two coordinates of a place."""
     factor, name = UNITS[unit]
     values = np.atleast_1d(np.asarray(values, float)) * factor
-    return (
-        f"({values[0]:.2f}, {values[1]:.2f}){NBSP}{name}"
-        if values.size == 2
-        else f"{values[0]:.4g}{NBSP}{name}"
-    )
+    number = f"({values[0]:.2f}, {values[1]:.2f})" if values.size == 2 else f"{values[0]:.4g}"
+    return f"{number}{NBSP}{name}"
 
 
 def verdict_sentence(q: dict[str, Any]) -> str:
@@ -82,36 +79,26 @@ def basis(result: dict[str, Any]) -> str:
     moves = [n for n in result["wrong"] if n in MOTION]
     if not moves or len(moves) < len(result["wrong"]):
         return ""
-    uncertain = undecided(result)
-    return (
-        "This verdict rests on the finger's silhouette, not on the flow: no quantity of the flow differs by more than its band."
-        + "".join(f" {more}" for more in (by_chance(result), uncertain) if more)
-    )
+    rests = "This verdict rests on the finger's silhouette, not on the flow: no quantity of the flow differs by more than its band."
+    return " ".join(part for part in (rests, by_chance(result), undecided(result)) if part)
 
 
 def by_chance(result: dict[str, Any]) -> str:
     """Quantities beyond their own limit of 95 %, but within that at which all hold together."""
-    alone = [
-        q["label"]
-        for q in result["quantities"]
-        if q["verdict"] == "model error" and q["name"] not in result["wrong"]
-    ]
-    if not alone:
-        return ""
-    count = len(result["quantities"])
-    return (
-        f"Beyond its own limit of 95{NBSP}%: {', '.join(alone)}; among {count} quantities that may be chance."
+    judged = result["quantities"]
+    wrong = [q for q in judged if q["verdict"] == "model error"]
+    alone = ", ".join(q["label"] for q in wrong if q["name"] not in result["wrong"])
+    by_itself = (
+        f"Beyond its own limit of 95{NBSP}%: {alone}; among {len(judged)} quantities that may be chance."
     )
+    return by_itself if alone else ""
 
 
 def undecided(result: dict[str, Any]) -> str:
     """Quantities of which nothing can be said, and why."""
-    uncertain = [
-        f"{q['label']} (mostly {q['dominant']})"
-        for q in result["quantities"]
-        if q["verdict"] == "too uncertain"
-    ]
-    return f"Too uncertain to say: {', '.join(uncertain)}." if uncertain else ""
+    uncertain = [q for q in result["quantities"] if q["verdict"] == "too uncertain"]
+    listed = ", ".join(f"{q['label']} (mostly {q['dominant']})" for q in uncertain)
+    return f"Too uncertain to say: {listed}." if uncertain else ""
 
 
 def motion_basis(result: dict[str, Any]) -> str:
@@ -184,27 +171,21 @@ def rows(result: dict[str, Any]) -> list[dict[str, Any]]:
     out = []
     for q in result["quantities"]:
         unit = q["unit"]
-        parts = {name: size(np.asarray(q[name]), unit) for name in ("u_num", "u_input", "u_D", "u_val")}
-        explained, measured = q["explained_by_motion"], q["measurement_part"]
+        shown = lambda name, q=q: "–" if q[name] is None else pair(q[name], q["unit"])  # noqa: E731
         source = next(s for s in q["sources"] if s["name"] == q["dominant"])
         out.append(
             {
                 "label": q["label"],
-                "simulation": pair(q["simulation"], unit),
-                "direct": pair(q["direct"], unit),
-                "data": pair(q["data"], unit),
-                "error": pair(q["error"], unit),
-                "measurement": "–" if measured is None else pair(measured, unit),
-                "explained": "–" if explained is None else pair(explained, unit),
-                **parts,
+                **{name: shown(name) for name in ("simulation", "direct", "data", "error")},
+                "measurement": shown("measurement_part"),
+                "explained": shown("explained_by_motion"),
+                **{name: size(q[name], unit) for name in ("u_num", "u_input", "u_D", "u_val")},
                 "significance": f"{q['significance']:.2f}",
                 "k": f"{q['k']:.2f}",
                 "verdict": q["verdict"],
                 "sentence": verdict_sentence(q),
                 "dominant": f"{q['dominant']} ({BLAME[source['kind']]})",
-                "sources": [
-                    (s["name"], s["kind"], size(np.asarray(s["std"]), unit), s["how"]) for s in q["sources"]
-                ],
+                "sources": [(s["name"], s["kind"], size(s["std"], unit), s["how"]) for s in q["sources"]],
             }
         )
     return out
@@ -213,26 +194,13 @@ def rows(result: dict[str, Any]) -> list[dict[str, Any]]:
 def tiles(result: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Key numbers of the first screen."""
     r = result["registration"]
-    found = [
-        (q["label"], q)
-        for q in result["quantities"]
-        if q["name"] in ("final_bend", "circulation", "centre", "velocity_field")
-    ]
-    out = [
-        (
-            size(q["error"], q["unit"]),
-            f"E of the {label}",
-            f"{q['verdict']}; u_val {size(q['u_val'], q['unit'])}, mostly {q['dominant']}",
-        )
-        for label, q in found
-    ]
-    out.append(
-        (
-            f"{r['delay_ms']:.1f}{NBSP}ms",
-            "delay of the recording's clock",
-            f"± {1.96 * r['delay_std_ms']:.1f} ms",
-        )
-    )
+    out = []
+    for q in result["quantities"]:
+        if q["name"] in ("final_bend", "circulation", "centre", "velocity_field"):
+            remark = f"{q['verdict']}; u_val {size(q['u_val'], q['unit'])}, mostly {q['dominant']}"
+            out.append((size(q["error"], q["unit"]), f"E of the {q['label']}", remark))
+    delay = f"± {1.96 * r['delay_std_ms']:.1f} ms"
+    out.append((f"{r['delay_ms']:.1f}{NBSP}ms", "delay of the recording's clock", delay))
     out.append(
         (f"{r['scale_m_per_px'] * 1e3:.4f}", "scale, mm/px", f"± {1.96 * r['scale_std_percent']:.2f} %")
     )

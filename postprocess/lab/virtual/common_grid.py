@@ -14,8 +14,8 @@ from piv.synthetic.camera import Camera
 from postprocess.evidence.fields import on_grid
 from postprocess.lab.data.dpiv_toml import Dpiv, LabCamera
 from postprocess.lab.data.files import LabFiles, Registration
-from postprocess.lab.data.pictures import LabRecording, outline_mask
-from postprocess.lab.data.pose import Pose, camera_series
+from postprocess.lab.data.pictures import LabRecording, outline_mask, thinned
+from postprocess.lab.data.pose import Pose, camera_series, in_camera
 from postprocess.lab.data.seeding import Appearance, measure_appearance, seeding_like
 from postprocess.lab.data.vectors import camera_before, lab_vectors, vector_tables
 from postprocess.lab.registration.register import law_pressure
@@ -57,11 +57,8 @@ def on_common_grid(
     data, virtual, picture, seen = make(files, dpiv, family, registration, sheet, seed, threads, quiet)
     pose, times = registration.pose, data["time"].values
     direct = camera_series(sheet, pose, data["x"].values, data["y"].values, times)
-    for name, source, plane in (
-        ("data", "lab", data),
-        ("virtual", "piv", virtual),
-        ("direct", "cfd", direct),
-    ):
+    written = ("data", "lab", data), ("virtual", "piv", virtual), ("direct", "cfd", direct)
+    for name, source, plane in written:
         if plane is not None:
             write_plane(plane, files.side(name), source=source)
     return CommonGrid(data, virtual, direct, picture, seen)
@@ -88,13 +85,7 @@ def used_frames(
 def with_finger(plane: xr.Dataset, family: Kinematics, pose: Pose, pressures: np.ndarray) -> xr.Dataset:
     """A plane series in the camera frame with the finger's shape at each instant's pressure (Pa)."""
     shapes = {name: np.array([family.fingers(name, p) for p in pressures]) for name in family.splines}
-    found = {
-        "outline": pose.to_camera(shapes["outline"]),
-        "tip": pose.to_camera(shapes["tip"]),
-        "tip_direction": shapes["tip_direction"] @ pose.rotation.T,
-        "dorsal_direction": shapes["dorsal_direction"] @ pose.rotation.T,
-        "bend": shapes["bend"],
-    }
+    found = {name: in_camera(name, values, pose) for name, values in shapes.items()}
     grids = {str(n): plane[n].values for n in plane.data_vars if plane[n].dims == ("time", "y", "x")}
     x, y, time = (plane[name].values for name in ("x", "y", "time"))
     out = make_plane(x, y, time=time, **grids, **found)
@@ -107,10 +98,8 @@ def outlines_px(family: Kinematics, pose: Pose, pressures: np.ndarray) -> list[n
 
 
 def _of_pictures(files, dpiv, family, registration, sheet, seed, threads, quiet):
-    recording = LabRecording(dpiv)
-    try:
-        law, pose = registration.law, registration.pose
-        assert recording.times is not None
+    law, pose = registration.law, registration.pose
+    with LabRecording(dpiv) as recording:
         span = float(sheet["time"][0]), float(sheet["time"][-1])
         index, times = used_frames(dpiv, recording.times, law.delay, span)
         theirs = law_pressure(family, times + law.delay, law.values)
@@ -119,7 +108,7 @@ def _of_pictures(files, dpiv, family, registration, sheet, seed, threads, quiet)
         piv = evaluate(recording, index, times, shapes, pose, dpiv.piv, output, threads=threads, quiet=quiet)
         pressures = law_pressure(family, piv["time"].values + law.delay, law.values)
         data = with_finger(piv, family, pose, pressures)
-        chosen = np.unique(np.linspace(0, index.size - 1, SEEDING_PICTURES).round().astype(int))
+        chosen = thinned(np.arange(index.size), SEEDING_PICTURES)
         images = [recording.frame(int(index[k])) for k in chosen]
         masks = [outline_mask(shapes[k], recording.shape) for k in chosen]
         seen = appearance_of(images, masks)
@@ -132,8 +121,6 @@ def _of_pictures(files, dpiv, family, registration, sheet, seed, threads, quiet)
         )  # fmt: skip
         virtual = with_finger(virtual, family, pose, family.law(virtual["time"].values))
         middle = recording.frame(int(index[index.size // 2]))
-    finally:
-        recording.close()
     return data, virtual, middle, asdict(seen)
 
 
