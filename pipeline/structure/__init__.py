@@ -1,0 +1,1 @@
+"""The finger as an elastic chain: what loads do to it."""

@@ -1,0 +1,169 @@
+"""A finger as a planar chain of rigid slices: the shape of the bending analysis, and elastic rotations added to it.
+
+Complex numbers are places and vectors in the actuator's frame: the real axis along the finger from the root, the imaginary
+one towards the ventral side. Slice k is turned by its angle without load, which follows from the pressure, plus `delta` k.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from fileio.formats.bending_states import BendingLaw, FloatArray, States
+
+ComplexArray = NDArray[np.complex128]
+PIECES = 4  # of the profile to a slice: 31 slices of the shipped finger
+
+
+@dataclass(frozen=True)
+class Unloaded:
+    """The chain without load at some times: the first joint, and of each slice what is fixed to it, from its own joint."""
+
+    root: ComplexArray  # (time): place of the first joint
+    link: ComplexArray  # (time, slice): to the next joint
+    heading: ComplexArray  # (time, slice): unit vector along the slice
+    middle: ComplexArray  # (time, slice): half way up the finger, to which loads are referred
+    rubber: ComplexArray  # (time, slice): centre of the rubber
+    gap: ComplexArray  # (time, slice): centre of the water in the gaps
+    air: ComplexArray  # (time, slice): centre of the air
+
+
+@dataclass(frozen=True)
+class Placed:
+    """The chain under load: places of its joints (…, slice + 1) and of what its slices carry (…, slice)."""
+
+    joint: ComplexArray
+    heading: ComplexArray
+    middle: ComplexArray
+    rubber: ComplexArray
+    gap: ComplexArray
+    air: ComplexArray
+
+
+class Chain:
+    """Joints lie on the neutral axis, at points of the profile; the clamped length and the slices are at rest."""
+
+    def __init__(self, states: States, law: BendingLaw, width: float) -> None:
+        self.pressure, self.law, self.width = states.pressure, law, width
+        piece = np.diff(states.profile, axis=1)
+        angle = np.unwrap(np.arctan2(piece[..., 1], piece[..., 0]), axis=1)
+        self._angle = CubicSpline(states.pressure, angle - 2 * np.pi * np.round(angle[:, :1] / (2 * np.pi)))
+        self._length = CubicSpline(states.pressure, np.hypot(piece[..., 0], piece[..., 1]))
+        self._thickness = CubicSpline(states.pressure, states.thickness)
+        self._axis = CubicSpline(states.pressure, law.neutral_axis)
+        self._air_height = CubicSpline(states.pressure, law.air_height)
+        self._air_section = CubicSpline(states.pressure, law.air_section)
+        rest = int(np.argmin(np.abs(states.pressure)))
+        self.arc = np.concatenate([[0.0], np.cumsum(np.hypot(*piece[rest].T))])
+        first = int(np.searchsorted(self.arc, law.clamped_length * (1 - 1e-6)))
+        count = max(1, round((len(self.arc) - 1 - first) / PIECES))
+        self.joints = np.round(np.linspace(first, len(self.arc) - 1, count + 1)).astype(int)
+        self.lengths: FloatArray = np.diff(self.arc[self.joints])
+        # from the middle of one slice to that of the next; the first is clamped where it begins
+        self.springs: FloatArray = np.concatenate(
+            [[0.5 * self.lengths[0]], 0.5 * (self.lengths[1:] + self.lengths[:-1])]
+        )
+        height = float(states.thickness[rest].mean())
+        section = height * width
+        self.gap_section = max(
+            section - law.rubber_section - float(self._air_section(states.pressure[rest])), 0.0
+        )
+        moment = 0.5 * height * section - law.rubber_height * law.rubber_section
+        moment -= float(self._air_height(states.pressure[rest]) * self._air_section(states.pressure[rest]))
+        self._gap_height = moment / self.gap_section if self.gap_section > 0 else 0.5 * height
+
+    @property
+    def slices(self) -> int:
+        """Number of slices."""
+        return len(self.lengths)
+
+    def air_section(self, pressure: FloatArray) -> FloatArray:
+        """Section (m²) of the chambers' air at pressures (Pa)."""
+        return np.asarray(self._air_section(pressure))
+
+    def thickness(self, pressure: FloatArray) -> FloatArray:
+        """Thickness (time, point) m of the finger along the profile."""
+        return np.asarray(self._thickness(pressure))
+
+    def _profile(self, pressure: FloatArray) -> tuple[ComplexArray, FloatArray]:
+        """Without load: points (time, point) of the profile from its root, and the angle (time, point) at each."""
+        angle, length = self._angle(pressure), self._length(pressure)
+        steps = np.cumsum(length * np.exp(1j * angle), axis=-1)
+        points = np.concatenate([np.zeros((*steps.shape[:-1], 1)), steps], axis=-1)
+        ends = 1.5 * angle[..., [0, -1]] - 0.5 * angle[..., [1, -2]]
+        inner = 0.5 * (angle[..., 1:] + angle[..., :-1])
+        return points, np.concatenate([ends[..., :1], inner, ends[..., 1:]], axis=-1)
+
+    def unloaded(self, pressure: FloatArray) -> Unloaded:
+        """The chain at pressures (time,) Pa."""
+        points, angle = self._profile(pressure)
+        dorsal = -1j * np.exp(1j * angle)
+        axis = points + self._axis(pressure)[:, None] * dorsal
+        half = 0.5 * self.thickness(pressure)
+        joints = axis[:, self.joints]
+        spans = list(zip(self.joints[:-1], self.joints[1:], strict=True))
+
+        def mean(values: ComplexArray) -> ComplexArray:
+            """Over the length of each slice, by the trapezoidal rule."""
+            parts = [np.trapezoid(values[:, a : b + 1], self.arc[a : b + 1], axis=1) for a, b in spans]
+            return np.stack(parts, axis=1) / self.lengths
+
+        def carried(height: FloatArray | float) -> ComplexArray:
+            return mean(points + height * dorsal) - joints[:, :-1]
+
+        heading = mean(np.exp(1j * angle))
+        return Unloaded(
+            root=joints[:, 0],
+            link=np.diff(joints, axis=1),
+            heading=heading / np.abs(heading),
+            middle=carried(half),
+            rubber=carried(self.law.rubber_height),
+            gap=carried(self._gap_height),
+            air=carried(self._air_height(pressure)[:, None]),
+        )
+
+    def profile(self, pressure: FloatArray, delta: FloatArray) -> FloatArray:
+        """Profile (time, point, 2) m under load; `delta` (time, slice) rad is linear between the middles of the slices."""
+        points, angle = self._profile(pressure)
+        height = self._axis(pressure)[:, None]
+        axis = points - 1j * height * np.exp(1j * angle)
+        knots = np.concatenate([[self.arc[self.joints[0]]], self.arc[self.joints[:-1]] + 0.5 * self.lengths])
+        turned = np.concatenate([np.zeros((len(delta), 1)), delta], axis=1)
+        turn = np.array([np.interp(self.arc, knots, row) for row in turned])
+        middle = 0.5 * (turn[:, 1:] + turn[:, :-1])
+        # the rotation is added to the steps, so that none gives back the points themselves
+        moved = np.cumsum(np.diff(axis, axis=1) * (np.exp(1j * middle) - 1), axis=1)
+        moved = np.concatenate([np.zeros((len(delta), 1)), moved], axis=1)
+        line = points + moved + 1j * height * np.exp(1j * angle) * (np.exp(1j * turn) - 1)
+        return np.stack([line.real, line.imag], axis=-1)
+
+
+def placed(unloaded: Unloaded, at: int | slice, delta: FloatArray) -> Placed:
+    """The chain at one time `at`, or over a slice of times, its slices turned by `delta` (…, slice) rad."""
+    turn = np.exp(1j * delta)
+    steps = np.cumsum(unloaded.link[at] * turn, axis=-1)
+    root = np.asarray(unloaded.root[at])[..., None]
+    joint = np.concatenate([np.broadcast_to(root, (*steps.shape[:-1], 1)), root + steps], axis=-1)
+    start = joint[..., :-1]
+    carried = {
+        name: start + getattr(unloaded, name)[at] * turn for name in ("middle", "rubber", "gap", "air")
+    }
+    return Placed(joint, unloaded.heading[at] * turn, **carried)
+
+
+def joint_moments(
+    chain: Placed, parts: list[tuple[ComplexArray, ComplexArray]], torque: FloatArray
+) -> FloatArray:
+    """Moment (…, slice) N m about each slice's own joint of forces (place, force) on it and on those beyond, and of `torque`."""
+    turning = torque + sum((np.conj(place) * force).imag for place, force in parts)
+    force = sum((force for _, force in parts), np.zeros_like(parts[0][1]))
+    start = chain.joint[..., :-1]
+    return _beyond(turning) - (np.conj(start) * _beyond(force)).imag
+
+
+def _beyond(values: NDArray) -> NDArray:
+    """Sums over each slice and those beyond it."""
+    return np.cumsum(values[..., ::-1], axis=-1)[..., ::-1]

@@ -1,0 +1,61 @@
+"""How a joint of the chain answers a moment, at any pressure in the chambers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from fileio.formats.bending_states import BendingLaw, FloatArray
+
+BEYOND = 4.0  # of the table's last interval, along its slope: where Newton's method may try
+LARGEST_CHANGE = 1e3  # 1/m: as far as a constant stiffness holds
+
+
+@dataclass(frozen=True)
+class ElasticLaw:
+    """Of one pressure: the change of curvature (1/m) against the state without a moment, and back; monotone.
+
+    `most`: the table's first and last moment (N m).
+    """
+
+    change: PchipInterpolator
+    moment: PchipInterpolator
+    most: tuple[float, float]
+
+    def within(self, moment: FloatArray) -> bool:
+        """Whether the table reaches to these moments (N m)."""
+        return bool((self.most[0] <= moment).all() and (moment <= self.most[1]).all())
+
+
+def law_at(law: BendingLaw, pressures: FloatArray, pressure: float) -> ElasticLaw:
+    """The law at `pressure` (Pa), from that of the states at `pressures` (state,) Pa, linear between them."""
+    curvature = np.array([np.interp(pressure, pressures, column) for column in law.curvature.T])
+    change = _continued(curvature - np.interp(0.0, law.moment, curvature))
+    moment = _continued(law.moment)
+    most = float(law.moment[0]), float(law.moment[-1])
+    return ElasticLaw(PchipInterpolator(moment, change), PchipInterpolator(change, moment), most)
+
+
+def _continued(values: FloatArray) -> FloatArray:
+    first, last = BEYOND * (values[0] - values[1]), BEYOND * (values[-1] - values[-2])
+    return np.concatenate([[values[0] + first], values, [values[-1] + last]])
+
+
+def constant_law(stiffness: float, neutral_axis: float, states: int) -> BendingLaw:
+    """The law of a finger of which only EI (N m²) and the height of its neutral axis (m) are known; it weighs nothing."""
+    each = np.ones(states)
+    change = np.array([-LARGEST_CHANGE, 0.0, LARGEST_CHANGE])
+    return BendingLaw(
+        stiffness=stiffness * each,
+        neutral_axis=neutral_axis * each,
+        moment=stiffness * change,
+        curvature=np.outer(each, change),
+        air_section=0 * each,
+        air_height=0 * each,
+        rubber_mass=0.0,
+        rubber_section=0.0,
+        rubber_height=0.0,
+        clamped_length=0.0,
+    )
