@@ -109,7 +109,7 @@ class Chain:
         def mean(values: ComplexArray) -> ComplexArray:
             """Over the length of each slice, by the trapezoidal rule."""
             parts = [np.trapezoid(values[:, a : b + 1], self.arc[a : b + 1], axis=1) for a, b in spans]
-            return np.stack(parts, axis=1) / self.lengths
+            return np.asarray(np.stack(parts, axis=1) / self.lengths, dtype=complex)
 
         def carried(height: FloatArray | float) -> ComplexArray:
             return mean(points + height * dorsal) - joints[:, :-1]

@@ -194,7 +194,8 @@ def rates_of(at: Placed, step: float) -> Rates:
 
     def over_time(weights: FloatArray, places: ComplexArray) -> ComplexArray:
         long = np.concatenate([np.repeat(places[:1], 3, axis=0), places])
-        return sum(w * long[3 - k : len(long) - k] for k, w in enumerate(weights))
+        terms = [w * long[3 - k : len(long) - k] for k, w in enumerate(weights)]
+        return np.asarray(np.sum(terms, axis=0), dtype=complex)
 
     second = {n: over_time(ACCELERATION, getattr(at, n)) / step**2 for n in INERT}
     return Rates(over_time(VELOCITY, at.middle) / step, **second)
