@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -179,7 +180,7 @@ def motion(chain: Chain, pressure: FloatArray, step: float, around: Surroundings
     return delta
 
 
-def _difference(weights: FloatArray, now: np.ndarray, before: np.ndarray) -> np.ndarray:
+def _difference(weights: FloatArray, now: Any, before: Any) -> Any:
     return weights[0] * now + np.tensordot(weights[1:], before, 1)
 
 
