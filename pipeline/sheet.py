@@ -14,10 +14,10 @@ from tqdm import tqdm
 
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
-from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
+from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.plane_writer import writing_planes
 from fileio.provenance import recorded, versions
-from pipeline.openfoam.surface_vtk import read_surface
+from pipeline.openfoam.surface_vtk import read_surface, sampled_surfaces
 from pipeline.scene.measurement import Camera
 from pipeline.scene.scene import Scene
 from pipeline.stage_settings import settings_of
@@ -52,21 +52,6 @@ def view_axes(view: View, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     first, last = np.ceil(low / spacing - 1e-6), np.floor(high / spacing + 1e-6)
     x, y = (spacing * np.arange(a, b + 1) for a, b in zip(first, last, strict=True))
     return x, y
-
-
-def sampled_planes(case: Path, intervals: tuple[Interval, ...]) -> list[tuple[float, Path]]:
-    """Times and files of the sheet's pictures over all intervals, ascending; StageError where there is none."""
-    planes = []
-    for interval in intervals:
-        folder = case / interval.name / "postProcessing" / "sheetSurface"
-        times = sorted(
-            (float(f.name), f / "sheet.vtk") for f in folder.glob("*") if (f / "sheet.vtk").exists()
-        )
-        if not times:
-            raise StageError(f"{folder}: the solver wrote no sheet; run the stage 'run' first")
-        # the overlap belongs to the interval before
-        planes += [(time, path) for time, path in times if time > interval.start + 1e-9]
-    return planes
 
 
 def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
@@ -142,7 +127,7 @@ def run(scene: Scene, quiet: bool = False, view: View | None = None, output: Pat
         reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet has as much on either side
         x, y = view_axes((-reach, reach, *view[2:]) if kinematics.mirror else view, scene)
     intervals = read_intervals(scene.out)
-    planes = sampled_planes(scene.out / "case", intervals)
+    planes = sampled_surfaces(scene.out / "case", intervals, "sheet")
     mirrored = bool(read_planform(scene.out, intervals[0].mesh).attrs["mirror"])
     flat, density, count = scene.model.kind == "2d", scene.fluid.density, len(planes)
     path = output or scene.out / "sheet.h5"

@@ -7,6 +7,7 @@ from pathlib import Path
 from fileio.atomic import write_text
 from fileio.formats import (
     bending_states,
+    finger_loads,
     kinematics,
     mesh_intervals,
     plane_series,
@@ -17,7 +18,7 @@ from fileio.formats import (
 from fileio.schema import Schema, markdown
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
-MODULES = (plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals, sweep)
+MODULES = (plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals, sweep, finger_loads)
 SCHEMAS = tuple(module.SCHEMA for module in MODULES)
 
 

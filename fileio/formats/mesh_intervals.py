@@ -16,6 +16,7 @@ from fileio.schema import RECORDED, Schema, Variable
 # Both of two consecutive intervals are solved in their overlap, until the later one no longer depends on its start: the larger of
 OVERLAP_TIME = 4e-3  # s
 OVERLAP_STEPS = 8
+PER_FINGER = {"2d": 1, "half": 2, "quarter": 2, "full": 1}  # computed parts of one, by `model`
 
 
 @dataclass(frozen=True)

@@ -46,10 +46,14 @@ class FingerMotion:
 
     def turn(self, vectors: np.ndarray) -> np.ndarray:
         """Vectors (…, 2) from the actuator's axes to the tank's."""
-        side = 1.0 if self.finger.ventral == "+x" else -1.0
-        hanging = np.stack([side * vectors[..., 1], -vectors[..., 0]], axis=-1)
-        c, s = np.cos(np.radians(self.finger.tilt_deg)), np.sin(np.radians(self.finger.tilt_deg))
-        return hanging @ np.array([[c, s], [-s, c]])
+        return vectors @ axes(self.finger)
+
+
+def axes(finger: Finger) -> np.ndarray:
+    """Rows: the actuator's axes, along the finger and towards the ventral side, in the tank frame."""
+    side = 1.0 if finger.ventral == "+x" else -1.0
+    c, s = np.cos(np.radians(finger.tilt_deg)), np.sin(np.radians(finger.tilt_deg))
+    return np.array([[0.0, -1.0], [side, 0.0]]) @ np.array([[c, s], [-s, c]])
 
 
 def finger_motion(motion: Motion, finger: Finger, pinch: Pinch | None, folder: Path) -> FingerMotion:
@@ -58,7 +62,7 @@ def finger_motion(motion: Motion, finger: Finger, pinch: Pinch | None, folder: P
     law = _pressure_law(motion, folder)
     time = law_times(motion.end_time)
     pressure = law(time)
-    states = _states(motion, finger, folder, float(pressure.min()), float(pressure.max()))
+    states = finger_states(motion, finger, folder, float(pressure.min()), float(pressure.max()))
     low, high = states.pressure[0], states.pressure[-1]
     if pressure.min() < low - 1e-6 or pressure.max() > high + 1e-6:
         raise StageError(
@@ -106,7 +110,8 @@ def _pressure_law(motion: Motion, folder: Path) -> PressureLaw:
     return stroke_law(motion.start_pressure_kpa * 1e3, strokes)
 
 
-def _states(motion: Motion, finger: Finger, folder: Path, lowest: float, highest: float) -> States:
+def finger_states(motion: Motion, finger: Finger, folder: Path, lowest: float, highest: float) -> States:
+    """Shapes without a passive tip, over pressures that hold `lowest` and `highest` (Pa). StageError where they cannot be."""
     if motion.source == "recording":
         assert motion.recording is not None  # the scene's own check
         return recorded_states(folder / motion.recording)

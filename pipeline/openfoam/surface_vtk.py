@@ -15,6 +15,7 @@ import pyvista as pv
 
 from fileio.atomic import check_room
 from fileio.errors import StageError
+from fileio.formats.mesh_intervals import Interval
 
 SIZES = {"float": 4, "double": 8, "int": 4, "long": 8}  # bytes
 
@@ -64,6 +65,19 @@ def _arrays(line: list[bytes], file: BinaryIO) -> Iterator[tuple[int, str]]:
             yield int(words[1]) * int(words[2]), words[3].decode()
     elif line[0] not in (b"POINT_DATA", b"CELL_DATA"):
         raise ValueError(line[0])
+
+
+def sampled_surfaces(case: Path, intervals: tuple[Interval, ...], name: str) -> list[tuple[float, Path]]:
+    """Times and files of the surface `name` over all intervals, ascending; StageError where there is none."""
+    found = []
+    for interval in intervals:
+        folder = case / interval.name / "postProcessing" / f"{name}Surface"
+        files = [(float(f.name), f / f"{name}.vtk") for f in folder.glob("*") if (f / f"{name}.vtk").exists()]
+        if not files:
+            raise StageError(f"{folder}: the solver wrote no {name}; run the stage 'run' first")
+        # the overlap belongs to the interval before
+        found += sorted(file for file in files if file[0] > interval.start + 1e-9)
+    return found
 
 
 def read_surface(path: Path) -> pv.DataSet:

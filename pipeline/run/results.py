@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from fileio.formats.mesh_intervals import Interval, read_planform
+from fileio.formats.mesh_intervals import PER_FINGER, Interval, read_planform
 from fileio.formats.records import FORCES, HISTORY, LOSSES, MESH_QUALITY, POWER, POWER_TERMS
 from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.function_objects import read_function_object
@@ -19,7 +19,6 @@ from pipeline.run.map_fields import field_mappings
 from pipeline.run.power_terms import integrals
 from pipeline.run.solver import LOG
 
-PER_FINGER = {"2d": 1, "half": 2, "quarter": 2, "full": 1}  # fingers per computed part of one
 
 
 def forces(case: Path, per_finger: int) -> np.ndarray:

@@ -24,6 +24,7 @@ from pipeline.scene.sections import (
     Model,
     Motion,
     Numerics,
+    Structure,
     Tank,
 )
 
@@ -44,6 +45,7 @@ class Scene(Section):
     pinch: Pinch | None = None
     support: Support | None = None
     motion: Motion
+    structure: Structure = Structure()
     model: Model = Model()
     mesh: Mesh
     numerics: Numerics

@@ -119,6 +119,12 @@ class Motion(Section):
         return self
 
 
+class Structure(Section):
+    """How the finger answers loads, where the bending analysis does not say: EI (N m²), for all pressures."""
+
+    bending_stiffness: Positive | None = None
+
+
 FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled
 SCALED = ("near_distance", "tip_distance", "tip_transition", "wall_distance", "jet_reach")  # of [mesh]
 

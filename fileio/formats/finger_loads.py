@@ -1,0 +1,47 @@
+"""What the water does to the finger, `loads.h5`: forces along it over time, and the deflection that they would cause.
+
+Of a rigid body it says `unknown` alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from fileio.provenance import recorded
+from fileio.schema import RECORDED, Schema, Variable
+
+SCHEMA = Schema(
+    "finger-loads",
+    1,
+    "delete it and run make again",
+    (
+        Variable("time", "time", "s", "of the solver's samples of the finger's surface", True),
+        Variable("pressure", "time", "Pa", "of the shape", True),
+        Variable("arc", "slice", "m", "middle of each slice from the root, at rest; the first is the clamped length", True),
+        Variable("force", "time, slice, axis", "N", "of the water on each slice of a whole finger, along it and towards the ventral side", True),
+        Variable("torque", "time, slice", "N m", "of the water about the middle of each slice, positive towards the ventral side", True),
+        Variable("root_moment", "time", "N m", "of the water about the middle of the root, positive towards the ventral side", True),
+        Variable("deflection", "time", "rad", "turn of the tip that water, weight and inertia would cause at once; of a finger of known stiffness", True),
+        Variable("dry_deflection", "time", "rad", "the same without the water's forces: by weight, buoyancy and inertia", True),
+        Variable("unknown", "-", "", "why the deflection is not known; empty where it is"),
+        Variable("largest_deflection", "-", "rad", "of largest size, signed", True),
+        Variable("largest_at", "-", "s", "when", True),
+        Variable("bend_then", "-", "rad", "bend angle of the prescribed motion then", True),
+        Variable("stroke", "-", "rad", "range of the bend angle", True),
+        *RECORDED,
+    ),
+)  # fmt: skip
+
+
+def write_loads(out: Path, values: Mapping[str, Any], settings: dict[str, Any]) -> None:
+    """Write loads.h5 of a level's folder from SCHEMA's variables and attributes by name, but for its settings."""
+    SCHEMA.write(out / "loads.h5", dict(values) | recorded(settings))
+
+
+def read_loads(path: Path) -> xr.Dataset:
+    """SCHEMA's variables. StageError in one sentence where the file is of no use."""
+    return SCHEMA.read(path)

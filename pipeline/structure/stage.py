@@ -1,0 +1,131 @@
+"""Stage loads: the water's loads along the finger, and what they would bend that the prescribed motion does not show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from fileio.formats.bending_states import BendingLaw, BendingStates, States
+from fileio.formats.finger_loads import write_loads
+from fileio.formats.kinematics import Kinematics, read_kinematics
+from fileio.formats.mesh_intervals import PER_FINGER, read_intervals
+from pipeline.kinematics.finger import axes, finger_states
+from pipeline.openfoam.surface_vtk import sampled_surfaces
+from pipeline.scene.scene import Scene
+from pipeline.stage_settings import settings_of
+from pipeline.structure.chain import Chain
+from pipeline.structure.deflection import deflections, prescribed
+from pipeline.structure.elastic_law import constant_law
+from pipeline.structure.loads import slice_loads, surface_forces
+from pipeline.structure.motion import Surroundings
+
+GRAVITY = 9.81  # m/s²
+UNKNOWN = (
+    "motion.states says no bending stiffness, so what the water's loads would bend is not known: analyse it with make fea,"
+    " or give structure.bending_stiffness (N m2)"
+)
+RIGID = "a rigid body does not bend"
+
+
+def bending_law(states: States, stiffness: float | None) -> BendingLaw | None:
+    """That of the states, or where `stiffness` (N m²) is given, of that EI and else as the states say; None where neither is known."""
+    law = states.law if isinstance(states, BendingStates) else None
+    if stiffness is None:
+        return law
+    constant = constant_law(stiffness, 0.0, len(states.pressure))
+    if law is None:
+        return constant
+    return replace(law, stiffness=constant.stiffness, moment=constant.moment, curvature=constant.curvature)
+
+
+def finger_chain(scene: Scene, kinematics: Kinematics) -> tuple[Chain, bool]:
+    """The finger as a chain, and whether its bending stiffness is known."""
+    states = finger_states(scene.motion, scene.finger, scene.folder, kinematics.low, kinematics.high)
+    law = bending_law(states, scene.structure.bending_stiffness)
+    return Chain(states, law or constant_law(1.0, 0.0, len(states.pressure)), scene.finger.width), law is not None
+
+
+def gravity(scene: Scene) -> complex:
+    """In the actuator's frame, m/s²."""
+    along, ventral = axes(scene.finger) @ [0.0, -GRAVITY]
+    return complex(along, ventral)
+
+
+def measured_loads(scene: Scene, chain: Chain, kinematics: Kinematics, quiet: bool) -> dict[str, Any]:
+    """Variables of loads.h5 from the samples of the run."""
+    intervals = read_intervals(scene.out)
+    samples = sampled_surfaces(scene.out / "case", intervals, "finger")
+    copies = PER_FINGER[scene.model.kind]
+    both = scene.pinch is not None and scene.model.kind in ("half", "full")
+    turn, root = axes(scene.finger).T, np.asarray(scene.finger.root)
+    time = np.array([time for time, _ in samples])
+    pressure = kinematics.law(time)
+    at, _ = prescribed(chain, kinematics.law, time)
+    profile, thickness = chain.profile(pressure, np.zeros((len(time), chain.slices))), chain.thickness(pressure)
+    edge = 0.5 * float(chain.thickness(np.zeros(1))[0, 0])  # the root's middle above its ventral edge
+    found = []
+    for k, (_, path) in enumerate(tqdm(samples, "loads", disable=quiet or None)):
+        faces = surface_forces(path, scene.fluid.density, both)
+        place, force = (faces.place - root) @ turn - [0.0, edge], copies * faces.force @ turn
+        one = slice_loads(
+            chain, at.at(k), profile[k], thickness[k], place[:, 0] + 1j * place[:, 1], force[:, 0] + 1j * force[:, 1]
+        )
+        found.append(one)
+    force = np.array([one.force for one in found])
+    return {
+        "time": time,
+        "pressure": pressure,
+        "arc": np.concatenate([[0.5 * chain.arc[chain.joints[0]]], chain.arc[chain.joints[:-1]] + 0.5 * chain.lengths]),
+        "force": np.stack([force.real, force.imag], axis=-1),
+        "torque": np.array([one.torque for one in found]),
+        "root_moment": np.array([one.root_moment for one in found]),
+    }
+
+
+def check(chain: Chain, kinematics: Kinematics, around: Surroundings, values: dict[str, Any]) -> dict[str, Any]:
+    """Variables and attributes of loads.h5 that say what the loads would bend; of a pinch before its contact."""
+    time, pressure = values["time"], values["pressure"]
+    at, rates = prescribed(chain, kinematics.law, time)
+    loads = np.concatenate([values["force"], values["torque"][..., None]], axis=-1)[:, 1:]
+    wet = deflections(chain, pressure, at, rates, around, loads)
+    dry = deflections(chain, pressure, at, rates, around, 0 * loads)
+    free = time < float(kinematics.data.attrs.get("contact_time", np.inf))
+    most = int(np.argmax(np.where(free, np.abs(wet), -1.0)))
+    bend = kinematics.bend(pressure)
+    return {
+        "deflection": wet,
+        "dry_deflection": dry,
+        "largest_deflection": float(wet[most]),
+        "largest_at": float(time[most]),
+        "bend_then": float(bend[most]),
+        "stroke": float(np.ptp(bend)),
+    }
+
+
+def run(scene: Scene, quiet: bool = False) -> None:
+    """Write loads.h5."""
+    kinematics = read_kinematics(scene.out / "kinematics.h5")
+    settings = settings_of(scene, "loads")
+    if scene.body is not None:
+        write_loads(scene.out, {"unknown": RIGID}, settings)
+        return
+    chain, known = finger_chain(scene, kinematics)
+    values = measured_loads(scene, chain, kinematics, quiet)
+    around = Surroundings(gravity(scene), scene.fluid.density)
+    values |= check(chain, kinematics, around, values) if known else {}
+    write_loads(scene.out, values | {"unknown": "" if known else UNKNOWN}, settings)
+    if not quiet:
+        print(f"loads: {sentence(values) if known else UNKNOWN}")
+
+
+def sentence(values: dict[str, Any]) -> str:
+    """The check in words."""
+    most, then = np.degrees([values["largest_deflection"], values["bend_then"]])
+    share = abs(values["largest_deflection"]) / values["stroke"]
+    return (
+        f"at {values['largest_at']:.3g} s the loads would turn the tip by {most:+.1f}°, {share:.0%} of the stroke, where the"
+        f" prescribed motion is at {then:.1f}°"
+    )
