@@ -63,8 +63,6 @@ STAGES = (
     Stage("run", "pipeline.run.stage", "the flow, by OpenFOAM", ("case",),
           ("run/run.json", "run/history.csv", "run/power.csv", "run/forces.csv", "case"),
           cost=(300, 600), ranks=True),
-    Stage("loads", "pipeline.structure.stage", "the water's loads on the finger, and what they would bend", ("run",),
-          ("loads.h5",), {"structure": True}),
     Stage("sheet", "pipeline.sheet", "the flow in the laser sheet", ("run",), ("sheet.h5",),
           {"sheet": {"spacing", "margin"}, "camera": SHEET_GRID}),
     Stage("images", "piv", "what the camera would see", ("sheet",), ("images.h5", "images_truth.h5"),
@@ -79,6 +77,8 @@ STAGES = (
           ("vortices_cfd", "vortices_piv"), ("comparison.json", "comparison.csv"), cost=(30, 600), shared=False),
     Stage("figures", "postprocess.report.figures", "pictures of the report", ("compare",),
           ("figures/figures.json",), cost=(60, 900), shared=False),
+    Stage("loads", "pipeline.structure.stage", "the water's loads on the finger, and what they would bend", ("run",),
+          ("loads.h5",), {"structure": True}, cost=(10, 500)),
     Stage("report", "postprocess.report.stage", "report.html", ("figures", "loads"), ("report.html",), {"title": True},
           cost=(30, 900), shared=False),
 )  # fmt: skip

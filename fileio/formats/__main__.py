@@ -18,7 +18,16 @@ from fileio.formats import (
 from fileio.schema import Schema, markdown
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
-MODULES = (plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals, sweep, finger_loads)
+MODULES = (
+    plane_series,
+    recording,
+    bending_states,
+    kinematics,
+    recorded_motion,
+    mesh_intervals,
+    sweep,
+    finger_loads,
+)
 SCHEMAS = tuple(module.SCHEMA for module in MODULES)
 
 

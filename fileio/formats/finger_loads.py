@@ -5,6 +5,7 @@ Of a rigid body it says `unknown` alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -45,3 +46,17 @@ def write_loads(out: Path, values: Mapping[str, Any], settings: dict[str, Any]) 
 def read_loads(path: Path) -> xr.Dataset:
     """SCHEMA's variables. StageError in one sentence where the file is of no use."""
     return SCHEMA.read(path)
+
+
+def deflection_sentence(values: Mapping[str, Any]) -> str:
+    """The a-posteriori check in words, from the attributes of a loads.h5."""
+    if values["unknown"]:
+        return f"The motion is prescribed: {values['unknown']}."
+    most, then, stroke = (
+        math.degrees(values[name]) for name in ("largest_deflection", "bend_then", "stroke")
+    )
+    share = f", {abs(most) / stroke:.0%} of the stroke" if stroke else ""
+    return (
+        f"The motion is prescribed: at {values['largest_at']:.3g} s, where the finger is at {then:.1f}°, the loads on it would"
+        f" turn its tip by {most:+.1f}° at once{share}."
+    )

@@ -20,7 +20,6 @@ from pipeline.run.power_terms import integrals
 from pipeline.run.solver import LOG
 
 
-
 def forces(case: Path, per_finger: int) -> np.ndarray:
     """Columns FORCES: force of the water on one whole finger (the left of two), N."""
     raw = read_function_object(case / "postProcessing" / "forces", "force.dat")

@@ -14,10 +14,14 @@ from pipeline.structure.motion import Rates, Surroundings, forces
 STEP = 5e-4  # s, of the differences that give the accelerations of a prescribed motion
 
 
-def prescribed(chain: Chain, pressure: Callable[[FloatArray], FloatArray], time: FloatArray) -> tuple[Placed, Rates]:
+def prescribed(
+    chain: Chain, pressure: Callable[[FloatArray], FloatArray], time: FloatArray
+) -> tuple[Placed, Rates]:
     """The chain without elastic rotations, and its rates, over `time` (time,) s; `pressure`: Pa at times."""
     still = np.zeros((len(time), chain.slices))
-    before, now, after = (placed(chain.unloaded(pressure(time + k * STEP)), slice(None), still) for k in (-1, 0, 1))
+    before, now, after = (
+        placed(chain.unloaded(pressure(time + k * STEP)), slice(None), still) for k in (-1, 0, 1)
+    )
 
     def second(name: str) -> np.ndarray:
         return (getattr(after, name) - 2 * getattr(now, name) + getattr(before, name)) / STEP**2

@@ -43,7 +43,6 @@ class SliceLoads:
 
     force: ComplexArray  # (slice + 1)
     torque: FloatArray  # (slice + 1)
-    root_moment: float  # about the middle of the root
 
 
 def slice_loads(chain: Chain, at: Placed, profile: FloatArray, thickness: FloatArray, place: ComplexArray,
@@ -56,15 +55,18 @@ def slice_loads(chain: Chain, at: Placed, profile: FloatArray, thickness: FloatA
     line = middle_line(profile, thickness)
     pieces = 0.5 * (line[1:] + line[:-1])
     slice_of_piece = np.searchsorted(chain.joints, np.arange(len(pieces)), side="right")  # 0: clamped
-    _, piece = cKDTree(np.column_stack([pieces.real, pieces.imag])).query(np.column_stack([place.real, place.imag]))
+    _, piece = cKDTree(np.column_stack([pieces.real, pieces.imag])).query(
+        np.column_stack([place.real, place.imag])
+    )
     owner = slice_of_piece[piece]
     middle = np.concatenate([[line[: chain.joints[0] + 1].mean()], at.middle])
     heading = np.concatenate([[1.0], at.heading])
     count = chain.slices + 1
     total = np.bincount(owner, force.real, count) + 1j * np.bincount(owner, force.imag, count)
-    turning = np.bincount(owner, (np.conj(place - middle[owner]) * force).imag, count)
-    root = float(np.sum((np.conj(place - line[0]) * force).imag))
-    return SliceLoads(total * np.conj(heading), turning, root)
+    turning = np.asarray(
+        np.bincount(owner, (np.conj(place - middle[owner]) * force).imag, count), dtype=float
+    )
+    return SliceLoads(total * np.conj(heading), turning)
 
 
 def middle_line(profile: FloatArray, thickness: FloatArray) -> ComplexArray:

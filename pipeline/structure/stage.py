@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from fileio.formats.bending_states import BendingLaw, BendingStates, States
-from fileio.formats.finger_loads import write_loads
+from fileio.formats.bending_states import BendingLaw, BendingStates, FloatArray, States
+from fileio.formats.finger_loads import deflection_sentence, write_loads
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import PER_FINGER, read_intervals
 from pipeline.kinematics.finger import axes, finger_states
 from pipeline.openfoam.surface_vtk import sampled_surfaces
 from pipeline.scene.scene import Scene
 from pipeline.stage_settings import settings_of
-from pipeline.structure.chain import Chain
+from pipeline.structure.chain import Chain, ComplexArray
 from pipeline.structure.deflection import deflections, prescribed
 from pipeline.structure.elastic_law import constant_law
 from pipeline.structure.loads import slice_loads, surface_forces
@@ -45,7 +45,9 @@ def finger_chain(scene: Scene, kinematics: Kinematics) -> tuple[Chain, bool]:
     """The finger as a chain, and whether its bending stiffness is known."""
     states = finger_states(scene.motion, scene.finger, scene.folder, kinematics.low, kinematics.high)
     law = bending_law(states, scene.structure.bending_stiffness)
-    return Chain(states, law or constant_law(1.0, 0.0, len(states.pressure)), scene.finger.width), law is not None
+    return Chain(
+        states, law or constant_law(1.0, 0.0, len(states.pressure)), scene.finger.width
+    ), law is not None
 
 
 def gravity(scene: Scene) -> complex:
@@ -54,38 +56,45 @@ def gravity(scene: Scene) -> complex:
     return complex(along, ventral)
 
 
+def plane(vectors: FloatArray) -> ComplexArray:
+    """Vectors (…, 2) as complex numbers."""
+    return np.asarray(vectors[..., 0] + 1j * vectors[..., 1], dtype=complex)
+
+
 def measured_loads(scene: Scene, chain: Chain, kinematics: Kinematics, quiet: bool) -> dict[str, Any]:
     """Variables of loads.h5 from the samples of the run."""
-    intervals = read_intervals(scene.out)
-    samples = sampled_surfaces(scene.out / "case", intervals, "finger")
+    samples = sampled_surfaces(scene.out / "case", read_intervals(scene.out), "finger")
     copies = PER_FINGER[scene.model.kind]
     both = scene.pinch is not None and scene.model.kind in ("half", "full")
     turn, root = axes(scene.finger).T, np.asarray(scene.finger.root)
     time = np.array([time for time, _ in samples])
     pressure = kinematics.law(time)
     at, _ = prescribed(chain, kinematics.law, time)
-    profile, thickness = chain.profile(pressure, np.zeros((len(time), chain.slices))), chain.thickness(pressure)
-    edge = 0.5 * float(chain.thickness(np.zeros(1))[0, 0])  # the root's middle above its ventral edge
-    found = []
+    profile = chain.profile(pressure, np.zeros((len(time), chain.slices)))
+    thickness = chain.thickness(pressure)
+    edge = -0.5j * chain.thickness(np.zeros(1))[0, 0]  # the root's middle from its ventral edge
+    force, torque, root_moment = [], [], []
     for k, (_, path) in enumerate(tqdm(samples, "loads", disable=quiet or None)):
         faces = surface_forces(path, scene.fluid.density, both)
-        place, force = (faces.place - root) @ turn - [0.0, edge], copies * faces.force @ turn
-        one = slice_loads(
-            chain, at.at(k), profile[k], thickness[k], place[:, 0] + 1j * place[:, 1], force[:, 0] + 1j * force[:, 1]
-        )
-        found.append(one)
-    force = np.array([one.force for one in found])
+        place, push = plane((faces.place - root) @ turn), copies * plane(faces.force @ turn)
+        found = slice_loads(chain, at.at(k), profile[k], thickness[k], place + edge, push)
+        force.append(np.stack([found.force.real, found.force.imag], axis=-1))
+        torque.append(found.torque)
+        root_moment.append(float(np.sum((np.conj(place) * push).imag)))
+    middles = chain.arc[chain.joints[:-1]] + 0.5 * chain.lengths
     return {
         "time": time,
         "pressure": pressure,
-        "arc": np.concatenate([[0.5 * chain.arc[chain.joints[0]]], chain.arc[chain.joints[:-1]] + 0.5 * chain.lengths]),
-        "force": np.stack([force.real, force.imag], axis=-1),
-        "torque": np.array([one.torque for one in found]),
-        "root_moment": np.array([one.root_moment for one in found]),
+        "arc": np.concatenate([[0.5 * chain.arc[chain.joints[0]]], middles]),
+        "force": np.array(force),
+        "torque": np.array(torque),
+        "root_moment": np.array(root_moment),
     }
 
 
-def check(chain: Chain, kinematics: Kinematics, around: Surroundings, values: dict[str, Any]) -> dict[str, Any]:
+def check(
+    chain: Chain, kinematics: Kinematics, around: Surroundings, values: dict[str, Any]
+) -> dict[str, Any]:
     """Variables and attributes of loads.h5 that say what the loads would bend; of a pinch before its contact."""
     time, pressure = values["time"], values["pressure"]
     at, rates = prescribed(chain, kinematics.law, time)
@@ -116,16 +125,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     values = measured_loads(scene, chain, kinematics, quiet)
     around = Surroundings(gravity(scene), scene.fluid.density)
     values |= check(chain, kinematics, around, values) if known else {}
-    write_loads(scene.out, values | {"unknown": "" if known else UNKNOWN}, settings)
+    values["unknown"] = "" if known else UNKNOWN
+    write_loads(scene.out, values, settings)
     if not quiet:
-        print(f"loads: {sentence(values) if known else UNKNOWN}")
-
-
-def sentence(values: dict[str, Any]) -> str:
-    """The check in words."""
-    most, then = np.degrees([values["largest_deflection"], values["bend_then"]])
-    share = abs(values["largest_deflection"]) / values["stroke"]
-    return (
-        f"at {values['largest_at']:.3g} s the loads would turn the tip by {most:+.1f}°, {share:.0%} of the stroke, where the"
-        f" prescribed motion is at {then:.1f}°"
-    )
+        print(f"loads: {deflection_sentence(values)}")

@@ -41,7 +41,7 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
             "Motion",
             "The body is rigid and its motion is prescribed."
             if body
-            else "The finger's motion is prescribed; the water does not bend it. The paper finds the radius of bending in water at most 13.3 % above that in air.",
+            else "The finger's motion is prescribed; the water does not bend it. What the loads on it would bend is said at the head of the page.",
         ),
         (
             "Water surface",

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fileio.atomic import write_text
+from fileio.formats.finger_loads import deflection_sentence, read_loads
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import COMPARISON, RUN
 from fileio.stages import BY_NAME
@@ -82,6 +83,7 @@ def render(files: StageFiles) -> str:
     comparison = COMPARISON.read(files.required("comparison.json", "compare"))
     run = RUN.read(files.required("run/run.json", "run"))
     sections = pictures(files.required("figures/figures.json", "figures"))
+    loads = files.optional("loads.h5")
     stages = read_costs(files.out / "costs", run["wall_time"])
     if stages:
         save(draw_costs(stages), files.figures / "costs.svg")
@@ -97,6 +99,7 @@ def render(files: StageFiles) -> str:
         level=files.level,
         agrees=comparison["verdict"]["agrees"],
         answer=wording.answer(comparison),
+        deflection=deflection_sentence(read_loads(loads).attrs) if loads else "",
         tiles=wording.tiles(comparison),
         rows=wording.rows(comparison),
         middle=comparison["middle_of_stroke_s"],

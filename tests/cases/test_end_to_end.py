@@ -8,7 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from fileio.formats.finger_loads import read_loads
 from fileio.formats.plane_series import read_plane
+from pipeline.openfoam.function_objects import read_function_object
 from tests.cases.conftest import make
 from tests.conftest import ROOT
 
@@ -53,6 +55,18 @@ def test_the_report_and_its_tables_are_there(finger):
     run = json.loads((finger / "run" / "run.json").read_text())
     assert run["cells"] == pytest.approx(3000, rel=0.3)
     assert 0 < run["power_balance"]["closure_fraction"] < 0.6
+
+
+def test_loads_along_the_finger_are_those_of_the_solver(finger):
+    """1e-5: both sum the same faces, the samples in single precision."""
+    loads = read_loads(finger / "loads.h5")
+    raw = read_function_object(finger / "case" / "interval_0" / "postProcessing" / "forces", "moment.dat")
+    solver = np.interp(loads["time"], raw[:, 0], raw[:, 3])
+    assert np.abs(loads["root_moment"].values - solver).max() < 1e-5 * np.abs(solver).max()
+    page = (finger / "report.html").read_text(encoding="utf-8")
+    assert "would turn its tip by" in page
+    assert loads.attrs["unknown"] == ""
+    assert 0.05 < abs(loads.attrs["largest_deflection"]) < 1.0
 
 
 def test_a_second_make_does_nothing_and_a_number_redoes_only_what_follows(finger, project):

@@ -1,0 +1,100 @@
+"""Loads on slices: nothing is lost, each face goes to its slice; the deflection of a beam under an even load; given stiffness."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fileio.formats.bending_states import States, read
+from fileio.formats.finger_loads import deflection_sentence
+from pipeline.structure.chain import Chain, placed
+from pipeline.structure.deflection import deflections, prescribed
+from pipeline.structure.elastic_law import constant_law, law_at
+from pipeline.structure.loads import slice_loads
+from pipeline.structure.motion import Surroundings
+from pipeline.structure.stage import bending_law
+
+STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
+LENGTH, EI = 0.07, 0.48e-3
+
+
+def straight(**law):
+    line = np.stack([np.linspace(0, LENGTH, 125), np.zeros(125)], -1)
+    states = States(np.array([-1e3, 0.0, 1e3]), np.repeat(line[None], 3, 0), np.full((3, 125), 0.0167))
+    return Chain(states, replace(constant_law(EI, 0.0, 3), **law), 0.028)
+
+
+def test_no_force_and_no_moment_is_lost():
+    chain = Chain(STATES, STATES.law, STATES.width)
+    pressure = np.array([2e4])
+    still = np.zeros((1, chain.slices))
+    at = placed(chain.unloaded(pressure), slice(None), still).at(0)
+    profile, thickness = chain.profile(pressure, still)[0], chain.thickness(pressure)[0]
+    points = profile[:, 0] + 1j * profile[:, 1]
+    points = 0.5 * (points[1:] + points[:-1])  # between the joints
+    generator = np.random.default_rng(3)
+    force = generator.normal(size=124) + 1j * generator.normal(size=124)
+    loads = slice_loads(chain, at, profile, thickness, points, force)
+    heading = np.concatenate([[1.0], at.heading])
+    assert np.sum(loads.force * heading) == pytest.approx(force.sum())
+    clamped = np.arange(124) < chain.joints[0]
+    assert loads.force[0] == pytest.approx(force[clamped].sum())
+    # about any point: forces at the slices' middles and their torques do what the faces' forces do
+    own = loads.torque[1:] + (np.conj(at.middle) * (loads.force * heading)[1:]).imag
+    assert own.sum() == pytest.approx((np.conj(points) * force).imag[~clamped].sum())
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_tip_of_a_beam_under_an_even_load(sign):
+    """Turn q L³ / 6 EI; 1 %: the sum over 31 slices is of second order."""
+    chain = straight()
+    load = sign * 0.5  # N/m
+    loads = np.zeros((1, chain.slices, 3))
+    loads[..., 1] = load * chain.lengths
+    at, rates = prescribed(chain, lambda t: 0 * t, np.zeros(1))
+    found = deflections(chain, np.zeros(1), at, rates, Surroundings(), loads)
+    assert found[0] == pytest.approx(load * LENGTH**3 / (6 * EI), rel=0.01)
+
+
+def test_weight_and_buoyancy_are_in_it():
+    """Hanging across gravity: a beam as heavy as water is not bent by it, a heavier one is."""
+    rubber = {"rubber_mass": 998.2 * 4e-4, "rubber_section": 4e-4}
+    for mass, factor in ((1.0, 0.0), (1.5, 0.5)):
+        chain = straight(**rubber | {"rubber_mass": mass * rubber["rubber_mass"]})
+        at, rates = prescribed(chain, lambda t: 0 * t, np.zeros(1))
+        around = Surroundings(9.81j, 998.2)
+        found = deflections(chain, np.zeros(1), at, rates, around, np.zeros((1, chain.slices, 3)))
+        wanted = factor * rubber["rubber_mass"] * 9.81 * LENGTH**3 / (6 * EI)
+        assert found[0] == pytest.approx(wanted, rel=0.01, abs=1e-9)
+
+
+def test_given_stiffness_takes_the_place_of_the_analysis():
+    law = bending_law(STATES, 1e-3)
+    joint = law_at(law, STATES.pressure, -2e4)
+    np.testing.assert_allclose(joint.change(np.array([-1e-3, 0.0, 5e-4])), [-1.0, 0.0, 0.5], atol=1e-9)
+    assert law.rubber_mass == STATES.law.rubber_mass
+    plain = States(STATES.pressure, STATES.profile, STATES.thickness)
+    assert bending_law(plain, None) is None
+    assert bending_law(plain, 1e-3).rubber_mass == 0
+
+
+def test_contact_makes_the_law_of_the_shipped_finger_one_sided():
+    joint = law_at(STATES.law, STATES.pressure, -2e4)
+    moment = np.array([-3e-3, 3e-3])
+    dorsal, ventral = np.abs(joint.change(moment))
+    assert ventral > 1.1 * dorsal
+    np.testing.assert_allclose(joint.moment(joint.change(moment)), moment, rtol=0.05)
+
+
+def test_the_check_in_words():
+    values = {
+        "largest_deflection": -0.3,
+        "largest_at": 0.038,
+        "bend_then": 0.04,
+        "stroke": 1.5,
+        "unknown": "",
+    }
+    assert "at 0.038 s, where the finger is at 2.3°" in deflection_sentence(values)
+    assert "by -17.2° at once, 20% of the stroke" in deflection_sentence(values)
+    assert deflection_sentence({"unknown": "a rigid body does not bend"}).endswith("does not bend.")
