@@ -18,7 +18,7 @@ from pipeline.geometry.quality import planform_edges
 from pipeline.geometry.sweep import BODY_PATCHES, OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
 from pipeline.openfoam.base_case import BASE, template_files
 from pipeline.openfoam.covering_columns import covering_cells
-from pipeline.openfoam.displacement_files import steps_of, time_name
+from pipeline.openfoam.displacement_files import checkpoint_steps, steps_of, time_name
 from pipeline.openfoam.foamfile import write_bytes
 from pipeline.scene.scene import Scene
 from pipeline.stage_settings import settings_of
@@ -27,10 +27,10 @@ SYMMETRIC = ("half", "quarter")
 INTERPOLATION = {"linear": "linear", "skewCorrected": "skewCorrected linear"}
 
 
-def numbers(scene: Scene, interval: Interval, back: float) -> dict[str, str]:
-    """The entries of system/numbers for one interval of a scene; `back` is the z of the mesh's back wall, m.
+def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> dict[str, str]:
+    """The entries of system/numbers for one interval of a scene, whose fields at `handover` (s) are kept; `back` is the z of the mesh's back wall, m.
 
-    `startTime` and `writeInterval` change where the run stage resumes.
+    `startTime` changes where the run stage resumes.
     """
     kind = scene.model.kind
     flat, n = kind == "2d", scene.numerics
@@ -44,7 +44,8 @@ def numbers(scene: Scene, interval: Interval, back: float) -> dict[str, str]:
         "timeStep": f"{n.time_step:.10g}",
         "startTime": time_name(interval.begin),
         "endTime": f"{interval.end:.10g}",
-        "writeInterval": f"{n.write_interval:.10g}",
+        "writeInterval": f"{n.time_step * checkpoint_steps(n.write_interval, n.time_step):.10g}",
+        "handoverStep": str(steps_of(handover, n.time_step)),
         "sampleInterval": str(sampling),
         "balanceInterval": str(n.balance_steps(scene.sheet.rate_hz)),
         "meshMotion": "dynamicMotionSolverFvMesh" if interval.moving else "staticFvMesh",
@@ -199,11 +200,12 @@ def run(scene: Scene, quiet: bool = False) -> None:
         for old in folder.iterdir():
             shutil.rmtree(old) if old.is_dir() else old.unlink()
         columns = {}
-        for interval in intervals:
+        handovers = [*(interval.begin for interval in intervals[1:]), scene.motion.end_time]
+        for interval, handover in zip(intervals, handovers, strict=True):
             planform, mesh = planforms[interval.mesh], meshes[interval.mesh]
             levels = planform["levels"].values
             points = mesh.points(read_motion(scene.out, interval.mesh).nodes(interval.begin), levels)
-            entries = numbers(scene, interval, float(levels[0]))
+            entries = numbers(scene, interval, handover, float(levels[0]))
             columns[interval.name] = write_case(
                 folder / interval.name, entries, not interval.index, planform, mesh, points
             )

@@ -36,9 +36,13 @@ def steps_of(time: float, time_step: float) -> int:
     return round(time / time_step)
 
 
-def checkpoint_interval(duration: float, wanted: float) -> float:
-    """Interval (s) near `wanted` that divides `duration`, so that its end is saved; no whole number of steps is needed."""
-    return duration / max(1, round(duration / wanted)) if duration > 1e-9 else wanted
+def checkpoint_steps(wanted: float, time_step: float) -> int:
+    """Time steps between two checkpoints, about `wanted` s apart: an even number.
+
+    Whenever the mesh has moved, OpenFOAM's multigrid pairs the cells anew, and each time in the other direction than before.
+    The direction is in no file, and forward in a solver that starts: as it is again after an even number of steps.
+    """
+    return 2 * max(1, round(wanted / (2 * time_step)))
 
 
 HEADER = header("pointVectorField", "", FIELD, binary=True)

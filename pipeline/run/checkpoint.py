@@ -17,9 +17,8 @@ FIELDS = ("U", "p", "phi", "uniform/time")
 MOVED = ("pointDisplacement", "polyMesh/points")  # written where the mesh moves
 
 
-def saved_times(folder: Path, ranks: Ranks, moving: bool = True) -> list[tuple[float, str]]:
-    """Times in a case's folder, or in one of its ranks', at which every file is whole, ascending."""
-    wanted = FIELDS + (MOVED if moving else ())
+def saved_times(folder: Path, ranks: Ranks, wanted: tuple[str, ...]) -> list[tuple[float, str]]:
+    """Times in a case's folder, or in one of its ranks', at which the `wanted` files are there and every file is whole, ascending."""
     saved = []
     for place in folder.iterdir() if folder.is_dir() else ():
         time = _number(place.name)
@@ -34,9 +33,10 @@ def saved_times(folder: Path, ranks: Ranks, moving: bool = True) -> list[tuple[f
 def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[float, str] | None:
     """Latest time that all ranks have written whole and whose samples are on disk; None where there is none."""
     sampled = min(sampled_until(case), np.nextafter(first_damaged(case), 0.0))
+    wanted = FIELDS + (MOVED if moving else ())
     common: dict[float, str] | None = None
     for folder in ranks.folders(case):
-        times = {t: n for t, n in saved_times(folder, ranks, moving) if t <= sampled * (1 + 1e-9)}
+        times = {t: n for t, n in saved_times(folder, ranks, wanted) if t <= sampled * (1 + 1e-9)}
         common = times if common is None else {t: n for t, n in common.items() if t in times}
     return max(common.items()) if common else None
 

@@ -38,7 +38,7 @@ def term_rows(out: Path, interval: Interval, ranks: Ranks, density: float, visco
     reach = np.inf if flat else float(planform["body_half_width"].values[1])
     mirrored = bool(planform.attrs["mirror"]) or "mirrored_finger" in planform["body_name"].values
     rows = []
-    for time, name in saved_times(ranks.folders(case)[0], ranks, interval.moving):
+    for time, name in saved_times(ranks.folders(case)[0], ranks, ("U", "p")):
         if time < interval.start + 1e-9:
             continue  # in the overlap with the interval before
         nodes = motion.nodes(time)

@@ -17,7 +17,7 @@ from fileio.atomic import check_room, naming, settle, write_text
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval
 from fileio.json_text import read_json
-from pipeline.openfoam.displacement_files import checkpoint_interval, time_name
+from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.environment import die_with_parent, environment_in, last_lines, solver_command
 from pipeline.openfoam.foamfile import END, write_bytes
 from pipeline.openfoam.ranks import Ranks
@@ -50,12 +50,11 @@ def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
     write_text(path, text)
 
 
-def solve(case: Path, interval: Interval, handover: float, write_interval: float, ranks: Ranks, hosts: Path | None,
-          bar: tqdm, guard: Guard) -> None:  # fmt: skip
+def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar: tqdm, guard: Guard) -> None:
     """Run the solver to the end of an interval from its last whole checkpoint, unless it has got there before.
 
-    `handover` is the time (s) whose fields the next interval needs: that of the last checkpoint. StageError where `guard`
-    stops it, it fails by itself, or what it has sampled for a guard of the energy ends before the interval; its files are kept.
+    StageError where `guard` stops it, it fails by itself, or what it has sampled for a guard of the energy ends before the
+    interval; its files are kept.
     """
     record = read_progress(case)
     if record.get("ended"):
@@ -70,7 +69,6 @@ def solve(case: Path, interval: Interval, handover: float, write_interval: float
         ranks.announce(case, name)
     drop_tables(case, start)
     set_number(case, "startTime", reached_time(case, ranks, name) if checkpoint else name)
-    set_number(case, "writeInterval", f"{checkpoint_interval(handover - start, write_interval):.12g}")
     clock = time.monotonic()
     noted = clock
     cpu = 0.0  # s of all ranks

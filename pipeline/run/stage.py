@@ -85,12 +85,11 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
             print(f"run: {min(cells)} cells are too few for {ranks} ranks; {useful} used")
         layout = resumable_ranks(cases[0], intervals[0].moving, Ranks(useful, collated and useful > 1), quiet)
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver", bar_format=BAR) as bar:
-            handovers = [*(interval.begin for interval in intervals[1:]), end]
-            for interval, case, handover, guard in zip(intervals, cases, handovers, guards, strict=True):
+            for interval, case, guard in zip(intervals, cases, guards, strict=True):
                 prepare(out, intervals, interval, layout, step, quiet)
                 before = read_progress(case)
                 earlier += Spent(before["wall_time"], before["cpu_time"])
-                solve(case, interval, handover, scene.numerics.write_interval, layout, hosts, bar, guard)
+                solve(case, interval, layout, hosts, bar, guard)
                 for folder in layout.folders(case):
                     remove_frames(folder)
                 bar.update(interval.end - bar.n)

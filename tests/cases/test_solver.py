@@ -251,7 +251,7 @@ def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
     (case / "system" / "fvSolution").write_text(text)
     with tqdm(total=1.0, disable=True) as bar:
         solver.solve(
-            case, intervals[0], 0.02, scene.numerics.write_interval, Ranks(), None, bar,
+            case, intervals[0], Ranks(), None, bar,
             Guard(scene.numerics.max_courant),
         )  # fmt: skip
     field = vectors(case / "0.02" / "U")

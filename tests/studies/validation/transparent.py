@@ -81,8 +81,6 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
         solve(
             folder,
             intervals[0],
-            scene.motion.end_time,
-            scene.numerics.write_interval,
             Ranks(),
             None,
             bar,
