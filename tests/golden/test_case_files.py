@@ -45,7 +45,7 @@ def tree(path: Path) -> object:
 def test_numbers_are_those_that_were_looked_at(tmp_path, scene, level, interval):
     loaded = load_scene(ROOT / "cases" / scene, level)
     back = -loaded.finger.width if loaded.model.kind == "2d" else -loaded.tank.size[2] / 2
-    (tmp_path / "numbers").write_text(numbers_text(numbers(loaded, interval, back)))
+    (tmp_path / "numbers").write_text(numbers_text(numbers(loaded, interval, interval.end, back)))
     golden = HERE / f"numbers_{scene}_{level}.json"
     assert tree(tmp_path / "numbers") == json.loads(golden.read_text())
 
@@ -68,7 +68,7 @@ def test_the_base_case_uses_every_number_and_no_other(tmp_path):
     base = ROOT / "cases" / "_base"
     files = [p for p in base.rglob("*") if p.is_file() and p.name != "numbers"]
     text = "\n".join(p.read_text() for p in files)
-    entries = numbers(write_scene(tmp_path / "s"), WHOLE, -0.028)
+    entries = numbers(write_scene(tmp_path / "s"), WHOLE, WHOLE.end, -0.028)
     for key in entries:
         assert f"${key}" in text, key
     shipped = tree(base / "system" / "numbers")
@@ -78,18 +78,18 @@ def test_the_base_case_uses_every_number_and_no_other(tmp_path):
 def test_scene_keys_reach_the_numbers(tmp_path):
     more = '[fluid]\ndensity = 1025.0\nkinematic_viscosity = 2e-6\nturbulence = "WALE"'
     scene = write_scene(tmp_path / "s", "half", more, ', time_scheme = "Euler", outer_correctors = 3')
-    entries = numbers(scene, WHOLE, -0.15)
+    entries = numbers(scene, WHOLE, WHOLE.end, -0.15)
     assert entries["density"] == "1025"
     assert entries["viscosity"] == "2e-06"
     assert entries["simulationType"] == "LES"
     assert entries["timeScheme"] == "Euler"
     assert entries["outerCorrectors"] == "3"
     assert entries["sheetType"] == "symmetryPlane"
-    second = numbers(scene, Interval(1, 0.192, 0.2, 0.35, 1), -0.15)
+    second = numbers(scene, Interval(1, 0.192, 0.2, 0.35, 1), 0.35, -0.15)
     # started 8 time steps of 1 ms before it takes over
     assert {k: second[k] for k in second if second[k] != entries[k]} == {
         "startTime": "0.192",
         "endTime": "0.35",
     }
-    rest = numbers(scene, Interval(1, 0.192, 0.2, 0.35, 1, moving=False), -0.15)
+    rest = numbers(scene, Interval(1, 0.192, 0.2, 0.35, 1, moving=False), 0.35, -0.15)
     assert {k: rest[k] for k in rest if rest[k] != second[k]} == {"meshMotion": "staticFvMesh"}

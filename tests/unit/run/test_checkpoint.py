@@ -3,9 +3,18 @@
 import pytest
 
 from fileio.errors import StageError
+from pipeline.openfoam.displacement_files import checkpoint_steps
 from pipeline.openfoam.foamfile import END, write_bytes
 from pipeline.openfoam.ranks import Ranks, collated_content
-from pipeline.run.checkpoint import FIELDS, MOVED, drop_tables, last_checkpoint, reached_time, sampled_until
+from pipeline.run.checkpoint import (
+    FIELDS,
+    MOVED,
+    drop_tables,
+    last_checkpoint,
+    reached_time,
+    sampled_until,
+    saved_times,
+)
 from pipeline.run.results import history
 
 MORE = ("U_0", "meshPhi")
@@ -109,3 +118,19 @@ def test_a_log_that_was_cut_within_a_line_is_read(tmp_path):
     table = history(tmp_path / "log")
     assert table[:, 0].tolist() == [0.1, 0.2]
     assert table[1].tolist() == [0.2, 0.1, 0.5, 1e-8, -2e-10, 6, 6]
+
+
+@pytest.mark.parametrize(
+    "wanted, time_step, steps", [(0.02, 1e-3, 20), (0.0193, 1e-3, 20), (1e-4, 1e-3, 2), (0.61, 0.02, 30)]
+)
+def test_checkpoints_are_an_even_number_of_steps_apart(wanted, time_step, steps):
+    assert checkpoint_steps(wanted, time_step) == steps
+
+
+def test_what_a_handover_has_written_is_no_checkpoint(tmp_path):
+    save(tmp_path, "0.01")
+    for name in ("U", "p", "polyMesh/points"):
+        write_bytes(tmp_path / "0.015" / name, b"1 2 3" + END)
+    record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
+    assert last_checkpoint(tmp_path, Ranks(1)) == (0.01, "0.01")
+    assert saved_times(tmp_path, Ranks(1), ("U", "p")) == [(0.01, "0.01"), (0.015, "0.015")]
