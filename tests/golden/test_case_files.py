@@ -90,6 +90,7 @@ def test_scene_keys_reach_the_numbers(tmp_path):
     assert {k: second[k] for k in second if second[k] != entries[k]} == {
         "startTime": "0.192",
         "endTime": "0.35",
+        "handoverStep": "350",
     }
     rest = numbers(scene, Interval(1, 0.192, 0.2, 0.35, 1, moving=False), 0.35, -0.15)
     assert {k: rest[k] for k in rest if rest[k] != second[k]} == {"meshMotion": "staticFvMesh"}
