@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from fileio.formats.plane_series import read_plane
 from pipeline.scene.scene import Scene, load_scene
 from piv.vortices.find import find_vortices
-from piv.vortices.vortex import Vortex
+from postprocess.evidence.vortex_integral import CIRCLE, vortex_integrals
 from tests.studies.validation.checks import Check, Result
 from tests.studies.validation.convergence import Estimate, estimate
 from tests.studies.validation.solve import CASES, solved
@@ -41,8 +42,11 @@ class Run:
     values: dict[str, float]
 
 
-def tip_vortex(sheet: xr.Dataset, scene: Scene) -> Vortex:
-    """The strongest vortex on the dorsal side of the tip at half of the bend's change. ValueError where there is none."""
+def tip_vortex(sheet: xr.Dataset, scene: Scene) -> pd.Series:
+    """Circulation and centre of the strongest vortex on the dorsal side of the tip at half of the bend's change.
+
+    By integrals over a circle, as in docs/tradeoff.md; the fit says where it is. ValueError where there is none.
+    """
     bend = sheet["bend"].values[:, 0]
     half = int(np.argmin(np.abs(bend - 0.5 * (bend[0] + bend[-1]))))
     plane = sheet.isel(time=half)
@@ -57,7 +61,13 @@ def tip_vortex(sheet: xr.Dataset, scene: Scene) -> Vortex:
     ]  # fmt: skip
     if not near:
         raise ValueError(f"no vortex at the dorsal side of the tip of {scene.name} at level {scene.level}")
-    return max(near, key=lambda v: abs(v.circulation))
+    strongest = max(near, key=lambda v: abs(v.circulation))
+    time = float(plane["time"])
+    track = pd.DataFrame(
+        [{"time": time, "x": strongest.x, "y": strongest.y, "circulation": strongest.circulation}]
+    )
+    radius = CIRCLE * float(sheet.attrs["tip_width"])
+    return vortex_integrals(sheet, track, radius, (time, time)).iloc[0]
 
 
 def read_run(scene: Scene) -> Run:
@@ -170,8 +180,8 @@ def three_dimensional(folder: Path) -> Result | None:
     judged = "coarse"
     checks = checks_of(runs, "cell", judged, "finger", "(grid and time step together)")
     text = (
-        f"{folder.name} on its own levels {', '.join(r.level for r in runs)}: grids that are similar but not exactly so, the time"
-        " step refined with them where the level says so. Representative cell ∛(volume / cells)."
+        f"{folder.name} on its own levels {', '.join(r.level for r in runs)}: a family of grids whose sizes all shrink by 2/3, at the"
+        " time steps of the levels. Representative cell ∛(volume / cells)."
     )
     remarks = tuple(sentence(runs, series(runs, "cell"), r.level) for r in runs)
     return Result("finger", f"Grid convergence of {folder.name}", text, tuple(checks), {"grid": curves_of(runs, "cell")}, remarks,

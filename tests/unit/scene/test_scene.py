@@ -20,7 +20,7 @@ SCENES = sorted(p.parent for p in (ROOT / "cases").glob("*/scene.toml"))
 
 
 @pytest.mark.parametrize("folder", SCENES, ids=lambda p: p.name)
-@pytest.mark.parametrize("level", ["smoke", "coarse", "medium", "fine"])
+@pytest.mark.parametrize("level", ["smoke", "draft", "coarse", "medium", "fine", "reference"])
 def test_every_shipped_scene_is_valid_at_every_level(folder, level):
     assert load_scene(folder, level).level == level
 
@@ -85,7 +85,7 @@ def test_lengths_that_are_not_given_go_with_the_size_of_the_finger(tmp_path):
 def test_missing_scene_and_level_name_what_there_is(tmp_path):
     with pytest.raises(StageError, match="no such scene"):
         load_scene(tmp_path / "nowhere")
-    with pytest.raises(StageError, match="coarse, draft, fine, medium, smoke"):
+    with pytest.raises(StageError, match="coarse, draft, fine, medium, reference, smoke"):
         load_scene(ROOT / "cases" / "single_finger", "huge")
 
 
