@@ -24,13 +24,15 @@ def check_states(scene: Scene) -> None:
     kinematics stage; so is a scene that has no actuator.
     """
     motion = scene.motion
-    if motion.source != "fea" or motion.states is None or not scene.actuator:
+    if not scene.actuator:
+        return
+    actuator, fea = sections(scene)  # are checked also where nothing is analysed
+    if motion.source != "fea" or motion.states is None:
         return
     path = Path(os.path.normpath(scene.folder / motion.states))
     made = _provenance(path)
     if made is None:
         return
-    actuator, fea = sections(scene)
     now = _what_is_bent(actuator.model_dump(mode="json"), fea.model_dump(mode="json"))
     for key, was in _what_is_bent(*made).items():
         if key in now and now[key] != was:

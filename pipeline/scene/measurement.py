@@ -4,40 +4,46 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from pipeline.scene.section import Pair, Positive, Section
+from pipeline.scene.section import Count, NotNegative, Number, Pair, Positive, Section, Whole
 from piv.correlation.options import Options
+
+MOST_PIXELS = 16_384  # along a side of the camera's picture
 
 
 class Sheet(Section):
     """The laser sheet: where it is, how often and how finely it is sampled."""
 
-    z: float = 0.0
+    z: Number = 0.0
     rate_hz: Positive = 500.0
     spacing: Positive = 0.0005
     margin: Positive = 0.006  # beyond the camera's view, so that particles that enter it come from somewhere
-    thickness: Positive = 0.0015
+    thickness: Annotated[Positive, Field(le=0.05)] = 0.0015
 
 
 class Camera(Section):
     """The laboratory's camera and seeding; `centre` is the middle of the picture in the tank frame."""
 
-    columns: Annotated[int, Field(ge=64)] = 1280
-    rows: Annotated[int, Field(ge=64)] = 1024
+    columns: Annotated[Whole, Field(ge=64, le=MOST_PIXELS)] = 1280
+    rows: Annotated[Whole, Field(ge=64, le=MOST_PIXELS)] = 1024
     scale_mm_per_px: Positive = 0.125
     centre: Pair
     bits: Literal[8, 10, 12, 16] = 8
-    density_ppp: Positive = 0.04
-    particle_diameter_px: Positive = 2.5
-    background: Annotated[float, Field(ge=0)] = 8.0
-    read_noise: Annotated[float, Field(ge=0)] = 2.0
-    electrons_per_level: Annotated[float, Field(ge=0)] = 50.0
-    shadow: Annotated[float, Field(ge=0, le=1)] = 0.0
+    density_ppp: Annotated[Positive, Field(le=0.5)] = (
+        0.04  # beyond that the pictures of particles are one grey
+    )
+    particle_diameter_px: Annotated[Positive, Field(ge=0.5, le=20)] = 2.5
+    background: NotNegative = 8.0
+    read_noise: NotNegative = 2.0
+    electrons_per_level: Annotated[NotNegative, Field(le=1e6)] = 50.0
+    shadow: Annotated[NotNegative, Field(le=1)] = 0.0
     frame_rate_hz: Positive | None = None  # that of the sheet where not given
-    pairs_every: Annotated[int, Field(ge=1)] = 1  # 1: every frame; n: two frames in a row out of every n
+    pairs_every: Annotated[Count, Field(le=10_000)] = (
+        1  # 1: every frame; n: two frames in a row out of every n
+    )
     truth: bool = True  # the exact displacements beside the recording: nothing here reads them, and they take a third of the time
-    seed: int = 2017
+    seed: Annotated[Whole, Field(ge=0, lt=2**32)] = 2017
 
     def origin_px(self) -> Pair:
         """The tank frame's origin, px right and up from the centre of the bottom left pixel."""
@@ -49,17 +55,25 @@ class Camera(Section):
 class Piv(Section):
     """How the recording is correlated."""
 
-    window: Annotated[int, Field(ge=8)] = int(Options.window)
-    spacing: Annotated[int, Field(ge=1)] = Options.spacing
+    window: Annotated[Whole, Field(ge=8, le=512)] = int(Options.window)
+    spacing: Annotated[Count, Field(le=512)] = Options.spacing
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
-    every: Annotated[int, Field(ge=1)] = 1
-    frames: Annotated[int, Field(ge=2)] = 2  # 3, 5, …: multi-frame sets
+    every: Annotated[Count, Field(le=10_000)] = 1
+    frames: Annotated[Whole, Field(ge=2, le=99)] = 2  # 3, 5, …: multi-frame sets
+
+    @model_validator(mode="after")
+    def _middle_frame(self) -> Piv:
+        if self.frames > 2 and self.frames % 2 == 0:
+            raise ValueError(
+                f"frames = {self.frames} has no frame in the middle; give 2, or {self.frames + 1}"
+            )
+        return self
 
 
 class Vortices(Section):
     """What counts as a vortex."""
 
-    min_circulation: Positive = 2e-4
+    min_circulation: Annotated[Positive, Field(le=1e3)] = 2e-4
     stencil_radius: Positive = 0.003
     weights: Literal["equal", "uncertainty"] = "equal"
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from pipeline.scene.section import Positive, Section
 from pipeline.scene.sections import Finger, Tank
@@ -28,7 +30,7 @@ class Pinch(Section):
     """
 
     half_distance: Positive
-    residual_gap: Positive = 0.0005
+    residual_gap: Annotated[Positive, Field(ge=2e-5)] = 0.0005
     slowing_distance: Positive = 0.003
     closing_law: Literal["ramp", "exponential"] = "ramp"
     object: Object | None = None

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.scene.section import Pair, Positive, Section
+from pipeline.scene.section import NotNegative, Number, Pair, Positive, Section, Whole
 
 
 class RigidBody(Section):
@@ -17,9 +17,9 @@ class RigidBody(Section):
     diameter: Positive | None = None
     chord: Positive | None = None
     thickness: Positive | None = None
-    angle_deg: float = 0.0  # of the chord from the x axis, counter-clockwise
+    angle_deg: Number = 0.0  # of the chord from the x axis, counter-clockwise
     depth: Positive = 1.0
-    points: Annotated[int, Field(ge=24)] = 720
+    points: Annotated[Whole, Field(ge=24, le=20_000)] = 720
 
     @model_validator(mode="after")
     def _sized(self) -> RigidBody:
@@ -46,13 +46,13 @@ class Law(Section):
     """
 
     kind: Literal["sine", "power"]
-    start: Annotated[float, Field(ge=0)] = 0.0
+    start: NotNegative = 0.0
     smoothing: Positive
-    direction_deg: float = 0.0
-    amplitude: float | None = None
+    direction_deg: Number = 0.0
+    amplitude: Number | None = None
     period: Positive | None = None
-    rate: float | None = None
-    exponent: Annotated[float, Field(ge=0, le=4)] | None = None
+    rate: Number | None = None
+    exponent: Annotated[NotNegative, Field(le=4)] | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> Law:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +11,10 @@ from pydantic import Field, ValidationError, model_validator
 
 from fileio.errors import StageError
 from fileio.provenance import digest
-from pipeline.scene.limits import check_numbers
+from pipeline.scene.limits import check_scene
 from pipeline.scene.measurement import Camera, Piv, Sheet, Vortices
-from pipeline.scene.pinch import Pinch, Support, check_pinch, check_support
+from pipeline.scene.pinch import Pinch, Support
+from pipeline.scene.predicted import predicted
 from pipeline.scene.read_toml import resolve
 from pipeline.scene.rigid_body import RigidBody
 from pipeline.scene.section import Section, validation_sentence
@@ -90,43 +93,7 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _physical(self) -> Scene:
-        tank, finger = self.tank, self.finger
-        if tank.water_depth > tank.size[1]:
-            raise ValueError(
-                f"tank.water_depth = {tank.water_depth} m exceeds the tank's height {tank.size[1]} m"
-            )
-        if self.body is None and (finger.length > 1 or max(tank.size) > 20):
-            raise ValueError("finger.length or tank.size looks like millimetres; give metres")
-        if not abs(finger.root[0]) < tank.size[0] / 2 or not 0 < finger.root[1] < tank.water_depth:
-            raise ValueError(
-                f"finger.root = {list(finger.root)} is not in the water; move it inside the tank"
-            )
-        if finger.width >= tank.size[2]:
-            raise ValueError(f"finger.width = {finger.width} m does not fit between the tank's walls")
-        if self.pinch is not None:
-            check_pinch(self.pinch, finger, tank, self.motion.start_pressure_kpa)
-        elif self.model.kind == "quarter":
-            raise ValueError(
-                "model.kind = 'quarter' needs the second symmetry plane of [pinch]; give 'half' for a single finger"
-            )
-        if self.support is not None:
-            check_support(self.support, finger, tank)
-        check_numbers(self)
-        self.numerics.sampling_steps(self.sheet.rate_hz)
-        steps = self.motion.end_time / self.numerics.time_step
-        if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
-            raise ValueError(
-                f"motion.end_time = {self.motion.end_time:g} s is no whole number of numerics.time_step ="
-                f" {self.numerics.time_step:g} s; give {max(1, round(steps)) * self.numerics.time_step:g}"
-            )
-        if self.camera.pairs_every > 1 and self.piv.frames > 2:
-            raise ValueError(
-                f"piv.frames = {self.piv.frames} needs every frame; give camera.pairs_every = 1, or piv.frames = 2"
-            )
-        if abs(self.sheet.z) >= tank.size[2] / 2:
-            raise ValueError(f"sheet.z = {self.sheet.z} m lies outside the tank")
-        if self.model.kind != "full" and self.sheet.z != 0:
-            raise ValueError("sheet.z must be 0 unless model.kind = 'full': the sheet is the symmetry plane")
+        check_scene(self)
         return self
 
     def placed(self) -> Scene:
@@ -147,6 +114,18 @@ class Scene(Section):
             )
         if self.motion.states and self.motion.source != "fea":
             said.append(f"motion.states is not used: motion.source = {self.motion.source!r}")
+        said += [
+            f"warning: motion.strokes[{k}] starts at {stroke.start:g} s, not before motion.end_time = {self.motion.end_time:g} s:"
+            " it does nothing"
+            for k, stroke in enumerate(self.motion.strokes)
+            if stroke.start >= self.motion.end_time
+        ]
+        size = predicted(self)
+        room = next(shutil.disk_usage(p).free for p in (self.out, *self.out.absolute().parents) if p.exists())
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        for kind, wanted, there in (("memory", size.memory, memory), ("disk", size.disk, room)):
+            if wanted > there:
+                said.append(f"warning: this takes {size}, but there are {there / 1e9:.3g} GB of {kind} here")
         return said
 
     @property

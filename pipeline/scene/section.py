@@ -6,8 +6,14 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-Positive = Annotated[float, Field(gt=0)]
-Pair = tuple[float, float]
+# strict: a number in quotes is no number
+Number = Annotated[float, Field(strict=True)]
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Whole = Annotated[int, Field(strict=True)]
+Count = Annotated[Whole, Field(ge=1)]
+Pair = tuple[Number, Number]
+LONGEST = 60  # characters of what was given, in a message
 
 
 class Section(BaseModel):
@@ -26,6 +32,7 @@ def validation_sentence(error: ValidationError, section: str = "") -> str:
     elif first["type"] == "missing":
         message = "this key is missing; add it"
     elif first["loc"]:
-        message = f"{message} (got {first['input']!r})"
+        given = repr(first["input"])
+        message = f"{message} (got {given if len(given) <= LONGEST else given[:LONGEST] + '…'})"
     more = len(error.errors()) - 1
     return f"{key}: {message}" + (f"; and {more} more" if more else "")

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from pipeline.scene.rigid_body import Law
-from pipeline.scene.section import Pair, Positive, Section
+from pipeline.scene.section import Count, NotNegative, Number, Pair, Positive, Section, Whole
 
 
 class Tank(Section):
@@ -29,7 +29,7 @@ class Fluid(Section):
 class Tip(Section):
     """End of the finger: a straight, tapered extension and rounded corners, m."""
 
-    length: Annotated[float, Field(ge=0)] = 0.0
+    length: NotNegative = 0.0
     thickness: Positive | None = None
     corner_radius: Positive = 0.002
 
@@ -51,16 +51,19 @@ class Finger(Section):
     thickness: Positive = 0.0145
     width: Positive = 0.028
     root_corner_radius: Positive = 0.002
-    tilt_deg: float = 0.0  # about the root, counter-clockwise
+    tilt_deg: Annotated[Number, Field(ge=-60, le=60)] = 0.0  # about the root, counter-clockwise
     ventral: Literal["+x", "-x"] = "+x"
     tip: Tip = Tip()
+
+
+Pressure = Annotated[Number, Field(ge=-100, le=500)]  # kPa: no less than a vacuum
 
 
 class Segment(Section):
     """One stroke of a motion: go to `pressure_kpa` from `start` on, 2 % settled after `duration`, s."""
 
-    pressure_kpa: float
-    start: Annotated[float, Field(ge=0)]
+    pressure_kpa: Pressure
+    start: NotNegative
     duration: Positive
 
 
@@ -70,12 +73,14 @@ class Motion(Section):
     source: Literal["fea", "paper_equations", "recording", "rigid"] = "paper_equations"
     states: str | None = None
     recording: str | None = None  # of source "recording": motion as a camera saw it (docs/formats.md)
-    recording_factor: Positive = 1.0  # on its bending, to measure what an error of it does
-    start_pressure_kpa: float = 0.0
+    recording_factor: Annotated[Positive, Field(le=10)] = (
+        1.0  # on its bending, to measure what an error of it does
+    )
+    start_pressure_kpa: Pressure = 0.0
     strokes: tuple[Segment, ...] = ()
     pressure_csv: str | None = None
     end_time: Positive
-    max_bend_step_deg: Positive = 5.0
+    max_bend_step_deg: Annotated[Positive, Field(ge=0.1, le=30)] = 5.0
 
     displacement: Law | None = None  # of a rigid body, m
     rotation: Law | None = None  # of a rigid body, deg
@@ -137,8 +142,8 @@ class Mesh(Section):
 
     wall_cell: Positive
     wall_first_layer: Positive
-    wall_layers: Annotated[int, Field(ge=1, le=40)]
-    wall_growth: Annotated[float, Field(ge=1, le=2)] = 1.3
+    wall_layers: Annotated[Count, Field(le=40)]
+    wall_growth: Annotated[Number, Field(ge=1, le=2)] = 1.3
     wall_distance: Positive = 0.002  # within which triangles are as small as at the wall
     tip_cell: Positive
     tip_distance: Positive = 0.012  # from the tip along the wall: cells of tip_cell
@@ -148,15 +153,15 @@ class Mesh(Section):
     far_cell: Positive
     edge_layer: Positive = 1.0e-3  # of the sweep, on both sides of the finger's side edge
     sheet_layer: Positive = 2.3e-3  # most between the side edges: what the sheet's vortex needs
-    layer_growth: Annotated[float, Field(gt=1, le=5)] = 1.5  # of the layers with the distance from the edge
+    layer_growth: Annotated[Number, Field(gt=1, le=5)] = 1.5  # of the layers with the distance from the edge
     # growth with the distance of the water's cells that begin as large as those beside them at the wall; 0: they jump to wall_cell
     wall_grading: Annotated[float, Field(ge=0, le=1)] = 0.0
     planform: Literal["triangles", "quads"] = "triangles"  # cells beyond the layers at the wall
-    max_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = 65.0
+    max_non_orthogonality_deg: Annotated[Positive, Field(lt=90)] = 65.0
     # not exceeded for 95 % of the time
-    usual_non_orthogonality_deg: Annotated[float, Field(gt=0, lt=90)] = 70.0
+    usual_non_orthogonality_deg: Annotated[Positive, Field(lt=90)] = 70.0
     # pinch: along the plane from the contact, cells stay small
-    jet_reach: Annotated[float, Field(ge=0)] = 0.03
+    jet_reach: NotNegative = 0.03
 
 
 class Model(Section):
@@ -183,10 +188,10 @@ class Numerics(Section):
     interpolation: Literal["linear", "skewCorrected"] = Field(
         default="linear", exclude_if=lambda value: value == "linear"
     )
-    outer_correctors: Annotated[int, Field(ge=1)] = 1
-    pressure_correctors: Annotated[int, Field(ge=1)] = 2
-    non_orthogonal_correctors: Annotated[int, Field(ge=0)] = 1
-    max_courant: Positive = 20.0
+    outer_correctors: Annotated[Count, Field(le=50)] = 1
+    pressure_correctors: Annotated[Count, Field(le=10)] = 2
+    non_orthogonal_correctors: Annotated[Whole, Field(ge=0, le=10)] = 1
+    max_courant: Annotated[Positive, Field(le=100)] = 20.0
 
     def sampling_steps(self, rate_hz: float) -> int:
         """Time steps between two pictures of the sheet; ValueError where that is no whole number."""

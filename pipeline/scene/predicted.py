@@ -1,0 +1,85 @@
+"""What a run of a scene will take, roughly: cells, steps, memory, disk and time, before anything is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+MEMORY_PER_CELL = 2e3  # bytes: of pimpleFoam with GAMG
+SECONDS_PER_CELL = 2.4e-6  # of a time step and pressure corrector (pipeline/study/steps.csv)
+CHECKPOINT_PER_CELL = 400.0  # bytes: fields, fluxes and points with their old times
+SHEET_PER_POINT = 21.0  # bytes: five fields and a mark
+
+
+@dataclass(frozen=True)
+class Size:
+    """Cells, time steps and camera frames; memory and disk in bytes, CPU time in s."""
+
+    cells: float
+    steps: float
+    frames: float
+    memory: float
+    disk: float
+    cpu: float
+
+    def __str__(self) -> str:
+        return (
+            f"about {self.cells:.2g} cells, {self.steps:.3g} steps, {self.memory / 1e9:.2g} GB of memory,"
+            f" {self.disk / 1e9:.2g} GB of disk, {self.cpu / 3600:.2g} h of CPU time"
+        )
+
+
+def predicted(scene: Any) -> Size:
+    """Each within a factor of three or so."""
+    numerics, camera, end = scene.numerics, scene.camera, scene.motion.end_time
+    cells, steps = estimated_cells(scene), end / numerics.time_step
+    rate = camera.frame_rate_hz or scene.sheet.rate_hz
+    frames = end * rate * (min(1.0, 2 / camera.pairs_every))
+    solutions = (
+        numerics.outer_correctors * numerics.pressure_correctors * (1 + numerics.non_orthogonal_correctors)
+    )
+    disk = checkpoints(scene) * cells * CHECKPOINT_PER_CELL
+    disk += end * scene.sheet.rate_hz * sheet_points(scene) * SHEET_PER_POINT
+    disk += frames * camera.columns * camera.rows * (1 if camera.bits == 8 else 2)
+    return Size(
+        cells, steps, frames, cells * MEMORY_PER_CELL, disk, cells * steps * solutions * SECONDS_PER_CELL
+    )
+
+
+def checkpoints(scene: Any) -> float:
+    """Times whose fields are kept."""
+    return max(1.0, scene.motion.end_time / scene.numerics.write_interval)
+
+
+def view_size(camera: Any) -> tuple[float, float]:
+    """Width and height of the camera's picture, m."""
+    scale = camera.scale_mm_per_px * 1e-3
+    return camera.columns * scale, camera.rows * scale
+
+
+def sheet_points(scene: Any) -> float:
+    """Points of a picture of the sheet."""
+    wide, high = (size + 2 * scene.sheet.margin for size in view_size(scene.camera))
+    return wide * high / scene.sheet.spacing**2
+
+
+def estimated_cells(scene: Any) -> float:
+    """Cells of the whole mesh, within a factor of two or three."""
+    mesh, finger, body = scene.mesh, scene.finger, scene.body
+    length = body.size if body else finger.length + finger.tip.length
+    perimeter = 2 * (length + (body.thickness or body.size if body else finger.thickness))
+    around = 2 * length * 2 * mesh.near_distance + np.pi * mesh.near_distance**2  # of the path of the tip
+    triangles = 2.3 * (
+        around / mesh.near_cell**2
+        + scene.tank.size[0] * scene.tank.water_depth / mesh.far_cell**2
+        + perimeter * 2 * mesh.wall_distance / mesh.wall_cell**2
+    )
+    ring = perimeter / min(mesh.wall_cell, 2 * mesh.tip_cell) * mesh.wall_layers
+    layers = {"2d": 1, "full": 2}.get(scene.model.kind, 1)
+    if scene.model.kind != "2d":
+        growth = np.log(mesh.layer_growth)
+        graded = np.log(growth * scene.tank.size[2] / 2 / mesh.edge_layer) / growth
+        layers *= finger.width / 2 / mesh.sheet_layer + 1.3 * graded
+    return float((triangles + ring) * layers)
