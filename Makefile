@@ -64,11 +64,12 @@ RANKS   = --ranks $(NP) $(if $(HOSTS),--hosts $(HOSTS)) $(if $(COLLATED),--colla
 THREADS = --threads $(JOBS)
 # what a scene may be made of, before its settings say so
 INHERITED := $(wildcard $(addprefix cases/,*/scene.toml */*.csv */kinematics/* _base _base/* _base/*/*))
+INHERITED += $(wildcard fileio/formats/*.py) # their versions
 define scene_rules
 .PRECIOUS: $(foreach s,$(STAGES),$(2)/$(FILE.$(s)))
 $(2)/settings/.stamp: $(INHERITED) $(CASES)/$(1)/scene.toml | $(READY)
 	@$(PY) -m pipeline settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
-$(2)/settings/%.json: $(2)/settings/.stamp
+$(2)/settings/%.json $(2)/settings/%.format: $(2)/settings/.stamp
 	@:
 $(2)/$(FILE.compare): $(wildcard $(CASES)/$(1)/reference/*)
 $(foreach g,$(GROUPS),$(1).$(g): $(addprefix $(1).,$(OF.$(g))))

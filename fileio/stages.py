@@ -15,7 +15,8 @@ class Stage:
     """A step from files to files in `<scene>/out/<level>`.
 
     `outputs`: the first says that the stage is done. `sections`: what of the scene its result depends on, besides its
-    inputs. `group`: stages with one settings file and one make target. `piv`: the command of piv that it is.
+    inputs. `format`: of the first output, a new version of which makes the stage again. `group`: stages with one settings
+    file and one make target. `piv`: the command of piv that it is.
     `columns`: those of a study's table that its result depends on. `cost`: CPU seconds and memory (MB) of single_finger
     at level coarse.
     """
@@ -26,6 +27,7 @@ class Stage:
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     sections: dict[str, Any] = field(default_factory=dict)
+    format: str = ""
     group: str = ""
     piv: str = ""
     columns: tuple[str, ...] = ()
@@ -41,6 +43,13 @@ class Stage:
         return self.group or self.name
 
     @property
+    def settings(self) -> tuple[str, ...]:
+        """The files that it is made again for, besides those of the stages before it."""
+        return (f"settings/{self.target}.json",) * bool(self.sections) + (
+            f"settings/{self.target}.format",
+        ) * bool(self.format)
+
+    @property
     def done(self) -> str:
         """The file that says that it is done."""
         return self.outputs[0]
@@ -50,35 +59,35 @@ SHEET_GRID = {"columns", "rows", "scale_mm_per_px", "centre"}  # of the camera: 
 STAGES = (
     Stage("kinematics", "pipeline.kinematics.stage", "pressure law and shapes of the finger", (),
           ("kinematics.h5",), dict.fromkeys(("tank", "finger", "body", "pinch", "support", "motion"), True),
-          cost=(5, 400)),
+          "kinematics", cost=(5, 400)),
     # an interval begins with a picture of the sheet, and its shapes cover an overlap of so many time steps
     Stage("mesh", "pipeline.mesh.stage", "planform meshes and the shapes that move them", ("kinematics",),
           ("planform.h5", "mesh_quality.csv"),
           {"mesh": True, "model": True, "support": True, "numerics": {"time_step"}, "sheet": {"rate_hz"}},
-          cost=(40, 500)),
+          "planform", cost=(40, 500)),
     # the solver needs no more of the sheet than this: a finer grid does not solve again
     Stage("case", "pipeline.case", "OpenFOAM case", ("mesh",), ("sweep.h5",),
           {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
-          columns=("ranks",), cost=(10, 500)),  # a run writes into its folder
+          "sweep", columns=("ranks",), cost=(10, 500)),  # a run writes into its folder
     Stage("run", "pipeline.run.stage", "the flow, by OpenFOAM", ("case",),
           ("run/run.json", "run/history.csv", "run/power.csv", "run/forces.csv", "case"),
-          cost=(300, 600), ranks=True),
+          format="run", cost=(300, 600), ranks=True),
     Stage("sheet", "pipeline.sheet", "the flow in the laser sheet", ("run",), ("sheet.h5",),
-          {"sheet": {"spacing", "margin"}, "camera": SHEET_GRID}),
+          {"sheet": {"spacing", "margin"}, "camera": SHEET_GRID}, "plane-series"),
     Stage("images", "piv", "what the camera would see", ("sheet",), ("images.h5", "images_truth.h5"),
-          {"camera": True, "sheet": True}, piv="render", cost=(120, 600), temporary=True),
+          {"camera": True, "sheet": True}, "recording", piv="render", cost=(120, 600), temporary=True),
     Stage("piv", "piv", "vectors from the images", ("images",), ("piv.h5",), {"piv": True},
-          piv="correlate", columns=("piv_chunks",), cost=(120, 800), threads=True),
+          "plane-series", piv="correlate", columns=("piv_chunks",), cost=(120, 800), threads=True),
     Stage("vortices_cfd", "piv", "vortices of the CFD", ("sheet",), ("vortices_cfd.csv",), {"vortices": True},
-          "vortices", piv="vortices", threads=True),
+          "vortices", "vortices", piv="vortices", threads=True),
     Stage("vortices_piv", "piv", "vortices of the PIV", ("piv",), ("vortices_piv.csv",), {"vortices": True},
-          "vortices", piv="vortices", threads=True),
+          "vortices", "vortices", piv="vortices", threads=True),
     Stage("compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",
-          ("vortices_cfd", "vortices_piv"), ("comparison.json", "comparison.csv"), cost=(30, 600), shared=False),
+          ("vortices_cfd", "vortices_piv"), ("comparison.json", "comparison.csv"), format="comparison", cost=(30, 600), shared=False),
     Stage("figures", "postprocess.report.figures", "pictures of the report", ("compare",),
-          ("figures/figures.json",), cost=(60, 900), shared=False),
+          ("figures/figures.json",), format="figures", cost=(60, 900), shared=False),
     Stage("loads", "pipeline.structure.stage", "the water's loads on the finger, and what they would bend", ("run",),
-          ("loads.h5",), {"structure": True}, cost=(10, 500)),
+          ("loads.h5",), {"structure": True}, "finger-loads", cost=(10, 500)),
     Stage("report", "postprocess.report.stage", "report.html", ("figures", "loads"), ("report.html",), {"title": True},
           cost=(30, 900), shared=False),
 )  # fmt: skip
@@ -110,7 +119,7 @@ def make_variables(stages: tuple[Stage, ...] = STAGES) -> str:
         lines += [f"GROUPS += {name}", f"OF.{name} := {' '.join(s.name for s in stages if s.group == name)}"]
     for stage in stages:
         needs = [files[name] for name in stage.inputs]
-        needs += [f"settings/{stage.target}.json"] if stage.sections else []
+        needs += stage.settings
         given = " ".join(f"$({word.upper()})" for word in ("ranks", "threads") if getattr(stage, word))
         lines += [f"FILE.{stage.name} := {stage.done}", f"NEEDS.{stage.name} := {' '.join(needs)}"]
         lines += [f"OPTIONS.{stage.name} = {given}"] if given else []

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from fileio.command import Commands, add_scene, command_line
-from fileio.cost import NOTHING, Spent, record_cost
 from fileio.errors import StageError
+from fileio.formats.cost import NOTHING, Spent, record_cost
 from fileio.lock import exclusive
 from fileio.stages import BY_NAME, Stage
 

@@ -14,7 +14,9 @@ from typing import Any
 from fileio.atomic import write_text
 from fileio.command import add_scene as add_arguments  # noqa: F401 (of the command)
 from fileio.errors import StageError
-from fileio.formats import kinematics, mesh_intervals, sweep
+from fileio.formats import vortex_table
+from fileio.formats.__main__ import SCHEMAS
+from fileio.formats.records import RECORDS
 from fileio.lock import exclusive, held
 from fileio.stages import BY_NAME, STAGES
 from pipeline.fea.up_to_date import check_states
@@ -26,7 +28,8 @@ from pipeline.scene.scene import Scene, load_scene
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
 STAGE_SECTIONS = {stage.target: stage.sections for stage in STAGES if stage.sections}
 # A new version of what a stage writes makes it again.
-FORMATS = {"kinematics": kinematics.SCHEMA, "mesh": mesh_intervals.SCHEMA, "case": sweep.SCHEMA}
+VERSIONS = {known.format: known.version for known in (*SCHEMAS, *RECORDS)}
+VERSIONS[vortex_table.FORMAT] = vortex_table.VERSION
 # The stages of piv/ know nothing of scenes: they get their own flags, by name, as a settings file.
 FLAT_SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
     "images": lambda scene: render_settings(scene.camera, scene.sheet),
@@ -53,23 +56,26 @@ def settings_of(scene: Scene, stage: str) -> dict[str, Any]:
 
 
 def changed_settings(scene: Scene) -> dict[str, str]:
-    """Text of `settings/<stage>.json` for each stage whose file is missing or says otherwise."""
+    """Text of each file in `settings/`, numbers and formats of the stages, that is missing or says otherwise."""
+    texts = {
+        f"{stage}.json": json.dumps(settings_of(scene, stage), indent=1, sort_keys=True) + "\n"
+        for stage in STAGE_SECTIONS
+    }
+    texts |= {f"{s.target}.format": f"{s.format} {VERSIONS[s.format]}\n" for s in STAGES if s.format}
     found = {}
-    for stage in STAGE_SECTIONS:
-        path = scene.out / "settings" / f"{stage}.json"
-        version = {"format_version": FORMATS[stage].version} if stage in FORMATS else {}
-        text = json.dumps(settings_of(scene, stage) | version, indent=1, sort_keys=True) + "\n"
+    for name, text in texts.items():
+        path = scene.out / "settings" / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:
-            found[stage] = text
+            found[name] = text
     return found
 
 
 def write_settings(scene: Scene) -> list[str]:
-    """Write `settings/<stage>.json` where its content changed; returns the names of the stages that changed."""
+    """Write the files of `settings/` whose content changed; returns the names of the stages that changed."""
     changed = changed_settings(scene)
-    for stage, text in changed.items():
-        write_text(scene.out / "settings" / f"{stage}.json", text)
-    return list(changed)
+    for name, text in changed.items():
+        write_text(scene.out / "settings" / name, text)
+    return list(dict.fromkeys(name.partition(".")[0] for name in changed))
 
 
 def make_rules(scene: Scene) -> str:

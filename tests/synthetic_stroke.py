@@ -17,6 +17,7 @@ from scipy.special import expit
 from fileio.formats.kinematics import write_kinematics
 from fileio.formats.mesh_intervals import Interval, write_planform
 from fileio.formats.plane_series import make_plane, write_plane
+from fileio.formats.records import COST
 from fileio.formats.sweep import write_sweep
 
 ROOT = np.array([0.0, 0.24])
@@ -182,10 +183,11 @@ def write_case(
         cost = {
             "stage": stage,
             "wall_time": seconds,
+            "cpu_time": seconds,
             "peak_memory": int(4e8),
             "finished": "2026-11-21T06:00:00Z",
         }
-        (out / "costs" / f"{stage}.json").write_text(json.dumps(cost))
+        COST.write(out / "costs" / f"{stage}.json", cost)
     return case
 
 

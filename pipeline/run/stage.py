@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from fileio.cost import Spent
 from fileio.errors import StageError
+from fileio.formats.cost import Spent
 from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.records import POWER, RUN
 from fileio.formats.sweep import read_sweep

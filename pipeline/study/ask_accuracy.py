@@ -16,6 +16,7 @@ from typing import Any
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
+from fileio.formats.records import COST
 from fileio.json_text import parse_json, read_json
 from fileio.stages import BY_NAME
 from pipeline.study.machine_speed import probe
@@ -124,9 +125,8 @@ def choose(
 
 def spent(out: Path) -> tuple[float, float]:
     """CPU and wall seconds of all stages in out/<level>/costs/."""
-    remedy = "delete it: the time of that stage is lost"
-    costs = [read_json(path, remedy) for path in sorted((out / "costs").glob("*.json"))]
-    return sum(c.get("cpu_time", c["wall_time"]) for c in costs), sum(c["wall_time"] for c in costs)
+    costs = [COST.read(path) for path in sorted((out / "costs").glob("*.json"))]
+    return sum(c["cpu_time"] for c in costs), sum(c["wall_time"] for c in costs)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from fileio.json_text import read_json
+from fileio.formats.records import COST
 from fileio.stages import BY_NAME, Stage
 from pipeline.scene.scene import Scene
 
@@ -24,7 +24,7 @@ def _estimate(scene: Scene, stage: Stage, ranks: int, parent: Path) -> dict[str,
         cost = _read(out / "costs" / f"{stage.name}.json")
         if cost is not None:
             seconds, memory, source = (
-                cost.get("cpu_time", cost["wall_time"]),
+                cost["cpu_time"],
                 cost["peak_memory"] / 1e6,
                 "measured",
             )
@@ -43,7 +43,7 @@ def _estimate(scene: Scene, stage: Stage, ranks: int, parent: Path) -> dict[str,
 
 def _read(path: Path) -> dict[str, Any] | None:
     try:
-        cost = read_json(path, "")
+        cost = COST.read(path)
     except (OSError, ValueError):
         return None
-    return cost if {"wall_time", "peak_memory"} <= cost.keys() else None
+    return cost

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 import resource
@@ -14,8 +13,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from fileio.atomic import write_text
 from fileio.command import add_scene
+from fileio.formats.records import OUTCOME
 from fileio.stages import BY_NAME
 from pipeline.openfoam.environment import die_with_parent
 from pipeline.study.table import MAY_FAIL_UNTIL
@@ -70,7 +69,7 @@ def outcome(folder: Path, level: str, until: str, ranks: int) -> dict[str, Any]:
         found["reason"] = found["reason"].replace(f"{place}/", "")
     found["reason"] = found["reason"][:LONGEST_REASON]
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return {"format": "outcome", "format_version": 1} | found | {"cpu_s": round(used.ru_utime + used.ru_stime, 1)}  # fmt: skip
+    return found | {"cpu_s": round(used.ru_utime + used.ru_stime, 1)}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -88,6 +87,6 @@ def run(args: argparse.Namespace) -> None:
     found = outcome(args.scene, args.level, args.until, args.ranks)
     if args.until == "run":
         shutil.rmtree(out / "case", ignore_errors=True)
-    write_text(out / NAME, json.dumps(found, indent=1) + "\n")
+    OUTCOME.write(out / NAME, found)
     if not args.quiet:
         print(f"outcome: {found['ended']} at {found['stage']} {found['reason']}".rstrip())

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from fileio.atomic import write_text
 from fileio.formats.mesh_intervals import read_planforms
 from fileio.formats.plane_series import read_plane
-from fileio.formats.records import COMPARISON
+from fileio.formats.records import COMPARISON, FIGURES
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.load import read_clock, single_finger
 from postprocess.evidence.stage_files import StageFiles, extended_scenes, scene_numbers
@@ -74,7 +72,7 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
         camera_picture(album, out / "images.h5", float(np.mean(middle)))
     for plane in planes.values():
         plane.close()
-    write_text(files.figures / "figures.json", json.dumps(album.entries, indent=1, default=float))
+    FIGURES.write(files.figures / "figures.json", {"entries": album.entries})
     return album.entries
 
 

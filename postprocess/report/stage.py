@@ -10,11 +10,11 @@ from typing import Any
 from fileio.atomic import write_text
 from fileio.formats.finger_loads import deflection_sentence, read_loads
 from fileio.formats.plane_series import read_plane
-from fileio.formats.records import COMPARISON, RUN
+from fileio.formats.records import COMPARISON, COST, FIGURES, RUN
 from fileio.stages import BY_NAME
 from postprocess.draw.solver import costs as draw_costs
 from postprocess.draw.style import save
-from postprocess.evidence.stage_files import StageFiles, read_json, scene_numbers, scene_title
+from postprocess.evidence.stage_files import StageFiles, scene_numbers, scene_title
 from postprocess.report import wording
 from postprocess.report.assumptions import statements
 from postprocess.report.page_template import page_template
@@ -36,7 +36,7 @@ def data_uri(path: Path) -> str:
 def pictures(index: Path) -> dict[str, list[dict[str, Any]]]:
     """figures.json by section, each picture with its `data`; the slider's with its frames."""
     sections: dict[str, list[dict[str, Any]]] = {}
-    for entry in read_json(index, list):
+    for entry in FIGURES.read(index)["entries"]:
         path = index.parent / entry["file"]
         if entry["section"] == "slider":
             frames = [data_uri(path / f"frame_{n:03d}.webp") for n in range(len(entry["times"]))]
@@ -53,7 +53,7 @@ def read_costs(folder: Path, solver_time: float) -> list[dict[str, Any]]:
     A run that was resumed records its last part alone, so its time is at least `solver_time` (s), that of the whole run.
     """
     order = list(BY_NAME)
-    costs = {path.stem: read_json(path) for path in sorted(folder.glob("*.json")) if path.stem != "report"}
+    costs = {path.stem: COST.read(path) for path in sorted(folder.glob("*.json")) if path.stem != "report"}
     if "run" in costs:
         costs["run"]["wall_time"] = max(costs["run"]["wall_time"], solver_time)
     return [costs[n] for n in sorted(costs, key=lambda n: order.index(n) if n in order else len(order))]

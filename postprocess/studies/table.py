@@ -16,10 +16,10 @@ import pandas as pd
 from fileio.atomic import write_text
 from fileio.formats import bending_states
 from fileio.formats.kinematics import read_kinematics
-from fileio.formats.records import FORCES, RUN, STUDY_PLAN
+from fileio.formats.records import COST, FORCES, OUTCOME, RUN, STUDY_PLAN
 from fileio.stages import BY_NAME
 from postprocess.evidence import tip_vortex as tracks
-from postprocess.evidence.stage_files import StageFiles, read_json
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.studies.state import files_of, missing_runs
 
@@ -39,7 +39,7 @@ def read_plan(path: Path) -> dict[str, Any]:
 def stage_costs(files: StageFiles, stages: list[str]) -> tuple[dict[str, float], float]:
     """CPU seconds of those of the stages that were run, `cpu_<stage>_s`, and their largest memory (MB)."""
     paths = {stage: files.out / "costs" / f"{stage}.json" for stage in stages}
-    records = {stage: read_json(path) for stage, path in paths.items() if path.exists()}
+    records = {stage: COST.read(path) for stage, path in paths.items() if path.exists()}
     seconds = {f"cpu_{n}_s": float(r.get("cpu_time", r["wall_time"])) for n, r in records.items()}
     return seconds, max((r["peak_memory"] * MB for r in records.values()), default=0.0)
 
@@ -99,7 +99,7 @@ def vortex(files: StageFiles) -> dict[str, Any]:
 def outcome(files: StageFiles) -> dict[str, Any]:
     """How a run that may fail ended."""
     path = files.optional("outcome.json")
-    record = read_json(path) if path is not None else {}
+    record = OUTCOME.read(path) if path is not None else {}
     return {key: record[key] for key in ("ended", "stopped_at_s", "reason") if key in record}
 
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from tqdm import tqdm
 
-from fileio.cost import Spent
 from fileio.errors import StageError
+from fileio.formats.cost import Spent
 from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
 from fileio.formats.sweep import read_sweep

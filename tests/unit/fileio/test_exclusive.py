@@ -56,7 +56,7 @@ def test_new_numbers_wait_for_a_stage_that_works_with_the_old_ones(tmp_path):
     scene = write_scene(tmp_path / "s")
     settings_stage.update_settings(scene, quiet=True)
     other = write_scene(tmp_path / "s", more="[piv]\nspacing = 4")
-    assert list(changed_settings(other)) == ["piv"]
+    assert list(changed_settings(other)) == ["piv.json"]
     process = subprocess.Popen(
         [sys.executable, "-c", HOLD, str(scene.out / "mesh")], cwd=ROOT, stdout=subprocess.PIPE, text=True
     )
@@ -68,7 +68,7 @@ def test_new_numbers_wait_for_a_stage_that_works_with_the_old_ones(tmp_path):
         other = write_scene(tmp_path / "s", more="[piv]\nspacing = 4")
         with pytest.raises(StageError, match=r"another make is at work here \(mesh\)"):
             settings_stage.update_settings(other, quiet=True)
-        assert list(changed_settings(other)) == ["piv"]
+        assert list(changed_settings(other)) == ["piv.json"]
     finally:
         process.kill()
         process.wait()

@@ -6,10 +6,8 @@ import pytest
 
 from fileio.errors import StageError
 from fileio.formats.__main__ import PAGE
-from fileio.formats.records import COMPARISON, FORCES, LAB_COMPARISON, REGISTRATION, RUN, STUDY_PLAN, TABLES
+from fileio.formats.records import FORCES, RECORDS, TABLES
 from fileio.formats.vortex_table import COLUMNS, read_vortices
-
-RECORDS = (COMPARISON, LAB_COMPARISON, REGISTRATION, RUN, STUDY_PLAN)
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.format)

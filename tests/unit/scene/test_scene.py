@@ -1,7 +1,6 @@
 """A scene is refused in one sentence that names file, key and remedy."""
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,11 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fileio.errors import StageError
+from fileio.stages import STAGES
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.openfoam.base_case import template_files, templates_digest
 from pipeline.scene.scene import load_scene
 from pipeline.scene.sections import Numerics
-from pipeline.stage_settings import FORMATS, STAGE_SECTIONS, make_rules, settings_of, write_settings
+from pipeline.stage_settings import STAGE_SECTIONS, VERSIONS, make_rules, settings_of, write_settings
 from tests.conftest import ROOT, write_scene
 
 SCENES = sorted(p.parent for p in (ROOT / "cases").glob("*/scene.toml"))
@@ -92,7 +92,8 @@ def test_missing_scene_and_level_name_what_there_is(tmp_path):
 def test_touching_one_number_changes_only_the_stages_that_use_it(tmp_path):
     folder = tmp_path / "scene"
     before = write_scene(folder)
-    assert set(write_settings(before)) == set(STAGE_SECTIONS)
+    assert set(write_settings(before)) == {stage.target for stage in STAGES}
+    assert set(STAGE_SECTIONS) < {stage.target for stage in STAGES}
     assert write_settings(before) == []
     after = write_scene(folder, more="[piv]\nspacing = 4")
     assert write_settings(after) == ["piv"]
@@ -100,13 +101,13 @@ def test_touching_one_number_changes_only_the_stages_that_use_it(tmp_path):
     assert set(write_settings(after)) == {"case", "piv"}  # piv goes back
 
 
-@pytest.mark.parametrize("stage", ["kinematics", "mesh", "case"])
+@pytest.mark.parametrize("stage", [stage for stage in STAGES if stage.format], ids=lambda stage: stage.name)
 def test_a_new_version_of_a_stages_file_makes_the_stage_again(tmp_path, monkeypatch, stage):
     scene = write_scene(tmp_path / "s")
     write_settings(scene)
-    newer = replace(FORMATS[stage], version=FORMATS[stage].version + 1)
-    monkeypatch.setitem(FORMATS, stage, newer)
-    assert write_settings(scene) == [stage]
+    monkeypatch.setitem(VERSIONS, stage.format, VERSIONS[stage.format] + 1)
+    assert set(write_settings(scene)) == {other.target for other in STAGES if other.format == stage.format}
+    assert f"settings/{stage.target}.format" in stage.settings
 
 
 def base_case(folder: Path, files: dict[str, str]) -> Path:

@@ -217,7 +217,15 @@ def test_the_table_says_how_runs_ended_and_what_actuators_gave(tmp_path):
     (wide / "kinematics").mkdir()
     shutil.copy2(ROOT / "cases" / "single_finger" / "kinematics" / "states.h5", wide / "kinematics")
     (plain / "out" / "tiny" / "outcome.json").write_text(
-        json.dumps({"format": "outcome", "ended": "stopped", "stopped_at_s": 0.1, "reason": "Courant"})
+        json.dumps(
+            {
+                "format": "outcome",
+                "format_version": 1,
+                "ended": "stopped",
+                "stopped_at_s": 0.1,
+                "reason": "Courant",
+            }
+        )
     )
     missing = missing_runs(planned)
     assert missing == {"plain": "kinematics.h5 is not there"}

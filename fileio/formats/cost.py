@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import resource
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from fileio.atomic import write_text
+from fileio.formats.records import COST
 
 
 @dataclass(frozen=True)
@@ -37,4 +36,4 @@ def record_cost(path: Path, stage: str, wall_time: float, earlier: Spent = NOTHI
         "peak_memory": max(usage.ru_maxrss for usage in usages) * 1024,
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    write_text(path, json.dumps(cost, indent=1) + "\n")
+    COST.write(path, cost)
