@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from fileio.errors import StageError
+
 ROOM = 2**16  # bytes; a disk that has less is full
 
 
@@ -30,6 +32,12 @@ def settle(path: Path) -> None:
         os.close(descriptor)
 
 
+def check_output(path: Path) -> None:
+    """StageError where `path` is a folder or a device: a file of that name would take its place."""
+    if path.exists() and not path.is_file():
+        raise StageError(f"{path}: is no file but a folder or a device; give the output another name")
+
+
 @contextmanager
 def whole(path: str | Path, *, suffix: bool = False, sync: bool = True) -> Iterator[Path]:
     """Yield the name of a file beside `path` to be written, which becomes `path` where the block ends well, else is removed.
@@ -38,6 +46,7 @@ def whole(path: str | Path, *, suffix: bool = False, sync: bool = True) -> Itera
     power cut may leave an empty file. An OSError names `path`.
     """
     path = Path(path)
+    check_output(path)
     part = path.with_name(f"{path.stem}.part{path.suffix}" if suffix else f"{path.name}.part")
     path.parent.mkdir(parents=True, exist_ok=True)
     try:

@@ -6,7 +6,10 @@ import multiprocessing
 import os
 import resource
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, TypeVar
@@ -50,9 +53,22 @@ def read_in_child(read: Callable[..., T], *args: Any, cpu_limit: int = READ_LIMI
     return result
 
 
-def end_at_interrupt() -> None:
-    """Initialiser of worker processes: Ctrl-C ends them without a word, for their parent says what there is to say."""
+@contextmanager
+def worker_pool(processes: int) -> Iterator[ProcessPoolExecutor]:
+    """Worker processes that Ctrl-C ends without a word, from their first import on: their parent says what there is to say."""
+    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=_end_at_interrupt) as pool:
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which they inherit
+        try:
+            for _ in range(processes):  # each starts one
+                pool.submit(os.getpid)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        yield pool
+
+
+def _end_at_interrupt() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def _read_and_exit(sender: Connection, read: Callable[..., Any], args: tuple, cpu_limit: int) -> None:

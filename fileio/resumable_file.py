@@ -14,6 +14,7 @@ import numpy as np
 
 from fileio.atomic import settle
 from fileio.child_process import check_walkable
+from fileio.errors import system_error
 from fileio.hdf5_disk import DiskFile
 
 
@@ -126,8 +127,10 @@ class ResumableFile:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self.close()
+        if isinstance(error, ValueError) and system_error(error) is None:
+            self.part.unlink(missing_ok=True)  # a later run would end alike
 
 
 def attribute(value: Any) -> Any:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
+from fileio.atomic import check_output as check_regular
 from fileio.command import command_line
 from fileio.lock import exclusive
 
@@ -27,8 +28,9 @@ COMMANDS = {
 
 def check_output(output: Path, args: argparse.Namespace) -> None:
     """ValueError where the output would be written over one of the command's inputs, those of a folder or glob included."""
-    if not output.is_file():
+    if not output.exists():
         return
+    check_regular(output)
     given = [v for name, value in vars(args).items() if name != "output" for v in
              (value if isinstance(value, list | tuple) else [value]) if isinstance(v, str | Path)]  # fmt: skip
     for source in map(str, given):

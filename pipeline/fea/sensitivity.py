@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fileio.child_process import worker_pool
 from fileio.formats.bending_states import BendingStates
 from pipeline.fea.analyse import bend
 from pipeline.fea.settings import Actuator, Fea, Material
@@ -86,7 +86,7 @@ def shares(
     cases = variations(actuator, fea)
     ends = [end for case in cases for end in (case.low, case.high)]
     result = {}
-    with ProcessPoolExecutor(processes) as pool:
+    with worker_pool(processes) as pool:
         jobs = [pool.submit(bending, a, f, pressures) for a, f in ends]
         for number, case in enumerate(cases):
             low, high = jobs[2 * number].result(), jobs[2 * number + 1].result()

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, fields
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +12,7 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from fileio.child_process import end_at_interrupt
+from fileio.child_process import worker_pool
 from fileio.formats.plane_series import FINGER_VARIABLES
 from fileio.hdf5 import open_netcdf
 from piv.commands.settings import add_fields, add_settings, build, merged, report
@@ -119,7 +118,7 @@ def share_out(args: argparse.Namespace) -> None:
     of = args.processes * CHUNKS_PER_PROCESS
     alone = argparse.Namespace(**vars(args) | {"processes": 1, "quiet": True})
     jobs = [argparse.Namespace(**vars(alone) | {"chunk": f"{k}/{of}"}) for k in range(1, of + 1)]
-    with ProcessPoolExecutor(args.processes, get_context("spawn"), initializer=end_at_interrupt) as pool:
+    with worker_pool(args.processes) as pool:
         waiting = [pool.submit(run, job) for job in jobs]
         try:
             for future in tqdm(

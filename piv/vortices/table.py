@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from dataclasses import asdict
-from multiprocessing import get_context
 
 import pandas as pd
 import xarray as xr
 from tqdm import tqdm
 
-from fileio.child_process import end_at_interrupt
+from fileio.child_process import worker_pool
 from fileio.formats.plane_series import FINGER_VARIABLES, check_vectors
 from fileio.formats.vortex_table import COLUMNS
 from piv.vortices.find import VortexSettings, find_vortices
@@ -71,7 +70,7 @@ def _found(
             plane = _plane(series, i)
             yield plane, find_vortices(plane, settings)
         return
-    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=end_at_interrupt) as pool:
+    with worker_pool(processes) as pool:
         waiting: deque[tuple[xr.Dataset, Future[list[Vortex]]]] = deque()
         for i in bar:
             plane = _plane(series, i)

@@ -1,6 +1,11 @@
 """The one command line: exit codes, sentences, costs, and stages found through the table."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -8,7 +13,7 @@ from fileio.command import command_line, guarded
 from fileio.errors import StageError
 from fileio.stages import BY_NAME
 from pipeline.__main__ import TOOLS, main
-from tests.conftest import write_scene
+from tests.conftest import ROOT, write_scene
 
 
 class Command:
@@ -88,3 +93,65 @@ def test_a_level_that_was_not_run_is_one_sentence(tmp_path, capsys):
     assert main(["report", str(scene.folder), "--level", "medium"]) == 2
     assert "nothing was run at level medium" in capsys.readouterr().err
     assert not (scene.folder / "out" / "medium").exists()
+
+
+@pytest.mark.parametrize("words", [["{pipe}"], ["--view", "{pipe}"], ["-o", "/dev/full"]])
+def test_a_pipe_or_a_device_is_no_file(tmp_path, words, capsys):
+    os.mkfifo(tmp_path / "pipe")
+
+    class Reader:
+        def add_arguments(self, parser):
+            parser.add_argument("source", nargs="?", default="fast")
+            parser.add_argument("--view", nargs="+")
+            parser.add_argument("-o", "--output", type=Path)
+
+        def run(self, args):
+            raise AssertionError("it was read or replaced")
+
+    words = [word.format(pipe=tmp_path / "pipe") for word in words]
+    assert command_line("p", None, {"act": ("act", Reader())}, ["act", *words], prefix="p ") == 2
+    assert (
+        capsys.readouterr().err == f"p act: {words[-1]}: is neither a file nor a folder; give another name\n"
+    )
+
+
+def test_a_console_that_knows_no_such_letter_does_not_end_a_stage():
+    code = (
+        "from fileio.command import guarded; raise SystemExit(guarded('mesh', lambda: print('640×512 … µm')))"
+    )
+    env = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=env, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "640?512 ? ?m\n"
+
+
+def test_an_interrupt_during_the_first_imports_is_one_sentence():
+    code = "import fileio.command; raise KeyboardInterrupt"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode in (130, -signal.SIGINT)  # which a shell calls 130
+    assert done.stderr == "interrupted; run it again to go on: what is finished is kept\n"
+
+
+def test_workers_end_at_ctrl_c_without_a_word(tmp_path):
+    """Also while they import: the signal comes to the whole group, as from a terminal."""
+    (tmp_path / "slow.py").write_text(
+        "import time\n"
+        "from fileio.child_process import worker_pool\n"
+        "def work():\n    time.sleep(60)\n"
+        "def main():\n"
+        "    with worker_pool(2) as pool:\n"
+        "        print('started', flush=True)\n"
+        "        pool.submit(work).result()\n"
+        "from fileio.command import guarded\n"
+        "if __name__ == '__main__':\n    raise SystemExit(guarded('work', main))\n"
+    )
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [sys.executable, str(tmp_path / "slow.py")], env=env, text=True, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    assert process.stdout.readline() == "started\n"  # while the workers still import
+    os.killpg(process.pid, signal.SIGINT)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert said == "work: interrupted; run it again to go on: what is finished is kept\n"

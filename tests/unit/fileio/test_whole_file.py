@@ -11,7 +11,7 @@ import xarray as xr
 from fileio import atomic as whole_file
 from fileio import hdf5_disk
 from fileio.atomic import check_room, naming, whole, write_bytes, write_text
-from fileio.errors import sentence
+from fileio.errors import StageError, sentence
 from fileio.formats.plane_series import make_plane, write_plane
 from fileio.formats.recording import RecordingWriter
 from fileio.formats.resumable import SeriesWriter
@@ -233,3 +233,10 @@ def test_an_unfinished_file_that_may_not_be_opened_is_kept(tmp_path, monkeypatch
     with pytest.raises(PermissionError):
         RecordingWriter(tmp_path / "a.h5", SHAPE, np.uint8, 2, {"frame_rate_hz": 100.0})
     assert part.read_bytes() == b"frames of another day"
+
+
+def test_a_folder_is_not_replaced_and_no_part_is_left(tmp_path):
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(StageError, match="is no file but a folder"):
+        write_text(tmp_path / "folder", "x")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder"]
