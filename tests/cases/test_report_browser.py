@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import time
+from pathlib import Path
 
 import pytest
 
 from postprocess.compare.stage import compare
 from postprocess.evidence.stage_files import StageFiles
+from postprocess.lab.report.report import page as lab_report
 from postprocess.report import figures, flow_figures
 from postprocess.report.stage import make_report
 from tests.synthetic_stroke import copy_findings, write_case
+from tests.unit.lab.test_lab_wording import quantity
+from tests.unit.lab.test_lab_wording import result as lab_result
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 pytestmark = pytest.mark.skipif(
@@ -19,6 +23,8 @@ pytestmark = pytest.mark.skipif(
 )
 HOME, RIGHT, END = "\ue011", "\ue014", "\ue010"  # WebDriver's key codes
 FRAMES = 7
+OPEN = "document.querySelectorAll('details').forEach(d => d.open = true);"
+AXE = Path(__file__).parents[1] / "axe" / "axe.min.js"
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +37,57 @@ def page(tmp_path_factory):
         patch.setattr(flow_figures, "FRAMES", FRAMES)
         figures.make_figures(files)
     return make_report(files).resolve().as_uri()
+
+
+@pytest.fixture(scope="module")
+def lab_page(tmp_path_factory):
+    path = tmp_path_factory.mktemp("lab") / "report.html"
+    path.write_text(lab_report("A finger", judged(), {}), encoding="utf-8")
+    return path.as_uri()
+
+
+def judged():
+    """comparison.json of a laboratory with long names and numbers in every cell."""
+    numbers = {
+        "u_num": [1.23e-4],
+        "u_input": [2.34e-4],
+        "u_D": [3.45e-4],
+        "significance": 12.34,
+        "measurement_part": [4e-4],
+    }
+    source = {
+        "name": "geometry and material",
+        "kind": "input",
+        "std": [2.34e-4],
+        "how": "FEA's band, scaled from the run of the pressure",
+    }
+    quantities = [
+        quantity(name, -2.3e-3, 3e-4, verdict, unit=unit) | numbers | {"dominant": source["name"], "sources": [source]}
+        for name, verdict, unit in (("final_bend", "model error", "rad"), ("circulation", "agrees", "m²/s"),
+                                    ("core_radius", "too uncertain", "m"), ("velocity_field", "agrees", "m/s"))
+    ]  # fmt: skip
+    found = dict.fromkeys(
+        ("scale_m_per_px", "scale_std_percent", "turn_deg", "turn_std_deg", "delay_ms", "delay_std_ms"), 0.1
+    )
+    found |= {"root_px": [100.0, 900.0], "root_std_mm": [0.1, 0.1]}
+    whole = lab_result(*quantities, wrong=["final_bend"])
+    about = {
+        "scene": "finger",
+        "level": "coarse",
+        "data": "A laboratory",
+        "window_s": [0.1, 0.2],
+        "instants": 12,
+        "appearance": {},
+    }
+    said = {"scene_hash": "0" * 16, "dpiv_sha256": "0" * 64, "seed": 1, "versions": {"python": "3.11"}}
+    return whole | about | {"registration": whole["registration"] | found, "provenance": said}
+
+
+def show(browser, address, width):
+    browser.devtools(
+        "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
+    )
+    browser.open(address)
 
 
 @pytest.fixture(scope="module")
@@ -107,16 +164,53 @@ def test_the_film_can_be_decoded(browser):
     )  # a container rounds to its time base
 
 
-@pytest.mark.parametrize("width", [360, 768, 1300])
-def test_nothing_sticks_out_sideways(browser, width):
-    browser.devtools(
-        "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
-    )
+@pytest.mark.parametrize("width", [360, 400, 768, 1024, 1300, 1920])
+@pytest.mark.parametrize("which", ["report", "lab"])
+def test_nothing_sticks_out_sideways(browser, page, lab_page, which, width):
+    show(browser, lab_page if which == "lab" else page, width)
     wide = browser.run("return [document.documentElement.scrollWidth, window.innerWidth]")
     assert wide[0] <= wide[1] == width
+    browser.run(OPEN)
+    table = browser.run(
+        "const t = document.querySelector('#verdict .scroll'); return [t.scrollWidth, t.clientWidth]"
+    )
+    assert table[0] <= table[1], "the verdict is cut off"
 
 
-def test_dark_mode_keeps_pictures_on_white(browser):
+def test_cells_of_a_narrow_table_say_which_column_they_are_of(browser, lab_page):
+    show(browser, lab_page, 400)
+    said = browser.run(
+        "return [...document.querySelectorAll('.verdict > tbody > tr:first-child > td')]"
+        ".map(c => getComputedStyle(c, '::before').content)"
+    )
+    assert said[1:5] == [
+        f'"{name}: "' for name in ("Simulation S", "Laboratory D", "E = S − D", "Uncertainty u_val")
+    ]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("which", ["report", "lab"])
+def test_axe_has_no_serious_finding(browser, page, lab_page, which, scheme):
+    browser.devtools(
+        "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}]
+    )
+    show(browser, lab_page if which == "lab" else page, 1300)
+    # opened, so that what is folded away is checked too; by devtools, since the page lets no script in
+    browser.devtools("Runtime.evaluate", expression=OPEN + AXE.read_text(encoding="utf-8"))
+    report = "axe.run().then(r => JSON.stringify([r.violations, r.passes.length]))"
+    answer = browser.devtools("Runtime.evaluate", expression=report, awaitPromise=True, returnByValue=True)
+    found, passed = json.loads(answer["result"]["value"])
+    assert passed > 15, "axe must have looked at the page"
+    wrong = {
+        f["id"]: [n["html"][:120] for n in f["nodes"][:3]]
+        for f in found
+        if f["impact"] in ("serious", "critical")
+    }
+    assert wrong == {}
+
+
+def test_dark_mode_keeps_pictures_on_white(browser, page):
+    browser.open(page)
     colours = "const c = e => getComputedStyle(e).backgroundColor;return [c(document.body), c(document.querySelector('figure img'))]"
     browser.devtools(
         "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}]

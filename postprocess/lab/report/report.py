@@ -33,8 +33,15 @@ def make_report(files: LabFiles) -> Path:
         raise FileNotFoundError(f"{files.comparison} is missing; run python -m postprocess.lab compare first")
     result = LAB_COMPARISON.read(files.comparison)
     pictures = {name: (_saved(files, name, figure), alt) for name, figure, alt in figures(files, result)}
-    page = page_template("lab.html").render(
-        title=scene_title(files.stage.scene_folder),
+    path = files.folder / "report.html"
+    write_text(path, page(scene_title(files.stage.scene_folder), result, pictures))
+    return path
+
+
+def page(title: str, result: dict[str, Any], pictures: dict[str, tuple[str, str]]) -> str:
+    """The page of a comparison (comparison.json); `pictures`: address and alternative text by name."""
+    return page_template("lab.html").render(
+        title=title,
         result=result,
         answer=wording.answer(result),
         tiles=wording.tiles(result),
@@ -43,9 +50,6 @@ def make_report(files: LabFiles) -> Path:
         registration=result["registration"],
         pretty=lambda value: json.dumps(value, indent=1, sort_keys=True),
     )
-    path = files.folder / "report.html"
-    write_text(path, page)
-    return path
 
 
 def _saved(files: LabFiles, name: str, figure: Figure) -> str:
