@@ -13,6 +13,12 @@ if TYPE_CHECKING:
     from fileio.formats.plane_series import write_plane as write_plane
     from piv.correlation.options import Options as Options
     from piv.correlation.pair import correlate_pair as correlate_pair
+    from piv.fields.derived import derived as derived
+    from piv.fields.lines import along_line as along_line
+    from piv.fields.spectra import space_spectrum as space_spectrum
+    from piv.fields.spectra import time_spectrum as time_spectrum
+    from piv.fields.statistics import statistics as statistics
+    from piv.foreign.read import open_vectors as open_vectors
     from piv.foreign.read import read_vectors as read_vectors
     from piv.foreign.write import write_vectors as write_vectors
     from piv.images.calibration import Calibration as Calibration
@@ -32,7 +38,11 @@ _MODULES = {
     "fileio.formats.plane_series": ("read_plane", "write_plane"),
     "piv.correlation.options": ("Options",),
     "piv.correlation.pair": ("correlate_pair",),
-    "piv.foreign.read": ("read_vectors",),
+    "piv.fields.derived": ("derived",),
+    "piv.fields.lines": ("along_line",),
+    "piv.fields.spectra": ("space_spectrum", "time_spectrum"),
+    "piv.fields.statistics": ("statistics",),
+    "piv.foreign.read": ("open_vectors", "read_vectors"),
     "piv.foreign.write": ("write_vectors",),
     "piv.images.calibration": ("Calibration", "calibrate_plane", "load_calibration"),
     "piv.images.open_recording": ("open_recording",),

@@ -1,4 +1,4 @@
-"""Command line: piv (or python -m piv) correlate|join|render|vortices|calibrate|mask|plot|animate|convert."""
+"""Command line: piv (or python -m piv) COMMAND: vectors from images, and what follows from them."""
 
 from __future__ import annotations
 
@@ -22,6 +22,10 @@ COMMANDS = {
     "mask": "masks from a polygon, an image or a dark body",
     "plot": "vectors over vorticity with vortex centres, as a picture",
     "animate": "the same over time, as MP4 or GIF",
+    "stats": "mean, RMS, Reynolds stresses over time, per phase or per bin",
+    "derive": "vorticity, divergence, strain, swirling strength, Q",
+    "profile": "vectors along a line, as CSV",
+    "spectrum": "power spectra in time or space, as CSV",
     "convert": "between OpenPIV, PIVlab, Tecplot, DaVis, CSV, VTK and plane series",
 }
 

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from fileio.atomic import write_bytes
 from fileio.formats.plane_series import checked
 from fileio.formats.vortex_table import read_vortices
-from piv.commands.plot import add_style, check_style
+from piv.commands.plot import add_style, check_style, style_of
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
 from piv.plots.film import write_film
@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> None:
     """Draw all instants with one scale of colour and arrows, and join them."""
     import matplotlib.pyplot as plt
 
-    from piv.plots.vectors import Style, draw, speed_scale, vortices_at, vorticity_scale
+    from piv.plots.vectors import draw, speed_scale, vortices_at, vorticity_scale
 
     if args.output.suffix.lower() not in (".mp4", ".gif"):
         raise ValueError(f"{args.output}: an animation is .mp4 or .gif")
@@ -45,9 +45,7 @@ def run(args: argparse.Namespace) -> None:
         chosen = range(0, planes.sizes["time"], args.every)
         some = planes.isel(time=np.unique(np.linspace(0, planes.sizes["time"] - 1, 20).astype(int)))
         speed = speed_scale(some)
-        style = Style(
-            not args.metres, args.vorticity_limit or vorticity_scale(some), args.arrow_every, args.title
-        )
+        style = style_of(args, args.vorticity_limit or vorticity_scale(some, args.colour_by))
         table = read_vortices(args.vortices) if args.vortices else None
 
         def pictures() -> Iterator[np.ndarray]:

@@ -13,6 +13,7 @@ from fileio.formats.plane_series import checked
 from fileio.formats.vortex_table import read_vortices
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
+from piv.plots.vectors import Style, draw, vortices_at
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +34,10 @@ def add_style(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--metres", action="store_true", help="axes in m instead of mm")
     parser.add_argument("--vorticity-limit", type=float, help="end of the colour scale, 1/s or 1/frame")
     parser.add_argument("--arrow-every", type=int, help="draw each n-th vector")
+    parser.add_argument(
+        "--colour-by", default="vorticity", metavar="NAME", help="variable of the file (default vorticity)"
+    )
+    parser.add_argument("--streamlines", action="store_true", help="streamlines in place of arrows")
     parser.add_argument("--title")
     parser.add_argument("--quiet", action="store_true")
 
@@ -45,11 +50,17 @@ def check_style(args: argparse.Namespace) -> None:
         raise ValueError(f"--arrow-every must be at least 1, got {args.arrow_every}")
 
 
+def style_of(args: argparse.Namespace, limit: float | None) -> Style:
+    """The style that the options ask for, with the end of the colour scale."""
+    return Style(
+        not args.metres, limit, args.arrow_every, args.title,
+        colour_by=args.colour_by, streamlines=args.streamlines,
+    )  # fmt: skip
+
+
 def run(args: argparse.Namespace) -> None:
     """Draw one instant."""
     import matplotlib.pyplot as plt
-
-    from piv.plots.vectors import Style, draw, vortices_at
 
     if args.output.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise ValueError(f"{args.output}: a picture is .png, .pdf or .svg")
@@ -73,7 +84,7 @@ def run(args: argparse.Namespace) -> None:
                         f"{args.plane}: --time {args.time} is outside {times[0]:g} to {times[-1]:g} {unit}"
                     )
             plane, time = planes.isel(time=index), float(times[index])
-        style = Style(not args.metres, args.vorticity_limit, args.arrow_every, args.title)
+        style = style_of(args, args.vorticity_limit)
         table = read_vortices(args.vortices) if args.vortices else None
         figure = draw(plane, vortices_at(table, time), style=style)
         found = summary(plane)

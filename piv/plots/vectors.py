@@ -30,6 +30,8 @@ class Style:
     vorticity_limit: float | None = None
     arrow_every: int | None = None
     title: str | None = None
+    colour_by: str = "vorticity"  # or a variable of the plane
+    streamlines: bool = False  # in place of arrows
 
 
 def vorticity(plane: xr.Dataset) -> np.ndarray:
@@ -49,11 +51,21 @@ def speed_scale(planes: xr.Dataset) -> float:
     return max(float(np.percentile(speed, 99)), 1e-12)
 
 
-def vorticity_scale(planes: xr.Dataset) -> float:
-    """99.5th percentile of |vorticity|."""
-    omega = np.abs(vorticity(planes))
+def vorticity_scale(planes: xr.Dataset, name: str = "vorticity") -> float:
+    """99.5th percentile of |vorticity|, or of another variable."""
+    omega = np.abs(shaded(planes, name))
     omega = omega[np.isfinite(omega)]
     return max(float(np.percentile(omega, 99.5)) if omega.size else 1.0, 1e-12)
+
+
+def shaded(plane: xr.Dataset, name: str) -> np.ndarray:
+    """What a picture is coloured by: a variable of the plane, or its vorticity; ValueError where it has no such variable."""
+    if name == "vorticity":
+        return vorticity(plane)
+    if name not in plane or plane[name].dims[-2:] != ("y", "x"):
+        known = [str(n) for n, v in plane.data_vars.items() if v.dims[-2:] == ("y", "x")]
+        raise ValueError(f"the file has no {name!r} to colour by; it has vorticity, {', '.join(known)}")
+    return plane[name].values.astype(float)
 
 
 def draw(
@@ -65,8 +77,11 @@ def draw(
     factor, shown = (1e3, "mm") if style.mm and length == "m" else (1.0, length)
     rate = "1/s" if length == "m" else "1/frame"
     x, y = plane["x"].values * factor, plane["y"].values * factor
-    omega = vorticity(plane)
-    limit = style.vorticity_limit or vorticity_scale(plane)
+    omega = shaded(plane, style.colour_by)
+    limit = style.vorticity_limit or vorticity_scale(plane, style.colour_by)
+    label = rf"vorticity $\omega_z$ ({rate})"
+    if style.colour_by != "vorticity":
+        label = f"{style.colour_by} ({plane[style.colour_by].attrs.get('units', '')})"
     speed = speed or speed_scale(plane)
     aspect = float(np.ptp(y) / np.ptp(x))
     with plt.rc_context({"font.size": 9, "font.family": "DejaVu Sans", "axes.linewidth": 0.8}):
@@ -82,9 +97,15 @@ def draw(
         ok = plane["valid"].values[cut] != 0
         xx, yy = np.meshgrid(x[cut[1]], y[cut[0]])
         u, v = plane["u"].values[cut][ok], plane["v"].values[cut][ok]
-        scale = {"angles": "xy", "scale_units": "xy", "scale": speed / (1.6 * step * (x[1] - x[0]))}
-        arrows = axes.quiver(xx[ok], yy[ok], u, v, **scale, width=0.0016, color="0.1", pivot="mid")
-        axes.quiverkey(arrows, 0.86, 1.03, speed, f"{speed:.3g} {velocity}", labelpos="E", coordinates="axes")
+        if style.streamlines:
+            flow = [np.where(plane["valid"].values != 0, plane[n].values, np.nan) for n in ("u", "v")]
+            axes.streamplot(x, y, *flow, color="0.1", linewidth=0.6, arrowsize=0.7, density=1.6)
+        else:
+            scale = {"angles": "xy", "scale_units": "xy", "scale": speed / (1.6 * step * (x[1] - x[0]))}
+            arrows = axes.quiver(xx[ok], yy[ok], u, v, **scale, width=0.0016, color="0.1", pivot="mid")
+            axes.quiverkey(
+                arrows, 0.86, 1.03, speed, f"{speed:.3g} {velocity}", labelpos="E", coordinates="axes"
+            )
         if "outline" in plane:
             outline = plane["outline"].values * factor
             for body in outline.reshape(-1, *outline.shape[-2:]):
@@ -98,7 +119,7 @@ def draw(
             title = f"$t$ = {float(plane['time']):.3f} {plane['time'].attrs.get('units', 's')}"
         axes.set_title(title, loc="left", fontsize=9)
         bar = figure.colorbar(picture, ax=axes, shrink=0.85, pad=0.02, extend="both")
-        bar.set_label(rf"vorticity $\omega_z$ ({rate})")
+        bar.set_label(label)
     return figure
 
 

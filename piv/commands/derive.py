@@ -1,0 +1,51 @@
+"""Vorticity, divergence, strain, swirling strength and Q with propagated uncertainty."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from fileio.formats.plane_series import read_plane
+from piv.fields.blocks import write_blocks
+from piv.fields.derived import QUANTITIES, derived_blocks, window_of
+from piv.fields.summary import summary
+from piv.foreign.read import open_vectors
+from piv.vortices.criteria import SCHEMES
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `python -m piv derive`."""
+    parser.add_argument("series", type=Path, help="vectors: .h5, .nc or another file of piv convert")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="the vectors with what is derived, .h5"
+    )
+    parser.add_argument("--quantities", nargs="+", choices=QUANTITIES, default=list(QUANTITIES), metavar="NAME",
+                        help=f"of {', '.join(QUANTITIES)} (default all)")  # fmt: skip
+    parser.add_argument(
+        "--scheme", choices=SCHEMES, default=SCHEMES[0], help="of the gradients (default %(default)s)"
+    )
+    parser.add_argument(
+        "--correlation-length",
+        type=float,
+        help="distance over which errors of neighbours go together, in the file's unit; 0: independent "
+        "(default: the correlation window that the file was made with, 0 where it does not say)",
+    )
+    parser.add_argument("--quiet", action="store_true")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Read, derive and write in parts."""
+    if args.output.suffix.lower() != ".h5":
+        raise ValueError(f"{args.output}: derived fields are written as .h5")
+    with open_vectors(args.series) as series:
+        length = window_of(series) if args.correlation_length is None else args.correlation_length
+        parts = derived_blocks(series, tuple(args.quantities), scheme=args.scheme, correlation_length=length)
+        write_blocks(parts, args.output, series)
+        unit, known = series["x"].attrs.get("units", "m"), "u_std" in series
+    if args.quiet:
+        return
+    with read_plane(args.output) as found:
+        print(f"{args.output}: {', '.join(args.quantities)}; {summary(found)}")
+    if known:
+        far = f"over {length:.3g} {unit}" if length else "not at all"
+        print(f"uncertainties: errors of u and v independent, those of neighbours correlated {far}")

@@ -1,0 +1,113 @@
+"""Mean, RMS, Reynolds stresses and standard errors over time, per phase, or per bin of a quantity."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from fileio.formats.plane_series import write_plane
+from piv.fields.groups import at_instants, bins, phases, read_columns, trigger_phases
+from piv.fields.statistics import statistics
+from piv.fields.summary import summary
+from piv.foreign.read import open_vectors
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `python -m piv stats`."""
+    parser.add_argument(
+        "series", type=Path, help="vectors over time: .h5, .nc or another file of piv convert"
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="plane (series) of the statistics, .h5"
+    )
+    parser.add_argument("--least", type=int, default=2, help="valid vectors that a mean needs (default 2)")
+    kind = parser.add_mutually_exclusive_group()
+    kind.add_argument("--period", type=float, help="phase average: the period, in the series' unit of time")
+    kind.add_argument(
+        "--triggers", nargs=2, metavar=("CSV", "COLUMN"), help="phase average: times of the triggers"
+    )
+    kind.add_argument(
+        "--by",
+        metavar="NAME",
+        help="conditional average: a column of --table, or a variable of the series over time",
+    )
+    parser.add_argument("--start", type=float, default=0.0, help="time of phase 0 with --period (default 0)")
+    parser.add_argument("--phases", type=int, default=16, help="number of phases (default 16)")
+    parser.add_argument("--table", type=Path, help="CSV with columns time and NAME, linear between its rows")
+    parser.add_argument(
+        "--bins", type=float, nargs="+", metavar="EDGE", help="edges of the bins of --by, ascending"
+    )
+    parser.add_argument("--quiet", action="store_true")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Read the series once and write its statistics."""
+    if args.output.suffix.lower() != ".h5":
+        raise ValueError(
+            f"{args.output}: statistics are written as .h5; piv convert makes other formats of it"
+        )
+    if args.phases < 1:
+        raise ValueError(f"--phases must be at least 1, got {args.phases}")
+    with open_vectors(args.series) as series:
+        if "time" not in series["u"].dims:
+            raise ValueError(f"{args.series}: a single plane; statistics over time need a series")
+        number, centres, unit = groups_of(args, series)
+        found = statistics(series, number, centres, centre_units=unit, least=args.least)
+    write_plane(found, args.output)
+    if not args.quiet:
+        print(f"{args.output}: {summary(found)}")
+        print(
+            words_on(
+                found,
+                series.sizes["time"] if number is None else int((number >= 0).sum()),
+                series.sizes["time"],
+            )
+        )
+
+
+def groups_of(
+    args: argparse.Namespace, series: xr.Dataset
+) -> tuple[np.ndarray | None, np.ndarray | None, str]:
+    """Group of each instant, the groups' centres and their unit, as asked for."""
+    times = series["time"].values
+    if args.by is not None:
+        if args.bins is None:
+            raise ValueError("--by needs --bins, the edges of the bins")
+        return *bins(quantity(args, series), args.bins), "1"
+    if args.period is not None:
+        turned = phases(times, args.period, args.start)
+    elif args.triggers is not None:
+        path, column = args.triggers
+        turned = trigger_phases(times, read_columns(path, column)[0])
+    else:
+        return None, None, ""
+    return *bins(turned, np.arange(args.phases + 1) / args.phases), "cycle"
+
+
+def quantity(args: argparse.Namespace, series: xr.Dataset) -> np.ndarray:
+    """What --by names, at each instant."""
+    if args.table is not None:
+        time, values = read_columns(args.table, "time", args.by)
+        return at_instants(series["time"].values, time, values)
+    if args.by not in series or series[args.by].dims[:1] != ("time",):
+        raise ValueError(
+            f"{args.series}: no variable {args.by!r} over time in it; give --table with a column of that name"
+        )
+    values = series[args.by].values
+    if values.ndim > 1 and np.prod(values.shape[1:]) != 1:
+        raise ValueError(f"{args.series}: {args.by!r} has several values at an instant; give --table")
+    return values.reshape(len(values))
+
+
+def words_on(found: xr.Dataset, used: int, count: int) -> str:
+    """How many instants were used, and what they are worth."""
+    worth = max(max(found.attrs["inefficiency_u"]), max(found.attrs["inefficiency_v"]))
+    text = (
+        f"{used} of {count} instants used, n = {int(found['n'].min())} to {int(found['n'].max())} at a point"
+    )
+    if worth == 1.0:
+        return text + "; successive samples taken as independent"
+    return text + f"; {worth:.3g} successive samples are worth one independent (in the standard errors)"

@@ -1,0 +1,149 @@
+"""Vorticity, divergence, strain, swirling strength and Q of vector fields, with propagated uncertainty."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from piv.fields.blocks import blocks
+from piv.vortices.criteria import (
+    Gradients,
+    derivative,
+    gradients,
+    q_criterion,
+    swirling_strength,
+    vorticity,
+)
+
+QUANTITIES = ("vorticity", "divergence", "strain", "swirling_strength", "q")
+REACH = 2  # grid points that a derivative looks at on either side
+
+
+def derived(
+    plane: xr.Dataset,
+    quantities: tuple[str, ...] = QUANTITIES,
+    *,
+    scheme: str = "least-squares",
+    correlation_length: float | None = None,
+) -> xr.Dataset:
+    """The plane (series) with `quantities` and, where it has u_std and v_std, their standard uncertainties `<name>_std`.
+
+    vorticity dv/dx - du/dy, divergence du/dx + dv/dy, strain: largest in-plane shear strain rate
+    sqrt((du/dx - dv/dy)²/4 + (du/dy + dv/dx)²/4), swirling_strength and q as of `piv.vortices.criteria`; in 1/s (q: 1/s²), or per frame. Scheme as of
+    `criteria.gradients`. Uncertainty to first order, errors of u and v independent of one another, those of neighbours
+    d apart correlated by exp(-2 (d/correlation_length)²), in the plane's unit; None: `window_of` the plane. All in memory:
+    `derived_blocks` for more.
+    """
+    parts = list(derived_blocks(plane, quantities, scheme=scheme, correlation_length=correlation_length))
+    whole = xr.concat(parts, "time") if len(parts) > 1 else parts[0]
+    whole = whole if "time" in plane["u"].dims else whole.isel(time=0, drop="time" not in plane.coords)
+    return plane.assign({n: whole[n] for n in whole.data_vars if n not in plane})
+
+
+def derived_blocks(
+    plane: xr.Dataset,
+    quantities: tuple[str, ...] = QUANTITIES,
+    *,
+    scheme: str = "least-squares",
+    correlation_length: float | None = None,
+) -> Iterator[xr.Dataset]:
+    """As `derived`, in parts along time."""
+    if unknown := sorted(set(quantities) - set(QUANTITIES)):
+        raise ValueError(f"unknown quantity {unknown[0]!r}; known are {', '.join(QUANTITIES)}")
+    length = window_of(plane) if correlation_length is None else correlation_length
+    if not (np.isfinite(length) and length >= 0):
+        raise ValueError(f"correlation_length must not be negative, got {length}")
+    dx, dy = (float(plane[n][1] - plane[n][0]) for n in ("x", "y"))
+    rate = "1/frame" if plane["x"].attrs.get("units") == "px" else "1/s"
+    for part in blocks(plane):
+        found: dict[str, list[np.ndarray]] = {}
+        for k in range(part.sizes["time"]):
+            for name, values in _of_instant(part.isel(time=k), quantities, dx, dy, scheme, length).items():
+                found.setdefault(name, []).append(values)
+        new = {n: (("time", "y", "x"), np.stack(a).astype(np.float32)) for n, a in found.items()}
+        part = part.assign(new)
+        for name in new:
+            part[name].attrs = {"units": rate.replace("1/", "1/") if not name.startswith("q") else f"{rate}²"}
+            if name.endswith("_std"):
+                part[name].attrs["correlation_length"] = float(length)
+        yield part
+
+
+def window_of(plane: xr.Dataset) -> float:
+    """Side of the correlation window in the plane's unit, from its settings: as far as errors of neighbours go together; 0 where it is unknown."""
+    try:
+        window = float(json.loads(plane.attrs["settings"])["window"])
+    except (KeyError, TypeError, ValueError):
+        return 0.0
+    return (
+        window
+        if plane["x"].attrs.get("units") == "px"
+        else window * float(plane.attrs.get("scale_m_per_px", 0.0))
+    )
+
+
+def _of_instant(
+    plane: xr.Dataset, quantities: tuple[str, ...], dx: float, dy: float, scheme: str, length: float
+) -> dict[str, np.ndarray]:
+    u, v, ok = plane["u"].values, plane["v"].values, plane["valid"].values != 0
+    g = gradients(u, v, ok, dx, dy, scheme)
+    normal, shear = (g.dudx - g.dvdy) / 2, (g.dudy + g.dvdx) / 2
+    strain, swirl = np.hypot(normal, shear), swirling_strength(g)
+    values = dict(
+        zip(QUANTITIES, (vorticity(g), g.dudx + g.dvdy, strain, swirl, q_criterion(g)), strict=True)
+    )
+    out = {name: values[name] for name in quantities}
+    if "u_std" not in plane or "v_std" not in plane:
+        return out
+    var = Gradients(
+        *(
+            variance(plane[f"{n}_std"].values, ok, step, axis, scheme, length)
+            for n in ("u", "v")
+            for step, axis in ((dx, 1), (dy, 0))
+        )
+    )
+    # sensitivities to dudx, dudy, dvdx, dvdy
+    with np.errstate(divide="ignore", invalid="ignore"):
+        half = np.where(swirl != 0, -0.5 / np.abs(swirl), np.nan)
+        s = {
+            "vorticity": (0, 1, 1, 0),
+            "divergence": (1, 0, 0, 1),
+            "strain": (normal / strain / 2, shear / strain / 2, shear / strain / 2, normal / strain / 2),
+            "swirling_strength": (half * normal, half * g.dvdx, half * g.dudy, half * normal),
+            "q": (g.dudx, g.dvdx, g.dudy, g.dvdy),
+        }
+        for name in quantities:
+            out[f"{name}_std"] = np.sqrt(sum(np.square(a) * b for a, b in zip(s[name], var, strict=True)))
+    return out
+
+
+def variance(
+    std: np.ndarray, ok: np.ndarray, step: float, axis: int, scheme: str, length: float
+) -> np.ndarray:
+    """Variance of `criteria.derivative` from the standard uncertainties of its points, errors d apart correlated by exp(-2 (d/length)²).
+
+    A derivative is linear in the values. Of five neighbours in a row each has another index modulo 5: the derivative of a
+    field that is 1 at one remainder and 0 at the others is the weight of that neighbour.
+    """
+    n, width = ok.shape[axis], 2 * REACH + 1
+    index = np.arange(n)
+    reshape = (1, n) if axis == 1 else (n, 1)
+    good = np.where(ok & np.isfinite(std), std, np.nan)
+    weights, offsets = [], []
+    for r in range(width):
+        only = np.broadcast_to((index % width == r).astype(float).reshape(reshape), ok.shape)
+        offset = (r - index + REACH) % width - REACH
+        neighbour = np.take(good, np.clip(index + offset, 0, n - 1), axis=axis)
+        weight = derivative(only, ok, step, axis, scheme)
+        weights.append(np.where(weight == 0, 0.0, weight * neighbour))
+        offsets.append(offset)
+    total = np.zeros(ok.shape)
+    for a, i in zip(weights, offsets, strict=True):
+        for b, j in zip(weights, offsets, strict=True):
+            apart = (np.abs(i - j) * step).reshape(reshape)
+            rho = np.exp(-2 * (apart / length) ** 2) if length else (apart == 0).astype(float)
+            total += rho * a * b
+    return total

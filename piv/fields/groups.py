@@ -1,0 +1,64 @@
+"""Which instants belong together: by phase of a period, between triggers, or by the value of a quantity."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from fileio.errors import one_line
+
+
+def phases(times: np.ndarray, period: float, start: float = 0.0) -> np.ndarray:
+    """Phase (0 to 1) of each instant from the period, both in the unit of `times`."""
+    if not (np.isfinite(period) and period > 0):
+        raise ValueError(f"the period must be positive, got {period}")
+    turns = (np.asarray(times, float) - start) / period
+    return (turns + 1e-9) % 1.0  # an instant at the very end of a period, but for rounding, begins the next
+
+
+def trigger_phases(times: np.ndarray, triggers: np.ndarray) -> np.ndarray:
+    """Phase (0 to 1) of each instant between the triggers before and after it; NaN before the first and after the last."""
+    triggers = np.sort(np.asarray(triggers, float))
+    if triggers.size < 2 or not (np.diff(triggers) > 0).all():
+        raise ValueError("at least two triggers at different times are needed")
+    turns = np.interp(times, triggers, np.arange(triggers.size), left=np.nan, right=np.nan)
+    turns[np.asarray(times) >= triggers[-1]] = np.nan
+    return (turns + 1e-9) % 1.0
+
+
+def bins(values: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Number of the bin of each value (-1: in none) and the bins' centres; the last edge belongs to the last bin."""
+    edges = np.asarray(edges, float)
+    if edges.size < 2 or not (np.diff(edges) > 0).all():
+        raise ValueError("bins need at least two ascending edges")
+    values = np.asarray(values, float)
+    number = np.searchsorted(edges, values, side="right") - 1
+    number[values == edges[-1]] = edges.size - 2
+    number[~((values >= edges[0]) & (values <= edges[-1]))] = -1
+    return number, 0.5 * (edges[:-1] + edges[1:])
+
+
+def read_columns(path: str | Path, *names: str) -> list[np.ndarray]:
+    """Columns of a CSV with one line of names (lines with # are comments); ValueError in one sentence."""
+    try:
+        table = pd.read_csv(path, comment="#", skipinitialspace=True)
+    except ValueError as error:
+        raise ValueError(f"{path}: not a readable table ({one_line(error)})") from None
+    found = []
+    for name in names:
+        if name not in table:
+            raise ValueError(f"{path}: no column {name!r}; there are {', '.join(map(str, table.columns))}")
+        column = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
+        if not np.isfinite(column).all():
+            raise ValueError(f"{path}: column {name!r} holds other than finite numbers")
+        found.append(column)
+    return found
+
+
+def at_instants(times: np.ndarray, table_times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """A quantity at the instants, linear between the table's times (ascending); NaN outside them."""
+    if not (np.diff(table_times) > 0).all():
+        raise ValueError("the times of the table must ascend")
+    return np.interp(times, table_times, values, left=np.nan, right=np.nan)

@@ -1,0 +1,58 @@
+"""Vectors and what is derived from them along a straight line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy.interpolate import RegularGridInterpolator
+
+from piv.fields.blocks import blocks, fields_of
+
+SKIPPED = ("valid", "flag", "n")  # no quantities to interpolate
+
+
+def along_line(
+    plane: xr.Dataset, start: tuple[float, float], end: tuple[float, float], points: int | None = None
+) -> Iterator[pd.DataFrame]:
+    """Every field at `points` along the line from start to end, in parts along time: columns time (of a series), s (distance from the start), x, y, the fields, along and across.
+
+    Bilinear between grid points; absent where one of the four is. Of standard uncertainties the interpolated value is an
+    upper bound. along, across: velocity in the line's direction and to its left. points None: one per grid step.
+    """
+    (x0, y0), (x1, y1) = start, end
+    length = float(np.hypot(x1 - x0, y1 - y0))
+    step = min(float(plane[n][1] - plane[n][0]) for n in ("x", "y"))
+    if not length > 0:
+        raise ValueError("the line has no length: give two different points")
+    for name, ends in (("x", (x0, x1)), ("y", (y0, y1))):
+        low, high = float(plane[name][0]), float(plane[name][-1])
+        if not all(low - 1e-9 * step <= e <= high + 1e-9 * step for e in ends):
+            raise ValueError(f"the line leaves the plane: {name} runs from {low:g} to {high:g}")
+    count = points or max(2, round(length / step) + 1)
+    if count < 2:
+        raise ValueError(f"a line has at least 2 points, got {count}")
+    s = np.linspace(0, length, count)
+    x, y = x0 + s / length * (x1 - x0), y0 + s / length * (y1 - y0)
+    names = [n for n in fields_of(plane) if n not in SKIPPED]
+    for part in blocks(plane, [*names, "valid"]):
+        ok = part["valid"] != 0
+        found = {n: _bilinear(part[n].where(ok), x, y) for n in names}
+        table = {"s": s, "x": x, "y": y} | found
+        ux, uy = (x1 - x0) / length, (y1 - y0) / length
+        table["along"], table["across"] = table["u"] * ux + table["v"] * uy, table["v"] * ux - table["u"] * uy
+        for k, time in enumerate(part["time"].values):
+            rows = pd.DataFrame({n: v[k] if np.ndim(v) == 2 else v for n, v in table.items()})
+            if "time" in plane["u"].dims:
+                rows.insert(0, "time", float(time))
+            yield rows
+
+
+def _bilinear(field: xr.DataArray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A field over (time, y, x) at points, as (time, point)."""
+    grid = field["y"].values, field["x"].values
+    sample = RegularGridInterpolator(grid, field.transpose("y", "x", "time").values)
+    at = [np.clip(values, axis[0], axis[-1]) for values, axis in zip((y, x), grid, strict=True)]
+    return sample(np.column_stack(at)).T

@@ -1,0 +1,111 @@
+"""Power spectral densities in time and space of vectors with gaps, by the Lomb-Scargle periodogram.
+
+N. R. Lomb, Astrophys. Space Sci. 39 (1976) 447; J. D. Scargle, Astrophys. J. 263 (1982) 835. Without gaps it is the usual
+periodogram; gaps are left out, not filled.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy.signal import lombscargle
+
+from piv.fields.blocks import blocks
+
+LEAST_PART = 0.5  # of a line or a segment that must be valid
+
+
+def density(positions: np.ndarray, values: np.ndarray, frequencies: np.ndarray, step: float) -> np.ndarray:
+    """One-sided power spectral density, value² per frequency unit, of samples on a grid of `step` with gaps (NaN).
+
+    Its integral over the frequencies 1/L, 2/L, ... of a record of length L is the variance, as far as gaps allow.
+    """
+    ok = np.isfinite(values)
+    samples = values[ok] - values[ok].mean()
+    power = lombscargle(positions[ok], samples, 2 * np.pi * frequencies)
+    return 2 * step * power
+
+
+def frequencies_of(count: int, step: float) -> np.ndarray:
+    """1/L, 2/L, ... below half of 1/step of a record of `count` samples."""
+    return np.arange(1, (count - 1) // 2 + 1) / (count * step)
+
+
+def _step(axis: np.ndarray, name: str) -> float:
+    apart = np.diff(axis)
+    if axis.size < 8:
+        raise ValueError(f"a spectrum needs at least 8 samples along {name}, got {axis.size}")
+    if np.ptp(apart) > 1e-3 * apart.mean():
+        raise ValueError(f"a spectrum needs evenly spaced samples along {name}")
+    return float(apart.mean())
+
+
+def time_spectrum(series: xr.Dataset, points: list[tuple[float, float]], segments: int = 1) -> pd.DataFrame:
+    """Spectra of u and v at the grid points nearest to `points` (x, y), averaged over them and over `segments` of the time.
+
+    Columns frequency (Hz, or per frame), psd_u, psd_v, averaged (number of records). Records with less than half of their
+    vectors are left out.
+    """
+    if "time" not in series["u"].dims:
+        raise ValueError("a spectrum in time needs a series, this is a single plane")
+    if segments < 1:
+        raise ValueError(f"segments must be at least 1, got {segments}")
+    for x, y in points:
+        inside = all(series[n][0] <= c <= series[n][-1] for n, c in (("x", x), ("y", y)))
+        if not inside:
+            raise ValueError(f"the point {x:g} {y:g} is not within the plane")
+    where = {
+        "x": xr.DataArray([p[0] for p in points], dims="point"),
+        "y": xr.DataArray([p[1] for p in points], dims="point"),
+    }
+    chosen = [part.sel(where, method="nearest") for part in blocks(series, ["u", "v", "valid"])]
+    at = xr.concat(chosen, "time").transpose("point", "time")
+    time = series["time"].values
+    step = _step(time, "time")
+    size = time.size // segments
+    if size < 8:
+        raise ValueError(f"{segments} segments of {time.size} instants are shorter than 8; give fewer")
+    records = [
+        (
+            time[:size],
+            np.where(at["valid"].values[p] != 0, at[n].values[p], np.nan)[k * size : (k + 1) * size],
+            n,
+        )
+        for p in range(len(points))
+        for k in range(segments)
+        for n in ("u", "v")
+    ]
+    return _mean(records, frequencies_of(size, step), step)
+
+
+def space_spectrum(plane: xr.Dataset, axis: str) -> pd.DataFrame:
+    """Spectra of u and v along `axis` (x or y), averaged over all lines and instants; as `time_spectrum`, frequency in cycles per length."""
+    if axis not in ("x", "y"):
+        raise ValueError(f"spectra in space are along x or y, not {axis!r}")
+    positions = plane[axis].values
+    step = _step(positions, axis)
+    frequencies = frequencies_of(positions.size, step)
+
+    def records():
+        for part in blocks(plane, ["u", "v", "valid"]):
+            for n in ("u", "v"):
+                lines = (
+                    part[n].where(part["valid"] != 0).transpose(..., axis).values.reshape(-1, positions.size)
+                )
+                yield from ((positions, line, n) for line in lines)
+
+    return _mean(records(), frequencies, step)
+
+
+def _mean(records, frequencies: np.ndarray, step: float) -> pd.DataFrame:
+    total = {n: np.zeros(frequencies.size) for n in ("u", "v")}
+    used = dict.fromkeys(total, 0)
+    for positions, values, n in records:
+        if np.isfinite(values).mean() >= LEAST_PART:
+            total[n] += density(positions, values, frequencies, step)
+            used[n] += 1
+    if not used["u"]:
+        raise ValueError("no record has half of its vectors valid")
+    columns = {f"psd_{n}": total[n] / used[n] for n in total}
+    return pd.DataFrame({"frequency": frequencies} | columns | {"averaged": used["u"]})

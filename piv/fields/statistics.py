@@ -1,0 +1,187 @@
+"""Mean, RMS, Reynolds stresses, standard errors and convergence over time, or over each group of instants, with constant memory."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from fileio.formats.plane_series import make_plane
+from piv.fields.blocks import blocks
+
+SAMPLED = 2500  # grid points, evenly chosen, that the correlation of samples in time is estimated from
+LEAST_BATCHES = (
+    16  # the variance of their means is then known to a third at a point, and better over the field
+)
+SNAPSHOTS = 16  # of the running mean, for its convergence
+
+
+class Moments:
+    """Means and central second moments of u and v, instant by instant (Welford; Chan, Golub & LeVeque 1983)."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.n = np.zeros(shape, np.int64)
+        self.mean = np.zeros((2, *shape))
+        self.sums = np.zeros((3, *shape))  # of squares and products of deviations: uu, vv, uv
+        self.noise = np.zeros((2, *shape))  # sums of u_std², v_std²
+
+    def add(self, u: np.ndarray, v: np.ndarray, ok: np.ndarray) -> None:
+        """One instant; points that are not `ok` have no part in it."""
+        self.n += ok
+        before = np.where(ok, np.stack([u, v]) - self.mean, 0.0)
+        self.mean += before / np.maximum(self.n, 1)
+        after = np.where(ok, np.stack([u, v]) - self.mean, 0.0)
+        self.sums[:2] += before * after
+        self.sums[2] += before[0] * after[1]
+
+
+class Batches:
+    """Means over 1, 2, 4, ... instants in a row and their variances: what correlation in time does to the error of a mean.
+
+    Flyvbjerg & Petersen, J. Chem. Phys. 91 (1989).
+    """
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.shape = shape
+        self.open: list[tuple[np.ndarray, np.ndarray] | None] = []
+        self.levels: list[list[np.ndarray]] = []  # of each: number, mean and sum of squares of batch means
+        self.made: list[int] = []
+
+    def add(self, values: np.ndarray, ok: np.ndarray, level: int = 0) -> None:
+        """The next sum of 2^level instants and the number of valid ones in it."""
+        if level == len(self.levels):
+            self.levels.append([np.zeros(self.shape), np.zeros(self.shape), np.zeros(self.shape)])
+            self.open.append(None)
+            self.made.append(0)
+        self.made[level] += 1
+        number, mean, squares = self.levels[level]
+        use = 2 * ok >= 2**level
+        batch = np.where(use, values / np.maximum(ok, 1), 0.0)
+        number += use
+        apart = np.where(use, batch - mean, 0.0)
+        mean += apart / np.maximum(number, 1)
+        squares += apart * np.where(use, batch - mean, 0.0)
+        waiting = self.open[level]
+        if waiting is None:
+            self.open[level] = values, ok
+        else:
+            self.open[level] = None
+            self.add(waiting[0] + values, waiting[1] + ok, level + 1)
+
+    def inefficiency(self) -> float:
+        """Instants that are worth one independent sample, over the whole field; 1 where there are too few to tell."""
+        level = max((k for k, made in enumerate(self.made) if made >= LEAST_BATCHES), default=0)
+        variance = [_variance(*self.levels[k]) for k in (0, level)]
+        if not variance[0] > 0:
+            return 1.0
+        return max(1.0, float(2**level * variance[1] / variance[0]))
+
+
+def _variance(number: np.ndarray, mean: np.ndarray, squares: np.ndarray) -> float:
+    good = number > 1
+    return float(np.mean(squares[good] / (number[good] - 1))) if good.any() else 0.0
+
+
+def statistics(
+    series: xr.Dataset,
+    group: np.ndarray | None = None,
+    centres: np.ndarray | None = None,
+    *,
+    centre_units: str = "1",
+    least: int = 2,
+) -> xr.Dataset:
+    """Statistics over the time of a plane series, as a plane; or, with the number of its `group` for every instant (-1: left out), as a series over the groups' `centres`.
+
+    Variables: u, v the means, u_std, v_std their standard errors, with the correlation of successive samples (`Batches`);
+    u_rms, v_rms, uu, vv, uv (Reynolds stresses, n - 1), uu_noise, vv_noise (mean square of the vectors' own uncertainty, a part of uu, vv) where
+    it is known; n valid vectors. `least`: of them that a mean needs. convergence_u, convergence_v (over `instants`): RMS over
+    the field of the mean so far less the final one. The series is read once, block by block.
+    """
+    if "time" not in series["u"].dims:
+        raise ValueError("statistics over time need a series, this is a single plane")
+    if least < 2:
+        raise ValueError(f"at least 2 samples are needed for a standard error, got {least}")
+    count = series.sizes["time"]
+    labels = np.zeros(count, int) if group is None else np.asarray(group)
+    if labels.shape != (count,):
+        raise ValueError(f"{labels.size} groups for {count} instants")
+    if not (labels >= 0).any():
+        raise ValueError("no instant is in any group")
+    number = int(labels.max()) + 1 if centres is None else len(centres)
+    shape = (series.sizes["y"], series.sizes["x"])
+    step = max(1, int(np.ceil(np.sqrt(shape[0] * shape[1] / SAMPLED))))
+    some = (slice(step // 2, None, step), slice(step // 2, None, step))
+    part_shape = np.zeros(shape)[some].shape
+    moments = [Moments(shape) for _ in range(number)]
+    batches = [[Batches(part_shape) for _ in range(2)] for _ in range(number)]
+    stops = np.unique(np.geomspace(1, count, SNAPSHOTS).astype(int))
+    snapshots: list[np.ndarray] = []
+    names = [n for n in ("u", "v", "valid", "u_std", "v_std") if n in series]
+    noisy = {"u_std", "v_std"} <= set(names)
+    done = 0
+    for part in blocks(series, names):
+        a, b, good = part["u"].values.astype(float), part["v"].values.astype(float), part["valid"].values != 0
+        for k in range(len(a)):
+            g = labels[done]
+            done += 1
+            if g >= 0:
+                ok = good[k]
+                moments[g].add(a[k], b[k], ok)
+                for held, values in zip(batches[g], (a[k], b[k]), strict=True):
+                    held.add(np.where(ok, values, 0.0)[some], ok[some].astype(int))
+                if noisy:
+                    for m, name in enumerate(("u_std", "v_std")):
+                        moments[g].noise[m] += np.where(ok, part[name].values[k], 0.0) ** 2
+            if group is None and done in stops:
+                snapshots.append(np.where(moments[0].n > 0, moments[0].mean, np.nan).astype(np.float32))
+    fields = [_fields(m, b, least, noisy) for m, b in zip(moments, batches, strict=True)]
+    return _dataset(
+        series, fields, centres if group is not None else None, centre_units, stops, snapshots, batches
+    )
+
+
+def _fields(m: Moments, batches: list[Batches], least: int, noisy: bool) -> dict[str, np.ndarray]:
+    enough = m.n >= least
+    n = np.where(enough, m.n, np.nan)
+    uu, vv, uv = m.sums / (n - 1)
+    out = {
+        "u": np.where(enough, m.mean[0], np.nan),
+        "v": np.where(enough, m.mean[1], np.nan),
+        "valid": enough,
+    }
+    out |= {
+        "u_std": np.sqrt(batches[0].inefficiency() * uu / n),
+        "v_std": np.sqrt(batches[1].inefficiency() * vv / n),
+    }
+    out |= {"u_rms": np.sqrt(uu), "v_rms": np.sqrt(vv), "uu": uu, "vv": vv, "uv": uv, "n": m.n}
+    return out | ({"uu_noise": m.noise[0] / n, "vv_noise": m.noise[1] / n} if noisy else {})
+
+
+def _dataset(series, fields, centres, centre_units, stops, snapshots, batches) -> xr.Dataset:
+    x, y = series["x"].values, series["y"].values
+    if centres is None:
+        stacked = fields[0]
+        plane = make_plane(x, y, **stacked)
+        final = np.where(fields[0]["valid"], [fields[0]["u"], fields[0]["v"]], np.nan)
+        apart = [np.sqrt(np.nanmean((s - final) ** 2, axis=(1, 2))) for s in snapshots]
+        for k, name in enumerate(("convergence_u", "convergence_v")):
+            plane[name] = ("instants", np.array(apart)[:, k])
+        plane = plane.assign_coords(instants=stops)
+    else:
+        stacked = {n: np.stack([f[n] for f in fields]) for n in fields[0]}
+        plane = make_plane(x, y, time=np.asarray(centres, float), **stacked)
+        plane["time"].attrs = {"units": centre_units, "long_name": "phase or bin"}
+    length, velocity = (str(series[n].attrs.get("units", d)) for n, d in (("x", "m"), ("u", "m/s")))
+    for name in map(str, plane.variables):
+        if name in ("x", "y"):
+            plane[name].attrs["units"] = length
+        elif name in ("uu", "vv", "uv", "uu_noise", "vv_noise"):
+            plane[name].attrs["units"] = f"{velocity}²" if velocity == "px" else "m²/s²"
+        elif name in ("n", "valid", "instants"):
+            plane[name].attrs["units"] = "1"
+        elif name != "time":
+            plane[name].attrs["units"] = velocity
+    plane.attrs = {k: v for k, v in series.attrs.items() if k in ("source", "scale_m_per_px", "scene_hash")}
+    plane.attrs["inefficiency_u"], plane.attrs["inefficiency_v"] = (
+        [float(b[k].inefficiency()) for b in batches] for k in (0, 1)
+    )
+    return plane
