@@ -98,8 +98,8 @@ def draw(
         xx, yy = np.meshgrid(x[cut[1]], y[cut[0]])
         u, v = plane["u"].values[cut][ok], plane["v"].values[cut][ok]
         if style.streamlines:
-            flow = [np.where(plane["valid"].values != 0, plane[n].values, np.nan) for n in ("u", "v")]
-            axes.streamplot(x, y, *flow, color="0.1", linewidth=0.6, arrowsize=0.7, density=1.6)
+            along, up = (np.where(plane["valid"].values != 0, plane[n].values, np.nan) for n in ("u", "v"))
+            axes.streamplot(x, y, along, up, color="0.1", linewidth=0.6, arrowsize=0.7, density=1.6)
         else:
             scale = {"angles": "xy", "scale_units": "xy", "scale": speed / (1.6 * step * (x[1] - x[0]))}
             arrows = axes.quiver(xx[ok], yy[ok], u, v, **scale, width=0.0016, color="0.1", pivot="mid")
