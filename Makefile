@@ -70,7 +70,7 @@ define scene_rules
 $(2)/settings/.stamp: $(INHERITED) $(CASES)/$(1)/scene.toml | $(READY)
 	@$(PY) -m pipeline settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/settings/%.json $(2)/settings/%.format: $(2)/settings/.stamp
-	@:
+	@[ -e $$@ ] || $(PY) -m pipeline settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/$(FILE.compare): $(wildcard $(CASES)/$(1)/reference/*)
 $(foreach g,$(GROUPS),$(1).$(g): $(addprefix $(1).,$(OF.$(g))))
 endef

@@ -38,6 +38,17 @@ def check_output(path: Path) -> None:
         raise StageError(f"{path}: is no file but a folder or a device; give the output another name")
 
 
+def checksum_file(path: Path) -> Path:
+    """Where the checksum of a file stands (fileio.checksum)."""
+    return path.with_name(f".{path.name}.sha256")
+
+
+def put_in_place(part: Path, path: Path) -> None:
+    """Give a finished file its name; a checksum beside it was that of the file before."""
+    checksum_file(path).unlink(missing_ok=True)
+    os.replace(part, path)
+
+
 @contextmanager
 def whole(path: str | Path, *, suffix: bool = False, sync: bool = True) -> Iterator[Path]:
     """Yield the name of a file beside `path` to be written, which becomes `path` where the block ends well, else is removed.
@@ -54,7 +65,7 @@ def whole(path: str | Path, *, suffix: bool = False, sync: bool = True) -> Itera
             yield part
             if sync:
                 settle(part)
-            os.replace(part, path)
+            put_in_place(part, path)
     except BaseException:
         part.unlink(missing_ok=True)
         raise

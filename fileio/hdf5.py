@@ -9,6 +9,7 @@ from typing import Any
 import xarray as xr
 
 from fileio.atomic import whole
+from fileio.checksum import check_whole
 from fileio.child_process import check_walkable
 from fileio.errors import one_line
 from fileio.hdf5_disk import Disk
@@ -21,6 +22,7 @@ def open_netcdf(
 
     FileNotFoundError where it is missing; ValueError, which calls it a `kind`, where it is damaged or another one.
     """
+    check_whole(path)
     check_walkable(path)
     try:
         dataset = xr.open_dataset(path, engine="h5netcdf", phony_dims="access", **options)

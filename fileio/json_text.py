@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from fileio.checksum import check_whole
 from fileio.errors import StageError
 
 
@@ -14,7 +15,7 @@ def parse_json(text: str | bytes, place: str | Path, remedy: str, kind: type = d
     """What `text` holds, of `kind`; else StageError with `place`, what is wrong and `remedy` in one sentence."""
     try:
         found = json.loads(text)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise StageError(f"{place}: not valid JSON ({error}); {remedy}") from error
     if not isinstance(found, kind):
         raise StageError(f"{place}: holds a {type(found).__name__}, not a {kind.__name__}; {remedy}")
@@ -31,6 +32,7 @@ def flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
 
 def read_json(path: Path, remedy: str, kind: type = dict) -> Any:
     """What a file holds; StageError as `parse_json`."""
+    check_whole(path)
     return parse_json(path.read_bytes(), path, remedy, kind)
 
 

@@ -62,9 +62,3 @@ def read_settings(path: Path) -> dict[str, Any]:
     """`settings_in` an HDF5 file."""
     with h5py.File(path, "r") as file:
         return settings_in(file.attrs, path)
-
-
-def sha256(path: Path) -> str:
-    """SHA-256 of a file's bytes, hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -13,6 +13,7 @@ import pandas as pd
 import xarray as xr
 
 from fileio.atomic import write_text
+from fileio.checksum import check_whole
 from fileio.errors import StageError, one_line
 from fileio.hdf5 import open_netcdf, whole_netcdf
 from fileio.json_text import read_json
@@ -187,6 +188,7 @@ class Table:
         """All columns; StageError in one sentence where the file is missing, or is no such table."""
         if not path.exists():
             raise StageError(f"{path}: missing; {self.remedy}")
+        check_whole(path)
         try:
             table = pd.read_csv(path)
         except ValueError as error:  # an empty file among them

@@ -10,11 +10,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from fileio.checksum import check_whole, write_checksums
 from fileio.command import Commands, add_scene, command_line
 from fileio.errors import StageError
 from fileio.formats.cost import NOTHING, Spent, record_cost
 from fileio.lock import exclusive
-from fileio.stages import BY_NAME, Stage
+from fileio.stages import BY_NAME, STAGES, Stage, until
 
 TOOLS: Commands = {
     "settings": (
@@ -52,11 +53,17 @@ class StageCommand:
     def run(self, args: argparse.Namespace) -> int:
         options = {k: v for k, v in vars(args).items() if k not in ("command", "scene", "level", "quiet")}
         begin = time.monotonic()
+        out = args.scene / "out" / args.level
+        for before in until(self.stage.name):
+            for name in before.outputs if before != self.stage else ():
+                check_whole(out / name)
         earlier = _run(self.stage, args.scene, args.level, args.quiet, options) or NOTHING
         if isinstance(earlier, int):
             return earlier
         if not options.get("output"):  # another file than the stage's own
-            path = args.scene / "out" / args.level / "costs" / f"{self.stage.name}.json"
+            if self.stage in STAGES:
+                write_checksums(out / name for name in self.stage.outputs)
+            path = out / "costs" / f"{self.stage.name}.json"
             record_cost(path, self.stage.name, time.monotonic() - begin, earlier)
         return 0
 

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from fileio.atomic import unlink_folders, write_text
+from fileio.checksum import write_checksums
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
@@ -167,6 +168,7 @@ def write_case(folder: Path, entries: dict[str, str], first: bool, planform: xr.
     write_text(folder / "system" / "regions", regions_text(kind))
     faces, cells = zones(mesh, planform)
     write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
+    write_checksums((folder / "constant" / "polyMesh").iterdir())
     write_text(folder / "case.foam", "")
     names = ("node", "level", "cell_column", "cell_layer")
     return {name: getattr(mesh, name) for name in names}

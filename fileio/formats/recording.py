@@ -9,6 +9,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from fileio.checksum import check_whole
 from fileio.child_process import check_walkable
 from fileio.errors import StageError, one_line
 from fileio.formats.plane_series import FINGERS, ORIGIN, REMEDY
@@ -42,6 +43,7 @@ def open_recording_file(path: Path) -> h5py.File:
 
     FileNotFoundError or ValueError in one sentence where it is missing, damaged, of another format or version, or not whole.
     """
+    check_whole(path)
     check_walkable(path)
     try:
         file = h5py.File(path, "r")

@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from fileio.atomic import write_text
+from fileio.checksum import check_whole
 from fileio.errors import one_line
 from fileio.formats.plane_series import provenance
 from fileio.json_text import parse_json
@@ -58,6 +59,7 @@ def write_vortices(table: pd.DataFrame, path: str | Path, **settings: Any) -> No
 
 def read_vortices(path: str | Path, needed: tuple[str, ...] = NEEDED) -> pd.DataFrame:
     """Read a table of vortices, also one of another program; ValueError where `needed` columns are missing."""
+    check_whole(path)
     with open(path, encoding="utf-8") as file:
         head = file.readline()
     if head.startswith("# {") and "format" in (about := parse_json(head[1:], path, REMEDY)):

@@ -12,6 +12,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from fileio.atomic import write_text
+from fileio.checksum import check_whole
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_planform
 from fileio.formats.node_motion import NodeMotion, read_motion
@@ -56,6 +57,8 @@ def prepare(out: Path, intervals: tuple[Interval, ...], interval: Interval, rank
     """
     case = out / "case" / interval.name
     wanted = case_state(case, ranks)
+    for path in (case / "constant" / "polyMesh").iterdir():
+        check_whole(path, f"delete {out / 'sweep.h5'} and run make again")
     if prepared_for(case) == wanted:
         return
     # interrupted from here on, this interval and those after it start from the beginning

@@ -7,7 +7,7 @@ import os
 import shutil
 from pathlib import Path
 
-from fileio.atomic import unlink_folders, whole
+from fileio.atomic import checksum_file, unlink_folders, whole
 from fileio.stages import BY_NAME, STAGES
 
 
@@ -36,6 +36,8 @@ def reuse(source: Path, target: Path, stage: str) -> None:
         else:
             with whole(new, sync=False) as part:
                 shutil.copy2(old, part)
+            if checksum_file(old).exists():
+                shutil.copy2(checksum_file(old), checksum_file(new))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -12,8 +12,9 @@ from typing import Any
 import xarray as xr
 
 from fileio.atomic import write_text
+from fileio.checksum import sha256
 from fileio.formats.records import COMPARISON, RUN
-from fileio.provenance import settings_in, sha256, versions
+from fileio.provenance import settings_in, versions
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES

@@ -10,11 +10,12 @@ import numpy as np
 import pandas as pd
 
 from fileio.atomic import write_text
+from fileio.checksum import sha256
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.plane_series import read_plane
 from fileio.formats.recorded_motion import read_recorded_motion
 from fileio.formats.records import LAB_COMPARISON, RUN
-from fileio.provenance import sha256, versions
+from fileio.provenance import versions
 from piv.vortices.find import VortexSettings
 from postprocess.evidence.stage_files import read_json
 from postprocess.evidence.strokes import MIDDLE, stroke_window

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from fileio.atomic import write_text
+from fileio.checksum import sha256
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.recorded_motion import write_recorded_motion
-from fileio.provenance import sha256
 from postprocess.evidence.stage_files import scene_title
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv
 from postprocess.lab.data.files import LabFiles, read_registration

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from fileio.atomic import write_text
+from fileio.checksum import sha256
 from fileio.formats.kinematics import Kinematics, read_kinematics
-from fileio.provenance import sha256
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv, Start, read_dpiv
 from postprocess.lab.data.files import LabFiles, Law, Registration, write_registration
