@@ -13,9 +13,6 @@ import xarray as xr
 from fileio.provenance import recorded
 from fileio.schema import RECORDED, Schema, Variable
 
-# Both of two consecutive intervals are solved in their overlap, until the later one no longer depends on its start: the larger of
-OVERLAP_TIME = 4e-3  # s
-OVERLAP_STEPS = 8
 PER_FINGER = {"2d": 1, "half": 2, "quarter": 2, "full": 1}  # computed parts of one, by `model`
 
 
@@ -37,11 +34,6 @@ class Interval:
     def name(self) -> str:
         """Its folder in case/ and its group in sweep.h5."""
         return f"interval_{self.index}"
-
-
-def overlap_steps(time_step: float) -> int:
-    """Time steps of an interval's overlap: its mesh must be good from so many steps before the interval's start on."""
-    return max(OVERLAP_STEPS, round(OVERLAP_TIME / time_step))
 
 
 SCHEMA = Schema(

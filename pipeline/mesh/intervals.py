@@ -10,6 +10,9 @@ import numpy as np
 GAP_FACTOR = 3.0  # change of a gap
 BEND_SCALE = np.radians(110.0)
 HYSTERESIS = 0.1  # of a part: a motion must turn back by as much before an earlier planform is taken again
+# Both of two consecutive intervals are solved in their overlap, until the later one no longer depends on its start: the larger of
+OVERLAP_TIME = 4e-3  # s
+OVERLAP_STEPS = 8
 PADDING = 4  # time steps beyond an interval's end that its shapes cover
 RESTING = 1e-8  # of a mesh's reach in a time step: less is no motion (well below 1e-6 of any stroke's speed)
 LEAST_REST = 0.1  # of a run's steps: a shorter rest at its end is not worth an interval of its own

@@ -12,12 +12,19 @@ from tqdm import tqdm
 
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
-from fileio.formats.mesh_intervals import Interval, overlap_steps, write_planform
+from fileio.formats.mesh_intervals import Interval, write_planform
 from fileio.formats.records import MESH_QUALITY
 from pipeline.geometry.planform import Planform
 from pipeline.geometry.quality import Quality, shape_quality
 from pipeline.mesh.fixed_bodies import FixedBody, fixed_bodies
-from pipeline.mesh.intervals import Part, cumulative_deformation, divide, last_move
+from pipeline.mesh.intervals import (
+    OVERLAP_STEPS,
+    OVERLAP_TIME,
+    Part,
+    cumulative_deformation,
+    divide,
+    last_move,
+)
 from pipeline.mesh.morph import MorphError
 from pipeline.mesh.planform import build_planform, mirrored, mirrored_shapes
 from pipeline.mesh.shape_sequence import ShapeSequence, between, morph_shapes
@@ -230,6 +237,11 @@ def run(scene: Scene, quiet: bool = False) -> None:
             f"mesh: planform of {cells} cells, {len(levels) - 1} layers, non-orthogonality ≤"
             f" {max(row[5] for row in rows):.1f}°, {usual:g}° for {sum(r[2] for r in rows if r[5] <= usual):.1%} of the time"
         )
+
+
+def overlap_steps(time_step: float) -> int:
+    """Time steps of an interval's overlap: its mesh must be good from so many steps before the interval's start on."""
+    return max(OVERLAP_STEPS, round(OVERLAP_TIME / time_step))
 
 
 def intervals_of(parts: list[Part], time_step: float, rest: int) -> list[Interval]:

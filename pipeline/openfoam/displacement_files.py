@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,19 @@ def steps_of(time: float, time_step: float) -> int:
     return round(time / time_step)
 
 
+class Steps(NamedTuple):
+    """The time steps of a mesh interval: number of the first, and their times (s) with PADDING more at the end."""
+
+    first: int
+    times: np.ndarray
+
+    @classmethod
+    def of(cls, begin: float, end: float, time_step: float) -> Steps:
+        """Those from `begin` to `end` (s)."""
+        first, last = steps_of(begin, time_step), steps_of(end, time_step)
+        return cls(first, time_step * np.arange(first, last + PADDING + 1))
+
+
 def checkpoint_steps(wanted: float, time_step: float) -> int:
     """Time steps between two checkpoints, about `wanted` s apart: an even number.
 
@@ -56,16 +70,16 @@ def frame_body(displacement: np.ndarray, flat: bool) -> bytes:
 
 
 def write_frames(folders: list[Path], motion: NodeMotion, nodes: list[np.ndarray], driving: list[np.ndarray],
-                 time_step: float, first: int, last: int, flat: bool, collated: bool = False) -> Iterator[int]:  # fmt: skip
-    """Write `<time>/wantedDisplacement` for the steps `first` to `last` into the folder of each rank; yields the steps done.
+                 times: np.ndarray, flat: bool, collated: bool = False) -> Iterator[float]:  # fmt: skip
+    """Write `<time>/wantedDisplacement` for all `times` (s) into the folder of each rank; yields the times done.
 
-    Displacements are relative to the shape at `first`. Of each rank: `nodes` (point,) maps its mesh points to planform
+    Displacements are relative to the first shape. Of each rank: `nodes` (point,) maps its mesh points to planform
     nodes; only `driving` points (on walls that drive a column) carry values, the others stay zero so that the files
     compress to almost nothing. `collated`: one file of all ranks per step, in the only folder.
     """
-    start = motion.nodes(first * time_step)
-    for step in range(first, last + PADDING + 1):
-        moved = motion.nodes(step * time_step) - start
+    start = motion.nodes(times[0])
+    for time in times:
+        moved = motion.nodes(time) - start
         bodies = []
         for node, drives in zip(nodes, driving, strict=True):
             displacement = np.zeros((len(node), 3))
@@ -78,8 +92,8 @@ def write_frames(folders: list[Path], motion: NodeMotion, nodes: list[np.ndarray
             contents = [bodies[0], *(HEADER + body for body in bodies[1:])]
         for folder, content in zip(folders, contents, strict=True):
             # thousands of them: the disk is not waited for; the solver refuses one that a power cut has emptied
-            write_bytes(folder / time_name(step * time_step) / FIELD, content, compress=True, sync=False)
-        yield step
+            write_bytes(folder / time_name(time) / FIELD, content, compress=True, sync=False)
+        yield time
 
 
 def remove_frames(case: Path) -> None:

@@ -12,7 +12,7 @@ from scipy.interpolate import PPoly
 
 from fileio.formats.mesh_intervals import Interval, read_planform
 from fileio.formats.node_motion import read_motion
-from pipeline.openfoam.displacement_files import steps_of
+from pipeline.openfoam.displacement_files import PADDING, Steps
 from pipeline.run.energy import HALVE, EnergyGuard, energy_budget
 from pipeline.scene.limits import check_courant
 
@@ -71,16 +71,16 @@ class Guard:
         return cause
 
 
-def guard_of(out: Path, interval: Interval, time_step: float, max_courant: float, depth: float, density: float,
+def guard_of(out: Path, interval: Interval, steps: Steps, max_courant: float, depth: float, density: float,
              viscosity: float) -> Guard:  # fmt: skip
     """The guard of one mesh interval; `out` is the level's folder, `depth` (m) the finger's extent in z of the computed part.
 
     ValueError where the motion of the wall is sure to exceed `max_courant`.
     """
-    times = time_step * np.arange(steps_of(interval.begin, time_step), steps_of(interval.end, time_step) + 1)
+    times = steps.times[:-PADDING]
     motion, wall = read_motion(out, interval.mesh), read_planform(out, interval.mesh)["wall"].values
     positions = PPoly(motion.shape.c[:, :, wall], motion.shape.x)(motion.pressure(np.maximum(times, 0.0)))
-    check_courant(positions, time_step, max_courant)
+    check_courant(positions, times, max_courant)
     budget = energy_budget(positions, times, depth, density)
     samples = out / "case" / interval.name / "postProcessing"
     return Guard(max_courant, EnergyGuard(samples, density, viscosity, budget))

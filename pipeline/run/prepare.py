@@ -19,7 +19,7 @@ from fileio.formats.node_motion import NodeMotion, read_motion
 from fileio.formats.sweep import read_sweep
 from fileio.json_text import read_json
 from pipeline.geometry.quality import cell_centres, neighbours, planform_edges
-from pipeline.openfoam.displacement_files import PADDING, steps_of, time_name, write_frames
+from pipeline.openfoam.displacement_files import Steps, time_name, write_frames
 from pipeline.openfoam.environment import COLLATED, run_tool
 from pipeline.openfoam.foamfile import labels_of, write_list
 from pipeline.openfoam.ranks import Ranks
@@ -49,7 +49,7 @@ def prepared_for(case: Path) -> dict[str, int]:
     )
 
 
-def prepare(out: Path, intervals: tuple[Interval, ...], interval: Interval, ranks: Ranks, time_step: float,
+def prepare(out: Path, intervals: tuple[Interval, ...], interval: Interval, ranks: Ranks, steps: Steps,
             quiet: bool) -> None:  # fmt: skip
     """Decompose an interval's case, map the fields to it and write its displacement files, unless that is done.
 
@@ -65,7 +65,6 @@ def prepare(out: Path, intervals: tuple[Interval, ...], interval: Interval, rank
     for later in reversed(intervals[interval.index :]):
         for stale in (STATE, PROGRESS):
             (out / "case" / later.name / stale).unlink(missing_ok=True)
-    steps = steps_of(interval.begin, time_step), steps_of(interval.end, time_step)
     for folder in case.glob("processor*"):
         shutil.rmtree(folder)
     for folder in case.iterdir():
@@ -74,18 +73,18 @@ def prepare(out: Path, intervals: tuple[Interval, ...], interval: Interval, rank
     shutil.rmtree(case / "postProcessing", ignore_errors=True)
     set_number(case, "startTime", time_name(interval.begin))
     if interval.index:
-        map_fields(out, intervals[interval.index - 1], interval, ranks, steps[0])
+        map_fields(out, intervals[interval.index - 1], interval, ranks, steps.first)
     sweep = read_sweep(out, interval.name)
     planform = read_planform(out, interval.mesh)
     if ranks.count > 1:
         _decompose(case, sweep, planform, ranks)
     if interval.moving:
-        _write_motion(case, read_motion(out, interval.mesh), sweep, planform, ranks, time_step, steps, quiet)
+        _write_motion(case, read_motion(out, interval.mesh), sweep, planform, ranks, steps.times, quiet)
     write_text(case / STATE, json.dumps(wanted))
 
 
-def _write_motion(case: Path, motion: NodeMotion, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks, time_step: float,
-                  steps: tuple[int, int], quiet: bool) -> None:  # fmt: skip
+def _write_motion(case: Path, motion: NodeMotion, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks, times: np.ndarray,
+                  quiet: bool) -> None:  # fmt: skip
     node, level, kind = sweep["node"].values, sweep["level"].values, str(planform.attrs["model"])
     driving = (level == 0) | ((level == planform.sizes["level"] - 1) & (kind == "full"))
     points = [np.arange(len(node))]
@@ -93,9 +92,9 @@ def _write_motion(case: Path, motion: NodeMotion, sweep: xr.Dataset, planform: x
         points = [labels_of(block) for block in ranks.contents(case, "constant/polyMesh/pointProcAddressing")]
     done = write_frames(
         ranks.folders(case), motion, [node[p] for p in points], [driving[p] for p in points],
-        time_step, *steps, flat=kind == "2d", collated=ranks.collated,
+        times, flat=kind == "2d", collated=ranks.collated,
     )  # fmt: skip
-    for _ in tqdm(done, desc="frames", total=steps[1] - steps[0] + PADDING + 1, disable=quiet or None):
+    for _ in tqdm(done, desc="frames", total=len(times), disable=quiet or None):
         pass
 
 

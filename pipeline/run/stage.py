@@ -16,7 +16,7 @@ from fileio.formats.records import POWER, RUN
 from fileio.formats.sweep import read_sweep
 from fileio.lock import exclusive
 from fileio.provenance import versions
-from pipeline.openfoam.displacement_files import remove_frames, steps_of
+from pipeline.openfoam.displacement_files import Steps, remove_frames, steps_of
 from pipeline.openfoam.environment import foam_version
 from pipeline.openfoam.ranks import LEAST_CELLS, Ranks
 from pipeline.run.checkpoint import last_checkpoint
@@ -69,10 +69,12 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     earlier = Spent()
     out, end, step = scene.out, scene.motion.end_time, scene.numerics.time_step
     intervals = read_intervals(out)
+    steps = [Steps.of(i.begin, i.end, step) for i in intervals]
     depth = scene.finger.width * (1.0 if scene.model.kind in ("2d", "full") else 0.5)
     fluid = scene.fluid.density, scene.fluid.kinematic_viscosity
     try:
-        guards = [guard_of(out, i, step, scene.numerics.max_courant, depth, *fluid) for i in intervals]
+        limit = scene.numerics.max_courant
+        guards = [guard_of(out, i, s, limit, depth, *fluid) for i, s in zip(intervals, steps, strict=True)]
     except StageError:
         raise
     except ValueError as error:
@@ -85,8 +87,8 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
             print(f"run: {min(cells)} cells are too few for {ranks} ranks; {useful} used")
         layout = resumable_ranks(cases[0], intervals[0].moving, Ranks(useful, collated and useful > 1), quiet)
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver", bar_format=BAR) as bar:
-            for interval, case, guard in zip(intervals, cases, guards, strict=True):
-                prepare(out, intervals, interval, layout, step, quiet)
+            for interval, case, guard, its in zip(intervals, cases, guards, steps, strict=True):
+                prepare(out, intervals, interval, layout, its, quiet)
                 before = read_progress(case)
                 earlier += Spent(before["wall_time"], before["cpu_time"])
                 solve(case, interval, layout, hosts, bar, guard)

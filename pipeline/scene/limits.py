@@ -272,8 +272,8 @@ def _check_mesh(scene: Any) -> None:
         )
 
 
-def check_courant(positions: np.ndarray, time_step: float, max_courant: float) -> float:
-    """The Courant number to be expected of wall nodes, in order along the outline, at `positions` (step, node, 2).
+def check_courant(positions: np.ndarray, times: np.ndarray, max_courant: float) -> float:
+    """The Courant number to be expected of wall nodes, in order along the outline, at `positions` (step, node, 2), of even `times` (s).
 
     ValueError where it is sure to exceed `max_courant`.
     """
@@ -286,6 +286,7 @@ def check_courant(positions: np.ndarray, time_step: float, max_courant: float) -
     at = np.unravel_index(int(np.argmax(along)), along.shape)
     low, likely = (factor * float(along[at]) for factor in COURANT_OF_FLOW)
     if low > max_courant:
+        time_step = times[1] - times[0]
         raise ValueError(
             f"the finger's wall moves at {walk[at] / time_step:.2g} m/s along cells of {size[at]:.2g} m: a Courant number"
             f" of about {likely:.2g}, more than numerics.max_courant = {max_courant:g}; give a numerics.time_step of at"

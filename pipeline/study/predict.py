@@ -13,6 +13,7 @@ from fileio.command import add_scene
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import read_intervals
 from pipeline.openfoam.ranks import LEAST_CELLS
+from pipeline.scene.predicted import predicted
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.study.scaling_data import measured, read_data, size
 from pipeline.study.scaling_model import Network, fit, step_time, useful_ranks
@@ -24,7 +25,7 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
     """The prediction as text, with its assumptions."""
     one, two, network = read_data()
     solver = fit(one, two, network)
-    steps = round(scene.motion.end_time / scene.numerics.time_step)
+    steps = round(predicted(scene).steps)
     correctors = scene.numerics.pressure_correctors * (1 + scene.numerics.non_orthogonal_correctors)
     factor = correctors / one.get("correctors", correctors)
 
@@ -37,7 +38,7 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
         ends = [hours(pays, replace(network, saturated=end)) for end in network.saturated_range]
         spread = f" ({' to '.join(map(_duration, ends))}, by how well a node's memory feeds its ranks)"
     lines = [
-        f"{scene.level} {scene.name}: {cells} cells in {columns} columns, {steps} steps of {scene.numerics.time_step * 1e3:g} ms",
+        f"{scene.level} {scene.name}: {cells} cells in {columns} columns, {steps} steps",
         "",
         "ranks   hours   speed-up   efficiency   weak efficiency",
     ]

@@ -22,7 +22,7 @@ from fileio.formats.mesh_intervals import read_intervals
 from pipeline import case
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
-from pipeline.openfoam.displacement_files import time_name
+from pipeline.openfoam.displacement_files import Steps, time_name
 from pipeline.openfoam.environment import environment_in, foam_version, solver_command
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.prepare import prepare
@@ -72,7 +72,9 @@ def step_seconds(folder: Path) -> dict[str, float]:
 def to_the_middle(scene: Scene, ranks: Ranks) -> Path:
     """The case solved to MIDDLE on some ranks."""
     intervals = read_intervals(scene.out)
-    prepare(scene.out, intervals, intervals[0], ranks, scene.numerics.time_step, quiet=True)
+    first = intervals[0]
+    steps = Steps.of(first.begin, first.end, scene.numerics.time_step)
+    prepare(scene.out, intervals, first, ranks, steps, quiet=True)
     folder = scene.out / "case" / intervals[0].name
     set_number(folder, "startTime", time_name(0.0))
     set_number(folder, "endTime", f"{MIDDLE:g}")

@@ -20,6 +20,7 @@ from pipeline.geometry.quality import cell_areas, cell_centres
 from pipeline.geometry.sweep import OUTER_PATCHES
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
+from pipeline.openfoam.displacement_files import Steps
 from pipeline.openfoam.foamfile import END, binary_list, header, read_field, write_bytes
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.guards import Guard
@@ -76,7 +77,8 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
     solution = re.sub(r"maxIter +\d+;", "", solution)
     (folder / "system" / "fvSolution").write_text(solution)
     (folder / "system" / "functions").write_text("// no body, no forces\n")
-    prepare(scene.out, intervals, intervals[0], Ranks(), scene.numerics.time_step, quiet)
+    steps = Steps.of(intervals[0].begin, intervals[0].end, scene.numerics.time_step)
+    prepare(scene.out, intervals, intervals[0], Ranks(), steps, quiet)
     with tqdm(disable=True) as bar:
         solve(
             folder,

@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from fileio.formats.mesh_intervals import Interval, overlap_steps
+from fileio.formats.mesh_intervals import Interval
+from pipeline.mesh.stage import overlap_steps
 from pipeline.run.map_fields import FIELD_MAPPING, field_mappings, settling_time
 
 STEP = 1e-3
