@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from fileio.errors import StageError
 from pipeline.run.energy import ENERGY_TOLERANCE, HALVE, Budget, EnergyGuard, energy_budget
 from pipeline.run.guards import Guard, Watchdog
-from pipeline.scene.limits import check_courant, estimated_cells
+from pipeline.scene.limits import check_courant
+from pipeline.scene.predicted import estimated_cells
 from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT, write_scene
 
