@@ -50,7 +50,7 @@ def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, step
     found = []
     for g, h in zip(residual_gradients(nodes, v), (v.cells[2], v.cells[4]), strict=True):
         products = [g * g, g * _around(g), h * h, h * _around(h)]
-        missed = np.zeros(0)
+        missed = np.zeros(g.shape, np.float32)
         for area in AREAS:
             width = area * sigma / CELL
             one, nine, h_one, h_nine = (
@@ -59,11 +59,10 @@ def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, step
             shared = nine - left * one
             # of pure noise: eight products per cell, each counted from both sides
             certain = CERTAIN * one * 4 / np.sqrt(4 * np.pi * width**2)
-            here = shared / np.maximum(ALIKE * (h_nine - left * h_one), 1e-12)
-            if not missed.size:
-                missed = np.where(shared > certain, here, 0)
-            else:
-                missed = np.where(np.abs(shared) > certain, np.maximum(here, 0), missed)
+            curvature = np.maximum(ALIKE * (h_nine - left * h_one), 1e-12)
+            # what a larger area holds may lie all on one side of the cell
+            differs = (shared > certain) | (missed * curvature - shared > certain)
+            missed = np.where(differs, np.maximum(shared / curvature, 0), missed)
         noise = np.clip(left * (one - missed * h_one) / np.maximum(nine, 1e-20), 0.05, 1)
         found.append([nodes.from_cells(f) for f in (missed, np.where(missed > 0, noise, 1))])
     (missed_x, share_x), (missed_y, share_y) = found

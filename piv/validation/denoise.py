@@ -17,7 +17,7 @@ AROUND = 1.0  # of L: where mean squares are taken
 LARGEST = 25.0  # variance counted as noise, in medians of the field
 NOISE_ONLY, SIGNAL = 1.7, 8.0  # mean square over that of noise: damped wholly below, kept above
 REGION = 6.0  # of L: where mean squares tell whether the flow fills the band
-CALM, FILLED = 1.4, 1.7  # their geometric mean over noise: dead band as above, no dead band
+CALM, FILLED = 1.4, 2.2  # their geometric mean over noise: dead band as above, no dead band
 LEVEL = 2.5  # vectors: where variances of small windows are averaged
 SHARED = 0.5  # how far the noise of a part that is damped is taken to stay in the one that is kept
 
@@ -44,12 +44,11 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
         level = _gauss(np.log(np.maximum(variance, 1e-12)) * weight, LEVEL)
         level /= np.maximum(_gauss(weight, LEVEL), 1e-6)
         variance = np.where(ratio < 1, np.exp(level) * weight, variance)
-    trends = [
-        _quadratic(f, weight) for f in fields
-    ]  # what has no fine part needs no neighbours beyond an edge
+    # what has no fine part needs no neighbours beyond an edge
+    trends = [_quadratic(f, weight) for f in fields]
     fields = [f - trend for f, trend in zip(fields, trends, strict=True)]
     size = weight.shape[::-1]
-    low = fields  # less all finer bands, kept or not
+    low = fields  # less what finer bands have settled
     remains = np.ones_like(weight)  # share of the noise in it
     gain, lost = np.zeros_like(weight), np.zeros_like(weight)
     shares_of = _local_shares(sigma, spacing, passes, ratio)
@@ -61,16 +60,18 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
             known_fields = (share, noise, *parts)
             share, noise, *parts = (cv2.resize(a, few, interpolation=cv2.INTER_AREA) for a in known_fields)
             parts = [p / np.maximum(share, 1e-6) for p in parts]
-        band, cut, shares = _damped(parts, share, noise, width / coarser)
+        cut, settled, shares = _damped(parts, share, noise, width / coarser)
         if coarser > 1:
-            band, cut = ([cv2.resize(c, size, interpolation=cv2.INTER_CUBIC) for c in p] for p in (band, cut))
+            cut, settled = (
+                [cv2.resize(c, size, interpolation=cv2.INTER_CUBIC) for c in p] for p in (cut, settled)
+            )
             shares = [cv2.resize(a, size, interpolation=cv2.INTER_LINEAR) for a in shares]
-        kept, more, there = shares
-        low = [f - e for f, e in zip(low, band, strict=True)]
+        kept, passed, more, there = shares
         fields = [f - c for f, c in zip(fields, cut, strict=True)]
+        low = [f - c for f, c in zip(low, settled, strict=True)]
         smooth = np.minimum(left / there, 1)  # at an edge fewer vectors share the noise
-        gain = gain + remains * (1 - smooth) * kept
-        remains = remains * smooth
+        gain = gain + remains * (1 - smooth) * (kept - passed)
+        remains = remains * (smooth + (1 - smooth) * passed)
         lost = lost + more
     gain = gain + remains
     dx, dy = (f + trend for f, trend in zip(fields, trends, strict=True))
@@ -93,8 +94,13 @@ def _quadratic(field: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _damped(fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, width: float) -> tuple:
-    """What to take off both fields, the share of their fine noise that stays, what signal is lost (px²), and how much
-    of the low-pass' weight is known; noise: weighted variance expected in each part of the fine field."""
+    """What to take off both fields, what of them is settled, and shares: of the fine noise that stays, and that is passed
+    on to the coarser bands, what signal is lost (px²), how much of the low-pass' weight is known.
+
+    Where the flow fills the band it is settled whole: each band is damped once. Elsewhere what is kept may be chance,
+    and the coarser bands, which know the noise better, judge it again. noise: weighted variance expected in each part
+    of the fine field.
+    """
     there = np.maximum(_gauss(weight, width), 1e-6)
     ex, ey = (_fine(f, weight, there, width) for f in fields)
     tx, ty = mirrored(ex, ey)
@@ -104,7 +110,7 @@ def _damped(fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, wid
     total = np.maximum(total, 1e-6)
     noise = np.maximum(noise / total, 1e-12)
     region = np.maximum(_gauss(weight, REGION * width), 1e-6)
-    keep, lost = [], 0
+    keep, again, lost = [], [], 0
     for sign in (-1, 1):
         ratio = np.maximum((inner + sign * cross) / (4 * total) / noise, 1e-6)
         # the typical ratio: a strong vortex in calm water does not fill the region
@@ -112,11 +118,14 @@ def _damped(fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, wid
         filled = np.clip((typical - CALM) / (FILLED - CALM), 0, 1)
         only = NOISE_ONLY - (NOISE_ONLY - 1) * filled
         keep.append(np.clip((1 - only / ratio) / (1 - only / SIGNAL), 0, 1))
+        again.append(keep[-1] * (1 - filled))
         lost = lost + (1 - keep[-1]) ** 2 * noise * np.maximum(ratio - only, 0) / 2
-    mean, half = (keep[0] + keep[1]) / 2, (keep[1] - keep[0]) / 2
-    kept = SHARED * np.maximum(*keep) + (1 - SHARED) * mean
-    cut = ex - mean * ex - half * tx, ey - mean * ey - half * ty
-    return (ex, ey), cut, (kept, lost, np.minimum(there, 1))
+    cuts, shares = [], []
+    for free, curl in (keep, again):  # shares of the divergence-free and the curl-free part
+        mean, half = (free + curl) / 2, (curl - free) / 2
+        cuts.append((ex - mean * ex - half * tx, ey - mean * ey - half * ty))
+        shares.append(SHARED * np.maximum(free, curl) + (1 - SHARED) * mean)
+    return *cuts, (*shares, lost, np.minimum(there, 1))
 
 
 def _fine(field: np.ndarray, weight: np.ndarray, there: np.ndarray, width: float) -> np.ndarray:
@@ -142,12 +151,8 @@ def scales(sigma: float, spacing: float) -> tuple[tuple[float, int], ...]:
     return tuple((w, max(int(w / NODES), 1)) for w in widths)
 
 
-RATIOS = (
-    0.375,
-    0.5,
-    0.75,
-    0.99,
-)  # sides of smaller windows over the largest, between which shares are interpolated
+# sides of smaller windows over the largest, between which shares are interpolated
+RATIOS = (0.375, 0.5, 0.75, 0.99)
 MORE = 3  # steps in the smaller windows beyond those of the largest
 
 
