@@ -105,9 +105,20 @@ def test_water_is_at_rest_until_the_finger_moves_and_signs_are_right(solved):
     # on this mesh of a few hundred columns); a wrong sign or factor of two in any term would leave more than the work
     assert 0 < balance["closure_fraction"] < 0.6
     assert balance["kinetic_energy"] > 0.3 * balance["work"]
-    # by name it is known face by face; 0.034 of the work is left by the integral over four instants, of what a stroke that
-    # begins loses (over twenty instants of a whole stroke 0.006: docs/schemes.md)
-    assert abs(balance["unexplained_fraction"]) < 0.05
+
+
+def test_the_power_balance_is_explained_by_name(tmp_path):
+    """Face by face; what is left is what the integral over twenty instants misses of a stroke that begins: 0.017 of the work.
+
+    Over four instants it is 0.034; over those of a whole stroke below 0.01 at every level that was run (docs/schemes.md).
+    """
+    scene = write_scene(tmp_path / "half", "half", SHORT.format(end=0.04))
+    path = scene.folder / "scene.toml"
+    path.write_text(path.read_text().replace("write_interval = 0.01", "write_interval = 0.002"))
+    scene = prepare(load_scene(scene.folder, "tiny"))
+    run_stage.run(scene, quiet=True)
+    balance = json.loads((scene.out / "run" / "run.json").read_text())["power_balance"]
+    assert abs(balance["unexplained_fraction"]) < 0.02
 
 
 def test_volume_is_conserved(solved):
