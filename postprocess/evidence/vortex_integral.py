@@ -10,11 +10,13 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from piv.vortices.circulation import distance_to_invalid
 from piv.vortices.criteria import gradients, vorticity
 from postprocess.evidence.fields import frame
 
-CIRCLE = 0.75  # tip widths, the radius at which runs are compared: it holds a vortex of a whole stroke, and half and one
-# width give errors that differ by 1 % of the circulation
+CLEAR = 0.125  # tip widths (2 mm) from a body within which vorticity is its wall layer's, which has no part in the vortex
+CIRCLE = 0.75  # tip widths: radius at which runs are compared; with half and one width errors differ by less than 1 % of
+# the circulation (docs/mesh.md)
 
 
 def vortex_integrals(
@@ -22,7 +24,8 @@ def vortex_integrals(
 ) -> pd.DataFrame:
     """Integrals of the vorticity of the sense of a fitted `track` within `radius` (m) of its centre, over a window (s).
 
-    Columns time, circulation (m²/s), x, y (m; centroid); rows are the instants of `plane` at which the track exists.
+    What lies in the wall layer, within CLEAR of the body, is left out. Columns time, circulation (m²/s), x, y (m; centroid);
+    rows are the instants of `plane` at which the track exists.
     """
     x, y = plane["x"].values, plane["y"].values
     dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
@@ -34,8 +37,9 @@ def vortex_integrals(
         x0, y0, fitted = (np.interp(times[index], track["time"], track[n]) for n in ("x", "y", "circulation"))
         sense = np.sign(fitted)
         omega = sense * vorticity(gradients(u, v, valid, dx, dy, "least-squares"))
+        away = distance_to_invalid(valid, dx, dy) > CLEAR * float(plane.attrs["tip_width"])
         inside = np.hypot(x - x0, (y - y0)[:, None]) <= radius
-        amount = np.where(inside & (omega > 0), omega, 0.0)
+        amount = np.where(inside & away & (omega > 0), omega, 0.0)
         total = amount.sum()
         centroid = (amount.sum(axis=0) @ x, amount.sum(axis=1) @ y) / total
         rows.append([times[index], sense * total * abs(dx * dy), *centroid])
