@@ -1,0 +1,43 @@
+"""A local page in the browser: images and vectors over time, and masks and regions to draw."""
+
+from __future__ import annotations
+
+import argparse
+from importlib.util import find_spec
+from pathlib import Path
+
+from piv.view.scene import open_scene
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `python -m piv view`."""
+    parser.add_argument("file", help="vectors (.h5, .nc, ...), or images: folder, glob, video, .mraw or .h5")
+    parser.add_argument("--images", help="the recording behind the vectors")
+    parser.add_argument("-o", "--output", type=Path, default=Path("regions.json"),
+                        help="masks and region that are drawn (default %(default)s)")  # fmt: skip
+    parser.add_argument("--frame-rate", type=float, help="Hz, of images that do not say")
+    parser.add_argument(
+        "--port", type=int, default=5006, help="of the page, at 127.0.0.1 (default %(default)s)"
+    )
+    parser.add_argument("--no-browser", action="store_true", help="only say the address")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Serve the page until Ctrl-C."""
+    if find_spec("bokeh") is None:
+        raise ValueError("the page needs the library bokeh: pip install 'softfinger-piv[view]' (or bokeh)")
+    if not 1 <= args.port <= 65535:
+        raise ValueError(f"--port is from 1 to 65535, got {args.port}")
+    if args.output.suffix.lower() != ".json":
+        raise ValueError(f"{args.output}: masks and regions are written as .json")
+    from piv.view.page import serve
+
+    scene = open_scene(args.file, args.images, args.frame_rate)
+    scene.extent()  # what is not known of the scale is said here, not on the page
+
+    def ready(address: str) -> None:
+        if not args.quiet:
+            print(f"{address}: {scene.count} steps; Ctrl-C ends it", flush=True)
+
+    serve(scene, args.output, args.port, not args.no_browser, ready)

@@ -1,0 +1,54 @@
+"""Masks and a region that were drawn, as the file that `correlate --mask` reads."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from fileio.atomic import write_text
+
+Polygon = list[list[float]]  # corners (x, y)
+
+
+def write_regions(
+    path: Path,
+    unit: str,
+    kept: dict[int, list[Polygon]],
+    roi: tuple[float, float, float, float] | None,
+) -> str:
+    """Write the polygons drawn at each frame, and the region x0, y0, x1, y1; returns a line that says what was written.
+
+    One frame: bodies that stand still. Several: bodies that move, each with as many corners at every frame. ValueError
+    where they do not fit, or where nothing is drawn.
+    """
+    frames = sorted(kept)
+    numbers = {len(kept[f]) for f in frames}
+    if len(numbers) > 1:
+        raise ValueError("draw as many polygons at each of the frames")
+    bodies = []
+    for k in range(numbers.pop() if numbers else 0):
+        corners = [kept[f][k] for f in frames]
+        if any(len(c) < 3 for c in corners):
+            raise ValueError("a polygon needs at least 3 corners; double-click ends it")
+        if len({len(c) for c in corners}) > 1:
+            raise ValueError(
+                f"polygon {k + 1} has not the same number of corners at each frame; move its corners instead"
+            )
+        bodies.append({"frames": frames, "corners": corners} if len(frames) > 1 else {"corners": corners[0]})
+    if not bodies and roi is None:
+        raise ValueError("nothing is drawn yet")
+    content = {"format": "mask-polygons", "format_version": 1, "unit": unit, "bodies": bodies}
+    write_text(path, json.dumps(content | ({"roi": list(roi)} if roi else {}), indent=1) + "\n")
+    moving = f" at {len(frames)} frames" if len(frames) > 1 else ""
+    return f"{path}: {len(bodies)} polygons{moving}{', a region' if roi else ''}; piv correlate --mask {path.name}"
+
+
+def clipped(
+    roi: tuple[float, ...], extent: tuple[float, float, float, float]
+) -> tuple[float, float, float, float] | None:
+    """A region (centre x, y, width, height) as x0, y0, x1, y1 within the picture; None where nothing of it is left."""
+    x, y, width, height = roi
+    left, bottom, right, top = extent
+    x0, x1 = max(left, x - abs(width) / 2), min(right, x + abs(width) / 2)
+    y0, y1 = max(bottom, y - abs(height) / 2), min(top, y + abs(height) / 2)
+    return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None

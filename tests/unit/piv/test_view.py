@@ -1,0 +1,193 @@
+"""The page of `piv view`: its parts without a browser, and the page itself in a real one."""
+
+import json
+import os
+import re
+import socket
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from fileio.formats.plane_series import make_plane, write_plane
+from piv import open_recording, part_of_recording
+from piv.__main__ import main
+from piv.commands import view
+from piv.foreign.read import with_units
+from piv.view.regions import clipped, write_regions
+from piv.view.scene import open_scene
+from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
+
+SQUARE = [[10.0, 10.0], [30.0, 10.0], [30.0, 40.0]]
+SHAPE = (96, 128)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("view")
+    (folder / "run").mkdir()
+    for k in range(4):
+        cv2.imwrite(
+            str(folder / f"run/{k}.png"), np.full(SHAPE, 10 * k, np.uint8) + np.eye(*SHAPE, dtype=np.uint8)
+        )
+    x, y = np.arange(8, 128, 16.0), np.arange(8, 96, 16.0)
+    u = np.arange(3)[:, None, None] + np.zeros((3, y.size, x.size))
+    plane = make_plane(x, y, u + 2, u + x, time=np.arange(3) + 0.5)
+    write_plane(with_units(plane, "px", "px", "frame"), folder / "piv.h5")
+    return folder
+
+
+def test_images_behind_vectors_are_the_first_of_their_pair(folder):
+    scene = open_scene(str(folder / "piv.h5"), str(folder / "run"))
+    assert (scene.count, scene.unit, scene.extent()) == (3, "px", (-0.5, -0.5, 127.5, 95.5))
+    assert [scene.frame_number(k) for k in range(3)] == [0, 1, 2]
+    assert scene.image(0).shape == SHAPE
+    found = scene.vectors(2)
+    np.testing.assert_array_equal(found["v"], found["x"] + 2)
+    assert scene.time_text(2) == "2.5 frame"
+    assert open_scene(str(folder / "run")).count == 4
+
+
+def test_what_is_drawn_is_read_by_correlate(folder, tmp_path):
+    path = tmp_path / "r.json"
+    said = write_regions(
+        path, "px", {0: [SQUARE], 3: [[[x + 30, y] for x, y in SQUARE]]}, (0.0, 0.0, 99.0, 90.0)
+    )
+    assert "1 polygons at 2 frames, a region" in said
+    with open_recording(folder / "run") as recording:
+        part = part_of_recording(recording, path)
+        assert part.shape == (91, 100)
+        assert np.flatnonzero(part.mask(3).any(axis=0)).tolist() == list(range(40, 61))
+    write_regions(path, "px", {2: [SQUARE]}, None)
+    assert json.loads(path.read_text())["bodies"] == [{"corners": SQUARE}]
+
+
+@pytest.mark.parametrize(
+    "kept, message",
+    [
+        ({0: []}, "nothing is drawn"),
+        ({0: [SQUARE], 1: []}, "as many polygons"),
+        ({0: [SQUARE], 1: [[*SQUARE, [0.0, 0.0]]]}, "same number of corners"),
+        ({0: [SQUARE[:2]]}, "at least 3 corners"),
+    ],
+)
+def test_drawings_that_do_not_fit_are_refused(tmp_path, kept, message):
+    with pytest.raises(ValueError, match=message):
+        write_regions(tmp_path / "r.json", "px", kept, None)
+
+
+def test_a_region_is_cut_at_the_picture():
+    assert clipped((10, 10, 40, 10), (-0.5, -0.5, 20, 20)) == (-0.5, 5, 20, 15)
+    assert clipped((100, 10, 4, 4), (0, 0, 20, 20)) is None
+
+
+def test_without_the_library_one_sentence(folder, monkeypatch, capsys):
+    monkeypatch.setattr(view, "find_spec", lambda name: None)
+    assert main(["view", str(folder / "piv.h5")]) == 2
+    assert "pip install 'softfinger-piv[view]'" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def page(folder, tmp_path_factory):
+    pytest.importorskip("bokeh", reason="the page needs bokeh: pip install 'softfinger-piv[view]'")
+    if not (CHROMIUM and CHROMEDRIVER):
+        pytest.skip("needs chromium and chromedriver (apt: chromium chromium-driver)")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    words = [
+        folder / "piv.h5",
+        "--images",
+        folder / "run",
+        "-o",
+        folder / "drawn.json",
+        "--no-browser",
+        "--port",
+        port,
+    ]
+    command = [sys.executable, "-m", "piv", "view", *map(str, words)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=os.environ
+    ) as server:
+        address = re.match(r"http://127\.0\.0\.1:\d+/", server.stdout.readline())
+        assert address, server.stdout.read()
+        with Browser(tmp_path_factory.mktemp("profile")) as browser:
+            browser.open(address.group())
+            until(
+                lambda: browser.run(
+                    "return window.Bokeh && Bokeh.documents.length == 1 && Bokeh.documents[0].is_idle"
+                )
+            )
+            yield browser
+        server.send_signal(2)
+        rest = server.communicate(timeout=60)[0]
+    # Ctrl-C: the log holds no traceback, and the usual exit code
+    assert "Traceback" not in rest
+    assert server.returncode == 130
+
+
+def until(true, seconds=90):
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, "the page did not get there"
+        time.sleep(0.2)
+
+
+def model(browser, name, what):
+    return browser.run(f"return Bokeh.documents[0].get_model_by_name('{name}').{what}")
+
+
+def place(browser, x, y):
+    """Position in the window of a point of the plot."""
+    return browser.run(
+        "const view = Bokeh.index.find_one(Bokeh.documents[0].get_model_by_name('plot'));"
+        "const frame = view.frame, box = view.canvas_view.el.getBoundingClientRect();"
+        f"return [box.x + frame.x_scale.compute({x}), box.y + frame.y_scale.compute({y})];"
+    )
+
+
+def press(browser, x, y, times=1):
+    left, top = place(browser, x, y)
+    at = {"x": left, "y": top, "button": "left"}
+    browser.devtools("Input.dispatchMouseEvent", type="mouseMoved", x=left, y=top)
+    for count in range(1, times + 1):
+        for kind in ("mousePressed", "mouseReleased"):
+            browser.devtools("Input.dispatchMouseEvent", type=kind, clickCount=count, **at)
+
+
+def test_the_page_shows_images_and_vectors_and_asks_nobody(page):
+    assert model(page, "plot", "title.text") == "0.5 frame, 48 vectors"
+    assert [e for e in page.log("browser") if e["level"] == "SEVERE" and "favicon" not in e["message"]] == []
+    events = [json.loads(e["message"])["message"] for e in page.log("performance")]
+    asked = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
+    assert any("bokeh" in url for url in asked)
+    assert [u for u in asked if not u.startswith(("http://127.0.0.1", "data:", "blob:", "chrome"))] == []
+
+
+def test_a_click_on_a_vector_gives_its_numbers(page):
+    press(page, 40, 40)
+    until(lambda: "u = 2" in model(page, "numbers", "text"))
+    assert model(page, "numbers", "text") == "x = 40, y = 40, u = 2, v = 40"
+
+
+def test_stepping_and_drawing_and_saving(page, folder):
+    page.run("Bokeh.documents[0].get_model_by_name('step').value = 2")
+    until(lambda: model(page, "plot", "title.text").startswith("2.5 frame"))
+    # a polygon and a region arrive as the drawing tools send them
+    page.run("Bokeh.documents[0].get_model_by_name('masks').data = {xs: [[10, 30, 30]], ys: [[10, 10, 40]]}")
+    page.run(
+        "Bokeh.documents[0].get_model_by_name('region').data = {x: [60], y: [50], width: [80], height: [60]}"
+    )
+    page.run(
+        "const b = Bokeh.index.find_one(Bokeh.documents[0].get_model_by_name('save'));"
+        "b.shadow_el.querySelector('button').click()"
+    )
+    until(lambda: "1 polygons, a region" in model(page, "status", "text"))
+    saved = json.loads((folder / "drawn.json").read_text())
+    assert saved["bodies"] == [{"corners": SQUARE}]
+    assert saved["roi"] == [20, 20, 100, 80]
+    with open_recording(folder / "run") as recording:
+        assert part_of_recording(recording, folder / "drawn.json").shape == (61, 81)
