@@ -67,14 +67,14 @@ class Scene:
         rows, columns = self.recording.shape
         edges = np.array([-0.5, -0.5, columns - 0.5, rows - 0.5])
         if self.unit == "px":
-            return tuple(edges.tolist())  # type: ignore[return-value]
+            return tuple(edges.tolist())
         scale = self._known("scale_m_per_px", None)
         if scale is None:
             raise ValueError(
                 f"{self.recording.name}: its scale is not known; give vectors in px, or a recording with a scale"
             )
         origin = np.tile([self._known("origin_x_px", 0.0), self._known("origin_y_px", 0.0)], 2)
-        return tuple(((edges - origin) * scale).tolist())  # type: ignore[return-value]
+        return tuple(((edges - origin) * scale).tolist())
 
     def _known(self, name: str, otherwise: float | None) -> float | None:
         for attrs in (
