@@ -11,23 +11,37 @@ import xarray as xr
 from matplotlib import patheffects
 from matplotlib.figure import Figure
 
+from piv.plots.vectors import COLOUR_MAP
 from postprocess.draw.style import MM, NAMES, new_figure
 from postprocess.evidence.fields import frame
 from postprocess.evidence.strokes import REST
 
+AROUND = 0.020  # m shown beside the tips' and the vortices' way
 ARROW_EVERY = 0.0045  # m between drawn vectors: about 35 of them across the camera's picture
 HALO = [patheffects.withStroke(linewidth=4.0, foreground="white")]
 MARK: dict[str, Any] = {"color": "#0a7d2c", "linewidth": 2.0, "zorder": 4, "path_effects": HALO}
-SHADE: dict[str, Any] = {"origin": "lower", "cmap": "RdBu_r", "alpha": 0.75, "interpolation": "bilinear"}
+SHADE: dict[str, Any] = {"origin": "lower", "cmap": COLOUR_MAP, "alpha": 0.75, "interpolation": "bilinear"}
 ARROWS: dict[str, Any] = {"units": "xy", "angles": "xy", "scale_units": "xy", "width": 0.5, "headwidth": 3.4, "headlength": 4,
                           "color": "#1c2733"}  # fmt: skip
 
 
-def view_limits(planes: dict[str, xr.Dataset]) -> tuple[float, float, float, float]:
-    """Common field of view of all planes: x from, x to, y from, y to (m)."""
-    low = lambda axis: max(float(p[axis][0]) for p in planes.values())  # noqa: E731
-    high = lambda axis: min(float(p[axis][-1]) for p in planes.values())  # noqa: E731
-    return low("x"), high("x"), low("y"), high("y")
+def view_limits(
+    planes: dict[str, xr.Dataset], vortices: dict[str, list[pd.DataFrame]]
+) -> tuple[float, float, float, float]:
+    """What the figure shows: x from, x to, y from, y to (m).
+
+    What all planes see, and of that what lies within `AROUND` of the tips and of the vortices' cores at any instant.
+    """
+    limits = []
+    for number, axis in enumerate(("x", "y")):
+        low = max(float(p[axis][0]) for p in planes.values())
+        high = min(float(p[axis][-1]) for p in planes.values())
+        at = [p["tip"].values[..., number].ravel() for p in planes.values() if "tip" in p]
+        for track in (track for fingers in vortices.values() for track in fingers):
+            at += [track[axis] - track["core_radius"], track[axis] + track["core_radius"]]
+        known = np.concatenate(at) if at else np.array([low, high])
+        limits += [max(low, float(known.min()) - AROUND), min(high, float(known.max()) + AROUND)]
+    return limits[0], limits[1], limits[2], limits[3]
 
 
 def vorticity(field: np.ndarray, valid: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -73,14 +87,14 @@ def flow_figure(
     limit: float,
     *,
     dpi: float = 110,
+    panel: float = 5.0,
 ) -> tuple[Figure, Callable[[float], None]]:
     """A figure with one panel per source, and the function that shows an instant (s) in it.
 
     `vortices` holds each source's tip vortex of every finger over time, `scale` the velocity scale (m/s), `limit` the
-    vorticity limit (1/s).
+    vorticity limit (1/s), `panel` the width of a panel (inches): the narrower it is, the larger letters appear.
     """
-    x0, x1, y0, y1 = view_limits(planes)
-    panel = 5.0
+    x0, x1, y0, y1 = view_limits(planes, vortices)
     height = panel * (y1 - y0) / (x1 - x0) + 0.8
     figure, axes = new_figure(
         panel * len(planes) + 0.9, height, 1, len(planes), dpi=dpi, sharey=True, squeeze=False
@@ -95,14 +109,13 @@ def flow_figure(
         updates.append(update)
     axes[0, 0].set_ylabel("y, mm")
     bar = figure.colorbar(shade, ax=list(axes[0]), shrink=0.85, pad=0.01, aspect=30)
-    bar.set_label("vorticity, 1/s (blue: clockwise)")
+    bar.set_label("vorticity, 1/s (purple: clockwise)")
     bar.outline.set_visible(False)
     figure.canvas.draw()
     figure.set_layout_engine("none")  # laid out once: every further frame only moves what moves
 
     def show(time: float) -> None:
-        bend = _bend(next(iter(planes.values())), time)
-        caption = f"t = {time:.3f} s" + ("" if bend is None else f", bent by {bend:.0f}°")
+        caption = format_instant(next(iter(planes.values())), time)
         for ax, source, update in zip(axes[0], planes, updates, strict=True):
             ax.set_title(f"{NAMES[source]}, {caption}")
             update(time)
@@ -110,10 +123,12 @@ def flow_figure(
     return figure, show
 
 
-def _bend(plane: xr.Dataset, time: float) -> float | None:
-    if "bend" not in plane or np.ptp(plane["bend"].values[:, 0]) <= REST:
-        return None
-    return float(np.degrees(plane["bend"].values[nearest(plane, time), 0]))
+def format_instant(plane: xr.Dataset, time: float) -> str:
+    """An instant (s) with the bend of the first finger then, linear in time between the frames around it."""
+    bends = plane["bend"].values[:, 0] if "bend" in plane else np.zeros(1)
+    if np.ptp(bends) <= REST:
+        return f"{time:.3f} s"
+    return f"{time:.3f} s, bent by {np.degrees(np.interp(time, plane['time'].values, bends)):.0f}°"
 
 
 def _panel(ax, plane: xr.Dataset, vortices: list[pd.DataFrame], scale: float, limit: float):
@@ -130,7 +145,7 @@ def _panel(ax, plane: xr.Dataset, vortices: list[pd.DataFrame], scale: float, li
     arrows = ax.quiver(gx, gy, hidden, hidden, scale=unit, **ARROWS)
     known = float(f"{0.5 * scale:.1g}")
     beside = {"labelpos": "E", "coordinates": "axes", "fontproperties": {"size": 9}}
-    ax.quiverkey(arrows, 0.86, 1.03, known, f"{known:g} m/s", **beside)
+    ax.quiverkey(arrows, 0.8, 1.03, known, f"{known:g} m/s", **beside)
     bodies = [ax.fill([], [], color="black", zorder=3)[0] for _ in range(plane.sizes.get("finger", 0))]
     marks = [ax.plot([], [], **MARK)[0] for _ in vortices]
 

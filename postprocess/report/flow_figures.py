@@ -14,7 +14,7 @@ from postprocess.draw.series import Tracks
 from postprocess.draw.style import NAMES
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence import vortex_pairs as pairs
-from postprocess.evidence.strokes import REST, stroke_window
+from postprocess.evidence.strokes import stroke_window
 from postprocess.evidence.time_windows import Clock
 from postprocess.report.picture_index import Album
 
@@ -45,22 +45,21 @@ def flow_figures(
     album: Album, planes: dict[str, xr.Dataset], dominant: Tracks, scale: float, clock: Clock
 ) -> None:
     """Vectors at some instants as pictures, and the whole stroke as a film and as the frames of the slider."""
-    stroke, bends = planes["cfd"]["time"].values, planes["cfd"]["bend"].values[:, 0]
     last = min(float(p["time"][-1]) for p in planes.values())
     first = max(float(p["time"][0]) for p in planes.values())
     instants = _instants(clock, last)
     body = "finger" if len(next(iter(dominant.values()), [0])) == 1 else "fingers"
     limit = draw_flow.vorticity_limit(planes["cfd"], instants)
     sources = " and ".join(NAMES[source] for source in planes)
-    figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=120)
+    figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=170, panel=3.5)
     for number, time in enumerate(instants):
         show(time)
-        bent = f", bent by {np.degrees(np.interp(time, stroke, bends)):.0f}" if np.ptp(bends) > REST else ""
+        instant = draw_flow.format_instant(planes["cfd"], time)
         vortices = [format_vortices(source, fingers, time) for source, fingers in dominant.items()]
-        alt = f"Velocity vectors around the black {body} at {time:.3f} s{bent and bent + ' degrees'}, {sources}. {' '.join(vortices)}"
+        alt = f"Velocity vectors around the black {body} at {instant}, {sources}. {' '.join(vortices)}"
         # not `save`, which would lay the figure out anew
         animation.write_picture(animation.pixels(figure), album.folder / f"flow_{number}.png")
-        album.add(None, f"flow_{number}.png", "flow", alt, f"{time:.3f} s{bent and bent + '°'}")
+        album.add(None, f"flow_{number}.png", "flow", alt, instant)
     figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=88)
     times = np.linspace(first, last, FRAMES)
 

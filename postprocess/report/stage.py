@@ -15,7 +15,7 @@ from fileio.stages import BY_NAME
 from postprocess.draw.solver import costs as draw_costs
 from postprocess.draw.style import save
 from postprocess.evidence.stage_files import StageFiles, scene_numbers, scene_title
-from postprocess.report import wording
+from postprocess.report import trust, wording
 from postprocess.report.assumptions import statements
 from postprocess.report.page_template import page_template
 from postprocess.report.pinch_wording import pinch_table
@@ -84,6 +84,8 @@ def render(files: StageFiles) -> str:
     run = RUN.read(files.required("run/run.json", "run"))
     sections = pictures(files.required("figures/figures.json", "figures"))
     loads = files.optional("loads.h5")
+    errors = trust.level_errors(files.scene_folder, files.level)
+    trial = trust.trial(errors, files.level)
     stages = read_costs(files.out / "costs", run["wall_time"])
     if stages:
         save(draw_costs(stages), files.figures / "costs.svg")
@@ -97,8 +99,10 @@ def render(files: StageFiles) -> str:
         title=scene_title(files.scene_folder),
         scene=files.scene,
         level=files.level,
-        agrees=comparison["verdict"]["agrees"],
-        answer=wording.answer(comparison),
+        agrees=None if trial else comparison["verdict"]["agrees"],
+        answer=wording.answer(comparison, trial),
+        numerics=trust.level_sentence(errors, files.scene, files.level),
+        power=trust.power_sentence(run["power_balance"]),
         deflection=deflection_sentence(read_loads(loads).attrs) if loads else "",
         tiles=wording.tiles(comparison),
         rows=wording.rows(comparison),

@@ -55,18 +55,31 @@ def requirement(check: dict[str, Any]) -> str:
     return f"{sign}{quantity(value, unit)}{extra}"
 
 
-def answer(comparison: dict[str, Any]) -> str:
-    """The page's first sentence: does the simulation agree with PIV?"""
+def answer(comparison: dict[str, Any], trial: str = "") -> str:
+    """The page's first sentence: does the simulation agree with PIV of pictures that are made from it?
+
+    `trial`: why the level shows nothing but that everything works, where it is such a one.
+    """
     paper = [check for check in comparison["checks"] if check["kind"] == "paper"]
     if "piv" not in comparison["sources"]:
         shown = sum(check["met_by"].get("cfd") is True for check in paper)
         findings = f"; it shows {shown} of the paper's {len(paper)} findings" if paper else ""
         return f"Not judged: PIV was not run at level {comparison['level']}, so this page shows the simulation alone{findings}."
+    agrees = comparison["verdict"]["agrees"]
     start = {
-        True: "Yes, the simulation agrees with PIV",
-        False: "No, the simulation does not agree with PIV in every check",
+        True: "Yes, PIV of pictures made from this simulation agrees with it",
+        False: "No, PIV of pictures made from this simulation does not agree with it in every check",
         None: "Not fully judged",
-    }[comparison["verdict"]["agrees"]]
+    }[agrees]
+    if trial:
+        missed = (
+            ""
+            if agrees is None
+            else " and agrees with it"
+            if agrees
+            else " and misses a limit of full levels"
+        )
+        start = f"A trial: {trial}. PIV of pictures made from this simulation works{missed}"
     met = sum(check["met"] is True for check in paper)
     numbers = _numbers(comparison["summary"]["piv-cfd"], comparison)
     findings = f"; both show {met} of the paper's {len(paper)} findings" if paper else ""

@@ -148,6 +148,7 @@ def test_the_page_is_well_formed_and_accessible(made):
     assert all(a.get("aria-label") for tag, a in page.elements if tag == "video")
     labels = {a.get("for") for tag, a in page.elements if tag == "label"}
     assert {a["id"] for tag, a in page.elements if tag == "input"} <= labels
+    assert {"numerics", "power"} <= {a.get("id") for _, a in page.elements}
     ids = [a["id"] for _, a in page.elements if "id" in a]
     assert len(ids) == len(set(ids))
     targets = {a["href"][1:] for tag, a in page.elements if tag == "a"}

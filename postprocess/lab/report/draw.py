@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
+from piv.plots.vectors import COLOUR_MAP
 from postprocess.draw.flow import vorticity
 from postprocess.draw.style import CFD, GREY, MM, PIV, THIRD, new_figure
 from postprocess.evidence.fields import frame
@@ -51,7 +52,7 @@ def fields(
     for ax, (plane, field, ok), curl, title in zip(
         axes[0], shown, curls, (NAME["data"], NAME["virtual"]), strict=True
     ):
-        shade = ax.imshow(curl, cmap="RdBu_r", vmin=-limit, vmax=limit, alpha=0.8, **style)
+        shade = ax.imshow(curl, cmap=COLOUR_MAP, vmin=-limit, vmax=limit, alpha=0.8, **style)
         arrows = np.ma.masked_array(field, mask=np.broadcast_to(~ok, field.shape))
         ax.quiver(gx[cut], gy[cut], arrows[0][cut], arrows[1][cut], scale=scale, **THIN)
         _finger(ax, plane, index)
@@ -64,8 +65,9 @@ def fields(
     axes[1, 0].quiver(gx[cut], gy[cut], arrows[0][cut], arrows[1][cut], scale=scale / 4, **THIN)
     axes[1, 0].set_title("difference E = S − D (arrows 4 × longer)")
     figure.colorbar(shade, ax=axes[1, 0], shrink=0.85, label="|E|, mm/s")
-    shade = axes[1, 1].imshow(significance, cmap="RdYlGn_r", vmin=0, vmax=2 * k, **style)
-    axes[1, 1].set_title(f"significance |E|/u_val (above {k:.2f}: not explained, at 95 %)")
+    shade = axes[1, 1].imshow(significance, cmap="cividis_r", vmin=0, vmax=2 * k, **style)
+    axes[1, 1].contour(x * MM, y * MM, np.nan_to_num(significance), [k], colors="black", linewidths=0.8)
+    axes[1, 1].set_title(f"significance |E|/u_val (within the line, above {k:.2f}: not explained, at 95 %)")
     figure.colorbar(shade, ax=axes[1, 1], shrink=0.85, label="|E|/u_val")
     for ax in axes[1]:
         _finger(ax, data, index)

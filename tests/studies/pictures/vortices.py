@@ -5,6 +5,7 @@ import sys
 import matplotlib.pyplot as plt
 import numpy as np
 
+from piv.plots.vectors import COLOUR_MAP
 from piv.vortices.criteria import gamma2, gradients, vorticity
 from piv.vortices.find import find_vortices
 from tests.analytic.piv.tip_scene import tip_scene
@@ -23,7 +24,7 @@ def main(path: str) -> None:
         step = x[1] - x[0]
         omega = vorticity(gradients(u, v, valid, step, step))
         region = np.nan_to_num(np.abs(gamma2(u, v, valid, step, step, 2e-3)))
-        axis.pcolormesh(x * 1e3, y * 1e3, omega, cmap="RdBu_r", vmin=-150, vmax=150)
+        axis.pcolormesh(x * 1e3, y * 1e3, omega, cmap=COLOUR_MAP, vmin=-150, vmax=150)
         axis.contour(x * 1e3, y * 1e3, region, [2 / np.pi], colors="tab:green")
         k = round(2e-3 / step)
         axis.quiver(x[::k] * 1e3, y[::k] * 1e3, u[::k, ::k], v[::k, ::k], scale=8, width=2e-3)

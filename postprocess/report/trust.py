@@ -1,0 +1,72 @@
+"""What a reader must know before a page's numbers are trusted: the level's own error, and what became of the finger's work."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from postprocess.evidence.stage_files import extended_scenes
+from postprocess.report.wording import NBSP
+
+ERRORS = {
+    "error_circulation": "circulation of the tip vortex",
+    "error_centre": "place of the tip vortex (of a tip's width)",
+    "error_velocity": "velocity in the sheet",
+    "error_force": "force on the finger",
+}
+TRIAL = 0.5  # a level whose worst error is larger shows that everything works, and no number of the finger
+
+
+def level_errors(folder: Path, level: str) -> dict[str, Any]:
+    """ERRORS of a level against the finest run, with `scene`, `best` and `error`, the largest; empty where not measured.
+
+    From studies/results/tradeoff.csv of the scene, or of the nearest that it extends.
+    """
+    for scene in extended_scenes(folder):
+        path = scene / "studies" / "results" / "tradeoff.csv"
+        if path.exists():
+            table = pd.read_csv(path, comment="#")
+            flow = table[table["kind"] == "flow"]
+            rows = flow[(flow["run"] == level) & flow["error"].notna()]
+            if len(rows):
+                best = str(flow.loc[flow["cells"].idxmax(), "run"])
+                known = {name: float(rows.iloc[0][name]) for name in (*ERRORS, "error")}
+                return known | {"scene": scene.resolve().name, "best": best}
+    return {}
+
+
+def trial(errors: dict[str, Any], level: str) -> str:
+    """Why a level is for trying out alone; empty where it is not."""
+    if not errors or errors["error"] <= TRIAL:
+        return ""
+    return f"level {level} shows that everything works, its numbers are wrong by up to {100 * errors['error']:.0f}{NBSP}%"
+
+
+def level_sentence(errors: dict[str, Any], scene: str, level: str) -> str:
+    """The level's numerical uncertainty in words."""
+    if not errors:
+        return f"Level {level}: its numerical error was not measured for this scene (make tradeoff SCENE={scene} measures it)."
+    worst = max(ERRORS, key=lambda name: errors[name])
+    per_cent = lambda name: f"{100 * errors[name]:.1f}{NBSP}%"  # noqa: E731
+    rest = ", ".join(f"{words} {per_cent(name)}" for name, words in ERRORS.items() if name != worst)
+    against = (
+        "extrapolated from the level below"
+        if level == errors["best"]
+        else f"against level {errors['best']}, the finest that was run"
+    )
+    return (
+        f"Level {level} errs by {per_cent(worst)} at worst ({ERRORS[worst]}); {rest}: {against},"
+        f" on scene {errors['scene']}."
+    )
+
+
+def power_sentence(balance: dict[str, Any]) -> str:
+    """How much of the finger's work the schemes take, and how much is unexplained, of run.json's `power_balance`."""
+    work = abs(balance["work"]) or 1.0
+    schemes = (balance["taken"]["convection"] + balance["taken"]["coupling"]) / work
+    return (
+        f"Of the finger's work on the water the numerical schemes take {100 * schemes:.0f}{NBSP}%, which the water would not;"
+        f" {100 * abs(balance['unexplained_fraction']):.1f}{NBSP}% is unexplained."
+    )
