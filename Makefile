@@ -1,4 +1,18 @@
 # Soft finger in water: from kinematics to the report. `make help` lists what there is.
+
+# What is given reaches a shell and make's own rules: letters that these would read as more than a name are refused.
+GIVEN  := LEVEL NP HOSTS COLLATED QUIET CASES SLURM ACCURACY BUDGET SCENE STUDY STUDIES NODES MINUTES PARTITION ACCOUNT \
+    RETRIES DOCS DPIV INPUTS CURDIR
+HASH   := \#
+UNSAFE := ' " ` \ ; & | < > * ? ! ~ { } ( ) [ ] $$ $(HASH)
+$(foreach v,$(GIVEN),$(foreach c,$(UNSAFE),$(if $(findstring $c,$(value $v)),$(error \
+    $(if $(filter CURDIR,$v),this folder's path,$v) has the letter $c in it, which a shell reads otherwise; \
+    $(if $(filter CURDIR,$v),move the project to a path,give it) without))))
+$(if $(word 2,$(CURDIR)),$(error this folder's path has a space in it; move the project to a path without))
+DIGITS  = $(subst 0,,$(subst 1,,$(subst 2,,$(subst 3,,$(subst 4,,$(subst 5,,$(subst 6,,$(subst 7,,$(subst 8,,$(subst 9,,$1))))))))))
+$(foreach v,NP NODES MINUTES RETRIES,$(if $(or $(call DIGITS,$($v)),$(filter 0 00,$($v))),$(error \
+    $v=$($v): give a whole number of at least 1)))
+
 LEVEL ?= coarse
 CORES := $(shell nproc 2>/dev/null || echo 1)
 NP    ?= $(shell n=$(CORES); [ $$n -gt 4 ] && n=4; echo $$n)
@@ -17,11 +31,6 @@ MAKEFLAGS += -j$(JOBS)
 SHELL  := /bin/sh
 PY     := .venv/bin/python
 SCENE  ?= single_finger
-SCENES := $(patsubst $(CASES)/%/scene.toml,%,$(wildcard $(CASES)/*/scene.toml))
-# scenes that a comparison with a laboratory made: runs beside the nominal one
-MADE   := $(addprefix $(CASES)/*/out/*/,inputs/* virtual/* lab/*/measured lab/*/measured/out/*/inputs/*)
-RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(wildcard $(addsuffix /scene.toml,$(MADE))))
-ALL    := $(SCENES) $(RUNS)
 READY  := .venv/.ready
 FLAGS  := $(if $(QUIET),--quiet)
 
@@ -31,6 +40,14 @@ include postprocess/lab/compare.mk
 USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs \
     compare compare-measured virtual-lab virtual-lab-study validate convergence clean clean-all bench-piv \
     piv-limits bench-steps stability faults fuzz
+
+# Files of a pattern whose names make and a shell read as they are; a scene's name is no target's either.
+SAFE    = $(shell sh pipeline/names.sh files $(foreach f,$(1),'$(f)'))
+SCENES := $(shell sh pipeline/names.sh scenes $(CASES) $(USER_TARGETS) lab-register lab-sheets study-sheets)
+# scenes that a comparison with a laboratory made: runs beside the nominal one
+MADE   := $(addprefix /out/*/,inputs/* virtual/* lab/*/measured lab/*/measured/out/*/inputs/*)
+RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(call SAFE,$(foreach s,$(SCENES),$(patsubst %,$(CASES)/$s%/scene.toml,$(MADE)))))
+ALL    := $(SCENES) $(RUNS)
 OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS)))
 .SUFFIXES:
 .SECONDARY:
@@ -63,7 +80,7 @@ $(READY): requirements.lock pipeline/setup.sh
 RANKS   = --ranks $(NP) $(if $(HOSTS),--hosts $(HOSTS)) $(if $(COLLATED),--collated)
 THREADS = --threads $(JOBS)
 # what a scene may be made of, before its settings say so
-INHERITED := $(wildcard $(addprefix cases/,*/scene.toml */*.csv */kinematics/* _base _base/* _base/*/*))
+INHERITED := $(call SAFE,$(addprefix cases/,*/scene.toml */*.csv */kinematics/* _base _base/* _base/*/*))
 INHERITED += $(wildcard fileio/formats/*.py) # their versions
 define scene_rules
 .PRECIOUS: $(foreach s,$(STAGES),$(2)/$(FILE.$(s)))
@@ -71,7 +88,7 @@ $(2)/settings/.stamp: $(INHERITED) $(CASES)/$(1)/scene.toml | $(READY)
 	@$(PY) -m pipeline settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/settings/%.json $(2)/settings/%.format: $(2)/settings/.stamp
 	@[ -e $$@ ] || $(PY) -m pipeline settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
-$(2)/$(FILE.compare): $(wildcard $(CASES)/$(1)/reference/*)
+$(2)/$(FILE.compare): $(call SAFE,$(CASES)/$(1)/reference/*)
 $(foreach g,$(GROUPS),$(1).$(g): $(addprefix $(1).,$(OF.$(g))))
 endef
 define stage_rules
@@ -151,8 +168,10 @@ $(STUDY_READY): requirements-study.lock | $(READY)
 	.venv-study/bin/python -m pip install -q --disable-pip-version-check --require-hashes -r requirements-study.lock
 	@touch $@
 
+ifneq ($(filter study,$(MAKECMDGOALS)),)
+$(if $(wildcard $(STUDY)),,$(error STUDY=$(STUDY): no such file; give a table: make study STUDY=cases/single_finger/studies/tradeoff.csv))
+endif
 study: $(STUDY_READY) ## the runs of a table: make study STUDY=my_table.csv [SCENE=..] [STUDIES="some runs"] [SLURM=1]
-	$(if $(STUDY),,$(error give the table: make study STUDY=cases/single_finger/studies/tradeoff.csv))
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=$(STUDY) $(ONLY) \
 	    $(if $(filter command line,$(origin SCENE)),scene=cases/$(SCENE))
 

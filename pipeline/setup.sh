@@ -4,6 +4,8 @@
 set -eu
 cd "$(dirname "$0")/.."
 
+trap 'echo "setup: interrupted; run make setup again: it goes on" >&2; exit 130' INT
+
 as_root() {
     if [ "$(id -u)" = 0 ]; then DEBIAN_FRONTEND=noninteractive "$@"
     elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then sudo -n env DEBIAN_FRONTEND=noninteractive "$@"
@@ -41,7 +43,12 @@ if [ ! -x .venv/bin/python ] || ! cmp -s requirements.lock .venv/requirements.lo
         install python3-venv
         "$python" -m venv .venv
     fi
-    .venv/bin/python -m pip install -q --disable-pip-version-check --require-hashes -r requirements.lock
+    .venv/bin/python -m pip install -q --disable-pip-version-check --retries 1 --timeout 15 --require-hashes \
+        -r requirements.lock >.setup.log 2>&1 || {
+        grep -E '^ERROR' .setup.log | tail -n 1 >&2
+        echo "setup: cannot install the Python packages; with a network to fetch them from, run make setup again" >&2
+        exit 1
+    }
     cp requirements.lock .venv/requirements.lock
 fi
 

@@ -147,7 +147,8 @@ def _works_in(process: Path, project: Path) -> bool:
 def complaints(text: str) -> list[str]:
     """Lines of a make's output that a stage has written: `<stage>: sentence`; make's own and progress left out."""
     stages = "|".join(["settings", "piv \\w+", *BY_NAME])
-    return [line for line in text.splitlines() if re.match(rf"({stages}): ", line)]
+    made = r"Makefile:\d+: \*\*\* .*  Stop\.$"  # make itself refuses
+    return [line for line in text.splitlines() if re.match(rf"({stages}): |{made}", line)]
 
 
 def difference(one: Path, other: Path) -> str | None:
