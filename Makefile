@@ -9,7 +9,8 @@ $(foreach v,$(GIVEN),$(foreach c,$(UNSAFE),$(if $(findstring $c,$(value $v)),$(e
     $(if $(filter CURDIR,$v),this folder's path,$v) has the letter $c in it, which a shell reads otherwise; \
     $(if $(filter CURDIR,$v),move the project to a path,give it) without))))
 $(if $(word 2,$(CURDIR)),$(error this folder's path has a space in it; move the project to a path without))
-DIGITS  = $(subst 0,,$(subst 1,,$(subst 2,,$(subst 3,,$(subst 4,,$(subst 5,,$(subst 6,,$(subst 7,,$(subst 8,,$(subst 9,,$1))))))))))
+OTHER   = $(subst 0,,$(subst 1,,$(subst 2,,$(subst 3,,$(subst 4,,$(subst 5,,$(subst 6,,$(subst 7,,$1))))))))
+DIGITS  = $(subst 8,,$(subst 9,,$(call OTHER,$1)))
 $(foreach v,NP NODES MINUTES RETRIES,$(if $(or $(call DIGITS,$($v)),$(filter 0 00,$($v))),$(error \
     $v=$($v): give a whole number of at least 1)))
 
@@ -46,7 +47,8 @@ SAFE    = $(shell sh pipeline/names.sh files $(foreach f,$(1),'$(f)'))
 SCENES := $(shell sh pipeline/names.sh scenes $(CASES) $(USER_TARGETS) lab-register lab-sheets study-sheets)
 # scenes that a comparison with a laboratory made: runs beside the nominal one
 MADE   := $(addprefix /out/*/,inputs/* virtual/* lab/*/measured lab/*/measured/out/*/inputs/*)
-RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(call SAFE,$(foreach s,$(SCENES),$(patsubst %,$(CASES)/$s%/scene.toml,$(MADE)))))
+MADE   := $(foreach s,$(SCENES),$(patsubst %,$(CASES)/$s%/scene.toml,$(MADE)))
+RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(call SAFE,$(MADE)))
 ALL    := $(SCENES) $(RUNS)
 OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS)))
 .SUFFIXES:
@@ -169,7 +171,8 @@ $(STUDY_READY): requirements-study.lock | $(READY)
 	@touch $@
 
 ifneq ($(filter study,$(MAKECMDGOALS)),)
-$(if $(wildcard $(STUDY)),,$(error STUDY=$(STUDY): no such file; give a table: make study STUDY=cases/single_finger/studies/tradeoff.csv))
+$(if $(wildcard $(STUDY)),,$(error \
+    STUDY=$(STUDY): no such file; give a table: make study STUDY=cases/single_finger/studies/tradeoff.csv))
 endif
 study: $(STUDY_READY) ## the runs of a table: make study STUDY=my_table.csv [SCENE=..] [STUDIES="some runs"] [SLURM=1]
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=$(STUDY) $(ONLY) \
