@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,6 +21,11 @@ MAX_CONTINUITY = 1e-2  # sum of the local errors per step; a sound run has 1e-5 
 MAX_PRESSURE_ITERATIONS = 1000  # OpenFOAM's own limit for one solution
 UNSOLVED_STEPS = 5  # steps in a row whose pressure does not converge
 SILENCE = 900.0  # s without a line from the solver
+LONG_STEP = (
+    60.0,
+    50.0,
+)  # s, and times the median of those before: a time step that takes longer than both does not end
+FIRST_STEP = 3600.0  # s: the longest first step, which has none before it
 
 FINER = "lower numerics.time_step or refine the mesh"
 
@@ -87,13 +93,18 @@ def guard_of(out: Path, interval: Interval, steps: Steps, max_courant: float, de
 
 
 class Watchdog:
-    """Calls `on_silence` once when `reset` was not called for `limit` s of a machine that is awake."""
+    """Calls `stop` once when the solver is silent for `limit` s of a machine that is awake, or a time step does not end.
+
+    `cause` then says which.
+    """
 
     TICK = 5.0  # s; a sleep that lasts much longer was the machine's or the job's, not the solver's
 
-    def __init__(self, limit: float, on_silence: Callable[[], None]) -> None:
-        self.limit, self.on_silence, self.expired = limit, on_silence, False
-        self._quiet = 0.0
+    def __init__(self, limit: float, stop: Callable[[], None]) -> None:
+        self.limit, self.stop = limit, stop
+        self.cause: str | None = None
+        self._quiet = self._step = 0.0
+        self._steps: deque[float] = deque(maxlen=101)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
@@ -101,14 +112,32 @@ class Watchdog:
         """The solver has written a line."""
         self._quiet = 0.0
 
+    def advance(self) -> None:
+        """The solver has begun another time step."""
+        self._steps.append(self._step)
+        self._step = 0.0
+
+    def longest_step(self) -> float:
+        """How long (s) this time step may take."""
+        least, factor = LONG_STEP
+        return max(least, factor * float(np.median(list(self._steps)))) if self._steps else FIRST_STEP
+
+    def check(self, passed: float) -> str | None:
+        """What is wrong once another `passed` s have gone by, else None."""
+        self._quiet += passed
+        self._step += passed
+        if self._quiet > self.limit:
+            return f"the solver has written nothing for {self.limit / 60:g} minutes"
+        if self._step > self.longest_step():
+            return f"a time step has taken {self._step:.0f} s and has not ended, longer than {LONG_STEP[1]:g} others"
+        return None
+
     def _watch(self) -> None:
         tick = min(self.TICK, self.limit / 4)
-        while not self._over.wait(tick):
-            self._quiet += tick
-            if self._quiet > self.limit:
-                self.expired = True
-                self.on_silence()
-                return
+        while self.cause is None and not self._over.wait(tick):
+            self.cause = self.check(tick)
+        if self.cause:
+            self.stop()
 
     def __enter__(self) -> Watchdog:
         self._thread.start()

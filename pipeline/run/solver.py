@@ -26,6 +26,7 @@ from pipeline.run.guards import FINER, SILENCE, Guard, Watchdog
 
 LOG = "log.pimpleFoam"
 PROGRESS = "progress.json"  # cost of the interval so far, and whether it has ended
+OUTSIDE = signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGXCPU
 NOTE_EVERY = 10.0  # s between notes of the time spent, for a run that is killed
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
 
@@ -115,6 +116,7 @@ def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar:
                     if line.startswith("ExecutionTime"):
                         cpu = ranks.count * float(line.split()[2])
                     if line.startswith("Time = "):
+                        watchdog.advance()
                         if time.monotonic() - noted > NOTE_EVERY:
                             noted = time.monotonic()
                             note()
@@ -126,11 +128,11 @@ def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar:
                 ranks.withdraw(case)
                 note()
     code = process.wait()
-    if watchdog.expired:
-        guard.remedy = "check the machine, then run make again to resume"
-        raise stopped(f"the solver has written nothing for {SILENCE / 60:g} minutes")
+    if watchdog.cause:
+        guard.remedy = "check the machine and numerics, then run make again to resume"
+        raise stopped(watchdog.cause)
     if code != 0:
-        raise failed(case, guard)
+        raise failed(case, guard, code)
     # of a flow without a body nothing is sampled, and no energy guarded (tests/studies/validation)
     sampled = force_times(case)[-1] * (1 + 1e-6) if guard.energy else interval.end
     until = min(sampled, first_damaged(case))
@@ -148,8 +150,15 @@ def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar:
     note(ended=True)
 
 
-def failed(case: Path, guard: Guard) -> StageError:
-    """The error for a solver that ended by itself: numbers that overflowed are a run gone wrong, not a defect.
+def killed_by(code: int, tail: str) -> signal.Signals | None:
+    """The signal from outside that ended a solver of this exit code, or one of its ranks, as the `tail` of the log tells."""
+    rank = re.search(r"exited on signal (\d+)", tail)
+    number = -code if code < 0 else int(rank[1]) if rank else code - 128
+    return next((kind for kind in OUTSIDE if kind == number), None)
+
+
+def failed(case: Path, guard: Guard, code: int) -> StageError:
+    """The error for a solver that ended with an exit `code`: numbers that overflowed are a run gone wrong, not a defect.
 
     OSError where its disk is full.
     """
@@ -159,6 +168,11 @@ def failed(case: Path, guard: Guard) -> StageError:
     if re.search(r"Floating point exception|sigFpe|SIGFPE|signal 8", tail):
         return StageError(
             f"stopped at {guard.time:g} s: the solver's numbers overflowed; the fields are kept in {case}: {FINER}"
+        )
+    if kind := killed_by(code, tail):
+        memory = ", as where the memory is used up" if kind == signal.SIGKILL else ""
+        return StageError(
+            f"pimpleFoam was killed at {guard.time:g} s by {kind.name}{memory}; run make again: it resumes from its last checkpoint"
         )
     return StageError(f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{tail}")
 

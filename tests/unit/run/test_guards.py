@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from fileio.errors import StageError
 from pipeline.run.energy import ENERGY_TOLERANCE, HALVE, Budget, EnergyGuard, energy_budget
 from pipeline.run.guards import Guard, Watchdog
+from pipeline.run.solver import LOG, failed
 from pipeline.scene.limits import check_courant
 from pipeline.scene.predicted import estimated_cells
 from pipeline.scene.scene import load_scene
@@ -202,9 +203,9 @@ def test_the_watchdog_acts_once_when_nothing_is_written():
         for _ in range(6):
             time.sleep(0.02)
             dog.reset()
-        assert not dog.expired
+        assert dog.cause is None
         deadline = time.monotonic() + 20
-        while not dog.expired and time.monotonic() < deadline:
+        while dog.cause is None and time.monotonic() < deadline:
             time.sleep(0.05)
     assert heard == [1]
 
@@ -271,3 +272,50 @@ def test_the_estimate_of_the_cells_is_of_the_right_size(tmp_path):
     shipped = ROOT / "cases" / "single_finger"
     assert 3054 / 3 < estimated_cells(load_scene(shipped, "smoke")) < 3 * 3054
     assert 6.3e4 / 3 < estimated_cells(load_scene(shipped, "coarse")) < 3 * 6.3e4
+
+
+def test_a_time_step_that_does_not_end_stops_the_run():
+    """Lines come for ever, as with a billion outer correctors: silence alone is no measure."""
+    watchdog = Watchdog(900.0, lambda: None)
+    for _ in range(10):
+        assert watchdog.check(2.0) is None
+        watchdog.reset()
+        watchdog.advance()
+    for _ in range(50):  # steps of 2 s: 100 s are 50 times the median
+        watchdog.reset()
+        assert watchdog.check(2.0) is None
+    watchdog.reset()
+    assert watchdog.check(2.0) == "a time step has taken 102 s and has not ended, longer than 50 others"
+
+
+def test_a_step_of_less_than_a_minute_is_never_too_long():
+    watchdog = Watchdog(900.0, lambda: None)
+    watchdog.advance()  # in no time
+    assert watchdog.check(59.0) is None
+    assert watchdog.check(2.0) is not None
+
+
+def test_the_first_step_has_an_hour():
+    watchdog = Watchdog(1e9, lambda: None)
+    assert watchdog.check(3599.0) is None
+    assert watchdog.check(2.0) is not None
+
+
+@pytest.mark.parametrize(
+    "code, tail, name",
+    [
+        (-9, "", "SIGKILL"),
+        (-15, "", "SIGTERM"),
+        (137, "mpirun noticed that process rank 1 exited on signal 9 (Killed).", "SIGKILL"),
+        (1, "FOAM FATAL ERROR", None),
+        (134, "", None),
+    ],
+)
+def test_a_killed_solver_is_told_with_its_signal(tmp_path, code, tail, name):
+    (tmp_path / LOG).write_text(tail)
+    said = str(failed(tmp_path, Guard(20.0), code))
+    if name:
+        assert f"pimpleFoam was killed at 0 s by {name}" in said
+        assert "run make again" in said
+    else:
+        assert "its last lines" in said
