@@ -151,10 +151,13 @@ piv-limits: $(READY) ## PIV where it becomes worse, and on flows that served no 
 
 faults: $(READY) ## kills, full disks, damaged files, two makes at once: docs/stability
 	$(PY) -m tests.studies.faults
+	+$(MAKE) --no-print-directory LEVEL=smoke single_finger.report
+	$(PY) -m tests.studies.faults.damaged cases/single_finger --level smoke --table docs/stability/damaged.csv
 	$(PY) -m tests.studies.stability.page
 
 fuzz: $(READY) ## damaged files for every reader, with atheris where it is installed: docs/stability
 	$(PY) -m tests.studies.fuzz --table docs/stability/fuzz.csv
+	$(PY) -m tests.studies.fuzz.scenes --table docs/stability/scenes.csv
 	$(PY) -m tests.studies.stability.page
 
 # scene:level of each page, and the scene it is compared with, run first. One after the other: each takes all ranks.

@@ -14,6 +14,7 @@ import matplotlib.pyplot as plt
 from matplotlib.patches import Patch
 
 from fileio.atomic import whole, write_text
+from tests.damage import WAYS
 
 COLOURS = {
     "completed": "#4c9f70",
@@ -184,6 +185,24 @@ def faults_part(docs: Path) -> list[str]:
             "## Fuzz of the readers (`make fuzz`)\n",
             f"{total} damaged files in {len(fuzz)} readers, {broken} faults: each other was read or refused with one sentence. By"
             " reader: [fuzz.csv](stability/fuzz.csv).\n",
+        ]  # fmt: skip
+    _, scenes = read_rows(docs / "stability" / "scenes.csv")
+    if scenes:
+        counts = {row["outcome"]: int(row["scenes"]) for row in scenes}
+        text += [
+            "## Drawn scenes (`make fuzz`)\n",
+            f"{sum(counts.values())} scenes with one to three numbers drawn from the models' own types, at the edges of what is"
+            f" allowed and far outside, at level smoke: {', '.join(f'{n} {kind}' for kind, n in counts.items())}; none ended in a"
+            " traceback, and none took ten seconds of CPU time to be judged.\n",
+        ]  # fmt: skip
+    _, damaged = read_rows(docs / "stability" / "damaged.csv")
+    if damaged:
+        ways, refused = (sum(int(row[key]) for row in damaged) for key in ("ways", "refused"))
+        text += [
+            "## Damaged inputs (`make faults`)\n",
+            f"Every input of every stage of a finished run, each damaged in {damaged[0]['ways']} ways ({', '.join(WAYS)}): {refused}"
+            f" of {ways} were refused in one sentence that names the file; none was used. By stage and input:"
+            " [damaged.csv](stability/damaged.csv).\n",
         ]  # fmt: skip
     return text
 

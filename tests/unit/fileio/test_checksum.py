@@ -11,7 +11,7 @@ from fileio.atomic import checksum_file
 from fileio.checksum import check_whole, write_checksums
 from fileio.errors import sentence
 from fileio.formats.kinematics import read_kinematics
-from fileio.formats.mesh_intervals import read_intervals
+from fileio.formats.mesh_intervals import read_intervals, read_planforms
 from fileio.formats.plane_series import make_plane, read_plane, write_plane
 from fileio.formats.recording import RecordingWriter, open_recording_file
 from fileio.formats.records import FORCES, RUN
@@ -72,6 +72,20 @@ def test_what_is_damaged_is_refused_in_one_sentence(written, tmp_path, name, way
     assert "\n" not in told
     assert str(tmp_path / name) in told
     assert "delete it and run make again" in told
+
+
+@pytest.mark.parametrize(
+    "way", ["empty", "cut in half", "noise", "another format", "version 99", "a part taken out", "NaN"]
+)
+@pytest.mark.parametrize("name", ["kinematics.h5", "planform.h5"])
+def test_the_schema_refuses_most_without_a_checksum_too(written, tmp_path, name, way):
+    """As after a kill between a file and its checksum, and of files that were made before there were any."""
+    readers = {"kinematics.h5": read_kinematics, "planform.h5": read_planforms}
+    shutil.copy(written / name, tmp_path / name)
+    damage(tmp_path / name, way)
+    with pytest.raises((ValueError, OSError)) as caught:
+        readers[name](tmp_path / name)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_file_that_is_written_anew_loses_the_checksum_of_the_old_one(written, tmp_path):

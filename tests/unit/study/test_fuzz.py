@@ -6,6 +6,7 @@ import pytest
 
 from fileio.child_process import check_walkable
 from tests.studies.fuzz.mutate import damaged
+from tests.studies.fuzz.scenes import count_outcomes
 from tests.studies.fuzz.targets import TARGETS, check, named
 
 INPUTS = 30
@@ -43,3 +44,10 @@ def test_a_file_that_the_library_never_gets_through_is_refused(tmp_path, monkeyp
     monkeypatch.setattr(child_process, "WALK_LIMIT", 1)
     with pytest.raises(ValueError, match=r"a\.h5: damaged"):
         check_walkable(tmp_path / "a.h5")
+
+
+def test_drawn_scenes_are_accepted_and_sane_or_refused_in_one_sentence():
+    """The same forty each time; `make fuzz` draws two thousand."""
+    found = count_outcomes(40)
+    assert found["refused"] > 10
+    assert found["accepted"] + found["warned"] > 3
