@@ -18,8 +18,8 @@ from piv.view.scene import Scene
 
 ARROW = 1.6  # grid steps that the 99th percentile of speed is drawn long
 HELP = (
-    "Step with the slider. Click a vector for its numbers. Polygon tool: double-click begins and ends a mask, Backspace "
-    "removes it; box tool: Shift and drag draws the region. A mask that moves: draw it, keep it at this frame, step on, move its "
+    "Step with the slider. Click a vector for its numbers. Polygon tool: hold the button down for half a second to begin "
+    "a mask, click its corners, hold again to end it; Backspace removes the one that is selected. Box tool: Shift and drag draws the region. A mask that moves: draw it, keep it at this frame, step on, move its "
     "corners with the polygon edit tool, keep it again."
 )
 

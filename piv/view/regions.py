@@ -29,7 +29,7 @@ def write_regions(
     for k in range(numbers.pop() if numbers else 0):
         corners = [kept[f][k] for f in frames]
         if any(len(c) < 3 for c in corners):
-            raise ValueError("a polygon needs at least 3 corners; double-click ends it")
+            raise ValueError("a polygon needs at least 3 corners")
         if len({len(c) for c in corners}) > 1:
             raise ValueError(
                 f"polygon {k + 1} has not the same number of corners at each frame; move its corners instead"
