@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         required=True,
-        help=".h5, .nc (pivpy), .csv, .vti, .txt (OpenPIV), .dat (Tecplot)",
+        help=".h5, .nc (pivpy), .csv, .vti, .txt (OpenPIV), .dat (Tecplot), .vc7 (DaVis)",
     )
     parser.add_argument(
         "--from",

@@ -47,5 +47,9 @@ def run(args: argparse.Namespace) -> None:
     with read_plane(args.output) as found:
         print(f"{args.output}: {', '.join(args.quantities)}; {summary(found)}")
     if known:
-        far = f"over {length:.3g} {unit}" if length else "not at all"
-        print(f"uncertainties: errors of u and v independent, those of neighbours correlated {far}")
+        far = (
+            f"correlated over {length:.3g} {unit}"
+            if length
+            else "too, for how they go together is not known: --correlation-length"
+        )
+        print(f"uncertainties: errors of u and v taken as independent, those of neighbours {far}")

@@ -15,12 +15,13 @@ import xarray as xr
 from fileio.atomic import whole, write_text
 from fileio.formats.plane_series import SCHEMA, check_plane, write_plane
 from fileio.hdf5 import whole_netcdf
+from piv.foreign.davis import write_buffer
 
 
 def write_vectors(plane: xr.Dataset, path: str | Path) -> list[Path]:
-    """Write by suffix: .h5 (plane series), .nc (pivpy's layout), .csv, .vti (+ .pvd), .txt (OpenPIV), .dat (Tecplot).
+    """Write by suffix: .h5 (plane series), .nc (pivpy's layout), .csv, .vti (+ .pvd), .txt (OpenPIV), .dat (Tecplot), .vc7 (DaVis).
 
-    The last three write one file per instant, numbered where there are several. Returns the files.
+    The last four write one file per instant, numbered where there are several. Returns the files.
     """
     path = Path(path)
     check_plane(plane)
@@ -29,7 +30,7 @@ def write_vectors(plane: xr.Dataset, path: str | Path) -> list[Path]:
     if suffix in single:
         single[suffix](plane, path)
         return [path]
-    many = {".vti": _vti, ".txt": _openpiv, ".dat": _tecplot}
+    many = {".vti": _vti, ".txt": _openpiv, ".dat": _tecplot, ".vc7": None}
     if suffix not in many:
         raise ValueError(f"{path}: cannot write {suffix!r}; known are {' '.join([*single, *many])}")
     frames = _instants(plane)
@@ -39,7 +40,11 @@ def write_vectors(plane: xr.Dataset, path: str | Path) -> list[Path]:
         for k in range(len(frames))
     ]
     for name, (_, frame) in zip(names, frames, strict=True):
-        write_text(name, many[suffix](frame))
+        to_text = many[suffix]
+        if to_text is None:
+            write_buffer(frame, name)
+        else:
+            write_text(name, to_text(frame))
     if suffix == ".vti" and len(frames) > 1:
         names.append(_write_pvd(path.with_suffix(".pvd"), names, [t for t, _ in frames]))
     return names

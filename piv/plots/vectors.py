@@ -19,6 +19,7 @@ logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)  # warns of
 # Blue-white-orange, told apart by every kind of colour vision (ColorBrewer's PuOr, reversed so that blue is negative).
 COLOUR_MAP = "PuOr_r"
 WIDTH_IN = 6.7
+NEVER_NEGATIVE = ("u_rms", "v_rms", "uu", "vv", "uu_noise", "vv_noise", "strain", "correlation", "n")
 ARROWS_ACROSS = 42  # more cannot be read on a printed column
 
 
@@ -60,7 +61,7 @@ def vorticity_scale(planes: xr.Dataset, name: str = "vorticity") -> float:
 
 def shaded(plane: xr.Dataset, name: str) -> np.ndarray:
     """What a picture is coloured by: a variable of the plane, or its vorticity; ValueError where it has no such variable."""
-    if name == "vorticity":
+    if name == "vorticity" and name not in plane:
         return vorticity(plane)
     if name not in plane or plane[name].dims[-2:] != ("y", "x"):
         known = [str(n) for n, v in plane.data_vars.items() if v.dims[-2:] == ("y", "x")]
@@ -90,8 +91,10 @@ def draw(
         half_x, half_y = (x[1] - x[0]) / 2, (y[1] - y[0]) / 2
         extent = (x[0] - half_x, x[-1] + half_x, y[0] - half_y, y[-1] + half_y)
         axes.set_facecolor("0.82")  # absent vectors are grey, not the white of zero vorticity
-        picture = axes.imshow(omega, COLOUR_MAP, origin="lower", extent=extent, interpolation="nearest")
-        picture.set_clim(-limit, limit)
+        never_negative = style.colour_by in NEVER_NEGATIVE or style.colour_by.endswith("_std")
+        colours = "viridis" if never_negative else COLOUR_MAP
+        picture = axes.imshow(omega, colours, origin="lower", extent=extent, interpolation="nearest")
+        picture.set_clim(0 if never_negative else -limit, limit)
         step = style.arrow_every or max(1, round(max(x.size, y.size) / ARROWS_ACROSS))
         cut = (slice(step // 2, None, step), slice(step // 2, None, step))
         ok = plane["valid"].values[cut] != 0
@@ -118,7 +121,9 @@ def draw(
         if not title and "time" in plane.coords and plane["time"].ndim == 0:
             title = f"$t$ = {float(plane['time']):.3f} {plane['time'].attrs.get('units', 's')}"
         axes.set_title(title, loc="left", fontsize=9)
-        bar = figure.colorbar(picture, ax=axes, shrink=0.85, pad=0.02, extend="both")
+        bar = figure.colorbar(
+            picture, ax=axes, shrink=0.85, pad=0.02, extend="max" if never_negative else "both"
+        )
         bar.set_label(label)
     return figure
 
