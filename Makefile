@@ -40,7 +40,7 @@ include postprocess/lab/compare.mk
 
 USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs \
     compare compare-measured virtual-lab virtual-lab-study validate convergence clean clean-all bench-piv \
-    piv-limits bench-steps stability faults fuzz
+    piv-limits bench-steps stability faults fuzz scene-reference
 
 # Files of a pattern whose names make and a shell read as they are; a scene's name is no target's either.
 SAFE    = $(shell sh pipeline/names.sh files $(foreach f,$(1),'$(f)'))
@@ -159,6 +159,10 @@ fuzz: $(READY) ## damaged files for every reader, with atheris where it is insta
 	$(PY) -m tests.studies.fuzz --table docs/stability/fuzz.csv
 	$(PY) -m tests.studies.fuzz.scenes --table docs/stability/scenes.csv
 	$(PY) -m tests.studies.stability.page
+
+scene-reference: $(READY) ## every key of scene.toml and dpiv.toml, in docs/ (--template: a file to start from)
+	$(PY) -m pipeline scene-reference
+	$(PY) -m postprocess dpiv-reference
 
 # scene:level of each page, and the scene it is compared with, run first. One after the other: each takes all ranks.
 DOCS ?= single_finger:coarse single_deflate:coarse cycle:coarse pinch:medium:single_finger

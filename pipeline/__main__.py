@@ -29,6 +29,7 @@ TOOLS: Commands = {
     "predict": ("how long a run takes on n ranks, and how many ranks pay", "pipeline.study.predict"),
     "choose": ("the cheapest setting measured to reach an accuracy", "pipeline.study.ask_accuracy"),
     "speed": ("how fast this machine is now", "pipeline.study.machine_speed"),
+    "scene-reference": ("write docs/scene_reference.md: every key of a scene", "pipeline.scene_reference"),
     "fea-studies": ("pages of the bending analysis' studies", "pipeline.fea.studies.studies"),
 }
 

@@ -9,6 +9,10 @@ from fileio.command import Commands, command_line
 COMMANDS: Commands = {
     "table": ("a study's runs as one table", "postprocess.studies.table"),
     "judge": ("a study's runs by their scene's findings", "postprocess.studies.judge"),
+    "dpiv-reference": (
+        "write docs/dpiv_reference.md: every key of dpiv.toml",
+        "postprocess.lab.data.dpiv_reference",
+    ),
     "tradeoff": ("what accuracy costs", "postprocess.studies.tradeoff"),
     "docs-page": ("a run's page in docs/", "postprocess.report.docs_page"),
 }

@@ -11,11 +11,13 @@ from pipeline.scene.section import validation_sentence
 
 
 def sections(scene: Scene) -> tuple[Actuator, Fea]:
-    """What a scene says of its actuator and its analysis; StageError naming the first key that is wrong."""
+    """What a scene says of its actuator and its analysis; StageError naming all keys that are wrong."""
     section = "actuator"
     try:
         actuator = Actuator(**scene.actuator)
         section = "fea"
         return actuator, Fea(**scene.fea)
     except ValidationError as error:
-        raise StageError(f"{scene.folder / 'scene.toml'}: {validation_sentence(error, section)}") from None
+        raise StageError(
+            f"{scene.folder / 'scene.toml'}: {validation_sentence(error, Fea if section == 'fea' else Actuator, section)}"
+        ) from None

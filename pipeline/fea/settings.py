@@ -16,17 +16,22 @@ Count = Annotated[int, Field(ge=1)]
 
 
 class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class Material(_Frozen):
     """A nearly incompressible hyperelastic law by its FElupe name, its parameters and its bulk modulus (Pa)."""
 
     law: str
-    parameters: dict[str, float | list[float]]  # as FElupe names them; stresses in Pa
+    """Name of a hyperelastic law of FElupe"""
+    parameters: dict[str, float | list[float]]
+    """Of the law by FElupe's names, stresses [Pa]"""
     bulk: Positive
-    density: Positive = 1080.0  # kg/m³: Dragon Skin 30, by its data sheet
+    """Bulk modulus [Pa]"""
+    density: Positive = 1080.0
+    """Of the rubber; that of Dragon Skin 30 by its data sheet [kg/m³]"""
     name: str = ""
+    """For people"""
 
     def number(self, key: str) -> float:
         """A parameter that is one number; raises ValueError."""
@@ -38,25 +43,40 @@ class Material(_Frozen):
 
 class Materials(_Frozen):
     upper: Material
+    """Of the chambers"""
     lower: Material
+    """Of the base layer"""
 
 
 class Actuator(_Frozen):
     """Geometry of the bidirectional actuator (paper, Fig. 2), in m; the names are the paper's where it has one."""
 
-    chambers: Count  # n
-    wedge_deg: Annotated[float, Field(ge=0, le=45)]  # θ
-    width: Length  # W, outer
-    h1: Length  # height of the cavity
-    h2: Length  # height of the cavity's rectangular bottom
-    l1: Length  # wall between a cavity and the gap
-    l2: Length  # length of the cavity
-    gap: Length  # between the outer walls of neighbouring chambers
-    b1: Length  # side wall
-    b2: Length  # base layer
-    roof: Length  # above the cavity and above the air channel; not given by the paper
-    channel: Length  # height of the air channel between chambers; not given by the paper
+    chambers: Count
+    """n, number of chambers"""
+    wedge_deg: Annotated[float, Field(ge=0, le=45)]
+    """θ, of the chambers' upper part [deg]"""
+    width: Length
+    """W, outer [m]"""
+    h1: Length
+    """Height of the cavity [m]"""
+    h2: Length
+    """Height of the cavity's rectangular bottom [m]"""
+    l1: Length
+    """Wall between a cavity and the gap [m]"""
+    l2: Length
+    """Length of the cavity [m]"""
+    gap: Length
+    """Between the outer walls of neighbouring chambers [m]"""
+    b1: Length
+    """Side wall [m]"""
+    b2: Length
+    """Base layer [m]"""
+    roof: Length
+    """Above the cavity and above the air channel; not given by the paper [m]"""
+    channel: Length
+    """Height of the air channel between chambers; not given by the paper [m]"""
     materials: Materials
+    """Of the two layers"""
 
     @model_validator(mode="after")
     def _sensible(self) -> Actuator:
@@ -92,14 +112,22 @@ class Actuator(_Frozen):
 class UnitCellMesh(_Frozen):
     """Numbers of second-order elements of the unit cell over each dimension."""
 
-    cavity: Count = 2  # half the cavity's length
-    wall: Count = 1  # l1, b1 and roof
-    gap: Count = 1  # half the gap
-    base: Count = 1  # b2
-    bridge: Count = 1  # air channel and its roof
-    side: Count = 2  # from the bridge up to h2
-    wedge: Count = 1  # from h2 up to h1
-    span: Count = 3  # half the cavity's width
+    cavity: Count = 2
+    """Elements over half the cavity's length"""
+    wall: Count = 1
+    """Elements over l1, b1 and roof"""
+    gap: Count = 1
+    """Elements over half the gap"""
+    base: Count = 1
+    """Elements over b2"""
+    bridge: Count = 1
+    """Elements over the air channel and its roof"""
+    side: Count = 2
+    """Elements from the bridge up to h2"""
+    wedge: Count = 1
+    """Elements from h2 up to h1"""
+    span: Count = 3
+    """Elements over half the cavity's width"""
 
     def refined(self, factor: float) -> UnitCellMesh:
         """The same with every number of elements multiplied."""
@@ -110,8 +138,11 @@ class SolidMesh(UnitCellMesh):
     """The same of the whole finger in 3-D; the cavity and the gap over all their length."""
 
     side: Count = 1
+    """Elements from the bridge up to h2"""
     wedge: Count = 2
+    """Elements from h2 up to h1"""
     span: Count = 4
+    """Elements over half the cavity's width"""
 
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
@@ -120,18 +151,30 @@ Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 class Import(_Frozen):
     """Where the user's own results are, and how their frame and unit relate to the actuator's frame (docs/fea.md)."""
 
-    file: Path  # .csv, .pvd, .vtu, .xdmf, .inp or .frd, relative to the case
-    displacements: Path | None = None  # the CSV that goes with an .inp
+    file: Path
+    """.csv, .pvd, .vtu, .xdmf, .inp or .frd, relative to the scene"""
+    displacements: Path | None = None
+    """The CSV that goes with an .inp"""
     unit: Literal["m", "mm"] = "m"
-    along: Axis = "x"  # from the root to the tip
-    ventral: Axis = "y"  # from the chambers to the lower layer
-    sheet: float = 0.0  # m; the plane across in which the profile is taken
-    node_set: str | None = None  # nodes of the profile, where the model names them
-    displacement_field: str = "displacement"  # its name in a .vtu or .xdmf
-    pressures_kpa: list[float] | None = None  # one for each state, where the file has none
-    kpa_per_time: float = 1.0  # else pressure = kpa_per_time × the time of the analysis
-    thickness: Length | None = None  # of profiles that come without
-    pitch: Length | None = None  # of the chambers, to smooth their ripple
+    """Of the file's lengths"""
+    along: Axis = "x"
+    """Axis from the root to the tip"""
+    ventral: Axis = "y"
+    """Axis from the chambers to the lower layer"""
+    sheet: float = 0.0
+    """The plane across in which the profile is taken [m]"""
+    node_set: str | None = None
+    """Nodes of the profile, where the model names them"""
+    displacement_field: str = "displacement"
+    """Its name in a .vtu or .xdmf"""
+    pressures_kpa: list[float] | None = None
+    """One for each state, where the file has none [kPa]"""
+    kpa_per_time: float = 1.0
+    """Else pressure = kpa_per_time × the time of the analysis [kPa]"""
+    thickness: Length | None = None
+    """Of profiles that come without [m]"""
+    pitch: Length | None = None
+    """Of the chambers, to smooth their ripple [m]"""
 
     @property
     def metres_per_unit(self) -> float:
@@ -142,15 +185,25 @@ class Fea(_Frozen):
     """How the analysis is run."""
 
     engine: Literal["unit_cell", "calculix", "import"] = "unit_cell"
+    """How bending is found"""
     first_pressure_kpa: Annotated[float, Field(ge=-90, le=500)] = -40.0
+    """Of the states [kPa]"""
     last_pressure_kpa: Annotated[float, Field(ge=-90, le=500)] = 40.0
+    """Of the states [kPa]"""
     pressure_step_kpa: Positive = 1.0
+    """Between states [kPa]"""
     mesh: UnitCellMesh = UnitCellMesh()
+    """Elements of the unit cell"""
     solid_mesh: SolidMesh = SolidMesh()
-    results: Import | None = None  # section [fea.results], for engine = "import"
-    uncertainty: bool = True  # of R, from what is not known of the actuator: six more analyses
-    under_load: bool = True  # whether the states say how the finger bends under a moment, and what it weighs
-    partial: bool = False  # whether the states that converge are kept where others do not
+    """Elements of the whole finger in 3-D"""
+    results: Import | None = None
+    """The user's own results, for engine = "import" """
+    uncertainty: bool = True
+    """Whether the uncertainty of the radius is found, from what is not known of the actuator: six more analyses"""
+    under_load: bool = True
+    """Whether the states say how the finger bends under a moment, and what it weighs"""
+    partial: bool = False
+    """Whether the states that converge are kept where others do not"""
 
     @model_validator(mode="after")
     def _three_states(self) -> Fea:

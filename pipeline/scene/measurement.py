@@ -16,34 +16,50 @@ class Sheet(Section):
     """The laser sheet: where it is, how often and how finely it is sampled."""
 
     z: Number = 0.0
+    """Of the light sheet [m]"""
     rate_hz: Positive = 500.0
+    """Pictures of the sheet in a second [Hz]"""
     spacing: Positive = 0.0005
-    margin: Positive = 0.006  # beyond the camera's view, so that particles that enter it come from somewhere
+    """Of the grid that the flow is sampled on [m]"""
+    margin: Positive = 0.006
+    """Beyond the camera's view, so that particles that enter it come from somewhere [m]"""
     thickness: Annotated[Positive, Field(le=0.05)] = 0.0015
+    """Full width at 1/e² [m]"""
 
 
 class Camera(Section):
     """The laboratory's camera and seeding; `centre` is the middle of the picture in the tank frame."""
 
     columns: Annotated[Whole, Field(ge=64, le=MOST_PIXELS)] = 1280
+    """Of the picture [px]"""
     rows: Annotated[Whole, Field(ge=64, le=MOST_PIXELS)] = 1024
+    """Of the picture [px]"""
     scale_mm_per_px: Positive = 0.125
+    """Size of a pixel in the sheet [mm/px]"""
     centre: Pair
+    """Middle of the picture in the tank frame [m]"""
     bits: Literal[8, 10, 12, 16] = 8
-    density_ppp: Annotated[Positive, Field(le=0.5)] = (
-        0.04  # beyond that the pictures of particles are one grey
-    )
+    """Of a grey value"""
+    density_ppp: Annotated[Positive, Field(le=0.5)] = 0.04
+    """Particles in a pixel; beyond 0.5 pictures are one grey [1/px²]"""
     particle_diameter_px: Annotated[Positive, Field(ge=0.5, le=20)] = 2.5
+    """Of a particle's picture, at 1/e² [px]"""
     background: NotNegative = 8.0
+    """Of the dark picture [grey levels]"""
     read_noise: NotNegative = 2.0
+    """Standard deviation [grey levels]"""
     electrons_per_level: Annotated[NotNegative, Field(le=1e6)] = 50.0
+    """Which make the shot noise; 0: none [1/grey level]"""
     shadow: Annotated[NotNegative, Field(le=1)] = 0.0
-    frame_rate_hz: Positive | None = None  # that of the sheet where not given
-    pairs_every: Annotated[Count, Field(le=10_000)] = (
-        1  # 1: every frame; n: two frames in a row out of every n
-    )
-    truth: bool = True  # the exact displacements beside the recording: nothing here reads them, and they take a third of the time
+    """Share of the light that is taken away behind the finger, 0 to 1"""
+    frame_rate_hz: Positive | None = None
+    """Absent: that of the sheet [Hz]"""
+    pairs_every: Annotated[Count, Field(le=10_000)] = 1
+    """1: every frame is taken; n: two frames in a row out of every n"""
+    truth: bool = True
+    """Whether the exact displacements are written beside the recording: nothing here reads them, and they take a third of the time"""
     seed: Annotated[Whole, Field(ge=0, lt=2**32)] = 2017
+    """Of the particles and the noise"""
 
     def origin_px(self) -> Pair:
         """The tank frame's origin, px right and up from the centre of the bottom left pixel."""
@@ -56,10 +72,15 @@ class Piv(Section):
     """How the recording is correlated."""
 
     window: Annotated[Whole, Field(ge=8, le=512)] = int(Options.window)
+    """Side of the last windows [px]"""
     spacing: Annotated[Count, Field(le=512)] = Options.spacing
+    """Between vectors [px]"""
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
+    """How much is done for accuracy"""
     every: Annotated[Count, Field(le=10_000)] = 1
-    frames: Annotated[Whole, Field(ge=2, le=99)] = 2  # 3, 5, …: multi-frame sets
+    """Correlate one pair of so many"""
+    frames: Annotated[Whole, Field(ge=2, le=99)] = 2
+    """Frames of a set: 2, or 3, 5, … of multi-frame sets"""
 
     @model_validator(mode="after")
     def _middle_frame(self) -> Piv:
@@ -74,8 +95,11 @@ class Vortices(Section):
     """What counts as a vortex."""
 
     min_circulation: Annotated[Positive, Field(le=1e3)] = 2e-4
+    """Least size that counts [m²/s]"""
     stencil_radius: Positive = 0.003
+    """Of the fit of velocity gradients [m]"""
     weights: Literal["equal", "uncertainty"] = "equal"
+    """Of the vectors in that fit"""
 
 
 def render_settings(camera: Camera, sheet: Sheet) -> dict[str, Any]:

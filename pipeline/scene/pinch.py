@@ -17,8 +17,11 @@ class Object(Section):
     """
 
     shape: Literal["cylinder", "sphere"] = "cylinder"
+    """Of the body between the tips"""
     diameter: Positive
+    """Of it [m]"""
     centre_height: Positive
+    """y of its centre in the tank frame [m]"""
 
 
 class Pinch(Section):
@@ -30,17 +33,24 @@ class Pinch(Section):
     """
 
     half_distance: Positive
+    """From the plane between the fingers to the middle of each root [m]"""
     residual_gap: Annotated[Positive, Field(ge=2e-5)] = 0.0005
+    """Where the tips stop before the plane or the object [m]"""
     slowing_distance: Positive = 0.003
+    """Part of the gap over which the fingers are slowed down [m]"""
     closing_law: Literal["ramp", "exponential"] = "ramp"
+    """How the speed falls over it"""
     object: Object | None = None
+    """A fixed body between the tips"""
 
 
 class Support(Section):
     """A fixed block above the roots: size (x, height, z) and the height of its lower face, m; centred on x = 0, z = 0."""
 
     size: tuple[Positive, Positive, Positive]
+    """X, height, z of a fixed block above the roots [m]"""
     bottom: Positive
+    """Height of its lower face [m]"""
 
 
 def check_pinch(pinch: Pinch, finger: Finger, tank: Tank, start_pressure_kpa: float) -> None:

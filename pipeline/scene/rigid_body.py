@@ -13,13 +13,21 @@ class RigidBody(Section):
     """A rigid body, m; `centre` is where it begins, `depth` its extent along z (2-D: forces are those on this depth)."""
 
     shape: Literal["circle", "plate"]
+    """Of its section"""
     centre: Pair
+    """Where it begins, in the tank frame [m]"""
     diameter: Positive | None = None
+    """Of a circle [m]"""
     chord: Positive | None = None
+    """Of a plate [m]"""
     thickness: Positive | None = None
-    angle_deg: Number = 0.0  # of the chord from the x axis, counter-clockwise
+    """Of a plate [m]"""
+    angle_deg: Number = 0.0
+    """Of the chord from the x axis, counter-clockwise [deg]"""
     depth: Positive = 1.0
+    """Extent along z; 2-D: forces are those on this depth [m]"""
     points: Annotated[Whole, Field(ge=24, le=20_000)] = 720
+    """Of the outline"""
 
     @model_validator(mode="after")
     def _sized(self) -> RigidBody:
@@ -46,13 +54,21 @@ class Law(Section):
     """
 
     kind: Literal["sine", "power"]
+    """Amplitude · sin(2π (t − start) / period), or a speed of rate · (t − start)^exponent"""
     start: NotNegative = 0.0
+    """Of the motion [s]"""
     smoothing: Positive
+    """Time of the smooth step that it begins through [s]"""
     direction_deg: Number = 0.0
+    """Of a displacement, from the x axis [deg]"""
     amplitude: Number | None = None
+    """Of a sine [m or deg]"""
     period: Positive | None = None
+    """Of a sine [s]"""
     rate: Number | None = None
+    """Of a power law [m or deg, per s^(exponent + 1)]"""
     exponent: Annotated[NotNegative, Field(le=4)] | None = None
+    """Of a power law"""
 
     @model_validator(mode="after")
     def _complete(self) -> Law:

@@ -152,7 +152,7 @@ def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
     try:
         return Scene(**table, name=folder.name, level=level, folder=folder).placed()
     except ValidationError as error:
-        raise StageError(f"{path}: {validation_sentence(error)}") from None
+        raise StageError(f"{path}: {validation_sentence(error, Scene)}") from None
     except ArithmeticError as error:
         raise StageError(
             f"{path}: a number is too large or too small to reckon with ({error}); lengths are in m, times in s"

@@ -15,23 +15,31 @@ class Tank(Section):
     """Inner size (x, y up, z) and water depth, m; origin at the centre of the bottom."""
 
     size: tuple[Positive, Positive, Positive] = (0.600, 0.330, 0.300)
+    """Inner size: x, y up, z [m]"""
     water_depth: Positive = 0.300
+    """From the bottom to the surface [m]"""
 
 
 class Fluid(Section):
     """Water, and what is modelled of its turbulence."""
 
     density: Positive = 998.2
+    """Of the water [kg/m³]"""
     kinematic_viscosity: Positive = 1.004e-6
+    """Of the water [m²/s]"""
     turbulence: Literal["laminar", "WALE"] = "laminar"
+    """None, or large-eddy simulation by WALE"""
 
 
 class Tip(Section):
     """End of the finger: a straight, tapered extension and rounded corners, m."""
 
     length: NotNegative = 0.0
+    """Of a straight extension of the finger [m]"""
     thickness: Positive | None = None
+    """Of its end, to which it tapers; absent: the finger's [m]"""
     corner_radius: Positive = 0.002
+    """Of the tip's rounded corners [m]"""
 
     @model_validator(mode="after")
     def _taper_has_length(self) -> Tip:
@@ -47,13 +55,21 @@ class Finger(Section):
     """
 
     root: Pair
+    """Middle of the root, x and y in the tank frame; of a pinch x = 0 [m]"""
     length: Positive = 0.070
+    """From root to tip, without finger.tip.length [m]"""
     thickness: Positive = 0.0145
+    """Where the states of the bending analysis give none [m]"""
     width: Positive = 0.028
+    """Extent along z [m]"""
     root_corner_radius: Positive = 0.002
-    tilt_deg: Annotated[Number, Field(ge=-60, le=60)] = 0.0  # about the root, counter-clockwise
+    """Of the root's rounded corners [m]"""
+    tilt_deg: Annotated[Number, Field(ge=-60, le=60)] = 0.0
+    """About the root, counter-clockwise [deg]"""
     ventral: Literal["+x", "-x"] = "+x"
+    """Side to which it bends under pressure"""
     tip: Tip = Tip()
+    """End of the finger"""
 
 
 Pressure = Annotated[Number, Field(ge=-100, le=500)]  # kPa: no less than a vacuum
@@ -63,28 +79,41 @@ class Segment(Section):
     """One stroke of a motion: go to `pressure_kpa` from `start` on, 2 % settled after `duration`, s."""
 
     pressure_kpa: Pressure
+    """To go to [kPa]"""
     start: NotNegative
+    """Of the stroke [s]"""
     duration: Positive
+    """After which 2 % of the change are left [s]"""
 
 
 class Motion(Section):
     """Where shapes and the pressure history come from."""
 
     source: Literal["fea", "paper_equations", "recording", "rigid"] = "paper_equations"
+    """Where the shapes come from: a bending analysis, the paper's equations, a recording, or a rigid body"""
     states: str | None = None
-    recording: str | None = None  # of source "recording": motion as a camera saw it (docs/formats.md)
-    recording_factor: Annotated[Positive, Field(le=10)] = (
-        1.0  # on its bending, to measure what an error of it does
-    )
+    """File of the bending states (states.h5 or CSV), for source = "fea" """
+    recording: str | None = None
+    """File of a motion as a camera saw it (motion.h5), for source = "recording" """
+    recording_factor: Annotated[Positive, Field(le=10)] = 1.0
+    """On the recording's bending, to measure what an error of it does"""
     start_pressure_kpa: Pressure = 0.0
+    """Before the first stroke [kPa]"""
     strokes: tuple[Segment, ...] = ()
+    """Changes of the pressure, one after the other"""
     pressure_csv: str | None = None
+    """File of a measured pressure over time, in place of strokes (strokes = [])"""
     end_time: Positive
+    """Of the run [s]"""
     max_bend_step_deg: Annotated[Positive, Field(ge=0.1, le=30)] = 5.0
+    """Most bending between two shapes of the motion [deg]"""
 
-    displacement: Law | None = None  # of a rigid body, m
-    rotation: Law | None = None  # of a rigid body, deg
-    path_step: Positive | None = None  # distance (m, or rad) of a rigid body between two shapes of the mesh
+    displacement: Law | None = None
+    """Of a rigid body: law of its path [m]"""
+    rotation: Law | None = None
+    """Of a rigid body: law of its turn [deg]"""
+    path_step: Positive | None = None
+    """Of a rigid body: distance between two shapes of the mesh [m or rad]"""
 
     @model_validator(mode="after")
     def _one_history(self) -> Motion:
@@ -128,6 +157,7 @@ class Structure(Section):
     """How the finger answers loads, where the bending analysis does not say: EI (N m²), for all pressures."""
 
     bending_stiffness: Positive | None = None
+    """E I at all pressures, where the bending analysis does not say [N m²]"""
 
 
 FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled
@@ -141,27 +171,46 @@ class Mesh(Section):
     """
 
     wall_cell: Positive
+    """Length of cells along the wall [m]"""
     wall_first_layer: Positive
+    """Thickness of the first layer at the wall [m]"""
     wall_layers: Annotated[Count, Field(le=40)]
+    """Number of layers at the wall"""
     wall_growth: Annotated[Number, Field(ge=1, le=2)] = 1.3
-    wall_distance: Positive = 0.002  # within which triangles are as small as at the wall
+    """From layer to layer"""
+    wall_distance: Positive = 0.002
+    """From the wall within which triangles are as small as at the wall [m]"""
     tip_cell: Positive
-    tip_distance: Positive = 0.012  # from the tip along the wall: cells of tip_cell
-    tip_transition: Positive = 0.02  # over which they grow from there to wall_cell
+    """Length of cells along the wall near the tip [m]"""
+    tip_distance: Positive = 0.012
+    """From the tip along the wall over which cells are those of the tip [m]"""
+    tip_transition: Positive = 0.02
+    """Over which they grow from there to wall_cell [m]"""
     near_cell: Positive
+    """Largest cell within near_distance of the motion [m]"""
     near_distance: Positive = 0.045
+    """From where the finger is at any time [m]"""
     far_cell: Positive
-    edge_layer: Positive = 1.0e-3  # of the sweep, on both sides of the finger's side edge
-    sheet_layer: Positive = 2.3e-3  # most between the side edges: what the sheet's vortex needs
-    layer_growth: Annotated[Number, Field(gt=1, le=5)] = 1.5  # of the layers with the distance from the edge
+    """Largest cell of the tank [m]"""
+    edge_layer: Positive = 1.0e-3
+    """Thickness along z of the layers beside the finger's side edge [m]"""
+    sheet_layer: Positive = 2.3e-3
+    """Largest thickness along z between the side edges: what the sheet's vortex needs [m]"""
+    layer_growth: Annotated[Number, Field(gt=1, le=5)] = 1.5
+    """Of the layers along z with the distance from the edge"""
     # growth with the distance of the water's cells that begin as large as those beside them at the wall; 0: they jump to wall_cell
     wall_grading: Annotated[float, Field(ge=0, le=1)] = 0.0
-    planform: Literal["triangles", "quads"] = "triangles"  # cells beyond the layers at the wall
+    """Growth, with the distance, of the water's cells that begin as large as those beside them at the wall; 0: they jump to wall_cell"""
+    planform: Literal["triangles", "quads"] = "triangles"
+    """Cells beyond the layers at the wall"""
     max_non_orthogonality_deg: Annotated[Positive, Field(lt=90)] = 65.0
+    """Of any cell at any time [deg]"""
     # not exceeded for 95 % of the time
     usual_non_orthogonality_deg: Annotated[Positive, Field(lt=90)] = 70.0
+    """Not exceeded for 95 % of the time [deg]"""
     # pinch: along the plane from the contact, cells stay small
     jet_reach: NotNegative = 0.03
+    """Of a pinch: along the plane from the contact, where cells stay small [m]"""
 
 
 class Model(Section):
@@ -172,6 +221,7 @@ class Model(Section):
     """
 
     kind: Literal["2d", "quarter", "half", "full"] = "half"
+    """A plane, a quarter or half of the tank by its planes of symmetry, or all of it"""
 
 
 LONGEST_BALANCE = 2e-3  # s between two samples of power and energy: bursts of 8 ms have been seen
@@ -181,17 +231,26 @@ class Numerics(Section):
     """Time step (s) and what the solver does with it."""
 
     time_step: Positive
+    """Of the solver [s]"""
     write_interval: Positive = 0.02
+    """About the time between two checkpoints [s]"""
     time_scheme: Literal["Euler", "backward"] = "backward"
+    """OpenFOAM's scheme in time"""
     convection: Literal["LUST", "linearUpwind"] = "LUST"
+    """OpenFOAM's scheme of convection"""
     # values and gradients at faces; a scene that does not ask keeps the hash that it had before this could be asked
     interpolation: Literal["linear", "skewCorrected"] = Field(
         default="linear", exclude_if=lambda value: value == "linear"
     )
+    """Values and gradients at faces"""
     outer_correctors: Annotated[Count, Field(le=50)] = 1
+    """Iterations over momentum and pressure in a step"""
     pressure_correctors: Annotated[Count, Field(le=10)] = 2
+    """Of a step"""
     non_orthogonal_correctors: Annotated[Whole, Field(ge=0, le=10)] = 1
+    """Of each pressure correction"""
     max_courant: Annotated[Positive, Field(le=100)] = 20.0
+    """Courant number at which the run is stopped"""
 
     def sampling_steps(self, rate_hz: float) -> int:
         """Time steps between two pictures of the sheet; ValueError where that is no whole number."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from fileio.key_reference import complaints
 from fileio.provenance import check_version
 
 Positive = Annotated[float, Field(gt=0)]
@@ -36,23 +37,29 @@ HINTS = {
 class Table(BaseModel):
     """A frozen table that refuses keys it does not know."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
 
 class Start(Table):
     """When the first picture is taken, s on the simulation's clock."""
 
     at_s: float
+    """First picture, on the simulation's clock [s]"""
     std_s: NotNegative
+    """Its standard uncertainty [s]"""
 
 
 class Scale(Table):
     """One of three: a number, a calibration of `piv calibrate`, or the finger's own length."""
 
     scale_mm_per_px: Positive | None = None
+    """Size of a pixel in the light sheet [mm/px]"""
     calibration: str | None = None
+    """File of piv calibrate, in its place"""
     from_finger: bool = False
+    """Whether the finger's length tells the scale, in its place"""
     std_percent: Positive | None = None
+    """Relative standard uncertainty of the scale [%]"""
 
     @model_validator(mode="after")
     def _one(self) -> Scale:
@@ -68,26 +75,41 @@ class Axes(Table):
     """Directions of the pictures' (or vectors') axes and where the middle of the finger's root is in them."""
 
     y: Literal["up", "down"]
+    """How y is counted"""
     x: Literal["right", "left"] = "right"
+    """ "left": the pictures are mirrored"""
     root_px: tuple[float, float] | None = None
-    root_mm: tuple[float, float] | None = None  # of vectors: in the files' axes, or px times the scale
+    """Of pictures: middle of the finger's root [px]"""
+    root_mm: tuple[float, float] | None = None
+    """Of vectors: the same, in the files' axes, or px times the scale [mm]"""
     root_std_mm: Positive | None = None
-    turn_deg: float = 0.0  # of the tank frame in the picture, counter-clockwise; of pictures a first guess
-    turn_std_deg: NotNegative | None = None  # of vectors
+    """Its standard uncertainty [mm]"""
+    turn_deg: float = 0.0
+    """Of the tank frame in the picture, counter-clockwise; of pictures a first guess [deg]"""
+    turn_std_deg: NotNegative | None = None
+    """Of vectors: its standard uncertainty [deg]"""
 
 
 class Evaluation(Table):
     """How pictures are (or were) correlated."""
 
     window: Annotated[int, Field(ge=8)]
+    """Side of the last windows [px]"""
     spacing: Annotated[int, Field(ge=1)]
+    """Between vectors [px]"""
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
+    """How much is done for accuracy"""
     # this project's adaptive one; where it is not said: pictures yes, vectors (another program's) no
     smoothing: bool | None = None
-    pairing: Literal["1-2,2-3", "1-2,3-4"] | None = None  # of pictures
-    interval_s: Positive | None = None  # between the exposures of a pair "1-2,3-4"
+    """This project's adaptive smoothing; absent: yes of pictures, no of vectors"""
+    pairing: Literal["1-2,2-3", "1-2,3-4"] | None = None
+    """Of pictures: each with the next, or taken in pairs"""
+    interval_s: Positive | None = None
+    """Between the exposures of a pair "1-2,3-4" [s]"""
     every: Annotated[int, Field(ge=1)] = 1
+    """Correlate one pair of so many"""
     preprocess: str = ""
+    """Of the pictures, as piv correlate --preprocess"""
 
     @model_validator(mode="after")
     def _interval(self) -> Evaluation:
@@ -100,27 +122,44 @@ class VectorFiles(Table):
     """What exported vectors do not say themselves."""
 
     kind: Literal["openpiv", "pivlab", "tecplot", "davis", "csv", "plane"] | None = None
+    """Format of the files; absent: by their content"""
     interval_s: Positive
+    """Between the two exposures of a field [s]"""
     length_unit: str | None = None
+    """Where the files do not state it"""
     velocity_unit: str | None = None
+    """Where the files do not state it"""
     image_rows: int | None = None
+    """Of the picture, where y is counted from its top [px]"""
     zero_is_absent: bool = False
+    """Whether a displacement of exactly zero is an absent vector"""
     keep_replaced: bool = False
-    std_px: Positive | None = None  # standard uncertainty of a displacement
+    """Whether vectors that the program has replaced count"""
+    std_px: Positive | None = None
+    """Standard uncertainty of a displacement, where the files carry none [px]"""
 
 
 class LabCamera(Table):
     """Camera and seeding of vectors without pictures; of pictures these are measured."""
 
     columns: Annotated[int, Field(ge=64)]
+    """Of the picture [px]"""
     rows: Annotated[int, Field(ge=64)]
+    """Of the picture [px]"""
     density_ppp: Positive
+    """Particles in a pixel [1/px²]"""
     diameter_px: Positive
+    """Of a particle's picture, at 1/e² [px]"""
     background: NotNegative
+    """Of the dark picture [grey levels]"""
     read_noise: NotNegative
+    """Standard deviation [grey levels]"""
     peak: Positive
+    """Of a particle in the middle of the sheet [grey levels]"""
     scale_mm_per_px: Positive
+    """Size of a pixel in the light sheet [mm/px]"""
     bits: Literal[8, 10, 12, 16] = 8
+    """Of a grey value"""
 
 
 class Dpiv(Table):
@@ -128,22 +167,39 @@ class Dpiv(Table):
 
     folder: Path
     format: str
+    """ "dpiv" """
     format_version: int
+    """Of this file"""
     title: str
+    """Of the recording, for people"""
     kind: Literal["pictures", "vectors"]
+    """Pictures, or vectors without them"""
     files: str | tuple[str, ...]
+    """A pattern or a list of paths, relative to this file"""
     frame_rate_hz: Positive
+    """Pictures in a second; of pairs the pairs [Hz]"""
     start: Start | Literal["from motion"]
+    """When the first picture is taken; "from motion": the finger shows it"""
     scale: Scale
+    """How large a pixel is"""
     axes: Axes
+    """Directions and place of the pictures' axes"""
     finger_geometry: Literal["measured", "nominal"]
+    """ "nominal": the bands of the bending analysis count"""
     piv: Evaluation
+    """How pictures are, or vectors were correlated"""
     sheet_thickness_mm: Positive
+    """Full width of the light sheet at 1/e² [mm]"""
     colour: Literal["refuse", "luma", "green"] = "refuse"
-    finger_length_std_mm: NotNegative | None = None  # of pictures
-    root_hidden_mm: NotNegative = 0.0  # how much of the finger, from its root on, a holder or a shadow hides
+    """What is done with coloured pictures"""
+    finger_length_std_mm: NotNegative | None = None
+    """Of pictures: standard uncertainty of the finger's length [mm]"""
+    root_hidden_mm: NotNegative = 0.0
+    """How much of the finger, from its root on, a holder or a shadow hides [mm]"""
     vectors: VectorFiles | None = None
+    """Of kind = "vectors": what the files do not say themselves"""
     camera: LabCamera | Literal["none"] | None = None
+    """Of kind = "vectors": camera and seeding; "none" leaves out the virtual experiment"""
 
     @model_validator(mode="after")
     def _whole(self) -> Dpiv:
@@ -221,17 +277,19 @@ def read_dpiv(path: Path) -> Dpiv:
 
 
 def _sentence(error: ValidationError) -> str:
-    """The first thing that is missing or wrong, with what to write."""
-    errors: list[Any] = sorted(error.errors(), key=lambda e: e["type"] != "missing")
-    first = errors[0]
-    place = [str(part) for part in first["loc"] if not str(part)[:1].isupper() and "[" not in str(part)]
-    key = ".".join(place)
-    if first["type"] == "missing":
-        text = f"{key} is missing: give {HINTS.get(key, key)}"
-    elif first["type"] == "extra_forbidden":
-        text = f"{key}: this key is not known; check its spelling or remove it"
-    else:
-        reason = first["msg"].removeprefix("Value error, ")
-        text = f"{key}: {reason} (got {first['input']!r})" if key else reason
-    more = len({str(e["loc"][:1]) for e in errors}) - 1
-    return text + (f"; {more} more to correct after that" if more else "")
+    """All that is missing or wrong, what is missing first, with what to write."""
+    found = []
+    for one in sorted(error.errors(), key=lambda e: e["type"] != "missing"):
+        parts = (part for part in one["loc"] if not isinstance(part, str) or _is_key(part))
+        place = tuple(parts)
+        key = ".".join(map(str, place))
+        if one["type"] == "missing":
+            found.append(f"{key} is missing: give {HINTS.get(key, key)}")
+        else:
+            found += complaints([one | {"loc": place}], Dpiv)
+    return "; ".join(found)
+
+
+def _is_key(part: str) -> bool:
+    """Not the name of one of several types that a key may have."""
+    return not part[:1].isupper() and "[" not in part

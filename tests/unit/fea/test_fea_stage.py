@@ -47,7 +47,7 @@ def test_import_writes_states(tmp_path):
     "more, words",
     [
         ("[actuator]\nh2 = 0.02\n", r"scene\.toml: actuator: h2 = 0\.02 m must be below h1"),
-        ("[actuator]\nwidht = 0.02\n", r"actuator\.widht: this key is not known; check its spelling"),
+        ("[actuator]\nwidht = 0.02\n", r"actuator\.widht: this key is not known; 'width' is"),
         ("[fea]\nmesh = { wall = 0 }\n", r"fea\.mesh\.wall: .*\(got 0\)"),
     ],
 )

@@ -1,0 +1,40 @@
+"""The reference of dpiv.toml, docs/dpiv_reference.md, and a file to start from, from the models that check one."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from fileio.atomic import write_text
+from fileio.key_reference import keys_of, markdown, template
+from postprocess.lab.data.dpiv_toml import Dpiv
+
+PAGE = Path("docs/dpiv_reference.md")
+HEAD = """# Every key of dpiv.toml
+
+Written by `make scene-reference` from the models that check one; a test keeps them equal. What they are for: [comparison](comparison.md).
+A file to start from: `python -m postprocess dpiv-reference --template`.
+"""
+FOUND = list(keys_of(Dpiv, without=frozenset({"folder"})))
+TABLES = [
+    key.name.rpartition(".")[0] for key in FOUND
+]  # keys of one table stand together, where its first does
+KEYS = sorted(FOUND, key=lambda key: TABLES.index(key.name.rpartition(".")[0]))
+
+
+def reference() -> str:
+    """The page."""
+    return HEAD + markdown(KEYS)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command `dpiv-reference`."""
+    parser.add_argument("--template", action="store_true", help="print a dpiv.toml to start from")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Command `dpiv-reference`: docs/dpiv_reference.md."""
+    if args.template:
+        print(template(KEYS), end="")
+    else:
+        write_text(PAGE, reference())

@@ -1,0 +1,78 @@
+"""The references of scene.toml and dpiv.toml are what the models say; all that is wrong is told at once."""
+
+import tomllib
+
+import pytest
+
+from fileio.errors import StageError
+from fileio.key_reference import MISSING
+from pipeline import scene_reference
+from postprocess.lab.data import dpiv_reference
+from postprocess.lab.data.dpiv_toml import read_dpiv
+from tests.conftest import ROOT, write_scene
+
+PAGES = [scene_reference, dpiv_reference]
+KEYS = [*scene_reference.keys(), *dpiv_reference.KEYS]
+# numbers that count, or are shares, powers and seeds
+BARE = {
+    "recording_factor", "wall_growth", "layer_growth", "wall_grading", "max_courant", "shadow", "exponent", "wall_layers",
+    "kpa_per_time", "bits", "format_version", "seed", "every", "frames", "points", "pairs_every", "chambers",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.__name__.rpartition(".")[2])
+def test_the_page_is_what_the_models_say(page):
+    written = (ROOT / page.PAGE).read_text(encoding="utf-8")
+    assert written == page.reference(), "run: make scene-reference"
+
+
+@pytest.mark.parametrize("key", KEYS, ids=lambda key: key.name)
+def test_every_key_has_a_meaning_and_every_length_a_unit(key):
+    assert key.meaning
+    counted = "correctors" in key.name or key.name.startswith(("fea.mesh.", "fea.solid_mesh."))
+    if "number" in key.type and not counted and key.name.rpartition(".")[2] not in BARE:
+        assert key.unit, f"{key.name}: add its unit in brackets to its docstring"
+
+
+def test_every_key_of_the_shipped_scenes_is_in_the_reference():
+    known = {key.name.partition("[]")[0] for key in KEYS}
+    for path in (ROOT / "cases").glob("*/scene.toml"):
+        scene = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = [scene, *scene.get("levels", {}).values()]
+        for section, values in ((s, v) for table in tables for s, v in table.items() if isinstance(v, dict)):
+            for key in values if section != "levels" else ():
+                found = f"{section}.{key}"
+                assert any(name == found or name.startswith(f"{found}.") for name in known), (path, found)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.__name__.rpartition(".")[2])
+def test_a_template_filled_in_is_valid_toml_and_asks_for_what_is_required(page, capsys):
+    page.run(type("Asked", (), {"template": True}))
+    text = capsys.readouterr().out
+    table = tomllib.loads(text.replace("= …", "= 0"))
+    wanted = [key.name for key in KEYS if key.default == MISSING and "." not in key.name]
+    assert set(table) & set(wanted)
+    opened = "\n".join(line.removeprefix("# ") for line in text.splitlines())
+    assert tomllib.loads(opened.replace("= …", "= 0"))
+
+
+def test_all_that_is_wrong_in_a_scene_is_told_at_once_with_the_nearest_spelling(tmp_path):
+    with pytest.raises(StageError) as caught:
+        write_scene(tmp_path / "s", more="[camera]\nscale_mm_px = 0.1\n[piv]\nwindows = 32\nspacing = -1")
+    text = str(caught.value)
+    assert "camera.scale_mm_px: this key is not known; 'scale_mm_per_px' is" in text
+    assert "piv.windows: this key is not known; 'window' is" in text
+    assert "piv.spacing: " in text
+    assert "\n" not in text
+
+
+def test_all_that_is_wrong_in_a_dpiv_toml_is_told_at_once(tmp_path):
+    (tmp_path / "dpiv.toml").write_text(
+        'format = "dpiv"\nformat_version = 2\ntitel = "a"\nkind = "pictures"\n'
+    )
+    with pytest.raises(ValueError, match="title is missing") as caught:
+        read_dpiv(tmp_path)
+    text = str(caught.value)
+    assert "titel: this key is not known; 'title' is" in text
+    for key in ("files", "scale", "axes", "piv", "frame_rate_hz"):
+        assert f"{key} is missing: give " in text
