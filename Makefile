@@ -216,7 +216,7 @@ stability: $(STUDY_READY) ## runs and images at the extremes: docs/stability.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/stability.csv
 	$(PY) -m tests.studies.stability
 
-predict: cases/$(SCENE)/out/$(LEVEL)/$(FILE.case) ## hours of SCENE at LEVEL on 1 to 256 ranks, and how many ranks pay
+predict: cases/$(SCENE)/out/$(LEVEL)/$(FILE.case) ## time of SCENE at LEVEL on 1 to 256 ranks, and how many ranks pay
 	@$(PY) -m pipeline predict cases/$(SCENE) --level $(LEVEL)
 
 test-slurm: $(STUDY_READY) ## a real Slurm of one node, started and stopped by the test (slurm-wlm, root)

@@ -232,10 +232,11 @@ def run(scene: Scene, quiet: bool = False) -> None:
     )
     if not quiet:
         cells = ", ".join(str(len(s.planform.triangles) + len(s.planform.quads)) for s in meshes)
-        usual = mesh.usual_non_orthogonality_deg
+        usual, worst = mesh.usual_non_orthogonality_deg, max(row[5] for row in rows)
+        share = sum(row[2] for row in rows if row[5] <= usual)
+        more = f", at most {usual:g}° for {share:.1%} of the time" if worst > usual else ""
         print(
-            f"mesh: planform of {cells} cells, {len(levels) - 1} layers, non-orthogonality ≤"
-            f" {max(row[5] for row in rows):.1f}°, {usual:g}° for {sum(r[2] for r in rows if r[5] <= usual):.1%} of the time"
+            f"mesh: planform of {cells} cells, {len(levels) - 1} layers, non-orthogonality ≤ {worst:.1f}°{more}"
         )
 
 

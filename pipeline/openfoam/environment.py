@@ -112,18 +112,44 @@ def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False
     """pimpleFoam, through MPI where `ranks` > 1; in a Slurm job on the cores that it was given."""
     if ranks == 1:
         return ["pimpleFoam"]
-    mpi = ["mpirun", "-np", str(ranks)]
-    if hosts is not None or not in_whole_job(os.environ):
-        # a machine that is shared with others: ranks yield, move, and may be more than its cores
-        mpi += ["--mca", "mpi_yield_when_idle", "1", "--bind-to", "none", "--oversubscribe"]
-    if hosts is not None:
-        mpi += ["--hostfile", str(hosts)]
-        # on the other hosts there is what a login by ssh sets, in which OpenFOAM's programs do not start
-        for name in sorted(name for name in environment() if name.startswith(FORWARDED)):
-            mpi += ["-x", name]
-    if hasattr(os, "geteuid") and os.geteuid() == 0:
-        mpi.insert(1, "--allow-run-as-root")
-    return [*mpi, "pimpleFoam", "-parallel", *(COLLATED if collated else ())]
+    # on other hosts there is what a login by ssh sets, in which OpenFOAM's programs do not start
+    names = sorted(name for name in environment() if name.startswith(FORWARDED)) if hosts else []
+    alone = hosts is not None or not in_whole_job(os.environ)
+    flags = open_mpi_flags(alone, hosts, names) if is_open_mpi() else hydra_flags(hosts, names)
+    return ["mpirun", "-np", str(ranks), *flags, "pimpleFoam", "-parallel", *(COLLATED if collated else ())]
+
+
+@cache
+def is_open_mpi() -> bool:
+    """Whether mpirun is Open MPI's; else it is Hydra, of MPICH or Intel MPI. StageError where it is neither."""
+    try:
+        said = subprocess.run(["mpirun", "--version"], env=environment(), capture_output=True, text=True)
+    except FileNotFoundError:
+        raise StageError(
+            "mpirun is not on the path, so OpenFOAM runs on one rank only; install Open MPI or MPICH, or give NP=1"
+        ) from None
+    text = said.stdout + said.stderr
+    if "Open MPI" in text or "OpenRTE" in text or "prte" in text.lower():
+        return True
+    if any(name in text for name in ("HYDRA", "Hydra", "MPICH", "Intel")):
+        return False
+    raise StageError(
+        f"mpirun is of an unknown MPI ({text.strip()[:60]!r}); use Open MPI or MPICH, or give NP=1"
+    )
+
+
+def open_mpi_flags(alone: bool, hosts: Path | None, names: list[str]) -> list[str]:
+    """Open MPI's options; `alone`: not on the cores that a Slurm job was given; `names`: variables to hand on to `hosts`."""
+    flags = ["--allow-run-as-root"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+    if alone:  # a machine that is shared with others: ranks yield, move, and may be more than its cores
+        flags += ["--mca", "mpi_yield_when_idle", "1", "--bind-to", "none", "--oversubscribe"]
+    flags += ["--hostfile", str(hosts)] if hosts else []
+    return flags + [word for name in names for word in ("-x", name)]
+
+
+def hydra_flags(hosts: Path | None, names: list[str]) -> list[str]:
+    """Hydra's options: it binds no rank, and lets there be more than cores, without being asked."""
+    return ["-f", str(hosts), "-genvlist", ",".join(names)] if hosts else []
 
 
 def run(args: argparse.Namespace) -> None:

@@ -29,32 +29,32 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
     correctors = scene.numerics.pressure_correctors * (1 + scene.numerics.non_orthogonal_correctors)
     factor = correctors / one.get("correctors", correctors)
 
-    def hours(n: int, network: Network = network) -> float:
-        return factor * steps * step_time(cells, n, columns, solver, network) / 3600
+    def seconds(n: int, network: Network = network) -> float:
+        return factor * steps * step_time(cells, n, columns, solver, network)
 
     pays = useful_ranks(cells, columns, solver, network)
-    spread = ""
+    spread, plural = "", "" if pays == 1 else "s"
     if network.saturated_range and pays > 2:
-        ends = [hours(pays, replace(network, saturated=end)) for end in network.saturated_range]
-        spread = f" ({' to '.join(map(_duration, ends))}, by how well a node's memory feeds its ranks)"
+        ends = [seconds(pays, replace(network, saturated=end)) for end in network.saturated_range]
+        spread = f" ({' to '.join(map(duration, ends))}, by how well a node's memory feeds its ranks)"
     lines = [
         f"{scene.level} {scene.name}: {cells} cells in {columns} columns, {steps} steps",
         "",
-        "ranks   hours   speed-up   efficiency   weak efficiency",
+        "ranks     time   speed-up   efficiency   weak efficiency",
     ]
     base, per_cell = step_time(WEAK_CELLS, 1, 1, solver, network), columns / cells
     for n in (n for n in ranks if n == 1 or n * LEAST_CELLS <= cells):
         weak = base / step_time(WEAK_CELLS * n, n, WEAK_CELLS * n * per_cell, solver, network)
         lines.append(
-            f"{n:5d} {hours(n):7.3g} {hours(1) / hours(n):10.1f} {hours(1) / hours(n) / n:11.0%} {weak:16.0%}"
+            f"{n:5d} {duration(seconds(n)):>8s} {seconds(1) / seconds(n):10.1f} {seconds(1) / seconds(n) / n:11.0%} {weak:16.0%}"
         )
     lines += [
         "",
-        f"{scene.level} {scene.name}: about {_duration(hours(pays))} on {pays} ranks{spread}; more than {pays} ranks no longer pay"
+        f"{scene.level} {scene.name}: about {duration(seconds(pays))} of solver on {pays} rank{plural}{spread}; more no longer pay"
         f" (twice as many would save less than a quarter, or have less than {LEAST_CELLS} cells each).",
         "",
         "Assumptions:",
-        f"- one rank: {1e6 * solver.seconds_per_cell:.2f} µs per cell and step (measured, {int(one['cells'])} cells,"
+        f"- one rank: {1e3 * solver.seconds_per_step:.0f} ms a step and {1e6 * solver.seconds_per_cell:.2f} µs per cell and step (measured, {int(one['cells'])} cells,"
         f" {one['cycles']:.1f} pressure cycles a step), in proportion to cells and pressure correctors;",
         f"- two ranks of a machine slow each other down by {solver.pair_slowdown - 1:.0%}"
         + (" (measured);" if two else " (not measured);"),
@@ -66,8 +66,11 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
     return "\n".join(lines)
 
 
-def _duration(hours: float) -> str:
-    return f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.0f} min"
+def duration(seconds: float) -> str:
+    """A time in the unit in which it is read most easily."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -21,7 +21,7 @@ STEPS = Path(__file__).with_name("steps.csv")  # of make bench-steps
 
 
 def read_steps(
-    path: Path, serial_seconds_per_cell: float
+    path: Path, serial_seconds_per_cell: float, fixed_s: float = 0.0
 ) -> tuple[dict[str, float], dict[str, float]] | None:
     """What `make bench-steps` measured of a step on one rank and on two, for `fit`; None where it was not run."""
     if not path.exists():
@@ -35,7 +35,8 @@ def read_steps(
         mesh = {key: one[key] for key in ("cells", "columns")}
         serial = serial_seconds_per_cell * one["cells"]
         return (
-            {**mesh, "correctors": one["correctors"], "step_s": one["step_s"], "serial_s": serial, "cycles": one["pressure_iterations"]},
+            {**mesh, "correctors": one["correctors"], "step_s": one["step_s"], "serial_s": serial,
+             "fixed_s": fixed_s, "cycles": one["pressure_iterations"]},
             {**mesh, "alone_s": one["step_s"], "step_s": two["step_s"]},
         )  # fmt: skip
     except (KeyError, ValueError) as error:
@@ -52,7 +53,7 @@ def read_data(
         network["saturated_range"] = tuple(network["saturated_range"])
     two = {key: value for key, value in table.get("two_ranks", {}).items() if key != "source"}
     one = table["one_rank"]
-    measured_here = read_steps(steps, one.get("serial_s", 0.0) / one["cells"])
+    measured_here = read_steps(steps, one.get("serial_s", 0.0) / one["cells"], one.get("fixed_s", 0.0))
     return (*(measured_here or (one, two or None)), Network(**network))
 
 

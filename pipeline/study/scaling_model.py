@@ -1,8 +1,8 @@
 """How long a time step takes on n ranks: a model of work, halo exchange and global sums, and its fit to measured runs.
 
 Time of a step on n ranks, N cells:
-    t(n) = w N/n · b(n) · i(n)  +  s N  +  m(N/n) · [latency of halo messages + their bytes / bandwidth]  +  r · latency · log2 n
-w: seconds per cell of one rank alone (measured); b: how much ranks of one node slow each other down for want of memory
+    t(n) = f  +  w N/n · b(n) · i(n)  +  s N  +  m(N/n) · [latency of halo messages + their bytes / bandwidth]  +  r · latency · log2 n
+f: what a step costs however few its cells are (measured); w: seconds per cell of one rank alone (measured); b: how much ranks of one node slow each other down for want of memory
 bandwidth (measured on 2 ranks; beyond a node's saturation, from the literature); i: imbalance of whole columns; s: what
 one rank does for all (the sheet's pictures; measured); messages m and sums r by counting what PISO with GAMG sends.
 """
@@ -41,6 +41,7 @@ class Solver:
     coarsest_iterations: float = 10.0  # of the solver of the coarsest level, two sums each
     coarsest_cells: float = 100.0  # of a rank, where agglomeration ends
     bytes_per_face: float = 8.0
+    seconds_per_step: float = 0.0  # f
 
 
 def levels(cells: float, solver: Solver) -> float:
@@ -68,7 +69,7 @@ def step_time(cells: float, ranks: int, columns: float, solver: Solver, network:
     """Seconds of one step."""
     own = cells / ranks
     work = solver.seconds_per_cell * own * slowdown(ranks, solver, network) * imbalance(cells, ranks, columns)
-    serial = solver.serial_seconds_per_cell * cells
+    serial = solver.serial_seconds_per_cell * cells + solver.seconds_per_step
     if ranks == 1:
         return work + serial
     depth = levels(own, solver)
@@ -99,18 +100,22 @@ def useful_ranks(cells: float, columns: float, solver: Solver, network: Network,
 
 
 def fit(one: dict[str, float], two: dict[str, float] | None, network: Network) -> Solver:
-    """The solver's constants: from a run on one rank `cells`, `columns`, `step_s`, `cycles` and, of its step, `serial_s`;
+    """The solver's constants: from a run on one rank `cells`, `columns`, `step_s`, `cycles` and, of its step, `serial_s`, `fixed_s`;
     from a mesh run on two as well `cells`, `columns`, `alone_s` and `step_s`, seconds of a step on one rank and on two.
 
     Raises ValueError where the numbers do not fit each other.
     """
-    serial = one.get("serial_s", 0.0)
-    if not 0 <= serial < one["step_s"]:
-        raise ValueError(f"serial_s = {serial} s is no part of a step of {one['step_s']} s")
-    solver = Solver((one["step_s"] - serial) / one["cells"], 1.0, serial / one["cells"], one["cycles"])
+    serial, fixed = one.get("serial_s", 0.0), one.get("fixed_s", 0.0)
+    if not (serial >= 0 and fixed >= 0 and serial + fixed < one["step_s"]):
+        raise ValueError(
+            f"serial_s = {serial} s and fixed_s = {fixed} s are no parts of a step of {one['step_s']} s"
+        )
+    own = (one["step_s"] - serial - fixed) / one["cells"]
+    solver = Solver(own, 1.0, serial / one["cells"], one["cycles"], seconds_per_step=fixed)
     if two is None:
         return solver
-    alone = replace(solver, seconds_per_cell=two["alone_s"] / two["cells"], serial_seconds_per_cell=0.0)
+    shared = two["alone_s"] - fixed
+    alone = replace(solver, seconds_per_cell=shared / two["cells"], serial_seconds_per_cell=0.0)
     ideal = step_time(two["cells"], 2, two["columns"], alone, network)
-    work = two["alone_s"] / 2 * imbalance(two["cells"], 2, two["columns"])
+    work = shared / 2 * imbalance(two["cells"], 2, two["columns"])
     return replace(solver, pair_slowdown=max(1.0, 1.0 + (two["step_s"] - ideal) / work))

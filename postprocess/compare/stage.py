@@ -154,6 +154,13 @@ def compare(files: StageFiles) -> dict[str, Any]:
     return result
 
 
+def measured_text(check: dict[str, Any]) -> str:
+    """What each source measures, with the unit, for the terminal."""
+    unit = {"fraction": "", "1": ""}.get(check["unit"], check["unit"])
+    text = lambda v: f"{v:.4g} {unit}".rstrip() if isinstance(v, float) else v or "–"  # noqa: E731
+    return ", ".join(f"{of} {text(value)}" for of, value in check["measured"].items())
+
+
 def run(scene_folder: Path, level: str, quiet: bool = False) -> None:
     """Stage compare."""
     files = StageFiles(scene_folder, level)
@@ -164,5 +171,5 @@ def run(scene_folder: Path, level: str, quiet: bool = False) -> None:
         print(f"{files.findings} is missing: agreement of PIV with the CFD is judged, findings are not")
     for check in result["checks"]:
         word = {True: "met", False: "NOT MET", None: "not judged"}[check["met"]]
-        print(f"{check['id']:32s} {word:10s} {check['measured']}")
+        print(f"{check['id']:32s} {word:10s} {measured_text(check)}")
     print(files.out / "comparison.json")

@@ -8,6 +8,7 @@ import pytest
 
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.quantities import QUANTITIES
+from postprocess.compare.stage import measured_text
 from postprocess.evidence.time_windows import Window
 
 ROOT = Path(__file__).parents[3]
@@ -121,3 +122,9 @@ def test_an_id_may_not_occur_twice(tmp_path):
 def test_an_empty_list_is_refused(tmp_path):
     with pytest.raises(ValueError, match="at least one"):
         read_findings(write(tmp_path, GOOD.split("[[finding]]")[0]), frozenset(QUANTITIES))
+
+
+def test_what_was_measured_is_printed_in_words():
+    check = {"unit": "m", "measured": {"cfd": 0.0012345, "piv": None}}
+    assert measured_text(check) == "cfd 0.001234 m, piv –"
+    assert measured_text({"unit": "", "measured": {"cfd": "dorsal"}}) == "cfd dorsal"

@@ -10,17 +10,20 @@ from pipeline.openfoam import environment as openfoam
 def _fresh():
     openfoam.environment.cache_clear()
     openfoam.foam_version.cache_clear()
+    openfoam.is_open_mpi.cache_clear()
     yield
     openfoam.environment.cache_clear()
     openfoam.foam_version.cache_clear()
+    openfoam.is_open_mpi.cache_clear()
 
 
-def fake(folder, banner):
-    """A pimpleFoam that prints its version as OpenFOAM's programs do."""
+def fake(folder, banner, mpi="mpirun (Open MPI) 4.1.4"):
+    """A pimpleFoam and an mpirun that print their versions as the real ones do."""
     folder.mkdir(parents=True)
-    program = folder / "pimpleFoam"
-    program.write_text(f"#!/bin/sh\necho '{banner}'\n")
-    program.chmod(0o755)
+    for name, said in (("pimpleFoam", banner), ("mpirun", mpi)):
+        program = folder / name
+        program.write_text(f"#!/bin/sh\necho '{said}'\n")
+        program.chmod(0o755)
 
 
 def test_missing_openfoam_names_the_command(monkeypatch):
@@ -70,6 +73,24 @@ def test_ranks_on_other_hosts_get_the_environment_they_need(monkeypatch, tmp_pat
     assert command[command.index("--hostfile") + 1] == str(tmp_path / "hosts.txt")
     assert command[-2:] == ["pimpleFoam", "-parallel"]
     assert "-x" not in openfoam.solver_command(8)
+
+
+def test_mpich_gets_its_own_options(monkeypatch, tmp_path):
+    fake(tmp_path / "bin", "Using: OpenFOAM-v1912", "HYDRA build details:")
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
+    assert openfoam.solver_command(2) == ["mpirun", "-np", "2", "pimpleFoam", "-parallel"]
+    command = openfoam.solver_command(8, tmp_path / "hosts.txt")
+    assert command[3:5] == ["-f", str(tmp_path / "hosts.txt")]
+    assert {"WM_PROJECT_DIR", "PATH"} <= set(command[command.index("-genvlist") + 1].split(","))
+
+
+def test_an_unknown_mpi_is_one_sentence(monkeypatch, tmp_path):
+    fake(tmp_path / "bin", "Using: OpenFOAM-v1912", "some other launcher")
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
+    with pytest.raises(StageError, match="unknown MPI"):
+        openfoam.solver_command(2)
 
 
 def test_a_job_that_does_not_name_its_nodes_is_no_job_to_mpirun(monkeypatch, tmp_path):
