@@ -51,6 +51,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Convert."""
+    for name in ("scale_mm_per_px", "interval", "frame_rate", "image_rows"):
+        value = getattr(args, name)
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise ValueError(f"--{name.replace('_', '-')} must be positive, got {value:g}")
     scale = args.scale_mm_per_px * 1e-3 if args.scale_mm_per_px is not None else None
     shift = np.zeros(2)
     if args.calibration is not None:

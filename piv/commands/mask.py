@@ -47,6 +47,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Write the masks."""
+    for name, least in (("smooth", 1.0), ("min_area", 0.0), ("grow", 0), ("threshold", 0.0)):
+        value = getattr(args, name)
+        if value is not None and not value >= least:
+            raise ValueError(f"--{name.replace('_', '-')} must be at least {least:g}, got {value:g}")
+    if args.min_area >= 1:
+        raise ValueError(f"--min-area is a part of the picture, below 1, got {args.min_area:g}")
     with open_recording(args.recording, frame_rate_hz=args.frame_rate) as recording:
         if args.output.suffix.lower() == ".png":
             if args.polygon is None and args.image is None:

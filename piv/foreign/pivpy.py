@@ -12,7 +12,7 @@ from fileio.errors import one_line
 from fileio.formats.plane_series import SCHEMA, read_plane
 from fileio.hdf5 import open_netcdf
 
-UNITS = {"pix": "px", "pixel": "px", "pix/dt": "px/frame", "pixel/dt": "px/frame"}
+DEFAULT_UNIT = "pix"  # which pivpy writes for whatever it has read, metres among them: it states nothing
 
 
 def _open(path: Path) -> xr.Dataset:
@@ -79,4 +79,4 @@ def read_pivpy(path: Path) -> Iterator[tuple]:
 
 def _unit(variable: xr.DataArray) -> str | None:
     unit = str(variable.attrs.get("units", "")).strip()
-    return UNITS.get(unit, unit) or None
+    return None if unit == DEFAULT_UNIT else unit or None

@@ -173,6 +173,10 @@ def open_vectors(path: str | Path) -> xr.Dataset:
         return read_plane(path)
     if path.suffix.lower() == ".nc" and netcdf_layout(path) == "plane":
         return own_netcdf(path)
+    if path.suffix.lower() not in (".csv", ".txt", ".dat", ".vc7"):
+        raise ValueError(
+            f"{path}: no file of vectors; piv convert makes one of other programs' files, piv correlate of images"
+        )
     return read_vectors([path])
 
 

@@ -80,9 +80,12 @@ def test_files_of_pivpy(tmp_path, falling):
         theirs[n].attrs["units"] = "pix"
     theirs = theirs.isel(y=slice(None, None, -1)) if falling else theirs
     theirs.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
-    with pytest.raises(ValueError, match="--y-axis"):
-        read_vectors([tmp_path / "a.nc"])
-    back = read_vectors([tmp_path / "a.nc"], y_axis="up")
+    # pivpy calls whatever it reads "pix": that states nothing
+    told = {"length_unit": "px", "velocity_unit": "px/frame", "y_axis": "up"}
+    for name in told:
+        with pytest.raises(ValueError, match=f"--{name.replace('_', '-')}"):
+            read_vectors([tmp_path / "a.nc"], **{n: v for n, v in told.items() if n != name})
+    back = read_vectors([tmp_path / "a.nc"], **told)
     np.testing.assert_allclose(back["u"], plane["u"])
     np.testing.assert_array_equal(back["y"], plane["y"])
     assert back["time"].attrs["units"] == "frame"
@@ -96,7 +99,10 @@ def test_pivpy_opens_ours_and_we_open_its(tmp_path):
     np.testing.assert_allclose(theirs["u"].transpose("t", "y", "x"), plane["u"])
     np.testing.assert_array_equal(theirs["chc"].transpose("t", "y", "x"), plane["valid"])
     io.save_piv(theirs, tmp_path / "b.nc", format="nc")
-    np.testing.assert_allclose(read_vectors([tmp_path / "b.nc"], y_axis="up")["v"], plane["v"])
+    np.testing.assert_allclose(
+        read_vectors([tmp_path / "b.nc"], length_unit="px", velocity_unit="px/frame", y_axis="up")["v"],
+        plane["v"],
+    )
 
 
 def test_summary_of_exact_numbers():
@@ -127,6 +133,25 @@ def test_wrong_numbers_are_refused(series, tmp_path, words, message, capsys):
     assert main([words[0], str(series), "-o", str(output), *words[1:]]) == 2
     assert message in capsys.readouterr().err
     assert not output.exists()
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        (["convert", "--frame-rate", "-5"], "--frame-rate must be positive"),
+        (["convert", "--interval", "nan"], "--interval must be positive"),
+        (["mask", "--dark", "--min-area", "2"], "--min-area is a part"),
+        (["mask", "--dark", "--grow", "-1"], "--grow must be at least 0"),
+    ],
+)
+def test_wrong_numbers_are_refused_before_anything_is_read(tmp_path, words, message, capsys):
+    assert main([words[0], "nowhere", "-o", str(tmp_path / "o.h5"), *words[1:]]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_what_holds_no_vectors_is_named(tmp_path, capsys):
+    assert main(["plot", str(tmp_path), "-o", str(tmp_path / "o.png")]) == 2
+    assert "no file of vectors; piv convert makes one" in capsys.readouterr().err
 
 
 def test_an_empty_plane_has_no_vortices(tmp_path, capsys):
