@@ -62,7 +62,7 @@ def term_rows(out: Path, interval: Interval, ranks: Ranks, density: float, visco
 def geometry_at(
     faces: Faces, planform: xr.Dataset, sweep: xr.Dataset, nodes: np.ndarray, flat: bool
 ) -> FaceGeometry:
-    """Geometry of a leg's mesh with its planform's nodes at `nodes` (node, 2), m."""
+    """Geometry of a mesh interval's mesh with its planform's nodes at `nodes` (node, 2), m."""
     levels, cells = planform["levels"].values, (planform["triangles"].values, planform["quads"].values)
     column, layer = sweep["cell_column"].values, sweep["cell_layer"].values
     points = np.column_stack([nodes[sweep["node"].values], levels[sweep["level"].values]])

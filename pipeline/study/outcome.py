@@ -24,7 +24,7 @@ LONGEST_REASON = 400  # characters
 NAME = "outcome.json"
 
 
-def how_it_ended(code: int, said: str) -> dict[str, Any]:
+def outcome_of(code: int, said: str) -> dict[str, Any]:
     """The outcome of a stage by its exit code and its last words: refused, stopped (by a guard), failed or crashed.
 
     Exit code 2 is a foreseen failure in one sentence; any other is one of the program's own.
@@ -63,7 +63,7 @@ def outcome(folder: Path, level: str, until: str, ranks: int) -> dict[str, Any]:
             found = {"ended": "hung", "stage": stage, "reason": f"not over after {LONGEST / 60:g} minutes"}
             break
         if done[0] != 0:
-            found = {"stage": stage} | how_it_ended(*done)
+            found = {"stage": stage} | outcome_of(*done)
             break
     for place in (folder.resolve(), folder):  # reasons hold wherever the project lies
         found["reason"] = found["reason"].replace(f"{place}/", "")

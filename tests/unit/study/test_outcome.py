@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from pipeline.study.outcome import how_it_ended, run_stage
+from pipeline.study.outcome import outcome_of, run_stage
 
 TRACE = "Traceback (most recent call last):\n  File x\nKeyError: 'a'\n"
 
@@ -24,7 +24,7 @@ TRACE = "Traceback (most recent call last):\n  File x\nKeyError: 'a'\n"
     ],
 )
 def test_outcomes(code, said, ended, reason):
-    found = how_it_ended(code, said)
+    found = outcome_of(code, said)
     assert found["ended"] == ended
     assert reason in found["reason"]
     assert found.get("stopped_at_s") == (0.0125 if ended == "stopped" else None)
