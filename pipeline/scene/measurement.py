@@ -56,7 +56,7 @@ class Camera(Section):
     """Absent: that of the sheet [Hz]"""
     pairs_every: Annotated[Count, Field(le=10_000)] = 1
     """1: every frame is taken; n: two frames in a row out of every n"""
-    truth: bool = True
+    truth: bool = False
     """Whether the exact displacements are written beside the recording: nothing here reads them, and they take a third of the time"""
     seed: Annotated[Whole, Field(ge=0, lt=2**32)] = 2017
     """Of the particles and the noise"""
