@@ -198,3 +198,31 @@ def test_pairs_stay_inside(n, skip, every):
 def test_row_flip_is_its_own_inverse():
     assert row_to_y_px(0, 100) == 99
     assert row_to_y_px(row_to_y_px(12.25, 100), 100) == 12.25
+
+
+def named(folder, *names):
+    for name in names:
+        cv2.imwrite(str(folder / name), np.zeros((8, 8), np.uint8))
+    return folder
+
+
+@pytest.mark.parametrize("glob", ["", "*.tif"])
+def test_a_missing_frame_is_noticed(tmp_path, glob):
+    named(tmp_path, *(f"f{k:03d}.tif" for k in (1, 2, 4, 5, 6)))
+    with pytest.raises(ValueError, match=r"f002\.tif: a frame is missing between it and f004\.tif") as error:
+        open_recording(str(tmp_path / glob))
+    assert one_sentence(error)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        [f"f{k}.tif" for k in (2, 4, 6, 8)],  # every other frame
+        [f"f{k}.tif" for k in (1, 2, 11, 12, 21, 22)],  # couples
+        [f"f{k}_{c}.tif" for k in (1, 2, 3, 7) for c in "ab"],  # of a case each
+        [f"t{k}.tif" for k in (0, 33, 67, 100)],  # times, ms
+        ["before.tif", "f1.tif", "f3.tif", "f4.tif"],
+    ],
+)
+def test_numbers_that_do_not_count_frames_lack_none(tmp_path, names):
+    assert len(open_recording(named(tmp_path, *names))) == len(names)
