@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 
-SIMULATION = ("gmsh", "pyvista", "felupe", "foamlib", "meshio", "shapely", "tensortrax", "pydantic", "lvpyio")
+SIMULATION = ("gmsh", "pyvista", "felupe", "meshio", "shapely", "tensortrax", "pydantic", "lvpyio")
 FROM_PYTHON = f"""
 import sys, cv2
 from piv import correlate_pair, find_vortices, open_recording

@@ -1,0 +1,55 @@
+"""docs/licences.md names every package of the lock files, with a licence that goes with the project's own."""
+
+import importlib.metadata
+import re
+import tomllib
+
+import pytest
+
+from tests.conftest import ROOT
+
+LOCKS = {"requirements": "requirements.lock", "study": "requirements-study.lock"}
+# go with GPL-3.0-or-later; the FSF's list of licences
+GOOD = {
+    "0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "GPL-2.0-or-later", "GPL-3.0-or-later",
+    "LGPL-2.1-or-later", "LLVM-exception", "MIT", "MIT-CMU", "MPL-2.0", "PSF-2.0", "Zlib", "public domain",
+}  # fmt: skip
+
+
+def table():
+    lines = (ROOT / "docs" / "licences.md").read_text().splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| ")]
+    return {name: (licence, lock.split(" and ")) for name, licence, lock in rows[1:]}
+
+
+def test_every_locked_package_has_a_row_and_no_other():
+    for short, lock in LOCKS.items():
+        locked = set(re.findall(r"(?m)^([A-Za-z0-9_.-]+)==", (ROOT / lock).read_text()))
+        assert {name for name, (_, locks) in table().items() if short in locks} == locked
+
+
+def test_every_package_is_locked_with_its_hash():
+    for lock in LOCKS.values():
+        packages = re.split(r"(?m)^(?=[A-Za-z0-9_.-]+==)", (ROOT / lock).read_text())[1:]
+        assert all("--hash=sha256:" in package for package in packages)
+    for path in ("Makefile", "pipeline/setup.sh"):
+        text = (ROOT / path).read_text().replace("\\\n", " ")
+        installs = [line for line in text.splitlines() if "pip install" in line]
+        assert installs
+        assert all("--require-hashes" in line for line in installs)
+
+
+@pytest.mark.parametrize("name", sorted(table()))
+def test_a_licence_goes_with_the_project_s_own(name):
+    licence = table()[name][0]
+    if licence == "GPL-3.0-only":
+        groups = tomllib.loads((ROOT / "pyproject.toml").read_text())["dependency-groups"]
+        assert name in groups["dev"]  # used by tests, no part of what is given away
+        return
+    parts = {part.strip("() ") for part in re.split(" AND | OR | WITH ", licence)}
+    assert parts <= GOOD
+    try:
+        declared = importlib.metadata.metadata(name).get("License-Expression")
+    except importlib.metadata.PackageNotFoundError:
+        return  # of another system or environment
+    assert declared in (None, licence)
