@@ -24,6 +24,7 @@ from tests.studies.faults.project import PRODUCTS, command, compare_stage, copy_
 
 COLUMNS = ("scene", "ranks", "kills_of_all", "kills_of_one", "resumed", "runs_compared", "difference", "date")
 STAGES = tuple(PRODUCTS)[: list(PRODUCTS).index("vortices") + 1]
+SOLVER = ("case", "run", "sheet")  # what takes longest, and is resumed within
 MOST_IN_A_ROW = 6  # kills of one run
 PATIENCE = 120.0  # s for a make to end whose process was killed
 FINE = """# Cells enough for two ranks, and a part of the motion.
@@ -53,9 +54,9 @@ CHAINS = (
 ENDS = {"fine_single_finger": 0.12, "fine_pinch": 0.3}  # s
 
 
-def begin(project: Path, chain: Chain, log: Path) -> subprocess.Popen:
-    """A make of all stages up to the vortices."""
-    target = command(f"{chain.scene}.vortices", "smoke", chain.ranks)
+def begin(project: Path, chain: Chain, last: str, log: Path) -> subprocess.Popen:
+    """A make of all stages up to the `last`."""
+    target = command(f"{chain.scene}.{last}", "smoke", chain.ranks)
     with log.open("a") as output:
         return subprocess.Popen(
             target, cwd=project, stdout=output, stderr=output, start_new_session=True, env=inner_environment()
@@ -88,15 +89,16 @@ def kill_one(process: subprocess.Popen, draw: random.Random) -> None:
         kill(process)
 
 
-def killed_run(project: Path, chain: Chain, wanted: Path, duration: float, most: int, draw: random.Random,
+def killed_run(project: Path, chain: Chain, stages: tuple[str, ...], wanted: Path, duration: float, most: int, draw: random.Random,
                log: Path, row: dict[str, object]) -> None:  # fmt: skip
-    """One run from nothing, killed up to `most` times, then let end and compared; `row` counts."""
+    """One run of `stages` from nothing, killed up to `most` times, then let end and compared; `row` counts."""
     out = project / "cases" / chain.scene / "out" / "smoke"
-    shutil.rmtree(out, ignore_errors=True)
+    for made in (*(name for stage in stages for name in PRODUCTS[stage]), "case"):
+        shutil.rmtree(out / made) if (out / made).is_dir() else (out / made).unlink(missing_ok=True)
     for _ in range(draw.randint(2, MOST_IN_A_ROW)):
         if int(str(row["kills_of_all"])) + int(str(row["kills_of_one"])) >= most:
             break
-        process = begin(project, chain, log)
+        process = begin(project, chain, stages[-1], log)
         with suppress(subprocess.TimeoutExpired):
             process.wait(draw.uniform(0.02, 0.6) * duration)
         if process.poll() is not None:
@@ -110,14 +112,14 @@ def killed_run(project: Path, chain: Chain, wanted: Path, duration: float, most:
         if not solver_gone(project, 60.0):
             row["difference"] = "a solver lives on"
             return
-    code = begin(project, chain, log).wait()
+    code = begin(project, chain, stages[-1], log).wait()
     row["runs_compared"] = int(str(row["runs_compared"])) + 1
     if code != 0:
         row["difference"] = f"does not go on: {log.read_text(errors='replace')[-300:]}"
         return
     text = (out / "run" / "run.json").read_text()
     row["resumed"] = int(str(row["resumed"])) + ('"resumed": []' not in text)
-    differences = [found for stage in STAGES if (found := compare_stage(stage, wanted, out))]
+    differences = [found for stage in stages if (found := compare_stage(stage, wanted, out))]
     left = [path.name for path in out.rglob("*.part")]
     row["difference"] = "; ".join([*differences, *(f"{name} left behind" for name in left)])
 
@@ -126,6 +128,7 @@ def main() -> int:
     """Command line; 1 where a run differs from the undisturbed one."""
     parser = argparse.ArgumentParser(prog="python -m tests.studies.faults.campaign", description=__doc__)
     parser.add_argument("--kills", type=int, default=60, help="of all scenes together (default: %(default)s)")
+    parser.add_argument("--solver", action="store_true", help="the stages case, run and sheet only")
     parser.add_argument("--seed", type=int, default=0, help="of their times (default: %(default)s)")
     parser.add_argument(
         "--folder", type=Path, help="where the copy of the project is kept (default: temporary)"
@@ -133,6 +136,7 @@ def main() -> int:
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/stability/campaign.csv"))
     args = parser.parse_args()
     draw = random.Random(args.seed)
+    stages = SOLVER if args.solver else STAGES
     with tempfile.TemporaryDirectory() as temporary:
         folder = (args.folder or Path(temporary)).resolve()
         project, log = folder / "project", folder / "log"
@@ -152,7 +156,7 @@ def main() -> int:
                 if chain not in rows:
                     started = time.monotonic()
                     if not kept.exists():
-                        code = begin(project, chain, log).wait()
+                        code = begin(project, chain, stages[-1], log).wait()
                         assert code == 0, log.read_text(errors="replace")[-2000:]
                         shutil.copytree(out, kept)
                     durations[chain] = max(time.monotonic() - started, 60.0)
@@ -162,7 +166,7 @@ def main() -> int:
                 most = -(-args.kills // len(CHAINS))
                 if row["difference"] or int(str(row["kills_of_all"])) + int(str(row["kills_of_one"])) >= most:
                     continue
-                killed_run(project, chain, kept, durations[chain], most, draw, log, row)
+                killed_run(project, chain, stages, kept, durations[chain], most, draw, log, row)
                 print(row, flush=True)
                 write_table(args.output, COLUMNS, list(rows.values()))
             done = [row for row in rows.values() if row["difference"]
