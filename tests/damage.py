@@ -42,7 +42,7 @@ WAYS = (*BYTES, *CONTENT)
 
 
 def damage(path: Path, way: str) -> None:
-    """Damage a file in one of WAYS; text of another kind than CSV and JSON has its values changed as text."""
+    """Damage a file in one of WAYS."""
     if way in BYTES:
         path.write_bytes(BYTES[way](path.read_bytes()))
     elif path.suffix == ".h5":
@@ -51,8 +51,10 @@ def damage(path: Path, way: str) -> None:
     elif path.suffix == ".json":
         content = json.loads(path.read_text())
         path.write_text(json.dumps(_in_json(content, way)))
-    else:
+    elif path.suffix == ".csv":
         path.write_text(_in_text(path.read_text(), way))
+    else:
+        path.write_bytes(_in_values(path.read_bytes(), way))
 
 
 def _in_hdf5(file: h5py.File, way: str) -> None:
@@ -84,6 +86,15 @@ def _in_json(content: Any, way: str) -> Any:
         if way == "NaN"
         else 1e30
     }
+
+
+def _in_values(content: bytes, way: str) -> bytes:
+    """Binary numbers, as in OpenFOAM's files."""
+    if way == "version 99":
+        return content.replace(b"version     2.0", b"version     99 ", 1) + b"\n"
+    middle = len(content) // 2
+    value = b"" if way == "a part taken out" else np.float64(np.nan if way == "NaN" else 1e30).tobytes()
+    return content[:middle] + value + content[middle + 8 :]
 
 
 def _in_text(text: str, way: str) -> str:

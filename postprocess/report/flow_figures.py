@@ -70,8 +70,9 @@ def flow_figures(
 
     frames = animation.write_frames(images(), album.folder / "frames")
     write_film(frames, album.folder / "stroke.mp4", FILM_HZ)
-    slower = ((FRAMES - 1) / FILM_HZ) / (last - first)
-    caption = f"The whole stroke, slowed down {slower:.0f} times."
+    caption = f"One instant, {first:g} s: there is a single field."
+    if last > first:
+        caption = f"The whole stroke, slowed down {(FRAMES - 1) / FILM_HZ / (last - first):.0f} times."
     album.add(None, "stroke.mp4", "film", f"Film of the flow around the bending {body}, {sources}", caption)
     album.add(None, "frames", "slider", f"Flow around the {body}, {sources}", times=times.tolist())
 
