@@ -57,24 +57,24 @@ def own_netcdf(path: Path) -> xr.Dataset:
 def read_pivpy(path: Path) -> Iterator[tuple]:
     """Every instant of a file of pivpy's: x, y, u, v, flag and the units of length and velocity, rows by ascending y."""
     with _open(path) as data:
-        data = data.sortby(["y", "x"])
-        length, velocity = (_unit(data[n]) for n in ("x", "u"))
-        for k in range(data.sizes.get("t", 1)):
-            plane = (data.isel(t=k) if "t" in data.dims else data).transpose("y", "x", ...).load()
-            u, v = plane["u"].values.astype(float), plane["v"].values.astype(float)
-            measured = np.isfinite(u) & np.isfinite(v)
-            if "chc" in plane:
-                measured &= plane["chc"].values > 0
-            flag = np.where(measured, 0, 1).astype(np.uint8)
-            yield (
-                plane["x"].values.astype(float),
-                plane["y"].values.astype(float),
-                u,
-                v,
-                flag,
-                length,
-                velocity,
-            )
+        try:
+            data = data.sortby(["y", "x"])
+            units = [_unit(data[n]) for n in ("x", "u")]
+            found = [
+                _instant(data.isel(t=k) if "t" in data.dims else data) for k in range(data.sizes.get("t", 1))
+            ]
+        except Exception as error:  # of damaged data the libraries raise more than one kind
+            raise ValueError(f"{path}: damaged, or not in pivpy's layout ({one_line(error)})") from error
+    yield from ((*instant, *units) for instant in found)
+
+
+def _instant(data: xr.Dataset) -> tuple[np.ndarray, ...]:
+    plane = data.transpose("y", "x", ...).load()
+    x, y, u, v = (plane[n].values.astype(float) for n in ("x", "y", "u", "v"))
+    measured = np.isfinite(u) & np.isfinite(v)
+    if "chc" in plane:
+        measured &= plane["chc"].values > 0
+    return x, y, u, v, np.where(measured, 0, 1).astype(np.uint8)
 
 
 def _unit(variable: xr.DataArray) -> str | None:

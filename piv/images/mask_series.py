@@ -88,7 +88,7 @@ def _polygons(path: Path, recording: Recording) -> Masks:
             roi = roi_px(tuple(map(float, roi)), unit, recording)
         if not bodies and roi is None:
             raise ValueError("it holds no body and no roi")
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         raise ValueError(f"{path}: not a file of mask polygons ({one_line(error, 200)})") from None
     if unit == "m":
         bodies = [outline_px(body, *scale_of(recording)) for body in bodies]
