@@ -25,7 +25,7 @@ def pair(pairs: dict[str, pd.DataFrame], met: float | None) -> Figure:
     """Imbalance of circulation, mirror distance of the centres and place as seen from the tips over time; `met`: contact, s."""
     figure, axes = new_figure(8.6, 7.4, 4, 1, sharex=True)
     for source, whole in pairs.items():
-        table = broken(whole, "track_0")
+        table = broken(whole, "track_0", "track_1")
         time, colour, label = table["time"], COLOURS[source], NAMES[source]
         axes[0].plot(time, table["imbalance"] * 100, color=colour, label=label)
         axes[1].plot(time, table["mirror_distance"] * MM, color=colour, label=label)
@@ -33,7 +33,12 @@ def pair(pairs: dict[str, pd.DataFrame], met: float | None) -> Figure:
             ax.plot(time, table[f"{name}_0"] * MM, "-", color=colour, label=f"{label}, left")
             ax.plot(time, table[f"{name}_1"] * MM, "--", color=colour, label=f"{label}, right")
     axes[0].set(ylabel="imbalance, %", ylim=(0, 15), title="The two tip vortices against each other")
-    axes[1].set(ylabel="mirror\ndistance, mm", ylim=(0, None))
+    # an instant at which another vortex is paired by mistake must not set the scale
+    usual = max(
+        (float(table["mirror_distance"].quantile(0.95)) for table in pairs.values() if len(table)),
+        default=0.0,
+    )
+    axes[1].set(ylabel="mirror\ndistance, mm", ylim=(0, max(1.5 * usual * MM, 0.1)))
     axes[2].set(ylabel="along the\ntip, mm")
     axes[3].set(ylabel="to the dorsal\nside, mm", xlabel="time, s")
     return _with_contact(figure, axes, met, (axes[0], axes[2]))

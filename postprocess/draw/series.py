@@ -43,7 +43,7 @@ def finger_name(source: str, finger: int, fingers: int) -> str:
 
 def _banded(ax, track: pd.DataFrame, name: str, unit: float, source: str, finger: int, fingers: int) -> None:
     colour, label = COLOURS[source], finger_name(source, finger, fingers)
-    track = broken(track)
+    track = broken(track, "track")
     ax.plot(track["time"], track[name] * unit, color=colour, linestyle=STYLES[finger], label=label)
     std = track.get(f"{name}_std")
     if std is not None and np.any(std.to_numpy(float) > 0):
@@ -80,7 +80,7 @@ def paths(tracks: Tracks, plane: xr.Dataset, middle: tuple[float, float]) -> Fig
 
 
 def _path(ax, track: pd.DataFrame, middle: tuple[float, float], source: str, label: str | None) -> None:
-    drawn, colour = broken(track), COLOURS[source]
+    drawn, colour = broken(track, "track"), COLOURS[source]
     style = {"marker": ".", "markersize": 4, "linewidth": 1.2, "label": label}
     ax.plot(drawn["x"] * MM, drawn["y"] * MM, color=colour, **style)
     inside = track[track["time"].between(*middle)]

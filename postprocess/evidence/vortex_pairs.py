@@ -50,9 +50,9 @@ def of_finger(pairs: pd.DataFrame, finger: int) -> pd.DataFrame:
     return pairs[["time", *names]].rename(columns=names)
 
 
-def broken(table: pd.DataFrame, track: str = "track") -> pd.DataFrame:
-    """A table for drawing: an empty row wherever another vortex takes over, so that no line joins the two."""
-    new = (table[track] != table[track].shift()).cumsum()
+def broken(table: pd.DataFrame, *tracks: str) -> pd.DataFrame:
+    """A table for drawing: an empty row wherever one of the `tracks` (columns) is another vortex, so that no line joins the two."""
+    new = (table[list(tracks)] != table[list(tracks)].shift()).any(axis=1).cumsum()
     numbers = [name for name in table if pd.api.types.is_numeric_dtype(table[name])]
     parts = []
     for _, part in table.groupby(new):

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from postprocess.draw.style import CFD, GREY, MM, PIV, THIRD, new_figure
+from postprocess.draw.style import CFD, GREY, MM, PIV, THIRD, new_figure, number
 
 PANELS = (
     ("across_tip_approach", MM, "vortex to the dorsal side\nwhile approaching, mm"),
@@ -28,11 +28,13 @@ def bars(table: pd.DataFrame) -> Figure:
         values = pd.to_numeric(rows.reindex(runs), errors="coerce").to_numpy(float) * unit
         drawn = ax.barh(runs, np.nan_to_num(values), color=colours, height=0.65)
         ax.bar_label(
-            drawn, labels=[f"{v:.3g}" if np.isfinite(v) else "–" for v in values], padding=3, fontsize=8
+            drawn, labels=[number(v) if np.isfinite(v) else "–" for v in values], padding=3, fontsize=8
         )
         ax.set_xlabel(label)
-        ax.margins(x=0.2)
+        ax.margins(x=0.3)
         ax.grid(axis="y", visible=False)
     axes[0].invert_yaxis()
-    axes[0].set_title("blue: 2-D, orange: quarter model")
+    words = {CFD: "blue", PIV: "orange", THIRD: "green"}
+    named = [f"{words[COLOURS[model]]}: {model} model" for model in COLOURS if (models == model).any()]
+    figure.suptitle(", ".join(named), x=0.01, ha="left", fontsize=11)
     return figure

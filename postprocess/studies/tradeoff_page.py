@@ -10,10 +10,11 @@ from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from fileio.atomic import write_text
 from fileio.provenance import versions
-from postprocess.draw.style import CFD, GREY, PIV, new_figure, save
+from postprocess.draw.style import CFD, GREY, PIV, label_points, new_figure, save
 from postprocess.evidence.vortex_integral import CIRCLE
 
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "numba")
@@ -199,14 +200,9 @@ def draw(table: pd.DataFrame, path: Path) -> Path:
     )
     for axis, (kind, cost, label, colour) in zip(axes, panels, strict=True):
         rows = table[(table["kind"] == kind) & table["error"].notna()]
+        title = {"flow": "Flow", "piv": "PIV"}[kind]
+        axis.set(xscale="log", yscale="log", xlabel=label, ylabel="worst error, %", title=title)
         _panel(axis, rows, cost, colour)
-        axis.set(
-            xscale="log",
-            yscale="log",
-            xlabel=label,
-            ylabel="worst error, %",
-            title={"flow": "Flow", "piv": "PIV"}[kind],
-        )
     return save(figure, path)
 
 
@@ -219,11 +215,13 @@ def _panel(axis: Axes, rows: pd.DataFrame, cost: str, colour: str) -> None:
     axis.scatter(
         rows[cost], 100 * rows["error"], c=[colour if f else GREY for f in rows["front"]], s=28, zorder=2
     )
-    for _, row in rows.iterrows():
-        name = str(row["run"]).removeprefix("piv_")
-        axis.annotate(
-            name, (row[cost], 100 * row["error"]), xytext=(4, 4), textcoords="offset points", fontsize=8
-        )
+    for side in (axis.xaxis, axis.yaxis):
+        side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        side.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        side.set_minor_formatter(NullFormatter())
+    axis.margins(x=0.2, y=0.1)
+    points = list(zip(rows[cost], 100 * rows["error"], strict=True))
+    label_points(axis, points, [str(run).removeprefix("piv_") for run in rows["run"]])
 
 
 def write_results(

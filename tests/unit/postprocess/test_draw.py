@@ -1,0 +1,62 @@
+"""Pictures: names that can be read, and scales that no outlier sets."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from fileio.formats.plane_series import make_plane
+from postprocess.draw import pinch
+from postprocess.draw.flow import format_instant, view_limits
+from postprocess.draw.style import label_points, new_figure, number
+from tests.synthetic_stroke import finger_series
+
+
+def plane_of(bend_deg):
+    """A plane series as far as a picture's limits and words read it, a wide tank around the finger."""
+    finger = finger_series(np.radians(bend_deg))
+    x, y = np.linspace(-0.3, 0.3, 61), np.linspace(0.0, 0.3, 31)
+    u = np.zeros((len(bend_deg), y.size, x.size))
+    return make_plane(x, y, u, u, time=np.array([0.0, 0.1]), valid=np.ones(u.shape, bool), **finger)
+
+
+def test_names_of_crowded_points_do_not_cover_each_other():
+    figure, axis = new_figure(6, 4)
+    points = [(1.0, 1.0), (1.01, 1.0), (1.0, 1.02), (1.02, 1.01), (5.0, 5.0)]
+    axis.scatter(*zip(*points, strict=True))
+    label_points(axis, points, ["draft", "draft_les", "draft_euler", "draft_2ranks", "fine"])
+    figure.canvas.draw()
+    boxes = [text.get_window_extent() for text in axis.texts]
+    assert len(boxes) == 5
+    assert not [(i, j) for i in range(5) for j in range(i) if boxes[i].overlaps(boxes[j])]
+    assert all(box.x1 < axis.bbox.x1 for box in boxes)
+
+
+@pytest.mark.parametrize("value, text", [(-1370.0, "-1370"), (0.0437, "0.0437"), (98.94, "98.9")])
+def test_numbers_have_no_exponent(value, text):
+    assert number(value) == text
+
+
+def test_a_wrong_pair_does_not_set_the_scale():
+    time = np.linspace(0.1, 0.3, 60)
+    table = pd.DataFrame(
+        {"time": time, "imbalance": 0.01, "mirror_distance": 2e-4, "track_0": 1, "track_1": 1}
+    )
+    for name in ("along_tip", "across_tip"):
+        table[f"{name}_0"] = table[f"{name}_1"] = 1e-3
+    table.loc[30, "mirror_distance"] = 36e-3
+    figure = pinch.pair({"piv": table}, 0.2)
+    assert figure.axes[1].get_ylim()[1] < 1  # mm
+
+
+def test_the_angle_is_that_of_the_instant_and_not_of_the_nearest_frame():
+    plane = plane_of([0.0, 40.0])
+    assert format_instant(plane, 0.06) == "0.060 s, bent by 24°"
+
+
+def test_panels_show_the_finger_and_its_vortex_and_not_the_empty_tank():
+    plane = plane_of([0.0, 40.0])
+    x0, x1, y0, y1 = view_limits({"cfd": plane}, {})
+    tips = plane["tip"].values.reshape(-1, 2)
+    assert x0 < tips[:, 0].min() < tips[:, 0].max() < x1 <= float(plane["x"][-1])
+    assert y0 < tips[:, 1].min() < tips[:, 1].max() < y1 <= float(plane["y"][-1])
+    assert x1 - x0 <= np.ptp(tips[:, 0]) + 0.041
