@@ -28,9 +28,9 @@ from piv.validation.outliers import fill_absent
 LEVELS = (1.0, 0.75, 0.5, 0.375)  # sides of windows over the largest; those between are their blends
 BALANCE = 2.0  # of noise over unresolved variance: where they are so, the window is right
 ENOUGH = 2.0  # of the side: where so large a window would do, nodes need not be denser
-DENSE = (
-    0.99  # side in place of 1 where only nodes are denser: longer waves are then followed to a larger part
-)
+# side in place of 1 where only nodes are denser: longer waves are then followed to a larger part
+DENSE = 0.99
+LEAST = 5  # vectors: side of the smallest region whose windows shrink
 STEPS = 4  # Newton steps in the smaller windows
 AREAS = (10.0, 2.5)  # σ of the window: where residuals are averaged, the smaller area where it is certain
 CERTAIN = 3.0  # standard errors
@@ -85,7 +85,11 @@ def window_ratio(v: Displacements, errors: Errors, options: Options) -> np.ndarr
     noise, missed = errors.var_x + errors.var_y, errors.missed_x + errors.missed_y
     ratio = np.sqrt(BALANCE * noise / np.maximum(missed, 1e-12))
     limited = np.clip(ratio, min(options.least_window / options.window, DENSE), DENSE)
-    return np.where((ratio < ENOUGH) & ~v.masked, limited, 1).astype(np.float32)
+    # a smaller region is chance: residuals are averaged over more
+    wanted = cv2.morphologyEx(
+        (ratio < ENOUGH).astype(np.uint8), cv2.MORPH_OPEN, np.ones((LEAST, LEAST), np.uint8)
+    )
+    return np.where((wanted > 0) & ~v.masked, limited, 1).astype(np.float32)
 
 
 def measure_adapted(

@@ -42,16 +42,17 @@ def fit_regions(p: Plane, regions: np.ndarray, s: VortexSettings) -> list[Fitted
     Those that a body half hides are then fitted once more, with it, and must still be vortices.
     """
     start, alone = np.hstack([regions, regions]), replace(s, region_prior=np.inf)
-    fits: list[Fitted] = []
-    # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew
-    while len(start):
-        fits = _significant(_fit_all(p, start, alone), s)
-        if len(fits) == len(start):
-            break
+    fits = _significant(_fit_all(p, start, alone, SWEEPS), s)
+    # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew from where they are
+    at_once = len(fits) == len(start)
+    while len(fits) < len(start):
         start = _parameters(fits)
+        fits = _significant(_fit_all(p, start, alone, 1), s)
+    if not at_once:
+        fits = _significant(_fit_all(p, _parameters(fits), alone, SWEEPS), s)
     if np.isinf(s.region_prior) or all(f.seen >= WATER for f in fits):
         return fits
-    return _significant(_fit_all(p, _parameters(fits), s), s)
+    return _significant(_fit_all(p, _parameters(fits), s, SWEEPS), s)
 
 
 def _parameters(fits: list[Fitted]) -> np.ndarray:
@@ -71,14 +72,14 @@ def _significant(fits: list[Fitted], s: VortexSettings) -> list[Fitted]:
     ]
 
 
-def _fit_all(p: Plane, start: np.ndarray, s: VortexSettings) -> list[Fitted]:
+def _fit_all(p: Plane, start: np.ndarray, s: VortexSettings, sweeps: int) -> list[Fitted]:
     """Fit every candidate in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
     now = start[:, :4].copy()
     area = np.full(len(now), 10.0 * (p.x[1] - p.x[0]) * (p.y[1] - p.y[0]))  # per independent vector
     fits: list[Fitted] = []
-    for sweep in range(SWEEPS):
+    for sweep in range(sweeps):
         # in the last sweep neighbours are as good as they get
-        wider = WIDER if p.noise_known and sweep == SWEEPS - 1 else ()
+        wider = WIDER if s.weights == "uncertainty" and sweep == sweeps - 1 else ()
         found = [_fit_one(p, now, k, start[k, 4:], float(area[k]), s, wider) for k in range(len(now))]
         kept = [(f, a) for f, a in zip(found, start, strict=True) if f and _plausible(p, f.fit, a)]
         kept = [kept[k] for k in _distinct([f.fit for f, _ in kept])]
@@ -102,9 +103,13 @@ def _fit_one(
 ) -> Fitted | None:
     """Fit of vortex k over its own disc, or the widest of the `wider` ones that the model holds in."""
     best = _fit_disc(p, now, k, region, area, s, s.fit_radius)
-    for factor in wider if best is not None else ():
+    if best is None:
+        return None
+    # where the vectors' noise is not known, what the smallest disc leaves is taken for it
+    noise = 1.0 if p.noise_known else best.misfit
+    for factor in wider:
         found = _fit_disc(p, now, k, region, area, s, factor * s.fit_radius)
-        if found is None or found.misfit > MODEL_HOLDS or found.seen < WATER:
+        if found is None or found.misfit > MODEL_HOLDS * noise or found.seen < WATER:
             break
         best = found
     return best
@@ -132,10 +137,9 @@ def _fit_disc(
     strong[k] = False
     along = [m for m in np.argsort(near) if strong[m] and near[m] < reach][:4]
     x, y, u, v = (q[box][use] for q in (p.xx, p.yy, p.u, p.v))
-    for m in range(len(now)):
-        if strong[m] and m not in along:
-            du, dv = lamb_oseen(x, y, *now[m])
-            u, v = u - du, v - dv
+    strong[along] = False  # the others are taken off as they are
+    du, dv = lamb_oseen(x[:, None], y[:, None], *now[strong].T)
+    u, v = u - du.sum(axis=1), v - dv.sum(axis=1)
     vectors = VelocitySamples(x, y, u, v, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)
     seen = seen_share(p.x, p.y, p.valid, x0, y0, reach)
     # a disc half hidden hardly tells core radius and circulation apart: the less it shows, the more the region is asked
@@ -204,13 +208,15 @@ def _plausible(p: Plane, fit: Fit, start: np.ndarray) -> bool:
 
 
 def _distinct(fits: list[Fit]) -> list[int]:
-    """Indices without those that ended on top of a better fitted vortex of the same sense (half a core away)."""
+    """Indices without those that ended on top of a better fitted vortex: half a core away, or a whole one if of opposite sense.
+
+    So near, opposite ones may grow without bound as long as they cancel each other.
+    """
     kept: list[int] = []
     for k in np.argsort([f.explained for f in fits])[::-1]:
         x, y, circulation, a = fits[k].vortices[0]
-        others = [fits[m].vortices[0] for m in kept]
-        if not any(
-            c * circulation > 0 and np.hypot(ox - x, oy - y) < 0.5 * max(b, a) for ox, oy, c, b in others
-        ):
+        others = np.array([fits[m].vortices[0] for m in kept]).reshape(-1, 4)
+        away = np.hypot(others[:, 0] - x, others[:, 1] - y) / np.maximum(others[:, 3], a)
+        if np.all(away >= np.where(others[:, 2] * circulation > 0, 0.5, 1.0)):
             kept.append(int(k))
     return sorted(kept)

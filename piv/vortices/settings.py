@@ -25,7 +25,7 @@ class VortexSettings:
     ] = None
     min_part: Annotated[float, "least |circulation| as a part of the plane's strongest"] = 0.1
     significance: Annotated[float, "least |circulation| over its standard error"] = 2.0
-    # doubled in steps as long as the residuals are no larger than the vectors' uncertainty, where they have one
+    # doubled in steps as long as the residuals are no larger than the vectors' uncertainty, or than those of the first disc
     fit_radius: Annotated[float, "radius of the fitted disc, core radii"] = 2.0
     min_explained: Annotated[float, "least part of the variance that a fit must explain"] = 0.3
     neighbour_part: Annotated[

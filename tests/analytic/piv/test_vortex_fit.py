@@ -6,7 +6,8 @@ from scipy import ndimage
 
 from fileio.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
-from piv.vortices.lamb_oseen_fit import PEAK_RADIUS, PEAK_SWIRL, lamb_oseen
+from piv.vortices.joint_fit import _distinct
+from piv.vortices.lamb_oseen_fit import PEAK_RADIUS, PEAK_SWIRL, Fit, lamb_oseen
 from piv.vortices.vortex import Vortex
 
 STEP = 8.0
@@ -87,16 +88,31 @@ def test_a_known_uncertainty_widens_the_disc_as_far_as_the_model_holds():
     noise = correlated_noise(rng, 0.03), correlated_noise(rng, 0.03)
     std = {n: (("y", "x"), np.full(X.shape, 0.03)) for n in ("u_std", "v_std")}
 
-    def fitted(u, v, **more):
-        return find_vortices(make_plane(AXIS_X, AXIS_Y, u + noise[0], v + noise[1]).assign(**more))[0]
+    def fitted(u, v, weights="uncertainty", **more):
+        plane = make_plane(AXIS_X, AXIS_Y, u + noise[0], v + noise[1]).assign(**more)
+        return find_vortices(plane, weights=weights)[0]
 
-    free, narrow = fitted(u, v, **std), fitted(u, v)
+    free, narrow = fitted(u, v, **std), fitted(u, v, weights="equal")
     assert free.n_vectors > 3 * narrow.n_vectors  # four core radii in place of two
     # Cramér-Rao bound of this noise: 1.6 % in two core radii, 0.23 % in four
     assert abs(free.circulation / GAMMA - 1) < 0.01
     # a flow of another kind from three core radii on, ten times the noise strong
     other = 0.3 * np.clip(np.hypot(X - 500, Y - 500) / 40 - 2.5, 0, 1) * np.sin(X / 9)
     assert fitted(u + other, v, **std).n_vectors < 3 * narrow.n_vectors
+    # without the uncertainty the residuals of the smallest disc stand for it
+    assert fitted(u, v).n_vectors == free.n_vectors
+    assert fitted(u + other, v).n_vectors < 3 * narrow.n_vectors
+
+
+def test_two_that_cancel_each_other_are_one():
+    # noise between the vectors of a jet: two of opposite sense, half a core apart, may grow without bound
+    pair = [
+        Fit(np.array([[x, 500.0, c, 40.0]]), *[np.zeros(0)] * 4, e)
+        for x, c, e in ((500, 9.0, 0.8), (520, -9.0, 0.7))
+    ]
+    assert _distinct(pair) == [0]
+    apart = pair[1]._replace(vortices=np.array([[545.0, 500.0, -9.0, 40.0]]))
+    assert _distinct([pair[0], apart]) == [0, 1]
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.25e-4])
