@@ -20,6 +20,8 @@ AROUND = 0.020  # m shown beside the tips' and the vortices' way
 ARROW_EVERY = 0.0045  # m between drawn vectors: about 35 of them across the camera's picture
 HALO = [patheffects.withStroke(linewidth=4.0, foreground="white")]
 MARK: dict[str, Any] = {"color": "#0a7d2c", "linewidth": 2.0, "zorder": 4, "path_effects": HALO}
+OTHER: dict[str, Any] = MARK | {"color": "#4b5561", "linewidth": 1.0}
+RIVAL = 0.3  # of the strongest at that instant: what is weaker is not marked
 SHADE: dict[str, Any] = {"origin": "lower", "cmap": COLOUR_MAP, "alpha": 0.75, "interpolation": "bilinear"}
 ARROWS: dict[str, Any] = {"units": "xy", "angles": "xy", "scale_units": "xy", "width": 0.5, "headwidth": 3.4, "headlength": 4,
                           "color": "#1c2733"}  # fmt: skip
@@ -86,13 +88,15 @@ def flow_figure(
     scale: float,
     limit: float,
     *,
+    tables: dict[str, pd.DataFrame] | None = None,
     dpi: float = 110,
     panel: float = 5.0,
 ) -> tuple[Figure, Callable[[float], None]]:
     """A figure with one panel per source, and the function that shows an instant (s) in it.
 
     `vortices` holds each source's tip vortex of every finger over time, `scale` the velocity scale (m/s), `limit` the
-    vorticity limit (1/s), `panel` the width of a panel (inches): the narrower it is, the larger letters appear.
+    vorticity limit (1/s), `panel` the width of a panel (inches): the narrower it is, the larger letters appear. Of `tables`, all
+    vortices by source, those that are not judged are marked by thin circles.
     """
     x0, x1, y0, y1 = view_limits(planes, vortices)
     height = panel * (y1 - y0) / (x1 - x0) + 0.8
@@ -102,7 +106,7 @@ def flow_figure(
     updates = []
     shade = None
     for ax, (source, plane) in zip(axes[0], planes.items(), strict=True):
-        shade, update = _panel(ax, plane, vortices.get(source, []), scale, limit)
+        shade, update = _panel(ax, plane, vortices.get(source, []), (tables or {}).get(source), scale, limit)
         ax.set(xlim=(x0 * MM, x1 * MM), ylim=(y0 * MM, y1 * MM), aspect="equal", xlabel="x, mm")
         ax.set_title(NAMES[source])
         ax.grid(False)
@@ -131,7 +135,22 @@ def format_instant(plane: xr.Dataset, time: float) -> str:
     return f"{time:.3f} s, bent by {np.degrees(np.interp(time, plane['time'].values, bends)):.0f}°"
 
 
-def _panel(ax, plane: xr.Dataset, vortices: list[pd.DataFrame], scale: float, limit: float):
+def others(table: pd.DataFrame, judged: list[pd.DataFrame], time: float) -> pd.DataFrame:
+    """The vortices of an instant (s) of the table that are not `judged`, without those far weaker than the strongest then."""
+    now = table[np.isclose(table["time"], time, atol=1e-6)]
+    known = [track for vortex in judged for track in vortex["track"].unique()]
+    strong = now["circulation"].abs() >= RIVAL * now["circulation"].abs().max()
+    return now[strong & ~now["track"].isin(known)]
+
+
+def _panel(
+    ax,
+    plane: xr.Dataset,
+    vortices: list[pd.DataFrame],
+    table: pd.DataFrame | None,
+    scale: float,
+    limit: float,
+):
     x, y = plane["x"].values, plane["y"].values
     dx, dy = x[1] - x[0], y[1] - y[0]
     every = max(1, round(ARROW_EVERY / dx))
@@ -147,6 +166,7 @@ def _panel(ax, plane: xr.Dataset, vortices: list[pd.DataFrame], scale: float, li
     beside = {"labelpos": "E", "coordinates": "axes", "fontproperties": {"size": 9}}
     ax.quiverkey(arrows, 0.8, 1.03, known, f"{known:g} m/s", **beside)
     bodies = [ax.fill([], [], color="black", zorder=3)[0] for _ in range(plane.sizes.get("finger", 0))]
+    (beside_them,) = ax.plot([], [], **OTHER)
     marks = [ax.plot([], [], **MARK)[0] for _ in vortices]
 
     def update(time: float) -> None:
@@ -158,6 +178,16 @@ def _panel(ax, plane: xr.Dataset, vortices: list[pd.DataFrame], scale: float, li
         for number, body in enumerate(bodies):
             outlines = plane["outline"].values[index] * MM if "outline" in plane else {}
             body.set_xy(outlines[number] if len(outlines) else np.empty((0, 2)))
+        if table is not None:
+            seen = others(table, vortices, float(plane["time"][index]))
+            circles = [
+                vortex_mark(r.x * MM, r.y * MM, r.core_radius * MM, r.circulation) for r in seen.itertuples()
+            ]
+            joined = [
+                np.concatenate([np.append(part[k], np.nan) for part in circles] or [np.empty(0)])
+                for k in (0, 1)
+            ]
+            beside_them.set_data(*joined)
         for mark, vortex in zip(marks, vortices, strict=True):
             mark.set_data(*_mark_at(vortex, time))
 

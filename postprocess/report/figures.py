@@ -54,7 +54,7 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     clock = read_clock(out / "kinematics.h5", planes["cfd"])
     dominant = tip_vortices(planes["cfd"], tables, middle)
     album = Album(files.figures)
-    flow_figures(album, planes, dominant, scale, clock)
+    flow_figures(album, planes, tables, dominant, scale, clock)
     vortex_figures(album, pd.read_csv(out / "comparison.csv"), planes["cfd"], dominant, middle, scale)
     if planes["cfd"].sizes["finger"] > 1:
         single, absent = single_finger(files.scene_folder, files.level)

@@ -42,7 +42,12 @@ def _instants(clock: Clock, last: float) -> np.ndarray:
 
 
 def flow_figures(
-    album: Album, planes: dict[str, xr.Dataset], dominant: Tracks, scale: float, clock: Clock
+    album: Album,
+    planes: dict[str, xr.Dataset],
+    tables: dict[str, pd.DataFrame],
+    dominant: Tracks,
+    scale: float,
+    clock: Clock,
 ) -> None:
     """Vectors at some instants as pictures, and the whole stroke as a film and as the frames of the slider."""
     last = min(float(p["time"][-1]) for p in planes.values())
@@ -51,7 +56,7 @@ def flow_figures(
     body = "finger" if len(next(iter(dominant.values()), [0])) == 1 else "fingers"
     limit = draw_flow.vorticity_limit(planes["cfd"], instants)
     sources = " and ".join(NAMES[source] for source in planes)
-    figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=170, panel=3.5)
+    figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, tables=tables, dpi=170, panel=3.5)
     for number, time in enumerate(instants):
         show(time)
         instant = draw_flow.format_instant(planes["cfd"], time)
@@ -60,7 +65,7 @@ def flow_figures(
         # not `save`, which would lay the figure out anew
         animation.write_picture(animation.pixels(figure), album.folder / f"flow_{number}.png")
         album.add(None, f"flow_{number}.png", "flow", alt, instant)
-    figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, dpi=88)
+    figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, tables=tables, dpi=88)
     times = np.linspace(first, last, FRAMES)
 
     def images():

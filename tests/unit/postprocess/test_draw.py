@@ -6,7 +6,7 @@ import pytest
 
 from fileio.formats.plane_series import make_plane
 from postprocess.draw import pinch
-from postprocess.draw.flow import format_instant, view_limits
+from postprocess.draw.flow import format_instant, others, view_limits
 from postprocess.draw.style import label_points, new_figure, number
 from tests.synthetic_stroke import finger_series
 
@@ -51,6 +51,15 @@ def test_a_wrong_pair_does_not_set_the_scale():
 def test_the_angle_is_that_of_the_instant_and_not_of_the_nearest_frame():
     plane = plane_of([0.0, 40.0])
     assert format_instant(plane, 0.06) == "0.060 s, bent by 24°"
+
+
+def test_what_is_not_judged_is_marked_where_it_is_strong():
+    table = pd.DataFrame(
+        {"time": [0.1] * 4 + [0.2], "track": [1, 2, 3, 4, 5], "circulation": [1.0, -0.9, 0.4, 0.1, 9.0]}
+    )
+    judged = [table[table["track"] == 1]]
+    assert list(others(table, judged, 0.1)["track"]) == [2, 3]
+    assert others(table, judged, 0.15).empty
 
 
 def test_panels_show_the_finger_and_its_vortex_and_not_the_empty_tank():
