@@ -10,6 +10,7 @@ import numpy as np
 
 from fileio.atomic import write_bytes
 from fileio.formats.plane_series import read_checked_plane, write_plane
+from piv.commands.settings import report
 from piv.images.calibration import (
     MODELS_HELP,
     Calibration,
@@ -113,6 +114,8 @@ def _apply(args: argparse.Namespace) -> None:
             write_bytes(args.output, cv2.imencode(args.output.suffix, flat)[1].tobytes())
         except cv2.error:
             raise ValueError(f"{args.output}: cannot be written as an image; name it .png or .tif") from None
+        if not args.quiet:
+            print(f"{args.output}: {flat.shape[1]} x {flat.shape[0]} px")
         return
     if args.interval is None:
         raise ValueError("--vectors needs --interval, the time between the exposures of a pair in s")
@@ -122,3 +125,5 @@ def _apply(args: argparse.Namespace) -> None:
                 f"{args.vectors}: x is in {plane['x'].attrs.get('units')!r}, a calibration wants px"
             )
         write_plane(calibrate_plane(plane, calibration, args.interval), args.output)
+    if not args.quiet:
+        report(args.output)
