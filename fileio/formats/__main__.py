@@ -9,6 +9,7 @@ from fileio.formats import (
     bending_states,
     finger_loads,
     kinematics,
+    lab_fields,
     mesh_intervals,
     plane_series,
     recorded_motion,
@@ -27,6 +28,7 @@ MODULES = (
     mesh_intervals,
     sweep,
     finger_loads,
+    lab_fields,
 )
 SCHEMAS = tuple(module.SCHEMA for module in MODULES)
 

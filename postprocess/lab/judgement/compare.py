@@ -12,6 +12,7 @@ import pandas as pd
 from fileio.atomic import write_text
 from fileio.checksum import sha256
 from fileio.formats.kinematics import Kinematics, read_kinematics
+from fileio.formats.lab_fields import write_fields
 from fileio.formats.plane_series import read_plane
 from fileio.formats.recorded_motion import read_recorded_motion
 from fileio.formats.records import LAB_COMPARISON, RUN
@@ -28,7 +29,7 @@ from postprocess.lab.judgement.field_uncertainty import field_comparison
 from postprocess.lab.judgement.inputs_of_budget import Case, Effect
 from postprocess.lab.judgement.measures import measure
 from postprocess.lab.judgement.motion import motion_quantities
-from postprocess.lab.judgement.tables import quantity_table, series_table, write_fields
+from postprocess.lab.judgement.tables import field_values, quantity_table, series_table
 from postprocess.lab.judgement.uncertainty_sources import common_rows, effect_of, flow_quantities, tables
 from postprocess.lab.judgement.validation import FieldComparison, ValidatedQuantity
 from postprocess.lab.registration.step import fea_band, registration_summary
@@ -78,7 +79,7 @@ def run_comparison(
     LAB_COMPARISON.write(files.comparison, result)
     write_text(files.folder / "comparison.csv", quantity_table(result).to_csv(index=False))
     write_text(files.folder / "series.csv", series.to_csv(index=False))
-    write_fields(files.folder / "fields.h5", case, field, result["rows"], planes.picture)
+    write_fields(files.folder / "fields.h5", field_values(case, field, result["rows"], planes.picture))
     return result
 
 

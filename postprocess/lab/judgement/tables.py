@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from fileio.hdf5_disk import whole_hdf5
 from postprocess.lab.judgement.uncertainty_sources import Case
 from postprocess.lab.judgement.validation import FieldComparison
 
@@ -38,17 +36,19 @@ def quantity_table(result: dict[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def write_fields(
-    path: Path, case: Case, field: FieldComparison, rows: np.ndarray, picture: np.ndarray | None
-) -> None:
-    with whole_hdf5(path) as file:
-        file.attrs.update(format="lab-fields", format_version=1)
-        for name in ("x", "y"):
-            file[name] = case.direct[name].values
-        file["time"] = case.direct["time"].values[rows]
-        file["error"] = field.error.astype(np.float32)
-        file["significance"] = field.significance().astype(np.float32)
-        file["u_val"] = field.u_val().astype(np.float32)
-        if picture is not None:
-            file.create_dataset("picture", data=picture, compression="gzip")
-            file["picture"].attrs["time"] = float(case.direct["time"].values[case.direct.sizes["time"] // 2])
+def field_values(
+    case: Case, field: FieldComparison, rows: np.ndarray, picture: np.ndarray | None
+) -> dict[str, Any]:
+    """What fields.h5 holds."""
+    times = case.direct["time"].values
+    values = {
+        "time": times[rows],
+        "y": case.direct["y"].values,
+        "x": case.direct["x"].values,
+        "error": field.error.astype(np.float32),
+        "u_val": field.u_val().astype(np.float32),
+        "significance": field.significance().astype(np.float32),
+    }
+    if picture is None:
+        return values
+    return values | {"picture": picture, "picture_time": float(times[times.size // 2])}

@@ -8,13 +8,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from fileio.atomic import write_text
 from fileio.formats.kinematics import read_kinematics
+from fileio.formats.lab_fields import read_fields
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import LAB_COMPARISON
 from postprocess.draw.style import save
@@ -75,10 +75,10 @@ def figures(files: LabFiles, result: dict[str, Any]) -> Iterator[tuple[str, Figu
         read_plane(files.side("virtual")) if files.side("virtual").exists() else planes["direct"]
     )
     rows = result["rows"]
-    with h5py.File(files.folder / "fields.h5", "r") as file:
-        error, significance = file["error"][...], file["significance"][...]
-        picture = file["picture"][...] if "picture" in file else None
-        picture_time = float(file["picture"].attrs["time"]) if picture is not None else 0.0
+    fields = read_fields(files.folder / "fields.h5")
+    error, significance = fields["error"].values, fields["significance"].values
+    picture = fields["picture"].values if "picture" in fields else None
+    picture_time = float(fields.attrs.get("picture_time", 0.0))
     alt = "Difference of every quantity over its uncertainty, as bars with the limit of 95 %"
     yield "verdicts", draw.verdicts(result["quantities"]), alt
     alt = "Share of every source in the uncertainty of each quantity, as stacked bars"
