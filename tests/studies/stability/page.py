@@ -76,21 +76,29 @@ def save(figure: plt.Figure, path: Path) -> None:
 
 def tiles(lines: list[tuple[str, list[tuple[str, str]]]], width: int) -> plt.Figure:
     """A map: a line of tiles per axis, each with its value, in the colour of how it ended."""
-    rows = [
-        (name, part)
-        for name, all_ in lines
-        for part in (all_[k : k + width] for k in range(0, len(all_), width))
-    ]
+    rows: list[
+        tuple[str, list[tuple[int, str, str]]]
+    ] = []  # name, and the place, the value and the end of each tile
+    for name, values in lines:
+        at = width
+        for value, ended in values:
+            span = tiles_of(value)
+            if at + span > width or not rows or rows[-1][0] != name:
+                rows.append((name, []))
+                at = 0
+            rows[-1][1].append((at, value, ended))
+            at += span
     figure, axes = plt.subplots(figsize=(11, 0.42 * len(rows) + 0.9))
     seen = []
     for y, (name, values) in enumerate(rows):
         if y == 0 or rows[y - 1][0] != name:
             axes.text(-0.15, y, name, ha="right", va="center", fontsize=9)
-        for x, (value, ended) in enumerate(values):
+        for x, value, ended in values:
             seen.append(ended)
-            axes.add_patch(plt.Rectangle((x + 0.03, y - 0.42), 0.94, 0.84, color=COLOURS[ended], lw=0))
-            size = 8 if len(value) < 9 else 6.5 if len(value) < 16 else 4.8
-            axes.text(x + 0.5, y, value, ha="center", va="center", fontsize=size, color="white")
+            span = tiles_of(value)
+            axes.add_patch(plt.Rectangle((x + 0.03, y - 0.42), span - 0.06, 0.84, color=COLOURS[ended], lw=0))
+            size = 8 if len(value) < 9 else 6.5
+            axes.text(x + span / 2, y, value, ha="center", va="center", fontsize=size, color="white")
     axes.set(xlim=(-2.4, width), ylim=(len(rows) - 0.4, -0.6))
     axes.axis("off")
     handles = [Patch(color=COLOURS[key], label=MEANS[key]) for key in COLOURS if key in seen]
@@ -98,6 +106,11 @@ def tiles(lines: list[tuple[str, list[tuple[str, str]]]], width: int) -> plt.Fig
         handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncol=4, frameon=False, fontsize=8
     )
     return figure
+
+
+def tiles_of(value: str) -> int:
+    """How many tiles wide a value is."""
+    return 1 if len(value) < 12 else 1 + len(value) // 11
 
 
 def by_axis(rows: list[dict[str, str]], names: dict[str, str]) -> list[tuple[str, list[tuple[str, str]]]]:
