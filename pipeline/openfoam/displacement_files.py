@@ -96,6 +96,11 @@ def write_frames(folders: list[Path], motion: NodeMotion, nodes: list[np.ndarray
         yield time
 
 
+def frames_laid(case: Path) -> bool:
+    """Whether frames lie in a rank's folder; they are all removed together."""
+    return any(case.glob(f"*/{FIELD}*"))
+
+
 def remove_frames(case: Path) -> None:
     """Remove the frames, and the folders that hold nothing else."""
     for path in case.glob(f"*/{FIELD}*"):

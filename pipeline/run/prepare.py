@@ -19,13 +19,13 @@ from fileio.formats.node_motion import NodeMotion, read_motion
 from fileio.formats.sweep import read_sweep
 from fileio.json_text import read_json
 from pipeline.geometry.quality import cell_centres, neighbours, planform_edges
-from pipeline.openfoam.displacement_files import Steps, time_name, write_frames
+from pipeline.openfoam.displacement_files import Steps, frames_laid, time_name, write_frames
 from pipeline.openfoam.environment import COLLATED, run_tool
 from pipeline.openfoam.foamfile import labels_of, write_list
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.map_fields import map_fields
 from pipeline.run.partition import partition_columns
-from pipeline.run.solver import PROGRESS, set_number
+from pipeline.run.solver import PROGRESS, read_progress, set_number
 
 STATE = "state.json"  # the mesh and ranks for which an interval's folder was prepared
 
@@ -60,6 +60,15 @@ def prepare(out: Path, intervals: tuple[Interval, ...], interval: Interval, rank
     for path in (case / "constant" / "polyMesh").iterdir():
         check_whole(path, f"delete {out / 'sweep.h5'} and run make again")
     if prepared_for(case) == wanted:
+        # the frames are removed where an interval has ended: one that is to be solved again needs them
+        if (
+            interval.moving
+            and not read_progress(case).get("ended")
+            and not frames_laid(ranks.folders(case)[0])
+        ):
+            planform, sweep = read_planform(out, interval.mesh), read_sweep(out, interval.name)
+            motion = read_motion(out, interval.mesh)
+            _write_motion(case, motion, sweep, planform, ranks, steps.times, quiet)
         return
     # interrupted from here on, this interval and those after it start from the beginning
     for later in reversed(intervals[interval.index :]):

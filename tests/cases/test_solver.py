@@ -232,8 +232,16 @@ def test_a_run_stopped_again_and_again_ends_with_the_same_forces(tmp_path, monke
     assert record["resumed"] == [0.03, 0.03]
     assert record["ranks"] == 1
     straight, resumed = table(scene.out / FORCES), table(stopped.out / FORCES)
-    assert straight[:, 0] == pytest.approx(resumed[:, 0])
-    assert np.abs(straight[:, 1:3] - resumed[:, 1:3]).max() < 1e-6 * np.abs(straight[:, 1:3]).max()
+    assert np.array_equal(
+        straight, resumed
+    )  # to the last digit: it starts where it stood, with all digits of the time
+    # solved again from before damaged samples, as the error for them says: the frames of the motion are laid anew
+    case = stopped.out / "case" / "interval_0"
+    (case / "progress.json").unlink()
+    sampled = sorted((case / "postProcessing" / "sheetSurface").iterdir(), key=lambda path: float(path.name))
+    (sampled[-1] / "sheet.vtk").write_bytes(b"")
+    run_stage.run(stopped, quiet=True)
+    assert np.array_equal(straight, table(stopped.out / FORCES))
     history = table(stopped.out / "run" / "history.csv")
     assert history[:, 0] == pytest.approx(straight[:, 0])
     assert np.diff(history[:, -1]).min() >= 0  # the clocks add up
