@@ -24,6 +24,7 @@ QUIET ?=
 CASES ?= cases
 SLURM ?=
 ACCURACY ?=
+COUPLED ?=
 BUDGET ?=
 
 # The sheet's vortices are found while its images are still rendered.
@@ -64,6 +65,7 @@ help: ## this list
 	@echo "    NP: MPI ranks, now $(NP); HOSTS=hosts.txt: on those machines; COLLATED=1: few files"
 	@echo "make SCENE ACCURACY=12%        the cheapest measured setting within 12 %;"
 	@echo "make SCENE BUDGET=10min        the most accurate within the time"
+	@echo "make SCENE COUPLED=1           the motion that pressure and water make together, by about three whole runs"
 	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]"
 	@echo "make SCENE.STAGE               up to one stage:"
 	@$(foreach s,$(STAGES),printf '    %-14s %s\n' $(s) "$(ABOUT.$(s))";)
@@ -125,6 +127,9 @@ $(ALL): $(READY)
 	+@set -e; found=$$($(PY) -m pipeline choose $(ASKED)); set -- $$found; \
 	$(MAKE) --no-print-directory CASES=cases/$@/out/studies/asked LEVEL=$$2 NP=$$3 ACCURACY= BUDGET= $$1; \
 	$(PY) -m pipeline choose cases/$@ --after
+else ifneq ($(COUPLED),)
+$(ALL): $(READY)
+	+$(PY) -m pipeline couple $(CASES)/$@ --level $(LEVEL) --ranks $(NP) $(FLAGS)
 else ifneq ($(SLURM),)
 $(ALL): $(STUDY_READY)
 	+$(SNAKEMAKE) $(EXECUTOR) --config run=$(CASES)/$@ level=$(LEVEL) ranks=$(NP)

@@ -120,26 +120,28 @@ class Schema:
         values: Mapping[str, Any],
         groups: Mapping[str, Mapping[str, Any]] | None = None,
         *,
-        instead_of_pa: str = "Pa",
+        units: Mapping[str, str] | None = None,
     ) -> None:
         """Write a file, whole or not at all, from its variables and attributes by name, and those of its `groups`.
 
-        `instead_of_pa`: the unit of what takes the place of the pressure.
+        `units`: of variables by name, in place of those declared.
         """
-        root = _dataset(self.root, values, instead_of_pa)
+        root = _dataset(self.root, values, units or {})
         root.attrs = {"versions": json.dumps(versions())} | root.attrs
         root.attrs |= self.label
         self.check(root, path)
-        parts = {name: _dataset(self.group, part, instead_of_pa) for name, part in (groups or {}).items()}
+        parts = {name: _dataset(self.group, part, units or {}) for name, part in (groups or {}).items()}
         for part in parts.values():
             self.check(part.assign_attrs(root.attrs | part.attrs), path, group=True)
         whole_netcdf(root, path, parts)
 
 
-def _dataset(declared: tuple[Variable, ...], values: Mapping[str, Any], unit: str) -> xr.Dataset:
+def _dataset(
+    declared: tuple[Variable, ...], values: Mapping[str, Any], units: Mapping[str, str]
+) -> xr.Dataset:
     known = {variable.name: variable for variable in declared}
     variables = {
-        name: (v.axes, value, {"units": v.units.replace("Pa", unit), "long_name": v.meaning})
+        name: (v.axes, value, {"units": units.get(name, v.units), "long_name": v.meaning})
         for name, value in values.items()
         if (v := known[name]).dims != "-"
     }

@@ -87,7 +87,7 @@ STAGES = (
     Stage("figures", "postprocess.report.figures", "pictures of the report", ("compare",),
           ("figures/figures.json",), format="figures", cost=(60, 900), shared=False),
     Stage("loads", "pipeline.structure.stage", "the water's loads on the finger, and what they would bend", ("run",),
-          ("loads.h5",), {"structure": True}, "finger-loads", cost=(10, 500)),
+          ("loads.h5",), {"structure": {"bending_stiffness"}}, "finger-loads", cost=(10, 500)),
     Stage("report", "postprocess.report.stage", "report.html", ("figures", "loads"), ("report.html",), {"title": True},
           cost=(30, 900), shared=False),
 )  # fmt: skip

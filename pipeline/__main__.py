@@ -22,6 +22,7 @@ TOOLS: Commands = {
         "write what each stage depends on to settings/, where it changed",
         "pipeline.stage_settings",
     ),
+    "couple": ("the motion that pressure and water make together, by whole runs", "pipeline.study.couple"),
     "openfoam": ("say which OpenFOAM is found", "pipeline.openfoam.environment"),
     "plan": ("write the scenes of a study and its plan.json", "pipeline.study.plan"),
     "reuse": ("take over a stage's results from another run of a study", "pipeline.study.reuse"),

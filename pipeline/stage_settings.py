@@ -49,7 +49,7 @@ def settings_of(scene: Scene, stage: str) -> dict[str, Any]:
         return FLAT_SETTINGS[stage](scene)
     settings = scene.model_dump(mode="json", include=STAGE_SECTIONS[stage])
     if stage == "kinematics":
-        named = [scene.motion.states, scene.motion.pressure_csv, scene.motion.recording]
+        named = [scene.motion.states, scene.motion.pressure_csv, scene.motion.recording, scene.motion.shapes]
         settings["files"] = {name: _file_digest(scene.folder / name) for name in named if name}
     if stage == "case":
         settings["templates"] = templates_digest()

@@ -7,6 +7,7 @@ from pathlib import Path
 from fileio.atomic import write_text
 from fileio.formats import (
     bending_states,
+    elastic_motion,
     finger_loads,
     kinematics,
     lab_fields,
@@ -29,6 +30,7 @@ MODULES = (
     sweep,
     finger_loads,
     lab_fields,
+    elastic_motion,
 )
 SCHEMAS = tuple(module.SCHEMA for module in MODULES)
 

@@ -21,14 +21,14 @@ SCHEMA = Schema(
     "delete it and run make again",
     (
         Variable("time", "time", "s", "of the solver's samples of the finger's surface", True),
-        Variable("pressure", "time", "Pa", "of the shape", True),
+        Variable("pressure", "time", "Pa", "in the chambers; of a pinch that of the shape", True),
         Variable("arc", "slice", "m", "middle of each slice from the root, at rest; the first is the clamped length", True),
         Variable("force", "time, slice, axis", "N", "of the water on each slice of a whole finger, along it and towards the ventral side", True),
         Variable("torque", "time, slice", "N m", "of the water about the middle of each slice, positive towards the ventral side", True),
         Variable("root_moment", "time", "N m", "of the water about the middle of the root, positive towards the ventral side", True),
         Variable("deflection", "time", "rad", "turn of the tip that water, weight and inertia would cause at once; of a finger of known stiffness", True),
         Variable("dry_deflection", "time", "rad", "the same without the water's forces: by weight, buoyancy and inertia", True),
-        Variable("unknown", "-", "", "why the deflection is not known; empty where it is"),
+        Variable("unknown", "-", "", "why the deflection is not known, as a sentence; empty where it is"),
         Variable("largest_deflection", "-", "rad", "of largest size, signed", True),
         Variable("largest_at", "-", "s", "when", True),
         Variable("bend_then", "-", "rad", "bend angle of the prescribed motion then", True),
@@ -51,7 +51,7 @@ def read_loads(path: Path) -> xr.Dataset:
 def deflection_sentence(values: Mapping[str, Any]) -> str:
     """The a-posteriori check in words, from the attributes of a loads.h5."""
     if values["unknown"]:
-        return f"The motion is prescribed: {values['unknown']}."
+        return str(values["unknown"])
     most, then, stroke = (
         math.degrees(values[name]) for name in ("largest_deflection", "bend_then", "stroke")
     )

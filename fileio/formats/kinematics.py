@@ -17,10 +17,11 @@ from fileio.schema import RECORDED, Schema, Variable
 
 SHAPES = ("outline", "tip", "tip_direction", "dorsal_direction", "bend")
 SHAPE = "shape_parameter"
+SHAPE_OF_TIME = "shape_parameter_of_time"
 
 SCHEMA = Schema(
     "kinematics",
-    2,
+    3,
     "delete it and run make again",
     (
         Variable("time", "time", "s", "instants of the law"),
@@ -28,10 +29,17 @@ SCHEMA = Schema(
             "pressure", "time", "Pa", "of the shape; of a rigid body the distance travelled (m, or rad)"
         ),
         Variable(
+            SHAPE_OF_TIME,
+            "time",
+            "s",
+            "of each instant; where it is not given, it is the pressure, else the time itself",
+            True,
+        ),
+        Variable(
             "free_pressure", "time", "Pa", "pinch: in the chambers; goes on when the fingers are held", True
         ),
         Variable("gap", "time", "m", "pinch: least distance of the outline to x = 0 or to the object", True),
-        Variable(SHAPE, SHAPE, "Pa", "pressure of each shape, ascending"),
+        Variable(SHAPE, SHAPE, "Pa", "of each shape, ascending: its pressure, or the time"),
         Variable("shape_outline", f"{SHAPE}, point, axis", "m", "closed outline"),
         Variable("shape_tip", f"{SHAPE}, axis", "m", "middle of the tip; of a rigid body its centre"),
         Variable(
@@ -66,7 +74,9 @@ SCHEMA = Schema(
 
 @dataclass(frozen=True)
 class Kinematics:
-    """A motion in the tank frame: the `law` of the pressure (Pa) over time (s), and `splines` of each of SHAPES over it.
+    """A motion in the tank frame: the `law` of the shape parameter over time (s), and `splines` of each of SHAPES over it.
+
+    The parameter is the pressure (Pa), or the time where the motion does not follow from the pressure alone.
 
     `data` are all variables of the file, `settings` the scene's sections; `mirror`: a second finger, the image in x = 0.
     """
@@ -162,17 +172,18 @@ class Kinematics:
 
 
 def write_kinematics(
-    path: Path, values: Mapping[str, Any], settings: dict[str, Any], unit: str = "Pa"
+    path: Path, values: Mapping[str, Any], settings: dict[str, Any], units: Mapping[str, str] | None = None
 ) -> None:
-    """Write a kinematics.h5 from SCHEMA's variables and attributes by name, but for its settings; `unit` of the pressure."""
-    SCHEMA.write(path, dict(values) | recorded(settings), instead_of_pa=unit)
+    """Write a kinematics.h5 from SCHEMA's variables and attributes by name, but for its settings; `units` of some by name."""
+    SCHEMA.write(path, dict(values) | recorded(settings), units=units)
 
 
 def read_kinematics(path: Path) -> Kinematics:
     """The motion in a kinematics.h5. StageError in one sentence where the file is of no use."""
     data = SCHEMA.read(path)
     try:
-        law = CubicSpline(data["time"].values, data["pressure"].values)
+        parameter = data[SHAPE_OF_TIME if SHAPE_OF_TIME in data else "pressure"].values
+        law = CubicSpline(data["time"].values, parameter)
         splines = {name: CubicSpline(data[SHAPE].values, data[f"shape_{name}"].values) for name in SHAPES}
     except ValueError as error:
         raise StageError(f"{path}: damaged ({one_line(error)}); {SCHEMA.remedy}") from None

@@ -27,7 +27,7 @@ def check_states(scene: Scene) -> None:
     if not scene.actuator:
         return
     actuator, fea = sections(scene)  # are checked also where nothing is analysed
-    if motion.source != "fea" or motion.states is None:
+    if motion.source not in ("fea", "structure") or motion.states is None:
         return
     path = Path(os.path.normpath(scene.folder / motion.states))
     made = _provenance(path)

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from fileio.errors import StageError
-from fileio.formats.bending_states import States, read_states
+from fileio.formats.bending_states import States, check_states, read_states
+from fileio.formats.elastic_motion import read_elastic_motion
 from pipeline.fea import paper_equations as paper_model
 from pipeline.kinematics.contact import closing_law, gap
 from pipeline.kinematics.pressure_law import PressureLaw, measured_law, stroke_law
@@ -24,10 +25,10 @@ LENGTH_TOLERANCE = 0.02  # of finger.length against that of its states: digitise
 
 @dataclass(frozen=True)
 class FingerMotion:
-    """A pressure law and the shapes it runs through, with the placement in the tank.
+    """A law of the shape parameter and the shapes it runs through, with the placement in the tank.
 
-    `law` is that of the shapes: in a pinch the fingers stop where they meet, while the chambers' own pressure,
-    `free_law`, goes on.
+    `free_law` is the chambers' own pressure: in a pinch it goes on where the fingers meet and their shape stops. The
+    parameter is a pressure, or where the shapes are given `over_time`, the time.
     """
 
     law: PressureLaw
@@ -35,6 +36,7 @@ class FingerMotion:
     shapes: FingerShapes
     finger: Finger
     states: States
+    over_time: bool = False
 
     def to_tank(self, points: np.ndarray) -> np.ndarray:
         """Points (…, 2) from the actuator's frame (origin at the middle of the root) to the tank's."""
@@ -59,11 +61,18 @@ def axes(finger: Finger) -> np.ndarray:
 def finger_motion(motion: Motion, finger: Finger, pinch: Pinch | None, folder: Path) -> FingerMotion:
     """The motion that a scene in `folder` asks for. Raises StageError where it cannot be."""
     where = folder / "scene.toml"
-    law = _pressure_law(motion, folder)
+    law = free_law = _pressure_law(motion, folder)
     time = law_times(motion.end_time)
+    if motion.shapes is not None:
+        law, states = time_itself, states_over_time(folder / motion.shapes)
     pressure = law(time)
-    states = finger_states(motion, finger, folder, float(pressure.min()), float(pressure.max()))
+    if motion.shapes is None:
+        states = finger_states(motion, finger, folder, float(pressure.min()), float(pressure.max()))
     low, high = states.pressure[0], states.pressure[-1]
+    if motion.shapes is not None and pressure.max() > high + 1e-6:
+        raise StageError(
+            f"{folder / motion.shapes}: ends at {high:g} s, before motion.end_time = {motion.end_time:g} s; compute it anew"
+        )
     if pressure.min() < low - 1e-6 or pressure.max() > high + 1e-6:
         raise StageError(
             f"{where}: motion runs over {pressure.min() / 1e3:.3g}…{pressure.max() / 1e3:.3g} kPa"
@@ -81,7 +90,8 @@ def finger_motion(motion: Motion, finger: Finger, pinch: Pinch | None, folder: P
     strip = rounded_strip(
         s[-1], states.thickness[rest], s, finger.root_corner_radius, finger.tip.corner_radius
     )
-    free = FingerMotion(law, law, FingerShapes(states, strip), finger, states)
+    shapes = FingerShapes(states, strip)
+    free = FingerMotion(law, free_law, shapes, finger, states, over_time=motion.shapes is not None)
     if pinch is None:
         return free
     closed = closing_law(
@@ -93,6 +103,21 @@ def finger_motion(motion: Motion, finger: Finger, pinch: Pinch | None, folder: P
         str(where),
     )
     return replace(free, law=closed)
+
+
+def time_itself(time: np.ndarray, derivative: int = 0) -> np.ndarray:
+    """The law of shapes that are given over time."""
+    time = np.asarray(time, float)
+    return time if derivative == 0 else np.full(time.shape, float(derivative == 1))
+
+
+def states_over_time(path: Path) -> States:
+    """The shapes of an elastic_motion.h5, with their times in the place of the pressure."""
+    file = read_elastic_motion(path)
+    profile = np.stack([file["profile_x"].values, file["profile_y"].values], axis=-1)
+    states = States(file["knot"].values, profile, file["thickness"].values)
+    check_states(states, path)
+    return states
 
 
 def law_times(end_time: float) -> np.ndarray:
@@ -115,7 +140,7 @@ def finger_states(motion: Motion, finger: Finger, folder: Path, lowest: float, h
     if motion.source == "recording":
         assert motion.recording is not None  # the scene's own check
         return recorded_states(folder / motion.recording)
-    if motion.source == "fea":
+    if motion.source in ("fea", "structure"):
         assert motion.states is not None  # the scene's own check
         return read_states(folder / motion.states, finger.thickness)
     if lowest < PAPER_LOWEST_PRESSURE:

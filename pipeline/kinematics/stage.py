@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from fileio.formats.kinematics import write_kinematics
+from fileio.formats.kinematics import SHAPE, SHAPE_OF_TIME, write_kinematics
 from pipeline.fea import paper_equations as paper_model
 from pipeline.kinematics.contact import closing_sentence, closing_summary, gap
 from pipeline.kinematics.finger import FingerMotion, finger_motion, law_times
@@ -80,19 +80,23 @@ def finger_values(
 ) -> dict[str, Any]:
     """Variables and attributes of kinematics.h5 for a finger whose shapes are `bend_step` rad apart, or less."""
     time = law_times(end_time)
-    pressure = motion.law(time)
-    low, high = float(pressure.min()), float(pressure.max())
+    parameter = motion.law(time)
+    low, high = float(parameter.min()), float(parameter.max())
     if high - low < 1e-9:
         high = low + 1.0
-    knots = shape_knots(motion, low, high, bend_step, pinch)
+    knots = motion.states.pressure if motion.over_time else shape_knots(motion, low, high, bend_step, pinch)
     bends = np.array([motion.shapes.bend(p) for p in knots])
     outlines = np.array([motion.outline(p) for p in knots])
     tips = np.array([motion.shapes.tip(p) for p in knots])
     tip = motion.to_tank(tips[:, 0])
-    speed = np.hypot(*(CubicSpline(knots, tip)(pressure, 1) * motion.law(time, 1)[:, None]).T)
+    speed = np.hypot(*(CubicSpline(knots, tip)(parameter, 1) * motion.law(time, 1)[:, None]).T)
     return {
         "time": time,
-        "pressure": pressure,
+        **(
+            {"pressure": motion.free_law(time), SHAPE_OF_TIME: parameter}
+            if motion.over_time
+            else {"pressure": parameter}
+        ),
         "shape_parameter": knots,
         "shape_outline": outlines,
         "shape_bend": bends,
@@ -102,7 +106,7 @@ def finger_values(
         "tip_thickness": motion.shapes.tip_thickness,
         "peak_tip_speed": float(speed.max()),
         **contact_values(motion, time, knots, outlines, pinch),
-        **input_uncertainty(motion),
+        **({} if motion.over_time else input_uncertainty(motion)),
     }
 
 
@@ -123,8 +127,12 @@ def kinematics_values(scene: Scene) -> dict[str, Any]:
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write kinematics.h5."""
     values = kinematics_values(scene)
-    unit = "Pa" if scene.body is None else "rad" if scene.motion.rotation else "m"  # of a body: its distance
-    write_kinematics(scene.out / "kinematics.h5", values, settings_of(scene, "kinematics"), unit)
+    units = {}
+    if scene.body is not None:
+        units = dict.fromkeys(("pressure", SHAPE), "rad" if scene.motion.rotation else "m")  # its distance
+    elif SHAPE_OF_TIME in values:
+        units = {SHAPE: "s"}
+    write_kinematics(scene.out / "kinematics.h5", values, settings_of(scene, "kinematics"), units)
     if not quiet and scene.body:
         print(f"kinematics: a {scene.body.shape} in {len(values['shape_parameter'])} places")
     elif not quiet:

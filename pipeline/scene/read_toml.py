@@ -11,7 +11,12 @@ from typing import Any
 from fileio.errors import StageError
 from fileio.json_text import flat
 
-FILE_KEYS = {"states", "pressure_csv", "recording"}  # of [motion]: relative to the scene that gives them
+FILE_KEYS = {
+    "states",
+    "pressure_csv",
+    "recording",
+    "shapes",
+}  # of [motion]: relative to the scene that gives them
 REPLACED = {"parameters"}  # of a material's law: those of another law would be left over
 
 

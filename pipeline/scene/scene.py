@@ -85,6 +85,8 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _one_body(self) -> Scene:
+        if self.pinch is not None and self.motion.source == "structure":
+            raise ValueError("motion.source = 'structure' is a single finger's; remove it or pinch")
         if (self.body is None) == (self.motion.source == "rigid"):
             raise ValueError("body and motion.source = 'rigid' belong together; give both or neither")
         if self.body is not None and self.pinch is not None:
@@ -112,7 +114,7 @@ class Scene(Section):
                 f"warning: finger.root = {list(self.finger.root)} leaves the straight finger {above:.3g} m above the"
                 f" bottom, less than the experiment's {PAPER_CLEARANCE:g} m: the bottom may be felt"
             )
-        if self.motion.states and self.motion.source != "fea":
+        if self.motion.states and self.motion.source not in ("fea", "structure"):
             said.append(f"motion.states is not used: motion.source = {self.motion.source!r}")
         said += [
             f"warning: motion.strokes[{k}] starts at {stroke.start:g} s, not before motion.end_time = {self.motion.end_time:g} s:"

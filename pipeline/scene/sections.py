@@ -89,12 +89,14 @@ class Segment(Section):
 class Motion(Section):
     """Where shapes and the pressure history come from."""
 
-    source: Literal["fea", "paper_equations", "recording", "rigid"] = "paper_equations"
-    """Where the shapes come from: a bending analysis, the paper's equations, a recording, or a rigid body"""
+    source: Literal["fea", "paper_equations", "recording", "rigid", "structure"] = "paper_equations"
+    """Where the shapes come from: a bending analysis, the paper's equations, a recording, a rigid body, or loads (COUPLED=1)"""
     states: str | None = None
-    """File of the bending states (states.h5 or CSV), for source = "fea" """
+    """File of the bending states (states.h5 or CSV), for source = "fea" or "structure" """
     recording: str | None = None
     """File of a motion as a camera saw it (motion.h5), for source = "recording" """
+    shapes: str | None = None
+    """File of a motion as pressure and water make it (elastic_motion.h5), for source = "structure" """
     recording_factor: Annotated[Positive, Field(le=10)] = 1.0
     """On the recording's bending, to measure what an error of it does"""
     start_pressure_kpa: Pressure = 0.0
@@ -148,16 +150,36 @@ class Motion(Section):
             )
         if any(b.start <= a.start for a, b in pairwise(self.strokes)):
             raise ValueError("motion.strokes must start one after the other; sort them by start")
-        if self.source == "fea" and not self.states:
-            raise ValueError("motion.source = 'fea' needs motion.states, the path of a states.h5 or CSV")
+        if self.source in ("fea", "structure") and not self.states:
+            raise ValueError(
+                f"motion.source = {self.source!r} needs motion.states, the path of a states.h5 or CSV"
+            )
+        if (self.source == "structure") != (self.shapes is not None):
+            raise ValueError(
+                "motion.source = 'structure' and motion.shapes, the path of an elastic_motion.h5, belong together; give both"
+                " or neither (make with COUPLED=1 writes them)"
+            )
         return self
 
 
 class Structure(Section):
-    """How the finger answers loads, where the bending analysis does not say: EI (N m²), for all pressures."""
+    """How the finger answers loads, and how its motion is found that pressure and water make together (COUPLED=1).
+
+    The modelled water (coefficients `added_mass`, `drag`) steers the iteration alone: the larger, the surer and slower.
+    """
 
     bending_stiffness: Positive | None = None
     """E I at all pressures, where the bending analysis does not say [N m²]"""
+    damping: Annotated[float, Field(ge=0, le=1)] = 0.004
+    """Of the rubber: stress by rate over stress by strain [s]"""
+    added_mass: Annotated[Positive, Field(le=100)] = 1.3
+    """Coefficient of the modelled water's added mass, for COUPLED=1"""
+    drag: Annotated[Positive, Field(le=100)] = 5.0
+    """Coefficient of the modelled water's drag, for COUPLED=1"""
+    iterations: Annotated[int, Field(ge=1, le=20)] = 5
+    """Runs at most, for COUPLED=1"""
+    tolerance: Annotated[Positive, Field(le=1)] = 0.005
+    """Change of the tip's place from run to run that ends COUPLED=1, over the finger's length"""
 
 
 FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled

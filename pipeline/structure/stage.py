@@ -6,9 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from tqdm import tqdm
 
 from fileio.formats.bending_states import BendingLaw, BendingStates, FloatArray, States
+from fileio.formats.elastic_motion import read_elastic_motion
 from fileio.formats.finger_loads import deflection_sentence, write_loads
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import PER_FINGER, read_intervals
@@ -16,7 +18,7 @@ from pipeline.kinematics.finger import axes, finger_states
 from pipeline.openfoam.surface_vtk import sampled_surfaces
 from pipeline.scene.scene import Scene
 from pipeline.stage_settings import settings_of
-from pipeline.structure.chain import Chain, ComplexArray
+from pipeline.structure.chain import Chain, ComplexArray, placed
 from pipeline.structure.deflection import deflections, prescribed
 from pipeline.structure.elastic_law import constant_law
 from pipeline.structure.loads import slice_loads, surface_forces
@@ -24,10 +26,11 @@ from pipeline.structure.motion import Surroundings
 
 GRAVITY = 9.81  # m/s²
 UNKNOWN = (
-    "motion.states says no bending stiffness, so what the water's loads would bend is not known: analyse it with make fea,"
-    " or give structure.bending_stiffness (N m2)"
+    "The motion is prescribed, and motion.states says no bending stiffness, so what the loads would bend is not known: analyse"
+    " it with make fea, or give structure.bending_stiffness (N m2)."
 )
-RIGID = "a rigid body does not bend"
+RIGID = "The body is rigid: no load bends it."
+COUPLED = "The motion is not prescribed: it is what the pressure and the loads of the run before make of the finger."
 
 
 def bending_law(states: States, stiffness: float | None) -> BendingLaw | None:
@@ -43,7 +46,9 @@ def bending_law(states: States, stiffness: float | None) -> BendingLaw | None:
 
 def finger_chain(scene: Scene, kinematics: Kinematics) -> tuple[Chain, bool]:
     """The finger as a chain, and whether its bending stiffness is known."""
-    states = finger_states(scene.motion, scene.finger, scene.folder, kinematics.low, kinematics.high)
+    pressure = kinematics.data["pressure"].values
+    lowest, highest = float(pressure.min()), float(pressure.max())
+    states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
     law = bending_law(states, scene.structure.bending_stiffness)
     return Chain(
         states, law or constant_law(1.0, 0.0, len(states.pressure)), scene.finger.width
@@ -61,17 +66,24 @@ def plane(vectors: FloatArray) -> ComplexArray:
     return np.asarray(vectors[..., 0] + 1j * vectors[..., 1], dtype=complex)
 
 
-def measured_loads(scene: Scene, chain: Chain, kinematics: Kinematics, quiet: bool) -> dict[str, Any]:
-    """Variables of loads.h5 from the samples of the run."""
+def elastic_turns(scene: Scene, chain: Chain, time: FloatArray) -> FloatArray:
+    """Elastic rotations (time, slice) of the motion that was run; none of a prescribed one."""
+    if scene.motion.shapes is None:
+        return np.zeros((len(time), chain.slices))
+    file = read_elastic_motion(scene.folder / scene.motion.shapes)
+    return np.asarray(CubicSpline(file["time"].values, file["delta"].values)(time))
+
+
+def measured_loads(scene: Scene, chain: Chain, chambers: CubicSpline, quiet: bool) -> dict[str, Any]:
+    """Variables of loads.h5 from the samples of the run; `chambers`: their pressure (Pa) over time."""
     samples = sampled_surfaces(scene.out / "case", read_intervals(scene.out), "finger")
     copies = PER_FINGER[scene.model.kind]
     both = scene.pinch is not None and scene.model.kind in ("half", "full")
     turn, root = axes(scene.finger).T, np.asarray(scene.finger.root)
     time = np.array([time for time, _ in samples])
-    pressure = kinematics.law(time)
-    at, _ = prescribed(chain, kinematics.law, time)
-    profile = chain.profile(pressure, np.zeros((len(time), chain.slices)))
-    thickness = chain.thickness(pressure)
+    pressure, delta = chambers(time), elastic_turns(scene, chain, time)
+    at = placed(chain.unloaded(pressure), slice(None), delta)
+    profile, thickness = chain.profile(pressure, delta), chain.thickness(pressure)
     edge = -0.5j * chain.thickness(np.zeros(1))[0, 0]  # the root's middle from its ventral edge
     force, torque, root_moment = [], [], []
     for k, (_, path) in enumerate(tqdm(samples, "loads", disable=quiet or None)):
@@ -93,17 +105,17 @@ def measured_loads(scene: Scene, chain: Chain, kinematics: Kinematics, quiet: bo
 
 
 def check(
-    chain: Chain, kinematics: Kinematics, around: Surroundings, values: dict[str, Any]
+    chain: Chain, kinematics: Kinematics, chambers: CubicSpline, around: Surroundings, values: dict[str, Any]
 ) -> dict[str, Any]:
     """Variables and attributes of loads.h5 that say what the loads would bend; of a pinch before its contact."""
     time, pressure = values["time"], values["pressure"]
-    at, rates = prescribed(chain, kinematics.law, time)
+    at, rates = prescribed(chain, chambers, time)
     loads = np.concatenate([values["force"], values["torque"][..., None]], axis=-1)[:, 1:]
     wet = deflections(chain, pressure, at, rates, around, loads)
     dry = deflections(chain, pressure, at, rates, around, 0 * loads)
     free = time < float(kinematics.data.attrs.get("contact_time", np.inf))
     most = int(np.argmax(np.where(free, np.abs(wet), -1.0)))
-    bend = kinematics.bend(pressure)
+    bend = kinematics.bend(kinematics.law(time))
     return {
         "deflection": wet,
         "dry_deflection": dry,
@@ -122,10 +134,15 @@ def run(scene: Scene, quiet: bool = False) -> None:
         write_loads(scene.out, {"unknown": RIGID}, settings)
         return
     chain, known = finger_chain(scene, kinematics)
-    values = measured_loads(scene, chain, kinematics, quiet)
-    around = Surroundings(gravity(scene), scene.fluid.density)
-    values |= check(chain, kinematics, around, values) if known else {}
-    values["unknown"] = "" if known else UNKNOWN
+    chambers = CubicSpline(kinematics.data["time"].values, kinematics.data["pressure"].values)
+    values = measured_loads(scene, chain, chambers, quiet)
+    if scene.motion.shapes is not None:
+        values["unknown"] = COUPLED
+    elif known:
+        around = Surroundings(gravity(scene), scene.fluid.density)
+        values |= check(chain, kinematics, chambers, around, values) | {"unknown": ""}
+    else:
+        values["unknown"] = UNKNOWN
     write_loads(scene.out, values, settings)
     if not quiet:
         print(f"loads: {deflection_sentence(values)}")

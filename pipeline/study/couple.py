@@ -1,0 +1,159 @@
+"""The motion that pressure and water make together, by whole runs: each has the motion that the loads of the one before make.
+
+The runs are scenes of their own below out/coupled, so that one that was cut off resumes like any other, and none is repeated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from fileio.atomic import update_text
+from fileio.command import add_scene
+from fileio.errors import StageError
+from fileio.formats.bending_states import FloatArray
+from fileio.formats.elastic_motion import read_elastic_motion, write_elastic_motion
+from fileio.formats.finger_loads import read_loads
+from fileio.provenance import digest, sha256
+from pipeline.kinematics.finger import finger_motion, finger_states
+from pipeline.scene.scene import Scene, load_scene
+from pipeline.structure.chain import Chain
+from pipeline.structure.coupling import check_change, loads_at, motion_values, next_delta
+from pipeline.structure.motion import Surroundings, motion
+from pipeline.structure.stage import bending_law, gravity
+
+CHEAP = "draft"  # level of the runs before the last ones
+FINE_LEVELS = ("coarse", "medium", "fine")  # that are worth it
+STEP = 1e-3  # s, of the structure
+FIRST = {
+    "added_mass": 0.87,
+    "drag": 2.2,
+}  # a fit to the closing stroke of the shipped finger: only where the runs begin
+SHAPES = "elastic_motion.h5"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command."""
+    add_scene(parser)
+    parser.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Command `couple`."""
+    couple(load_scene(args.scene, args.level), args.ranks, args.quiet)
+
+
+class Structure:
+    """The scene's finger: its chain, its chambers' pressure at the structure's times, and what is around it."""
+
+    def __init__(self, scene: Scene) -> None:
+        if scene.body is not None or scene.pinch is not None or scene.motion.source != "fea":
+            raise StageError(
+                f"{scene.folder / 'scene.toml'}: COUPLED=1 takes a single finger with motion.source = 'fea': a rigid body does"
+                " not bend, fingers in contact are not solved, and other motions have no pressure"
+            )
+        end = scene.motion.end_time
+        self.time: FloatArray = np.linspace(0.0, end, round(end / STEP) + 1)
+        self.pressure = finger_motion(scene.motion, scene.finger, None, scene.folder).free_law(self.time)
+        lowest, highest = float(self.pressure.min()), float(self.pressure.max())
+        states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
+        law = bending_law(states, scene.structure.bending_stiffness)
+        if law is None:
+            raise StageError(
+                f"{scene.folder / 'scene.toml'}: motion.states says no bending stiffness, which COUPLED=1 needs: analyse it with"
+                " make fea, or give structure.bending_stiffness (N m2)"
+            )
+        self.chain = Chain(states, law, scene.finger.width)
+        self.around = Surroundings(gravity(scene), scene.fluid.density, scene.structure.added_mass,
+                                   scene.structure.drag, scene.structure.damping)  # fmt: skip
+
+    @property
+    def step(self) -> float:
+        return float(self.time[1])
+
+    def first(self) -> FloatArray:
+        """Rotations under the modelled water alone."""
+        around = Surroundings(**vars(self.around) | FIRST)
+        nothing = np.zeros((len(self.time), self.chain.slices, 3))
+        return motion(self.chain, self.pressure, self.step, around, nothing)
+
+    def next(self, delta: FloatArray, loads: xr.Dataset) -> FloatArray:
+        """Rotations under the loads of the run with the rotations `delta`."""
+        computed = loads_at(loads, self.time)
+        return next_delta(self.chain, self.pressure, self.step, self.around, delta, computed)
+
+
+def couple(scene: Scene, ranks: int, quiet: bool = False) -> Path:
+    """Runs until the motion changes no more, the last at the scene's level, with its report; returns its folder. StageError."""
+    structure = Structure(scene)
+    home = scene.folder / "out" / "coupled"
+    limit = scene.structure.tolerance * scene.finger.length
+    level = CHEAP if scene.level in FINE_LEVELS else scene.level
+    asked = scene.digest()
+    delta, before, made_of = structure.first(), None, digest([asked, "first"])
+    changes: list[float] = []
+    for number in range(1, scene.structure.iterations + 1):
+        folder = home / f"{scene.level}_{number}"
+        delta = _kept(structure, folder / SHAPES, delta, before, made_of)
+        update_text(folder / "scene.toml", _scene_text(scene, folder))
+        _make(home, folder.name, level, "loads", ranks, quiet)
+        path = folder / "out" / level / "loads.h5"
+        before, delta = delta, structure.next(delta, read_loads(path))
+        made_of = digest([asked, sha256(path)])
+        values = motion_values(structure.chain, structure.time, structure.pressure, delta, before)
+        changes.append(values["tip_change"])
+        if not quiet:
+            print(
+                f"couple: run {number} ({level}): the tip's place changes by {changes[-1] * 1e3:.2f} mm, its turn by"
+                f" {np.degrees(values['bend_change']):.2f}°; {limit * 1e3:.2g} mm are allowed",
+                flush=True,
+            )
+        if not check_change(changes, limit, scene.folder / "scene.toml"):
+            continue
+        if level == scene.level:
+            _make(home, folder.name, level, "report", ranks, quiet)
+            return folder
+        level, changes = scene.level, []
+    raise StageError(
+        f"{scene.folder / 'scene.toml'}: after {scene.structure.iterations} runs the tip's place still changes by"
+        f" {changes[-1] * 1e3:.2g} mm, more than {limit * 1e3:.2g} mm, or level {scene.level} is not reached; raise"
+        " structure.iterations"
+    )
+
+
+def _kept(
+    structure: Structure, path: Path, delta: FloatArray, before: FloatArray | None, made_of: str
+) -> FloatArray:
+    """The rotations of a motion that is there and made of the same; else `delta`, written to `path`."""
+    if path.exists():
+        file = read_elastic_motion(path)
+        if file.attrs["made_of"] == made_of:
+            return np.asarray(file["delta"].values)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    values = motion_values(structure.chain, structure.time, structure.pressure, delta, before)
+    write_elastic_motion(path, values | {"made_of": made_of})
+    return delta
+
+
+def _scene_text(scene: Scene, folder: Path) -> str:
+    parent = os.path.relpath(scene.folder.resolve(), folder.resolve())
+    title = f"{scene.title}, coupled"
+    return f'extends = "{parent}"\ntitle = "{title}"\n\n[motion]\nsource = "structure"\nshapes = "{SHAPES}"\n'
+
+
+def _make(home: Path, name: str, level: str, target: str, ranks: int, quiet: bool) -> None:
+    words = ["make", "--no-print-directory", f"CASES={home}", f"LEVEL={level}", f"NP={ranks}", "COUPLED="]
+    words += ["QUIET=1"] if quiet else []
+    inner = {
+        key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
+    }
+    done = subprocess.run([*words, f"{name}.{target}"], env=inner, check=False)
+    if done.returncode:
+        raise StageError(
+            f"{home / name}: make {name}.{target} failed; see above, mend it, and start COUPLED=1 again"
+        )
