@@ -1,0 +1,97 @@
+"""COUPLED=1 with a solver that is a formula: the order of its runs, what is kept, and what is refused."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fileio.errors import StageError
+from fileio.formats.elastic_motion import read_elastic_motion
+from fileio.formats.finger_loads import write_loads
+from pipeline.scene.scene import load_scene
+from pipeline.structure.coupling import loads_of_model
+from pipeline.study import couple
+
+CASE = Path(__file__).parents[3] / "cases" / "single_finger"
+SHORT = "end_time = 0.12\nstrokes = [{ pressure_kpa = 20.0, start = 0.005, duration = 0.2 }]\n"
+
+
+@pytest.fixture
+def scene_of(tmp_path):
+    def write(more="", level="smoke"):
+        (tmp_path / "scene.toml").write_text(f'extends = "{CASE}"\n[motion]\n{SHORT}{more}')
+        return load_scene(tmp_path, level)
+
+    return write
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """Targets in order; `loads` of a water between the first guess and the iteration's model."""
+    targets = []
+
+    def make(home, name, level, target, ranks, quiet):
+        targets.append((name, level, target))
+        if target != "loads":
+            return
+        scene = load_scene(home / name, level)
+        assert scene.motion.source == "structure"
+        structure = couple.Structure(
+            scene.model_copy(update={"motion": scene.motion.model_copy(update={"source": "fea"})})
+        )
+        delta = read_elastic_motion(home / name / "elastic_motion.h5")["delta"].values
+        truth = replace(structure.around, added_mass=1.0, drag=3.0)
+        values = loads_of_model(structure.chain, structure.pressure, delta, structure.step, truth)[1:]
+        values = np.concatenate([np.zeros((len(values), 1, 3)), values], axis=1)  # the clamped length
+        scene.out.mkdir(parents=True, exist_ok=True)
+        write_loads(
+            scene.out,
+            {
+                "time": structure.time[1:],
+                "force": values[..., :2],
+                "torque": values[..., 2],
+                "unknown": "coupled",
+            },
+            {},
+        )
+
+    monkeypatch.setattr(couple, "_make", make)
+    return targets
+
+
+def test_runs_at_the_cheap_level_first_then_at_the_scenes(scene_of, made):
+    folder = couple.couple(scene_of(level="coarse"), ranks=1, quiet=True)
+    levels = [level for _, level, target in made if target == "loads"]
+    assert levels == sorted(levels, reverse=True)  # draft before coarse
+    assert set(levels) == {"draft", "coarse"}
+    assert 2 <= len(levels) <= 5
+    assert made[-1] == (folder.name, "coarse", "report")
+
+
+def test_a_second_start_keeps_the_motions_that_are_there(scene_of, made):
+    scene = scene_of()
+    folder = couple.couple(scene, ranks=1, quiet=True)
+    motions = sorted(folder.parent.glob("*/elastic_motion.h5"))
+    before = [path.stat().st_mtime_ns for path in motions]
+    runs = list(made)
+    assert couple.couple(scene, ranks=1, quiet=True) == folder
+    assert [path.stat().st_mtime_ns for path in motions] == before
+    assert made == [*runs, *runs]  # make finds them done
+    couple.couple(scene_of("start_pressure_kpa = 1.0\n"), ranks=1, quiet=True)
+    assert [path.stat().st_mtime_ns for path in motions] != before
+
+
+def test_too_few_runs_end_with_a_sentence(scene_of, made):
+    with pytest.raises(StageError, match=r"after 1 runs .* raise structure\.iterations"):
+        couple.couple(scene_of("[structure]\niterations = 1\n"), ranks=1, quiet=True)
+    assert len(made) == 1
+
+
+def test_what_cannot_be_coupled_is_refused(tmp_path):
+    pinch = load_scene(CASE.parent / "pinch", "smoke")
+    with pytest.raises(StageError, match="COUPLED=1 takes a single finger"):
+        couple.couple(pinch, ranks=1, quiet=True)
+    (tmp_path / "scene.toml").write_text(f'extends = "{CASE}"\n[motion]\nsource = "paper_equations"\n')
+    with pytest.raises(StageError, match="COUPLED=1 takes a single finger"):
+        couple.couple(load_scene(tmp_path, "smoke"), ranks=1, quiet=True)
