@@ -14,12 +14,13 @@ import numpy as np
 import xarray as xr
 
 from fileio.atomic import update_text
+from fileio.checksum import sha256
 from fileio.command import add_scene
 from fileio.errors import StageError
 from fileio.formats.bending_states import FloatArray
 from fileio.formats.elastic_motion import read_elastic_motion, write_elastic_motion
 from fileio.formats.finger_loads import read_loads
-from fileio.provenance import digest, sha256
+from fileio.provenance import digest
 from pipeline.kinematics.finger import finger_motion, finger_states
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.structure.chain import Chain
