@@ -1,7 +1,7 @@
 # Soft finger in water: from kinematics to the report. `make help` lists what there is.
 
 # What is given reaches a shell and make's own rules: letters that these would read as more than a name are refused.
-GIVEN  := LEVEL NP HOSTS COLLATED QUIET CASES SLURM ACCURACY BUDGET SCENE STUDY STUDIES NODES MINUTES PARTITION \
+GIVEN  := LEVEL NP HOSTS COLLATED QUIET CASES SLURM ACCURACY BUDGET COUPLED SCENE STUDY STUDIES NODES MINUTES PARTITION \
     ACCOUNT RETRIES DOCS DPIV INPUTS CURDIR
 HASH   := \#
 UNSAFE := ' " ` \ ; & | < > * ? ! ~ { } ( ) [ ] $$ $(HASH)
@@ -120,7 +120,8 @@ empty :=
 comma := ,
 ONLY  = $(if $(STUDIES),only=$(subst $(empty) $(empty),$(comma),$(strip $(STUDIES))))
 
-# A whole scene: at once, at the cheapest setting that was measured to be as accurate (docs/tradeoff.md), or by Slurm.
+# A whole scene: at once, at the cheapest setting that was measured to be as accurate (docs/tradeoff.md), coupled
+# (docs/coupling.md), or by Slurm.
 ifneq ($(ACCURACY)$(BUDGET),)
 ASKED = cases/$@ $(if $(ACCURACY),--accuracy "$(ACCURACY)",--budget "$(BUDGET)")
 $(ALL): $(READY)
@@ -129,7 +130,7 @@ $(ALL): $(READY)
 	$(PY) -m pipeline choose cases/$@ --after
 else ifneq ($(COUPLED),)
 $(ALL): $(READY)
-	+$(PY) -m pipeline couple $(CASES)/$@ --level $(LEVEL) --ranks $(NP) $(FLAGS)
+	$(PY) -m pipeline couple $(CASES)/$@ --level $(LEVEL) --ranks $(NP) $(FLAGS)
 else ifneq ($(SLURM),)
 $(ALL): $(STUDY_READY)
 	+$(SNAKEMAKE) $(EXECUTOR) --config run=$(CASES)/$@ level=$(LEVEL) ranks=$(NP)
@@ -137,10 +138,13 @@ else
 $(ALL): %: %.report
 	@echo "report: $(abspath $(CASES)/$*/out/$(LEVEL)/report.html)"
 endif
-ifneq ($(SLURM),)
+ifneq ($(SLURM)$(COUPLED),)
 ifneq ($(filter $(filter-out $(ALL),$(OF_SCENES)),$(MAKECMDGOALS)),)
-$(error SLURM=1 goes with a whole scene, as make pinch SLURM=1, or with a study, not with a single stage)
+$(error SLURM=1 and COUPLED=1 go with a whole scene, as make single_finger COUPLED=1, SLURM=1 with a study too, not with a single stage)
 endif
+endif
+ifneq ($(and $(COUPLED),$(strip $(SLURM)$(ACCURACY)$(BUDGET)$(HOSTS)$(COLLATED))),)
+$(error COUPLED=1 takes LEVEL, NP and QUIET alone: run it on this machine, without SLURM, ACCURACY, BUDGET, HOSTS and COLLATED)
 endif
 
 fea: $(READY) ## bending analysis of the actuator of SCENE (single_finger): cases/SCENE/kinematics/states.h5
