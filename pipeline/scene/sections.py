@@ -173,13 +173,13 @@ class Structure(Section):
     damping: Annotated[float, Field(ge=0, le=1)] = 0.004
     """Of the rubber: stress by rate over stress by strain [s]"""
     added_mass: Annotated[Positive, Field(le=100)] = 1.3
-    """Coefficient of the modelled water's added mass, for COUPLED=1"""
+    """Coefficient of the modelled water's added mass, for COUPLED=1 [1]"""
     drag: Annotated[Positive, Field(le=100)] = 5.0
-    """Coefficient of the modelled water's drag, for COUPLED=1"""
+    """Coefficient of the modelled water's drag, for COUPLED=1 [1]"""
     iterations: Annotated[int, Field(ge=1, le=20)] = 5
     """Runs at most, for COUPLED=1"""
     tolerance: Annotated[Positive, Field(le=1)] = 0.005
-    """Change of the tip's place from run to run that ends COUPLED=1, over the finger's length"""
+    """Change of the tip's place from run to run that ends COUPLED=1, over the finger's length [1]"""
 
 
 FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled
