@@ -177,7 +177,7 @@ class Structure(Section):
     drag: Annotated[Positive, Field(le=100)] = 5.0
     """Coefficient of the modelled water's drag, for COUPLED=1 [1]"""
     iterations: Annotated[int, Field(ge=1, le=20)] = 5
-    """Runs at most, for COUPLED=1"""
+    """Runs at most, for COUPLED=1 [1]"""
     tolerance: Annotated[Positive, Field(le=1)] = 0.005
     """Change of the tip's place from run to run that ends COUPLED=1, over the finger's length [1]"""
 
