@@ -140,11 +140,11 @@ $(ALL): %: %.report
 endif
 ifneq ($(SLURM)$(COUPLED),)
 ifneq ($(filter $(filter-out $(ALL),$(OF_SCENES)),$(MAKECMDGOALS)),)
-$(error SLURM=1 and COUPLED=1 go with a whole scene, as make single_finger COUPLED=1, SLURM=1 with a study too, not with a single stage)
+$(error SLURM=1 goes with a whole scene or a study, COUPLED=1 with a whole scene, not with a single stage)
 endif
 endif
 ifneq ($(and $(COUPLED),$(strip $(SLURM)$(ACCURACY)$(BUDGET)$(HOSTS)$(COLLATED))),)
-$(error COUPLED=1 takes LEVEL, NP and QUIET alone: run it on this machine, without SLURM, ACCURACY, BUDGET, HOSTS and COLLATED)
+$(error COUPLED=1 takes LEVEL, NP and QUIET alone)
 endif
 
 fea: $(READY) ## bending analysis of the actuator of SCENE (single_finger): cases/SCENE/kinematics/states.h5
