@@ -1,8 +1,8 @@
 # Soft finger in water: from kinematics to the report. `make help` lists what there is.
 
 # What is given reaches a shell and make's own rules: letters that these would read as more than a name are refused.
-GIVEN  := LEVEL NP HOSTS COLLATED QUIET CASES SLURM ACCURACY BUDGET COUPLED SCENE STUDY STUDIES NODES MINUTES PARTITION \
-    ACCOUNT RETRIES DOCS DPIV INPUTS CURDIR
+GIVEN  := LEVEL NP HOSTS COLLATED QUIET CASES SLURM ACCURACY BUDGET SCENE STUDY STUDIES NODES MINUTES PARTITION \
+    COUPLED ACCOUNT RETRIES DOCS DPIV INPUTS CURDIR
 HASH   := \#
 UNSAFE := ' " ` \ ; & | < > * ? ! ~ { } ( ) [ ] $$ $(HASH)
 $(foreach v,$(GIVEN),$(foreach c,$(UNSAFE),$(if $(findstring $c,$(value $v)),$(error \
