@@ -21,8 +21,8 @@ from postprocess.lab.virtual.virtual_laboratory import SetUp, camera_for
 CASE = Path(__file__).parents[1] / "cases" / "single_finger"
 
 
-def finger_family(folder: Path) -> Kinematics:
-    """The family of single_finger."""
+def finger_kinematics(folder: Path) -> Kinematics:
+    """The motion of single_finger."""
     path = folder / "kinematics.h5"
     write_kinematics(
         path, kinematics_values(scene := load_scene(CASE, "smoke")), settings_of(scene, "kinematics")
@@ -30,30 +30,30 @@ def finger_family(folder: Path) -> Kinematics:
     return read_kinematics(path)
 
 
-def set_up(family: Kinematics, columns: int = 400, seed: int = 1, **more) -> SetUp:
+def set_up(kinematics: Kinematics, columns: int = 400, seed: int = 1, **more) -> SetUp:
     """A small camera before the finger, with errors of set-up."""
     errors = {"shift_mm": (1.0, -0.6), "turn_deg": 2.0, "scale_error": 0.01} | more
     return SetUp(
-        camera_for(family.root, columns, 0.16 / columns, 500.0),
+        camera_for(kinematics.root, columns, 0.16 / columns, 500.0),
         Seeding(density_ppp=0.06),
         seed=seed,
         **errors,
     )
 
 
-def stated_pose(family: Kinematics, camera: Camera) -> Pose:
+def stated_pose(kinematics: Kinematics, camera: Camera) -> Pose:
     """What the laboratory believes."""
-    at = np.asarray(camera.origin_px) + np.asarray(family.root) / camera.scale_m_per_px
-    return Pose(camera.scale_m_per_px, 0.0, family.root, (float(at[0]), float(at[1])))
+    at = np.asarray(camera.origin_px) + np.asarray(kinematics.root) / camera.scale_m_per_px
+    return Pose(camera.scale_m_per_px, 0.0, kinematics.root, (float(at[0]), float(at[1])))
 
 
-def still_picture(family: Kinematics, lab: SetUp, pressure: float, seed: int) -> np.ndarray:
+def still_picture(kinematics: Kinematics, lab: SetUp, pressure: float, seed: int) -> np.ndarray:
     """One picture (row 0 at the top) of fresh particles around the finger at a pressure (Pa)."""
-    camera, seeding, pose = lab.camera, lab.seeding, lab.pose(family.root)
+    camera, seeding, pose = lab.camera, lab.seeding, lab.pose(kinematics.root)
     rng = np.random.default_rng([lab.seed, seed])
     box = Box(-4.0, camera.width_px + 4.0, -4.0, camera.height_px + 4.0, 1.25)
     p = seed_particles(box, seeding.density_ppp, seeding.diameter_px, seeding.diameter_std_px, rng)
-    outline = pose.to_px(family.shape("outline", pressure))
+    outline = pose.to_px(kinematics.shape("outline", pressure))
     mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
     polygon = outline[:, 0], camera.height_px - 1 - outline[:, 1]
     fill_polygon(mask, *polygon)
@@ -66,7 +66,7 @@ def still_picture(family: Kinematics, lab: SetUp, pressure: float, seed: int) ->
 
 
 def vortex_series(
-    family: Kinematics, times: np.ndarray, *, gain: float = 1.0, spacing: float = 1e-3
+    kinematics: Kinematics, times: np.ndarray, *, gain: float = 1.0, spacing: float = 1e-3
 ) -> xr.Dataset:
     """A tank-frame series: a Lamb–Oseen vortex that follows the dorsal side of the tip, absent inside the finger."""
     import shapely
@@ -74,8 +74,8 @@ def vortex_series(
     x, y = np.arange(-0.085, 0.125, spacing), np.arange(0.10, 0.285, spacing)
     gx, gy = np.meshgrid(x, y)
     names = ("outline", "tip", "tip_direction", "dorsal_direction", "bend")
-    pressures = family.law(np.clip(times, *family.time))
-    shapes = {n: np.array([family.shape(n, p) for p in pressures])[:, None] for n in names}
+    pressures = kinematics.law(np.clip(times, *kinematics.time))
+    shapes = {n: np.array([kinematics.shape(n, p) for p in pressures])[:, None] for n in names}
     u, v, valid = [], [], []
     for k, t in enumerate(times):
         centre = shapes["tip"][k, 0] + 0.016 * shapes["dorsal_direction"][k, 0]
@@ -87,4 +87,4 @@ def vortex_series(
         v.append(np.where(outside, swirl * dx, np.nan))
         valid.append(outside)
     out = make_plane(x, y, np.array(u), np.array(v), time=times, valid=np.array(valid), **shapes)
-    return out.assign_attrs(tip_width=family.tip_width)
+    return out.assign_attrs(tip_width=kinematics.tip_width)

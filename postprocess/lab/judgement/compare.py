@@ -59,11 +59,11 @@ def run_comparison(
     files: LabFiles, dpiv: Dpiv, *, seed: int = 1, threads: int = 1, quiet: bool = True
 ) -> dict[str, Any]:
     """Evaluate both sides alike, compare, and write comparison.json, comparison.csv, series.csv and fields.h5."""
-    family = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
+    kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     inputs = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
     registration = read_registration(files.registration)
-    planes = on_common_grid(files, dpiv, family, registration, seed=seed, threads=threads, quiet=quiet)
-    case = make_case(files, dpiv, family, registration, planes, inputs)
+    planes = on_common_grid(files, dpiv, kinematics, registration, seed=seed, threads=threads, quiet=quiet)
+    case = make_case(files, dpiv, kinematics, registration, planes, inputs)
     result, series, field = compare(case, inputs)
     result |= {
         "scene": files.stage.scene,
@@ -86,7 +86,7 @@ def run_comparison(
 def make_case(
     files: LabFiles,
     dpiv: Dpiv,
-    family: Kinematics,
+    kinematics: Kinematics,
     registration: Registration,
     planes: CommonGrid,
     inputs: Inputs,
@@ -103,7 +103,7 @@ def make_case(
     sides = planes.data, planes.virtual, planes.direct
     fresh = dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4"
     case = Case(
-        family, registration, *sides, window, VortexSettings(**settings), window_m, geometry, bend_std,
+        kinematics, registration, *sides, window, VortexSettings(**settings), window_m, geometry, bend_std,
         fresh_pairs=fresh, measured_motion=moved_as_recorded(files, dpiv),
     )  # fmt: skip
     case.effects.extend(effects_of_runs(files, inputs, case))
@@ -143,7 +143,7 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, F
         "measured_motion": case.measured_motion,
         "rows": np.flatnonzero(rows),
         "quantities": judged,
-        "registration": registration_summary(registration, case.family),
+        "registration": registration_summary(registration, case.kinematics),
     }
     return result, series_table(case, measured), field
 

@@ -39,7 +39,7 @@ class Effect:
 class Case:
     """All that the budgets are made of: series of the sides, the window (s), motions and the effects of the runs."""
 
-    family: Kinematics
+    kinematics: Kinematics
     registration: Registration
     data: xr.Dataset
     virtual: xr.Dataset | None

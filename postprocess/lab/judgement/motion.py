@@ -15,14 +15,17 @@ PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
 def motion_values(case: Case) -> tuple[tuple[float, float], tuple[float, float]]:
     """(simulation, recording) of the final bend angle (rad) and of the stroke's duration (s)."""
     factor, _, stretch = case.registration.law.values
-    length = stroke_duration(case.family)
-    return (final_bend(case.family, 1.0), final_bend(case.family, factor)), (length, length * float(stretch))
+    length = stroke_duration(case.kinematics)
+    return (final_bend(case.kinematics, 1.0), final_bend(case.kinematics, factor)), (
+        length,
+        length * float(stretch),
+    )
 
 
-def final_bend(family: Kinematics, factor: float) -> float:
+def final_bend(kinematics: Kinematics, factor: float) -> float:
     """Bend angle (rad) at the end of the simulation's law, its change multiplied by a factor."""
-    start, end = (float(family.law(t)) for t in family.time)
-    return float(family.shape("bend", start + factor * (end - start)))
+    start, end = (float(kinematics.law(t)) for t in kinematics.time)
+    return float(kinematics.shape("bend", start + factor * (end - start)))
 
 
 def motion_of_run(nominal: Kinematics, run: Kinematics) -> tuple[float, float]:
@@ -35,10 +38,10 @@ def motion_of_run(nominal: Kinematics, run: Kinematics) -> tuple[float, float]:
     )
 
 
-def stroke_duration(family: Kinematics) -> float:
+def stroke_duration(kinematics: Kinematics) -> float:
     """Time (s) from 5 to 95 % of the simulation's change of bend."""
-    times = np.linspace(*family.time, 801)
-    bend = family.bend(family.law(times))
+    times = np.linspace(*kinematics.time, 801)
+    bend = kinematics.bend(kinematics.law(times))
     done = np.maximum.accumulate(np.abs(bend - bend[0])) / np.abs(bend - bend[0]).max()
     first, last = (float(times[np.argmax(done >= part)]) for part in PARTS)
     return last - first
@@ -46,10 +49,10 @@ def stroke_duration(family: Kinematics) -> float:
 
 def motion_quantities(case: Case) -> list[ValidatedQuantity]:
     """Final bend angle and duration of the stroke: does the simulation's finger move as the recording's?"""
-    registration, family = case.registration, case.family
+    registration, kinematics = case.registration, case.kinematics
     bend, length = motion_values(case)
     law = registration.law
-    slope = (final_bend(family, law.values[0] + 0.01) - bend[1]) / 0.01
+    slope = (final_bend(kinematics, law.values[0] + 0.01) - bend[1]) / 0.01
     seen = abs(slope) * law.std("factor")
     one = lambda v: np.array([v])  # noqa: E731
     seen_by = {"final_bend": seen, "duration": length[0] * law.std("stretch")}

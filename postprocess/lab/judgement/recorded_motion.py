@@ -51,28 +51,28 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
         raise ValueError(
             f"{dpiv.folder / NAME}: vectors do not show the finger; its motion can be measured from pictures only"
         )
-    family = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
+    kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     registration = read_registration(files.registration)
     law, pose = registration.law, registration.pose
-    strip = strip_at_rest(family)
+    strip = strip_at_rest(kinematics)
     with LabRecording(dpiv) as recording:
         at = recording.times - law.delay
-        inside = np.flatnonzero((at >= family.time[0] - 0.02) & (at <= family.time[1]))
+        inside = np.flatnonzero((at >= kinematics.time[0] - 0.02) & (at <= kinematics.time[1]))
         chosen = thinned(inside, MAX_FRAMES)
         images = [recording.frame(int(i)) for i in chosen]
     hidden = dpiv.root_hidden_mm * 1e-3
-    blind = hidden_part(pose, family, hidden, images[0].shape) if hidden else None
+    blind = hidden_part(pose, kinematics, hidden, images[0].shape) if hidden else None
     frames = prepare(images, at[chosen], learn(images[:: max(1, len(images) // LEARN_FROM)]), blind)
-    start = float(family.law(family.time[0]))
+    start = float(kinematics.law(kinematics.time[0]))
     guesses = np.interp(frames.times, registration.times - law.delay, registration.pressures)
-    bends = family.bend(np.where(frames.times <= 0, start, guesses))
+    bends = kinematics.bend(np.where(frames.times <= 0, start, guesses))
     known = strip, pose, registration.edge_px
     fits = [
         fit_profile(integral, frames.mean, *known, float(bend), frames.independent)
         for integral, bend in zip(frames.integrals, bends, strict=True)
     ]
     shapes = np.array(fits)
-    values: dict[str, Any] = motion_values(family, strip, frames.times, shapes, family.time[1])
+    values: dict[str, Any] = motion_values(kinematics, strip, frames.times, shapes, kinematics.time[1])
     values |= {"recording": dpiv.title, "dpiv_sha256": sha256(dpiv.folder / NAME)}
     values["registration"] = json.dumps(
         {"delay": law.delay, "scale_m_per_px": pose.scale_m_per_px, "angle": pose.angle}

@@ -50,7 +50,7 @@ def common_rows(measured: dict[str, pd.DataFrame], window: tuple[float, float]) 
 def effect_of(
     one: Input | Numerics, plane: xr.Dataset, run: Kinematics, case: Case, nominal: pd.DataFrame
 ) -> Effect:
-    """The effect of a run: its `plane` against the nominal `case.direct` (measured: `nominal`), its motion against the family's."""
+    """The effect of a run: its `plane` against the nominal `case.direct` (measured: `nominal`), its motion against the nominal one."""
     table = measure(plane, case.registration.pose, case.vortices, case.window, one.name)
     rows = common_rows({"nominal": nominal, one.name: table}, case.window)
     if isinstance(one, Input):
@@ -60,7 +60,7 @@ def effect_of(
         how = f"run finer by {one.ratio:g}, grid-convergence index"
     change = means(table, rows) - means(nominal, rows)
     field = np.stack([plane[n].values - case.direct[n].values for n in ("u", "v")], axis=1).astype(float)
-    return Effect(one.name, kind, how, float(per_std), change, field, *motion_of_run(case.family, run))
+    return Effect(one.name, kind, how, float(per_std), change, field, *motion_of_run(case.kinematics, run))
 
 
 def means(table: pd.DataFrame, rows: np.ndarray) -> pd.Series:
@@ -89,7 +89,7 @@ def flow_quantities(
         sources += [*geometry_sources(case, columns), *random]
         sources += registration_sources(case, name, take(base["data"]), rates)
         ours, direct, theirs = (take(base[side]) for side in (simulated, "direct", "data"))
-        scale = case.family.tip_width if name == "centre" else float(abs(theirs[0]))
+        scale = case.kinematics.tip_width if name == "centre" else float(abs(theirs[0]))
         explained, each = explained_by_motion(case, columns), at_instant(sources, instant)
         quantity = ValidatedQuantity(name, label, unit, ours, direct, theirs, scale, sources, explained, each)
         out.append(quantity)

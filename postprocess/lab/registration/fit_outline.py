@@ -20,7 +20,7 @@ from postprocess.lab.registration.outline_sampler import sample
 from postprocess.lab.registration.silhouette import FINE_PX, WaterLikelihood, integral_image
 
 TABLE = 241  # shapes in the table that outlines are interpolated from
-REACH = 0.15  # of the family's range: how far a recording may bend beyond the simulation
+REACH = 0.15  # of the simulation's range: how far a recording may bend beyond the simulation
 LAW_POINTS = 2001  # of the law's own table
 COLD = 0.05  # share of the evidence at the beginning: the landscape has a bump per particle, so the chain is cooled into it
 POSE = ("at_x_px", "at_y_px", "angle", "log_magnification", "edge_px")
@@ -80,11 +80,11 @@ def prepare(
     return Frames(integrals, mean, np.asarray(times, float), (1 - common) / (1 + common))
 
 
-def outline_table(family: Kinematics) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def outline_table(kinematics: Kinematics) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pressures (n,), outlines (n, point, 2) in m and outward unit normals of their points."""
-    reach = REACH * (family.high - family.low)
-    pressures = np.linspace(family.low - reach, family.high + reach, TABLE)
-    outlines = np.array([counter_clockwise(family.shape("outline", p)) for p in pressures])
+    reach = REACH * (kinematics.high - kinematics.low)
+    pressures = np.linspace(kinematics.low - reach, kinematics.high + reach, TABLE)
+    outlines = np.array([counter_clockwise(kinematics.shape("outline", p)) for p in pressures])
     along = np.roll(outlines, -1, axis=1) - np.roll(outlines, 1, axis=1)
     normals = np.stack([along[..., 1], -along[..., 0]], axis=-1)
     return pressures, outlines, normals / np.hypot(normals[..., 0], normals[..., 1])[..., None]
@@ -101,7 +101,7 @@ def settled(rounds: list[tuple[np.ndarray, np.ndarray]]) -> bool:
 
 def fit_outline(
     frames: Frames,
-    family: Kinematics,
+    kinematics: Kinematics,
     first: Pose,
     law: np.ndarray,
     *,
@@ -123,11 +123,11 @@ def fit_outline(
     ValueError where the recording's finger bends further than the simulation's shapes reach.
     """
     burn, keep = sweeps
-    table, outlines, normals = outline_table(family)
+    table, outlines, normals = outline_table(kinematics)
     step = table[1] - table[0]
-    clock = np.linspace(*family.time, LAW_POINTS)
-    history = (family.law(clock) - table[0]) / step
-    length_px = family.length / first.scale_m_per_px
+    clock = np.linspace(*kinematics.time, LAW_POINTS)
+    history = (kinematics.law(clock) - table[0]) / step
+    length_px = kinematics.length / first.scale_m_per_px
     # first steps: half a pixel along the finger; half a millisecond
     spread = np.array([0.5, 0.5, 0.5 / length_px, 0.5 / length_px, 0.3, 3e-3, 5e-4, 3e-3])
     mean, weight = np.zeros(8), np.zeros(8)

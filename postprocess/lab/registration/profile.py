@@ -40,19 +40,22 @@ class Strip:
     dorsal: np.ndarray
 
 
-def strip_at_rest(family: Kinematics) -> Strip:
-    """The strip that the family's shape at the start of the motion is. ValueError where that is not straight."""
-    pressure = float(family.law(family.time[0]))
-    if abs(float(family.shape("bend", pressure))) > 0.05:
+def strip_at_rest(kinematics: Kinematics) -> Strip:
+    """The strip that the finger's shape at the start of the motion is. ValueError where that is not straight."""
+    pressure = float(kinematics.law(kinematics.time[0]))
+    if abs(float(kinematics.shape("bend", pressure))) > 0.05:
         raise ValueError(
             "the simulation's finger is bent at the start of its motion; the lower layer can be measured only where it starts straight"
         )
-    outline = family.shape("outline", pressure)
-    dorsal, along = family.shape("dorsal_direction", pressure), family.shape("tip_direction", pressure)
-    s, height = (outline - family.root) @ along, (outline - family.root) @ dorsal
+    outline = kinematics.shape("outline", pressure)
+    dorsal, along = (
+        kinematics.shape("dorsal_direction", pressure),
+        kinematics.shape("tip_direction", pressure),
+    )
+    s, height = (outline - kinematics.root) @ along, (outline - kinematics.root) @ dorsal
     thickness = float(np.ptp(height))
-    root = np.asarray(family.root) + height.min() * dorsal
-    return Strip(s, height - height.min(), family.length, thickness, root, along, dorsal)
+    root = np.asarray(kinematics.root) + height.min() * dorsal
+    return Strip(s, height - height.min(), kinematics.length, thickness, root, along, dorsal)
 
 
 def turn(sigma: np.ndarray, a: np.ndarray) -> np.ndarray:
@@ -130,19 +133,19 @@ def smooth_history(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.
 
 
 def motion_values(
-    family: Kinematics, strip: Strip, times: np.ndarray, shapes: np.ndarray, end_time: float
+    kinematics: Kinematics, strip: Strip, times: np.ndarray, shapes: np.ndarray, end_time: float
 ) -> dict[str, np.ndarray]:
     """Variables of motion.h5 from a₁ … a₄ (frame, 4) at `times` (s of the simulation's clock)."""
     order = np.argsort(times)
     times, shapes = times[order], shapes[order]
     at = np.linspace(max(times[0], 0.0), min(times[-1], end_time), 121)
     bend = smooth_history(times, shapes[:, 0], at)
-    pressure = family.pressure_of_bend(bend)
+    pressure = kinematics.pressure_of_bend(bend)
     spread = np.polynomial.polynomial.polyfit(shapes[:, 0], shapes[:, 1:], 2)
     low, high = float(pressure.min()), float(pressure.max())
     margin = 0.03 * (high - low) + 1.0
     states = np.linspace(low - margin, high + margin, STATES)
-    bends = family.bend(states)
+    bends = kinematics.bend(states)
     uneven = np.polynomial.polynomial.polyval(
         np.clip(bends, shapes[:, 0].min(), shapes[:, 0].max()), spread
     ).T

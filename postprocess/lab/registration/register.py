@@ -37,33 +37,33 @@ ROUNDS = 6  # of the final fit, at most
 SWEEPS = (1500, 800, 2500, 3000)
 
 
-def law_pressure(family: Kinematics, times: np.ndarray, values: np.ndarray) -> np.ndarray:
+def law_pressure(kinematics: Kinematics, times: np.ndarray, values: np.ndarray) -> np.ndarray:
     """The simulation's law, stretched: pressures (Pa) at times of the recording's clock."""
     factor, delay, stretch = values
-    start = float(family.law(family.time[0]))
-    at = np.clip((np.asarray(times) - delay) / stretch, *family.time)
-    return start + factor * (family.law(at) - start)
+    start = float(kinematics.law(kinematics.time[0]))
+    at = np.clip((np.asarray(times) - delay) / stretch, *kinematics.time)
+    return start + factor * (kinematics.law(at) - start)
 
 
 def fit_law(
-    family: Kinematics, times: np.ndarray, pressures: np.ndarray, first: np.ndarray
+    kinematics: Kinematics, times: np.ndarray, pressures: np.ndarray, first: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Least-squares (factor, delay, stretch), their covariance from the residuals, and the rms residual (Pa)."""
-    noise = 0.005 * (family.high - family.low)
+    noise = 0.005 * (kinematics.high - kinematics.low)
     fit = least_squares(
-        lambda z: (law_pressure(family, times, z) - pressures) / noise,
+        lambda z: (law_pressure(kinematics, times, z) - pressures) / noise,
         first,
         x_scale=(0.01, 0.001, 0.01),
         bounds=([0.2, -1.0, 0.2], [3.0, 1.0, 5.0]),
         loss="soft_l1",
     )
-    rest = (law_pressure(family, times, fit.x) - pressures) / noise
+    rest = (law_pressure(kinematics, times, fit.x) - pressures) / noise
     scatter = np.sum(rest**2) / max(rest.size - 3, 1)
     covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * scatter
     return fit.x, covariance, float(noise * np.sqrt(np.mean(rest**2)))
 
 
-def first_pose(recording: Recording, frames: list[np.ndarray], family: Kinematics) -> Pose:
+def first_pose(recording: Recording, frames: list[np.ndarray], kinematics: Kinematics) -> Pose:
     """A rough pose from the finger's root and tip in the first frame, in which it is straight."""
     mask = dark_body(frames[0]).astype(np.uint8)
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -72,17 +72,17 @@ def first_pose(recording: Recording, frames: list[np.ndarray], family: Kinematic
     direction = np.array([np.cos(np.radians(along)), -np.sin(np.radians(along))])  # picture, y up
     direction *= 1 if direction[1] < 0 else -1  # the finger hangs
     centre = np.array([cx, recording.shape[0] - 1 - cy])
-    rest = family.shape("tip", float(family.law(family.time[0]))) - family.root
+    rest = kinematics.shape("tip", float(kinematics.law(kinematics.time[0]))) - kinematics.root
     turn = np.arctan2(direction[1], direction[0]) - np.arctan2(rest[1], rest[0])
     root = centre - 0.5 * length * direction
-    return Pose(family.length / length, float(turn), family.root, (float(root[0]), float(root[1])))
+    return Pose(kinematics.length / length, float(turn), kinematics.root, (float(root[0]), float(root[1])))
 
 
 def search_delay(
-    frames: Frames, family: Kinematics, pose: Pose, stated: float | None, stated_std: float = 0.0
+    frames: Frames, kinematics: Kinematics, pose: Pose, stated: float | None, stated_std: float = 0.0
 ) -> float:
     """Delay (s) at which the simulation's motion fits the frames best: a correlation over time of the finger's picture."""
-    table, outlines, normals = outline_table(family)
+    table, outlines, normals = outline_table(kinematics)
     span = frames.times[-1] - frames.times[0]
     reach, step = (span + 0.1, 0.006) if stated is None else (max(0.04, 3 * stated_std), 0.004)
     around = np.arange(-reach, reach, step)
@@ -90,7 +90,7 @@ def search_delay(
     seat = (*pose.at_px, pose.angle, pose.scale_m_per_px, -1.0)
     scores = []
     for delay in around + (stated or 0.0):
-        pressures = law_pressure(family, frames.times, np.array([1.0, delay, 1.0]))
+        pressures = law_pressure(kinematics, frames.times, np.array([1.0, delay, 1.0]))
         places = (pressures - table[0]) / (table[1] - table[0])
         scores.append(all_scores(*pictures, seat, places).sum())
     return float(around[int(np.argmax(scores))] + (stated or 0.0))
@@ -99,7 +99,7 @@ def search_delay(
 def register(
     recording: Recording,
     times: np.ndarray,
-    family: Kinematics,
+    kinematics: Kinematics,
     stated: Pose | None,
     stated_delay: tuple[float, float] | None,
     *,
@@ -121,49 +121,53 @@ def register(
     chosen = thinned(np.arange(0, len(recording), 2 if paired else 1), MAX_FRAMES)
     images = [recording.frame(int(i)) for i in chosen]
     evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
-    pose = stated or first_pose(recording, images, family)
-    blind = hidden_part(pose, family, hidden, recording.shape) if hidden else None
+    pose = stated or first_pose(recording, images, kinematics)
+    blind = hidden_part(pose, kinematics, hidden, recording.shape) if hidden else None
     frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
     if not hidden and stated:  # without its root a fit may go anywhere
-        check_root(frames, family, stated, evidence, BEYOND_STATED)
+        check_root(frames, kinematics, stated, evidence, BEYOND_STATED)
     prior = None if scale_std is None else float(np.hypot(scale_std, length_std))
-    first = np.array([1.0, search_delay(frames, family, pose, *(stated_delay or (None,))), 1.0])
-    free = np.full(frames.times.size, FREE * (family.high - family.low))
+    first = np.array([1.0, search_delay(frames, kinematics, pose, *(stated_delay or (None,))), 1.0])
+    free = np.full(frames.times.size, FREE * (kinematics.high - kinematics.low))
     known: dict[str, Any] = {"scale_std": prior, "stated_delay": stated_delay}
-    rough = fit_outline(frames, family, pose, first, deviation=free, seed=seed, sweeps=sweeps[:2], **known)
-    values, _, _ = fit_law(family, frames.times, rough.parameter.mean(axis=0), first)
+    rough = fit_outline(
+        frames, kinematics, pose, first, deviation=free, seed=seed, sweeps=sweeps[:2], **known
+    )
+    values, _, _ = fit_law(kinematics, frames.times, rough.parameter.mean(axis=0), first)
     frames = prepare(images, times[chosen], evidence, blind)
     begin = replace(rough.mean_pose(), scale_m_per_px=pose.scale_m_per_px)
-    tied = deviation_from_law(family, rough, values)
+    tied = deviation_from_law(kinematics, rough, values)
     known |= {"edge_px": float(rough.pose[:, 4].mean()), "rounds": ROUNDS}
     fine = fit_outline(
-        frames, family, begin, values, deviation=tied, seed=seed + 1, sweeps=sweeps[2:], **known
+        frames, kinematics, begin, values, deviation=tied, seed=seed + 1, sweeps=sweeps[2:], **known
     )
     known = {"scale_std": None, "edge_px": float(fine.pose[:, 4].mean()), "pose_std": fine.pose.std(axis=0)}
     at, law = fine.mean_pose(), fine.law.mean(axis=0)
-    single = fit_outline(frames, family, at, law, deviation=free, seed=seed + 2, sweeps=sweeps[:2], **known)
+    single = fit_outline(
+        frames, kinematics, at, law, deviation=free, seed=seed + 2, sweeps=sweeps[:2], **known
+    )
     if not hidden:
-        check_root(frames, family, fine.mean_pose(), evidence, BEYOND)
-    return with_length(_registration(family, single, fine, stated), scale_std, length_std)
+        check_root(frames, kinematics, fine.mean_pose(), evidence, BEYOND)
+    return with_length(_registration(kinematics, single, fine, stated), scale_std, length_std)
 
 
-def hidden_part(pose: Pose, family: Kinematics, hidden: float, shape: tuple[int, int]) -> np.ndarray:
+def hidden_part(pose: Pose, kinematics: Kinematics, hidden: float, shape: tuple[int, int]) -> np.ndarray:
     """Pixels (rows, columns; row 0 at the top) beyond the line across the finger at rest, `hidden` (m) from its root."""
     rows, columns = shape
     x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
-    along = family.shape("tip_direction", float(family.law(family.time[0])))
-    return (pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(family.root)) @ along < hidden
+    along = kinematics.shape("tip_direction", float(kinematics.law(kinematics.time[0])))
+    return (pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(kinematics.root)) @ along < hidden
 
 
 def check_root(
-    frames: Frames, family: Kinematics, pose: Pose, evidence: WaterLikelihood, beyond: tuple[float, float]
+    frames: Frames, kinematics: Kinematics, pose: Pose, evidence: WaterLikelihood, beyond: tuple[float, float]
 ) -> None:
     """ValueError where it is as dark `beyond` (m from, m to) the finger's root as in it: the root's edge is then not seen."""
-    start = float(family.law(family.time[0]))
-    along, dorsal = family.shape("tip_direction", start), family.shape("dorsal_direction", start)
-    half = 0.3 * float(np.ptp((family.shape("outline", start) - family.root) @ dorsal))
+    start = float(kinematics.law(kinematics.time[0]))
+    along, dorsal = kinematics.shape("tip_direction", start), kinematics.shape("dorsal_direction", start)
+    half = 0.3 * float(np.ptp((kinematics.shape("outline", start) - kinematics.root) @ dorsal))
     corners = [(-beyond[0], -half), (-beyond[0], half), (-beyond[1], half), (-beyond[1], -half)]
-    patch = pose.to_px(np.array([family.root + a * along + d * dorsal for a, d in corners]))
+    patch = pose.to_px(np.array([kinematics.root + a * along + d * dorsal for a, d in corners]))
     dense = np.vstack(
         [np.linspace(a, b, 40, endpoint=False) for a, b in zip(patch, np.roll(patch, -1, 0), strict=True)]
     )
@@ -179,10 +183,10 @@ def check_root(
         )
 
 
-def deviation_from_law(family: Kinematics, rough: OutlineFit, values: np.ndarray) -> np.ndarray:
+def deviation_from_law(kinematics: Kinematics, rough: OutlineFit, values: np.ndarray) -> np.ndarray:
     """How far (Pa, standard deviation) each frame may be off the law: what the rough fit's scatter about it leaves beyond its own."""
-    span, start = family.high - family.low, float(family.law(family.time[0]))
-    predicted = law_pressure(family, rough.times, values)
+    span, start = kinematics.high - kinematics.low, float(kinematics.law(kinematics.time[0]))
+    predicted = law_pressure(kinematics, rough.times, values)
     off = np.mean((rough.parameter.mean(axis=0) - predicted) ** 2) - np.mean(rough.parameter.var(axis=0))
     moving = max(np.sqrt(max(off, 0.0)), TIED * span)
     at_rest = np.abs(predicted - start) < REST * span
@@ -209,10 +213,10 @@ def with_length(found: Registration, scale_std: float | None, length_std: float)
 
 
 def _registration(
-    family: Kinematics, single: OutlineFit, fine: OutlineFit, stated: Pose | None
+    kinematics: Kinematics, single: OutlineFit, fine: OutlineFit, stated: Pose | None
 ) -> Registration:
     values, seen = fine.law.mean(axis=0), single.parameter.mean(axis=0)
-    misfit = float(np.sqrt(np.mean((seen - law_pressure(family, single.times, values)) ** 2)))
+    misfit = float(np.sqrt(np.mean((seen - law_pressure(kinematics, single.times, values)) ** 2)))
     return Registration(
         fine.mean_pose(),
         np.cov(fine.pose[:, :4].T),

@@ -36,24 +36,24 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
     """
     read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
     fea_band(files, dpiv)
-    family = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
+    kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     stated_delay = (-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None
     if dpiv.kind == "vectors":
-        registration = stated_registration(dpiv, family)
+        registration = stated_registration(dpiv, kinematics)
         corners = vectors_view(dpiv, registration.pose)
     else:
         with LabRecording(dpiv) as recording:
-            stated, scale_std = stated_pose(dpiv, recording, family.root)
+            stated, scale_std = stated_pose(dpiv, recording, kinematics.root)
             registration = register(
                 recording,
                 recording.times,
-                family,
+                kinematics,
                 stated,
                 stated_delay,
                 scale_std=scale_std,
                 paired=dpiv.piv.pairing == "1-2,3-4",
                 hidden=dpiv.root_hidden_mm * 1e-3,
-                length_std=(dpiv.finger_length_std_mm or 0.0) * 1e-3 / family.length,
+                length_std=(dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length,
                 seed=seed,
             )
             corners = (0.0, 0.0), (float(recording.shape[1]), float(recording.shape[0]))
@@ -84,7 +84,7 @@ def fea_band(files: LabFiles, dpiv: Dpiv) -> tuple[bool, float]:
     return counts, bend_std
 
 
-def stated_registration(dpiv: Dpiv, family: Kinematics) -> Registration:
+def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
     """Of vectors: what dpiv.toml states, with the uncertainties that it states. The picture's unit is the stated metre."""
     axes, start = dpiv.axes, dpiv.start
     assert isinstance(start, Start)
@@ -100,12 +100,12 @@ def stated_registration(dpiv: Dpiv, family: Kinematics) -> Registration:
     scale = dpiv.scale.std_percent / 100
     turn = float(np.radians(axes.turn_std_deg))
     covariance = np.diag([axes.root_std_mm * 1e-3, axes.root_std_mm * 1e-3, turn, scale]) ** 2
-    pose = Pose(1.0, float(np.radians(axes.turn_deg)), family.root, (float(at[0]), float(at[1])))
+    pose = Pose(1.0, float(np.radians(axes.turn_deg)), kinematics.root, (float(at[0]), float(at[1])))
     law = Law(np.array([1.0, -start.at_s, 1.0]), np.diag([0.0, start.std_s**2, 0.0]), 0.0)
     return Registration(pose, covariance, 0.0, law, np.empty(0), np.empty(0), np.empty(0), pose)
 
 
-def registration_summary(registration: Registration, family: Kinematics) -> dict[str, Any]:
+def registration_summary(registration: Registration, kinematics: Kinematics) -> dict[str, Any]:
     """What was found, beside what was stated, in the units of a laboratory."""
     pose, law, stated = registration.pose, registration.law, registration.stated
     std = np.sqrt(np.diag(registration.covariance))
@@ -123,7 +123,7 @@ def registration_summary(registration: Registration, family: Kinematics) -> dict
         "pressure_factor_std": law.std("factor"),
         "stretch": float(law.values[2]),
         "stretch_std": law.std("stretch"),
-        "misfit_deg": float(np.degrees(abs(family.splines["bend"](family.high, 1)) * law.misfit)),
+        "misfit_deg": float(np.degrees(abs(kinematics.splines["bend"](kinematics.high, 1)) * law.misfit)),
     }
     if stated is not None:
         off = (np.asarray(pose.at_px) - stated.at_px) * scale * 1e3

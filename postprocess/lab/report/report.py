@@ -66,7 +66,7 @@ def _saved(files: LabFiles, name: str, figure: Figure) -> str:
 def figures(files: LabFiles, result: dict[str, Any]) -> Iterator[tuple[str, Figure, str]]:
     """All figures: name, figure and alternative text."""
     registration = read_registration(files.registration)
-    family = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
+    kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     series = pd.read_csv(files.folder / "series.csv")
     by_name = {q["name"]: q for q in result["quantities"]}
     window = tuple(result["window_s"])
@@ -95,14 +95,14 @@ def figures(files: LabFiles, result: dict[str, Any]) -> Iterator[tuple[str, Figu
     yield "paths", figure, "Paths of the vortex centre over the finger's outline"
     law, bends = registration.law, None
     if registration.times.size:
-        bends = (registration.times - law.delay, family.bend(registration.pressures))
+        bends = (registration.times - law.delay, kinematics.bend(registration.pressures))
     figure = draw.motion(series, result["registration"], bends)
     yield "motion", figure, "Bend angle over time, simulation and recording"
     if picture is not None:
-        fitted = law_pressure(family, np.array([picture_time + law.delay]), law.values)[0]
-        pressures = {"recording, fitted": fitted, "simulation": float(family.law(picture_time))}
+        fitted = law_pressure(kinematics, np.array([picture_time + law.delay]), law.values)[0]
+        pressures = {"recording, fitted": fitted, "simulation": float(kinematics.law(picture_time))}
         outlines = {
-            name: registration.pose.to_px(family.shape("outline", p)) for name, p in pressures.items()
+            name: registration.pose.to_px(kinematics.shape("outline", p)) for name, p in pressures.items()
         }
         alt = "A picture of the recording with the finger's outline as fitted and as simulated"
         yield "picture", draw.overlay(picture, outlines), alt

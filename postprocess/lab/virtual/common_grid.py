@@ -39,7 +39,7 @@ class CommonGrid:
 def on_common_grid(
     files: LabFiles,
     dpiv: Dpiv,
-    family: Kinematics,
+    kinematics: Kinematics,
     registration: Registration,
     *,
     seed: int,
@@ -54,7 +54,7 @@ def on_common_grid(
     with read_plane(files.sheet) as sheet:
         sheet = sheet.load()
     make = _of_pictures if dpiv.kind == "pictures" else _of_vectors
-    data, virtual, picture, seen = make(files, dpiv, family, registration, sheet, seed, threads, quiet)
+    data, virtual, picture, seen = make(files, dpiv, kinematics, registration, sheet, seed, threads, quiet)
     pose, times = registration.pose, data["time"].values
     direct = camera_series(sheet, pose, data["x"].values, data["y"].values, times)
     written = ("data", "lab", data), ("virtual", "piv", virtual), ("direct", "cfd", direct)
@@ -82,44 +82,44 @@ def used_frames(
     return index, np.clip(at[index], *span)
 
 
-def with_finger(plane: xr.Dataset, family: Kinematics, pose: Pose, pressures: np.ndarray) -> xr.Dataset:
+def with_finger(plane: xr.Dataset, kinematics: Kinematics, pose: Pose, pressures: np.ndarray) -> xr.Dataset:
     """A plane series in the camera frame with the finger's shape at each instant's pressure (Pa)."""
-    shapes = {name: np.array([family.fingers(name, p) for p in pressures]) for name in family.splines}
+    shapes = {name: np.array([kinematics.fingers(name, p) for p in pressures]) for name in kinematics.splines}
     found = {name: in_camera(name, values, pose) for name, values in shapes.items()}
     grids = {str(n): plane[n].values for n in plane.data_vars if plane[n].dims == ("time", "y", "x")}
     x, y, time = (plane[name].values for name in ("x", "y", "time"))
     out = make_plane(x, y, time=time, **grids, **found)
-    return out.assign_attrs(plane.attrs | {"tip_width": family.tip_width})
+    return out.assign_attrs(plane.attrs | {"tip_width": kinematics.tip_width})
 
 
-def outlines_px(family: Kinematics, pose: Pose, pressures: np.ndarray) -> list[np.ndarray]:
+def outlines_px(kinematics: Kinematics, pose: Pose, pressures: np.ndarray) -> list[np.ndarray]:
     """The outlines (finger, point, 2) in the picture at pressures (Pa)."""
-    return [pose.to_px(family.fingers("outline", p)) for p in pressures]
+    return [pose.to_px(kinematics.fingers("outline", p)) for p in pressures]
 
 
-def _of_pictures(files, dpiv, family, registration, sheet, seed, threads, quiet):
+def _of_pictures(files, dpiv, kinematics, registration, sheet, seed, threads, quiet):
     law, pose = registration.law, registration.pose
     with LabRecording(dpiv) as recording:
         span = float(sheet["time"][0]), float(sheet["time"][-1])
         index, times = used_frames(dpiv, recording.times, law.delay, span)
-        theirs = law_pressure(family, times + law.delay, law.values)
-        shapes = outlines_px(family, pose, theirs)
+        theirs = law_pressure(kinematics, times + law.delay, law.values)
+        shapes = outlines_px(kinematics, pose, theirs)
         output = files.folder / "data_piv.h5"
         piv = evaluate(recording, index, times, shapes, pose, dpiv.piv, output, threads=threads, quiet=quiet)
-        pressures = law_pressure(family, piv["time"].values + law.delay, law.values)
-        data = with_finger(piv, family, pose, pressures)
+        pressures = law_pressure(kinematics, piv["time"].values + law.delay, law.values)
+        data = with_finger(piv, kinematics, pose, pressures)
         chosen = thinned(np.arange(index.size), SEEDING_PICTURES)
         images = [recording.frame(int(index[k])) for k in chosen]
         masks = [outline_mask(shapes[k], recording.shape) for k in chosen]
         seen = appearance_of(images, masks)
         rows, columns = recording.shape
         camera = _camera(columns, rows, recording.bits, seen, dpiv.frame_rate_hz)
-        ours = family.law(times)
+        ours = kinematics.law(times)
         virtual = virtual_experiment(
             sheet, pose, camera, seeding_like(seen, recording.bits, dpiv.sheet_thickness_mm * 1e-3), times,
-            outlines_px(family, pose, ours), dpiv.piv, files.folder, seed=seed, threads=threads, quiet=quiet,
+            outlines_px(kinematics, pose, ours), dpiv.piv, files.folder, seed=seed, threads=threads, quiet=quiet,
         )  # fmt: skip
-        virtual = with_finger(virtual, family, pose, family.law(virtual["time"].values))
+        virtual = with_finger(virtual, kinematics, pose, kinematics.law(virtual["time"].values))
         middle = recording.frame(int(index[index.size // 2]))
     return data, virtual, middle, asdict(seen)
 
@@ -139,7 +139,7 @@ def _camera(columns: int, rows: int, bits: int, seen: Appearance, rate: float) -
     return Camera(columns, rows, frame_rate_hz=rate, bits=bits, electrons_per_level=0.0, **noise)
 
 
-def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):
+def _of_vectors(files, dpiv, kinematics, registration, sheet, seed, threads, quiet):
     plane = lab_vectors(dpiv)
     pose, delay = registration.pose, registration.law.delay
     times = plane["time"].values - delay
@@ -159,7 +159,7 @@ def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):
     plane = plane.assign(
         {n: plane[n] * pose.scale_m_per_px for n in ("u", "v", "u_std", "v_std") if n in plane}
     )
-    data = with_finger(plane, family, pose, family.law(times))
+    data = with_finger(plane, kinematics, pose, kinematics.law(times))
     if not isinstance(dpiv.camera, LabCamera):
         return data, None, None, {}
     c = dpiv.camera
@@ -170,7 +170,7 @@ def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):
     alike = {"pairing": "1-2,3-4", "interval_s": interval, "smoothing": dpiv.piv.smoothing is True}
     virtual = virtual_experiment(
         sheet, camera_pose, _camera(c.columns, c.rows, c.bits, seen, 1 / interval),
-        seeding_like(seen, c.bits, dpiv.sheet_thickness_mm * 1e-3), pairs, outlines_px(family, camera_pose, family.law(pairs)),
+        seeding_like(seen, c.bits, dpiv.sheet_thickness_mm * 1e-3), pairs, outlines_px(kinematics, camera_pose, kinematics.law(pairs)),
         dpiv.piv.model_copy(update=alike), files.folder, seed=seed, threads=threads, quiet=quiet,
     )  # fmt: skip
     virtual = virtual.assign_coords(x=virtual["x"] + corner[0], y=virtual["y"] + corner[1])
@@ -183,4 +183,4 @@ def _of_vectors(files, dpiv, family, registration, sheet, seed, threads, quiet):
     virtual = make_plane(
         data["x"].values, data["y"].values, velocity[:, 0], velocity[:, 1], time=times, valid=whole, **spread
     )
-    return data, with_finger(virtual, family, pose, family.law(times)), None, asdict(seen)
+    return data, with_finger(virtual, kinematics, pose, kinematics.law(times)), None, asdict(seen)

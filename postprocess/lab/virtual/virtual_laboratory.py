@@ -157,8 +157,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Command `recording`."""
-    family = read_kinematics(args.case / "out" / args.level / "kinematics.h5")
-    camera = camera_for(family.root, args.columns, args.scale_mm_per_px * 1e-3, 500.0)
+    kinematics = read_kinematics(args.case / "out" / args.level / "kinematics.h5")
+    camera = camera_for(kinematics.root, args.columns, args.scale_mm_per_px * 1e-3, 500.0)
     set_up = SetUp(
         camera,
         Seeding(density_ppp=args.density_ppp),
@@ -169,7 +169,7 @@ def run(args: argparse.Namespace) -> None:
         seed=args.seed,
     )
     with read_plane(args.sheet) as sheet:
-        make_recording(sheet.load(), set_up, family.root, args.output, args.pairs_hz)
+        make_recording(sheet.load(), set_up, kinematics.root, args.output, args.pairs_hz)
     name, window = args.case.name, args.window
-    write_dpiv(set_up, family.root, args.output, name, window, args.spacing, args.pairs_hz, args.every)
+    write_dpiv(set_up, kinematics.root, args.output, name, window, args.spacing, args.pairs_hz, args.every)
     print(args.output)

@@ -19,7 +19,7 @@ from postprocess.lab.judgement.validation import AGREES, ERROR
 from postprocess.lab.virtual.common_grid import appearance_of, outlines_px, with_finger
 from postprocess.lab.virtual.virtual_experiment import evaluate, virtual_experiment
 from postprocess.lab.virtual.virtual_laboratory import make_recording
-from tests.lab_scene import finger_family, set_up, vortex_series
+from tests.lab_scene import finger_kinematics, set_up, vortex_series
 
 PIV = Evaluation(window=24, spacing=8, pairing="1-2,3-4", interval_s=0.002)
 START, RATE = 0.10, 50.0
@@ -30,21 +30,21 @@ INPUTS = Inputs(format="inputs", format_version=1, too_uncertain=0.3)
 def compared(tmp_path_factory):
     """Results by the gain of the recording's vortex."""
     folder = tmp_path_factory.mktemp("compare")
-    family = finger_family(folder)
-    lab = set_up(family, turn_deg=1.0, start=START, end=START + 0.085)
-    pose = lab.pose(family.root)
-    ours = vortex_series(family, np.linspace(0.09, 0.20, 12), spacing=2e-3)
+    kinematics = finger_kinematics(folder)
+    lab = set_up(kinematics, turn_deg=1.0, start=START, end=START + 0.085)
+    pose = lab.pose(kinematics.root)
+    ours = vortex_series(kinematics, np.linspace(0.09, 0.20, 12), spacing=2e-3)
     out = {}
     for gain in (1.0, 1.25):
-        water = vortex_series(family, np.linspace(0.09, 0.20, 12), gain=gain, spacing=2e-3)
-        path = make_recording(water, lab, family.root, folder / f"{gain}", RATE)
+        water = vortex_series(kinematics, np.linspace(0.09, 0.20, 12), gain=gain, spacing=2e-3)
+        path = make_recording(water, lab, kinematics.root, folder / f"{gain}", RATE)
         with open_recording(str(path)) as recording:
             times = START + np.arange(len(recording)) // 2 / RATE + np.arange(len(recording)) % 2 * 0.002
-            shapes = outlines_px(family, pose, family.law(times))
+            shapes = outlines_px(kinematics, pose, kinematics.law(times))
             data = evaluate(recording, np.arange(times.size), times, shapes, pose, PIV, folder / f"{gain}.h5")
             images = [recording.frame(i) for i in (0, 4)]
             seen = appearance_of(images, [outline_mask(shapes[i], recording.shape) for i in (0, 4)])
-        data = with_finger(data, family, pose, family.law(data["time"].values))
+        data = with_finger(data, kinematics, pose, kinematics.law(data["time"].values))
         virtual = virtual_experiment(
             ours,
             pose,
@@ -56,7 +56,7 @@ def compared(tmp_path_factory):
             folder / f"v{gain}",
             seed=77,
         )
-        virtual = with_finger(virtual, family, pose, family.law(virtual["time"].values))
+        virtual = with_finger(virtual, kinematics, pose, kinematics.law(virtual["time"].values))
         instants = data["time"].values
         direct = camera_series(ours, pose, data["x"].values, data["y"].values, instants)
         law = Law(np.array([1.0, 0.0, 1.0]), np.diag([1e-3, 2e-4, 1e-3]) ** 2, 0.0)
@@ -65,7 +65,7 @@ def compared(tmp_path_factory):
         settings = VortexSettings(stencil_radius=0.004, min_circulation=2e-4, weights="equal")
         window = (float(instants[0]) - 1e-6, float(instants[-1]) + 1e-6)
         case = Case(
-            family,
+            kinematics,
             registration,
             data,
             virtual,

@@ -21,38 +21,40 @@ from postprocess.lab.registration.profile import (
 from postprocess.lab.registration.register import register
 from postprocess.lab.registration.silhouette import inside_sum, integral_image, learn
 from postprocess.lab.virtual.common_grid import appearance_of
-from tests.lab_scene import finger_family, set_up, stated_pose, still_picture, vortex_series
+from tests.lab_scene import finger_kinematics, set_up, stated_pose, still_picture, vortex_series
 
 FRAMES, DELAY, FACTOR = 24, 0.007, 1.05
 
 
 @pytest.fixture(scope="module")
-def family(tmp_path_factory):
-    return finger_family(tmp_path_factory.mktemp("lab"))
+def kinematics(tmp_path_factory):
+    return finger_kinematics(tmp_path_factory.mktemp("lab"))
 
 
 class Stills(Recording):
     """Pictures of fresh particles around the finger of a law that is 5 % stronger and 7 ms late."""
 
-    def __init__(self, family, lab):
+    def __init__(self, kinematics, lab):
         super().__init__("stills", FRAMES, None)
         self.times = np.linspace(0.0, 0.42, FRAMES)
-        self.pressures = FACTOR * family.law(np.clip(self.times - DELAY, *family.time))
-        self._family, self._lab = family, lab
+        self.pressures = FACTOR * kinematics.law(np.clip(self.times - DELAY, *kinematics.time))
+        self._kinematics, self._lab = kinematics, lab
 
     def _read(self, i):
-        return still_picture(self._family, self._lab, float(self.pressures[i]), i)
+        return still_picture(self._kinematics, self._lab, float(self.pressures[i]), i)
 
 
 @pytest.fixture(scope="module")
-def found(family):
-    lab = set_up(family)
-    stills = Stills(family, lab)
-    stated = stated_pose(family, lab.camera)
+def found(kinematics):
+    lab = set_up(kinematics)
+    stills = Stills(kinematics, lab)
+    stated = stated_pose(kinematics, lab.camera)
     return (
         lab,
         stills,
-        register(stills, stills.times, family, stated, None, scale_std=0.01, sweeps=(800, 300, 1200, 1200)),
+        register(
+            stills, stills.times, kinematics, stated, None, scale_std=0.01, sweeps=(800, 300, 1200, 1200)
+        ),
     )
 
 
@@ -62,7 +64,7 @@ def dense(corners, pieces=50):
     return counter_clockwise(np.vstack([np.linspace(a, b, pieces, endpoint=False) for a, b in sides]))
 
 
-def test_inside_sum_is_the_area(family):
+def test_inside_sum_is_the_area(kinematics):
     outline = dense(np.array([[10.0, 5.0], [10.0, 25.5], [40.25, 25.5], [40.25, 5.0]]))
     assert inside_sum(integral_image(np.ones((40, 60))), outline) == pytest.approx(30.25 * 20.5, rel=1e-6)
 
@@ -80,9 +82,9 @@ def test_inside_sum_does_not_see_what_lies_outside(mean):
         assert abs(inside_sum(integral, dense(corners, pieces), mean)) < 0.05
 
 
-def test_pose_scale_and_time_are_found(found, family):
+def test_pose_scale_and_time_are_found(found, kinematics):
     lab, _, registration = found
-    true, mm = lab.pose(family.root), 0.4
+    true, mm = lab.pose(kinematics.root), 0.4
     # a camera of 400 px, 0.4 mm/px: what the target asks of a larger one, doubled
     assert np.abs(np.array(registration.pose.at_px) - true.at_px).max() * mm < 0.6
     assert abs(np.degrees(registration.pose.angle - true.angle)) < 1.0
@@ -91,9 +93,9 @@ def test_pose_scale_and_time_are_found(found, family):
     assert registration.law.values[0] == pytest.approx(FACTOR, abs=0.02)
 
 
-def test_registration_says_how_sure_it_is(found, family):
+def test_registration_says_how_sure_it_is(found, kinematics):
     lab, _, registration = found
-    true, std = lab.pose(family.root), np.sqrt(np.diag(registration.covariance))
+    true, std = lab.pose(kinematics.root), np.sqrt(np.diag(registration.covariance))
     off = [*(np.array(registration.pose.at_px) - true.at_px), registration.pose.angle - true.angle, np.log(true.scale_m_per_px / registration.pose.scale_m_per_px)]  # fmt: skip
     assert (np.abs(off) < 4 * std).all()
     assert (std < [2.0, 2.0, 0.02, 0.01]).all()
@@ -110,76 +112,76 @@ class Held(Stills):
         return image
 
     def dark_rows(self):
-        along = self._family.shape("tip_direction", 0.0)
-        end = self._lab.pose(self._family.root).to_px(self._family.root + 0.008 * along)
+        along = self._kinematics.shape("tip_direction", 0.0)
+        end = self._lab.pose(self._kinematics.root).to_px(self._kinematics.root + 0.008 * along)
         return round(self._lab.camera.height_px - 1 - float(end[1]))
 
 
-def test_a_hidden_root_is_told_and_left_out(family):
-    lab = set_up(family, scale_error=0.002)
-    held, stated = Held(family, lab), stated_pose(family, lab.camera)
+def test_a_hidden_root_is_told_and_left_out(kinematics):
+    lab = set_up(kinematics, scale_error=0.002)
+    held, stated = Held(kinematics, lab), stated_pose(kinematics, lab.camera)
     options = {"scale_std": 0.003, "sweeps": (600, 200, 600, 600)}
     with pytest.raises(ValueError, match="else give root_hidden_mm"):
-        register(held, held.times, family, stated, None, **options)
-    found = register(held, held.times, family, stated, None, hidden=0.011, **options)
-    true = lab.pose(family.root)
+        register(held, held.times, kinematics, stated, None, **options)
+    found = register(held, held.times, kinematics, stated, None, hidden=0.011, **options)
+    true = lab.pose(kinematics.root)
     off = [*(np.array(found.pose.at_px) - true.at_px), found.pose.angle - true.angle, np.log(true.scale_m_per_px / found.pose.scale_m_per_px)]  # fmt: skip
     assert (np.abs(off) < 4 * np.sqrt(np.diag(found.covariance))).all()
     assert found.law.delay == pytest.approx(DELAY, abs=0.003)
 
 
-def test_a_motion_of_another_shape_is_followed_frame_by_frame(family):
+def test_a_motion_of_another_shape_is_followed_frame_by_frame(kinematics):
     """A finger that lags by up to 3 % of the range in the middle of its stroke, as one with hysteresis: seen, and said to be off."""
-    lab = set_up(family)
-    stills = Stills(family, lab)
+    lab = set_up(kinematics)
+    stills = Stills(kinematics, lab)
     lag = 0.03 * 20e3 * np.sin(np.pi * np.clip(stills.times / 0.4, 0, 1)) ** 2
     stills.pressures = stills.pressures - lag
     found = register(
-        stills, stills.times, family, stated_pose(family, lab.camera), None, scale_std=0.01, sweeps=(800, 300, 1200, 1200)
+        stills, stills.times, kinematics, stated_pose(kinematics, lab.camera), None, scale_std=0.01, sweeps=(800, 300, 1200, 1200)
     )  # fmt: skip
     error = found.pressures - stills.pressures
     assert np.sqrt(np.mean(error**2)) < 0.02 * 20e3  # single frames of a small picture
 
 
-def test_lower_layer_is_measured(found, family):
+def test_lower_layer_is_measured(found, kinematics):
     _lab, stills, registration = found
-    strip = strip_at_rest(family)
+    strip = strip_at_rest(kinematics)
     index = np.arange(0, FRAMES, 4)
     images = [stills.frame(int(i)) for i in index]
     frames = prepare(images, stills.times[index] - registration.law.delay, learn(images[::2]))
     shapes = np.array(
-        [fit_profile(s, frames.mean, strip, registration.pose, registration.edge_px, float(family.shape("bend", p)), 1.0)
+        [fit_profile(s, frames.mean, strip, registration.pose, registration.edge_px, float(kinematics.shape("bend", p)), 1.0)
          for s, p in zip(frames.integrals, registration.pressures[index], strict=True)]
     )  # fmt: skip
-    true = family.bend(stills.pressures[index])
+    true = kinematics.bend(stills.pressures[index])
     error = np.degrees(shapes[:, 0] - true)
     # single frames of a finger that is 175 px long: 2.5° is a pixel and a half at its tip
     assert np.sqrt((error**2).mean()) < 2.5
     assert np.abs(error).max() < 6.0
-    motion = motion_values(family, strip, np.linspace(0, 0.42, 24), np.column_stack([family.bend(family.law(np.linspace(0, 0.42, 24))), np.zeros((24, 3))]), 0.42)  # fmt: skip
-    error = motion["pressure"] - family.law(motion["time"])
+    motion = motion_values(kinematics, strip, np.linspace(0, 0.42, 24), np.column_stack([kinematics.bend(kinematics.law(np.linspace(0, 0.42, 24))), np.zeros((24, 3))]), 0.42)  # fmt: skip
+    error = motion["pressure"] - kinematics.law(motion["time"])
     assert np.abs(error).max() < 0.02 * 20e3
 
 
-def test_circle_of_an_arc(family):
-    strip = strip_at_rest(family)
+def test_circle_of_an_arc(kinematics):
+    strip = strip_at_rest(kinematics)
     radius, residual = circle(profile(strip, np.array([1.4, 0.0, 0.0, 0.0])))
     assert radius == pytest.approx(strip.length / 1.4, rel=1e-3)
     assert residual < 1e-6
     assert np.isinf(circle(profile(strip, np.zeros(4)))[0])
 
 
-def test_strip_is_the_finger_at_rest(family):
-    outline = bent_outline(strip_at_rest(family), np.zeros(4))
-    assert np.abs(outline - family.shape("outline", 0.0)).max() < 2e-4
+def test_strip_is_the_finger_at_rest(kinematics):
+    outline = bent_outline(strip_at_rest(kinematics), np.zeros(4))
+    assert np.abs(outline - kinematics.shape("outline", 0.0)).max() < 2e-4
 
 
-def test_seeding_is_measured(family):
-    lab = set_up(family, columns=640)
-    images = [still_picture(family, lab, p, k) for k, p in enumerate((0.0, 1e4, 2e4))]
-    pose = lab.pose(family.root)
+def test_seeding_is_measured(kinematics):
+    lab = set_up(kinematics, columns=640)
+    images = [still_picture(kinematics, lab, p, k) for k, p in enumerate((0.0, 1e4, 2e4))]
+    pose = lab.pose(kinematics.root)
     masks = [
-        outline_mask(pose.to_px(family.shape("outline", p)), i.shape)
+        outline_mask(pose.to_px(kinematics.shape("outline", p)), i.shape)
         for i, p in zip(images, (0.0, 1e4, 2e4), strict=True)
     ]
     seen = appearance_of(images, masks)
@@ -191,10 +193,10 @@ def test_seeding_is_measured(family):
     assert seen.read_noise == pytest.approx(lab.camera.read_noise, rel=0.15)
 
 
-def test_camera_planes_turn_positions_and_vectors(family):
+def test_camera_planes_turn_positions_and_vectors(kinematics):
     times = np.linspace(0.0, 0.1, 6)
-    series = vortex_series(family, times, spacing=2e-3)
-    pose = Pose(1 / 4000.0, 0.5, family.root, (300.0, 450.0))
+    series = vortex_series(kinematics, times, spacing=2e-3)
+    pose = Pose(1 / 4000.0, 0.5, kinematics.root, (300.0, 450.0))
     x, y = np.linspace(0.02, 0.13, 23), np.linspace(0.02, 0.11, 19)
     plane = next(camera_planes(series, pose, x, y, times[2:3]))
     gx, gy = np.meshgrid(x, y)
@@ -211,18 +213,18 @@ def test_camera_planes_turn_positions_and_vectors(family):
     assert np.allclose(plane["tip"].values[0], pose.to_camera(series["tip"].values[2, 0]))
 
 
-def test_a_second_finger_is_the_mirror_image(family):
-    pair = replace(family, mirror=True)
+def test_a_second_finger_is_the_mirror_image(kinematics):
+    pair = replace(kinematics, mirror=True)
     outlines, bends = pair.fingers("outline", 1e4), pair.fingers("bend", 1e4)
     assert np.allclose(outlines[1], outlines[0] * [-1, 1])
     assert bends[0] == bends[1]
     pose = Pose(1 / 2500.0, 0.0, (0.0, 0.245), (250.0, 300.0))
     apart = replace(
         pair,
-        splines=family.splines
+        splines=kinematics.splines
         | {
             "outline": lambda p, d=0: (
-                family.splines["outline"](p, d) + (0.04 if d == 0 else 0.0) * np.array([1.0, 0.0])
+                kinematics.splines["outline"](p, d) + (0.04 if d == 0 else 0.0) * np.array([1.0, 0.0])
             )
         },
     )

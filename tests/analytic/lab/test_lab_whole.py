@@ -18,7 +18,7 @@ from postprocess.lab.report.report import make_report
 from postprocess.lab.virtual.virtual_laboratory import make_recording, write_dpiv
 from tests.conftest import motion_of
 from tests.lab_exports import KINDS, exported
-from tests.lab_scene import CASE, finger_family, set_up, vortex_series
+from tests.lab_scene import CASE, finger_kinematics, set_up, vortex_series
 
 INPUTS = 'format = "inputs"\nformat_version = 1\ntoo_uncertain = 0.3\n'
 TIMES = np.linspace(0.0, 0.42, 43)
@@ -27,7 +27,7 @@ SPACING = 2e-3
 
 @pytest.fixture(scope="module")
 def finger(tmp_path_factory):
-    """A scene with what its stages leave: the family, and a simulation whose flow is an analytic vortex."""
+    """A scene with what its stages leave: the kinematics, and a simulation whose flow is an analytic vortex."""
     case = tmp_path_factory.mktemp("whole") / "cases" / "finger"
     out = case / "out" / "smoke"
     for folder in (case / "reference", out / "settings", out / "run"):
@@ -39,16 +39,16 @@ def finger(tmp_path_factory):
     (out / "run" / "run.json").write_text(
         json.dumps({"format": "run", "format_version": 4, "versions": {}, "scene_hash": "0"})
     )
-    family = finger_family(out)
-    return StageFiles(case, "smoke"), family, vortex_series(family, TIMES, spacing=SPACING)
+    kinematics = finger_kinematics(out)
+    return StageFiles(case, "smoke"), kinematics, vortex_series(kinematics, TIMES, spacing=SPACING)
 
 
-def measured_by(family, gain: float, corner: tuple[float, float]):
+def measured_by(kinematics, gain: float, corner: tuple[float, float]):
     """Vectors (100 Hz, 2 mm apart) of a vortex `gain` times as strong, and the finger's root (mm) in their axes, whose lower left
     vector is at `corner` (m)."""
-    pose = Pose(1.0, 0.0, family.root, (0.065, 0.105))
+    pose = Pose(1.0, 0.0, kinematics.root, (0.065, 0.105))
     x, y = SPACING * np.arange(1, 76), SPACING * np.arange(1, 62)
-    water = vortex_series(family, TIMES, gain=gain, spacing=SPACING)
+    water = vortex_series(kinematics, TIMES, gain=gain, spacing=SPACING)
     plane = camera_series(water, pose, x, y, 0.05 + np.arange(30) / 100.0)
     plane = plane.drop_vars(["outline", "tip", "tip_direction", "dorsal_direction", "bend"])
     shift = np.array(corner) - [x[0], y[0]]
@@ -122,11 +122,11 @@ def test_virtual_camera_is_put_before_the_vectors(finger, tmp_path):
 @pytest.fixture(scope="module")
 def recorded(finger, tmp_path_factory):
     """A recording with errors of set-up, compared."""
-    _, family, sheet = finger
+    _, kinematics, sheet = finger
     folder = tmp_path_factory.mktemp("recorded")
-    lab = set_up(family, start=0.007)
-    make_recording(sheet, lab, family.root, folder, 50.0)
-    write_dpiv(lab, family.root, folder, "finger", 24, 8, 50.0, 1)
+    lab = set_up(kinematics, start=0.007)
+    make_recording(sheet, lab, kinematics.root, folder, 50.0)
+    write_dpiv(lab, kinematics.root, folder, "finger", 24, 8, 50.0, 1)
     return judged(finger, folder), read_dpiv(folder)
 
 
@@ -148,8 +148,7 @@ def test_recording_is_compared(recorded):
 def test_motion_of_the_recording_drives_a_scene(recorded, finger):
     (lab, _), dpiv = recorded
     folder = run_motion(lab, dpiv)
-    kinematics = motion_of(load_scene(folder, "smoke"))
-    family = finger[1]
+    driven, kinematics = motion_of(load_scene(folder, "smoke")), finger[1]
     at = np.linspace(0.05, 0.38, 12)
-    moved = np.array([kinematics.shapes.bend(p) for p in kinematics.law(at)])
-    assert np.abs(np.degrees(moved - family.bend(family.law(at)))).max() < 3.0
+    moved = np.array([driven.shapes.bend(p) for p in driven.law(at)])
+    assert np.abs(np.degrees(moved - kinematics.bend(kinematics.law(at)))).max() < 3.0

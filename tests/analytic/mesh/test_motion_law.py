@@ -9,7 +9,7 @@ from pipeline.kinematics.shapes import FingerShapes, add_tip, circular_states, r
 LENGTH, THICKNESS = 0.07, 0.0145
 
 
-def family(bend=(-1.0, 0.0, 1.0, 2.0), tip=0.0):
+def kinematics(bend=(-1.0, 0.0, 1.0, 2.0), tip=0.0):
     states = add_tip(
         circular_states(np.array([-10e3, 0, 10e3, 20e3]), np.array(bend), LENGTH, THICKNESS), tip, 0.01
     )
@@ -51,7 +51,7 @@ def test_a_measured_history_passes_through_its_points_and_rests_outside(tmp_path
 
 @pytest.mark.parametrize("pressure, gamma", [(-10e3, -1.0), (0.0, 0.0), (10e3, 1.0), (20e3, 2.0), (5e3, 0.5)])
 def test_constant_curvature_is_reproduced_exactly(pressure, gamma):
-    f = family()
+    f = kinematics()
     assert f.bend(pressure) == pytest.approx(gamma, abs=1e-12)
     middle, along, dorsal = f.tip(pressure)
     radius = LENGTH / gamma if gamma else np.inf
@@ -65,7 +65,7 @@ def test_constant_curvature_is_reproduced_exactly(pressure, gamma):
 
 
 def test_the_outline_encloses_the_strip_it_was_bent_from():
-    f = family()
+    f = kinematics()
     for p, gamma in ((0.0, 0.0), (20e3, 2.0)):
         x, y = f.outline(p).T
         area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)

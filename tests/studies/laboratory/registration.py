@@ -19,7 +19,7 @@ from piv.images.recording import Recording
 from piv.synthetic.camera import Seeding
 from postprocess.lab.registration.register import register
 from postprocess.lab.virtual.virtual_laboratory import SetUp, camera_for
-from tests.lab_scene import finger_family, stated_pose, still_picture
+from tests.lab_scene import finger_kinematics, stated_pose, still_picture
 from tests.studies.pages import write_between
 
 PICTURES = 42
@@ -35,36 +35,36 @@ ROWS = (
 class Stills(Recording):
     """Pictures of the finger at the pressures of a law."""
 
-    def __init__(self, family: Kinematics, lab: SetUp, times: np.ndarray, pressures: np.ndarray) -> None:
+    def __init__(self, kinematics: Kinematics, lab: SetUp, times: np.ndarray, pressures: np.ndarray) -> None:
         super().__init__("stills", times.size, None)
-        self.times, self._family, self._lab, self._pressures = times, family, lab, pressures
+        self.times, self._kinematics, self._lab, self._pressures = times, kinematics, lab, pressures
 
     def _read(self, i: int) -> np.ndarray:
-        return still_picture(self._family, self._lab, float(self._pressures[i]), i)
+        return still_picture(self._kinematics, self._lab, float(self._pressures[i]), i)
 
 
-def trial(family: Kinematics, seed: int) -> dict[str, float]:
+def trial(kinematics: Kinematics, seed: int) -> dict[str, float]:
     """One registration: errors against the truth and the standard uncertainties stated for them."""
     rng = np.random.default_rng(seed)
-    camera = camera_for(family.root, 640, 0.25e-3, 500.0)
+    camera = camera_for(kinematics.root, 640, 0.25e-3, 500.0)
     lab = SetUp(
         camera, Seeding(density_ppp=0.05), tuple(rng.uniform(-1, 1, 2)), float(rng.uniform(-2, 2)), float(rng.uniform(-0.01, 0.01)), seed=seed
     )  # fmt: skip
     factor, delay = (1.05 if seed % 2 else 1.0), float(rng.uniform(-0.007, 0.007))
     times = np.linspace(0.0, 0.42, PICTURES)
-    pressures = factor * family.law(np.clip(times - delay, *family.time))
+    pressures = factor * kinematics.law(np.clip(times - delay, *kinematics.time))
     begin = time.process_time()
     found = register(
-        Stills(family, lab, times, pressures),
+        Stills(kinematics, lab, times, pressures),
         times,
-        family,
-        stated_pose(family, camera),
+        kinematics,
+        stated_pose(kinematics, camera),
         None,
         scale_std=0.01,
         sweeps=SWEEPS,
         seed=seed,
     )
-    true, pose, law = lab.pose(family.root), found.pose, found.law
+    true, pose, law = lab.pose(kinematics.root), found.pose, found.law
     std = np.sqrt(np.diag(found.covariance))
     mm = 1e3 * true.scale_m_per_px
     return {
@@ -106,10 +106,10 @@ def main() -> None:
     args = parser.parse_args()
     done = pd.read_csv(args.output) if args.output.exists() else pd.DataFrame({"seed": []})
     with TemporaryDirectory() as folder:
-        family = finger_family(Path(folder))
+        kinematics = finger_kinematics(Path(folder))
     for seed in range(1, args.seeds + 1):
         if not (done["seed"] == seed).any():
-            done = pd.concat([done, pd.DataFrame([trial(family, seed)])], ignore_index=True)
+            done = pd.concat([done, pd.DataFrame([trial(kinematics, seed)])], ignore_index=True)
             done.to_csv(args.output, index=False)
             print(seed, {n: round(float(done[n].iloc[-1]), 3) for n, _, _ in ROWS}, flush=True)
     print(summary(done))

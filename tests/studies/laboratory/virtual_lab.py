@@ -51,7 +51,7 @@ class Laboratory:
 
     def __init__(self, case: Path, level: str) -> None:
         out = case / "out" / level
-        self.family: Kinematics = read_kinematics(out / "kinematics.h5")
+        self.kinematics: Kinematics = read_kinematics(out / "kinematics.h5")
         self.inputs: Inputs = read_inputs(case / "reference" / "inputs.toml")
         self.settings = VortexSettings(**json.loads((out / "settings" / "vortices.json").read_text()))
         folder = out / "virtual" / "study"
@@ -61,8 +61,8 @@ class Laboratory:
             "pressure": read_plane(folder / "21kpa.h5").load(),
             "level": read_plane(folder / "grid.h5").load(),
         }
-        self.camera = camera_for(self.family.root, COLUMNS, SCALE_MM_PER_PX * 1e-3, 1 / INTERVAL)
-        self.pose = SetUp(self.camera).pose(self.family.root)
+        self.camera = camera_for(self.kinematics.root, COLUMNS, SCALE_MM_PER_PX * 1e-3, 1 / INTERVAL)
+        self.pose = SetUp(self.camera).pose(self.kinematics.root)
         times = self.sheet["time"].values
         bend = self.sheet["bend"].values[:, 0]
         self.window = stroke_window(times, bend, (0.25, 0.75))
@@ -81,24 +81,24 @@ class Laboratory:
         if not self._effects:
             direct, pose = case.direct, case.registration.pose
             nominal = measure(direct, pose, self.settings, case.window, "direct")
-            for one, sheet, family in self._runs:
+            for one, sheet, kinematics in self._runs:
                 plane = camera_series(
                     sheet, pose, direct["x"].values, direct["y"].values, direct["time"].values
                 )
-                self._effects.append(effect_of(one, plane, family, case, nominal))
+                self._effects.append(effect_of(one, plane, kinematics, case, nominal))
         return self._effects
 
 
 def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, object]:
     """One recording, registered and compared; errors against the truth, and the verdicts."""
     rng = np.random.default_rng([seed, SETS.index(kind)])
-    family = lab.family
+    kinematics = lab.kinematics
     set_up = SetUp(
         lab.camera, Seeding(density_ppp=PPP), tuple(rng.uniform(-1, 1, 2)), float(rng.uniform(-2, 2)), float(rng.uniform(-0.01, 0.01)),
         float(rng.uniform(0.002, 0.010)), seed=int(rng.integers(1 << 30)),
     )  # fmt: skip
-    path = make_recording(lab.waters[kind], set_up, family.root, folder, PAIRS_HZ)
-    true = set_up.pose(family.root)
+    path = make_recording(lab.waters[kind], set_up, kinematics.root, folder, PAIRS_HZ)
+    true = set_up.pose(kinematics.root)
     piv = Evaluation(window=WINDOW, spacing=SPACING, pairing="1-2,3-4", interval_s=INTERVAL)
     with open_recording(str(path)) as recording:
         count = len(recording)
@@ -106,15 +106,16 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
         stated = Pose(
             set_up.camera.scale_m_per_px,
             0.0,
-            family.root,
+            kinematics.root,
             tuple(
-                np.asarray(set_up.camera.origin_px) + np.asarray(family.root) / set_up.camera.scale_m_per_px
+                np.asarray(set_up.camera.origin_px)
+                + np.asarray(kinematics.root) / set_up.camera.scale_m_per_px
             ),
         )
         found = register(
             recording,
             times,
-            family,
+            kinematics,
             stated,
             None,
             scale_std=0.01,
@@ -128,21 +129,23 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
         wanted = wanted[:INSTANTS]
         index = np.column_stack([2 * wanted, 2 * wanted + 1]).ravel()
         clock = times[index] - law.delay
-        shapes = outlines_px(family, pose, law_pressure(family, times[index], law.values))
+        shapes = outlines_px(kinematics, pose, law_pressure(kinematics, times[index], law.values))
         data = evaluate(recording, index, clock, shapes, pose, piv, folder / "data.h5")
         images = [recording.frame(int(i)) for i in index[::4]]
         seen = appearance_of(images, [outline_mask(s, recording.shape) for s in shapes[::4]])
-    data = with_finger(data, family, pose, law_pressure(family, data["time"].values + law.delay, law.values))
+    data = with_finger(
+        data, kinematics, pose, law_pressure(kinematics, data["time"].values + law.delay, law.values)
+    )
     virtual = virtual_experiment(
         lab.sheet, pose, set_up.camera, seeding_like(seen, 8, set_up.seeding.sheet_thickness), clock,
-        outlines_px(family, pose, family.law(clock)), piv, folder, seed=seed + 1000,
+        outlines_px(kinematics, pose, kinematics.law(clock)), piv, folder, seed=seed + 1000,
     )  # fmt: skip
-    virtual = with_finger(virtual, family, pose, family.law(virtual["time"].values))
+    virtual = with_finger(virtual, kinematics, pose, kinematics.law(virtual["time"].values))
     instants = data["time"].values
     direct = camera_series(lab.sheet, pose, data["x"].values, data["y"].values, instants)
     window = (float(instants[0]) - 1e-6, float(instants[-1]) + 1e-6)
     case = Case(
-        family,
+        kinematics,
         found,
         data,
         virtual,

@@ -16,7 +16,7 @@ from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.inputs_toml import Input, Inputs, Numerics, read_inputs, write_runs, write_virtual
 from postprocess.lab.registration.profile import motion_values, strip_at_rest
 from tests.conftest import motion_of
-from tests.lab_scene import CASE, finger_family
+from tests.lab_scene import CASE, finger_kinematics
 
 
 @pytest.fixture
@@ -124,11 +124,15 @@ def test_bad_files_are_one_sentence(tmp_path, text, told):
 
 
 def test_recorded_motion_drives_the_kinematics(tmp_path):
-    family = finger_family(tmp_path)
+    kinematics = finger_kinematics(tmp_path)
     times = np.linspace(0.0, 0.42, 60)
-    bend = 1.05 * family.bend(family.law(times))
+    bend = 1.05 * kinematics.bend(kinematics.law(times))
     motion = motion_values(
-        family, strip_at_rest(family), times, np.column_stack([bend, 0 * bend, 0 * bend, 0 * bend]), 0.42
+        kinematics,
+        strip_at_rest(kinematics),
+        times,
+        np.column_stack([bend, 0 * bend, 0 * bend, 0 * bend]),
+        0.42,
     )
     about = {"recording": "r", "dpiv_sha256": "0", "registration": "{}"}
     write_recorded_motion(tmp_path / "motion.h5", motion | about)
@@ -142,12 +146,12 @@ def test_recorded_motion_drives_the_kinematics(tmp_path):
         "strokes = []",
     ]
     (folder / "scene.toml").write_text("\n".join(lines) + "\n")
-    kinematics = motion_of(load_scene(folder, "smoke"))
+    driven = motion_of(load_scene(folder, "smoke"))
     at = np.linspace(0.05, 0.4, 30)
-    moved = np.array([kinematics.shapes.bend(p) for p in kinematics.law(at)])
+    moved = np.array([driven.shapes.bend(p) for p in driven.law(at)])
     assert np.abs(np.degrees(moved - np.interp(at, times, bend))).max() < 0.5
     assert (
-        np.abs(kinematics.law(at, 1)).max() < 1.2 * 1.05 * np.abs(family.law(at, 1)).max()
+        np.abs(driven.law(at, 1)).max() < 1.2 * 1.05 * np.abs(kinematics.law(at, 1)).max()
     )  # no ripple from the spline
 
 

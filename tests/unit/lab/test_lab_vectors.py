@@ -10,7 +10,7 @@ from postprocess.lab.data.dpiv_toml import read_dpiv
 from postprocess.lab.data.vectors import lab_vectors
 from postprocess.lab.registration.step import stated_registration
 from tests.lab_exports import INTERVAL, KINDS, SCALE, exported, stated
-from tests.lab_scene import finger_family
+from tests.lab_scene import finger_kinematics
 
 
 def series() -> xr.Dataset:
@@ -71,7 +71,7 @@ def test_what_contradicts_the_file_is_refused(tmp_path, old, new, told):
 @pytest.mark.parametrize("y, rows, up", [("up", None, 0.015), ("down", None, -0.015), ("down", 201, 0.035)])
 def test_stated_pose_counts_y_as_the_file_does(tmp_path, y, rows, up):
     stated(tmp_path, "v.h5", y, f"image_rows = {rows}" if rows else "")
-    registration = stated_registration(read_dpiv(tmp_path), finger_family(tmp_path))
+    registration = stated_registration(read_dpiv(tmp_path), finger_kinematics(tmp_path))
     assert registration.pose.at_px == pytest.approx((0.020, up))
     assert registration.law.delay == pytest.approx(-0.05)
     assert registration.law.std("delay") == pytest.approx(0.001)

@@ -40,10 +40,10 @@ def test_csv_states_give_the_bend_they_show(tmp_path):
     states = read_states(tmp_path / "s.csv", 0.0145)
     assert states.pressure.tolist() == [0, 10e3, 20e3]
     scene = write_scene(tmp_path / "scene", more=STROKE.format(p=20, more=f'states = "{tmp_path / "s.csv"}"'))
-    family = motion_of(scene).shapes
+    kinematics = motion_of(scene).shapes
     for kpa, gamma in ((0, 0.0), (10, 0.8), (20, 1.6)):
         # 30 digitised points resample with a chord error of (s/R)^2/24 of a point's turn: below 1e-3 rad
-        assert family.bend(kpa * 1e3) == pytest.approx(gamma, abs=2e-3)
+        assert kinematics.bend(kpa * 1e3) == pytest.approx(gamma, abs=2e-3)
 
 
 @pytest.mark.parametrize(
