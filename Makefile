@@ -60,12 +60,12 @@ OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS)))
 help: ## this list
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"
 	@echo "    SCENE: $(SCENES)"
-	@echo "    LEVEL: smoke (2-D, 2 minutes), draft (5), coarse (default, 10), medium (30), fine (60 minutes)"
-	@echo "    of CPU for single_finger, measured by make tradeoff; a pinch takes several times as long"
+	@echo "    LEVEL: smoke (2-D, 2 minutes), draft (5), coarse (default, 7), medium (18), fine (37 minutes)"
+	@echo "    of CPU for single_finger (docs/tradeoff.md); a pinch takes several times as long"
 	@echo "    NP: MPI ranks, now $(NP); HOSTS=hosts.txt: on those machines; COLLATED=1: few files"
 	@echo "make SCENE ACCURACY=12%        the cheapest measured setting within 12 %;"
 	@echo "make SCENE BUDGET=10min        the most accurate within the time"
-	@echo "make SCENE COUPLED=1           the motion that pressure and water make together, by about three whole runs"
+	@echo "make SCENE COUPLED=1           the motion that pressure and water make together, by five or so whole runs"
 	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]"
 	@echo "make SCENE.STAGE               up to one stage:"
 	@$(foreach s,$(STAGES),printf '    %-14s %s\n' $(s) "$(ABOUT.$(s))";)
