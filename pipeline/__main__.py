@@ -13,9 +13,9 @@ from typing import Any
 from fileio.checksum import check_whole, write_checksums
 from fileio.command import Commands, add_scene, command_line
 from fileio.errors import StageError
-from fileio.formats.cost import NOTHING, Spent, record_cost
 from fileio.lock import exclusive
 from fileio.stages import BY_NAME, STAGES, Stage, until
+from pipeline.cost import NOTHING, Spent, record_cost
 
 TOOLS: Commands = {
     "settings": (

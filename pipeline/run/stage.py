@@ -10,12 +10,12 @@ import numpy as np
 from tqdm import tqdm
 
 from fileio.errors import StageError
-from fileio.formats.cost import Spent
 from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.records import POWER, RUN
 from fileio.formats.sweep import read_sweep
 from fileio.lock import exclusive
 from fileio.provenance import versions
+from pipeline.cost import Spent
 from pipeline.openfoam.displacement_files import Steps, remove_frames, steps_of
 from pipeline.openfoam.environment import foam_version
 from pipeline.openfoam.ranks import LEAST_CELLS, Ranks

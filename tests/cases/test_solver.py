@@ -14,11 +14,11 @@ import pytest
 from tqdm import tqdm
 
 from fileio.errors import StageError
-from fileio.formats.cost import Spent
 from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
 from fileio.formats.sweep import read_sweep
 from pipeline.case import numbers_text
+from pipeline.cost import Spent
 from pipeline.openfoam.foamfile import is_complete
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run import guards, solver
