@@ -1,8 +1,8 @@
 """The page of `piv view`: its parts without a browser, and the page itself in a real one."""
 
 import json
-import os
 import re
+import signal
 import socket
 import subprocess
 import sys
@@ -109,9 +109,15 @@ def page(folder, tmp_path_factory):
         port,
     ]
     command = [sys.executable, "-m", "piv", "view", *map(str, words)]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=os.environ
-    ) as server:
+    server = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        # a job in the background of a shell ignores Ctrl-C, and so would what it starts
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    try:
         address = re.match(r"http://127\.0\.0\.1:\d+/", server.stdout.readline())
         assert address, server.stdout.read()
         with Browser(tmp_path_factory.mktemp("profile")) as browser:
@@ -122,8 +128,10 @@ def page(folder, tmp_path_factory):
                 )
             )
             yield browser
-        server.send_signal(2)
+        server.send_signal(signal.SIGINT)
         rest = server.communicate(timeout=60)[0]
+    finally:
+        server.kill()
     # Ctrl-C: the log holds no traceback, and the usual exit code
     assert "Traceback" not in rest
     assert server.returncode == 130
