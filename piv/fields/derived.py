@@ -40,7 +40,13 @@ def derived(
     parts = list(derived_blocks(plane, quantities, scheme=scheme, correlation_length=correlation_length))
     whole = xr.concat(parts, "time") if len(parts) > 1 else parts[0]
     whole = whole if "time" in plane["u"].dims else whole.isel(time=0, drop="time" not in plane.coords)
-    return plane.assign({n: whole[n] for n in whole.data_vars if n not in plane})
+    return plane.assign(
+        {
+            n: whole[n]
+            for n in map(str, whole.data_vars)
+            if n not in plane or n.removesuffix("_std") in quantities
+        }
+    )
 
 
 def derived_blocks(
@@ -66,7 +72,7 @@ def derived_blocks(
         new = {n: (("time", "y", "x"), np.stack(a).astype(np.float32)) for n, a in found.items()}
         part = part.assign(new)
         for name in new:
-            part[name].attrs = {"units": rate.replace("1/", "1/") if not name.startswith("q") else f"{rate}²"}
+            part[name].attrs = {"units": f"{rate}²" if name.startswith("q") else rate}
             if name.endswith("_std"):
                 part[name].attrs["correlation_length"] = float(length)
         yield part

@@ -69,6 +69,8 @@ class Batches:
 
     def inefficiency(self) -> float:
         """Instants that are worth one independent sample, over the whole field; 1 where there are too few to tell."""
+        if not self.levels:
+            return 1.0  # no instant at all
         level = max((k for k, made in enumerate(self.made) if made >= LEAST_BATCHES), default=0)
         variance = [_variance(*self.levels[k]) for k in (0, level)]
         if not variance[0] > 0:
@@ -162,10 +164,12 @@ def _dataset(series, fields, centres, centre_units, stops, snapshots, batches) -
         stacked = fields[0]
         plane = make_plane(x, y, **stacked)
         final = np.where(fields[0]["valid"], [fields[0]["u"], fields[0]["v"]], np.nan)
-        apart = [np.sqrt(np.nanmean((s - final) ** 2, axis=(1, 2))) for s in snapshots]
+        off = np.array(snapshots) - final
+        some = np.isfinite(off).any(axis=(1, 2, 3))  # before the first valid vector there is no mean
+        apart = np.sqrt(np.nanmean(off[some] ** 2, axis=(2, 3)))
         for k, name in enumerate(("convergence_u", "convergence_v")):
-            plane[name] = ("instants", np.array(apart)[:, k])
-        plane = plane.assign_coords(instants=stops)
+            plane[name] = ("instants", apart[:, k])
+        plane = plane.assign_coords(instants=stops[some])
     else:
         stacked = {n: np.stack([f[n] for f in fields]) for n in fields[0]}
         plane = make_plane(x, y, time=np.asarray(centres, float), **stacked)

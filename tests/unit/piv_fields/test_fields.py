@@ -1,6 +1,7 @@
 """Statistics, derived fields, lines and spectra against exact fields and known statistics."""
 
 import tracemalloc
+import warnings
 
 import numpy as np
 import pytest
@@ -81,6 +82,19 @@ def test_phase_average_of_a_sine_under_noise():
     np.testing.assert_allclose(found["uu"].mean(), 0.01, rtol=0.05)
 
 
+def test_before_the_first_valid_vector_the_mean_has_no_convergence():
+    u = np.random.default_rng(4).normal(size=(6, *XX.shape))
+    valid = np.ones(u.shape, bool)
+    valid[:2] = False
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = statistics(series(u, u, valid=valid))
+        nothing = statistics(series(u, u, valid=valid & False))
+    assert found["instants"].values.tolist() == [3, 4, 5, 6]
+    assert np.isfinite(found["convergence_u"]).all()
+    assert nothing.sizes["instants"] == 0
+
+
 def test_phases_between_triggers_of_an_uneven_machine():
     found = trigger_phases(np.array([-1.0, 0.0, 0.5, 1.5, 2.0, 3.0]), np.array([0.0, 1.0, 3.0]))
     np.testing.assert_allclose(found[1:5], [0, 0.5, 0.25, 0.5], atol=1e-8)
@@ -113,6 +127,15 @@ def test_derived_fields_of_a_linear_flow_are_exact():
     assert found["vorticity"].attrs["units"] == "1/s"
     assert found["q"].attrs["units"] == "1/s²"
     assert "vorticity_std" not in found
+
+
+def test_what_is_derived_again_with_another_scheme_is_new():
+    plane = make_plane(X, Y, np.sin(400 * YY), np.sin(400 * XX))
+    first, other = derived(plane), derived(plane, scheme="fourth-order")
+    again = derived(first, ("vorticity",), scheme="fourth-order")
+    np.testing.assert_array_equal(again["vorticity"], other["vorticity"])
+    assert not np.array_equal(again["vorticity"], first["vorticity"], equal_nan=True)
+    np.testing.assert_array_equal(again["q"], first["q"])  # was not asked for
 
 
 @pytest.mark.parametrize("correlated", [False, True])
