@@ -19,19 +19,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                       help="in time, at the nearest vector; several are averaged")  # fmt: skip
     kind.add_argument("--along", choices=("x", "y"), help="in space, averaged over all lines and instants")
     parser.add_argument(
-        "--segments", type=int, default=1, help="equal parts of the time, averaged (default 1)"
+        "--segments", type=int, help="equal parts of the time, averaged; with --point (default 1)"
     )
     parser.add_argument("--quiet", action="store_true")
 
 
 def run(args: argparse.Namespace) -> None:
     """Write frequency, psd_u, psd_v and the number of records averaged."""
+    if args.along and args.segments is not None:
+        raise ValueError("--segments are parts of the time: they go with --point, not with --along")
     with open_vectors(args.series) as series:
         units = {n: str(series[n].attrs.get("units", d)) for n, d in (("x", "m"), ("u", "m/s"))}
         if args.along:
             table, per = space_spectrum(series, args.along), units["x"]
         else:
-            table = time_spectrum(series, [(x, y) for x, y in args.point], args.segments)
+            segments = 1 if args.segments is None else args.segments
+            table = time_spectrum(series, [(x, y) for x, y in args.point], segments)
             per = str(series["time"].attrs.get("units", "s"))
     head = f"# frequency: cycles per {per}; psd: ({units['u']})² {per}, one-sided; Lomb-Scargle\n"
     write_text(args.output, head + table.to_csv(index=False, float_format="%.9g", lineterminator="\n"))

@@ -14,6 +14,8 @@ from piv.fields.statistics import statistics
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
 
+PHASES = 16  # of an average over a period
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `python -m piv stats`."""
@@ -34,8 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="conditional average: a column of --table, or a variable of the series over time",
     )
-    parser.add_argument("--start", type=float, default=0.0, help="time of phase 0 with --period (default 0)")
-    parser.add_argument("--phases", type=int, default=16, help="number of phases (default 16)")
+    parser.add_argument("--start", type=float, help="time of phase 0 with --period (default 0)")
+    parser.add_argument("--phases", type=int, help=f"number of phases (default {PHASES})")
     parser.add_argument("--table", type=Path, help="CSV with columns time and NAME, linear between its rows")
     parser.add_argument(
         "--bins", type=float, nargs="+", metavar="EDGE", help="edges of the bins of --by, ascending"
@@ -49,8 +51,7 @@ def run(args: argparse.Namespace) -> None:
         raise ValueError(
             f"{args.output}: statistics are written as .h5; piv convert makes other formats of it"
         )
-    if args.phases < 1:
-        raise ValueError(f"--phases must be at least 1, got {args.phases}")
+    check_partners(args)
     with open_vectors(args.series) as series:
         if "time" not in series["u"].dims:
             raise ValueError(f"{args.series}: a single plane; statistics over time need a series")
@@ -68,6 +69,16 @@ def run(args: argparse.Namespace) -> None:
         )
 
 
+def check_partners(args: argparse.Namespace) -> None:
+    """ValueError where an option is given without the one that it belongs to, so that none is ignored."""
+    if args.by is None and (args.bins is not None or args.table is not None):
+        raise ValueError("--bins and --table go with --by")
+    if args.period is None and args.start is not None:
+        raise ValueError("--start goes with --period")
+    if args.period is None and args.triggers is None and args.phases is not None:
+        raise ValueError("--phases goes with --period or --triggers")
+
+
 def groups_of(
     args: argparse.Namespace, series: xr.Dataset
 ) -> tuple[np.ndarray | None, np.ndarray | None, str]:
@@ -78,13 +89,16 @@ def groups_of(
             raise ValueError("--by needs --bins, the edges of the bins")
         return *bins(quantity(args, series), args.bins), "1"
     if args.period is not None:
-        turned = phases(times, args.period, args.start)
+        turned = phases(times, args.period, args.start or 0.0)
     elif args.triggers is not None:
         path, column = args.triggers
         turned = trigger_phases(times, read_columns(path, column)[0])
     else:
         return None, None, ""
-    return *bins(turned, np.arange(args.phases + 1) / args.phases), "cycle"
+    number = PHASES if args.phases is None else args.phases
+    if number < 1:
+        raise ValueError(f"--phases must be at least 1, got {number}")
+    return *bins(turned, np.arange(number + 1) / number), "cycle"
 
 
 def quantity(args: argparse.Namespace, series: xr.Dataset) -> np.ndarray:

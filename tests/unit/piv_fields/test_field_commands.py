@@ -68,6 +68,14 @@ def test_phase_average_then_vorticity_and_streamlines(file, tmp_path):
         np.testing.assert_allclose(p["u"], q["u"], atol=1e-9)
 
 
+def test_a_phase_without_an_instant_has_no_valid_vector(file, tmp_path):
+    assert run("stats", file, "-o", tmp_path / "p.h5", "--period", 0.05, "--phases", 16, "--quiet") == 0
+    with read_plane(tmp_path / "p.h5") as found:
+        # five instants in a period, 0.01 s apart: every 3.2nd phase
+        assert np.flatnonzero(found["n"].max(("y", "x"))).tolist() == [0, 3, 6, 9, 12]
+        assert not found["valid"].values[1].any()
+
+
 def test_conditional_on_a_column_and_on_the_finger(file, tmp_path):
     table = tmp_path / "bend.csv"
     pd.DataFrame({"time": [0.0, 0.79], "bend": [0.0, 0.8]}).to_csv(table, index=False)
@@ -112,6 +120,11 @@ def test_profile_and_spectrum(file, tmp_path, capsys):
         (["stats", "--by", "angle", "--bins", "0", "1"], "no variable 'angle' over time"),
         (["stats", "--by", "bend", "--bins", "5", "6"], "no instant is in any group"),
         (["stats", "--least", "1"], "at least 2 samples"),
+        (["stats", "--bins", "0", "1"], "--bins and --table go with --by"),
+        (["stats", "--table", "bend.csv", "--period", "1"], "--bins and --table go with --by"),
+        (["stats", "--start", "0", "--by", "bend", "--bins", "0", "1"], "--start goes with --period"),
+        (["stats", "--phases", "16"], "--phases goes with --period or --triggers"),
+        (["spectrum", "--along", "x", "--segments", "7"], "they go with --point, not with --along"),
         (["derive", "--correlation-length", "-1"], "must not be negative"),
         (["profile", "--line", "0", "0", "1", "1"], "leaves the plane"),
         (["spectrum", "--point", "0", "0", "--segments", "20"], "shorter than 8"),
