@@ -121,7 +121,10 @@ class Page:
         boxes = list(zip(*(self.region.data[n] for n in ("x", "y", "width", "height")), strict=True))
         try:
             roi = clipped(boxes[-1], self.extent) if boxes else None
-            self.status.text = escape(write_regions(self.output, self.scene.unit, kept, roi))
+            said = write_regions(self.output, self.scene.unit, kept, roi)
+            if self.drawn() not in kept.values():
+                said += "; not saved: the polygons as drawn now; keep them at their frame first"
+            self.status.text = escape(said)
         except (ValueError, OSError) as error:
             self.status.text = escape(str(error))
 

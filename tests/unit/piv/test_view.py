@@ -90,6 +90,24 @@ def test_without_the_library_one_sentence(folder, monkeypatch, capsys):
     assert "pip install 'softfinger-piv[view]'" in capsys.readouterr().err
 
 
+def test_polygons_moved_after_they_were_kept_are_said_not_to_be_saved(folder, tmp_path):
+    pytest.importorskip("bokeh", reason="the page needs bokeh: pip install 'softfinger-piv[view]'")
+    from piv.view.page import Page
+
+    page = Page(open_scene(str(folder / "piv.h5")), tmp_path / "r.json")
+    corners = np.array(SQUARE).T
+    page.masks.data = {"xs": [list(corners[0])], "ys": [list(corners[1])]}
+    page.save()
+    assert "keep them" not in page.status.text
+    page.keep()
+    page.save()
+    assert "keep them" not in page.status.text
+    page.masks.data = {"xs": [list(corners[0] + 5)], "ys": [list(corners[1])]}
+    page.save()
+    assert "not saved: the polygons as drawn now; keep them" in page.status.text
+    assert json.loads((tmp_path / "r.json").read_text())["bodies"] == [{"corners": SQUARE}]
+
+
 @pytest.fixture(scope="module")
 def page(folder, tmp_path_factory):
     pytest.importorskip("bokeh", reason="the page needs bokeh: pip install 'softfinger-piv[view]'")
