@@ -8,7 +8,11 @@ import pytest
 
 from tests.conftest import ROOT
 
-LOCKS = {"requirements": "requirements.lock", "study": "requirements-study.lock"}
+LOCKS = {
+    "requirements": "requirements.lock",
+    "study": "requirements-study.lock",
+    "view": "requirements-view.lock",
+}
 # go with GPL-3.0-or-later; the FSF's list of licences
 GOOD = {
     "0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "GPL-2.0-or-later", "GPL-3.0-or-later",
