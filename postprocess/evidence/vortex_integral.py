@@ -25,7 +25,7 @@ def vortex_integrals(
     """Integrals of the vorticity of the sense of a fitted `track` within `radius` (m) of its centre, over a window (s).
 
     What lies in the wall layer, within CLEAR of the body, is left out. Columns time, circulation (m²/s), x, y (m; centroid);
-    rows are the instants of `plane` at which the track exists.
+    rows are the instants of `plane` at which the track exists and its circle holds vorticity of its sense.
     """
     x, y = plane["x"].values, plane["y"].values
     dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
@@ -41,6 +41,8 @@ def vortex_integrals(
         inside = np.hypot(x - x0, (y - y0)[:, None]) <= radius
         amount = np.where(inside & away & (omega > 0), omega, 0.0)
         total = amount.sum()
+        if total == 0:
+            continue  # nothing of the vortex is within the circle and outside the wall layer
         centroid = (amount.sum(axis=0) @ x, amount.sum(axis=1) @ y) / total
         rows.append([times[index], sense * total * abs(dx * dy), *centroid])
     return pd.DataFrame(rows, columns=["time", "circulation", "x", "y"])

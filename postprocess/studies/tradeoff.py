@@ -41,7 +41,12 @@ def velocity_error(reference: xr.Dataset, other: xr.Dataset, window: tuple[float
 def vortex_errors(
     reference: pd.DataFrame, other: pd.DataFrame, window: tuple[float, float], width: float
 ) -> dict[str, float]:
-    """A vortex's rows against another's: RMS of circulation (part of the reference's) and of centre (tip widths)."""
+    """A vortex's rows against another's: RMS of circulation (part of the reference's) and of centre (tip widths).
+
+    Empty where the two have no instant in common.
+    """
+    if reference.empty or other.empty:
+        return {}
     pair = tracks.pair_tracks(reference, other)
     pair = pair[pair["time"].between(*window)]
     if pair.empty:
@@ -91,14 +96,15 @@ def errors_against(best: StageFiles, files: StageFiles, source: str) -> dict[str
         fits = list(tracks.dominant_tracks(tables, 0, window).values())
         if len(fits) == 2:
             of_fit = vortex_errors(fits[0], fits[1], window, width)
-            errors |= of_fit
-            if source == "cfd":
+            if source == "piv":
+                errors |= of_fit
+            else:
                 a, b = (
                     vortex_integrals(plane, fit, CIRCLE * width, window)
                     for plane, fit in zip((wanted, got), fits, strict=True)
                 )
-                errors |= {f"{name}_fit": value for name, value in of_fit.items()}
                 errors |= vortex_errors(a, b, window, width)
+                errors |= {f"{name}_fit": value for name, value in of_fit.items()}
     if source == "cfd":
         wanted_force, force = [FORCES.read(of.required("run/forces.csv", "run")) for of in (best, files)]
         errors["error_force"] = force_error(wanted_force, force, float(wanted_force["time"].iloc[-1]))

@@ -55,6 +55,13 @@ def test_vorticity_of_the_other_sense_is_not_counted():
     assert -found["circulation"][0] == pytest.approx(-GAMMA, rel=0.05)
 
 
+def test_an_instant_with_nothing_in_the_circle_has_no_row():
+    plane = plane_of(0.003)
+    plane["valid"][0] = 0
+    found = vortex_integrals(plane, track(), RADIUS, (0.0, 0.3))
+    assert found["time"].tolist() == [0.2]
+
+
 def test_the_wall_layer_of_a_body_is_left_out():
     plane = plane_of(0.002)
     body = (plane["y"] < Y0 - 0.008) & (plane["x"] < np.inf)

@@ -37,6 +37,8 @@ def test_errors_of_known_size():
     assert found["error_circulation"] == pytest.approx(0.1)
     assert found["error_centre_mm"] == pytest.approx(5.0)
     assert worst(found | {"error_velocity": 0.05}) == {"error": pytest.approx(0.25)}  # 5 mm of a tip of 20
+    assert vortex_errors(table[:0], moved, (0.1, 0.3), 0.02) == {}
+    assert vortex_errors(table, moved[:0], (0.1, 0.3), 0.02) == {}
     assert worst({"error_velocity": 0.05}) == {}  # without a vortex nothing is judged
 
 
