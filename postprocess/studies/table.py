@@ -40,7 +40,7 @@ def stage_costs(files: StageFiles, stages: list[str]) -> tuple[dict[str, float],
     """CPU seconds of those of the stages that were run, `cpu_<stage>_s`, and their largest memory (MB)."""
     paths = {stage: files.out / "costs" / f"{stage}.json" for stage in stages}
     records = {stage: COST.read(path) for stage, path in paths.items() if path.exists()}
-    seconds = {f"cpu_{n}_s": float(r.get("cpu_time", r["wall_time"])) for n, r in records.items()}
+    seconds = {f"cpu_{n}_s": float(r["cpu_time"]) for n, r in records.items()}
     return seconds, max((r["peak_memory"] * MB for r in records.values()), default=0.0)
 
 

@@ -11,14 +11,16 @@ import pytest
 
 from fileio.atomic import unlink_folders
 from fileio.errors import StageError
+from fileio.formats.records import COST
 from fileio.lock import exclusive
 from pipeline.scene.scene import load_scene
 from pipeline.study.plan import folder_of, plan, scene_text, toml
 from pipeline.study.reuse import reuse
 from pipeline.study.table import Row, read_study
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.studies.judge import changes
 from postprocess.studies.state import missing_runs
-from postprocess.studies.table import read_plan, study_table
+from postprocess.studies.table import read_plan, stage_costs, study_table
 from tests.conftest import ROOT, write_scene
 
 HEADER = "run, level, until, ranks, numerics.time_step, model.kind, piv.window, camera.centre\n"
@@ -234,6 +236,17 @@ def test_the_table_says_how_runs_ended_and_what_actuators_gave(tmp_path):
     assert rows.loc["wide", "pressure_max_Pa"] == 40e3
     assert rows.loc["plain", "ended"] == "stopped"
     assert rows.loc["plain", "stopped_at_s"] == 0.1
+
+
+def test_wall_time_is_not_taken_for_cpu_time(tmp_path):
+    files = StageFiles(tmp_path, "tiny")
+    cost = {"stage": "run", "wall_time": 10.0, "cpu_time": 38.0, "peak_memory": 4 * 10**8}
+    COST.write(files.out / "costs" / "run.json", cost)
+    assert stage_costs(files, ["run", "piv"]) == ({"cpu_run_s": 38.0}, 400.0)
+    del cost["cpu_time"]
+    COST.write(files.out / "costs" / "run.json", cost)
+    with pytest.raises(KeyError, match="cpu_time"):
+        stage_costs(files, ["run"])
 
 
 def test_the_shipped_study_is_sound():
