@@ -96,16 +96,16 @@ def command_line(
     given = sys.argv[1:] if argv is None else argv
 
     def action() -> int | None:
-        found: Any = None
+        module: Any = None
         for name, (about, where) in commands.items():
             sub = subparsers.add_parser(name, help=about, description=about)
             if given and given[0] == name:
-                found = import_module(where) if isinstance(where, str) else where
-                if hasattr(found, "add_arguments"):
-                    found.add_arguments(sub)
+                module = import_module(where) if isinstance(where, str) else where
+                if hasattr(module, "add_arguments"):
+                    module.add_arguments(sub)
         args = parser.parse_args(given)
         check_inputs(args)
         with around(args):
-            return found.run(args)
+            return module.run(args)
 
     return guarded(prefix + (given[0] if given else ""), action, strict)

@@ -37,8 +37,8 @@ def sentence(error: BaseException) -> str | None:
     number = system_error(error)
     named = "errno = " in str(error)
     file = error.filename if isinstance(error, OSError) and error.filename else None
-    if file is None and (found := re.search(r"name = '([^']*)'", str(error))):
-        file = found.group(1)
+    if file is None and (match := re.search(r"name = '([^']*)'", str(error))):
+        file = match.group(1)
     if number is not None:
         advice = f"; {ADVICE[number]}" if number in ADVICE else ""
         text = (

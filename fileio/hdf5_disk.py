@@ -47,9 +47,9 @@ class Disk(io.RawIOBase):
         """What was written, be it on the disk or in memory; zeros beyond the end."""
         view = memoryview(buffer).cast("B")
         start, size = self._position, len(view)
-        found = os.pread(self._descriptor, size, start)
-        view[: len(found)] = found
-        view[len(found) :] = bytes(size - len(found))
+        data = os.pread(self._descriptor, size, start)
+        view[: len(data)] = data
+        view[len(data) :] = bytes(size - len(data))
         for offset, content in self._refused:
             first, last = max(start, offset), min(start + size, offset + len(content))
             if first < last:

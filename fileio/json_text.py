@@ -14,20 +14,20 @@ from fileio.errors import StageError
 def parse_json(text: str | bytes, place: str | Path, remedy: str, kind: type = dict) -> Any:
     """What `text` holds, of `kind`; else StageError with `place`, what is wrong and `remedy` in one sentence."""
     try:
-        found = json.loads(text)
+        value = json.loads(text)
     except (TypeError, ValueError, RecursionError) as error:
         raise StageError(f"{place}: not valid JSON ({error}); {remedy}") from error
-    if not isinstance(found, kind):
-        raise StageError(f"{place}: holds a {type(found).__name__}, not a {kind.__name__}; {remedy}")
-    return found
+    if not isinstance(value, kind):
+        raise StageError(f"{place}: holds a {type(value).__name__}, not a {kind.__name__}; {remedy}")
+    return value
 
 
 def flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
     """The values of a table and of the tables in it, by their keys joined with dots."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for key, value in table.items():
-        found |= flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
-    return found
+        values |= flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
+    return values
 
 
 def read_json(path: Path, remedy: str, kind: type = dict) -> Any:

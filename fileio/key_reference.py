@@ -163,7 +163,7 @@ def template(keys: list[Key]) -> str:
 
 def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> list[str]:
     """What is wrong with a table, a sentence for each key, with the nearest spelling of one that is not known."""
-    found = []
+    sentences = []
     for error in errors:
         key = ".".join(part for part in (section, *map(str, error["loc"])) if part)
         message = error["msg"].removeprefix("Value error, ")
@@ -177,8 +177,8 @@ def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> 
         elif error["loc"]:
             given = repr(error["input"])
             message = f"{message} (got {given if len(given) <= LONGEST else given[:LONGEST] + '…'})"
-        found.append(f"{key}: {message}" if key else message)
-    return found
+        sentences.append(f"{key}: {message}" if key else message)
+    return sentences
 
 
 def nearest(name: str, model: type[BaseModel], place: tuple[Any, ...]) -> str | None:

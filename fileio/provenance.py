@@ -26,11 +26,11 @@ def digest(value: Any) -> str:
 @cache
 def versions(*names: str) -> dict[str, str]:
     """Versions of the libraries `names` that are installed: looking them up takes as long as a Newton step of PIV."""
-    found = {}
+    libraries = {}
     for name in names or ("numpy", "scipy", "xarray", "h5py", "gmsh", "pyvista", "pydantic"):
         with suppress(PackageNotFoundError):
-            found[name] = version(name)
-    return found
+            libraries[name] = version(name)
+    return libraries
 
 
 def recorded(settings: dict[str, Any]) -> dict[str, str]:
@@ -44,10 +44,10 @@ def check_version(
     """StageError where what a file says of itself is not this `format` and `format_version`."""
     if attributes.get("format") != name:
         raise StageError(f"{path}: format is {attributes.get('format')!r}, not {name!r}; {remedy}")
-    found = attributes.get("format_version")
-    if found != version:
+    file_version = attributes.get("format_version")
+    if file_version != version:
         raise StageError(
-            f"{path}: format_version of this {name} file is {found}, this program reads {version}; {remedy}"
+            f"{path}: format_version of this {name} file is {file_version}, this program reads {version}; {remedy}"
         )
 
 

@@ -52,10 +52,10 @@ class Variable:
             return None if self.optional else f"{kind} {self.name!r} is missing"
         if attribute:
             return None
-        found = dataset[self.name]
-        if found.dims not in (self.axes, self.least_axes):
-            return f"{self.name!r} is over ({', '.join(map(str, found.dims))}), not ({self.dims})"
-        if self.finite and found.dtype.kind == "f" and not np.isfinite(found.values).all():
+        variable = dataset[self.name]
+        if variable.dims not in (self.axes, self.least_axes):
+            return f"{self.name!r} is over ({', '.join(map(str, variable.dims))}), not ({self.dims})"
+        if self.finite and variable.dtype.kind == "f" and not np.isfinite(variable.values).all():
             return f"{self.name!r} holds NaN or infinite values"
         return None
 

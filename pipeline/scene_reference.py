@@ -30,12 +30,12 @@ OWN = [
 def keys() -> list[Key]:
     """All keys of a scene."""
     made = frozenset({"name", "title", "level", "folder", "actuator", "fea"})
-    found = [*OWN, *keys_of(Scene, without=made), *keys_of(Actuator, "actuator.", optional=True)]
-    found += keys_of(Fea, "fea.", optional=True)
+    all_keys = [*OWN, *keys_of(Scene, without=made), *keys_of(Actuator, "actuator.", optional=True)]
+    all_keys += keys_of(Fea, "fea.", optional=True)
     tables = [
-        key.name.rpartition(".")[0] for key in found
+        key.name.rpartition(".")[0] for key in all_keys
     ]  # those of one table stand together, where its first does
-    return sorted(found, key=lambda key: tables.index(key.name.rpartition(".")[0]))
+    return sorted(all_keys, key=lambda key: tables.index(key.name.rpartition(".")[0]))
 
 
 def reference() -> str:

@@ -63,12 +63,12 @@ def changed_settings(scene: Scene) -> dict[str, str]:
         for stage in STAGE_SECTIONS
     }
     texts |= {f"{s.target}.format": f"{s.format} {VERSIONS[s.format]}\n" for s in STAGES if s.format}
-    found = {}
+    changes = {}
     for name, text in texts.items():
         path = scene.out / "settings" / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:
-            found[name] = text
-    return found
+            changes[name] = text
+    return changes
 
 
 def write_settings(scene: Scene) -> list[str]:

@@ -61,10 +61,10 @@ def _in_hdf5(file: h5py.File, way: str) -> None:
     if way == "version 99":
         file.attrs["format_version"] = 99
         return
-    found: list[h5py.Dataset] = []
-    file.visititems(lambda _, item: found.append(item) if isinstance(item, h5py.Dataset) else None)
-    number = [item for item in found if item.dtype.kind == "f" and item.size]
-    best = max(number or found, key=lambda item: item.size)
+    datasets: list[h5py.Dataset] = []
+    file.visititems(lambda _, item: datasets.append(item) if isinstance(item, h5py.Dataset) else None)
+    number = [item for item in datasets if item.dtype.kind == "f" and item.size]
+    best = max(number or datasets, key=lambda item: item.size)
     if way == "a part taken out":
         del file[best.name]
     elif number:

@@ -86,8 +86,8 @@ class Browser:
         return self._call("POST", f"{self.session}/execute/sync", {"script": script, "args": []})
 
     def element(self, css: str) -> str:
-        found = self._call("POST", f"{self.session}/element", {"using": "css selector", "value": css})
-        return f"{self.session}/element/{found[ELEMENT]}"
+        answer = self._call("POST", f"{self.session}/element", {"using": "css selector", "value": css})
+        return f"{self.session}/element/{answer[ELEMENT]}"
 
     def keys(self, css: str, text: str) -> None:
         self._call("POST", f"{self.element(css)}/value", {"text": text})

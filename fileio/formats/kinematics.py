@@ -145,13 +145,13 @@ class Kinematics:
     def at(self, time: float) -> dict[str, np.ndarray]:
         """Per finger, at `time` s: each of SHAPES, and the outline's velocity."""
         p = float(self.law(time))
-        found = {name: spline(p) for name, spline in self.splines.items()}
-        found["outline_velocity"] = self.splines["outline"](p, 1) * float(self.law(time, 1))
+        shapes = {name: spline(p) for name, spline in self.splines.items()}
+        shapes["outline_velocity"] = self.splines["outline"](p, 1) * float(self.law(time, 1))
         for name in ("tip_direction", "dorsal_direction"):
-            found[name] = found[name] / np.hypot(*found[name])
+            shapes[name] = shapes[name] / np.hypot(*shapes[name])
         if not self.mirror:
-            return {name: values[None] for name, values in found.items()}
-        return {name: np.stack([values, mirrored_finger(name, values)]) for name, values in found.items()}
+            return {name: values[None] for name, values in shapes.items()}
+        return {name: np.stack([values, mirrored_finger(name, values)]) for name, values in shapes.items()}
 
     def bend(self, pressure: np.ndarray) -> np.ndarray:
         """Bend angles (rad) at pressures (n,)."""

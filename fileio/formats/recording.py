@@ -56,8 +56,8 @@ def open_recording_file(path: Path) -> h5py.File:
         for variable in SCHEMA.root:
             if variable.dims == "-" or (variable.optional and variable.name not in file):
                 continue
-            found = file.get(variable.name)
-            if not isinstance(found, h5py.Dataset) or found.ndim not in map(
+            dataset = file.get(variable.name)
+            if not isinstance(dataset, h5py.Dataset) or dataset.ndim not in map(
                 len, (variable.axes, variable.least_axes)
             ):
                 raise StageError(

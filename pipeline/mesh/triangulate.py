@@ -125,14 +125,14 @@ def _collect(
 def _cells(surface: int, position: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
     """Triangles (n, 3) and quadrilaterals (n, 4) of a surface; `position` of gmsh's node tags."""
     kinds, _, members = gmsh.model.mesh.getElements(2, surface)
-    found = {
+    elements = {
         int(kind): np.array([position[t] for t in tags.tolist()])
         for kind, tags in zip(kinds, members, strict=True)
     }
-    if not found or not found.keys() <= {2, 3}:
+    if not elements or not elements.keys() <= {2, 3}:
         raise StageError("the planform could not be meshed; make mesh.wall_cell or mesh.near_cell smaller")
     empty = np.empty(0, int)
-    return found.get(2, empty).reshape(-1, 3), found.get(3, empty).reshape(-1, 4)
+    return elements.get(2, empty).reshape(-1, 3), elements.get(3, empty).reshape(-1, 4)
 
 
 def _turned(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:

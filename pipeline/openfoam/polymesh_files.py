@@ -35,8 +35,8 @@ def read_faces(folder: Path) -> Faces:
     size = np.diff(offset)
     corners = points[offset[:-1, None] + np.minimum(np.arange(4), size[:, None] - 1)]
     owner, neighbour = (labels_of((folder / name).read_bytes()) for name in ("owner", "neighbour"))
-    found = re.findall(
+    entries = re.findall(
         r"(\w+)\s*\{[^}]*?nFaces\s+(\d+);\s*startFace\s+(\d+);", (folder / "boundary").read_text()
     )
-    patches = {name: slice(int(start), int(start) + int(count)) for name, count, start in found}
+    patches = {name: slice(int(start), int(start) + int(count)) for name, count, start in entries}
     return Faces(corners, owner, neighbour, patches)

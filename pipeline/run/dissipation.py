@@ -108,13 +108,13 @@ def face_terms(mesh: FaceGeometry, velocity: np.ndarray, pressure: np.ndarray, o
     rim_coupled = -pressure[rim] * _dot(outside, jump)
 
     cells = len(velocity)
-    found = {}
+    losses = {}
     for name, faces, ends in zip(
         LOSSES, (inner_viscous, convected, coupled), (rim_viscous, None, rim_coupled), strict=True
     ):
         total = 0.5 * (np.bincount(own, faces, cells) + np.bincount(other, faces, cells))
-        found[name] = total if ends is None else total + np.bincount(rim, ends, cells)
-    return found
+        losses[name] = total if ends is None else total + np.bincount(rim, ends, cells)
+    return losses
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -124,11 +124,11 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def _gradient(mesh: FaceGeometry, inner: np.ndarray, boundary: np.ndarray) -> np.ndarray:
     """Gradient (cell, direction, component) by Gauss's theorem from values on faces."""
     n, cells = mesh.inner, len(mesh.volume)
-    found = np.empty((cells, 3, 3))
+    gradient = np.empty((cells, 3, 3))
     for i in range(3):
         for j in range(3):
             through = mesh.area[:, i] * np.concatenate([inner[:, j], boundary[:, j]])
             total = np.bincount(mesh.faces.owner, through, cells)
             total -= np.bincount(mesh.faces.neighbour, through[:n], cells)
-            found[:, i, j] = total / mesh.volume
-    return found
+            gradient[:, i, j] = total / mesh.volume
+    return gradient

@@ -81,19 +81,19 @@ def face_velocity(faces: Faces, sweep: xr.Dataset, velocity: np.ndarray) -> np.n
 
 def boundary_velocity(mesh: FaceGeometry, velocity: np.ndarray, moving: np.ndarray) -> np.ndarray:
     """Velocity (boundary face, 3) at the patches as the case's boundary conditions give it."""
-    found = np.zeros((len(mesh.faces.owner) - mesh.inner, 3))
+    patch_velocity = np.zeros((len(mesh.faces.owner) - mesh.inner, 3))
     for name, faces in mesh.faces.patches.items():
         rows = slice(faces.start - mesh.inner, faces.stop - mesh.inner)
         inside = velocity[mesh.faces.owner[faces]]
         if name.endswith("finger"):
-            found[rows] = moving[faces]
+            patch_velocity[rows] = moving[faces]
         elif name == "gap":
-            found[rows] = inside
+            patch_velocity[rows] = inside
         elif name in FREE:
             area = mesh.area[faces]
             size = np.maximum(np.einsum("fi,fi->f", area, area), 1e-300)
-            found[rows] = inside - (np.einsum("fi,fi->f", inside, area) / size)[:, None] * area
-    return found
+            patch_velocity[rows] = inside - (np.einsum("fi,fi->f", inside, area) / size)[:, None] * area
+    return patch_velocity
 
 
 def regions(centre: np.ndarray, outline: np.ndarray, reach: float, mirrored: bool) -> np.ndarray:

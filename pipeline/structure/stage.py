@@ -89,9 +89,9 @@ def measured_loads(scene: Scene, chain: Chain, chambers: CubicSpline, quiet: boo
     for k, (_, path) in enumerate(tqdm(samples, "loads", disable=quiet or None)):
         faces = surface_forces(path, scene.fluid.density, both)
         place, push = plane((faces.place - root) @ turn), copies * plane(faces.force @ turn)
-        found = slice_loads(chain, at.at(k), profile[k], thickness[k], place + edge, push)
-        force.append(np.stack([found.force.real, found.force.imag], axis=-1))
-        torque.append(found.torque)
+        loads = slice_loads(chain, at.at(k), profile[k], thickness[k], place + edge, push)
+        force.append(np.stack([loads.force.real, loads.force.imag], axis=-1))
+        torque.append(loads.torque)
         root_moment.append(float(np.sum((np.conj(place) * push).imag)))
     middles = chain.arc[chain.joints[:-1]] + 0.5 * chain.lengths
     return {

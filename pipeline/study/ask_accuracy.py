@@ -72,8 +72,8 @@ def results_of(scene: Path) -> Path:
 
 def accuracy(text: str) -> float:
     """0.05 of "5%" or "0.05"."""
-    found = re.fullmatch(rf"\s*{NUMBER}\s*(%?)\s*", text)
-    value = float(found.group(1)) * (0.01 if found.group(2) else 1.0) if found else -1.0
+    match = re.fullmatch(rf"\s*{NUMBER}\s*(%?)\s*", text)
+    value = float(match.group(1)) * (0.01 if match.group(2) else 1.0) if match else -1.0
     if not 0 < value < 1:
         raise StageError(f"ACCURACY={text}: give a part, as 5% or 0.05")
     return value
@@ -81,10 +81,10 @@ def accuracy(text: str) -> float:
 
 def budget(text: str) -> float:
     """Seconds of "10min", "2h" or "90s"."""
-    found = re.fullmatch(rf"\s*{NUMBER}\s*([a-z]+)\s*", text)
-    if not found or found.group(2) not in UNITS or float(found.group(1)) <= 0:
+    match = re.fullmatch(rf"\s*{NUMBER}\s*([a-z]+)\s*", text)
+    if not match or match.group(2) not in UNITS or float(match.group(1)) <= 0:
         raise StageError(f"BUDGET={text}: give a time, as 10min, 2h or 90s")
-    return float(found.group(1)) * UNITS[found.group(2)]
+    return float(match.group(1)) * UNITS[match.group(2)]
 
 
 def predicted(setting: Setting, there: dict[str, float], here: dict[str, float]) -> float:

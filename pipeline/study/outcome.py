@@ -55,21 +55,21 @@ def run_stage(command: list[str], longest: float = LONGEST) -> tuple[int, str] |
 
 def outcome(folder: Path, level: str, until: str, ranks: int) -> dict[str, Any]:
     """Run the stages up to `until`; how it ended, at which stage, why, and the CPU seconds it took."""
-    found: dict[str, Any] = {"ended": "completed", "stage": until, "reason": ""}
+    result: dict[str, Any] = {"ended": "completed", "stage": until, "reason": ""}
     for stage in MAY_FAIL_UNTIL[: MAY_FAIL_UNTIL.index(until) + 1]:
         command = [sys.executable, "-m", "pipeline", stage, str(folder), "--level", level, "--quiet"]
         done = run_stage(command + ["--ranks", str(ranks)] * BY_NAME[stage].ranks)
         if done is None:
-            found = {"ended": "hung", "stage": stage, "reason": f"not over after {LONGEST / 60:g} minutes"}
+            result = {"ended": "hung", "stage": stage, "reason": f"not over after {LONGEST / 60:g} minutes"}
             break
         if done[0] != 0:
-            found = {"stage": stage} | outcome_of(*done)
+            result = {"stage": stage} | outcome_of(*done)
             break
     for place in (folder.resolve(), folder):  # reasons hold wherever the project lies
-        found["reason"] = found["reason"].replace(f"{place}/", "")
-    found["reason"] = found["reason"][:LONGEST_REASON]
+        result["reason"] = result["reason"].replace(f"{place}/", "")
+    result["reason"] = result["reason"][:LONGEST_REASON]
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return found | {"cpu_s": round(used.ru_utime + used.ru_stime, 1)}
+    return result | {"cpu_s": round(used.ru_utime + used.ru_stime, 1)}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -84,9 +84,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Command `outcome`. The solver's case is removed where no later stage of the run would read it."""
     out = args.scene / "out" / args.level
-    found = outcome(args.scene, args.level, args.until, args.ranks)
+    result = outcome(args.scene, args.level, args.until, args.ranks)
     if args.until == "run":
         shutil.rmtree(out / "case", ignore_errors=True)
-    OUTCOME.write(out / NAME, found)
+    OUTCOME.write(out / NAME, result)
     if not args.quiet:
-        print(f"outcome: {found['ended']} at {found['stage']} {found['reason']}".rstrip())
+        print(f"outcome: {result['ended']} at {result['stage']} {result['reason']}".rstrip())

@@ -87,7 +87,7 @@ def write_scene(scene: Path, study: str, row: Row) -> Path:
 
 def write_scenes(scene: Path, study: str, rows: list[Row]) -> list[Scene | StageError]:
     """Write each run's scene and stage settings; of one that may fail and is refused, why."""
-    found: list[Scene | StageError] = []
+    scenes: list[Scene | StageError] = []
     for row in rows:
         folder = write_scene(scene, study, row)
         try:
@@ -95,15 +95,15 @@ def write_scenes(scene: Path, study: str, rows: list[Row]) -> list[Scene | Stage
         except StageError as error:
             if not row.may_fail:
                 raise StageError(f"run {row.run}: {error}") from None
-            found.append(error)
+            scenes.append(error)
             continue
         # refused while another make is at work there with other numbers, or where the states are another actuator's
         try:
             update_settings(loaded, quiet=True, fea_follows=needs_fea(row))
         except StageError as error:
             raise StageError(f"run {row.run}: {error}") from None
-        found.append(loaded)
-    return found
+        scenes.append(loaded)
+    return scenes
 
 
 def write_asked(folder: Path, level: str, scene: Scene | StageError) -> None:
@@ -122,10 +122,10 @@ def owners(rows: list[Row], scenes: list[Scene | StageError]) -> list[dict[str, 
     A run that may fail shares nothing: how it ended is its own.
     """
     first: dict[str, str] = {}
-    found: list[dict[str, str]] = []
+    stage_owners: list[dict[str, str]] = []
     for row, scene in zip(rows, scenes, strict=True):
         if row.may_fail or not isinstance(scene, Scene):
-            found.append({})
+            stage_owners.append({})
             continue
         begin = row.run if needs_fea(row) else ""
         keys: dict[str, str] = {}
@@ -133,8 +133,8 @@ def owners(rows: list[Row], scenes: list[Scene | StageError]) -> list[dict[str, 
             before = [keys[name] for name in stage.inputs] or begin
             more = [getattr(row, column) for column in stage.columns]
             keys[stage.name] = digest([stage.name, before, _settings(scene, stage), more])
-        found.append({name: first.setdefault(key, row.run) for name, key in keys.items()})
-    return found
+        stage_owners.append({name: first.setdefault(key, row.run) for name, key in keys.items()})
+    return stage_owners
 
 
 def wanted_of(row: Row) -> list[str]:

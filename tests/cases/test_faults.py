@@ -84,12 +84,12 @@ def test_a_run_ends_in_one_of_three_ways(solved, changes, ended, words):
     scene = solved[0] / "cases" / SCENE
     row = Row(f"axis_{ended}{len(words)}", "tiny", until="run", overrides=TINY | changes)
     folder = write_scene(scene, "edges", row)
-    found = outcome(folder, row.level, row.until, row.ranks)
-    assert found["ended"] == ended, found
-    assert words in found["reason"]
-    assert str(folder) not in found["reason"]
+    run_outcome = outcome(folder, row.level, row.until, row.ranks)
+    assert run_outcome["ended"] == ended, run_outcome
+    assert words in run_outcome["reason"]
+    assert str(folder) not in run_outcome["reason"]
     (folder / "out" / "tiny").mkdir(parents=True, exist_ok=True)
-    (folder / "out" / "tiny" / NAME).write_text(json.dumps(found))
+    (folder / "out" / "tiny" / NAME).write_text(json.dumps(run_outcome))
     planned = {"run": row.run, "axis": "axis", "value": "", "level": "tiny", "ranks": 1, "scene": str(scene), "folder": str(folder)}  # fmt: skip
     judged = result(planned)
     assert judged["ended"] == ended, judged

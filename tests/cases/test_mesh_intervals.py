@@ -83,11 +83,11 @@ def test_intervals_are_joined_without_a_seam(solved):
     assert power[:, 0] == pytest.approx(2e-3 * np.arange(1, 51))  # every picture once
     assert np.abs(history[:, 3]).max() < 1e-5  # nothing leaks while the gap closes, nor at the field mapping
     assert np.diff(history[:, -1]).min() >= 0
-    found = record(solved)
-    assert [interval["end"] for interval in found["intervals"][:-1]] == [
-        s["time"] for s in found["field_mappings"]
+    run_record = record(solved)
+    assert [interval["end"] for interval in run_record["intervals"][:-1]] == [
+        s["time"] for s in run_record["field_mappings"]
     ]
-    for mapping in found["field_mappings"]:
+    for mapping in run_record["field_mappings"]:
         # of few cells: 0.8 % measured, most of it in what the pressure takes out of the carried flow. The shipped levels
         # keep 0.2 % (docs/pinch_run.md); the flow as it is carried keeps its energy to rounding
         assert abs(mapping["jump_fraction"]) < 0.02

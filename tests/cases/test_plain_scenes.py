@@ -83,8 +83,8 @@ def test_a_scene_is_its_toml_alone(project, name):
     warned = [line for line in done.stdout.splitlines() if "0.1 m" in line]
     assert len(warned) == (name == "Low-1")
     out = folder / "out" / "smoke"
-    found = json.loads((out / "comparison.json").read_text())
-    assert {check["kind"] for check in found["checks"]} == {"agreement"}
+    comparison = json.loads((out / "comparison.json").read_text())
+    assert {check["kind"] for check in comparison["checks"]} == {"agreement"}
     title = SCENES[name].split('"')[1]
     assert title in (out / "report.html").read_text()
 

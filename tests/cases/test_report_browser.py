@@ -66,10 +66,10 @@ def judged():
         for name, verdict, unit in (("final_bend", "model error", "rad"), ("circulation", "agrees", "m²/s"),
                                     ("core_radius", "too uncertain", "m"), ("velocity_field", "agrees", "m/s"))
     ]  # fmt: skip
-    found = dict.fromkeys(
+    registration = dict.fromkeys(
         ("scale_m_per_px", "scale_std_percent", "turn_deg", "turn_std_deg", "delay_ms", "delay_std_ms"), 0.1
     )
-    found |= {"root_px": [100.0, 900.0], "root_std_mm": [0.1, 0.1]}
+    registration |= {"root_px": [100.0, 900.0], "root_std_mm": [0.1, 0.1]}
     whole = lab_result(*quantities, wrong=["final_bend"])
     about = {
         "scene": "finger",
@@ -80,7 +80,7 @@ def judged():
         "appearance": {},
     }
     said = {"scene_hash": "0" * 16, "dpiv_sha256": "0" * 64, "seed": 1, "versions": {"python": "3.11"}}
-    return whole | about | {"registration": whole["registration"] | found, "provenance": said}
+    return whole | about | {"registration": whole["registration"] | registration, "provenance": said}
 
 
 def show(browser, address, width):
@@ -199,11 +199,11 @@ def test_axe_has_no_serious_finding(browser, page, lab_page, which, scheme):
     browser.devtools("Runtime.evaluate", expression=OPEN + AXE.read_text(encoding="utf-8"))
     report = "axe.run().then(r => JSON.stringify([r.violations, r.passes.length]))"
     answer = browser.devtools("Runtime.evaluate", expression=report, awaitPromise=True, returnByValue=True)
-    found, passed = json.loads(answer["result"]["value"])
+    violations, passed = json.loads(answer["result"]["value"])
     assert passed > 15, "axe must have looked at the page"
     wrong = {
         f["id"]: [n["html"][:120] for n in f["nodes"][:3]]
-        for f in found
+        for f in violations
         if f["impact"] in ("serious", "critical")
     }
     assert wrong == {}

@@ -58,10 +58,10 @@ def table(path: Path) -> np.ndarray:
 def vectors(path: Path) -> np.ndarray:
     """An OpenFOAM field's internal vectors or a points file, binary."""
     content = path.read_bytes()
-    found = re.search(rb"\n(\d+)\n?\(", content)
-    assert found
-    count = int(found.group(1))
-    return np.frombuffer(content, "<f8", 3 * count, found.end()).reshape(-1, 3)
+    header = re.search(rb"\n(\d+)\n?\(", content)
+    assert header
+    count = int(header.group(1))
+    return np.frombuffer(content, "<f8", 3 * count, header.end()).reshape(-1, 3)
 
 
 @pytest.fixture(scope="module")

@@ -39,19 +39,19 @@ def by_id(result):
 
 
 def test_added_mass_of_a_cylinder(tmp_path):
-    found = by_id(cylinders.accelerating(tiny("accelerating_cylinder", tmp_path)))
+    checks = by_id(cylinders.accelerating(tiny("accelerating_cylinder", tmp_path)))
     # 20 steps to the smooth begin and walls of 52 points: 4 % where the real level has 2 %
-    assert abs(found["accelerating.mass"].deviation) < 0.04
-    assert abs(found["accelerating.rise"].deviation) < 0.04
+    assert abs(checks["accelerating.mass"].deviation) < 0.04
+    assert abs(checks["accelerating.rise"].deviation) < 0.04
 
 
 def test_force_on_an_oscillating_cylinder(tmp_path):
-    found = by_id(cylinders.oscillating(tiny("oscillating_cylinder", tmp_path)))
+    checks = by_id(cylinders.oscillating(tiny("oscillating_cylinder", tmp_path)))
     # 31 points round the wall, 100 steps a cycle, second cycle: three times the real level's tolerance
-    assert abs(found["oscillating.peak"].deviation) < 0.06
-    assert found["oscillating.rms"].result < 0.15
-    assert found["oscillating.drag"].result == pytest.approx(2.1, rel=0.1)
-    assert found["oscillating.mass"].result == pytest.approx(1.45, rel=0.1)
+    assert abs(checks["oscillating.peak"].deviation) < 0.06
+    assert checks["oscillating.rms"].result < 0.15
+    assert checks["oscillating.drag"].result == pytest.approx(2.1, rel=0.1)
+    assert checks["oscillating.mass"].result == pytest.approx(1.45, rel=0.1)
 
 
 def test_order_in_space_on_a_deforming_mesh(tmp_path):

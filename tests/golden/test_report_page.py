@@ -130,9 +130,9 @@ def test_without_a_vortex_in_piv_the_comparison_says_so(tmp_path):
 
 
 def test_without_piv_nothing_is_called_agreement(without_piv):
-    found = result(without_piv)
-    assert found["verdict"]["agrees"] is None
-    assert {c["met"] for c in found["checks"]} == {None}
+    comparison = result(without_piv)
+    assert comparison["verdict"]["agrees"] is None
+    assert {c["met"] for c in comparison["checks"]} == {None}
     page = (without_piv.out / "report.html").read_text()
     assert "Not judged: PIV was not run at level coarse" in page
     assert "every picture shows the CFD alone" in page
@@ -211,11 +211,11 @@ def test_every_axis_of_every_series_names_its_unit(made):
     from postprocess.evidence.tip_vortex import dominant_tracks, read_vortices
 
     middle = tuple(result(made)["middle_of_stroke_s"])
-    found = dominant_tracks(
+    tracks = dominant_tracks(
         {s: read_vortices(made.out / f"vortices_{s}.csv") for s in ("cfd", "piv")}, 0, middle
     )
     drawn = [
-        draw_series.circulation({s: [track] for s, track in found.items()}, middle),
+        draw_series.circulation({s: [track] for s, track in tracks.items()}, middle),
         draw_series.agreement(pd.read_csv(made.out / "comparison.csv"), 0.4, middle),
         draw_solver.forces(FORCES.read(made.out / "run/forces.csv")),
         draw_solver.power(POWER.read(made.out / "run/power.csv")),
@@ -298,9 +298,9 @@ def test_a_scene_without_findings_is_judged_by_agreement_and_says_so(tmp_path):
         patch.setattr(flow_figures, "FRAMES", 3)
         for stage in ("compare", "figures", "report"):
             assert main([stage, str(files.scene_folder), "--level", "coarse"]) == 0
-    found = result(files)
-    assert {c["kind"] for c in found["checks"]} == {"agreement"}
-    assert found["verdict"]["agrees"] is True
+    comparison = result(files)
+    assert {c["kind"] for c in comparison["checks"]} == {"agreement"}
+    assert comparison["verdict"]["agrees"] is True
     text = (files.out / "report.html").read_text()
     assert Page(text).errors == []
     assert "The scene has no findings (reference/findings.toml)" in text

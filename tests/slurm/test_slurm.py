@@ -109,8 +109,8 @@ def job_of(rule: str) -> str | None:
     shown = subprocess.run(
         ["squeue", "--noheader", "--states=R", "--format=%i %k"], capture_output=True, text=True, check=True
     ).stdout
-    found = [line.split()[0] for line in shown.splitlines() if f"rule_{rule}_" in line]
-    return found[0] if found else None
+    jobs = [line.split()[0] for line in shown.splitlines() if f"rule_{rule}_" in line]
+    return jobs[0] if jobs else None
 
 
 def minutes_run(job: str) -> int:

@@ -140,8 +140,8 @@ def main() -> None:
                         solved, ranks, args.steps, scene.numerics.time_step, mesh_kind == "moving", samples
                     )
                 )
-        for (mesh_kind, samples), found in tries.items():
-            best = min(found, key=lambda row: row["step_s"])
+        for (mesh_kind, samples), timings in tries.items():
+            best = min(timings, key=lambda row: row["step_s"])
             rows.append({**about, "ranks": count, "mesh": mesh_kind, "samples": samples, **best})
             print(
                 {key: round(v, 4) if isinstance(v, float) else v for key, v in rows[-1].items()}, flush=True

@@ -30,13 +30,13 @@ def stiffness(cell: UnitCell, state: State) -> tuple[float, float]:
 
 def curvatures(cell: UnitCell, state: State, moments: FloatArray) -> FloatArray:
     """Curvature (moment,) 1/m, per length at rest, under ascending `moments` (N m); raises NotConverged."""
-    found = {}
+    curvature = {}
     for branch in (moments[moments >= 0], moments[moments < 0][::-1]):
         at = state
         for moment in branch:
             at = _loaded(cell, at, float(moment))
-            found[float(moment)] = at.plane_angle / cell.x_plane
-    return np.array([found[float(moment)] for moment in moments])
+            curvature[float(moment)] = at.plane_angle / cell.x_plane
+    return np.array([curvature[float(moment)] for moment in moments])
 
 
 def _loaded(cell: UnitCell, state: State, moment: float) -> State:

@@ -74,11 +74,11 @@ def test_thick_walled_cylinder_under_pressure(material):
     moved = places + newton(
         body, np.flatnonzero(held), np.zeros(held.size), pressure=(follower_pressure(tube, inside), pressure)
     )
-    found = np.linalg.norm(moved[inside, :2], axis=1)
+    radii = np.linalg.norm(moved[inside, :2], axis=1)
     closed = inflated_radius(pressure, inner, outer)
     assert closed > 1.25 * inner  # the strains are large
     # 1 % of the displacement is allowed; quadratic elements reach about 0.1 %.
-    np.testing.assert_allclose(found - inner, closed - inner, rtol=0.01)
+    np.testing.assert_allclose(radii - inner, closed - inner, rtol=0.01)
 
 
 def test_cantilever_does_not_lock():

@@ -48,10 +48,10 @@ def saturation_kpa(name):
 
 
 def test_chambers_touch_in_the_order_of_their_wedge():
-    found = [saturation_kpa(name) for name in ("theta_0", "theta_5", "theta_10")]
-    assert found[0] < found[1] < found[2]
+    pressures = [saturation_kpa(name) for name in ("theta_0", "theta_5", "theta_10")]
+    assert pressures[0] < pressures[1] < pressures[2]
     # The paper's missing points begin at −10, −20 and −30 kPa; it has a point every 10 kPa, the study every 5.
-    np.testing.assert_allclose(found, [10, 20, 30], atol=10)
+    np.testing.assert_allclose(pressures, [10, 20, 30], atol=10)
     assert STUDIES["theta_0"].wall_gap[STUDIES["theta_0"].pressure == -10e3] == 0
 
 

@@ -101,14 +101,14 @@ def test_equal_waters_agree(compared):
 
 
 def test_stronger_vortex_is_a_model_error_of_its_size(compared):
-    found = by_name(compared[1.25])
-    circulation = found["circulation"]
+    quantities = by_name(compared[1.25])
+    circulation = quantities["circulation"]
     assert circulation["verdict"] == ERROR
     # E is what the simulation lacks: a fifth of the recording's, to its own 95 % band
     expected = -0.2 * circulation["data"][0]
     assert abs(circulation["error"][0] - expected) < circulation["k"] * circulation["u_val"][0]
     assert compared[1.25][0]["verdict"] == ERROR
-    assert found["velocity_field"]["verdict"] == ERROR
+    assert quantities["velocity_field"]["verdict"] == ERROR
 
 
 def test_difference_splits_into_measurement_and_model(compared):

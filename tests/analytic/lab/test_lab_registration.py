@@ -45,7 +45,7 @@ class Stills(Recording):
 
 
 @pytest.fixture(scope="module")
-def found(kinematics):
+def registered_lab(kinematics):
     lab = set_up(kinematics)
     stills = Stills(kinematics, lab)
     stated = stated_pose(kinematics, lab.camera)
@@ -82,8 +82,8 @@ def test_inside_sum_does_not_see_what_lies_outside(mean):
         assert abs(inside_sum(integral, dense(corners, pieces), mean)) < 0.05
 
 
-def test_pose_scale_and_time_are_found(found, kinematics):
-    lab, _, registration = found
+def test_pose_scale_and_time_are_found(registered_lab, kinematics):
+    lab, _, registration = registered_lab
     true, mm = lab.pose(kinematics.root), 0.4
     # a camera of 400 px, 0.4 mm/px: what the target asks of a larger one, doubled
     assert np.abs(np.array(registration.pose.at_px) - true.at_px).max() * mm < 0.6
@@ -93,8 +93,8 @@ def test_pose_scale_and_time_are_found(found, kinematics):
     assert registration.law.values[0] == pytest.approx(FACTOR, abs=0.02)
 
 
-def test_registration_says_how_sure_it_is(found, kinematics):
-    lab, _, registration = found
+def test_registration_says_how_sure_it_is(registered_lab, kinematics):
+    lab, _, registration = registered_lab
     true, std = lab.pose(kinematics.root), np.sqrt(np.diag(registration.covariance))
     off = [*(np.array(registration.pose.at_px) - true.at_px), registration.pose.angle - true.angle, np.log(true.scale_m_per_px / registration.pose.scale_m_per_px)]  # fmt: skip
     assert (np.abs(off) < 4 * std).all()
@@ -123,11 +123,11 @@ def test_a_hidden_root_is_told_and_left_out(kinematics):
     options = {"scale_std": 0.003, "sweeps": (600, 200, 600, 600)}
     with pytest.raises(ValueError, match="else give root_hidden_mm"):
         register(held, held.times, kinematics, stated, None, **options)
-    found = register(held, held.times, kinematics, stated, None, hidden=0.011, **options)
+    registration = register(held, held.times, kinematics, stated, None, hidden=0.011, **options)
     true = lab.pose(kinematics.root)
-    off = [*(np.array(found.pose.at_px) - true.at_px), found.pose.angle - true.angle, np.log(true.scale_m_per_px / found.pose.scale_m_per_px)]  # fmt: skip
-    assert (np.abs(off) < 4 * np.sqrt(np.diag(found.covariance))).all()
-    assert found.law.delay == pytest.approx(DELAY, abs=0.003)
+    off = [*(np.array(registration.pose.at_px) - true.at_px), registration.pose.angle - true.angle, np.log(true.scale_m_per_px / registration.pose.scale_m_per_px)]  # fmt: skip
+    assert (np.abs(off) < 4 * np.sqrt(np.diag(registration.covariance))).all()
+    assert registration.law.delay == pytest.approx(DELAY, abs=0.003)
 
 
 def test_a_motion_of_another_shape_is_followed_frame_by_frame(kinematics):
@@ -136,15 +136,15 @@ def test_a_motion_of_another_shape_is_followed_frame_by_frame(kinematics):
     stills = Stills(kinematics, lab)
     lag = 0.03 * 20e3 * np.sin(np.pi * np.clip(stills.times / 0.4, 0, 1)) ** 2
     stills.pressures = stills.pressures - lag
-    found = register(
+    registration = register(
         stills, stills.times, kinematics, stated_pose(kinematics, lab.camera), None, scale_std=0.01, sweeps=(800, 300, 1200, 1200)
     )  # fmt: skip
-    error = found.pressures - stills.pressures
+    error = registration.pressures - stills.pressures
     assert np.sqrt(np.mean(error**2)) < 0.02 * 20e3  # single frames of a small picture
 
 
-def test_lower_layer_is_measured(found, kinematics):
-    _lab, stills, registration = found
+def test_lower_layer_is_measured(registered_lab, kinematics):
+    _lab, stills, registration = registered_lab
     strip = strip_at_rest(kinematics)
     index = np.arange(0, FRAMES, 4)
     images = [stills.frame(int(i)) for i in index]

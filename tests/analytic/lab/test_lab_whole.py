@@ -76,11 +76,11 @@ def test_vectors_of_every_kind_are_compared(finger, tmp_path, kind):
     )
     plane, root = measured_by(finger[1], 1.0, corner)
     lab, result = judged(finger, exported(plane, kind, tmp_path / kind.replace(" ", "_"), root))
-    found = {q["name"]: q for q in result["quantities"]}
+    quantities = {q["name"]: q for q in result["quantities"]}
     assert result["verdict"] == "agrees", result["wrong"]
-    assert abs(found["circulation"]["error"][0]) < 0.02 * abs(found["circulation"]["data"][0])
-    assert np.hypot(*found["centre"]["error"]) < 0.3e-3
-    assert "final_bend" not in found  # vectors do not show it
+    assert abs(quantities["circulation"]["error"][0]) < 0.02 * abs(quantities["circulation"]["data"][0])
+    assert np.hypot(*quantities["centre"]["error"]) < 0.3e-3
+    assert "final_bend" not in quantities  # vectors do not show it
     assert lab.comparison.exists()
 
 
@@ -113,10 +113,10 @@ def test_virtual_camera_is_put_before_the_vectors(finger, tmp_path):
     write_plane(sheet, lab.sheet)
 
     result = run_comparison(lab, dpiv)
-    found = {q["name"]: q for q in result["quantities"]}
-    assert found["velocity_field"]["verdict"] != "model error"
+    quantities = {q["name"]: q for q in result["quantities"]}
+    assert quantities["velocity_field"]["verdict"] != "model error"
     # 0.04 %; 10 % where the virtual experiment smooths and the data, another program's vectors, are not smoothed
-    assert abs(found["circulation"]["error"][0]) < 0.03 * abs(found["circulation"]["data"][0])
+    assert abs(quantities["circulation"]["error"][0]) < 0.03 * abs(quantities["circulation"]["data"][0])
 
 
 @pytest.fixture(scope="module")
@@ -133,8 +133,8 @@ def recorded(finger, tmp_path_factory):
 def test_recording_is_compared(recorded):
     (lab, result), _ = recorded
     assert result["verdict"] == "agrees", result["wrong"]
-    found = {q["name"]: q for q in result["quantities"]}
-    assert found["final_bend"]["verdict"] == "agrees"
+    quantities = {q["name"]: q for q in result["quantities"]}
+    assert quantities["final_bend"]["verdict"] == "agrees"
     assert abs(result["registration"]["delay_ms"] + 7.0) < 3.0
     page = make_report(lab).read_text()
     first = page[page.index('id="answer"') : page.index("</header>")]

@@ -43,25 +43,25 @@ def terms_of(mesh, gradient, pressure):
 
 def test_viscosity_takes_the_square_of_the_gradient(mesh):
     gradient = np.array([[1.0, 3.0, 0.0], [2.0, -1.0, 0.0], [0.0, 0.0, 0.0]])
-    found = terms_of(mesh, gradient, 0.0)["viscous"].sum()
+    loss = terms_of(mesh, gradient, 0.0)["viscous"].sum()
     # the normal gradient at walls is not corrected where their cells are triangles: 2 % of it in a tank this coarse
-    assert found == pytest.approx(2.0 * (gradient**2).sum() * mesh.volume.sum(), rel=0.05)
+    assert loss == pytest.approx(2.0 * (gradient**2).sum() * mesh.volume.sum(), rel=0.05)
 
 
 def test_a_uniform_pressure_takes_nothing(mesh):
     gradient = np.array([[1.0, 3.0, 0.0], [2.0, -1.0, 0.0], [0.0, 0.0, 0.0]])
-    found = terms_of(mesh, gradient, 7.0)["coupling"]
-    assert abs(found.sum()) < 1e-9 * np.abs(found).sum()
+    loss = terms_of(mesh, gradient, 7.0)["coupling"]
+    assert abs(loss.sum()) < 1e-9 * np.abs(loss).sum()
 
 
 def test_a_uniform_flow_loses_nothing(mesh):
     flow = np.tile([0.3, -0.2, 0.0], (len(mesh.faces.owner), 1))
     cells = len(mesh.volume)
     pressure = np.random.default_rng(1).normal(size=cells)
-    found = face_terms(
+    terms = face_terms(
         mesh, flow[:cells], pressure, flow[mesh.inner :], np.zeros(len(flow)), np.ones(cells), "linearUpwind"
     )
-    assert all(np.abs(term).max() < 1e-12 for term in found.values())
+    assert all(np.abs(term).max() < 1e-12 for term in terms.values())
 
 
 def test_regions_are_told_by_the_distance_from_the_finger():

@@ -126,9 +126,9 @@ def faces(mesh, name):
 
 def test_volume_of_both_fingers(half):
     stage = stages_of(half)[-1]
-    found, depth, mesh = volume(half, stage)
+    water_volume, depth, mesh = volume(half, stage)
     body = footprint(stage, "finger") + footprint(stage, "mirrored_finger")
-    assert found == pytest.approx(0.6 * 0.3 * depth - body * 0.014, rel=1e-13)
+    assert water_volume == pytest.approx(0.6 * 0.3 * depth - body * 0.014, rel=1e-13)
     assert faces(mesh, "finger")[1] == faces(mesh, "mirrored_finger")[1]
     assert faces(mesh, "mirror") is None
 
@@ -146,12 +146,12 @@ def held(tmp_path_factory):
 
 def test_bodies_are_left_out_exactly_and_have_patches(held):
     stage = stages_of(held)[-1]
-    found, depth, mesh = volume(held, stage)
+    water_volume, depth, mesh = volume(held, stage)
     assert footprint(stage, "support") == pytest.approx(0.06 * 0.02, rel=1e-12)
     rim = 0.5 * np.pi * 0.012**2
     assert 0.97 * rim < footprint(stage, "object") < rim  # half a circle, as a polygon of 4 mm edges
     bodies = 0.014 * (footprint(stage, "finger") + footprint(stage, "object")) + 0.025 * 0.06 * 0.02
-    assert found == pytest.approx(0.3 * 0.3 * depth - bodies, rel=1e-12)
+    assert water_volume == pytest.approx(0.3 * 0.3 * depth - bodies, rel=1e-12)
     for name in ("finger", "object", "support", "mirror"):
         assert faces(mesh, name)[1] > 0
 

@@ -22,9 +22,9 @@ def test_generated_vortex(model):
     with xr.open_dataset(path) as file:
         u, v = (file[f"velocity_{c}"].values[0].astype(float) for c in "xy")
     axis = np.arange(256) * STEP
-    found = find_vortices(make_plane(axis, axis, u, v))
-    assert len(found) == 1
-    a = found[0]
+    vortices = find_vortices(make_plane(axis, axis, u, v))
+    assert len(vortices) == 1
+    a = vortices[0]
     # standard errors (0.02) at four times
     assert (a.x, a.y) == pytest.approx((64, 192), abs=0.08 if model != "rankine" else 0.2)
     assert (a.drift_u, a.drift_v) == pytest.approx((0.05, 0.05), abs=0.01)  # the noise's mean

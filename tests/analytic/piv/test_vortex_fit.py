@@ -38,9 +38,9 @@ def test_peak_swirl_constants():
 
 
 def test_exact_field_gives_exact_parameters():
-    found = find_vortices(make_plane(AXIS_X, AXIS_Y, *scene(500.3, 503.7)), rotation_prior=np.inf)
-    assert len(found) == 2
-    a, b = found
+    vortices = find_vortices(make_plane(AXIS_X, AXIS_Y, *scene(500.3, 503.7)), rotation_prior=np.inf)
+    assert len(vortices) == 2
+    a, b = vortices
     # without noise only the sweeps' convergence remains
     assert (a.x, a.y) == pytest.approx((500.3, 503.7), abs=1e-3)
     assert a.circulation == pytest.approx(GAMMA, rel=1e-4)
@@ -156,8 +156,8 @@ def test_rankine_batchelor_and_taylor_green():
     # Taylor-Green: one vortex per half wave, alternating, centres on the lattice
     k = np.pi / 320
     u, v = 5 * np.sin(k * X) * np.cos(k * Y), -5 * np.cos(k * X) * np.sin(k * Y)
-    found = find_vortices(make_plane(AXIS_X, AXIS_Y, u, v))
-    inner = [w for w in found if 320 < w.x < 960 and 320 < w.y < 640]
+    vortices = find_vortices(make_plane(AXIS_X, AXIS_Y, u, v))
+    inner = [w for w in vortices if 320 < w.x < 960 and 320 < w.y < 640]
     assert len(inner) == 2
     for w in inner:
         assert min(abs(w.x - 480), abs(w.x - 800)) < 2.0  # a quarter of a cell: the plane ends unevenly
@@ -182,7 +182,7 @@ def test_what_is_not_a_plane_is_refused():
 
 
 def test_record_is_frozen():
-    found = find_vortices(make_plane(AXIS_X, AXIS_Y, *scene(500, 500)))[0]
-    assert isinstance(found, Vortex)
+    vortex = find_vortices(make_plane(AXIS_X, AXIS_Y, *scene(500, 500)))[0]
+    assert isinstance(vortex, Vortex)
     with pytest.raises(AttributeError):
-        found.x = 1.0
+        vortex.x = 1.0

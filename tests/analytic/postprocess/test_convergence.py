@@ -19,32 +19,32 @@ SIZES = np.array([1.0, 1.4, 2.2, 3.0])
 @settings(max_examples=60, deadline=None)
 def test_three_grids_recover_order_and_limit(order, limit, slope, ratios):
     size = np.cumprod([0.5, *ratios])
-    found = three_grids(size, limit + slope * size**order)
+    fit = three_grids(size, limit + slope * size**order)
     # exact data: what is left is the fixed point's own rounding, amplified by differences of nearly equal values
-    assert found.order == pytest.approx(order, rel=1e-5)
-    assert found.extrapolated == pytest.approx(limit, abs=1e-4)
+    assert fit.order == pytest.approx(order, rel=1e-5)
+    assert fit.extrapolated == pytest.approx(limit, abs=1e-4)
 
 
 @pytest.mark.parametrize("order", [0.7, 1.0, 1.5, 2.0])
 def test_least_squares_recover_order_and_limit(order):
-    found = least_squares(SIZES, 3.0 - 0.2 * SIZES**order)
-    assert found.order == pytest.approx(order, abs=1e-4)
-    assert found.extrapolated == pytest.approx(3.0, abs=1e-4)
-    assert found.scatter < 1e-6
+    fit = least_squares(SIZES, 3.0 - 0.2 * SIZES**order)
+    assert fit.order == pytest.approx(order, abs=1e-4)
+    assert fit.extrapolated == pytest.approx(3.0, abs=1e-4)
+    assert fit.scatter < 1e-6
     # the safety factor times the distance, and nothing else, where the fit is exact
-    assert found.uncertainty == pytest.approx(1.25 * 0.2 * SIZES**order, rel=1e-3)
+    assert fit.uncertainty == pytest.approx(1.25 * 0.2 * SIZES**order, rel=1e-3)
 
 
 def test_an_order_beyond_the_schemes_is_not_trusted():
-    found = estimate(SIZES, 1.0 + 0.01 * SIZES**4)
-    assert found.kind in ("h", "h²")
-    assert (found.uncertainty > 3 * np.abs(1.0 + 0.01 * SIZES**4 - found.extrapolated)).all()
+    fit = estimate(SIZES, 1.0 + 0.01 * SIZES**4)
+    assert fit.kind in ("h", "h²")
+    assert (fit.uncertainty > 3 * np.abs(1.0 + 0.01 * SIZES**4 - fit.extrapolated)).all()
 
 
 def test_mixed_first_and_second_order_is_covered_by_the_uncertainty():
     value = 2.0 + 0.1 * SIZES - 0.05 * SIZES**2
-    found = estimate(SIZES, value)
-    assert (np.abs(value - 2.0) <= found.uncertainty).all()
+    fit = estimate(SIZES, value)
+    assert (np.abs(value - 2.0) <= fit.uncertainty).all()
 
 
 def test_noise_beyond_the_spread_widens_the_uncertainty():
@@ -59,8 +59,8 @@ def test_noise_beyond_the_spread_widens_the_uncertainty():
 def test_values_that_oscillate_have_no_order_but_an_uncertainty():
     with pytest.raises(ValueError, match="do not converge"):
         three_grids(SIZES[:3], np.array([1.0, 1.1, 0.9]))
-    found = estimate(SIZES[:3], np.array([1.0, 1.1, 0.9]))
-    assert (found.uncertainty > 0.05).all()
+    fit = estimate(SIZES[:3], np.array([1.0, 1.1, 0.9]))
+    assert (fit.uncertainty > 0.05).all()
 
 
 def test_grids_are_counted():

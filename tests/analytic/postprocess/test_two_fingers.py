@@ -29,12 +29,12 @@ def test_a_mirrored_pair_is_exact_and_known_errors_come_out():
     rows += [vortex(0.2, 0, -0.02, 0.17, -1e-2), vortex(0.2, 1, 0.023, 0.166, 0.98e-2)]
     rows += [vortex(0.3, 0, -0.02, 0.17, -1e-2)]  # alone: no pair
     rows += [vortex(0.4, 0, -0.02, 0.17, -1e-2), vortex(0.4, 1, 0.02, 0.17, 1e-2, distance=9.0)]
-    found = pairs.pair_vortices(pd.DataFrame(rows))
-    assert found["time"].tolist() == [0.1, 0.2]
-    assert found["imbalance"].tolist() == pytest.approx([0.0, 0.02 / 0.99])
-    assert found["mirror_distance"].tolist() == pytest.approx([0.0, 5e-3])
-    assert pairs.senses(found) == "opposite"
-    assert pairs.both_sides(found) == "dorsal"
+    table = pairs.pair_vortices(pd.DataFrame(rows))
+    assert table["time"].tolist() == [0.1, 0.2]
+    assert table["imbalance"].tolist() == pytest.approx([0.0, 0.02 / 0.99])
+    assert table["mirror_distance"].tolist() == pytest.approx([0.0, 5e-3])
+    assert pairs.senses(table) == "opposite"
+    assert pairs.both_sides(table) == "dorsal"
 
 
 def test_cores_that_overlap_are_no_pair():
@@ -49,16 +49,16 @@ def test_cores_that_overlap_are_no_pair():
 def test_the_partner_is_the_mirror_image_not_the_strongest():
     rows = [vortex(0.1, 0, -0.02, 0.17, -1e-2), vortex(0.1, 1, 0.02, 0.17, 0.9e-2)]
     rows += [vortex(0.1, 1, 0.01, 0.20, -0.95e-2, track=5)]
-    found = pairs.pair_vortices(pd.DataFrame(rows))
-    assert found["circulation_1"].item() == 0.9e-2
-    assert found["circulation_0"].item() == -1e-2
+    table = pairs.pair_vortices(pd.DataFrame(rows))
+    assert table["circulation_1"].item() == 0.9e-2
+    assert table["circulation_0"].item() == -1e-2
 
 
 def test_equal_senses_and_sides_that_differ_are_told():
     rows = [vortex(0.1, 0, -0.02, 0.17, 1e-2), vortex(0.1, 1, 0.02, 0.17, 1e-2, side="ventral")]
-    found = pairs.pair_vortices(pd.DataFrame(rows))
-    assert (pairs.senses(found), pairs.both_sides(found)) == ("equal", "different")
-    assert found["imbalance"].item() == pytest.approx(2.0)
+    table = pairs.pair_vortices(pd.DataFrame(rows))
+    assert (pairs.senses(table), pairs.both_sides(table)) == ("equal", "different")
+    assert table["imbalance"].item() == pytest.approx(2.0)
 
 
 def test_shift_is_taken_at_equal_bend_not_at_equal_time():

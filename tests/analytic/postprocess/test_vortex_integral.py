@@ -32,27 +32,27 @@ def track(x: float = X0) -> pd.DataFrame:
 
 @pytest.mark.parametrize("core_radius", [0.0025, 0.0045])
 def test_circulation_is_what_lies_within_the_circle(core_radius):
-    found = vortex_integrals(plane_of(core_radius, 0.02), track(), RADIUS, (0.0, 0.3))
+    integrals = vortex_integrals(plane_of(core_radius, 0.02), track(), RADIUS, (0.0, 0.3))
     inside = GAMMA * (1 - np.exp(-((RADIUS / core_radius) ** 2)))
     # five points of 0.5 mm smooth a core of 2.5 mm; points on the circle's edge count whole or not at all
-    np.testing.assert_allclose(found["circulation"], inside, rtol=5e-3)
-    np.testing.assert_allclose(found[["x", "y"]], [[X0, Y0]] * 2, atol=1e-5)
+    np.testing.assert_allclose(integrals["circulation"], inside, rtol=5e-3)
+    np.testing.assert_allclose(integrals[["x", "y"]], [[X0, Y0]] * 2, atol=1e-5)
 
 
 def test_a_track_that_is_off_the_centre_finds_it():
-    found = vortex_integrals(plane_of(0.003), track(X0 + 0.002), RADIUS, (0.15, 0.3))
-    assert found["time"].tolist() == [0.2]
+    integrals = vortex_integrals(plane_of(0.003), track(X0 + 0.002), RADIUS, (0.15, 0.3))
+    assert integrals["time"].tolist() == [0.2]
     # of 2 mm, what the circle cuts off on one side is left
-    assert found["x"][0] == pytest.approx(X0, abs=1e-4)
+    assert integrals["x"][0] == pytest.approx(X0, abs=1e-4)
 
 
 def test_vorticity_of_the_other_sense_is_not_counted():
     plane = plane_of(0.003)
     u, v = lamb_oseen(*np.meshgrid(plane["x"], plane["y"]), X0 + 0.006, Y0, -GAMMA / 4, 0.001)
     plane["u"], plane["v"] = plane["u"] + u, plane["v"] + v
-    found = vortex_integrals(plane, track(), RADIUS, (0.0, 0.3))
+    integrals = vortex_integrals(plane, track(), RADIUS, (0.0, 0.3))
     # but for what the two senses cancel where they overlap
-    assert -found["circulation"][0] == pytest.approx(-GAMMA, rel=0.05)
+    assert -integrals["circulation"][0] == pytest.approx(-GAMMA, rel=0.05)
 
 
 def test_an_instant_with_nothing_in_the_circle_has_no_row():
@@ -68,6 +68,6 @@ def test_the_wall_layer_of_a_body_is_left_out():
     layer = (plane["y"] < Y0 - 0.0065) & ~body
     plane["u"] = plane["u"].where(~layer, plane["u"] + 0.1 * (Y0 - 0.0065 - plane["y"]) / 0.0015)
     plane["valid"] = plane["valid"].where(~body, 0)
-    found = vortex_integrals(plane, track(), RADIUS, (0.0, 0.3))
+    integrals = vortex_integrals(plane, track(), RADIUS, (0.0, 0.3))
     # of the vortex nothing is left out; five points smear a percent of the layer beyond it
-    np.testing.assert_allclose(found["circulation"], GAMMA, rtol=1e-2)
+    np.testing.assert_allclose(integrals["circulation"], GAMMA, rtol=1e-2)

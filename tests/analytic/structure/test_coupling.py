@@ -87,9 +87,11 @@ def test_loads_of_a_run_at_the_times_of_the_structure():
         {"time": ("time", time), "force": (("time", "slice", "axis"), force),
          "torque": (("time", "slice"), 2 * force[..., 0])}
     )  # fmt: skip
-    found = loads_at(loads, np.array([0.0, 0.001, 0.005]))
-    assert found.shape == (3, 2, 3)  # without the clamped length
-    np.testing.assert_allclose(found[:, 0], [[0, 0, 0], [1e-3, 1e-3, 2e-3], [5e-3, 5e-3, 1e-2]], atol=1e-12)
+    sampled_loads = loads_at(loads, np.array([0.0, 0.001, 0.005]))
+    assert sampled_loads.shape == (3, 2, 3)  # without the clamped length
+    np.testing.assert_allclose(
+        sampled_loads[:, 0], [[0, 0, 0], [1e-3, 1e-3, 2e-3], [5e-3, 5e-3, 1e-2]], atol=1e-12
+    )
 
 
 def test_motion_without_elastic_turns_moves_the_mesh_as_the_prescribed_one(chain, tmp_path):
@@ -102,13 +104,13 @@ def test_motion_without_elastic_turns_moves_the_mesh_as_the_prescribed_one(chain
     (tmp_path / "scene.toml").write_text(text)
     (tmp_path / "plain").mkdir()
     (tmp_path / "plain" / "scene.toml").write_text(f'extends = "{CASE}"\n')
-    found = []
+    motions = []
     for folder in (tmp_path, tmp_path / "plain"):
         scene = load_scene(folder, "smoke")
         scene.out.mkdir(parents=True)
         run_kinematics(scene, quiet=True)
-        found.append(read_kinematics(scene.out / "kinematics.h5"))
-    over_time, plain = found
+        motions.append(read_kinematics(scene.out / "kinematics.h5"))
+    over_time, plain = motions
     assert over_time.data["shape_parameter"].attrs["units"] == "s"
     np.testing.assert_allclose(over_time.data["pressure"], plain.data["pressure"], atol=1e-6)
     for at in np.linspace(0, 0.42, 85):

@@ -78,9 +78,9 @@ def main() -> int:
             write_table(args.tables / "kills.csv", KILL_COLUMNS, rows)
             make_before(project, "report")
         if args.only != "kills":
-            found = []
+            condition_rows = []
             for row in conditions.all_conditions(project, wanted, folder, stages):
-                found.append(row)
+                condition_rows.append(row)
                 print(f"{row['condition']} / {row['stage']}: {row['ended']}; {row['sentence']}; {row['afterwards']}",
                       flush=True)  # fmt: skip
                 failures += row["ended"] == "wrong" or row["afterwards"] not in (
@@ -88,7 +88,7 @@ def main() -> int:
                     "works",
                     "as undisturbed",
                 )
-            write_table(args.tables / "faults.csv", CONDITION_COLUMNS, found)
+            write_table(args.tables / "faults.csv", CONDITION_COLUMNS, condition_rows)
     return 1 if failures else 0
 
 

@@ -70,19 +70,19 @@ def descendants(pid: int) -> list[int]:
         with suppress(OSError):
             words = stat.read_text().rsplit(")", 1)[1].split()
             children.setdefault(int(words[1]), []).append(int(stat.parent.name))
-    found, at = [], [pid]
+    pids, at = [], [pid]
     while at:
         at = [child for parent in at for child in children.get(parent, ())]
-        found += at
-    return found
+        pids += at
+    return pids
 
 
 def kill_one(process: subprocess.Popen, draw: random.Random) -> None:
     """kill -9 of any one process of a make, which then ends by itself."""
-    found = descendants(process.pid)
-    if found:
+    pids = descendants(process.pid)
+    if pids:
         with suppress(ProcessLookupError):
-            os.kill(draw.choice(found), signal.SIGKILL)
+            os.kill(draw.choice(pids), signal.SIGKILL)
     with suppress(subprocess.TimeoutExpired):
         process.wait(PATIENCE)
     if process.poll() is None:
@@ -119,7 +119,7 @@ def killed_run(project: Path, chain: Chain, stages: tuple[str, ...], wanted: Pat
         return
     text = (out / "run" / "run.json").read_text()
     row["resumed"] = int(str(row["resumed"])) + ('"resumed": []' not in text)
-    differences = [found for stage in stages if (found := compare_stage(stage, wanted, out))]
+    differences = [difference for stage in stages if (difference := compare_stage(stage, wanted, out))]
     left = [path.name for path in out.rglob("*.part")]
     row["difference"] = "; ".join([*differences, *(f"{name} left behind" for name in left)])
 

@@ -114,8 +114,8 @@ def kills_in(
         row["runs_compared"] = int(str(row["runs_compared"])) + 1
         if done.returncode != 0:
             return row | {"kills": kills, "difference": f"does not go on: {done.stderr.strip()[-300:]}"}
-        found = compare_stage(stage, wanted, out)
+        difference = compare_stage(stage, wanted, out)
         left = [path.name for path in out.rglob("*.part")]
-        if found or left:
-            return row | {"kills": kills, "difference": found or f"{', '.join(left)} left behind"}
+        if difference or left:
+            return row | {"kills": kills, "difference": difference or f"{', '.join(left)} left behind"}
     return row | {"kills": kills}

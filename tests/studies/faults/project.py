@@ -169,8 +169,8 @@ def difference(one: Path, other: Path) -> str | None:
 def _difference_hdf5(one: Path, other: Path) -> str | None:
     with h5py.File(one) as a, h5py.File(other) as b:
         names: list[list[str]] = [[], []]
-        for file, found in zip((a, b), names, strict=True):
-            file.visit(found.append)
+        for file, members in zip((a, b), names, strict=True):
+            file.visit(members.append)
         if sorted(names[0]) != sorted(names[1]):
             return f"{one.name} holds other variables: {sorted(set(names[0]) ^ set(names[1]))}"
         for name in (name for name in names[0] if isinstance(a[name], h5py.Dataset)):
@@ -195,6 +195,6 @@ def _difference_history(one: Path, other: Path) -> str | None:
     return f"{one.name}: {', '.join(differ)} differs" if differ else None
 
 
-def compare_stage(stage: str, wanted: Path, found: Path) -> str | None:
+def compare_stage(stage: str, wanted: Path, folder: Path) -> str | None:
     """The first difference in what a stage has made; None where there is none."""
-    return next((d for name in PRODUCTS[stage] if (d := difference(wanted / name, found / name))), None)
+    return next((d for name in PRODUCTS[stage] if (d := difference(wanted / name, folder / name))), None)

@@ -108,15 +108,15 @@ def of_field(field: FieldInfo) -> st.SearchStrategy[Any]:
 
 def keys() -> list[tuple[str, str, FieldInfo]]:
     """Section, key and field of every number of a scene."""
-    found = []
+    numbers = []
     for section, field in Scene.model_fields.items():
         if section in NOT_DRAWN:
             continue
         kinds = [field.annotation, *typing.get_args(field.annotation)]
         model = next((k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None)
         if model is not None:
-            found += [(section, key, inner) for key, inner in model.model_fields.items()]
-    return found
+            numbers += [(section, key, inner) for key, inner in model.model_fields.items()]
+    return numbers
 
 
 @st.composite
@@ -180,7 +180,7 @@ def outcome(text: str, folder: Path) -> str:
 
 def count_outcomes(examples: int) -> Counter[str]:
     """How many of so many drawn scenes are accepted, warned of and refused; AssertionError with the first that is neither."""
-    found: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
 
         @settings(
@@ -192,10 +192,10 @@ def count_outcomes(examples: int) -> Counter[str]:
         )
         @given(scenes())
         def each(scene: tuple[str, dict[str, dict[str, Any]]]) -> None:
-            found[outcome(scene_text(*scene), Path(folder) / "scene")] += 1
+            counts[outcome(scene_text(*scene), Path(folder) / "scene")] += 1
 
         each()
-    return found
+    return counts
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -204,8 +204,8 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--examples", type=int, default=2000)
     parser.add_argument("--table", type=Path, help="CSV to write")
     args = parser.parse_args(argv)
-    found = count_outcomes(args.examples)
-    rows = ["outcome,scenes", *(f"{name},{count}" for name, count in sorted(found.items()))]
+    counts = count_outcomes(args.examples)
+    rows = ["outcome,scenes", *(f"{name},{count}" for name, count in sorted(counts.items()))]
     print("\n".join(rows))
     if args.table:
         write_text(args.table, "\n".join(rows) + "\n")

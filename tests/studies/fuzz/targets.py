@@ -118,15 +118,15 @@ def stack_seeds(folder: Path) -> list[bytes]:
 
 def video_seeds(folder: Path) -> list[bytes]:
     """Videos in two codecs."""
-    found = []
+    videos = []
     for code in ("FFV1", "MJPG"):
         path = folder / f"{code}.avi"
         out = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), 25, (COLUMNS, ROWS))
         for k in range(3):
             out.write(np.dstack([np.roll(picture(), k)] * 3))
         out.release()
-        found.append(path.read_bytes())
-    return found
+        videos.append(path.read_bytes())
+    return videos
 
 
 CIH = """#Camera Information Header
@@ -156,7 +156,7 @@ def header_seeds(_: Path) -> list[bytes]:
 
 def recording_seeds(folder: Path) -> list[bytes]:
     """Recordings of this project, with and without masks."""
-    found = []
+    recordings = []
     for masked in (False, True):
         path = folder / f"r{masked}.h5"
         attrs = {"frame_rate_hz": 500.0, "scale_m_per_px": 1e-4, "origin_x_px": 3.0, "bits": 8}
@@ -165,8 +165,8 @@ def recording_seeds(folder: Path) -> list[bytes]:
                 writer.write(k, picture(), picture() > 200 if masked else None)
             writer.add("outline", ("time", "finger", "point", "axis"), np.zeros((2, 1, 4, 2)), "m")
             writer.finish()
-        found.append(path.read_bytes())
-    return found
+        recordings.append(path.read_bytes())
+    return recordings
 
 
 def polygon_seeds(_: Path) -> list[bytes]:
@@ -213,12 +213,12 @@ def small_plane(series: bool = False) -> xr.Dataset:
 
 def written(suffix: str, folder: Path) -> list[bytes]:
     """Planes as this project writes them."""
-    found = []
+    planes = []
     for series in (False, True) if suffix in (".h5", ".nc", ".csv") else (False,):
         path = folder / f"v{series}{suffix}"
         write_vectors(small_plane(series), path)
-        found.append(path.read_bytes())
-    return found
+        planes.append(path.read_bytes())
+    return planes
 
 
 PIVLAB = (

@@ -54,7 +54,7 @@ def trial(kinematics: Kinematics, seed: int) -> dict[str, float]:
     times = np.linspace(0.0, 0.42, PICTURES)
     pressures = factor * kinematics.law(np.clip(times - delay, *kinematics.time))
     begin = time.process_time()
-    found = register(
+    registration = register(
         Stills(kinematics, lab, times, pressures),
         times,
         kinematics,
@@ -64,8 +64,8 @@ def trial(kinematics: Kinematics, seed: int) -> dict[str, float]:
         sweeps=SWEEPS,
         seed=seed,
     )
-    true, pose, law = lab.pose(kinematics.root), found.pose, found.law
-    std = np.sqrt(np.diag(found.covariance))
+    true, pose, law = lab.pose(kinematics.root), registration.pose, registration.law
+    std = np.sqrt(np.diag(registration.covariance))
     mm = 1e3 * true.scale_m_per_px
     return {
         "seed": seed, "cpu_s": time.process_time() - begin,

@@ -112,7 +112,7 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
                 + np.asarray(kinematics.root) / set_up.camera.scale_m_per_px
             ),
         )
-        found = register(
+        registration = register(
             recording,
             times,
             kinematics,
@@ -123,7 +123,7 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
             sweeps=(1200, 500, 2000, 2000),
             seed=seed,
         )
-        pose, law = found.pose, found.law
+        pose, law = registration.pose, registration.law
         middle = times[::2] + INTERVAL / 2 - law.delay
         wanted = np.flatnonzero((middle >= lab.window[0]) & (middle <= lab.window[1]))
         wanted = wanted[:INSTANTS]
@@ -146,7 +146,7 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
     window = (float(instants[0]) - 1e-6, float(instants[-1]) + 1e-6)
     case = Case(
         kinematics,
-        found,
+        registration,
         data,
         virtual,
         direct,
@@ -172,7 +172,7 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
         "verdict": result["verdict"],
         "wrong": " ".join(result["wrong"]),
     }
-    std = np.sqrt(np.diag(found.covariance))
+    std = np.sqrt(np.diag(registration.covariance))
     row |= {
         "root_mm": float(np.hypot(*(np.array(pose.at_px) - true.at_px)) * SCALE_MM_PER_PX),
         "root_x_mm": (pose.at_px[0] - true.at_px[0]) * SCALE_MM_PER_PX, "root_x_mm_std": std[0] * SCALE_MM_PER_PX,

@@ -26,8 +26,8 @@ def extremes(first: int) -> str:
     ]
     for axis, value, preset in CHOSEN:
         case = next(c for c in images.cases() if (c.axis, c.value) == (axis, value))
-        found = [images.run_case(case, preset, seed) for seed in range(first, first + PAIRS)]
-        valid, wrong = (np.array([r[name] for r in found]) for name in ("valid", "wrong_unflagged"))
+        scores = [images.run_case(case, preset, seed) for seed in range(first, first + PAIRS)]
+        valid, wrong = (np.array([r[name] for r in scores]) for name in ("valid", "wrong_unflagged"))
         label = value if axis == "special" else f"{axis} {value}"
         # of other particles all that are valid are wrong, and counted as a share of all vectors
         mean = wrong.mean() if case.unlike else np.sum(valid * wrong) / max(np.sum(valid), 1e-9)

@@ -70,8 +70,8 @@ def vortex_fit() -> str:
     rows = []
     for seed in range(1301, 1307):
         a, b = render_pair(flow, (1024, 1280), noise=0.05, background=5.0, seed=seed)
-        found = find_vortices(correlate_pair(a, b))
-        v = min(found, key=lambda w: np.hypot(w.x - CENTRE[0], w.y - CENTRE[1]))
+        vortices = find_vortices(correlate_pair(a, b))
+        v = min(vortices, key=lambda w: np.hypot(w.x - CENTRE[0], w.y - CENTRE[1]))
         rows.append(
             (
                 np.hypot(v.x - CENTRE[0], v.y - CENTRE[1]),

@@ -102,7 +102,7 @@ def main() -> None:
     parser.add_argument("--docs", action="store_true", help="write what is found into docs/piv_benchmarks.md")
     args = parser.parse_args()
     cv2.setNumThreads(1)
-    found = [
+    lines = [
         table(),
         "",
         extremes(FIRST),
@@ -113,7 +113,7 @@ def main() -> None:
         sampling(),
         real_pictures(),
     ]
-    text = "\n".join([*found, "", f"Seeds from {FIRST}; {libraries()}."])
+    text = "\n".join([*lines, "", f"Seeds from {FIRST}; {libraries()}."])
     print(text)
     if args.docs:
         write_between(PIV, "limits", text)

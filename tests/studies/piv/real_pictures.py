@@ -26,17 +26,17 @@ def valid_share(a, b, limited: bool) -> float:
 
 def real_pictures() -> str:
     """A line of Markdown."""
-    data, found = shared_data(), []
+    data, shares = shared_data(), []
     for label, files in PAIRS.items():
         name, *numbers = files.split()
         if data is None or not (data / name.format(numbers[0])).exists():
-            found.append(f"{label} not at hand")
+            shares.append(f"{label} not at hand")
             continue
         images = [cv2.imread(str(data / name.format(n)), cv2.IMREAD_UNCHANGED) for n in numbers]
         a, b = (i[..., 0] if i.ndim == 3 else i for i in images)
-        found.append(f"{label} {valid_share(a, b, True):.1%} ({valid_share(a, b, False):.1%})")
+        shares.append(f"{label} {valid_share(a, b, True):.1%} ({valid_share(a, b, False):.1%})")
     return (
         "- Real pictures, vectors called valid (without `max_std` and the count of cells): "
-        + ", ".join(found)
+        + ", ".join(shares)
         + "."
     )

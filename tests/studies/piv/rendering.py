@@ -47,12 +47,12 @@ def rate(peak: float, truth: bool) -> float:
 def rendering() -> str:
     """A line of the benchmark's figures."""
     rate(SLOW, True)  # compiled by then
-    found = {
+    speeds = {
         f"{label} flow": (rate(peak, False), rate(peak, True))
         for label, peak in (("slow", SLOW), ("fast", FAST))
     }
     rates = ", ".join(
-        f"{label} {plain:.1f} ({exact:.1f} with the truth)" for label, (plain, exact) in found.items()
+        f"{label} {plain:.1f} ({exact:.1f} with the truth)" for label, (plain, exact) in speeds.items()
     )
     return (
         f"- Rendering, Mpx-frames per CPU second (vortex of {SLOW:g} and of {FAST:g} px per frame, planes of {SPACING_PX} px spacing, "

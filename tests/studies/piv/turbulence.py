@@ -59,7 +59,7 @@ def score(plane: TurbulentPlane, rms: float, x, y, u, v) -> dict:
 
 def run(seeds: list[int]) -> dict:
     """Scores per method and case."""
-    found: dict = {}
+    scores: dict = {}
     with tempfile.TemporaryDirectory() as name:
         folder, planes = Path(name), {seed: TurbulentPlane(1.0, seed) for seed in seeds}
         jobs = [
@@ -74,7 +74,7 @@ def run(seeds: list[int]) -> dict:
 
             a, b = render(moved, shape=SHAPE, seed=seed, noise=noise)
             np.savez(file, a=a, b=b)
-            if not found:
+            if not scores:
                 correlate_pair(a, b)
             for label, options in (("this project", {}), ("`--no-smoothing`", {"smoothing": False})):
                 start = time.process_time()
@@ -87,22 +87,22 @@ def run(seeds: list[int]) -> dict:
                 plain = given & (flag != 5)
                 s |= {"absent": 1 - given.mean(), "uncertain": np.mean(given & (flag == 5)), "cover": np.mean((np.abs(e) < std)[:, given]),
                       "far": np.mean(np.hypot(*e)[plain] > FAR), "vectors": ds["u"].size}  # fmt: skip
-                found.setdefault(label, {}).setdefault((rms, noise), []).append(s)
+                scores.setdefault(label, {}).setdefault((rms, noise), []).append(s)
         subprocess.run([peer_python(), Path(__file__).with_name("peers.py"), folder],
                        cwd=folder, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
         for rms, noise, seed, file in jobs:
             r = np.load(file.with_name(file.name.replace(".pair.", ".peers.")))
             for k in range(sum(n.endswith("_name") for n in r.files)):
                 s = score(planes[seed], rms, *(r[f"{k}_{n}"] for n in "xyuv"))
-                found.setdefault(str(r[f"{k}_name"]), {}).setdefault((rms, noise), []).append(s)
-    return found
+                scores.setdefault(str(r[f"{k}_name"]), {}).setdefault((rms, noise), []).append(s)
+    return scores
 
 
-def tables(found: dict, seeds: list[int]) -> str:
+def tables(scores: dict, seeds: list[int]) -> str:
     """Markdown: errors beside the best peers, and what is told of our own vectors."""
 
     def mean(method, case, key):
-        return float(np.mean([s[key] for s in found[method][case]]))
+        return float(np.mean([s[key] for s in scores[method][case]]))
 
     lines = [
         "| u', noise | this project | `--no-smoothing` | best OpenPIV | best PIVtools | against OpenPIV | against PIVtools | gain of divergence, vorticity (without smoothing) |",
@@ -110,8 +110,8 @@ def tables(found: dict, seeds: list[int]) -> str:
     ]
     own = ["| u', noise | coverage of ±1 standard uncertainty | uncertain (flag 5) | of the others > 0.5 px | absent | vectors/s |", "|---|---|---|---|---|---|"]  # fmt: skip
     for case in CASES:
-        root = {m: mean(m, case, "square") ** 0.5 for m in found}
-        best = [min((root[m], m) for m in found if m.startswith(peer)) for peer in ("OpenPIV", "PIVtools")]
+        root = {m: mean(m, case, "square") ** 0.5 for m in scores}
+        best = [min((root[m], m) for m in scores if m.startswith(peer)) for peer in ("OpenPIV", "PIVtools")]
         ours, plain = (root[m] for m in ("this project", "`--no-smoothing`"))
         gains = [f"{mean(m, case, 'divergence'):.2f}, {mean(m, case, 'vorticity'):.2f}" for m in ("this project", "`--no-smoothing`")]  # fmt: skip
         label = f"{case[0]} px, {case[1]:.0%}"

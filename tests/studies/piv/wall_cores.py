@@ -30,8 +30,8 @@ def region_of(plane, core: float, gap: float) -> Candidate | None:
     """The candidate whose centre is within a core radius of the vortex."""
     p, settings = plane_of(plane, "equal"), VortexSettings(stencil_radius=3e-3)
     step = float(p.x[1] - p.x[0])
-    found = find_candidates(p, gradients(p.u, p.v, p.valid, step, step, settings.scheme), settings)
-    near = [c for c in found if c.circulation > 0 and np.hypot(c.x + gap * core, c.y) < core]
+    candidates = find_candidates(p, gradients(p.u, p.v, p.valid, step, step, settings.scheme), settings)
+    near = [c for c in candidates if c.circulation > 0 and np.hypot(c.x + gap * core, c.y) < core]
     return near[0] if near else None
 
 

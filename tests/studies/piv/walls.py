@@ -42,10 +42,10 @@ def circulation_error(ds, core: float) -> float:
     return near[0].circulation / exact - 1 if near else np.nan
 
 
-def told(found: list[float]) -> str:
+def told(circulations: list[float]) -> str:
     """RMS of the circulations that were found, and of how many pairs."""
-    there = np.array(found)[np.isfinite(found)]
-    share = "" if there.size == len(found) else f" ({there.size} of {len(found)} found)"
+    there = np.array(circulations)[np.isfinite(circulations)]
+    share = "" if there.size == len(circulations) else f" ({there.size} of {len(circulations)} found)"
     return (f"{100 * rms(there):.1f} %" if there.size else "none") + share
 
 

@@ -75,9 +75,9 @@ def judge(args: argparse.Namespace) -> list[dict[str, Any]]:
             write_table(args.docs / "stability" / "runs.csv", RUN_COLUMNS, ended)
     if args.part != "runs" and args.axes is None:
         pictures = [(c, p) for c in images.cases() for p in PRESETS]
-        found = [images.run_case(c, p) for c, p in tqdm(pictures, "images", unit="pair", disable=None)]
-        ended += found
-        write_table(args.docs / "stability" / "images.csv", IMAGE_COLUMNS, found)
+        image_rows = [images.run_case(c, p) for c, p in tqdm(pictures, "images", unit="pair", disable=None)]
+        ended += image_rows
+        write_table(args.docs / "stability" / "images.csv", IMAGE_COLUMNS, image_rows)
     if args.axes is None:
         page.write(args.docs)
     faults = [row for row in ended if row["ended"] not in FINE]

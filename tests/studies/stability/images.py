@@ -35,16 +35,16 @@ class ImageCase:
 
 def cases() -> list[ImageCase]:
     """Every picture of the study."""
-    found = [ImageCase("seeding (ppp)", f"{d:g}", render={"density_ppp": d}) for d in (0.001, 0.005, 0.01, 0.02, 0.04, 0.1, 0.2)]  # fmt: skip
-    found += [ImageCase("displacement (px)", f"{s:g}", shift=s, swirl=min(2.0, s / 2)) for s in (0.1, 0.5, 2, 8, 12, 16, 20, 30)]  # fmt: skip
-    found += [ImageCase("exposure (peak over full scale)", f"{p:g}", render={"peak": p}) for p in (0.02, 0.1, 0.8, 4.0, 30.0)]  # fmt: skip
-    found += [
+    pictures = [ImageCase("seeding (ppp)", f"{d:g}", render={"density_ppp": d}) for d in (0.001, 0.005, 0.01, 0.02, 0.04, 0.1, 0.2)]  # fmt: skip
+    pictures += [ImageCase("displacement (px)", f"{s:g}", shift=s, swirl=min(2.0, s / 2)) for s in (0.1, 0.5, 2, 8, 12, 16, 20, 30)]  # fmt: skip
+    pictures += [ImageCase("exposure (peak over full scale)", f"{p:g}", render={"peak": p}) for p in (0.02, 0.1, 0.8, 4.0, 30.0)]  # fmt: skip
+    pictures += [
         ImageCase("noise (of full scale)", f"{n:g}", render={"noise": n}) for n in (0.0, 0.05, 0.15, 0.4)
     ]
-    found += [
+    pictures += [
         ImageCase("diameter (px)", f"{d:g}", render={"diameter_px": d}) for d in (0.5, 1.0, 2.5, 6.0, 15.0)
     ]
-    found += [
+    pictures += [
         ImageCase("special", "no particles, noise", render={"density_ppp": 0.0}),
         ImageCase(
             "special", "no particles, black", render={"density_ppp": 0.0, "noise": 0.0, "background": 0.0}
@@ -54,7 +54,7 @@ def cases() -> list[ImageCase]:
         ImageCase("special", "half mask", masked="half"),
         ImageCase("special", "other particles in the second picture", unlike=True),
     ]
-    return found
+    return pictures
 
 
 def flow(case: ImageCase):

@@ -92,7 +92,7 @@ def result_json(result: Result) -> dict[str, Any]:
 def write_result(result: Result, path: Path) -> None:
     """Write a results file whole or not at all; numbers to seven digits."""
     text = json.dumps(_rounded(result_json(result)), indent=1, ensure_ascii=False, allow_nan=False)
-    write_text(path, re.sub(NUMBERS, lambda found: " ".join(found.group().split()), text) + "\n")
+    write_text(path, re.sub(NUMBERS, lambda match: " ".join(match.group().split()), text) + "\n")
 
 
 def _rounded(value: Any) -> Any:

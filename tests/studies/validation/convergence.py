@@ -96,11 +96,11 @@ def estimate(size: np.ndarray, value: np.ndarray) -> Estimate:
     """Three grids that converge with a sound order by Richardson's extrapolation, all others by least squares."""
     if len(size) == 3:
         try:
-            found = three_grids(size, value)
+            fit = three_grids(size, value)
         except ValueError:
             return least_squares(size, value)
-        if found.order is not None and SOUND[0] <= found.order <= SOUND[1]:
-            return found
+        if fit.order is not None and SOUND[0] <= fit.order <= SOUND[1]:
+            return fit
     return least_squares(size, value)
 
 

@@ -79,9 +79,9 @@ def plane_of(field: Field, step: float) -> xr.Dataset:
     return make_plane(x, y, *field(*np.meshgrid(x, y))[:2])
 
 
-def nearest(found: list[Vortex], centre: tuple[float, float]) -> Vortex:
+def nearest(vortices: list[Vortex], centre: tuple[float, float]) -> Vortex:
     """The vortex whose centre is nearest to `centre`."""
-    return min(found, key=lambda v: np.hypot(v.x - centre[0], v.y - centre[1]))
+    return min(vortices, key=lambda v: np.hypot(v.x - centre[0], v.y - centre[1]))
 
 
 def around(plane: xr.Dataset, centre: tuple[float, float], radius: float) -> float:
@@ -104,8 +104,8 @@ def measure_planes() -> list[Check]:
     ]  # fmt: skip
     for name, field, centre, radius, within in OTHERS:
         plane = plane_of(field, step)
-        found = nearest(find_vortices(plane), centre)
-        gap = float(np.hypot(found.x - centre[0], found.y - centre[1]))
+        vortex = nearest(find_vortices(plane), centre)
+        gap = float(np.hypot(vortex.x - centre[0], vortex.y - centre[1]))
         key = name.lower()
         checks += [
             Check(f"planes.{key}.centre", f"{name}: distance of the centre", gap, within, "at most",
@@ -177,12 +177,12 @@ def _piv(field: Field, seed: int) -> xr.Dataset:
 def _from_images(field: Field, centre: tuple[float, float], seed: int) -> tuple[float, float, float, float]:
     """Circulation, core radius, distance of the centre and rms error (px) from one pair."""
     plane = _piv(field, seed)
-    found = nearest(find_vortices(plane), centre)
+    vortex = nearest(find_vortices(plane), centre)
     exact = field(*np.meshgrid(plane["x"].values, plane["y"].values))[:2]
     inner = np.s_[3:-3, 3:-3]
     error = np.stack([plane["u"].values - exact[0], plane["v"].values - exact[1]])[:, inner[0], inner[1]]
-    gap = float(np.hypot(found.x - centre[0], found.y - centre[1]))
-    return found.circulation, found.core_radius, gap, float(np.sqrt(np.nanmean(error**2)))
+    gap = float(np.hypot(vortex.x - centre[0], vortex.y - centre[1]))
+    return vortex.circulation, vortex.core_radius, gap, float(np.sqrt(np.nanmean(error**2)))
 
 
 def measure() -> Result:

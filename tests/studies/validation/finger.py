@@ -51,12 +51,12 @@ def tip_vortex(sheet: xr.Dataset, scene: Scene) -> pd.Series:
     half = int(np.argmin(np.abs(bend - 0.5 * (bend[0] + bend[-1]))))
     plane = sheet.isel(time=half)
     settings = scene.vortices
-    found = find_vortices(plane[["u", "v", "valid"]], min_circulation=settings.min_circulation,
+    vortices = find_vortices(plane[["u", "v", "valid"]], min_circulation=settings.min_circulation,
                           stencil_radius=settings.stencil_radius, weights=settings.weights)  # fmt: skip
     tip, dorsal = plane["tip"].values[0], plane["dorsal_direction"].values[0]
     reach = NEAR_TIP * float(sheet.attrs["tip_width"])
     near = [
-        v for v in found
+        v for v in vortices
         if np.hypot(v.x - tip[0], v.y - tip[1]) < reach and np.dot((v.x - tip[0], v.y - tip[1]), dorsal) > 0
     ]  # fmt: skip
     if not near:
@@ -98,12 +98,12 @@ def series(runs: list[Run], along: str) -> dict[str, Estimate]:
 
 def checks_of(runs: list[Run], along: str, judged: str, prefix: str, words: str) -> list[Check]:
     """Uncertainty of the judged level's circulation and forces as parts of the extrapolated value."""
-    found = series(runs, along)
+    estimates = series(runs, along)
     at = [r.level for r in runs].index(judged)
     width = 1.0
     checks = []
     for name, (quantity, _) in QUANTITIES.items():
-        e = found[name]
+        e = estimates[name]
         if name in ("x", "y"):
             gap, scale, unit = 1e3 * float(e.uncertainty[at]), width, "mm"
             tolerance, why = 2.0, "a fifth of the tip vortex's core"
@@ -123,7 +123,7 @@ def checks_of(runs: list[Run], along: str, judged: str, prefix: str, words: str)
 
 def curves_of(runs: list[Run], along: str) -> dict:
     """What the figure and the sentences need."""
-    found = series(runs, along)
+    estimates = series(runs, along)
     return {
         "level": [r.level for r in runs], "cells": [r.cells for r in runs], along: [getattr(r, along) for r in runs],
         "quantities": {
@@ -131,7 +131,7 @@ def curves_of(runs: list[Run], along: str) -> dict:
                 "value": [r.values[name] for r in runs], "extrapolated": e.extrapolated, "order": e.order,
                 "uncertainty": e.uncertainty.tolist(), "kind": e.kind,
             }
-            for name, e in found.items()
+            for name, e in estimates.items()
         },
     }  # fmt: skip
 

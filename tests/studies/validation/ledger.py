@@ -27,7 +27,7 @@ again. Every row: quantity, reference, result, tolerance and why. A row that is 
 
 def read_results(folder: Path) -> list[dict[str, Any]]:
     """Results files in the ledger's order. Raises StageError where one is damaged."""
-    found = {}
+    results = {}
     for path in sorted(folder.glob("*.json")):
         try:
             result = json.loads(path.read_text(encoding="utf-8"))
@@ -35,9 +35,9 @@ def read_results(folder: Path) -> list[dict[str, Any]]:
             raise StageError(f"{path}: not valid JSON ({error}); delete it and run make validate") from None
         if result.get("format") != FORMAT:
             raise StageError(f"{path}: format is {result.get('format')!r}, expected {FORMAT!r}; delete it")
-        found[result["name"]] = result
-    known = [found.pop(name) for name in ORDER if name in found]
-    return known + list(found.values())
+        results[result["name"]] = result
+    known = [results.pop(name) for name in ORDER if name in results]
+    return known + list(results.values())
 
 
 def page(results: list[dict[str, Any]], figures: set[str]) -> str:

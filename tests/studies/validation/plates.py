@@ -106,11 +106,11 @@ def history(scene: Scene, case: Path) -> list[Shed]:
     assert body.chord is not None
     path = travelled(law, scene.motion.end_time)
     folder = case / "postProcessing"
-    found = sorted((float(f.name), f / "sheet.vtk") for f in (folder / "sheetSurface").glob("*"))
+    files = sorted((float(f.name), f / "sheet.vtk") for f in (folder / "sheetSurface").glob("*"))
     rows: list[Shed] = []
     within = LARGEST * body.chord
     # from the last to the first: the least pressure behind an accelerated plate is at its middle, where the vortex is small
-    for t, file in reversed(found):
+    for t, file in reversed(files):
         if t > law.start + 1.5 * law.smoothing:
             wall = folder / "fingerSurface" / file.parent.name / "finger.vtk"
             rows.append(shed(scene, t, float(np.interp(t, path.time, path.distance)), file, wall, within))

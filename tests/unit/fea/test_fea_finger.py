@@ -27,8 +27,8 @@ def arc(radius, length=0.07, points=80, turn=0.3):
 @given(st.floats(0.009, 1.0), st.booleans(), st.floats(-3, 3))
 def test_circle_of_an_exact_arc(radius, ventral, turn):
     signed = radius if ventral else -radius
-    found, residual = fit_circle(arc(signed, turn=turn))
-    assert found == pytest.approx(
+    fitted_radius, residual = fit_circle(arc(signed, turn=turn))
+    assert fitted_radius == pytest.approx(
         signed, rel=1e-6
     )  # rounding of a 70 mm arc of R = 1 m: its sagitta is 0.6 mm
     assert residual < 1e-9

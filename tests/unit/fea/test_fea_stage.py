@@ -104,8 +104,8 @@ def test_a_study_of_actuators_is_read_by_its_plan(tmp_path):
     with pytest.raises(StageError, match="wide was not analysed"):
         bends_of(planned)
     run(load_scene(planned["runs"][1]["folder"]), True, 1)
-    found = bends_of(planned)
-    assert abs(found["narrow"].radius[-1]) > abs(found["wide"].radius[-1])  # the narrower one bends less
+    bends = bends_of(planned)
+    assert abs(bends["narrow"].radius[-1]) > abs(bends["wide"].radius[-1])  # the narrower one bends less
 
 
 def test_split_of_the_material_keeps_its_small_strain_stiffness():

@@ -169,10 +169,10 @@ def test_a_number_that_is_none_is_told_by_quantity_and_instant(tmp_path):
 
 
 def test_the_place_of_a_number_that_is_none():
-    found = {
+    document = {
         "checks": [{"measured": {"piv": 1.0}}, {"measured": {"piv": (2.0, float("inf"))}}],
         "note": "nan",
     }
-    assert first_not_finite(found) == "checks[1].measured.piv[1]"
+    assert first_not_finite(document) == "checks[1].measured.piv[1]"
     assert first_not_finite({"summary": {"cfd": np.float64("nan")}}) == "summary.cfd"
     assert first_not_finite(json.loads('{"a": [1, 2, null, true, "x"]}')) is None

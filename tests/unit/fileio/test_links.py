@@ -12,13 +12,13 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 
 def anchors(page):
     """The names that headings get on a forge: lower case, without punctuation, blanks as hyphens."""
-    found = set()
+    names = set()
     for line in page.read_text(encoding="utf-8").splitlines():
         if heading := re.match(r"#+ (.*)", line):
             text = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading.group(1)).lower()
             kept = (c for c in text if c in " -_" or unicodedata.category(c)[0] in "LN")
-            found.add("".join(kept).strip().replace(" ", "-"))
-    return found
+            names.add("".join(kept).strip().replace(" ", "-"))
+    return names
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -32,9 +32,9 @@ def without(key: str) -> str:
 
 
 def test_whole_file_is_read(tmp_path):
-    found = read_dpiv(written(tmp_path, WHOLE))
-    assert found.name == tmp_path.name
-    assert found.sources() == str(tmp_path / "frames/*.tif")
+    dpiv = read_dpiv(written(tmp_path, WHOLE))
+    assert dpiv.name == tmp_path.name
+    assert dpiv.sources() == str(tmp_path / "frames/*.tif")
 
 
 @pytest.mark.parametrize(

@@ -20,12 +20,12 @@ from postprocess.lab.registration.register import with_length
 def test_place_moves_with_the_pose_as_its_jacobian_says(angle):
     pose, place = Pose(1 / 4000.0, angle, (0.01, 0.245), (310.0, 460.0)), np.array([0.03, 0.19])
     seen = pose.to_px(place)
-    found = place_jacobian(pose, place)
+    jacobian = place_jacobian(pose, place)
     for k, step in enumerate((1e-2, 1e-2, 1e-5, 1e-5)):
         change = np.zeros(5)
         change[k] = step
         there, back = (moved(pose, s * change).to_tank(seen) for s in (1, -1))
-        np.testing.assert_allclose(found[:, k], (there - back) / (2 * step), rtol=1e-6, atol=1e-10)
+        np.testing.assert_allclose(jacobian[:, k], (there - back) / (2 * step), rtol=1e-6, atol=1e-10)
 
 
 def test_a_place_between_two_ends_that_are_seen_is_known_better_than_either():
@@ -59,9 +59,9 @@ def test_an_instant_is_known_less_well_than_the_mean():
         Source("vectors", "data", np.array([1.0]), ""), Source("virtual vectors", "data", np.array([1.0]), ""),
         Source("time", "data", np.array([5.0]), ""),
     ]  # fmt: skip
-    found = at_instant(sources, {"data": np.array([12.0]), "simulation": np.array([0.0])})
-    assert found["data"][0] == pytest.approx(13.0)
-    assert found["simulation"][0] == pytest.approx(5.0)
+    std = at_instant(sources, {"data": np.array([12.0]), "simulation": np.array([0.0])})
+    assert std["data"][0] == pytest.approx(13.0)
+    assert std["simulation"][0] == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_scale_of_a_finger_whose_length_is_not_known(scale_std, length_std, scal
     law = Law(np.ones(3), np.eye(3), 0.0)
     fitted = Pose(1 / (4000.0 * 1.003), 0.0, stated.anchor, stated.at_px)
     covariance = np.diag([0.1, 0.1, 0.001, 0.001]) ** 2
-    found = Registration(
+    registration = Registration(
         fitted,
         covariance,
         0.0,
@@ -88,10 +88,10 @@ def test_scale_of_a_finger_whose_length_is_not_known(scale_std, length_std, scal
         np.empty(0),
         None if scale_std is None else stated,
     )
-    found = with_length(found, scale_std, length_std)
-    assert 1 / found.pose.scale_m_per_px / 4000.0 == pytest.approx(scale, abs=1e-5)
-    assert np.sqrt(found.covariance[3, 3]) == pytest.approx(std, rel=0.02)
-    assert found.covariance[1, 1] == pytest.approx(0.1**2)
+    registration = with_length(registration, scale_std, length_std)
+    assert 1 / registration.pose.scale_m_per_px / 4000.0 == pytest.approx(scale, abs=1e-5)
+    assert np.sqrt(registration.covariance[3, 3]) == pytest.approx(std, rel=0.02)
+    assert registration.covariance[1, 1] == pytest.approx(0.1**2)
 
 
 def test_scatter_that_the_vectors_do_not_know_is_found():
@@ -99,6 +99,6 @@ def test_scatter_that_the_vectors_do_not_know_is_found():
     times = np.linspace(0.1, 0.2, 400)
     trend = np.column_stack([3 + 40 * times, -5 * times])  # a model error may grow: that is no scatter
     error = trend + rng.normal(0, [5.0, 0.3], (400, 2))
-    found = excess_scatter(times, error, np.array([3.0, 0.4]) ** 2)
-    assert found == pytest.approx([4.0, 0.0], rel=0.1)
+    scatter = excess_scatter(times, error, np.array([3.0, 0.4]) ** 2)
+    assert scatter == pytest.approx([4.0, 0.0], rel=0.1)
     assert excess_scatter(times[:2], error[:2], np.zeros(2)) == pytest.approx([0.0, 0.0])

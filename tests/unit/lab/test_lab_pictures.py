@@ -67,18 +67,18 @@ def opened(folder, files: str, rate: float = RATE, pairing: str = 'pairing = "1-
 @pytest.mark.parametrize("write", [images, video, photron, recording])
 def test_frames_and_times(tmp_path, write):
     data = frames()
-    found = opened(tmp_path, write(tmp_path, data))
-    assert len(found) == COUNT
-    np.testing.assert_allclose(found.times, np.arange(COUNT) / RATE)
+    pictures = opened(tmp_path, write(tmp_path, data))
+    assert len(pictures) == COUNT
+    np.testing.assert_allclose(pictures.times, np.arange(COUNT) / RATE)
     exact = 0 if write is not video else 3  # of luma and back
     for k in range(COUNT):
-        assert np.abs(found.frame(k).astype(int) - data[k]).max() <= exact
-    found.close()
+        assert np.abs(pictures.frame(k).astype(int) - data[k]).max() <= exact
+    pictures.close()
 
 
 def test_pairs_have_their_own_interval(tmp_path):
-    found = opened(tmp_path, images(tmp_path, frames()), 50.0, 'pairing = "1-2,3-4", interval_s = 0.001')
-    np.testing.assert_allclose(found.times, [0.0, 0.001, 0.02, 0.021, 0.04, 0.041])
+    pictures = opened(tmp_path, images(tmp_path, frames()), 50.0, 'pairing = "1-2,3-4", interval_s = 0.001')
+    np.testing.assert_allclose(pictures.times, [0.0, 0.001, 0.02, 0.021, 0.04, 0.041])
 
 
 @pytest.mark.parametrize("write", [photron, recording])

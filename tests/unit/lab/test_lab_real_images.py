@@ -33,10 +33,10 @@ piv = {{ window = 32, spacing = 8, pairing = "1-2,2-3" }}
 def folder(name: str) -> Path:
     root = os.environ.get("SHARED_DATA")
     places = [Path(root)] if root else [p / "shared" / "data" for p in Path(__file__).resolve().parents]
-    found = next((place / name for place in places if (place / name).exists()), None)
-    if found is None:
+    path = next((place / name for place in places if (place / name).exists()), None)
+    if path is None:
         pytest.skip("shared data are absent")
-    return found
+    return path
 
 
 def recording(tmp_path, source: str, files: str, x: str = "right") -> LabRecording:

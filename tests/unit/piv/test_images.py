@@ -188,11 +188,11 @@ def test_pairs():
 @given(n=st.integers(0, 30), skip=st.integers(0, 5), every=st.integers(1, 5))
 def test_pairs_stay_inside(n, skip, every):
     try:
-        found = pairs(n, skip=skip, every=every)
+        indices = pairs(n, skip=skip, every=every)
     except ValueError:
         assert n < skip + 2
         return
-    assert all(0 <= a < b < n and b - a == skip + 1 for a, b in found)
+    assert all(0 <= a < b < n and b - a == skip + 1 for a, b in indices)
 
 
 def test_row_flip_is_its_own_inverse():

@@ -42,12 +42,12 @@ def test_dark_finger_is_found_whole(shade):
     image[:, 320:450] *= shade  # the finger's shadow in the sheet is no body
     image[truth] = 3
     frame = np.clip(image + rng.normal(0, 3, image.shape), 0, 255).astype(np.uint8)
-    found = dark_body(frame)
-    assert not (truth & ~found).any()  # a missed body pixel would be correlated
+    mask = dark_body(frame)
+    assert not (truth & ~mask).any()  # a missed body pixel would be correlated
     # Gaps between particles at the edge (mean spacing 5 px) and the margin of 3 px cannot be told from the body.
-    beyond = cv2.distanceTransform((~truth).astype(np.uint8), cv2.DIST_L2, 5)[found & ~truth]
+    beyond = cv2.distanceTransform((~truth).astype(np.uint8), cv2.DIST_L2, 5)[mask & ~truth]
     assert np.percentile(beyond, 95) < 12
-    assert (found & ~truth).sum() < 0.45 * truth.sum()
+    assert (mask & ~truth).sum() < 0.45 * truth.sum()
 
 
 def test_no_body_is_said():

@@ -45,8 +45,8 @@ def test_images_behind_vectors_are_the_first_of_their_pair(folder):
     assert (scene.count, scene.unit, scene.extent()) == (3, "px", (-0.5, -0.5, 127.5, 95.5))
     assert [scene.frame_number(k) for k in range(3)] == [0, 1, 2]
     assert scene.image(0).shape == SHAPE
-    found = scene.vectors(2)
-    np.testing.assert_array_equal(found["v"], found["x"] + 2)
+    vectors = scene.vectors(2)
+    np.testing.assert_array_equal(vectors["v"], vectors["x"] + 2)
     assert scene.time_text(2) == "2.5 frame"
     assert open_scene(str(folder / "run")).count == 4
 

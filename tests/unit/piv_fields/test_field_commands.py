@@ -46,10 +46,10 @@ def test_statistics_then_their_derivatives_and_pictures(file, tmp_path, capsys):
 def test_phase_average_then_vorticity_and_streamlines(file, tmp_path):
     assert run("stats", file, "-o", tmp_path / "p.h5", "--period", 0.2, "--phases", 20, "--quiet") == 0
     assert run("derive", tmp_path / "p.h5", "-o", tmp_path / "d.h5", "--quiet") == 0
-    with read_plane(tmp_path / "d.h5") as found:
+    with read_plane(tmp_path / "d.h5") as plane:
         exact = 2 * np.sin(2 * np.pi * np.arange(20) / 20)
-        np.testing.assert_allclose(found["vorticity"].mean(("y", "x")), exact, atol=1e-6)
-        assert found["time"].attrs["units"] == "cycle"
+        np.testing.assert_allclose(plane["vorticity"].mean(("y", "x")), exact, atol=1e-6)
+        assert plane["time"].attrs["units"] == "cycle"
     assert (
         run("plot", tmp_path / "d.h5", "-o", tmp_path / "a.png", "--streamlines", "--time", 0.275, "--quiet")
         == 0
@@ -92,10 +92,10 @@ def test_conditional_on_a_column_and_on_the_finger(file, tmp_path):
 def test_derive_says_what_it_assumes(file, tmp_path, capsys):
     assert run("derive", file, "-o", tmp_path / "d.h5", "--quantities", "vorticity") == 0
     assert "neighbours correlated over 0.0032 m" in capsys.readouterr().out
-    with read_plane(tmp_path / "d.h5") as found, read_plane(file) as given:
-        assert "q" not in found
-        np.testing.assert_array_equal(found["bend"], given["bend"])
-        np.testing.assert_array_equal(found["u"], given["u"])
+    with read_plane(tmp_path / "d.h5") as plane, read_plane(file) as given:
+        assert "q" not in plane
+        np.testing.assert_array_equal(plane["bend"], given["bend"])
+        np.testing.assert_array_equal(plane["u"], given["u"])
 
 
 def test_profile_and_spectrum(file, tmp_path, capsys):

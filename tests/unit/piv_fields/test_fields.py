@@ -39,9 +39,9 @@ def test_moments_are_those_of_numpy_where_vectors_are_valid():
     u, v = rng.normal(1, 2, (40, *XX.shape)), rng.normal(-1, 1, (40, *XX.shape))
     valid = rng.random(u.shape) > 0.3
     valid[:, 0, 0] = False
-    found = statistics(series(np.where(valid, u, np.nan), np.where(valid, v, np.nan), valid=valid))
+    moments = statistics(series(np.where(valid, u, np.nan), np.where(valid, v, np.nan), valid=valid))
     u, v = (np.where(valid, f, np.nan)[:, 1:] for f in (u, v))
-    rest = found.isel(y=slice(1, None))
+    rest = moments.isel(y=slice(1, None))
     np.testing.assert_allclose(rest["u"], np.nanmean(u, axis=0))
     np.testing.assert_allclose(rest["uu"], np.nanvar(u, axis=0, ddof=1))
     np.testing.assert_allclose(rest["v_rms"], np.nanstd(v, axis=0, ddof=1))
@@ -49,9 +49,9 @@ def test_moments_are_those_of_numpy_where_vectors_are_valid():
     n = valid[:, 1:].sum(axis=0)
     np.testing.assert_allclose(rest["uv"], product * n / (n - 1), atol=1e-12)
     np.testing.assert_array_equal(rest["n"], n)
-    assert found["valid"].values[0, 0] == 0
-    assert np.isnan(found["u"].values[0, 0])
-    assert found["uu"].attrs["units"] == "m²/s²"
+    assert moments["valid"].values[0, 0] == 0
+    assert np.isnan(moments["u"].values[0, 0])
+    assert moments["uu"].attrs["units"] == "m²/s²"
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.8])
@@ -59,14 +59,14 @@ def test_standard_error_with_correlated_samples(phi):
     """Of AR(1) the variance of the mean is (1 + phi)/(1 - phi)/n; the scatter of 432 means shows it to 5 %."""
     count = 1024
     u = ar1(np.random.default_rng(2), count, phi)
-    found = statistics(series(u, u[::-1]))
+    moments = statistics(series(u, u[::-1]))
     exact = np.sqrt((1 + phi) / (1 - phi) / count)
     # 16 to 31 batches at 432 independent points: 1 %; batches of 64 instants are 7 correlation times: 7 % too small
-    assert np.sqrt(np.mean(found["u_std"].values ** 2)) == pytest.approx(exact, rel=0.1)
-    assert found["u"].values.std() == pytest.approx(exact, rel=0.1)
-    assert float(found["convergence_u"][-1]) == pytest.approx(0, abs=1e-7)
+    assert np.sqrt(np.mean(moments["u_std"].values ** 2)) == pytest.approx(exact, rel=0.1)
+    assert moments["u"].values.std() == pytest.approx(exact, rel=0.1)
+    assert float(moments["convergence_u"][-1]) == pytest.approx(0, abs=1e-7)
     # after a tenth of the instants the mean is off by what 9/10 of independent rest leave
-    assert float(found["convergence_u"][0]) == pytest.approx(1, rel=0.2)
+    assert float(moments["convergence_u"][0]) == pytest.approx(1, rel=0.2)
 
 
 def test_phase_average_of_a_sine_under_noise():
@@ -74,12 +74,12 @@ def test_phase_average_of_a_sine_under_noise():
     wave = np.sin(2 * np.pi * times / 0.2)
     noise = np.random.default_rng(3).normal(0, 0.1, (400, *XX.shape))
     number, centres = bins(phases(times, 0.2), np.arange(21) / 20)
-    found = statistics(series(wave[:, None, None] + noise, noise, times), number, centres)
-    assert found.sizes["time"] == 20
-    assert (found["n"].values == 20).all()
-    mean = found["u"].mean(("y", "x")).values
+    average = statistics(series(wave[:, None, None] + noise, noise, times), number, centres)
+    assert average.sizes["time"] == 20
+    assert (average["n"].values == 20).all()
+    mean = average["u"].mean(("y", "x")).values
     np.testing.assert_allclose(mean, wave[:20], atol=0.01)  # 0.1/sqrt(20 * 432): ten times the standard error
-    np.testing.assert_allclose(found["uu"].mean(), 0.01, rtol=0.05)
+    np.testing.assert_allclose(average["uu"].mean(), 0.01, rtol=0.05)
 
 
 def test_before_the_first_valid_vector_the_mean_has_no_convergence():
@@ -96,9 +96,9 @@ def test_before_the_first_valid_vector_the_mean_has_no_convergence():
 
 
 def test_phases_between_triggers_of_an_uneven_machine():
-    found = trigger_phases(np.array([-1.0, 0.0, 0.5, 1.5, 2.0, 3.0]), np.array([0.0, 1.0, 3.0]))
-    np.testing.assert_allclose(found[1:5], [0, 0.5, 0.25, 0.5], atol=1e-8)
-    assert np.isnan(found[[0, 5]]).all()
+    phase = trigger_phases(np.array([-1.0, 0.0, 0.5, 1.5, 2.0, 3.0]), np.array([0.0, 1.0, 3.0]))
+    np.testing.assert_allclose(phase[1:5], [0, 0.5, 0.25, 0.5], atol=1e-8)
+    assert np.isnan(phase[[0, 5]]).all()
     with pytest.raises(ValueError, match="two triggers"):
         trigger_phases(np.arange(3.0), np.array([1.0]))
 
@@ -119,14 +119,14 @@ def test_bins_and_columns(tmp_path):
 def test_derived_fields_of_a_linear_flow_are_exact():
     a, b, c, d = 3.0, -2.0, 5.0, -1.0
     plane = make_plane(X, Y, a * XX + b * YY, c * XX + d * YY)
-    found = derived(plane)
+    derivatives = derived(plane)
     exact = {"vorticity": c - b, "divergence": a + d, "strain": np.hypot((a - d) / 2, (b + c) / 2)}
     exact |= {"swirling_strength": np.sqrt(10 - 4.0), "q": -(a * a + d * d) / 2 - b * c}
     for name, value in exact.items():
-        np.testing.assert_allclose(found[name], value, rtol=1e-5)
-    assert found["vorticity"].attrs["units"] == "1/s"
-    assert found["q"].attrs["units"] == "1/s²"
-    assert "vorticity_std" not in found
+        np.testing.assert_allclose(derivatives[name], value, rtol=1e-5)
+    assert derivatives["vorticity"].attrs["units"] == "1/s"
+    assert derivatives["q"].attrs["units"] == "1/s²"
+    assert "vorticity_std" not in derivatives
 
 
 def test_what_is_derived_again_with_another_scheme_is_new():
@@ -155,17 +155,17 @@ def test_propagated_uncertainty_is_the_scatter_of_many_noisy_fields(correlated):
     noise *= strength
     std = np.full((count, *XX.shape), strength)
     fields = series(u + noise[0], v + noise[1], u_std=std, v_std=std)
-    found = derived(fields, correlation_length=length if correlated else 0.0)
+    derivatives = derived(fields, correlation_length=length if correlated else 0.0)
     inner = {"x": slice(2, -2), "y": slice(2, -2)}
     for name in ("vorticity", "divergence"):
-        scatter = found[name].isel(inner).std("time", ddof=1).values
-        said = found[f"{name}_std"].isel(inner).values.mean(axis=0)
+        scatter = derivatives[name].isel(inner).std("time", ddof=1).values
+        said = derivatives[f"{name}_std"].isel(inner).values.mean(axis=0)
         assert np.sqrt(np.mean(scatter**2)) == pytest.approx(np.sqrt(np.mean(said**2)), rel=0.03)
     # quantities that are not linear, where they are well above their uncertainty: in the core
     core = (radius2 < 0.003**2)[2:-2, 2:-2]
     for name in ("swirling_strength", "q"):
-        scatter = found[name].isel(inner).std("time", ddof=1).values[core]
-        said = found[f"{name}_std"].isel(inner).median("time").values[core]
+        scatter = derivatives[name].isel(inner).std("time", ddof=1).values[core]
+        said = derivatives[f"{name}_std"].isel(inner).median("time").values[core]
         assert np.mean(scatter) == pytest.approx(np.mean(said), rel=0.1)
 
 
@@ -251,9 +251,9 @@ def test_memory_does_not_grow_with_the_recording(long_file, tmp_path):
             work(plane.isel(time=slice(0, 9)))  # once, for what is kept from then on
             tracemalloc.start()
             work(plane)
-            found = tracemalloc.get_traced_memory()[1]
+            peak_bytes = tracemalloc.get_traced_memory()[1]
             tracemalloc.stop()
-        return found
+        return peak_bytes
 
     short, long = long_file(100), long_file(800)
     size = 800 * XX.size * 8  # of one variable of the longer file
@@ -271,8 +271,8 @@ def test_blocks_give_the_same_as_the_whole(long_file, tmp_path):
     with read_plane(long_file(20)) as plane:
         write_blocks(derived_blocks(plane), tmp_path / "d.h5", plane)
         whole = derived(plane.load())
-        with read_plane(tmp_path / "d.h5") as found:
+        with read_plane(tmp_path / "d.h5") as derivatives:
             for name in ("u", "valid", "vorticity", "q_std"):
-                np.testing.assert_array_equal(found[name], whole[name])
-            assert found["vorticity"].attrs["units"] == "1/s"
-            assert isinstance(found, xr.Dataset)
+                np.testing.assert_array_equal(derivatives[name], whole[name])
+            assert derivatives["vorticity"].attrs["units"] == "1/s"
+            assert isinstance(derivatives, xr.Dataset)

@@ -89,6 +89,6 @@ def test_the_same_vortex_is_compared_where_two_of_one_sense_share_a_tip():
     window = (0.1, 0.2)
     # track 2 is nearest of all, but too weak to be the vortex that the other source calls the strongest
     assert set(tracks.counterpart(reference, seen, 0, window)["track"]) == {1}
-    found = tracks.dominant_tracks({"cfd": reference, "piv": seen}, 0, window)
-    assert set(found["cfd"]["track"]) == {1}
-    assert set(found["piv"]["track"]) == {7}
+    tables = tracks.dominant_tracks({"cfd": reference, "piv": seen}, 0, window)
+    assert set(tables["cfd"]["track"]) == {1}
+    assert set(tables["piv"]["track"]) == {7}

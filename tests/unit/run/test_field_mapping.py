@@ -39,11 +39,11 @@ def test_a_field_mapping_is_recorded_where_both_intervals_were_solved(tmp_path):
     (cases[1] / FIELD_MAPPING).write_text(json.dumps({"mapped_at": 0.012, "mapping_jump_fraction": 0.0}))
     force = [table(1, 20, np.cos, np.sin), table(13, 40, np.cos, np.sin)]
     energy = [table(1, 20, lambda t: 2 + t)[1::2], table(13, 40, lambda t: 1.01 * (2 + t))[1::2]]
-    (found,) = field_mappings(intervals, cases, force, energy)
-    assert found["time"] == 0.02
-    assert found["jump_fraction"] == pytest.approx(0.01)
-    assert found["kinetic_energy_before"] == pytest.approx(2.02)
-    assert found["force_settled_after"] == 0.0
+    (mapping,) = field_mappings(intervals, cases, force, energy)
+    assert mapping["time"] == 0.02
+    assert mapping["jump_fraction"] == pytest.approx(0.01)
+    assert mapping["kinetic_energy_before"] == pytest.approx(2.02)
+    assert mapping["force_settled_after"] == 0.0
     assert field_mappings(intervals[:1], cases[:1], force[:1], energy[:1]) == []
 
 

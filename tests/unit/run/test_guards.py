@@ -46,16 +46,16 @@ def test_the_log_of_a_step_gone_wrong_is_a_cause_and_a_sound_one_is_none(changes
     guard = Guard(20.0)
     assert verdicts(guard) == []
     assert guard.time == 0.1
-    found = verdicts(guard, **changes)
-    assert len(found) == 1
-    assert words in found[0]
+    causes = verdicts(guard, **changes)
+    assert len(causes) == 1
+    assert words in causes[0]
 
 
 def test_a_pressure_that_never_converges_stops_the_run_after_some_steps():
     guard = Guard(20.0)
-    found = [verdicts(guard, iterations=1000) for _ in range(7)]
-    assert found[:5] == [[]] * 5
-    assert "did not converge in 5 steps" in found[5][0]
+    causes = [verdicts(guard, iterations=1000) for _ in range(7)]
+    assert causes[:5] == [[]] * 5
+    assert "did not converge in 5 steps" in causes[5][0]
     assert verdicts(Guard(20.0), iterations=1000) == []
 
 
@@ -115,11 +115,11 @@ def test_dissipation_that_no_work_pays_for_is_found_and_a_stroke_in_a_thick_flui
     power = [-0.895, 0.691, -0.755, 0.679, -0.788, 0.802, -0.943, 1.011, -1.178, 1.339]
     kinetic = [0.0367, 0.0348, 0.0330, 0.0314, 0.0300, 0.0286, 0.0278, 0.0272, 0.0275, 0.0303]
     dissipation = [1.030, 0.983, 0.996, 1.102, 1.379, 2.039, 3.257, 6.301, 11.16, 25.62]
-    for lost, found in ((dissipation, 8), (np.zeros(10), None)):
+    for lost, step in ((dissipation, 8), (np.zeros(10), None)):
         budget = Budget(1e-6, work=0.14, largest=0.14)
         budget.begin(0.04, 0.970, 0.0389, 1.102)
         budget.least -= budget.work
-        assert feed(budget, times, power, kinetic, lost) == found
+        assert feed(budget, times, power, kinetic, lost) == step
     times, power, kinetic = stroke(0.9)
     paid = 0.85 * power  # of the 90 % that are lost
     assert feed(Budget(1e-6), times, power, kinetic, np.maximum(paid, 0.0)) is None
@@ -187,14 +187,14 @@ def test_the_resolved_dissipation_of_the_samples_is_held_against_the_work(tmp_pa
     for name in ("0.1", "0.2"):
         (tmp_path / "fingerSurface" / name).mkdir(parents=True)
         (tmp_path / "fingerSurface" / name / "finger.vtk").touch()
-    for viscosity, found in ((1e-3, True), (0.0, False)):
+    for viscosity, stops in ((1e-3, True), (0.0, False)):
         energy = EnergyGuard(tmp_path, 1000.0, viscosity, Budget(1e-2), work_rate=lambda path, density: 0.0)
         guard = Guard(20.0, energy)
         cause = guard.check_energy(ended=True)
         assert (
             "does not close: the water has 0.0005 J of kinetic energy and has dissipated 0.6 J" in str(cause)
-        ) == found
-        assert (guard.remedy == HALVE) == found
+        ) == stops
+        assert (guard.remedy == HALVE) == stops
 
 
 def test_the_watchdog_acts_once_when_nothing_is_written():

@@ -47,8 +47,8 @@ def _which_without_system(which):
     """shutil.which that does not see an OpenFOAM installed system-wide."""
 
     def seen(name, path=None):
-        found = which(name, path=path)
-        return None if found and found.startswith("/usr/bin") and name == "pimpleFoam" else found
+        program = which(name, path=path)
+        return None if program and program.startswith("/usr/bin") and name == "pimpleFoam" else program
 
     return seen
 

@@ -43,8 +43,8 @@ def test_labels_of_each_rank(tmp_path, collated):
     else:
         for rank, labels in enumerate(lists):
             write_bytes(tmp_path / f"processor{rank}" / name, head + binary_list(labels))
-    found = [labels_of(content) for content in ranks.contents(tmp_path, name)]
-    for labels, wanted in zip(found, lists, strict=True):
+    arrays = [labels_of(content) for content in ranks.contents(tmp_path, name)]
+    for labels, wanted in zip(arrays, lists, strict=True):
         np.testing.assert_array_equal(labels, wanted)
 
 

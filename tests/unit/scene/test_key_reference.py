@@ -41,8 +41,8 @@ def test_every_key_of_the_shipped_scenes_is_in_the_reference():
         tables = [scene, *scene.get("levels", {}).values()]
         for section, values in ((s, v) for table in tables for s, v in table.items() if isinstance(v, dict)):
             for key in values if section != "levels" else ():
-                found = f"{section}.{key}"
-                assert any(name == found or name.startswith(f"{found}.") for name in known), (path, found)
+                entry = f"{section}.{key}"
+                assert any(name == entry or name.startswith(f"{entry}.") for name in known), (path, entry)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.__name__.rpartition(".")[2])

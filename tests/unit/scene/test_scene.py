@@ -129,13 +129,13 @@ def test_the_digest_of_the_templates_is_of_names_and_content_alone(tmp_path):
         ("system/fvConstraints", ""),  # one more
         ("0/p", "0system"),
     )
-    found = {
+    digests = {
         templates_digest(base_case(tmp_path / f"{k}", files | {name: text}))
         for k, (name, text) in enumerate(changes)
     }
     moved = {name.replace("0/p", "1/p"): text for name, text in files.items()}
-    found |= {templates_digest(one), templates_digest(base_case(tmp_path / "moved", moved))}
-    assert len(found) == 5
+    digests |= {templates_digest(one), templates_digest(base_case(tmp_path / "moved", moved))}
+    assert len(digests) == 5
     with pytest.raises(StageError, match="git checkout cases/_base"):
         templates_digest(tmp_path / "nowhere")
 

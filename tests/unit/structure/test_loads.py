@@ -53,8 +53,8 @@ def test_tip_of_a_beam_under_an_even_load(sign):
     loads = np.zeros((1, chain.slices, 3))
     loads[..., 1] = load * chain.lengths
     at, rates = prescribed(chain, lambda t: 0 * t, np.zeros(1))
-    found = deflections(chain, np.zeros(1), at, rates, Surroundings(), loads)
-    assert found[0] == pytest.approx(load * LENGTH**3 / (6 * EI), rel=0.01)
+    deflection = deflections(chain, np.zeros(1), at, rates, Surroundings(), loads)
+    assert deflection[0] == pytest.approx(load * LENGTH**3 / (6 * EI), rel=0.01)
 
 
 def test_weight_and_buoyancy_are_in_it():
@@ -64,9 +64,9 @@ def test_weight_and_buoyancy_are_in_it():
         chain = straight(**rubber | {"rubber_mass": mass * rubber["rubber_mass"]})
         at, rates = prescribed(chain, lambda t: 0 * t, np.zeros(1))
         around = Surroundings(9.81j, 998.2)
-        found = deflections(chain, np.zeros(1), at, rates, around, np.zeros((1, chain.slices, 3)))
+        deflection = deflections(chain, np.zeros(1), at, rates, around, np.zeros((1, chain.slices, 3)))
         wanted = factor * rubber["rubber_mass"] * 9.81 * LENGTH**3 / (6 * EI)
-        assert found[0] == pytest.approx(wanted, rel=0.01, abs=1e-9)
+        assert deflection[0] == pytest.approx(wanted, rel=0.01, abs=1e-9)
 
 
 def test_given_stiffness_takes_the_place_of_the_analysis():

@@ -48,7 +48,7 @@ def test_a_file_that_the_library_never_gets_through_is_refused(tmp_path, monkeyp
 
 def test_drawn_scenes_are_accepted_and_sane_or_refused_in_one_sentence():
     """The same forty each time; `make fuzz` draws two thousand."""
-    found = count_outcomes(40)
-    assert found["refused"] > 10
+    counts = count_outcomes(40)
+    assert counts["refused"] > 10
     # 15 in 100 of the drawn are accepted (docs/stability/scenes.csv); what is drawn changes with every new key
-    assert found["accepted"] + found["warned"] > 0
+    assert counts["accepted"] + counts["warned"] > 0

@@ -24,10 +24,10 @@ TRACE = "Traceback (most recent call last):\n  File x\nKeyError: 'a'\n"
     ],
 )
 def test_outcomes(code, said, ended, reason):
-    found = outcome_of(code, said)
-    assert found["ended"] == ended
-    assert reason in found["reason"]
-    assert found.get("stopped_at_s") == (0.0125 if ended == "stopped" else None)
+    result = outcome_of(code, said)
+    assert result["ended"] == ended
+    assert reason in result["reason"]
+    assert result.get("stopped_at_s") == (0.0125 if ended == "stopped" else None)
 
 
 def test_a_stage_that_hangs_is_ended():

@@ -31,9 +31,9 @@ def test_without_communication_only_imbalance_is_lost():
 def test_fit_recovers_the_solver_that_made_the_measurements():
     one = {"cells": 6e4, "columns": 4.9e3, "step_s": step_time(6e4, 1, 4.9e3, SOLVER, NETWORK), "cycles": 6.0}
     two = one | {"alone_s": one["step_s"], "step_s": step_time(6e4, 2, 4.9e3, SOLVER, NETWORK)}
-    found = fit(one, two, NETWORK)
-    assert found.seconds_per_cell == pytest.approx(4e-6)
-    assert found.pair_slowdown == pytest.approx(1.1, rel=1e-6)
+    solver = fit(one, two, NETWORK)
+    assert solver.seconds_per_cell == pytest.approx(4e-6)
+    assert solver.pair_slowdown == pytest.approx(1.1, rel=1e-6)
 
 
 def test_larger_meshes_and_faster_networks_pay_for_more_ranks():
@@ -111,7 +111,7 @@ def test_a_step_is_read_from_the_log(tmp_path):
         lines += [f"Time = {step}", "GAMG:  Solving for p, x, No Iterations 3", "GAMG:  Solving for p, x, No Iterations 2",
                   f"ExecutionTime = {clock:.2f} s  ClockTime = 9 s"]  # fmt: skip
     (tmp_path / "log.pimpleFoam").write_text("\n".join(lines))
-    found = measured(tmp_path, 4)
-    assert found["cycles"] == 5
-    assert found["step_s"] == pytest.approx(0.55)
-    assert found["serial_s"] == pytest.approx(0.05)
+    timing = measured(tmp_path, 4)
+    assert timing["cycles"] == 5
+    assert timing["step_s"] == pytest.approx(0.55)
+    assert timing["serial_s"] == pytest.approx(0.05)

@@ -38,10 +38,10 @@ def test_rows_become_scenes_that_differ_in_what_the_table_says(tmp_path):
     table = study(
         scene.folder, 'fine, tiny, run, 2, 5e-4, , , \nwide, tiny, vortices, , , half, 48, "[0.01, 0.2]"\n'
     )
-    found = json.loads(plan(table).read_text())
-    assert found["scene"] == "small"
-    assert [row["ranks"] for row in found["runs"]] == [2, 1]
-    fine, wide = (load_scene(row["folder"], "tiny") for row in found["runs"])
+    written_plan = json.loads(plan(table).read_text())
+    assert written_plan["scene"] == "small"
+    assert [row["ranks"] for row in written_plan["runs"]] == [2, 1]
+    fine, wide = (load_scene(row["folder"], "tiny") for row in written_plan["runs"])
     assert fine.numerics.time_step == 5e-4
     assert (wide.model.kind, wide.piv.window, wide.camera.centre) == ("half", 48, (0.01, 0.2))
     assert wide.numerics == scene.numerics
@@ -54,8 +54,8 @@ def test_rows_become_scenes_that_differ_in_what_the_table_says(tmp_path):
 def test_a_table_that_changed_does_not_reach_under_a_stage_at_work(tmp_path):
     """It would end later than the new settings, and its results of the old numbers pass for results of the new."""
     scene = write_scene(tmp_path / "small")
-    found = json.loads(plan(study(scene.folder, "a, tiny, run, 1, , , 48, \n")).read_text())
-    out = load_scene(found["runs"][0]["folder"], "tiny").out
+    written_plan = json.loads(plan(study(scene.folder, "a, tiny, run, 1, , , 48, \n")).read_text())
+    out = load_scene(written_plan["runs"][0]["folder"], "tiny").out
     with exclusive(out / "piv.h5"):
         plan(study(scene.folder, "a, tiny, run, 1, , , 48, \n"))
         with pytest.raises(StageError, match=r"another make is at work here \(piv.h5\)"):
@@ -78,10 +78,10 @@ def test_equal_stages_are_computed_once(tmp_path):
 
 def test_the_plan_says_what_each_result_is_to_be_made_with(tmp_path):
     scene = write_scene(tmp_path / "small")
-    found = json.loads(
+    written_plan = json.loads(
         plan(study(scene.folder, "a, tiny, vortices, 1, , , 48, \nb, tiny, run, 1, 5e-4, , , \n")).read_text()
     )
-    a, b = found["runs"]
+    a, b = written_plan["runs"]
     assert a["stages"] == [
         "kinematics",
         "mesh",
@@ -101,7 +101,7 @@ def test_the_plan_says_what_each_result_is_to_be_made_with(tmp_path):
     assert a["settings"]["piv"]["window"] == 48
     assert b["settings"]["case"]["numerics"]["time_step"] == 5e-4
     assert a["settings"]["kinematics"] == b["settings"]["kinematics"]  # whatever the folders are called
-    assert set(found["files"]) >= set(a["stages"])
+    assert set(written_plan["files"]) >= set(a["stages"])
 
 
 def test_scene_text_is_toml_that_says_only_what_differs():

@@ -33,10 +33,10 @@ def test_errors_of_known_size():
     assert force_error(reference, other, 0.4) == pytest.approx(0.1, rel=1e-6)
     table = pd.DataFrame({"time": time, "x": 0.01 * time, "y": 0.2, "circulation": -0.008})
     moved = table.assign(x=table["x"] + 0.003, y=table["y"] + 0.004, circulation=-0.0088)
-    found = vortex_errors(table, moved, (0.1, 0.3), 0.02)
-    assert found["error_circulation"] == pytest.approx(0.1)
-    assert found["error_centre_mm"] == pytest.approx(5.0)
-    assert worst(found | {"error_velocity": 0.05}) == {"error": pytest.approx(0.25)}  # 5 mm of a tip of 20
+    errors = vortex_errors(table, moved, (0.1, 0.3), 0.02)
+    assert errors["error_circulation"] == pytest.approx(0.1)
+    assert errors["error_centre_mm"] == pytest.approx(5.0)
+    assert worst(errors | {"error_velocity": 0.05}) == {"error": pytest.approx(0.25)}  # 5 mm of a tip of 20
     assert vortex_errors(table[:0], moved, (0.1, 0.3), 0.02) == {}
     assert vortex_errors(table, moved[:0], (0.1, 0.3), 0.02) == {}
     assert worst({"error_velocity": 0.05}) == {}  # without a vortex nothing is judged
