@@ -104,6 +104,7 @@ class Watchdog:
         self.limit, self.stop = limit, stop
         self.cause: str | None = None
         self._quiet = self._step = 0.0
+        self._begun = False  # the first time step
         self._steps: deque[float] = deque(maxlen=101)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
@@ -114,7 +115,9 @@ class Watchdog:
 
     def advance(self) -> None:
         """The solver has begun another time step."""
-        self._steps.append(self._step)
+        if self._begun:  # what ends with the first is the start-up
+            self._steps.append(self._step)
+        self._begun = True
         self._step = 0.0
 
     def longest_step(self) -> float:
