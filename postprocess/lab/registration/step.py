@@ -9,6 +9,7 @@ import numpy as np
 
 from fileio.atomic import write_text
 from fileio.checksum import sha256
+from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv, Start, read_dpiv
@@ -35,8 +36,9 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
     FEA's bands, the uncertainty of vectors.
     """
     read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
+    kinematics = read_kinematics(path := files.stage.required("kinematics.h5", "kinematics"))
+    check_bend(kinematics, path)
     fea_band(files, dpiv)
-    kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     stated_delay = (-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None
     if dpiv.kind == "vectors":
         registration = stated_registration(dpiv, kinematics)
@@ -65,6 +67,16 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
     if not files.view.exists() or files.view.read_text(encoding="utf-8") != text:
         write_text(files.view, text)  # the sheets depend on it
     return registration
+
+
+def check_bend(family: Kinematics, path: Path) -> None:
+    """StageError where one bend angle belongs to several shapes: a comparison takes the finger's motion for its bend."""
+    change = np.diff(family.data["shape_bend"].values)
+    if not (np.all(change > 0) or np.all(change < 0)):
+        raise StageError(
+            f"{path}: shape_bend neither rises nor falls from shape to shape, as of a coupled motion or a rigid body, and a"
+            " recording's bend tells no shape; compare a scene whose motion.source is 'fea' or 'paper_equations'"
+        )
 
 
 def fea_band(files: LabFiles, dpiv: Dpiv) -> tuple[bool, float]:

@@ -1,10 +1,13 @@
 """The comparison from dpiv.toml to the page: vectors of every kind, and a recording, of a flow that is known."""
 
 import json
+import shutil
 
+import h5py
 import numpy as np
 import pytest
 
+from fileio.errors import StageError
 from fileio.formats.plane_series import write_plane
 from pipeline.scene.scene import load_scene
 from postprocess.evidence.stage_files import StageFiles
@@ -82,6 +85,19 @@ def test_vectors_of_every_kind_are_compared(finger, tmp_path, kind):
     assert np.hypot(*quantities["centre"]["error"]) < 0.3e-3
     assert "final_bend" not in quantities  # vectors do not show it
     assert lab.comparison.exists()
+
+
+def test_a_bend_that_turns_back_is_refused_before_anything_is_solved(finger, tmp_path):
+    """As of a coupled motion, which overshoots: a bend angle then belongs to several shapes."""
+    case = tmp_path / "cases" / "finger"
+    shutil.copytree(finger[0].scene_folder, case)
+    path = case / "out" / "smoke" / "kinematics.h5"
+    with h5py.File(path, "r+") as file:
+        file["shape_bend"][-1] = 0.9 * file["shape_bend"][-2]
+    plane, root = measured_by(finger[1], 1.0, (-0.06, -0.11))
+    dpiv = read_dpiv(exported(plane, "microvec", tmp_path / "back", root))
+    with pytest.raises(StageError, match=r"kinematics\.h5: shape_bend neither rises nor falls"):
+        run_registration(LabFiles(StageFiles(case, "smoke"), dpiv.name), dpiv)
 
 
 def test_vectors_of_a_stronger_vortex_are_told(finger, tmp_path):
