@@ -20,9 +20,11 @@ from fileio.errors import StageError
 from fileio.formats.bending_states import FloatArray
 from fileio.formats.elastic_motion import read_elastic_motion, write_elastic_motion
 from fileio.formats.finger_loads import read_loads
+from fileio.key_reference import toml_value
 from fileio.provenance import digest
 from pipeline.kinematics.finger import finger_motion, finger_states
 from pipeline.scene.scene import Scene, load_scene
+from pipeline.stage_settings import settings_of
 from pipeline.structure.chain import Chain
 from pipeline.structure.coupling import check_change, loads_at, motion_values, next_delta
 from pipeline.structure.motion import Surroundings, motion
@@ -95,9 +97,10 @@ def couple(scene: Scene, ranks: int, quiet: bool = False) -> Path:
     home = scene.folder / "out" / "coupled"
     limit = scene.structure.tolerance * scene.finger.length
     level = CHEAP if scene.level in FINE_LEVELS else scene.level
-    asked = scene.digest()
+    asked = digest([scene.digest(), settings_of(scene, "kinematics")])  # the content of its files too
     delta, before, made_of = structure.first(), None, digest([asked, "first"])
     changes: list[float] = []
+    last = np.inf
     for number in range(1, scene.structure.iterations + 1):
         folder = home / f"{scene.level}_{number}"
         delta = _kept(structure, folder / SHAPES, delta, before, made_of)
@@ -107,10 +110,11 @@ def couple(scene: Scene, ranks: int, quiet: bool = False) -> Path:
         before, delta = delta, structure.next(delta, read_loads(path))
         made_of = digest([asked, sha256(path)])
         values = motion_values(structure.chain, structure.time, structure.pressure, delta, before)
-        changes.append(values["tip_change"])
+        last = values["tip_change"]
+        changes.append(last)
         if not quiet:
             print(
-                f"couple: run {number} ({level}): the tip's place changes by {changes[-1] * 1e3:.2f} mm, its turn by"
+                f"couple: run {number} ({level}): the tip's place changes by {last * 1e3:.2f} mm, its turn by"
                 f" {np.degrees(values['bend_change']):.2f}°; {limit * 1e3:.2g} mm are allowed",
                 flush=True,
             )
@@ -121,9 +125,8 @@ def couple(scene: Scene, ranks: int, quiet: bool = False) -> Path:
             return folder
         level, changes = scene.level, []
     raise StageError(
-        f"{scene.folder / 'scene.toml'}: after {scene.structure.iterations} runs the tip's place still changes by"
-        f" {changes[-1] * 1e3:.2g} mm, more than {limit * 1e3:.2g} mm, or level {scene.level} is not reached; raise"
-        " structure.iterations"
+        f"{scene.folder / 'scene.toml'}: after {scene.structure.iterations} runs the motion of level {scene.level} is not"
+        f" reached: the last change was {last * 1e3:.2g} mm, {limit * 1e3:.2g} mm are allowed; raise structure.iterations"
     )
 
 
@@ -143,8 +146,8 @@ def _kept(
 
 def _scene_text(scene: Scene, folder: Path) -> str:
     parent = os.path.relpath(scene.folder.resolve(), folder.resolve())
-    title = f"{scene.title}, coupled"
-    return f'extends = "{parent}"\ntitle = "{title}"\n\n[motion]\nsource = "structure"\nshapes = "{SHAPES}"\n'
+    extends, title, shapes = map(toml_value, (parent, f"{scene.title}, coupled", SHAPES))
+    return f'extends = {extends}\ntitle = {title}\n\n[motion]\nsource = "structure"\nshapes = {shapes}\n'
 
 
 def _make(home: Path, name: str, level: str, target: str, ranks: int, quiet: bool) -> None:

@@ -1,8 +1,10 @@
 """COUPLED=1 with a solver that is a formula: the order of its runs, what is kept, and what is refused."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -86,6 +88,38 @@ def test_too_few_runs_end_with_a_sentence(scene_of, made):
     with pytest.raises(StageError, match=r"after 1 runs .* raise structure\.iterations"):
         couple.couple(scene_of("[structure]\niterations = 1\n"), ranks=1, quiet=True)
     assert len(made) == 1
+
+
+def test_too_few_runs_for_the_fine_level_end_with_a_sentence(scene_of, made):
+    """The second run converges at draft, and none is left for coarse."""
+    with pytest.raises(
+        StageError, match=r"after 2 runs the motion of level coarse is not reached: .* was 0\.\d"
+    ):
+        couple.couple(scene_of("[structure]\niterations = 2\n", "coarse"), ranks=1, quiet=True)
+    assert [level for _, level, _ in made] == ["draft", "draft"]
+
+
+def test_new_bending_states_make_new_motions(scene_of, made, tmp_path):
+    """The same numbers in scene.toml, another content of the file that they name."""
+    states = tmp_path / "states.h5"
+    shutil.copy(CASE / "kinematics" / "states.h5", states)
+    scene = scene_of('states = "states.h5"\n')
+    folder = couple.couple(scene, ranks=1, quiet=True)
+    first = folder.parent / "smoke_1" / "elastic_motion.h5"
+    before = read_elastic_motion(first)["delta"].values
+    with h5py.File(states, "r+") as file:
+        file["bending_stiffness"][...] *= 2
+    couple.couple(scene, ranks=1, quiet=True)
+    after = read_elastic_motion(first)["delta"].values
+    assert np.abs(after).max() < np.abs(before).max()  # a stiffer finger gives way less
+
+
+def test_a_title_with_quotation_marks_is_kept(scene_of, made, tmp_path):
+    scene = scene_of()
+    path = tmp_path / "scene.toml"
+    path.write_text("title = 'A \"soft\" finger'\n" + path.read_text())
+    folder = couple.couple(load_scene(tmp_path, scene.level), ranks=1, quiet=True)
+    assert load_scene(folder, "smoke").title == 'A "soft" finger, coupled'
 
 
 def test_what_cannot_be_coupled_is_refused(tmp_path):
