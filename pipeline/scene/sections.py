@@ -176,7 +176,7 @@ class Structure(Section):
     """Coefficient of the modelled water's added mass, for COUPLED=1 [1]"""
     drag: Annotated[Positive, Field(le=100)] = 5.0
     """Coefficient of the modelled water's drag, for COUPLED=1 [1]"""
-    iterations: Annotated[int, Field(ge=1, le=20)] = 5
+    iterations: Annotated[int, Field(ge=1, le=20)] = 8
     """Runs at most, for COUPLED=1 [1]"""
     tolerance: Annotated[Positive, Field(le=1)] = 0.005
     """Change of the tip's place from run to run that ends COUPLED=1, over the finger's length [1]"""
