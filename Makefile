@@ -90,7 +90,10 @@ define scene_rules
 .PRECIOUS: $(foreach s,$(STAGES),$(2)/$(FILE.$(s)))
 $(2)/settings/.stamp: $(INHERITED) $(CASES)/$(1)/scene.toml | $(READY)
 	@$(PY) -m pipeline settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
-$(2)/settings/%.json $(2)/settings/%.format: $(2)/settings/.stamp
+# one rule for each: of a rule for both, make takes the other file for made anew
+$(2)/settings/%.json: $(2)/settings/.stamp
+	@[ -e $$@ ] || $(PY) -m pipeline settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
+$(2)/settings/%.format: $(2)/settings/.stamp
 	@[ -e $$@ ] || $(PY) -m pipeline settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/$(FILE.compare): $(call SAFE,$(CASES)/$(1)/reference/*)
 $(foreach g,$(GROUPS),$(1).$(g): $(addprefix $(1).,$(OF.$(g))))

@@ -97,7 +97,9 @@ def couple(scene: Scene, ranks: int, quiet: bool = False) -> Path:
     home = scene.folder / "out" / "coupled"
     limit = scene.structure.tolerance * scene.finger.length
     level = CHEAP if scene.level in FINE_LEVELS else scene.level
-    asked = digest([scene.digest(), settings_of(scene, "kinematics")])  # the content of its files too
+    # the content of its files too, but not the number of runs: where that is raised, the runs that are there stay
+    one_run = scene.model_copy(update={"structure": scene.structure.model_copy(update={"iterations": 1})})
+    asked = digest([one_run.digest(), settings_of(scene, "kinematics")])
     delta, before, made_of = structure.first(), None, digest([asked, "first"])
     changes: list[float] = []
     last = np.inf

@@ -159,8 +159,9 @@ def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
     assert abs((left + right).mean()) < 0.05 * 0.5 * (np.abs(left) + np.abs(right)).mean()
     assert checks["pair-mirrored"]["measured"]["cfd"] < 1e-9
     assert checks["pair-mirrored"]["measured"]["piv"] < 1e-3
+    # the fit of each half stops where a step gains less than 1e-7 of its cost, some 3e-4 of the place's standard error (0.1 mm)
     assert checks["contact-descent-left"]["measured"]["cfd"] == pytest.approx(
-        checks["contact-descent-right"]["measured"]["cfd"], abs=1e-9
+        checks["contact-descent-right"]["measured"]["cfd"], abs=1e-7
     )
     run = json.loads((pinch / "run" / "run.json").read_text())
     # 0.55 % here, at twice the speed and 8 ms of overlap; 0.2 % is asked of the levels that are judged (medium: 0.09 %)

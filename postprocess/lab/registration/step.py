@@ -69,9 +69,9 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
     return registration
 
 
-def check_bend(family: Kinematics, path: Path) -> None:
+def check_bend(kinematics: Kinematics, path: Path) -> None:
     """StageError where one bend angle belongs to several shapes: a comparison takes the finger's motion for its bend."""
-    change = np.diff(family.data["shape_bend"].values)
+    change = np.diff(kinematics.data["shape_bend"].values)
     if not (np.all(change > 0) or np.all(change < 0)):
         raise StageError(
             f"{path}: shape_bend neither rises nor falls from shape to shape, as of a coupled motion or a rigid body, and a"
