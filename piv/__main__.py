@@ -44,8 +44,8 @@ def check_output(output: Path, args: argparse.Namespace) -> None:
 
             lost = output.suffix.lower() in IMAGE_SUFFIXES and output.parent.samefile(source)
         else:
-            found = [Path(source), *map(Path, glob.glob(source))]
-            lost = any(path.is_file() and output.samefile(path) for path in found)
+            inputs = [Path(source), *map(Path, glob.glob(source))]
+            lost = any(path.is_file() and output.samefile(path) for path in inputs)
         if lost:
             raise ValueError(f"{output}: is an input of this command and would be lost; give -o another name")
 

@@ -44,8 +44,8 @@ def run(args: argparse.Namespace) -> None:
         unit, known = series["x"].attrs.get("units", "m"), "u_std" in series
     if args.quiet:
         return
-    with read_plane(args.output) as found:
-        print(f"{args.output}: {', '.join(args.quantities)}; {summary(found)}")
+    with read_plane(args.output) as plane:
+        print(f"{args.output}: {', '.join(args.quantities)}; {summary(plane)}")
     if known:
         far = (
             f"correlated over {length:.3g} {unit}"

@@ -87,10 +87,10 @@ def run(args: argparse.Namespace) -> None:
         style = style_of(args, args.vorticity_limit)
         table = read_vortices(args.vortices) if args.vortices else None
         figure = draw(plane, vortices_at(table, time), style=style)
-        found = summary(plane)
+        description = summary(plane)
     content = io.BytesIO()
     figure.savefig(content, format=args.output.suffix[1:])
     plt.close(figure)
     write_bytes(args.output, content.getbuffer())
     if not args.quiet:
-        print(f"{args.output}: {f'{time:g} {unit}, ' if time is not None else ''}{found}")
+        print(f"{args.output}: {f'{time:g} {unit}, ' if time is not None else ''}{description}")

@@ -56,13 +56,13 @@ def run(args: argparse.Namespace) -> None:
         if "time" not in series["u"].dims:
             raise ValueError(f"{args.series}: a single plane; statistics over time need a series")
         number, centres, unit = groups_of(args, series)
-        found = statistics(series, number, centres, centre_units=unit, least=args.least)
-    write_plane(found, args.output)
+        dataset = statistics(series, number, centres, centre_units=unit, least=args.least)
+    write_plane(dataset, args.output)
     if not args.quiet:
-        print(f"{args.output}: {summary(found)}")
+        print(f"{args.output}: {summary(dataset)}")
         print(
             words_on(
-                found,
+                dataset,
                 series.sizes["time"] if number is None else int((number >= 0).sum()),
                 series.sizes["time"],
             )
@@ -116,12 +116,10 @@ def quantity(args: argparse.Namespace, series: xr.Dataset) -> np.ndarray:
     return values.reshape(len(values))
 
 
-def words_on(found: xr.Dataset, used: int, count: int) -> str:
+def words_on(dataset: xr.Dataset, used: int, count: int) -> str:
     """How many instants were used, and what they are worth."""
-    worth = max(max(found.attrs["inefficiency_u"]), max(found.attrs["inefficiency_v"]))
-    text = (
-        f"{used} of {count} instants used, n = {int(found['n'].min())} to {int(found['n'].max())} at a point"
-    )
+    worth = max(max(dataset.attrs["inefficiency_u"]), max(dataset.attrs["inefficiency_v"]))
+    text = f"{used} of {count} instants used, n = {int(dataset['n'].min())} to {int(dataset['n'].max())} at a point"
     if worth == 1.0:
         return text + "; successive samples taken as independent"
     return text + f"; {worth:.3g} successive samples are worth one independent (in the standard errors)"

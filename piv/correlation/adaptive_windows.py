@@ -47,7 +47,7 @@ def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, step
     if together < LEAST_KEPT:
         return errors
     left = LEFT * together / single * v.cell_noise
-    found = []
+    components = []
     for g, h in zip(residual_gradients(nodes, v), (v.cells[2], v.cells[4]), strict=True):
         products = [g * g, g * _around(g), h * h, h * _around(h)]
         missed = np.zeros(g.shape, np.float32)
@@ -64,8 +64,8 @@ def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, step
             differs = (shared > certain) | (missed * curvature - shared > certain)
             missed = np.where(differs, np.maximum(shared / curvature, 0), missed)
         noise = np.clip(left * (one - missed * h_one) / np.maximum(nine, 1e-20), 0.05, 1)
-        found.append([nodes.from_cells(f) for f in (missed, np.where(missed > 0, noise, 1))])
-    (missed_x, share_x), (missed_y, share_y) = found
+        components.append([nodes.from_cells(f) for f in (missed, np.where(missed > 0, noise, 1))])
+    (missed_x, share_x), (missed_y, share_y) = components
     return Errors(
         errors.var_x * share_x,
         errors.var_y * share_y,
@@ -138,12 +138,12 @@ def _errors(nodes: Nodes, v: Displacements, largest: Errors, levels: dict, optio
         alike = 0.0 if kept >= LEAST_KEPT else v.cell_noise
         if level == 1:
             gain /= noise_budget(sigma, 2 * spacing, options.full_steps)[0]
-            found = [gain * denser(e) for e in largest[:2]] + [UNRESOLVED * denser(e) for e in largest[2:]]
+            terms = [gain * denser(e) for e in largest[:2]] + [UNRESOLVED * denser(e) for e in largest[2:]]
         else:
             gain, kept = noise_budget(sigma, spacing, passes, not alike)
             noise = correlation_statistics(nodes, replace(v, sums=sums), sigma, kept, alike)
-            found = [SMALLER * gain * e for e in noise] + [0.0, 0.0]
-        total = [t + weight * e for t, e in zip(total, found, strict=True)]
+            terms = [SMALLER * gain * e for e in noise] + [0.0, 0.0]
+        total = [t + weight * e for t, e in zip(total, terms, strict=True)]
     return Errors(*total)
 
 

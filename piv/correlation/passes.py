@@ -133,7 +133,7 @@ def strip_spectra(
 
     Strips are enough for the spectra and cost a seventh of a pass over the whole image.
     """
-    found = []
+    spectra = []
     field = np.empty((3, prefilter.TILE, nodes.shape[1]), np.float32)
     for first in prefilter.tile_rows(*nodes.shape, seen):
         parts = []
@@ -144,8 +144,8 @@ def strip_spectra(
             image.filter_rows(kernel, first - reach, first + prefilter.TILE + reach)
             parts.append(image.warp(field[0], field[1], share, field[2], k > 0, first))
         powers = prefilter.strip_powers(parts[0], parts[1], field[2])
-        found += [] if powers is None else [powers]
-    return found
+        spectra += [] if powers is None else [powers]
+    return spectra
 
 
 def measure(

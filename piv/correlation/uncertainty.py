@@ -151,7 +151,7 @@ def unresolved(nodes: Nodes, v: Displacements, sigma: float):
 
     out = []
     for g, h in ((left[0], cells[2]), (left[1], cells[4])):
-        found = np.zeros(g.shape, np.float32)
+        variance = np.zeros(g.shape, np.float32)
         # short waves correlate along their crests only: each direction separately
         for kernel in (apart[:, None], apart[None, :]):
             product = g * cv2.filter2D(g, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
@@ -160,6 +160,6 @@ def unresolved(nodes: Nodes, v: Displacements, sigma: float):
             if sure.any():
                 other = cv2.filter2D(h, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
                 curvature = np.maximum(mean(h * other), 1e-12)
-                found = np.maximum(found, np.where(sure, shared / curvature, 0))
-        out.append(nodes.from_cells(found))
+                variance = np.maximum(variance, np.where(sure, shared / curvature, 0))
+        out.append(nodes.from_cells(variance))
     return out[0], out[1]

@@ -65,11 +65,11 @@ def derived_blocks(
     dx, dy = (float(plane[n][1] - plane[n][0]) for n in ("x", "y"))
     rate = "1/frame" if plane["x"].attrs.get("units") == "px" else "1/s"
     for part in blocks(plane):
-        found: dict[str, list[np.ndarray]] = {}
+        stacks: dict[str, list[np.ndarray]] = {}
         for k in range(part.sizes["time"]):
             for name, values in _of_instant(part.isel(time=k), quantities, dx, dy, scheme, length).items():
-                found.setdefault(name, []).append(values)
-        new = {n: (("time", "y", "x"), np.stack(a).astype(np.float32)) for n, a in found.items()}
+                stacks.setdefault(name, []).append(values)
+        new = {n: (("time", "y", "x"), np.stack(a).astype(np.float32)) for n, a in stacks.items()}
         part = part.assign(new)
         for name in new:
             part[name].attrs = {"units": f"{rate}²" if name.startswith("q") else rate}

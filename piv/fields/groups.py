@@ -46,15 +46,15 @@ def read_columns(path: str | Path, *names: str) -> list[np.ndarray]:
         table = pd.read_csv(path, comment="#", skipinitialspace=True)
     except ValueError as error:
         raise ValueError(f"{path}: not a readable table ({one_line(error)})") from None
-    found = []
+    columns = []
     for name in names:
         if name not in table:
             raise ValueError(f"{path}: no column {name!r}; there are {', '.join(map(str, table.columns))}")
         column = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
         if not np.isfinite(column).all():
             raise ValueError(f"{path}: column {name!r} holds other than finite numbers")
-        found.append(column)
-    return found
+        columns.append(column)
+    return columns
 
 
 def at_instants(times: np.ndarray, table_times: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -39,8 +39,8 @@ def along_line(
     names = [n for n in fields_of(plane) if n not in SKIPPED]
     for part in blocks(plane, [*names, "valid"]):
         ok = part["valid"] != 0
-        found = {n: _bilinear(part[n].where(ok), x, y) for n in names}
-        table = {"s": s, "x": x, "y": y} | found
+        samples = {n: _bilinear(part[n].where(ok), x, y) for n in names}
+        table = {"s": s, "x": x, "y": y} | samples
         ux, uy = (x1 - x0) / length, (y1 - y0) / length
         table["along"], table["across"] = table["u"] * ux + table["v"] * uy, table["v"] * ux - table["u"] * uy
         for k, time in enumerate(part["time"].values):

@@ -26,14 +26,14 @@ def instants(path: Path) -> list[Instant]:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
     try:
-        found = read_in_child(_hdf5_session if h5py.is_hdf5(path) else _mat5_session, str(path))
+        session = read_in_child(_hdf5_session if h5py.is_hdf5(path) else _mat5_session, str(path))
     except Exception as error:  # scipy and HDF5 raise whatever their parts raise on foreign bytes
         raise ValueError(
             f"{path}: damaged, or not a .mat export of PIVlab ({one_line(error, 200)})"
         ) from error
-    if not found:
+    if not session:
         raise ValueError(f"{path}: no vectors in it")
-    return found
+    return session
 
 
 def _mat5_session(path: str) -> list[Instant]:
@@ -73,11 +73,11 @@ def _session(held: Any, get: Callable[[str, int], Any], count: int, units: str) 
             raise ValueError(f"{name!r} does not hold real numbers")
         return values.astype(float)
 
-    found = []
+    session = []
     for k in range(count):
         x = numbers("x", k)
         # an empty array, PIVlab's [], holds its two dimensions in HDF5
         filtered = "u_filtered" in held and numbers("u_filtered", k).shape == x.shape
         end = "filtered" if filtered else "original"
-        found.append(((x, numbers("y", k), *(numbers(f"{n}_{end}", k) for n in VECTORS)), units))
-    return found
+        session.append(((x, numbers("y", k), *(numbers(f"{n}_{end}", k) for n in VECTORS)), units))
+    return session

@@ -39,8 +39,8 @@ def netcdf_layout(path: Path) -> str:
             "t",
         }:
             return "pivpy"
-        found = ", ".join(map(str, data.variables))
-    raise ValueError(f"{path}: no vectors as pivpy stores them (u, v over y, x, t), but {found}")
+        names = ", ".join(map(str, data.variables))
+    raise ValueError(f"{path}: no vectors as pivpy stores them (u, v over y, x, t), but {names}")
 
 
 def own_netcdf(path: Path) -> xr.Dataset:
@@ -60,12 +60,12 @@ def read_pivpy(path: Path) -> Iterator[tuple]:
         try:
             data = data.sortby(["y", "x"])
             units = [_unit(data[n]) for n in ("x", "u")]
-            found = [
+            instants = [
                 _instant(data.isel(t=k) if "t" in data.dims else data) for k in range(data.sizes.get("t", 1))
             ]
         except Exception as error:  # of damaged data the libraries raise more than one kind
             raise ValueError(f"{path}: damaged, or not in pivpy's layout ({one_line(error)})") from error
-    yield from ((*instant, *units) for instant in found)
+    yield from ((*instant, *units) for instant in instants)
 
 
 def _instant(data: xr.Dataset) -> tuple[np.ndarray, ...]:

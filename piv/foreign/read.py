@@ -29,7 +29,7 @@ VELOCITIES = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-
 
 
 def to_plane(
-    found: Vectors,
+    vectors: Vectors,
     name: str,
     *,
     length_unit: str | None = None,
@@ -45,11 +45,11 @@ def to_plane(
     need `interval_s`; px with y down need `image_rows`, the height of the image, because 0 is to be its bottom row. ValueError names
     the missing option, and refuses an option that contradicts the file.
     """
-    length = _agreed(name, "--length-unit", found.length_unit, length_unit, [*LENGTHS, "px"])
+    length = _agreed(name, "--length-unit", vectors.length_unit, length_unit, [*LENGTHS, "px"])
     speeds = [*VELOCITIES, "px/frame", *(f"{u}/frame" for u in LENGTHS)]
-    stated = "px/frame" if found.velocity_unit == "px" else found.velocity_unit
+    stated = "px/frame" if vectors.velocity_unit == "px" else vectors.velocity_unit
     velocity = _agreed(name, "--velocity-unit", stated, velocity_unit, [*speeds, "px/s"])
-    direction = _agreed(name, "--y-axis", found.y_axis, y_axis, ["up", "down"])
+    direction = _agreed(name, "--y-axis", vectors.y_axis, y_axis, ["up", "down"])
 
     in_px = (length, velocity) == ("px", "px/frame") and scale_m_per_px is None and interval_s is None
 
@@ -69,7 +69,13 @@ def to_plane(
         if per == "frame" and not in_px and (interval_s is None or not interval_s > 0):
             raise ValueError(f"{name}: displacements per frame; give the time between exposures, --interval")
         speed = factor(unit) / (interval_s if per == "frame" and interval_s else 1.0)
-    x, y, u, v, flag = found.x * factor(length), found.y, found.u * speed, found.v * speed, found.flag
+    x, y, u, v, flag = (
+        vectors.x * factor(length),
+        vectors.y,
+        vectors.u * speed,
+        vectors.v * speed,
+        vectors.flag,
+    )
     if direction == "down":
         if length == "px":
             if image_rows is None:
@@ -137,10 +143,10 @@ def read_vectors(
     files.sort(key=natural_key)
     planes, names = [], []
     for path in files:
-        for found in _instants(path, kind, keep_replaced):
+        for vectors in _instants(path, kind, keep_replaced):
             if zero_is_absent:
-                found.flag[(found.u == 0) & (found.v == 0)] = 2
-            planes.append(to_plane(found, str(path), **units))  # type: ignore[arg-type]
+                vectors.flag[(vectors.u == 0) & (vectors.v == 0)] = 2
+            planes.append(to_plane(vectors, str(path), **units))  # type: ignore[arg-type]
             names.append(path)
     attrs = {"source": "lab", "imported_from": json.dumps([p.name for p in files])}
     if len(planes) == 1:
@@ -184,7 +190,7 @@ def _instants(path: Path, kind: str, keep_replaced: bool) -> Iterable[Vectors]:
     if kind == "pivlab":
         return read_pivlab(path, keep_replaced=keep_replaced)
     if kind == "pivpy":
-        return [Vectors(*found) for found in read_pivpy(path)]
+        return [Vectors(*instant) for instant in read_pivpy(path)]
     return [{"openpiv": read_openpiv, "tecplot": read_tecplot, "davis": read_davis}[kind](path)]
 
 

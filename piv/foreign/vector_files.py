@@ -173,8 +173,8 @@ def read_tecplot(path: Path) -> Vectors:
 
 
 def _unit(name: str) -> str | None:
-    found = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]", name)
-    return _spelled(found.group(1)) if found else None
+    match = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]", name)
+    return _spelled(match.group(1)) if match else None
 
 
 SPELLINGS = {"pxs": "px", "px/fr": "px/frame", "px/dt": "px/frame", "m s-1": "m/s", "mm s-1": "mm/s"}
@@ -192,10 +192,10 @@ def read_pivlab(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]
     y axis points down (PIVlab's image axes); after a calibration in PIVlab the file does not say.
     """
     if path.suffix.lower() == ".mat":
-        found = [(data, _two_units(text)) for data, text in instants(path)]
+        session = [(data, _two_units(text)) for data, text in instants(path)]
     else:
-        found = [_pivlab_ascii(path)]
-    for (x, y, u, v, kind), units in found:
+        session = [_pivlab_ascii(path)]
+    for (x, y, u, v, kind), units in session:
         flag = np.select([kind == 1, kind == 0], [0, 2], 4 if keep_replaced else 1)
         length, velocity = (_spelled(unit) for unit in units) if units else (None, None)
         yield Vectors(*_grid(path, x, y, u, v, flag), length, velocity, "down" if length == "px" else None)
@@ -227,18 +227,18 @@ def read_davis(path: Path) -> Vectors:
     rows run from the top, so y is "up" where that scale's slope is negative, as after a calibration, else "down".
     """
     _head(path, 16)
-    found = read_buffer(path)
-    absent = found["absent"]
-    (slope_x, offset_x, unit_x), (slope_y, offset_y, _) = found["x"], found["y"]
+    buffer = read_buffer(path)
+    absent = buffer["absent"]
+    (slope_x, offset_x, unit_x), (slope_y, offset_y, _) = buffer["x"], buffer["y"]
     rows, columns = absent.shape
-    x = (np.arange(columns) + 0.5) * found["grid"][0] * slope_x + offset_x
-    y = (np.arange(rows) + 0.5) * found["grid"][1] * slope_y + offset_y
-    u, v = (np.where(absent, np.nan, found[n]) for n in ("u", "v"))
+    x = (np.arange(columns) + 0.5) * buffer["grid"][0] * slope_x + offset_x
+    y = (np.arange(rows) + 0.5) * buffer["grid"][1] * slope_y + offset_y
+    u, v = (np.where(absent, np.nan, buffer[n]) for n in ("u", "v"))
     flag = np.where(absent, 2, 0)
     if _spelled(unit_x) == "px":  # DaVis counts from the edge of the first pixel, we from its centre
         x, y = x - 0.5, y - 0.5
     xx, yy = np.meshgrid(x, y)
-    length, velocity = _spelled(unit_x), _spelled(found["i"][2])
+    length, velocity = _spelled(unit_x), _spelled(buffer["i"][2])
     if velocity == "px":
         velocity = "px/frame"
     direction = "down" if slope_y > 0 else "up"

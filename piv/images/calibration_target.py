@@ -44,8 +44,8 @@ def find_corners(image: np.ndarray, target: Target) -> tuple[np.ndarray, np.ndar
         image = cv2.convertScaleAbs(image, alpha=255 / max(int(image.max()), 1))
     if target.marker_m is None:
         size = (target.columns - 1, target.rows - 1)
-        found, corners = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_ACCURACY)
-        if not found:
+        complete, corners = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_ACCURACY)
+        if not complete:
             return np.empty((0, 2)), np.empty((0, 3))
         grid = np.mgrid[: target.rows - 1, : target.columns - 1][::-1].reshape(2, -1).T * target.square_m
         return corners.reshape(-1, 2).astype(float), np.column_stack([grid, np.zeros(len(grid))])
@@ -79,16 +79,16 @@ def calibrate_target(
         raise ValueError(f"lens model must be one of {', '.join(MODELS)}, got {model!r}")
     if not views or len({v.shape for v in views}) != 1:
         raise ValueError("the target's pictures must be at least one, all of the same size")
-    found = [find_corners(v, target) for v in views]
-    used = [k for k, (corners, _) in enumerate(found) if len(corners) >= MIN_CORNERS]
+    matches = [find_corners(v, target) for v in views]
+    used = [k for k, (corners, _) in enumerate(matches) if len(corners) >= MIN_CORNERS]
     if 0 not in used:
         raise ValueError(
-            f"picture 0, which shows the target in the sheet: {len(found[0][0])} corners "
+            f"picture 0, which shows the target in the sheet: {len(matches[0][0])} corners "
             "found; check rows, columns, marker size and dictionary"
         )
     rows, columns = views[0].shape
-    image_points = [found[k][0].astype(np.float32) for k in used]
-    board_points = [found[k][1].astype(np.float32) for k in used]
+    image_points = [matches[k][0].astype(np.float32) for k in used]
+    board_points = [matches[k][1].astype(np.float32) for k in used]
     if len(used) > 1:
         rms, matrix, distortion, _, _ = cv2.calibrateCamera(
             board_points, image_points, (columns, rows), None, None, flags=MODELS[model]
@@ -96,7 +96,7 @@ def calibrate_target(
     else:
         matrix, distortion, rms = np.diag([columns, columns, 1.0]), np.zeros(5), np.nan
         matrix[:2, 2] = (columns - 1) / 2, (rows - 1) / 2
-    corners, places = found[0]
+    corners, places = matches[0]
     straight = cv2.undistortPoints(
         corners.reshape(-1, 1, 2), matrix, distortion, P=matrix, criteria=(3, 200, 1e-12)
     ).reshape(-1, 2)

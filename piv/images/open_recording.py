@@ -79,10 +79,10 @@ def _expand(source: str | Path) -> list[Path]:
         if not path.exists():
             raise FileNotFoundError(f"{path}: no such file or folder")
         return [path]
-    found = [Path(p) for p in glob.glob(str(source))]
-    if not found:
+    files = [Path(p) for p in glob.glob(str(source))]
+    if not files:
         raise FileNotFoundError(f"{source}: no file matches")
-    return in_sequence(found)
+    return in_sequence(files)
 
 
 def in_sequence(images: list[Path]) -> list[Path]:
@@ -122,7 +122,7 @@ def pairs(n: int, mode: str = "1-2,2-3", *, skip: int = 0, every: int = 1) -> li
     if skip < 0 or every < 1:
         raise ValueError(f"skip must be at least 0 and every at least 1, got skip={skip}, every={every}")
     if mode == "1-2,2-3":
-        found = [(i, i + 1 + skip) for i in range(n - 1 - skip)]
+        index_pairs = [(i, i + 1 + skip) for i in range(n - 1 - skip)]
     else:
         if skip:
             raise ValueError(
@@ -130,10 +130,10 @@ def pairs(n: int, mode: str = "1-2,2-3", *, skip: int = 0, every: int = 1) -> li
             )
         if n % 2:
             raise ValueError(f"{n} frames cannot be paired '1-2,3-4': the last frame has no partner")
-        found = [(i, i + 1) for i in range(0, n, 2)]
-    if not found:
+        index_pairs = [(i, i + 1) for i in range(0, n, 2)]
+    if not index_pairs:
         raise ValueError(f"{n} frames give no pair with the pairing {mode!r} and skip={skip}")
-    return found[::every]
+    return index_pairs[::every]
 
 
 def row_to_y_px(row: np.ndarray | float, rows: int) -> np.ndarray:

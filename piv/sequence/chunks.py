@@ -77,10 +77,10 @@ def is_chunk(path: str | Path, attribute: str) -> bool:
 def parts_of(output: str | Path) -> list[Path]:
     """The parts beside `output`, in order; ValueError where none, or some of them, are there, or of several divisions."""
     path = Path(output)
-    found = sorted(path.parent.glob(f"{path.stem}.chunk-*-of-*{path.suffix}"))
-    divisions = {p.name.rpartition("-of-")[2] for p in found}
+    parts = sorted(path.parent.glob(f"{path.stem}.chunk-*-of-*{path.suffix}"))
+    divisions = {p.name.rpartition("-of-")[2] for p in parts}
     if len(divisions) != 1:
-        if not found:
+        if not parts:
             raise ValueError(
                 f"{path}: there are no {path.stem}.chunk-*-of-*{path.suffix} beside it; make them first"
             )
@@ -94,7 +94,7 @@ def parts_of(output: str | Path) -> list[Path]:
         raise ValueError(
             f"{chunk_path(path, missing[0], of)}: missing, with {len(missing)} of {of} chunks; make it first"
         )
-    return found
+    return parts
 
 
 def join(parts: list[Path], output: str | Path) -> Path:

@@ -118,13 +118,13 @@ class Body:
 
     def holds(self, column: np.ndarray, row: np.ndarray) -> np.ndarray:
         """Which points (px, row 0 at the top) lie in the body: to a fraction of a pixel where its outlines are known."""
-        found = in_mask(self.mask, column, row)
+        inside = in_mask(self.mask, column, row)
         if self.polygons:
             near = np.flatnonzero(in_mask(self.edge, column, row))
-            found[near] = False
+            inside[near] = False
             for polygon in self.polygons:
-                found[near] |= _in_polygon(*polygon, column[near], row[near])
-        return found
+                inside[near] |= _in_polygon(*polygon, column[near], row[near])
+        return inside
 
 
 def shadow_of(mask: np.ndarray) -> np.ndarray:

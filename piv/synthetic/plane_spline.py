@@ -80,11 +80,11 @@ class PlaneField:
         away, nearest = KDTree(points).query(np.column_stack([self.x[x], self.y[y]]))
         inside = away < BODY_REACH * max(self.dx, self.dy)
         y, x, nearest = y[inside], x[inside], nearest[inside]
-        found = {}
+        components = {}
         for k, name in enumerate(("u", "v")):
-            found[name] = np.full(absent.shape, np.nan)
-            found[name][y, x] = velocity[nearest, k]
-        return found
+            components[name] = np.full(absent.shape, np.nan)
+            components[name][y, x] = velocity[nearest, k]
+        return components
 
     def at(self, t: float) -> np.ndarray:
         """Spline coefficients as `plane` gives them at instant `t`, once continuously differentiable in t; to be read only."""

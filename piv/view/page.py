@@ -53,8 +53,8 @@ class Page:
 
     def _arrow_scale(self) -> float:
         """Length of an arrow over its speed, from the middle of the series: the same at every step."""
-        found = self.scene.vectors(self.scene.count // 2)
-        x, speed = np.unique(found["x"]), np.hypot(found["u"], found["v"])
+        arrows = self.scene.vectors(self.scene.count // 2)
+        x, speed = np.unique(arrows["x"]), np.hypot(arrows["u"], arrows["v"])
         fast = float(np.percentile(speed, 99)) if speed.size else 0.0
         return ARROW * float(np.diff(x).min()) / fast if x.size > 1 and fast > 0 else 1.0
 
@@ -87,14 +87,14 @@ class Page:
         """Image and vectors of a step."""
         image = self.scene.image(step)
         self.image.data = {"image": [] if image is None else [image]}
-        found = self.scene.vectors(step)
+        arrows = self.scene.vectors(step)
         scale = self.scale
         self.vectors.selected.indices = []
-        self.vectors.data = found | {
-            "x1": found["x"] + scale * found["u"],
-            "y1": found["y"] + scale * found["v"],
+        self.vectors.data = arrows | {
+            "x1": arrows["x"] + scale * arrows["u"],
+            "y1": arrows["y"] + scale * arrows["v"],
         }
-        self.plot.title.text = f"{self.scene.time_text(step)}, {found['x'].size} vectors"
+        self.plot.title.text = f"{self.scene.time_text(step)}, {arrows['x'].size} vectors"
 
     def tell(self, indices: list[int]) -> None:
         """Numbers of the vector that was clicked on."""

@@ -54,8 +54,8 @@ class Scene:
             return step
         time = float(self.series["time"][step])
         times = self.recording.times if self.unit != "px" else np.arange(len(self.recording))
-        found = step if times is None else int(np.searchsorted(times, time + 1e-9, side="right")) - 1
-        return min(max(found, 0), len(self.recording) - 1)
+        frame = step if times is None else int(np.searchsorted(times, time + 1e-9, side="right")) - 1
+        return min(max(frame, 0), len(self.recording) - 1)
 
     def extent(self) -> tuple[float, float, float, float]:
         """left, bottom, right, top: outer edges of the pixels, or half a step beside the vectors."""

@@ -53,9 +53,9 @@ def plane_of(plane: xr.Dataset, weighting: str) -> Plane:
     """The arrays of a plane, with the weights of its vectors in the fit."""
     for name in ("u", "v"):
         if name not in plane or set(plane[name].dims) != {"y", "x"}:
-            found = plane[name].dims if name in plane else "none"
+            dims = plane[name].dims if name in plane else "none"
             raise ValueError(
-                f"vortices are found in one plane with {name!r} over (y, x), got dimensions {found}"
+                f"vortices are found in one plane with {name!r} over (y, x), got dimensions {dims}"
             )
     u, v = (plane[n].transpose("y", "x").values.astype(float) for n in ("u", "v"))
     x, y = plane["x"].values.astype(float), plane["y"].values.astype(float)

@@ -80,8 +80,8 @@ def _fit_all(p: Plane, start: np.ndarray, s: VortexSettings, sweeps: int) -> lis
     for sweep in range(sweeps):
         # in the last sweep neighbours are as good as they get
         wider = WIDER if s.weights == "uncertainty" and sweep == sweeps - 1 else ()
-        found = [_fit_one(p, now, k, start[k, 4:], float(area[k]), s, wider) for k in range(len(now))]
-        kept = [(f, a) for f, a in zip(found, start, strict=True) if f and _plausible(p, f.fit, a)]
+        attempts = [_fit_one(p, now, k, start[k, 4:], float(area[k]), s, wider) for k in range(len(now))]
+        kept = [(f, a) for f, a in zip(attempts, start, strict=True) if f and _plausible(p, f.fit, a)]
         kept = [kept[k] for k in _distinct([f.fit for f, _ in kept])]
         fits = [f for f, _ in kept]
         if not fits:
@@ -108,10 +108,10 @@ def _fit_one(
     # where the vectors' noise is not known, what the smallest disc leaves is taken for it
     noise = 1.0 if p.noise_known else best.misfit
     for factor in wider:
-        found = _fit_disc(p, now, k, region, area, s, factor * s.fit_radius)
-        if found is None or found.misfit > MODEL_HOLDS * noise or found.seen < WATER:
+        wide_fit = _fit_disc(p, now, k, region, area, s, factor * s.fit_radius)
+        if wide_fit is None or wide_fit.misfit > MODEL_HOLDS * noise or wide_fit.seen < WATER:
             break
-        best = found
+        best = wide_fit
     return best
 
 

@@ -61,7 +61,7 @@ def find_candidates(p: Plane, g: Gradients, s: VortexSettings) -> list[Candidate
     size = gamma2(p.u, p.v, p.valid, dx, dy, s.stencil_radius or 2 * max(dx, dy))
     swirl, omega = swirling_strength(g), vorticity(g)
     inside = q_criterion(g) > 0
-    found = []
+    candidates = []
     for sense in (1.0, -1.0):
         region = (np.nan_to_num(sense * size) >= s.gamma2) & (np.nan_to_num(sense * swirl) > 0) & inside
         labels, _ = ndimage.label(region, np.ones((3, 3)))
@@ -76,8 +76,8 @@ def find_candidates(p: Plane, g: Gradients, s: VortexSettings) -> list[Candidate
             cx, cy = (float(np.average(q, weights=weight)) for q in (x[i], y[j]))
             radius = _whole_radius(x, y, p.valid, cx, cy, j.size)
             circulation = float(omega[j, i].sum() * dx * dy / REGION_PART)
-            found.append(Candidate(cx, cy, circulation, radius / REGION_RADIUS))
-    return sorted(found, key=lambda c: -abs(c.circulation))
+            candidates.append(Candidate(cx, cy, circulation, radius / REGION_RADIUS))
+    return sorted(candidates, key=lambda c: -abs(c.circulation))
 
 
 def _whole_radius(

@@ -40,10 +40,12 @@ def tabulate_vortices(
         raise ValueError(f"threads must be at least 1, got {processes}")
     rows = []
     empty = True
-    for plane, found in _found(series, settings, processes, quiet):
+    for plane, vortices in _found(series, settings, processes, quiet):
         empty &= not plane["valid"].values.any()
         time = float(plane["time"]) if "time" in plane.coords else None
-        for vortex, track in zip(found, tracker.update(0.0 if time is None else time, found), strict=True):
+        for vortex, track in zip(
+            vortices, tracker.update(0.0 if time is None else time, vortices), strict=True
+        ):
             place = place_at_tip(vortex.x, vortex.y, plane)
             rows.append({"time": time, "track": track} | asdict(vortex) | (place._asdict() if place else {}))
     if empty:

@@ -278,16 +278,16 @@ def read_dpiv(path: Path) -> Dpiv:
 
 def _sentence(error: ValidationError) -> str:
     """All that is missing or wrong, what is missing first, with what to write."""
-    found = []
+    faults = []
     for one in sorted(error.errors(), key=lambda e: e["type"] != "missing"):
         parts = (part for part in one["loc"] if not isinstance(part, str) or _is_key(part))
         place = tuple(parts)
         key = ".".join(map(str, place))
         if one["type"] == "missing":
-            found.append(f"{key} is missing: give {HINTS.get(key, key)}")
+            faults.append(f"{key} is missing: give {HINTS.get(key, key)}")
         else:
-            found += complaints([one | {"loc": place}], Dpiv)
-    return "; ".join(found)
+            faults += complaints([one | {"loc": place}], Dpiv)
+    return "; ".join(faults)
 
 
 def _is_key(part: str) -> bool:

@@ -79,14 +79,14 @@ def scatter(
         reach = BOX * row["core_radius"] + 2 * (x[1] - x[0])
         now = plane[["u", "v", "valid", "u_std", "v_std"]].isel(time=k, drop=True)
         box = now.sel(x=slice(at[0] - reach, at[0] + reach), y=slice(at[1] - reach, at[1] + reach))
-        found = []
+        fits = []
         for replica in range(REPLICAS + 1):
             shaken = _shaken(box, smooth, rng) if replica else box
             vortex = _nearest(shaken, settings, at, row["circulation"])
             if vortex is not None:
-                found.append([vortex.circulation, vortex.x, vortex.y, vortex.core_radius])
-        if len(found) > 2:
-            spread = np.std(found[1:], axis=0, ddof=1)
+                fits.append([vortex.circulation, vortex.x, vortex.y, vortex.core_radius])
+        if len(fits) > 2:
+            spread = np.std(fits[1:], axis=0, ddof=1)
             for name, value in zip(COLUMNS[:4], spread, strict=True):
                 moved[name].append(float(value))
         moved["jet_speed"].append(_jet_scatter(plane.isel(time=[k]), smooth, rng))
@@ -123,5 +123,5 @@ def _shaken(box: xr.Dataset, smooth: float, rng: np.random.Generator) -> xr.Data
 def _nearest(box: xr.Dataset, settings: VortexSettings, at: np.ndarray, like: float):
     if min(box.sizes["x"], box.sizes["y"]) < 4:
         return None
-    found = [v for v in find_vortices(box, settings) if v.circulation * like > 0]
-    return min(found, key=lambda v: np.hypot(v.x - at[0], v.y - at[1])) if found else None
+    vortices = [v for v in find_vortices(box, settings) if v.circulation * like > 0]
+    return min(vortices, key=lambda v: np.hypot(v.x - at[0], v.y - at[1])) if vortices else None

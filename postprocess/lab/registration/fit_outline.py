@@ -70,13 +70,13 @@ def prepare(
     blur_px: float = FINE_PX,
 ) -> Frames:
     """Evidence of frames (row 0 at the top) taken at `times` (s); `blind` (rows, columns): pixels that tell nothing."""
-    found = [evidence.image(image, blur_px) for image in images]
+    evidence_images = [evidence.image(image, blur_px) for image in images]
     if blind is not None:
-        found = [np.where(blind, np.float32(0), f) for f in found]
-    near = [np.corrcoef(a.ravel()[::3], b.ravel()[::3])[0, 1] for a, b in itertools.pairwise(found)]
+        evidence_images = [np.where(blind, np.float32(0), f) for f in evidence_images]
+    near = [np.corrcoef(a.ravel()[::3], b.ravel()[::3])[0, 1] for a, b in itertools.pairwise(evidence_images)]
     common = float(np.clip(np.mean(near), 0, 0.99)) if near else 0.0
-    mean = float(np.mean([f.mean() for f in found]))
-    integrals = np.stack([integral_image(f, mean).astype(np.float32) for f in found])
+    mean = float(np.mean([f.mean() for f in evidence_images]))
+    integrals = np.stack([integral_image(f, mean).astype(np.float32) for f in evidence_images])
     return Frames(integrals, mean, np.asarray(times, float), (1 - common) / (1 + common))
 
 
@@ -144,21 +144,21 @@ def fit_outline(
     change, off, steps, cold = np.zeros(8), np.zeros(frames.times.size), np.diag(spread**2), COLD
     done: list[tuple[np.ndarray, np.ndarray]] = []
     while len(done) < rounds and not settled(done):
-        found, places, change, off, accepted = sample(
+        states, places, change, off, accepted = sample(
             frames.integrals, frames.mean, outlines, normals, np.asarray(first.anchor), start, change, off, frames.times, history,
             clock[0], clock[1] - clock[0], steps, 0.02 * spread, mean, weight, apart, frames.independent, cold, burn, keep, rng,
         )  # fmt: skip
-        done.append((found, places))
-        steps, cold, burn = np.cov(found.T) + np.diag((0.02 * spread) ** 2), 1.0, max(burn // 4, 200)
+        done.append((states, places))
+        steps, cold, burn = np.cov(states.T) + np.diag((0.02 * spread) ** 2), 1.0, max(burn // 4, 200)
     # where it would not settle, the drift of the last rounds is part of the uncertainty
-    found, places = (np.concatenate(parts) for parts in zip(*done[-2:], strict=True))
+    states, places = (np.concatenate(parts) for parts in zip(*done[-2:], strict=True))
     middle = places.mean(axis=0)
     if middle.min() < 1 or middle.max() > TABLE - 2:
         raise ValueError(
             f"the recording's finger bends further than the simulation's by more than {REACH:.0%}; give the simulation the"
             " recording's pressure (motion.strokes in scene.toml)"
         )
-    pose = found[:, :5] + [0.0, 0.0, 0.0, 0.0, edge_px]
+    pose = states[:, :5] + [0.0, 0.0, 0.0, 0.0, edge_px]
     return OutlineFit(
-        first, pose, found[:, 5:] + law, table[0] + step * places, frames.times, float(accepted)
+        first, pose, states[:, 5:] + law, table[0] + step * places, frames.times, float(accepted)
     )

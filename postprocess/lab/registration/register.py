@@ -193,7 +193,7 @@ def deviation_from_law(kinematics: Kinematics, rough: OutlineFit, values: np.nda
     return np.where(at_rest, min(moving, REST_STD * span), moving)
 
 
-def with_length(found: Registration, scale_std: float | None, length_std: float) -> Registration:
+def with_length(registration: Registration, scale_std: float | None, length_std: float) -> Registration:
     """A registration whose scale is that of the finger, for a finger whose length is known to `length_std` (relative) only.
 
     The fit's prior was that of stated scale and length together; what it moved the scale by is shared between them by variance.
@@ -201,15 +201,15 @@ def with_length(found: Registration, scale_std: float | None, length_std: float)
     share = 1.0
     variance = length_std**2
     if scale_std is not None and length_std > 0:
-        assert found.stated is not None  # a stated scale has a stated pose
+        assert registration.stated is not None  # a stated scale has a stated pose
         share = scale_std**2 / (scale_std**2 + length_std**2)
         variance = share * length_std**2
-    stated = (found.stated or found.pose).scale_m_per_px
-    scale = stated * (found.pose.scale_m_per_px / stated) ** share
+    stated = (registration.stated or registration.pose).scale_m_per_px
+    scale = stated * (registration.pose.scale_m_per_px / stated) ** share
     turn = np.diag([1.0, 1.0, 1.0, share])
-    covariance = turn @ found.covariance @ turn
+    covariance = turn @ registration.covariance @ turn
     covariance[3, 3] += variance
-    return replace(found, pose=replace(found.pose, scale_m_per_px=scale), covariance=covariance)
+    return replace(registration, pose=replace(registration.pose, scale_m_per_px=scale), covariance=covariance)
 
 
 def _registration(

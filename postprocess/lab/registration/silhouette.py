@@ -36,15 +36,15 @@ class WaterLikelihood:
 
     def image(self, frame: np.ndarray, blur_px: float = FINE_PX) -> np.ndarray:
         """The evidence of a frame (row 0 at the top), (rows, columns) float32; its sum over a region is that for a body there."""
-        found = np.full(frame.shape, np.float32(self.rate))
+        empty_frame = np.full(frame.shape, np.float32(self.rate))
         row, column = particles(frame, self.threshold)
         i, j = column.astype(int), row.astype(int)
         a, b = (column - i).astype(np.float32), (row - j).astype(np.float32)
-        spots = np.zeros_like(found)
+        spots = np.zeros_like(empty_frame)
         for dj, wj in ((0, 1 - b), (1, b)):
             for di, wi in ((0, 1 - a), (1, a)):
                 np.add.at(spots, (j + dj, i + di), wj * wi)
-        return found - np.float32(self.cost) * cv2.GaussianBlur(spots, (0, 0), blur_px)
+        return empty_frame - np.float32(self.cost) * cv2.GaussianBlur(spots, (0, 0), blur_px)
 
 
 def particles(frame: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:

@@ -122,7 +122,7 @@ def registration_summary(registration: Registration, kinematics: Kinematics) -> 
     pose, law, stated = registration.pose, registration.law, registration.stated
     std = np.sqrt(np.diag(registration.covariance))
     scale = pose.scale_m_per_px
-    found = {
+    summary = {
         "scale_m_per_px": scale,
         "scale_std_percent": 100 * float(std[3]),
         "turn_deg": float(np.degrees(pose.angle)),
@@ -139,9 +139,9 @@ def registration_summary(registration: Registration, kinematics: Kinematics) -> 
     }
     if stated is not None:
         off = (np.asarray(pose.at_px) - stated.at_px) * scale * 1e3
-        found |= {
+        summary |= {
             "scale_against_stated_percent": 100 * (scale / stated.scale_m_per_px - 1),
             "turn_against_stated_deg": float(np.degrees(pose.angle - stated.angle)),
             "root_against_stated_mm": [float(v) for v in off],
         }
-    return found
+    return summary

@@ -85,10 +85,10 @@ def used_frames(
 def with_finger(plane: xr.Dataset, kinematics: Kinematics, pose: Pose, pressures: np.ndarray) -> xr.Dataset:
     """A plane series in the camera frame with the finger's shape at each instant's pressure (Pa)."""
     shapes = {name: np.array([kinematics.fingers(name, p) for p in pressures]) for name in kinematics.splines}
-    found = {name: in_camera(name, values, pose) for name, values in shapes.items()}
+    finger = {name: in_camera(name, values, pose) for name, values in shapes.items()}
     grids = {str(n): plane[n].values for n in plane.data_vars if plane[n].dims == ("time", "y", "x")}
     x, y, time = (plane[name].values for name in ("x", "y", "time"))
-    out = make_plane(x, y, time=time, **grids, **found)
+    out = make_plane(x, y, time=time, **grids, **finger)
     return out.assign_attrs(plane.attrs | {"tip_width": kinematics.tip_width})
 
 
