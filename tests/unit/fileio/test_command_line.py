@@ -11,6 +11,7 @@ import pytest
 
 from fileio.command import command_line, guarded
 from fileio.errors import StageError
+from fileio.lock import exclusive
 from fileio.stages import BY_NAME
 from pipeline.__main__ import TOOLS, main
 from tests.conftest import ROOT, write_scene
@@ -157,3 +158,8 @@ def test_workers_end_at_ctrl_c_without_a_word(tmp_path):
     said = process.communicate(timeout=60)[1]
     assert process.returncode == 130
     assert said == "work: interrupted; run it again to go on: what is finished is kept\n"
+
+
+def test_a_folder_that_does_not_exist_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match="make it first"), exclusive(tmp_path / "none" / "a.h5"):
+        pass
