@@ -108,6 +108,8 @@ def statistics(
         raise ValueError(f"{labels.size} groups for {count} instants")
     if not (labels >= 0).any():
         raise ValueError("no instant is in any group")
+    if (most := int(np.bincount(labels[labels >= 0]).max())) < least:
+        raise ValueError(f"a mean needs {least} instants, and there are {most} at most in a group (least)")
     number = int(labels.max()) + 1 if centres is None else len(centres)
     shape = (series.sizes["y"], series.sizes["x"])
     step = max(1, int(np.ceil(np.sqrt(shape[0] * shape[1] / SAMPLED))))

@@ -276,3 +276,10 @@ def test_blocks_give_the_same_as_the_whole(long_file, tmp_path):
                 np.testing.assert_array_equal(derivatives[name], whole[name])
             assert derivatives["vorticity"].attrs["units"] == "1/s"
             assert isinstance(derivatives, xr.Dataset)
+
+
+def test_groups_of_too_few_instants_are_refused():
+    x = np.arange(4.0)
+    plane = make_plane(x, x, np.ones((2, 4, 4)), np.ones((2, 4, 4)), time=np.arange(2.0))
+    with pytest.raises(ValueError, match="needs 2 instants, and there are 1"):
+        statistics(plane, np.array([0, 1]))
