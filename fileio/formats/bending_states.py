@@ -164,7 +164,8 @@ def read_states(path: Path, thickness: float) -> States:
     """States to move by, from `states.h5` or a CSV (docs/formats.md); `thickness` (m) where a CSV gives none."""
     if not path.exists():
         raise StageError(
-            f"{path}: motion.states names no file; give the path of a states.h5 or a profile CSV"
+            f"{path}: motion.states names no file; give the path of a states.h5 or a profile CSV, or analyse the"
+            " scene's actuator with make fea SCENE=.."
         )
     if path.suffix.lower() == ".csv":
         states = _read_csv(path, thickness)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 
 from tqdm import tqdm
@@ -12,7 +13,10 @@ from fileio.formats.bending_states import write
 from pipeline.fea.engines import bending_states
 from pipeline.fea.sections import sections
 from pipeline.fea.sensitivity import variations, with_uncertainty
-from pipeline.scene.scene import Scene
+from pipeline.scene.read_toml import OWN_STATES
+from pipeline.scene.scene import Scene, load_scene
+
+USED_BY = ("fea", "structure")  # of motion.source
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +36,13 @@ def run(scene: Scene, quiet: bool = False, processes: int = 2) -> None:
                 states = with_uncertainty(states, actuator, fea, processes, bar.update)
     except (ValueError, RuntimeError, FileNotFoundError) as error:
         raise StageError(str(error)) from error
-    target = scene.folder / "kinematics" / "states.h5"
+    target = scene.folder / OWN_STATES
     write(target, states)
     if not quiet:
         print(f"fea: {len(states.pressure)} states → {target}")
+    motion = load_scene(scene.folder, scene.level).motion  # the file that was written may hold in place of a parent's
+    if motion.source not in USED_BY or os.path.normpath(scene.folder / str(motion.states)) != str(target):
+        print(
+            f"fea: warning: {scene.folder / 'scene.toml'} has motion.source = {motion.source!r} and motion.states ="
+            f" {motion.states!r}, so nothing uses these states; give motion.source = 'fea' and motion.states = '{OWN_STATES}'"
+        )

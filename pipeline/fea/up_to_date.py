@@ -49,10 +49,7 @@ def _remedy(scene: Scene, path: Path) -> str:
         said = merge(said, layer.base)
     if owner == scene.folder or said.get("actuator") == scene.actuator:
         return f"analyse it anew with python -m pipeline fea {owner}"
-    return (
-        f"analyse this scene's own with python -m pipeline fea {scene.folder} and give motion.states ="
-        " 'kinematics/states.h5'"
-    )
+    return f"analyse this scene's own with python -m pipeline fea {scene.folder}"
 
 
 def _provenance(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:

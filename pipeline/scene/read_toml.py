@@ -18,11 +18,17 @@ FILE_KEYS = {
     "shapes",
 }  # of [motion]: relative to the scene that gives them
 REPLACED = {"parameters"}  # of a material's law: those of another law would be left over
+# of [motion]: one of them that is given, and not empty, takes the place of the others
+HISTORIES = {"pressure_csv": {"strokes", "start_pressure_kpa"}, "strokes": {"pressure_csv"}}
+OWN_STATES = "kinematics/states.h5"  # where make fea writes them; in a scene's folder they hold for the scene
 
 
 def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     """`base` with the entries of `over`, table by table."""
     merged = dict(base)
+    for key in HISTORIES.keys() & over.keys():
+        for other in HISTORIES[key] if over[key] else ():
+            merged.pop(other, None)
     for key, value in over.items():
         both = isinstance(value, dict) and isinstance(merged.get(key), dict) and key not in REPLACED
         merged[key] = merge(merged[key], value) if both else value
@@ -64,7 +70,7 @@ def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
     inherited = read_layers(base, chain)
     for layer in inherited:
         for part in (layer.base, *layer.levels.values()):
-            _move_files(part.get("motion"), parent)
+            _move_files(part.get("motion"), parent, (path.parent / OWN_STATES).exists())
     return [*inherited, *layers]
 
 
@@ -114,8 +120,13 @@ def _level_chain(layers: list[Layer], level: str) -> list[str]:
     return names
 
 
-def _move_files(motion: Any, folder: str) -> None:
-    """Change names of files that are relative to the parent's `folder` so that they hold for the scene that extends it."""
+def _move_files(motion: Any, folder: str, own_states: bool) -> None:
+    """Change names of files that are relative to the parent's `folder` so that they hold for the scene that extends it.
+
+    With `own_states`, the scene's own bending states take the place of the parent's.
+    """
     for key in FILE_KEYS & motion.keys() if isinstance(motion, dict) else ():
         if isinstance(motion[key], str):
             motion[key] = os.path.join(folder, motion[key])
+    if own_states and isinstance(motion, dict) and "states" in motion:
+        motion["states"] = OWN_STATES

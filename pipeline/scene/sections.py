@@ -92,7 +92,7 @@ class Motion(Section):
     source: Literal["fea", "paper_equations", "recording", "rigid", "structure"] = "paper_equations"
     """Where the shapes come from: a bending analysis, the paper's equations, a recording, a rigid body, or loads (COUPLED=1)"""
     states: str | None = None
-    """File of the bending states (states.h5 or CSV), for source = "fea" or "structure" """
+    """File of the bending states (states.h5 or CSV), for source = "fea" or "structure"; the scene's own kinematics/states.h5, where it is, in place of an inherited one"""
     recording: str | None = None
     """File of a motion as a camera saw it (motion.h5), for source = "recording" """
     shapes: str | None = None
@@ -104,7 +104,7 @@ class Motion(Section):
     strokes: tuple[Segment, ...] = ()
     """Changes of the pressure, one after the other"""
     pressure_csv: str | None = None
-    """File of a measured pressure over time, in place of strokes (strokes = [])"""
+    """File of a measured pressure over time, a CSV with columns t,p (s, Pa), in place of strokes"""
     end_time: Positive
     """Of the run [s]"""
     max_bend_step_deg: Annotated[Positive, Field(ge=0.1, le=30)] = 5.0

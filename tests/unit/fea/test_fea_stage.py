@@ -13,6 +13,7 @@ from pipeline.fea.settings import Actuator, Fea, UnitCellMesh
 from pipeline.fea.stage import run
 from pipeline.fea.studies.studies import bends_of
 from pipeline.scene.scene import load_scene
+from pipeline.stage_settings import update_settings
 from pipeline.study.plan import plan
 
 ROOT = Path(__file__).parents[3]
@@ -27,7 +28,7 @@ def write_case(folder, more):
     (folder / "scene.toml").write_text(text, encoding="utf-8")
 
 
-def test_import_writes_states(tmp_path):
+def test_import_writes_states_that_the_scene_finds(tmp_path, capsys):
     s = np.linspace(0, 0.07, 40)
     rows = [
         f"{p}, {a:.9f}, {r * np.sin(a / r):.9f}, {r * (1 - np.cos(a / r)):.9f}"
@@ -36,11 +37,17 @@ def test_import_writes_states(tmp_path):
     ]
     (tmp_path / "curves.csv").write_text("\n".join(["pressure_kpa, s, x, y", *rows]))
     write_case(tmp_path, '[fea]\nengine = "import"\n[fea.results]\nfile = "curves.csv"\nthickness = 0.0165\n')
-    run(load_scene(tmp_path), True, 1)
+    run(load_scene(tmp_path), False, 1)
+    assert "warning" not in capsys.readouterr().out
+    update_settings(load_scene(tmp_path), quiet=True)  # refuses states of another actuator
     states = read(tmp_path / "kinematics" / "states.h5")
     np.testing.assert_allclose(states.radius, [-0.08, 0.08, 0.04], rtol=1e-6)
     assert states.about["solver"] == "imported from curves.csv"
     assert states.width == ACTUATOR.width
+    with (tmp_path / "scene.toml").open("a") as file:
+        file.write('[motion]\nstates = "curves.csv"\n')
+    run(load_scene(tmp_path), False, 1)
+    assert "nothing uses these states; give motion.source = 'fea'" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

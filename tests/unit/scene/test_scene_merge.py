@@ -74,6 +74,46 @@ def test_what_a_child_says_wins_over_a_level_of_its_parent(child, level, near_ce
     assert replaced == dict.fromkeys(("model.kind", "mesh.tip_cell", "numerics.time_step"), child)
 
 
+@pytest.mark.parametrize(
+    "more, kept, gone",
+    [
+        ('[motion]\npressure_csv = "p.csv"', "pressure_csv", ["strokes", "start_pressure_kpa"]),
+        ('[levels.smoke.motion]\npressure_csv = "p.csv"', "pressure_csv", ["strokes", "start_pressure_kpa"]),
+        ('[motion]\nstrokes = []\npressure_csv = "p.csv"', "pressure_csv", []),  # as before this was so
+    ],
+)
+def test_a_measured_pressure_takes_the_place_of_the_strokes_and_back(tmp_path, more, kept, gone):
+    (tmp_path / "child").mkdir()
+    (tmp_path / "grandchild").mkdir()
+    child = tmp_path / "child" / "scene.toml"
+    child.write_text(f'extends = "{ROOT / "cases" / "single_deflate"}"\n{more}\n')
+    motion = resolve(child, "smoke")[0]["motion"]
+    assert kept in motion
+    assert not set(gone) & motion.keys()
+    back = tmp_path / "grandchild" / "scene.toml"
+    strokes = [{"pressure_kpa": 5.0, "start": 0.0, "duration": 0.2}]
+    back.write_text(
+        'extends = "../child"\n[levels.smoke]\n'
+        "motion = { strokes = [{ pressure_kpa = 5.0, start = 0.0, duration = 0.2 }] }\n"
+    )
+    motion = resolve(back, "smoke")[0]["motion"]
+    assert motion["strokes"] == strokes
+    assert "pressure_csv" not in motion
+
+
+def test_a_scenes_own_states_hold_in_place_of_its_parents(tmp_path):
+    """As make fea writes them; where motion.states is given, that holds."""
+    child = tmp_path / "scene.toml"
+    parent = ROOT / "cases" / "single_finger"
+    child.write_text(f'extends = "{parent}"\n')
+    assert resolve(child, "smoke")[0]["motion"]["states"] == str(parent / "kinematics" / "states.h5")
+    (tmp_path / "kinematics").mkdir()
+    (tmp_path / "kinematics" / "states.h5").touch()
+    assert resolve(child, "smoke")[0]["motion"]["states"] == "kinematics/states.h5"
+    child.write_text(f'extends = "{parent}"\n[motion]\nstates = "mine.csv"\n')
+    assert resolve(child, "smoke")[0]["motion"]["states"] == "mine.csv"
+
+
 def test_the_settings_stage_says_what_a_child_replaces(tmp_path, capsys):
     child = tmp_path / "child"
     child.mkdir()
