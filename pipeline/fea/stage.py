@@ -40,7 +40,9 @@ def run(scene: Scene, quiet: bool = False, processes: int = 2) -> None:
     write(target, states)
     if not quiet:
         print(f"fea: {len(states.pressure)} states → {target}")
-    motion = load_scene(scene.folder, scene.level).motion  # the file that was written may hold in place of a parent's
+    motion = load_scene(
+        scene.folder, scene.level
+    ).motion  # the file that was written may hold in place of a parent's
     if motion.source not in USED_BY or os.path.normpath(scene.folder / str(motion.states)) != str(target):
         print(
             f"fea: warning: {scene.folder / 'scene.toml'} has motion.source = {motion.source!r} and motion.states ="

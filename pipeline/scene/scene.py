@@ -116,7 +116,10 @@ class Scene(Section):
             )
         if self.motion.states and self.motion.source not in ("fea", "structure"):
             said.append(f"motion.states is not used: motion.source = {self.motion.source!r}")
-        elif (self.motion.states or "").endswith(".h5") and self.actuator.get("width") not in (None, self.finger.width):
+        elif (self.motion.states or "").endswith(".h5") and self.actuator.get("width") not in (
+            None,
+            self.finger.width,
+        ):
             said.append(
                 f"warning: finger.width = {self.finger.width:g} m, but the bending states are of actuator.width ="
                 f" {self.actuator['width']:g} m; make them equal for an own finger"
