@@ -9,6 +9,7 @@ from postprocess.evidence import centreline
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence import vortex_pairs as pairs
 from postprocess.evidence.evidence import Part, Quantity
+from postprocess.evidence.pair_integrals import DORSAL, VENTRAL, formed, pair_of
 
 
 def paired_tips(part: Part) -> pd.DataFrame:
@@ -68,6 +69,50 @@ def _oblique(part: Part, above: bool) -> centreline.Oblique:
     return centreline.oblique_flow(part.evidence.planes[part.of], _lines(part), part.window, above)
 
 
+def _integrals(part: Part) -> pd.DataFrame:
+    if part.of not in part.evidence.integrals:
+        raise ValueError("the scene has one finger, so there is no pair of vortices")
+    return part.inside(part.evidence.integrals[part.of])
+
+
+def _ventral(part: Part) -> pd.DataFrame:
+    """The pair on the ventral side with upward flow between; ValueError where it is never there in the window."""
+    rows = pair_of(_integrals(part), *VENTRAL)
+    if rows.empty:
+        raise ValueError(
+            f"{part.of}: no pair of vortices with upward flow between them on the ventral side {part.words()}"
+        )
+    return rows
+
+
+def _forming_gap(part: Part) -> float:
+    """The gap (m) at which that pair forms."""
+    times = part.evidence.planes[part.of]["time"].values
+    times = times[(times >= part.window[0]) & (times <= part.window[1])]
+    at = formed(times, np.isin(times, _ventral(part)["time"]))
+    if at is None:
+        raise ValueError(f"{part.of}: the pair on the ventral side never lasts {part.words()}")
+    return float(part.evidence.clock.gap_at(np.array([at]))[0])
+
+
+def _ventral_flow(part: Part) -> str:
+    """The flow between the two strongest vortices on the ventral side, of either sense, at most instants."""
+    rows = _integrals(part)
+    rows = rows[(rows["side"] == "ventral") & (rows["finger"] == 0)]
+    if rows.empty:
+        raise ValueError(f"{part.of}: no vortex on the ventral side {part.words()}")
+    return str(
+        rows.loc[rows.groupby("time")["circulation"].apply(lambda c: c.abs().idxmax()), "flow"].mode().iloc[0]
+    )
+
+
+def _ventral_part(part: Part) -> float:
+    dorsal = pair_of(_integrals(part), *DORSAL)["circulation"]
+    if dorsal.empty:
+        raise ValueError(f"{part.of}: no pair of vortices on the dorsal side {part.words()}")
+    return float(_ventral(part)["circulation"].mean() / dorsal.mean())
+
+
 PINCH_QUANTITIES: dict[str, Quantity] = {
     "pair_side": Quantity(
         lambda p: pairs.both_sides(paired_tips(p)),
@@ -81,6 +126,21 @@ PINCH_QUANTITIES: dict[str, Quantity] = {
     "pair_mirror_distance": Quantity(
         lambda p: pairs.rms(paired_tips(p)["mirror_distance"]),
         "m", "RMS distance of one vortex centre from the mirror image of the other"),
+    "ventral_pair_share": Quantity(
+        lambda p: p.share(len(pair_of(_integrals(p), *VENTRAL))),
+        "fraction", "share of instants with a pair of vortices on the ventral side and upward flow between them"),
+    "ventral_pair_flow": Quantity(
+        _ventral_flow,
+        "", "direction of the flow between the two strongest vortices on the ventral side"),
+    "ventral_pair_rise": Quantity(
+        lambda p: float(_ventral(p)["between"].mean()) / p.evidence.scale,
+        "fraction", "mean upward velocity midway between the two vortices on the ventral side, over the peak tip speed"),
+    "ventral_pair_gap": Quantity(
+        _forming_gap,
+        "m", "gap between tip and plane from which on that pair is there at every instant for 20 ms"),
+    "ventral_pair_part": Quantity(
+        _ventral_part,
+        "fraction", "mean circulation of that pair, over the dorsal pair's; by integrals"),
     "pair_coverage": Quantity(
         lambda p: p.share(len(paired_tips(p))),
         "fraction", "share of instants at which both tips have a vortex"),

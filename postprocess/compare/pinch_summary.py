@@ -1,4 +1,4 @@
-"""Key numbers of a pinch, by source: the pair, the jet, the pressure of closing, before and after contact."""
+"""Key numbers of a pinch, by source: both pairs, the jet, the pressure of closing, before and after contact."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 
 from postprocess.evidence.evidence import Evidence
+from postprocess.evidence.half_planes import BELOW, names_at
+from postprocess.evidence.pair_integrals import DORSAL, VENTRAL, formed, pair_of
 from postprocess.evidence.time_windows import Clock
 from postprocess.evidence.vortex_pairs import rms
 
@@ -28,6 +30,7 @@ def pinch_summary(evidence: Evidence) -> dict[str, Any]:
     }
     for source, pairs in evidence.pairs.items():
         out[source] = source_numbers(pairs, evidence.lines[source], clock, met)
+        out[source] |= integral_numbers(evidence.integrals[source], evidence.halves[source], clock, met)
     return out
 
 
@@ -54,16 +57,52 @@ def source_numbers(
     out["jet_peak_after_contact"] = _number(then["jet_speed"].max())
     rows = pairs[pairs["time"].isin(approach)]
     size = 0.5 * (pairs["circulation_0"].abs() + pairs["circulation_1"].abs())
-    out["circulation_peak"] = _number(size.max())
-    out["circulation_at_contact"] = None if met is None else _at(pairs["time"], size, met)
+    out["circulation_peak"] = _number(size[rows.index].max())
     out["imbalance_rms"] = rms(rows["imbalance"]) if len(rows) else None
     out["mirror_distance_rms"] = rms(rows["mirror_distance"]) if len(rows) else None
     for name in ("along_tip", "across_tip"):
         both = 0.5 * (pairs[f"{name}_0"] + pairs[f"{name}_1"])
         out[f"{name}_approach"] = _number(both[rows.index].mean())
-        out[f"{name}_after"] = None if met is None else _at(pairs["time"], both, met + AFTER)
     out["stagnation_y_approach"] = _number(lines["stagnation_y"][approach.index].mean())
     return out
+
+
+def integral_numbers(
+    integrals: pd.DataFrame, halves: pd.DataFrame, clock: Clock, met: float | None
+) -> dict[str, float | None]:
+    """Numbers that no fit is asked for: both pairs, and each half of the plane and the jet after contact; None: not there."""
+    ventral, dorsal = pair_of(integrals, *VENTRAL), pair_of(integrals, *DORSAL)
+    times = halves["time"].to_numpy()
+    at = formed(times, np.isin(times, ventral["time"]))
+    out: dict[str, float | None] = {"ventral_forms_time": at, "ventral_forms_gap": None}
+    out["ventral_circulation_peak"] = out["ventral_part"] = out["ventral_rise_peak"] = None
+    if at is not None:
+        out["ventral_forms_gap"] = float(clock.gap_at(np.array([at]))[0])
+        since = ventral[ventral["time"] >= at]
+        k = int(since["circulation"].idxmax())
+        out["ventral_circulation_peak"] = float(since["circulation"][k])
+        out["ventral_circulation_peak_time"] = float(since["time"][k])
+        out["ventral_circulation_peak_gap"] = float(clock.gap_at(since["time"][[k]].to_numpy())[0])
+        then = _at(dorsal["time"], dorsal["circulation"], since["time"][k])
+        out["ventral_part"] = None if then is None else float(since["circulation"][k]) / then
+        out["ventral_rise_peak"] = _number(since["between"].max())
+    for name, when in (("at_contact", 0.0), ("after", AFTER)):
+        out[f"dorsal_circulation_{name}"] = _late(dorsal, "circulation", met, when)
+        out[f"ventral_circulation_{name}"] = _late(ventral, "circulation", met, when)
+    out["dorsal_from_plane_after"] = _late(dorsal.assign(x=-dorsal["x"]), "x", met, AFTER)
+    out["dorsal_y_after"] = _late(dorsal, "y", met, AFTER)
+    mean = halves.assign(circulation=0.5 * (halves["circulation_1"] - halves["circulation_0"]))
+    mean["impulse"] = 0.5 * (halves["impulse_0"] + halves["impulse_1"])
+    out["half_circulation_after"] = _late(mean, "circulation", met, AFTER)
+    out["half_impulse_after"] = _late(mean, "impulse", met, AFTER)
+    for name in (name for depth in BELOW for name in names_at(depth)):
+        out[f"{name}_peak"] = _number(halves[name].max())
+    return out
+
+
+def _late(table: pd.DataFrame, name: str, met: float | None, after: float) -> float | None:
+    """A column so long (s) after contact; None without contact or without a row there."""
+    return None if met is None else _at(table["time"], table[name], met + after)
 
 
 def _number(value: float) -> float | None:

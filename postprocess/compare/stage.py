@@ -18,6 +18,7 @@ from fileio.provenance import settings_in, versions
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
+from postprocess.compare.sentences import judge_sentence, read_sentences
 from postprocess.compare.series import series_table, summary
 from postprocess.evidence.check_finite import first_not_finite
 from postprocess.evidence.evidence import Evidence, Measured, Part
@@ -119,6 +120,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
     """Run the comparison of one scene at one level and write its two files; returns what comparison.json holds."""
     own = files.findings if files.findings.exists() else None
     findings = read_findings(own or AGREEMENT, frozenset(QUANTITIES))
+    sentences = read_sentences(own or AGREEMENT, findings)
     evidence = load_evidence(files)
     run = RUN.read(files.required("run/run.json", "run"))
     middle = stroke_window(evidence.clock.time, evidence.clock.progress, MIDDLE)
@@ -135,6 +137,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
         "middle_of_stroke_s": middle,
         "verdict": verdict(checks),
         "checks": checks,
+        "sentences": [judge_sentence(sentence, checks) for sentence in sentences],
         "summary": summary(evidence, middle) | pinch,
         "provenance": provenance(files.out, run, own, evidence.planes),
     }
@@ -142,6 +145,8 @@ def compare(files: StageFiles) -> dict[str, Any]:
     for source, table in evidence.pairs.items():
         write_text(files.out / f"pairs_{source}.csv", table.to_csv(index=False))
         write_text(files.out / f"centreline_{source}.csv", evidence.lines[source].to_csv(index=False))
+        write_text(files.out / f"integrals_{source}.csv", evidence.integrals[source].to_csv(index=False))
+        write_text(files.out / f"halves_{source}.csv", evidence.halves[source].to_csv(index=False))
     if bad := first_not_finite(result):
         raise ValueError(
             f"{files.out / 'comparison.json'}: {bad} would be no number; see the empty cells of comparison.csv from"

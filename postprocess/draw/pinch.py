@@ -8,6 +8,8 @@ from matplotlib.figure import Figure
 
 from postprocess.draw.series import BESIDE
 from postprocess.draw.style import CFD, COLOURS, GREY, MM, NAMES, PIV, THIRD, new_figure
+from postprocess.evidence.half_planes import BELOW, names_at
+from postprocess.evidence.pair_integrals import DORSAL, VENTRAL, vortex_of
 from postprocess.evidence.vortex_pairs import broken
 
 
@@ -60,6 +62,37 @@ def centreline(
     axes[0].set(ylabel="y, mm", title="On the plane between the fingers")
     axes[1].set(ylabel="peak speed, m/s", xlabel="time, s", ylim=(0, None))
     return _with_contact(figure, axes, met, axes)
+
+
+def integrals(pairs: dict[str, pd.DataFrame], halves: dict[str, pd.DataFrame], met: float | None) -> Figure:
+    """Left half of the plane over time, by source: both pairs' circulation, the half's and its impulse, and the jet's speed and flux.
+
+    Tables as of pair_integrals and half_planes; `met`: contact, s.
+    """
+    figure, axes = new_figure(8.6, 10.0, 5, 1, sharex=True)
+    for source, table in pairs.items():
+        colour, name = COLOURS[source], NAMES[source]
+        for (side, flow), style in ((DORSAL, "-"), (VENTRAL, "--")):
+            rows = vortex_of(table, side, flow, 0)
+            axes[0].plot(
+                rows["time"], rows["circulation"] * 1e4, style, color=colour, label=f"{side} vortex, {name}"
+            )
+        half = halves[source]
+        axes[1].plot(half["time"], half["circulation_0"] * 1e4, color=colour, label=name)
+        axes[2].plot(half["time"], half["impulse_0"] * 1e4, color=colour, label=name)
+        for depth, style in zip(BELOW, ("-", "--", ":"), strict=True):
+            for ax, column, unit in zip(axes[3:], names_at(depth), (1.0, 1e4), strict=True):
+                label = f"{depth * MM:.0f} mm below, {name}"
+                ax.plot(half["time"], half[column] * unit, style, color=colour, label=label)
+    axes[0].set(
+        ylabel="circulation of the\nleft vortices, cm²/s",
+        title="By integrals: the pairs, half the plane, the jet",
+    )
+    axes[1].set(ylabel="circulation of the\nleft half, cm²/s")
+    axes[2].set(ylabel="impulse of the left\nhalf, 10⁻⁴ m³/s")
+    axes[3].set(ylabel="speed of the\njet, m/s", ylim=(0, None))
+    axes[4].set(ylabel="flux of the jet,\n10⁻⁴ m³/s²", xlabel="time, s", ylim=(0, None))
+    return _with_contact(figure, axes, met, (axes[0], axes[3]))
 
 
 def closing(

@@ -19,8 +19,8 @@ class Evidence:
     """What is compared: planes and vortex tables by source ("cfd", "piv"), the velocity scale (m/s), the motion's clock.
 
     `sums`: postprocess.evidence.fields.field_sums by pair of sources ("piv-cfd": PIV against the CFD). Of two fingers by source:
-    `pairs` (vortex_pairs), `lines` (centreline), and `single`, the vortices of the single finger with its `bend` (rad) at each;
-    `single_absent` says why there are none.
+    `pairs` (vortex_pairs), `lines` (centreline), `integrals` (pair_integrals), `halves` (half_planes), and `single`, the vortices of
+    the single finger with its `bend` (rad) at each; `single_absent` says why there are none.
     """
 
     planes: dict[str, xr.Dataset]
@@ -30,6 +30,8 @@ class Evidence:
     sums: dict[str, pd.DataFrame] = field(default_factory=dict)
     pairs: dict[str, pd.DataFrame] = field(default_factory=dict)
     lines: dict[str, pd.DataFrame] = field(default_factory=dict)
+    integrals: dict[str, pd.DataFrame] = field(default_factory=dict)
+    halves: dict[str, pd.DataFrame] = field(default_factory=dict)
     single: dict[str, pd.DataFrame] = field(default_factory=dict)
     single_absent: str = ""
 

@@ -16,6 +16,8 @@ from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.centreline import centreline
 from postprocess.evidence.check_finite import check_finger
 from postprocess.evidence.evidence import Evidence
+from postprocess.evidence.half_planes import half_planes
+from postprocess.evidence.pair_integrals import pair_integrals
 from postprocess.evidence.stage_files import StageFiles, extended_scenes
 from postprocess.evidence.strokes import peak_tip_speed, progress
 from postprocess.evidence.time_windows import Clock
@@ -51,8 +53,11 @@ def load_evidence(files: StageFiles, single_level: str | None = None) -> Evidenc
         return evidence
     pairs = {source: pair_vortices(table) for source, table in vortices.items()}
     lines = {source: centreline(plane, scale) for source, plane in planes.items()}
+    integrals = {source: pair_integrals(plane, scale) for source, plane in planes.items()}
+    halves = {source: half_planes(plane) for source, plane in planes.items()}
     single, absent = single_finger(files.scene_folder, single_level or files.level)
-    return replace(evidence, pairs=pairs, lines=lines, single=single, single_absent=absent)
+    evidence = replace(evidence, pairs=pairs, lines=lines, integrals=integrals, halves=halves)
+    return replace(evidence, single=single, single_absent=absent)
 
 
 def single_finger(folder: Path, level: str) -> tuple[dict[str, pd.DataFrame], str]:

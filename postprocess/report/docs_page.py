@@ -11,14 +11,7 @@ from fileio.command import add_scene
 from fileio.formats.records import COMPARISON, RUN
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.report.pinch_wording import pinch_table
-from postprocess.report.wording import PAIRS, WORDS, balance_sentence, quantity, requirement
-
-
-def measured_cell(check: dict[str, Any]) -> str:
-    """Measured values of a check with their sources."""
-    return ", ".join(
-        f"{PAIRS[of]}: {quantity(value, check['unit'])}" for of, value in check["measured"].items()
-    )
+from postprocess.report.wording import WORDS, balance_sentence, measured_text, requirement, sentence_rows
 
 
 def verdict_cell(check: dict[str, Any]) -> str:
@@ -38,7 +31,7 @@ def verdict_sentence(verdict: dict[str, Any]) -> str:
 def page(scene: str, level: str, comparison: dict[str, Any], run: dict[str, Any], picture: str) -> str:
     """The page as Markdown."""
     rows = "\n".join(
-        f"| {c['finding']} | {requirement(c)} | {measured_cell(c)} | {verdict_cell(c)} |"
+        f"| {c['finding']} | {requirement(c)} | {measured_text(c)} | {verdict_cell(c)} |"
         for c in comparison["checks"]
     )
     versions = ", ".join(f"{name} {version}" for name, version in sorted(run["versions"].items()))
@@ -58,9 +51,27 @@ Written by `make docs` from `cases/{scene}/out/{level}/`; scene hash `{run["scen
 {rows}
 
 The reasons of the tolerances are in `cases/{scene}/reference/findings.toml`.
-{part}
+{sentences_part(comparison)}{part}
 **The run.** {run["cells"]} cells ({run["model"]}), {run["steps"]} steps of {run["time_step"] * 1e3:g} ms, {run["ranks"]} ranks,
 {run["wall_time"]:.0f} s of solver; largest Courant number {run["courant_max"]:.2f}. **Power balance**: {balance_sentence(run["power_balance"])}
+"""
+
+
+def sentences_part(comparison: dict[str, Any]) -> str:
+    """The paper's sentences with what answers each, as a table; nothing where the scene lists none."""
+    rows = sentence_rows(comparison)
+    if not rows:
+        return ""
+    lines = "\n".join(
+        f"| “{quote}” ({where}){f' *Reading: {reading}.*' if reading else ''} | {measured} | {verdict if verdict == 'met' else f'**{verdict}**'} |"
+        for quote, where, reading, measured, verdict in rows
+    )
+    return f"""
+## What the paper says, sentence by sentence
+
+| sentence | measured | |
+|---|---|---|
+{lines}
 """
 
 
@@ -82,6 +93,12 @@ def pinch_part(scene: str, pinch: dict[str, Any], run: dict[str, Any]) -> str:
         f" {settled(s['force_settled_after'])}."
         for s in mappings
     )
+    formed = pinch["cfd"].get("ventral_forms_time") is not None
+    pictures = "\n".join(
+        f"![The {name} pair, CFD]({scene}_pair_{name}.png)"
+        for name in ("dorsal", "ventral")
+        if name == "dorsal" or formed
+    )
     return f"""
 ## Two fingers
 
@@ -91,6 +108,8 @@ def pinch_part(scene: str, pinch: dict[str, Any], run: dict[str, Any]) -> str:
 |{"---|" * (len(columns) + 1)}
 {table}
 
+{pictures}
+![Both pairs, half the plane and the jet, by integrals]({scene}_integrals.svg)
 ![The two tip vortices against each other]({scene}_pair.svg)
 ![On the plane between the fingers: the parting line, the jet below and the flow above]({scene}_centreline.svg)
 ![Closing: gap, speed, pressure and jet]({scene}_closing.svg)
@@ -99,7 +118,15 @@ def pinch_part(scene: str, pinch: dict[str, Any], run: dict[str, Any]) -> str:
 """
 
 
-PINCH_PICTURES = ("pair.svg", "centreline.svg", "closing.svg", "beside_single.svg")
+PINCH_PICTURES = (
+    "pair_dorsal.png",
+    "pair_ventral.png",
+    "integrals.svg",
+    "pair.svg",
+    "centreline.svg",
+    "closing.svg",
+    "beside_single.svg",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -58,7 +58,7 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     vortex_figures(album, pd.read_csv(out / "comparison.csv"), planes["cfd"], dominant, middle, scale)
     if planes["cfd"].sizes["finger"] > 1:
         single, absent = single_finger(files.scene_folder, files.level)
-        pinch_figures(album, out, planes["cfd"], clock, comparison["summary"]["pinch"], single, absent)
+        pinch_figures(album, out, planes["cfd"], clock, comparison["summary"]["pinch"], single, absent, scale)
     rigid = scene.get("body") is not None
     motion_figure(album, out / "kinematics.h5", planes["cfd"], rigid)
     if not rigid:

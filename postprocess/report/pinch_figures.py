@@ -10,11 +10,16 @@ import pandas as pd
 import xarray as xr
 
 from fileio.formats.kinematics import read_kinematics
+from postprocess.draw import animation
+from postprocess.draw import flow as draw_flow
 from postprocess.draw import pinch as draw_pinch
 from postprocess.evidence import tip_vortex as tracks
-from postprocess.evidence.time_windows import Clock
+from postprocess.evidence.pair_integrals import DORSAL, VENTRAL, pair_of, vortex_of
+from postprocess.evidence.time_windows import Clock, gap_reached
 from postprocess.evidence.vortex_pairs import of_finger
 from postprocess.report.picture_index import Album
+
+APPROACHING = 0.010  # m: gap at which the dorsal pair is shown
 
 
 def pinch_figures(
@@ -25,15 +30,24 @@ def pinch_figures(
     numbers: dict[str, Any],
     single: dict[str, pd.DataFrame],
     absent: str,
+    scale: float,
 ) -> None:
     """Draw the section "pinch" from the comparison's tables in `out`; `numbers` as `pinch_summary` gives them.
 
-    `single`: vortices of the single finger by source; `absent`: why there are none.
+    `single`: vortices of the single finger by source; `absent`: why there are none; `scale`: velocity scale, m/s.
     """
     sources = [s for s in ("cfd", "piv") if (out / f"pairs_{s}.csv").exists()]
     pairs = {s: pd.read_csv(out / f"pairs_{s}.csv") for s in sources}
     lines = {s: pd.read_csv(out / f"centreline_{s}.csv") for s in sources}
+    integrals = {s: pd.read_csv(out / f"integrals_{s}.csv") for s in sources}
+    halves = {s: pd.read_csv(out / f"halves_{s}.csv") for s in sources}
     met = numbers["contact_time"]
+    both_pairs(album, plane, integrals["cfd"], clock, scale)
+    alt = "Circulation of both pairs and of half the plane, the impulse of half the plane, and the jet below the tips, over time."
+    caption = (
+        "By integrals of the vorticity, which hold where cores overlap across the plane between the fingers."
+    )
+    album.add(draw_pinch.integrals(integrals, halves, met), "integrals.svg", "pinch", alt, caption)
     alt = "Imbalance of circulation, mirror distance and place of the two tip vortices over time."
     album.add(draw_pinch.pair(pairs, met), "pair.svg", "pinch", alt, format_pair(numbers))
     tips = plane["tip"].values[..., 1].mean(axis=1)
@@ -56,6 +70,33 @@ def pinch_figures(
     caption = "Left finger of the pinch. Lower panel: above zero is the dorsal side."
     figure = draw_pinch.beside_single(beside, alone, limits)
     album.add(figure, "beside_single.svg", "pinch", alt, caption)
+
+
+def both_pairs(album: Album, plane: xr.Dataset, integrals: pd.DataFrame, clock: Clock, scale: float) -> None:
+    """Two pictures of the CFD's flow: the dorsal pair while the fingers approach, and the ventral pair at its strongest."""
+    approaching = gap_reached(clock, max(APPROACHING, float(clock.gaps()[1].min())))
+    ventral = pair_of(integrals, *VENTRAL)
+    instants = {"dorsal": approaching}
+    if len(ventral):
+        instants["ventral"] = float(ventral.loc[ventral["circulation"].idxmax(), "time"])
+    pairs = {"dorsal": DORSAL, "ventral": VENTRAL}
+    limit = draw_flow.vorticity_limit(plane, np.array(list(instants.values())))
+    for name, time in instants.items():
+        marked = [vortex_of(integrals, *pair, finger) for pair in pairs.values() for finger in (0, 1)]
+        shown = {"cfd": [vortex for vortex in marked if len(vortex)]}
+        figure, show = draw_flow.flow_figure({"cfd": plane}, shown, scale, limit, dpi=140)
+        show(time)
+        animation.write_picture(animation.pixels(figure), album.folder / f"pair_{name}.png")
+        gap = f"{clock.gap_at(np.array([time]))[0] * 1e3:.1f} mm of gap"
+        text = f"The {name} pair, {'flow between it downward' if name == 'dorsal' else 'flow between it upward'}, {time:.3f} s, {gap}"
+        circles = "Circles: vortices by integrals, radius as the core's."
+        album.add(
+            None,
+            f"pair_{name}.png",
+            "pinch",
+            f"Velocity vectors and vorticity of the CFD. {text}.",
+            f"{text}. {circles}",
+        )
 
 
 def free_gap(path: Path, time: np.ndarray) -> np.ndarray:

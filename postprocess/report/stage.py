@@ -106,6 +106,7 @@ def render(files: StageFiles) -> str:
         deflection=deflection_sentence(read_loads(loads).attrs) if loads else "",
         tiles=wording.tiles(comparison),
         rows=wording.rows(comparison),
+        sentences=wording.sentence_rows(comparison),
         middle=comparison["middle_of_stroke_s"],
         sections=sections,
         pinch=pinch,

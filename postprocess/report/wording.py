@@ -55,6 +55,24 @@ def requirement(check: dict[str, Any]) -> str:
     return f"{sign}{quantity(value, unit)}{extra}"
 
 
+def measured_text(check: dict[str, Any]) -> str:
+    """Measured values of a check with their sources."""
+    return ", ".join(
+        f"{PAIRS[of]}: {quantity(value, check['unit'])}" for of, value in check["measured"].items()
+    )
+
+
+def sentence_rows(comparison: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
+    """The paper's sentences: quote, where, reading, what was measured or why nothing can be, and the verdict."""
+    checks = {check["id"]: check for check in comparison["checks"]}
+    rows = []
+    for entry in comparison.get("sentences", []):
+        measured = [f"{checks[name]['label']}: {measured_text(checks[name])}" for name in entry["findings"]]
+        text = "; ".join(measured) + (". " if measured and entry["why"] else "") + entry["why"]
+        rows.append((entry["quote"], entry["where"], entry["reading"], text, entry["verdict"]))
+    return rows
+
+
 def answer(comparison: dict[str, Any], trial: str = "") -> str:
     """The page's first sentence: does the simulation agree with PIV of pictures that are made from it?
 

@@ -30,7 +30,20 @@ ROW = ["kind", "quantity", "value", "unit", "met"]
 COLUMNS = ["run", "change", "model", "cells", *ROW]
 NUMBERS = {
     "contact_time": "s",
-    "circulation_at_contact": "m²/s",
+    "ventral_forms_gap": "m",
+    "ventral_forms_time": "s",
+    "ventral_circulation_peak": "m²/s",
+    "ventral_part": "fraction",
+    "ventral_rise_peak": "m/s",
+    "ventral_circulation_after": "m²/s",
+    "dorsal_circulation_at_contact": "m²/s",
+    "dorsal_circulation_after": "m²/s",
+    "half_circulation_after": "m²/s",
+    "half_impulse_after": "m³/s",
+    "jet_speed_20mm_peak": "m/s",
+    "jet_flux_20mm_peak": "m³/s²",
+    "jet_speed_40mm_peak": "m/s",
+    "jet_flux_40mm_peak": "m³/s²",
     "jet_peak": "m/s",
     "jet_peak_after_contact": "m/s",
     "rise_peak": "m/s",
@@ -39,8 +52,6 @@ NUMBERS = {
     "pressure_tip_min_peak": "Pa",
     "along_tip_approach": "m",
     "across_tip_approach": "m",
-    "along_tip_after": "m",
-    "across_tip_after": "m",
 }
 # changes of these keys leave the finger's own motion as the single finger's
 FREE = ("pinch.", "sheet.", "camera.")

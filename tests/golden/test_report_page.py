@@ -249,6 +249,10 @@ def test_a_made_up_pinch_is_judged_by_its_pair(pinched):
     assert checks["pair-mirrored"]["measured"]["piv"] == pytest.approx(SHIFT, rel=1e-3)
     assert checks["pair-ventral"]["met"] is False  # made on the dorsal side
     assert checks["contact-dorsal"]["window"] == "-0.005 to +0.02 s from contact"
+    assert checks["ventral-pair-approaching"]["measured"]["cfd"] == 0.0  # has none
+    sentences = {entry["quote"][:20]: entry["verdict"] for entry in result(pinched)["sentences"]}
+    assert sentences["Hence the vortexes i"] == "met"
+    assert sentences["The flows between tw"] == "not testable"
 
 
 @pytest.mark.parametrize("rows, marker", [(20, "."), (80, "None")])
@@ -271,7 +275,13 @@ def test_the_page_of_a_pinch_shows_both_fingers(pinched):
     page = Page(text)
     assert page.errors == []
     assert "pinch" in {attrs.get("id") for tag, attrs in page.elements if tag == "section"}
-    for told in ("stop 0.5", "imbalance of the pair", "make single_finger LEVEL=coarse", "left finger"):
+    for told in (
+        "stop 0.5",
+        "imbalance of the pair",
+        "make single_finger LEVEL=coarse",
+        "left finger",
+        "second: (a)",
+    ):
         assert told in text, told
     for source in ("cfd", "piv"):
         pairs = pd.read_csv(pinched.out / f"pairs_{source}.csv")

@@ -1,0 +1,54 @@
+"""What the paper says about a figure, sentence by sentence, and which findings answer each: [[sentence]] of findings.toml.
+
+[[sentence]]
+quote = "…"                  # as it is printed
+where = "Fig. 11, Results"   # in the paper
+reading = "…"                # optional: what it is taken to mean, where more than one reading is possible
+findings = ["pair-equal"]    # ids of the findings that judge it; none where it cannot be tested, and then
+why = "…"                    # why not, or what of it the findings leave open
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from postprocess.compare.findings import Finding
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """One sentence of the paper; the fields are those of the file, see the module's text."""
+
+    quote: str
+    where: str
+    reading: str = ""
+    findings: tuple[str, ...] = ()
+    why: str = ""
+
+
+def read_sentences(path: Path, findings: tuple[Finding, ...]) -> tuple[Sentence, ...]:
+    """The sentences of a file, checked against its findings; ValueError names file, sentence, key and remedy."""
+    known, out = {finding.id for finding in findings}, []
+    for entry in tomllib.loads(path.read_text(encoding="utf-8")).get("sentence", []):
+        where = f"{path}: sentence {str(entry.get('quote', '(without quote)'))[:40]!r}"
+        if unknown := sorted(set(entry) - set(Sentence.__dataclass_fields__)):
+            raise ValueError(f"{where} has the unknown key {unknown[0]!r}; remove or rename it")
+        if missing := [key for key in ("quote", "where") if not entry.get(key)]:
+            raise ValueError(f"{where} lacks the key {missing[0]!r}")
+        sentence = Sentence(**entry | {"findings": tuple(entry.get("findings", ()))})
+        if absent := [name for name in sentence.findings if name not in known]:
+            raise ValueError(f"{where}: findings = {absent[0]!r} is no finding of this file")
+        if not sentence.findings and not sentence.why:
+            raise ValueError(f"{where} has neither findings nor why; say why it cannot be tested")
+        out.append(sentence)
+    return tuple(out)
+
+
+def judge_sentence(sentence: Sentence, checks: list[dict[str, Any]]) -> dict[str, Any]:
+    """A sentence with `verdict`: "met" where all its findings are, "not met" where one is not, "not judged", "not testable"."""
+    met = [check["met"] for check in checks if check["id"] in sentence.findings]
+    verdict = "not met" if False in met else "not judged" if None in met else "met" if met else "not testable"
+    return asdict(sentence) | {"verdict": verdict}

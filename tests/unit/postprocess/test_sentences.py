@@ -1,0 +1,52 @@
+"""Sentences of the paper: what answers each, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from postprocess.compare.findings import read_findings
+from postprocess.compare.quantities import QUANTITIES
+from postprocess.compare.sentences import Sentence, judge_sentence, read_sentences
+
+PINCH = Path("cases/pinch/reference/findings.toml")
+FINDINGS = read_findings(PINCH, frozenset(QUANTITIES))
+
+
+@pytest.mark.parametrize(
+    "met, verdict",
+    [
+        ([True, True], "met"),
+        ([True, False, None], "not met"),
+        ([True, None], "not judged"),
+        ([], "not testable"),
+    ],
+)
+def test_a_sentence_is_met_where_all_its_findings_are(met, verdict):
+    names = tuple("abc"[: len(met)])
+    checks = [{"id": name, "met": value} for name, value in zip(names, met, strict=True)]
+    other = {"id": "other", "met": False}
+    assert judge_sentence(Sentence("q", "w", "", names, "why"), [*checks, other])["verdict"] == verdict
+
+
+def test_every_finding_of_the_paper_answers_a_sentence():
+    sentences = read_sentences(PINCH, FINDINGS)
+    answered = {name for sentence in sentences for name in sentence.findings}
+    assert {finding.id for finding in FINDINGS if finding.kind == "paper"} <= answered
+
+
+@pytest.mark.parametrize(
+    "entry, told",
+    [
+        ('quote = "q"', "lacks the key 'where'"),
+        ('quote = "q"\nwhere = "w"', "neither findings nor why"),
+        ('quote = "q"\nwhere = "w"\nfindings = ["none"]', "no finding of this file"),
+        ('quote = "q"\nwhere = "w"\nwhy = "y"\nnote = "n"', "unknown key 'note'"),
+    ],
+)
+def test_a_sentence_that_says_too_little_is_refused(tmp_path, entry, told):
+    path = tmp_path / "findings.toml"
+    path.write_text(f"[[sentence]]\n{entry}\n")
+    with pytest.raises(ValueError, match=told):
+        read_sentences(path, FINDINGS)
