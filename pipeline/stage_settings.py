@@ -23,7 +23,7 @@ from fileio.stages import BY_NAME, STAGES
 from pipeline.fea.up_to_date import check_states
 from pipeline.openfoam.base_case import templates_digest
 from pipeline.scene.measurement import piv_settings, render_settings
-from pipeline.scene.read_toml import read_layers, resolve
+from pipeline.scene.read_toml import FILE_KEYS, read_layers, resolve
 from pipeline.scene.scene import Scene, load_scene
 
 # What each stage's results depend on, so that touching a key redoes only what follows from it.
@@ -49,7 +49,7 @@ def settings_of(scene: Scene, stage: str) -> dict[str, Any]:
         return FLAT_SETTINGS[stage](scene)
     settings = scene.model_dump(mode="json", include=STAGE_SECTIONS[stage])
     if stage == "kinematics":
-        named = [scene.motion.states, scene.motion.pressure_csv, scene.motion.recording, scene.motion.shapes]
+        named = [getattr(scene.motion, key) for key in FILE_KEYS]
         settings["files"] = {name: _file_digest(scene.folder / name) for name in named if name}
     if stage == "case":
         settings["templates"] = templates_digest()

@@ -48,13 +48,23 @@ def stroke_law(start_pressure: float, strokes: list[tuple[float, float, float]])
 
 def measured_law(path: Path) -> PressureLaw:
     """Cubic spline through a CSV with columns `t, p` (s, Pa), held constant before and after."""
+    times, pressure = measured_table(path, "t,p", "s and Pa")
+    if np.ptp(pressure) < 200:
+        raise StageError(f"{path}: pressures span {np.ptp(pressure):.3g}, which looks like kPa; give Pa")
+    return history_law(times, pressure)
+
+
+def measured_table(path: Path, header: str, units: str) -> tuple[np.ndarray, np.ndarray]:
+    """Increasing times and values of a CSV with two columns. StageError, which names the `units` wanted."""
     try:
-        table = np.array([row.split(",") for row in _data_rows(path)], float, ndmin=2)
+        table = np.array([row.split(",") for row in _data_rows(path, header)], float, ndmin=2)
     except (OSError, ValueError) as error:
-        raise StageError(f"{path}: not a table of t,p in s and Pa: {error}") from None
+        raise StageError(f"{path}: not a table of {header} in {units}: {error}") from None
     if table.ndim != 2 or table.shape[1] != 2 or len(table) < 3:
-        raise StageError(f"{path}: needs two columns t,p and at least three rows, found shape {table.shape}")
-    times, pressure = table.T
+        raise StageError(
+            f"{path}: needs two columns {header} and at least three rows, found shape {table.shape}"
+        )
+    times, values = table.T
     if not np.isfinite(table).all():
         raise StageError(
             f"{path}: row {int(np.argmin(np.isfinite(table).all(1))) + 1} is not a number; remove it"
@@ -63,9 +73,7 @@ def measured_law(path: Path) -> PressureLaw:
         raise StageError(
             f"{path}: times must increase; row {int(np.argmin(np.diff(times) > 0)) + 2} does not"
         )
-    if np.ptp(pressure) < 200:
-        raise StageError(f"{path}: pressures span {np.ptp(pressure):.3g}, which looks like kPa; give Pa")
-    return history_law(times, pressure)
+    return times, values
 
 
 def history_law(times: np.ndarray, pressure: np.ndarray) -> PressureLaw:
@@ -88,8 +96,8 @@ def history_law(times: np.ndarray, pressure: np.ndarray) -> PressureLaw:
     return law
 
 
-def _data_rows(path: Path) -> list[str]:
+def _data_rows(path: Path, header: str) -> list[str]:
     """Lines without comments, blank ones and the header, if there is one."""
     lines = [line.split("#")[0].strip() for line in path.read_text(encoding="utf-8").splitlines()]
     lines = [line for line in lines if line]
-    return lines[1:] if lines and lines[0].replace(" ", "").lower() == "t,p" else lines
+    return lines[1:] if lines and lines[0].replace(" ", "").lower() == header else lines

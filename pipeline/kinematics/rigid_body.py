@@ -10,6 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from fileio.errors import StageError
+from pipeline.kinematics.pressure_law import history_law, measured_table
 from pipeline.scene.rigid_body import Law, RigidBody
 from pipeline.scene.sections import Motion
 
@@ -84,11 +85,22 @@ def turned(points: np.ndarray, angle: float) -> np.ndarray:
     return points @ np.array([[c, s], [-s, c]])
 
 
+def measured_path(path: Path, end_time: float) -> Distance:
+    """A measured place over time: a cubic spline, at rest before and after."""
+    time = np.linspace(0.0, end_time, 2001)
+    law = history_law(*measured_table(path, "t,x", "s and m"))
+    start = law(np.zeros(1))
+    return Distance(time, law(time) - start, law(time, 1))
+
+
 def rigid_values(body: RigidBody, motion: Motion, where: Path) -> dict[str, Any]:
     """Variables and attributes of kinematics.h5 for a rigid body. Raises StageError where it does not move."""
     law = motion.displacement or motion.rotation
-    assert law is not None
-    path = travelled(law, motion.end_time)
+    path = (
+        travelled(law, motion.end_time)
+        if law
+        else measured_path(where.parent / str(motion.path_csv), motion.end_time)
+    )
     unit = np.radians(1.0) if motion.rotation else 1.0
     distance = unit * path.distance
     low, high = float(distance.min()), float(distance.max())
@@ -97,7 +109,7 @@ def rigid_values(body: RigidBody, motion: Motion, where: Path) -> dict[str, Any]
     step = motion.path_step or (np.radians(5.0) if motion.rotation else 0.1 * body.size)
     knots = np.linspace(low, high, max(5, int(np.ceil((high - low) / step)) + 1))
     outline, centre = rest_outline(body), np.asarray(body.centre)
-    direction = turned(np.array([1.0, 0.0]), np.radians(law.direction_deg))
+    direction = turned(np.array([1.0, 0.0]), np.radians(law.direction_deg if law else 0.0))
 
     def placed(at: np.ndarray, points: np.ndarray = outline) -> np.ndarray:
         if motion.rotation:

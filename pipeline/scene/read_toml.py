@@ -16,6 +16,7 @@ FILE_KEYS = {
     "pressure_csv",
     "recording",
     "shapes",
+    "path_csv",
 }  # of [motion]: relative to the scene that gives them
 REPLACED = {"parameters"}  # of a material's law: those of another law would be left over
 # of [motion]: one of them that is given, and not empty, takes the place of the others

@@ -114,15 +114,17 @@ class Motion(Section):
     """Of a rigid body: law of its path [m]"""
     rotation: Law | None = None
     """Of a rigid body: law of its turn [deg]"""
+    path_csv: str | None = None
+    """Of a rigid body: file of its place along x over time, columns t, x [s, m], in place of a law"""
     path_step: Positive | None = None
     """Of a rigid body: distance between two shapes of the mesh [m or rad]"""
 
     @model_validator(mode="after")
     def _one_history(self) -> Motion:
-        rigid = (self.displacement is not None) + (self.rotation is not None)
+        rigid = sum(given is not None for given in (self.displacement, self.rotation, self.path_csv))
         if rigid != (self.source == "rigid") or (rigid and (self.strokes or self.pressure_csv)):
             raise ValueError(
-                "motion.source = 'rigid' takes either motion.displacement or motion.rotation and nothing else"
+                "motion.source = 'rigid' takes one of motion.displacement, rotation and path_csv, and no strokes"
             )
         if rigid:
             unused = {"states", "recording", "recording_factor", "start_pressure_kpa", "max_bend_step_deg"}

@@ -82,8 +82,9 @@ def forces(chain: Chain, around: Surroundings, at: Placed, rates: Rates, air: Fl
     ]
 
 
-def _still(chain: Chain) -> Rates:
-    nothing = np.zeros(chain.slices, complex)
+def at_standstill(at: Placed) -> Rates:
+    """No velocity and no acceleration."""
+    nothing = 0 * at.middle
     return Rates(nothing, nothing, nothing, nothing)
 
 
@@ -125,7 +126,7 @@ def at_rest(
             at = placed(unloaded, 0, turned)
             given = Surroundings(part * around.gravity, around.fluid)
             moment = joint_moments(
-                at, forces(chain, given, at, _still(chain), air, part * loads), part * loads[:, 2]
+                at, forces(chain, given, at, at_standstill(at), air, part * loads), part * loads[:, 2]
             )
             return law.moment(np.diff(turned, axis=-1, prepend=0.0) / chain.springs) - moment
 

@@ -1,0 +1,58 @@
+"""Where the work of the chambers' pressure goes: into the rubber, into motion, into the water."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fileio.formats.bending_states import FloatArray
+from pipeline.structure.chain import Chain, ComplexArray, placed
+from pipeline.structure.elastic_law import law_at
+from pipeline.structure.motion import Surroundings, at_standstill, forces, rates_of
+
+CARRIED = ("rubber", "gap", "air", "middle")  # what `forces` act on, in its order
+
+
+def energies(chain: Chain, pressure: FloatArray, delta: FloatArray, step: float, around: Surroundings,
+             loads: FloatArray) -> dict[str, FloatArray]:  # fmt: skip
+    """Work done since the begin of a motion (time,) and energy held, J, at even times `step` (s) apart.
+
+    `pressure_work` is that on the motion at fixed elastic rotations, of a prescribed motion that of whatever drives it;
+    `water_work` is that of `loads` (time, slice, 3) and modelled water on the finger, `weight_work` of weight and buoyancy.
+    Each is summed by itself: pressure, water and weight = elastic + kinetic + damping to the accuracy of the motion.
+    """
+    count = len(pressure)
+    unloaded = chain.unloaded(pressure)
+    at = placed(unloaded, slice(None), delta)
+    air = chain.air_section(pressure)[:, None]
+    acting = forces(chain, around, at, rates_of(at, step), air, loads)
+    still = forces(chain, around, at, at_standstill(at), air, 0 * loads)  # weight and buoyancy alone
+    velocity = {name: np.gradient(getattr(at, name), step, axis=0) for name in CARRIED}
+    turning = np.gradient(np.unwrap(np.angle(at.heading), axis=0), step, axis=0)
+    ahead, behind = (placed(unloaded, np.clip(np.arange(count) + k, 0, count - 1), delta) for k in (1, -1))
+    own = {name: (getattr(ahead, name) - getattr(behind, name)) / (2 * step) for name in CARRIED}
+    own_turning = turning - np.gradient(delta, step, axis=0)
+
+    def work(power: FloatArray) -> FloatArray:
+        return np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1])) * step])
+
+    def of(parts: list[tuple[ComplexArray, ComplexArray]], rates: dict[str, ComplexArray]) -> FloatArray:
+        each = [(np.conj(f) * rates[n]).real.sum(-1) for n, (_, f) in zip(CARRIED, parts, strict=True)]
+        return np.asarray(np.sum(each, axis=0))
+
+    on_middle = (np.conj(acting[-1][1]) * velocity["middle"]).real.sum(-1)
+    torque = loads[..., 2]
+    bend = np.diff(delta, axis=1, prepend=0.0)
+    rate = np.gradient(bend, step, axis=0)
+    laws = [law_at(chain.law, chain.pressure, float(p)) for p in pressure]
+    moment = np.array([law.moment(b / chain.springs) for law, b in zip(laws, bend, strict=True)])
+    stiffness = np.interp(pressure, chain.pressure, chain.law.stiffness)[:, None]
+    masses = (("rubber", chain.law.rubber_mass), ("gap", around.fluid * chain.gap_section))
+    kinetic = sum(0.5 * mass * (chain.lengths * np.abs(velocity[n]) ** 2).sum(-1) for n, mass in masses)
+    return {
+        "pressure_work": -work(of(acting, own) + (torque * own_turning).sum(-1)),
+        "water_work": work(on_middle + (torque * turning).sum(-1)),
+        "weight_work": work(of(still, velocity)),
+        "elastic_energy": work((moment * rate).sum(-1)),
+        "kinetic_energy": np.asarray(kinetic - kinetic[0]),
+        "damping_loss": work((around.damping * stiffness / chain.springs * rate**2).sum(-1)),
+    }
