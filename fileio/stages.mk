@@ -1,6 +1,6 @@
 # Written by: python -m fileio.stages > fileio/stages.mk
-STAGES := kinematics mesh case run sheet images piv vortices_cfd vortices_piv compare figures loads report
-TARGETS := kinematics mesh case run sheet images piv vortices compare figures loads report
+STAGES := kinematics mesh case run sheet images piv vortices_cfd vortices_piv compare loads figures report
+TARGETS := kinematics mesh case run sheet images piv vortices compare loads figures report
 GROUPS += vortices
 OF.vortices := vortices_cfd vortices_piv
 FILE.kinematics := kinematics.h5
@@ -37,12 +37,12 @@ ABOUT.vortices_piv := vortices of the PIV
 FILE.compare := comparison.json
 NEEDS.compare := vortices_cfd.csv vortices_piv.csv settings/compare.format
 ABOUT.compare := CFD and PIV against the scene's findings
-FILE.figures := figures/figures.json
-NEEDS.figures := comparison.json settings/figures.format
-ABOUT.figures := pictures of the report
 FILE.loads := loads.h5
 NEEDS.loads := run/run.json settings/loads.json settings/loads.format
 ABOUT.loads := the water's loads on the finger, and what they would bend
+FILE.figures := figures/figures.json
+NEEDS.figures := comparison.json loads.h5 settings/figures.format
+ABOUT.figures := pictures of the report
 FILE.report := report.html
-NEEDS.report := figures/figures.json loads.h5 settings/report.json
+NEEDS.report := figures/figures.json settings/report.json
 ABOUT.report := report.html

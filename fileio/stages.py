@@ -84,11 +84,11 @@ STAGES = (
           "vortices", "vortices", piv="vortices", threads=True),
     Stage("compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",
           ("vortices_cfd", "vortices_piv"), ("comparison.json", "comparison.csv"), format="comparison", cost=(30, 600), shared=False),
-    Stage("figures", "postprocess.report.figures", "pictures of the report", ("compare",),
-          ("figures/figures.json",), format="figures", cost=(60, 900), shared=False),
     Stage("loads", "pipeline.structure.stage", "the water's loads on the finger, and what they would bend", ("run",),
-          ("loads.h5",), {"structure": {"bending_stiffness"}}, "finger-loads", cost=(10, 500)),
-    Stage("report", "postprocess.report.stage", "report.html", ("figures", "loads"), ("report.html",), {"title": True},
+          ("loads.h5",), {"structure": {"bending_stiffness", "damping"}}, "finger-loads", cost=(14, 500)),
+    Stage("figures", "postprocess.report.figures", "pictures of the report", ("compare", "loads"),
+          ("figures/figures.json",), format="figures", cost=(60, 900), shared=False),
+    Stage("report", "postprocess.report.stage", "report.html", ("figures",), ("report.html",), {"title": True},
           cost=(30, 900), shared=False),
 )  # fmt: skip
 # Only where it is asked for (make fea); its result lies in the scene's folder, for all levels.

@@ -17,7 +17,7 @@ from fileio.schema import RECORDED, Schema, Variable
 
 SCHEMA = Schema(
     "finger-loads",
-    1,
+    2,
     "delete it and run make again",
     (
         Variable("time", "time", "s", "of the solver's samples of the finger's surface", True),
@@ -28,6 +28,19 @@ SCHEMA = Schema(
         Variable("root_moment", "time", "N m", "of the water about the middle of the root, positive towards the ventral side", True),
         Variable("deflection", "time", "rad", "turn of the tip that water, weight and inertia would cause at once; of a finger of known stiffness", True),
         Variable("dry_deflection", "time", "rad", "the same without the water's forces: by weight, buoyancy and inertia", True),
+        Variable("step", "step", "s", "time steps of the finger's own motion", True),
+        Variable("bend", "step", "rad", "bend angle of the finger as it was run", True),
+        Variable("bend_unloaded", "step", "rad", "of the finger that no load bends, at the same pressure", True),
+        Variable("bend_in_air", "step", "rad", "of the finger at the same pressure history without water", True),
+        Variable("tip", "step, axis", "m", "place of the tip as it was run, in the tank frame", True),
+        Variable("tip_unloaded", "step, axis", "m", "of the finger that no load bends", True),
+        Variable("tip_in_air", "step, axis", "m", "without water", True),
+        Variable("pressure_work", "step", "J", "of the chambers' pressure, of a prescribed motion of what drives it", True),
+        Variable("water_work", "step", "J", "of the water on the finger", True),
+        Variable("weight_work", "step", "J", "of weight and buoyancy", True),
+        Variable("elastic_energy", "step", "J", "held by bending against the shape without load", True),
+        Variable("kinetic_energy", "step", "J", "of the rubber and of the water in the gaps", True),
+        Variable("damping_loss", "step", "J", "lost in the rubber", True),
         Variable("unknown", "-", "", "why the deflection is not known, as a sentence; empty where it is"),
         Variable("largest_deflection", "-", "rad", "of largest size, signed", True),
         Variable("largest_at", "-", "s", "when", True),

@@ -129,6 +129,10 @@ class Chain:
             air=carried(self._air_height(pressure)[:, None]),
         )
 
+    def bend(self, pressure: FloatArray, delta: FloatArray) -> FloatArray:
+        """Bend angle (time,) rad under load, positive towards the ventral side; `delta` as in `profile`."""
+        return np.asarray(self._profile(pressure)[1][:, -1] + delta[:, -1])
+
     def profile(self, pressure: FloatArray, delta: FloatArray) -> FloatArray:
         """Profile (time, point, 2) m under load; `delta` (time, slice) rad is linear between the middles of the slices."""
         points, angle = self._profile(pressure)
@@ -145,7 +149,7 @@ class Chain:
         return np.stack([line.real, line.imag], axis=-1)
 
 
-def placed(unloaded: Unloaded, at: int | slice, delta: FloatArray) -> Placed:
+def placed(unloaded: Unloaded, at: int | slice | NDArray[np.intp], delta: FloatArray) -> Placed:
     """The chain at one time `at`, or over a slice of times, its slices turned by `delta` (…, slice) rad."""
     turn = np.exp(1j * delta)
     steps = np.cumsum(unloaded.link[at] * turn, axis=-1)

@@ -7,6 +7,7 @@ Newton's method over the whole history; without it the iteration diverges, as th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +35,11 @@ def loads_of_model(
     return np.stack([force.real, force.imag, np.zeros(force.shape)], axis=-1)
 
 
-def loads_at(loads: xr.Dataset, time: FloatArray) -> FloatArray:
-    """The computed loads (time, slice, 3) without the clamped length, at the structure's times; none at 0."""
-    values = np.concatenate([loads["force"].values, loads["torque"].values[..., None]], axis=-1)[:, 1:]
-    known = np.concatenate([[0.0], loads["time"].values])
+def loads_at(loads: Mapping[str, Any] | xr.Dataset, time: FloatArray) -> FloatArray:
+    """The computed loads (time, slice, 3) of a loads.h5 without the clamped length, at the structure's times; none at 0."""
+    known, force, torque = (np.asarray(loads[name]) for name in ("time", "force", "torque"))
+    values = np.concatenate([force, torque[..., None]], axis=-1)[:, 1:]
+    known = np.concatenate([[0.0], known])
     values = np.concatenate([np.zeros((1, *values.shape[1:])), values])
     return np.asarray(CubicSpline(known, values)(time))
 

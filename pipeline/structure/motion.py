@@ -18,6 +18,7 @@ from fileio.formats.bending_states import FloatArray
 from pipeline.structure.chain import Chain, ComplexArray, Placed, joint_moments, placed
 from pipeline.structure.elastic_law import ElasticLaw, law_at
 
+STEP = 1e-3  # s, of the finger's own motion
 ITERATIONS = 40
 TOLERANCE = 1e-10  # rad, of the last correction
 LARGEST_CORRECTION = 0.2  # rad

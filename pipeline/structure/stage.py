@@ -19,10 +19,12 @@ from pipeline.openfoam.surface_vtk import sampled_surfaces
 from pipeline.scene.scene import Scene
 from pipeline.stage_settings import settings_of
 from pipeline.structure.chain import Chain, ComplexArray, placed
+from pipeline.structure.coupling import loads_at
 from pipeline.structure.deflection import deflections, prescribed
 from pipeline.structure.elastic_law import constant_law
+from pipeline.structure.energy import energies
 from pipeline.structure.loads import slice_loads, surface_forces
-from pipeline.structure.motion import Surroundings
+from pipeline.structure.motion import STEP, Surroundings, motion
 
 GRAVITY = 9.81  # m/s²
 UNKNOWN = (
@@ -126,6 +128,27 @@ def check(
     }
 
 
+def history(scene: Scene, chain: Chain, chambers: CubicSpline, values: dict[str, Any]) -> dict[str, Any]:
+    """Variables of loads.h5 over the finger's own time steps: its motion beside those without load and without water, and energies."""
+    end = scene.motion.end_time
+    time = np.linspace(0.0, end, round(end / STEP) + 1)
+    pressure, delta = chambers(time), elastic_turns(scene, chain, time)
+    rubber = scene.structure.damping
+    here, air = gravity(scene), Surroundings(gravity(scene), damping=rubber)
+    none = np.zeros((len(time), chain.slices, 3))
+    turns = {"": delta, "_unloaded": 0 * delta, "_in_air": motion(chain, pressure, time[1], air, none)}
+    frame, root = axes(scene.finger), np.asarray(scene.finger.root)
+    found: dict[str, Any] = {"step": time}
+    for name, turn in turns.items():
+        found |= {
+            f"bend{name}": chain.bend(pressure, turn),
+            f"tip{name}": chain.profile(pressure, turn)[:, -1] @ frame + root,
+        }
+    loads = loads_at(values, time)
+    water = Surroundings(here, scene.fluid.density, damping=rubber)
+    return found | energies(chain, pressure, delta, time[1], water, loads)
+
+
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write loads.h5."""
     kinematics = read_kinematics(scene.out / "kinematics.h5")
@@ -136,6 +159,8 @@ def run(scene: Scene, quiet: bool = False) -> None:
     chain, known = finger_chain(scene, kinematics)
     chambers = CubicSpline(kinematics.data["time"].values, kinematics.data["pressure"].values)
     values = measured_loads(scene, chain, chambers, quiet)
+    if known and scene.pinch is None:
+        values |= history(scene, chain, chambers, values)
     if scene.motion.shapes is not None:
         values["unknown"] = COUPLED
     elif known:

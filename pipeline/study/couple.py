@@ -27,7 +27,7 @@ from pipeline.scene.scene import Scene, load_scene
 from pipeline.stage_settings import settings_of
 from pipeline.structure.chain import Chain
 from pipeline.structure.coupling import check_change, loads_at, motion_values, next_delta
-from pipeline.structure.motion import Surroundings, motion
+from pipeline.structure.motion import STEP, Surroundings, motion
 from pipeline.structure.stage import bending_law, gravity
 
 CHEAP = "draft"  # level of the runs before the last ones
@@ -35,7 +35,6 @@ FINE_LEVELS = ("coarse", "medium", "fine", "reference")  # that are worth it
 CHEAP_FACTOR = (
     5  # on the tolerance: a finer level moves the tip by as much itself, so that more cheap runs buy nothing
 )
-STEP = 1e-3  # s, of the structure
 FIRST = {
     "added_mass": 0.87,
     "drag": 2.2,

@@ -15,7 +15,7 @@ from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.load import read_clock, single_finger
 from postprocess.evidence.stage_files import StageFiles, extended_scenes, scene_numbers
 from postprocess.report.flow_figures import flow_figures, tip_vortices, vortex_figures
-from postprocess.report.motion_figures import bending_figure, motion_figure, study_figures
+from postprocess.report.motion_figures import bending_figure, motion_figure, study_figures, water_figure
 from postprocess.report.picture_index import Album
 from postprocess.report.pinch_figures import pinch_figures
 from postprocess.report.run_figures import camera_picture, mesh_figures, solver_figures
@@ -63,6 +63,8 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
     motion_figure(album, out / "kinematics.h5", planes["cfd"], rigid)
     if not rigid:
         bending_figure(album, out / "kinematics.h5", scene["finger"]["length"])
+        if (out / "loads.h5").exists():
+            water_figure(album, out / "loads.h5")
         for folder in extended_scenes(files.scene_folder):
             study_figures(album, folder / "kinematics" / "studies")
     solver_figures(album, out)

@@ -8,8 +8,10 @@ import numpy as np
 import xarray as xr
 
 from fileio.atomic import write_bytes
+from fileio.formats.finger_loads import read_loads
 from fileio.formats.kinematics import read_kinematics
 from postprocess.draw import series as draw_series
+from postprocess.draw import water as draw_water
 from postprocess.evidence.strokes import REST, peak_tip_speed, tip_speed
 from postprocess.report.picture_index import Album
 
@@ -38,6 +40,29 @@ def motion_figure(album: Album, path: Path, plane: xr.Dataset, rigid: bool) -> N
     alt = "Motion of the body over time." if rigid else "Pressure, bend angle and tip speed over time."
     caption = f"Peak tip speed {peak:.3f} m/s at {at:.3f} s."
     album.add(draw_series.motion(rows), "motion.svg", "motion", alt, caption)
+
+
+def water_figure(album: Album, path: Path) -> None:
+    """What the water does to the finger, from loads.h5; nothing where the finger's stiffness is not known."""
+    loads = read_loads(path)
+    if "bend_in_air" not in loads:
+        return
+    bend, free = (np.degrees(loads[name].values) for name in ("bend", "bend_unloaded"))
+    at = int(np.argmax(np.abs(bend - free)))
+    coupled = bool(np.abs(bend - free)[at] > REST)
+    alt = "Bend, tip path, loads along the finger and its energy over time."
+    caption = (
+        f"At {loads['step'].values[at]:.3f} s the water holds the finger at {bend[at]:.1f}°, which its pressure would bend to {free[at]:.1f}°."
+        if coupled
+        else "The motion is prescribed: it is that of a finger that no load bends; the work of the pressure is that of what drives it."
+    )
+    album.add(
+        draw_water.water_on_finger(loads, "coupled" if coupled else "prescribed"),
+        "water.svg",
+        "water",
+        alt,
+        caption,
+    )
 
 
 def bending_figure(album: Album, path: Path, length: float) -> None:

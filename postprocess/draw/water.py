@@ -1,0 +1,56 @@
+"""What the water does to the finger: its motion beside those without load and in air, the loads along it, and its energy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from postprocess.draw.style import CFD, GREY, MM, PIV, THIRD, new_figure
+
+GROUP = 4  # slices of the chain drawn as one
+ENERGIES = {
+    "pressure_work": ("work of the pressure", CFD, "-"),
+    "water_work": ("work of the water", PIV, "-"),
+    "weight_work": ("work of weight and buoyancy", THIRD, "-"),
+    "elastic_energy": ("held by bending", "k", "--"),
+    "kinetic_energy": ("of motion", GREY, "--"),
+    "damping_loss": ("lost in the rubber", GREY, ":"),
+}
+
+
+def water_on_finger(loads: xr.Dataset, as_run: str) -> Figure:
+    """Bend, tip path, loads across the finger and energies of a loads.h5; `as_run`: what the run's own motion is called."""
+    figure, axes = new_figure(9.6, 7.6, 2, 2)
+    time = loads["step"].values
+    turn, path, across, energy = axes.ravel()
+    motions = (("", as_run, CFD, "-"), ("_unloaded", "no load", GREY, "--"), ("_in_air", "in air", PIV, "-."))
+    for name, label, colour, style in motions:
+        line: dict[str, Any] = {"color": colour, "linestyle": style, "label": label}
+        turn.plot(time, np.degrees(loads[f"bend{name}"]), **line)
+        path.plot(*(loads[f"tip{name}"].values.T * MM), **line)
+    turn.set(xlabel="time, s", ylabel="bend angle, °", title="Bend")
+    path.set(xlabel="x, mm", ylabel="y, mm", title="Path of the tip", aspect="equal")
+    arc, load = _over_groups(loads["arc"].values, loads["force"].values[..., 1])
+    size = float(np.abs(load).max()) or 1.0
+    grid = across.pcolormesh(loads["time"], arc * MM, load.T, cmap="PuOr_r", vmin=-size, vmax=size)
+    figure.colorbar(grid, ax=across, label="N/m, towards the ventral side")
+    across.set(xlabel="time, s", ylabel="along the finger, mm", title="Load of the water")
+    across.grid(False)
+    for name, (label, colour, style) in ENERGIES.items():
+        energy.plot(time, loads[name] * 1e3, color=colour, linestyle=style, label=label)
+    energy.set(xlabel="time, s", ylabel="energy, mJ", title="Energy of the finger")
+    for axis in (turn, path):
+        axis.legend(loc="best", fontsize=8)
+    energy.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, fontsize=8)
+    return figure
+
+
+def _over_groups(arc: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Middles (group,) m and N/m (time, group) of GROUP slices at a time: single slices are no longer than the mesh's faces."""
+    starts = np.arange(0, len(arc), GROUP)
+    count = np.diff(np.append(starts, len(arc)))
+    length = np.add.reduceat(np.gradient(arc), starts)
+    return np.add.reduceat(arc, starts) / count, np.add.reduceat(force, starts, axis=1) / length
