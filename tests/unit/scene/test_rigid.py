@@ -6,7 +6,7 @@ from scipy.interpolate import CubicSpline
 
 from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
-from pipeline.kinematics.rigid_body import rest_outline, smooth_step, travelled
+from pipeline.kinematics.rigid_body import measured_path, rest_outline, smooth_step, travelled
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.kinematics.stage import run as run_kinematics
 from pipeline.scene.rigid_body import Law, RigidBody
@@ -70,6 +70,21 @@ def test_a_power_law_ends_with_the_speed_and_the_way_of_theory():
     assert path.rate[-1] == pytest.approx(3.0)
 
 
+def test_a_measured_path_begins_at_the_bodys_place_and_rests_outside(tmp_path):
+    time = np.linspace(0.1, 1.1, 201)
+    rows = "".join(f"{t:.6f},{0.5 + 0.3 * np.sin(np.pi * (t - 0.1)) ** 2:.9f}\n" for t in time)
+    (tmp_path / "path.csv").write_text("t,x\n" + rows)
+    path = measured_path(tmp_path / "path.csv", 1.5)
+    assert path.distance[0] == 0
+    assert path.rate[-1] == 0
+    wanted = 0.3 * np.sin(np.pi * np.clip(path.time - 0.1, 0, 1)) ** 2
+    # the law's ends, where the second derivative jumps, are smoothed over four rows
+    assert np.abs(path.distance - wanted).max() < 1e-4
+    (tmp_path / "path.csv").write_text("t,x\n0,0\n0,1\n1,2\n")
+    with pytest.raises(StageError, match=r"path\.csv: times must increase"):
+        measured_path(tmp_path / "path.csv", 1.5)
+
+
 @pytest.mark.parametrize("kind", ["sine", "power"])
 def test_rate_is_the_derivative_of_the_way(kind):
     more = {"amplitude": 0.7, "period": 0.8} if kind == "sine" else {"rate": 1.3, "exponent": 1.5}
@@ -122,8 +137,8 @@ def test_a_rotation_turns_the_plate(tmp_path):
         (CIRCLE + "\nchord = 1.0", SINE, "chord and thickness to a plate"),
         ('shape = "circle"\ncentre = [0.0, 5.0]', SINE, "a diameter to a circle"),
         (CIRCLE, SINE.replace(", period = 1.0", ""), "takes amplitude and period"),
-        (CIRCLE, SINE + '\nstrokes = [{ pressure_kpa = 1.0, start = 0.1, duration = 0.2 }]', "nothing else"),
-        (CIRCLE, "", "either motion.displacement or motion.rotation"),
+        (CIRCLE, SINE + '\nstrokes = [{ pressure_kpa = 1.0, start = 0.1, duration = 0.2 }]', "takes one of .* and no strokes"),
+        (CIRCLE, "", "takes one of motion.displacement, rotation and path_csv"),
         (CIRCLE + "\n[finger]\nroot = [0.0, 5.0]", SINE, "either finger or body"),
     ],
 )  # fmt: skip
