@@ -2,7 +2,7 @@
 
 # What is given reaches a shell and make's own rules: letters that these would read as more than a name are refused.
 GIVEN  := LEVEL NP HOSTS COLLATED QUIET CASES SLURM ACCURACY BUDGET SCENE STUDY STUDIES NODES MINUTES PARTITION \
-    COUPLED ACCOUNT RETRIES DOCS DPIV INPUTS CURDIR
+    COUPLED WHOLE ACCOUNT RETRIES DOCS DPIV INPUTS CURDIR
 HASH   := \#
 UNSAFE := ' " ` \ ; & | < > * ? ! ~ { } ( ) [ ] $$ $(HASH)
 $(foreach v,$(GIVEN),$(foreach c,$(UNSAFE),$(if $(findstring $c,$(value $v)),$(error \
@@ -26,6 +26,7 @@ SLURM ?=
 ACCURACY ?=
 COUPLED ?=
 BUDGET ?=
+WHOLE ?=
 
 # The sheet's vortices are found while its images are still rendered.
 MAKEFLAGS += -j$(JOBS)
@@ -51,7 +52,7 @@ MADE   := $(addprefix /out/*/,inputs/* virtual/* lab/*/measured lab/*/measured/o
 MADE   := $(foreach s,$(SCENES),$(patsubst %,$(CASES)/$s%/scene.toml,$(MADE)))
 RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(call SAFE,$(MADE)))
 ALL    := $(SCENES) $(RUNS)
-OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS)))
+OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS) view))
 .SUFFIXES:
 .SECONDARY:
 .DEFAULT_GOAL := help
@@ -60,8 +61,8 @@ OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS)))
 help: ## this list
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"
 	@echo "    SCENE: $(SCENES)"
-	@echo "    LEVEL: smoke (2-D, 2 minutes), draft (5), coarse (default, 7), medium (18), fine (37 minutes)"
-	@echo "    of CPU for single_finger (docs/tradeoff.md); a pinch takes several times as long"
+	@echo "    LEVEL: smoke (2-D, 2 minutes), draft (5), coarse (default, 7), medium (18), fine (37 minutes),"
+	@echo "    reference (the finest: hours) of CPU for single_finger (docs/tradeoff.md); a pinch takes several times as long"
 	@echo "    NP: MPI ranks, now $(NP); HOSTS=hosts.txt: on those machines; COLLATED=1: few files"
 	@echo "make SCENE ACCURACY=12%        the cheapest measured setting within 12 %;"
 	@echo "make SCENE BUDGET=10min        the most accurate within the time"
@@ -69,6 +70,7 @@ help: ## this list
 	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]"
 	@echo "make SCENE.STAGE               up to one stage:"
 	@$(foreach s,$(STAGES),printf '    %-14s %s\n' $(s) "$(ABOUT.$(s))";)
+	@echo "make SCENE.view [WHOLE=1]      the run in ParaView, as a time series; WHOLE=1: the whole tank"
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /make \1|/' \
 	    | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
 
@@ -97,6 +99,9 @@ $(2)/settings/%.format: $(2)/settings/.stamp
 	@[ -e $$@ ] || $(PY) -m pipeline settings $(CASES)/$(1) --level $(LEVEL) $(FLAGS)
 $(2)/$(FILE.compare): $(call SAFE,$(CASES)/$(1)/reference/*)
 $(foreach g,$(GROUPS),$(1).$(g): $(addprefix $(1).,$(OF.$(g))))
+$(1).view: $(2)/view$(if $(WHOLE),_whole)/water.pvd
+$(2)/view/water.pvd $(2)/view_whole/water.pvd: $(2)/run/run.json
+	$(PY) -m pipeline view $(CASES)/$(1) --level $(LEVEL) $(if $(WHOLE),--whole) $(FLAGS)
 endef
 define stage_rules
 $(1).$(3): $(2)/$(FILE.$(3))

@@ -27,6 +27,7 @@ TOOLS: Commands = {
     "plan": ("write the scenes of a study and its plan.json", "pipeline.study.plan"),
     "reuse": ("take over a stage's results from another run of a study", "pipeline.study.reuse"),
     "outcome": ("run a scene's stages to their end, whatever it is, and note it", "pipeline.study.outcome"),
+    "view": ("a time series of a run for ParaView", "pipeline.view.command"),
     "predict": ("how long a run takes on n ranks, and how many ranks pay", "pipeline.study.predict"),
     "choose": ("the cheapest setting measured to reach an accuracy", "pipeline.study.ask_accuracy"),
     "speed": ("how fast this machine is now", "pipeline.study.machine_speed"),

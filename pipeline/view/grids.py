@@ -1,0 +1,91 @@
+"""The water and the walls of a mesh interval as VTK grids, at any instant, and their mirror images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista as pv
+import vtk
+import xarray as xr
+
+from pipeline.openfoam.polymesh_files import Faces
+
+Z, X = 2, 0  # normal of the sheet's plane of symmetry, and of that between two fingers
+
+
+@dataclass(frozen=True)
+class Topology:
+    """Cells of the water, and faces of what stands in it, in VTK's padded form (count, points …), with the cell behind each face."""
+
+    cells: np.ndarray
+    types: np.ndarray
+    wall_points: np.ndarray  # of the mesh, those that the walls use
+    walls: np.ndarray
+    behind: np.ndarray
+
+
+def padded(corners: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Rows of corners (row, most), of which the first `count` (row) are used, as VTK lists them."""
+    rows = np.column_stack([count, corners])
+    return rows[np.arange(rows.shape[1]) <= count[:, None]]
+
+
+def topology(planform: xr.Dataset, sweep: xr.Dataset, faces: Faces) -> Topology:
+    """Wedges and hexahedra of a swept mesh, in its own order."""
+    triangles, quads = planform["triangles"].values, planform["quads"].values
+    nodes = np.vstack([np.pad(triangles, ((0, 0), (0, 1))), quads])
+    column, layer = sweep["cell_column"].values, sweep["cell_layer"].values
+    number = np.full((planform.sizes["node"], planform.sizes["level"]), -1)
+    number[sweep["node"].values, sweep["level"].values] = np.arange(sweep.sizes["point"])
+    wedge = column < len(triangles)
+    low, high = (number[nodes[column], (layer + k)[:, None]] for k in (0, 1))
+    corners = np.hstack([low, high])
+    corners[wedge, 3:6] = high[wedge, :3]
+    types = np.where(wedge, pv.CellType.WEDGE, pv.CellType.HEXAHEDRON).astype(np.uint8)
+    bodies = [
+        k for name, k in faces.patches.items() if name.endswith("finger") or name in ("object", "support")
+    ]
+    members = np.concatenate([np.arange(part.start, part.stop) for part in bodies])
+    wall = faces.corners[members]
+    points, wall_corners = np.unique(wall, return_inverse=True)
+    sides = np.where(wall[:, 3] == wall[:, 2], 3, 4)
+    return Topology(
+        padded(corners, np.where(wedge, 6, 8)), types, points, padded(wall_corners.reshape(wall.shape), sides),
+        faces.owner[members],
+    )  # fmt: skip
+
+
+def water(
+    mesh: Topology, points: np.ndarray, velocity: np.ndarray, pressure: np.ndarray
+) -> pv.UnstructuredGrid:
+    """The water with `velocity` (cell, 3; m/s), `pressure` (cell; Pa) and the vorticity (1/s) by VTK's gradient filter."""
+    grid = pv.UnstructuredGrid(mesh.cells, mesh.types, points)
+    grid.cell_data["velocity"] = velocity
+    vorticity = grid.compute_derivative("velocity", gradient=False, vorticity=True, preference="cell")
+    grid.cell_data["vorticity"] = vorticity["vorticity"].astype(np.float32)
+    grid.cell_data["velocity"] = velocity.astype(np.float32)
+    grid.cell_data["pressure"] = pressure.astype(np.float32)
+    return grid
+
+
+def walls(mesh: Topology, points: np.ndarray, pressure: np.ndarray) -> pv.UnstructuredGrid:
+    """Fingers and what else stands in the water, with the pressure (Pa) in the cells beside them."""
+    surface = pv.PolyData(points[mesh.wall_points], mesh.walls)
+    surface.cell_data["pressure"] = pressure[mesh.behind].astype(np.float32)
+    return surface.cast_to_unstructured_grid()
+
+
+def with_mirror_image(grid: pv.UnstructuredGrid, axis: int) -> pv.UnstructuredGrid:
+    """A grid and its image beyond the plane through the origin that is normal to `axis`; vorticity turns the other way there."""
+    reflect = vtk.vtkReflectionFilter()
+    reflect.SetInputData(grid)
+    reflect.SetPlane({X: vtk.vtkReflectionFilter.USE_X, Z: vtk.vtkReflectionFilter.USE_Z}[axis])
+    reflect.SetCenter(0.0)
+    reflect.CopyInputOn()
+    reflect.FlipAllInputArraysOn()
+    reflect.Update()
+    both = pv.wrap(reflect.GetOutput())
+    if "vorticity" in both.cell_data:
+        both.cell_data["vorticity"][grid.n_cells :] *= -1
+    return both

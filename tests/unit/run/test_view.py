@@ -1,0 +1,156 @@
+"""The time series for ParaView: all mesh intervals, all ranks, the whole tank on request; fields written by hand, read by VTK."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from fileio.errors import StageError
+from fileio.formats.mesh_intervals import read_intervals, read_planform
+from fileio.formats.node_motion import read_motion
+from fileio.formats.sweep import read_sweep
+from pipeline.openfoam.foamfile import binary_list, header, write_bytes, write_field
+from pipeline.openfoam.ranks import collated_content
+from pipeline.run.map_fields import cells_of
+from pipeline.view.command import write_series
+from pipeline.view.grids import X, Z
+from tests.conftest import prepare, write_scene
+
+CLOSING = (
+    "[motion]\nstrokes = [{ pressure_kpa = 20.0, start = 0.002, duration = 0.12 }]\nend_time = 0.1\n"
+    "[pinch]\nresidual_gap = 0.002\n"
+)
+TURN = 3.0  # 1/s
+PRESSURE = 2.5  # m²/s²
+
+
+def write_fields(scene, interval, time: float, layout: str) -> None:
+    """A solid-body turn about z and an even pressure at a time of an interval, by one rank, two, or two that share files."""
+    case, name = scene.out / "case" / interval.name, f"{time:g}"
+    cells = cells_of(scene.out, interval, time)
+    centre = cells.centre[cells.column]
+    velocity = TURN * np.column_stack([-centre[:, 1], centre[:, 0], np.zeros(len(centre))])
+    fields = {"U": velocity, "p": np.full(len(centre), PRESSURE)}
+    templates = next(folder for folder in (case / "0.orig", case / "0") if folder.exists())
+    if layout == "one":
+        for field, values in fields.items():
+            write_field(case / name / field, templates / field, values)
+        return
+    members = [np.arange(0, len(centre), 2), np.arange(1, len(centre), 2)]
+    head = header("labelList", "", "cellProcAddressing", binary=True)
+    lists = [head + binary_list(labels) for labels in members]
+    parts = {"constant/polyMesh/cellProcAddressing": lists}
+    for field, values in fields.items():
+        for labels in members:
+            path = case / "by_hand" / field
+            write_field(path, templates / field, values[labels])
+            parts.setdefault(f"{name}/{field}", []).append(path.read_bytes())
+    for file, contents in parts.items():
+        if layout == "collated":
+            write_bytes(case / "processors2" / file, collated_content(file.rpartition("/")[2], contents))
+        for rank, content in enumerate(contents if layout == "two" else ()):
+            write_bytes(case / f"processor{rank}" / file, content)
+    state = '{"ranks": 2, "mesh": 0' + (', "collated": true}' if layout == "collated" else "}")
+    (case / "state.json").write_text(state)
+
+
+def shown(folder, part: str = "water") -> list[tuple[float, pv.UnstructuredGrid]]:
+    reader = pv.get_reader(folder / f"{part}.pvd")
+    series = []
+    for time in reader.time_values:
+        reader.set_active_time_value(time)
+        series.append((time, reader.read()[0]))
+    return series
+
+
+@pytest.fixture(scope="module")
+def closing(tmp_path_factory):
+    """A quarter of a pinch in two mesh intervals or more, with one instant of each written, and one of an overlap."""
+    scene = prepare(write_scene(tmp_path_factory.mktemp("view"), "quarter", CLOSING, parent="pinch"))
+    intervals = read_intervals(scene.out)
+    assert len(intervals) > 1
+    layouts = ("one", "two", "collated")
+    for k, interval in enumerate(intervals):
+        write_fields(scene, interval, round(interval.end, 8), layouts[k % 3])
+    write_fields(scene, intervals[1], round(intervals[1].start, 8), layouts[1])  # the interval before has it
+    return scene
+
+
+@pytest.fixture(scope="module")
+def quarter(closing, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("quarter")
+    write_series(closing, folder, (), quiet=True)
+    return folder
+
+
+def test_every_instant_of_every_interval_is_shown_once(closing, quarter):
+    series = shown(quarter)
+    assert [time for time, _ in series] == [round(i.end, 8) for i in read_intervals(closing.out)]
+    assert len(shown(quarter, "walls")) == len(series)
+    for (time, grid), interval in zip(series, read_intervals(closing.out), strict=True):
+        cells = cells_of(closing.out, interval, time)
+        volume = grid.compute_cell_sizes(length=False, area=False)["Volume"]
+        np.testing.assert_allclose(volume, cells.volume, rtol=1e-3)  # faces of VTK's hexahedra are no planes
+        assert grid.volume == pytest.approx(cells.volume.sum(), rel=1e-5)
+
+
+def test_velocity_pressure_and_vorticity_are_those_of_the_run(closing, quarter):
+    for _, grid in shown(quarter):
+        x, y, _ = grid.cell_centers().points.T
+        size = TURN * np.hypot(x, y).max()
+        # float32; VTK's cell centres are means of corners, the run's are centroids: they differ where a cell is skewed
+        np.testing.assert_allclose(grid["velocity"][:, 0], -TURN * y, atol=2e-3 * size)
+        np.testing.assert_allclose(grid["velocity"][:, 1], TURN * x, atol=2e-3 * size)
+        np.testing.assert_allclose(grid["pressure"], PRESSURE * closing.fluid.density, rtol=1e-6)
+        # a gradient by corners' means of cells' values: exact but beside walls
+        assert np.median(grid["vorticity"][:, 2]) == pytest.approx(2 * TURN, rel=1e-3)
+
+
+def test_the_walls_are_the_finger_where_it_is_then(closing, quarter):
+    for (time, grid), interval in zip(shown(quarter, "walls"), read_intervals(closing.out), strict=True):
+        planform = read_planform(closing.out, interval.mesh)
+        outline = read_motion(closing.out, interval.mesh).nodes(time)[planform["wall"].values]
+        np.testing.assert_allclose(grid.bounds[:4:2], outline.min(axis=0), atol=1e-6)
+        np.testing.assert_allclose(grid.bounds[1:4:2], outline.max(axis=0), atol=1e-6)
+        assert grid["pressure"] == pytest.approx(PRESSURE * closing.fluid.density)
+
+
+def test_the_whole_tank_is_the_quarter_and_its_images(closing, quarter, tmp_path):
+    write_series(closing, tmp_path, (Z, X), quiet=True)
+    for (_, part), (_, tank) in zip(shown(quarter), shown(tmp_path), strict=True):
+        assert tank.n_cells == 4 * part.n_cells
+        assert tank.volume == pytest.approx(4 * part.volume, rel=1e-6)
+        volume = tank.compute_cell_sizes(length=False, area=False)["Volume"]
+        assert (volume > 0).all()  # images are not turned inside out
+        np.testing.assert_allclose(tank.bounds[::2], -np.array(tank.bounds[1::2]) * [1, 0, 1], atol=1e-6)
+        images = tank["velocity"].reshape(4, -1, 3)
+        signs = np.array([[1, 1, 1], [1, 1, -1], [-1, 1, 1], [-1, 1, -1]])
+        np.testing.assert_array_equal(images, signs[:, None] * part["velocity"])
+        turned = np.array([[1, 1, 1], [-1, -1, 1], [1, -1, -1], [-1, 1, -1]])  # an axial vector
+        np.testing.assert_array_equal(
+            tank["vorticity"].reshape(4, -1, 3), turned[:, None] * part["vorticity"]
+        )
+
+
+def test_what_is_there_stays_and_what_is_missing_or_old_is_written(closing, quarter):
+    files = sorted(quarter.glob("*.vtu"))
+    before = {path: path.stat().st_mtime_ns for path in files}
+    files[0].unlink()
+    (quarter / "water_00099.vtu").touch()
+    write_series(closing, quarter, (), quiet=True)
+    assert sorted(quarter.glob("*.vtu")) == files
+    again = [path for path in files if path.stat().st_mtime_ns != before[path]]
+    assert {re.sub(r"\D", "", path.name) for path in again} == {re.sub(r"\D", "", files[0].name)}
+
+
+def test_without_a_run_the_cure_is_said(tiny, tmp_path):
+    with pytest.raises(StageError, match=r"no run has written its fields.*make tiny\.view LEVEL=tiny"):
+        write_series(tiny, tmp_path, (), quiet=True)
+    assert not list(tmp_path.glob("*.pvd"))
+    prepare(tiny)
+    with pytest.raises(StageError, match="no run has written its fields"):
+        write_series(tiny, tmp_path, (), quiet=True)
+    assert read_sweep(tiny.out, "interval_0").sizes["cell"] > 0  # its case is there
