@@ -123,8 +123,8 @@ def write_series(scene: Scene, target: Path, planes: tuple[int, ...], quiet: boo
                 for path, grid in zip(paths, pair, strict=True):
                     for plane in planes:
                         grid = with_mirror_image(grid, plane)
-                    with whole(path, suffix=True, sync=False) as part:
-                        grid.save(part)
+                    with whole(path, suffix=True, sync=False) as unfinished:
+                        grid.save(unfinished)
                 bar.update()
     for part, names in zip(PARTS, zip(*files, strict=True), strict=True):
         for stale in set(target.glob(f"{part}_*.vtu")) - set(names):
