@@ -61,8 +61,8 @@ OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS) vi
 help: ## this list
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"
 	@echo "    SCENE: $(SCENES)"
-	@echo "    LEVEL: smoke (2-D, 2 minutes), draft (5), coarse (default, 7), medium (18), fine (37 minutes),"
-	@echo "    reference (the finest: hours) of CPU for single_finger (docs/tradeoff.md); a pinch takes several times as long"
+	@echo "    LEVEL: smoke (2-D, 2 minutes), draft (5), coarse (default, 7), medium (18), fine (37 minutes of CPU for"
+	@echo "    single_finger, docs/tradeoff.md), reference (the finest: hours); a pinch takes several times as long"
 	@echo "    NP: MPI ranks, now $(NP); HOSTS=hosts.txt: on those machines; COLLATED=1: few files"
 	@echo "make SCENE ACCURACY=12%        the cheapest measured setting within 12 %;"
 	@echo "make SCENE BUDGET=10min        the most accurate within the time"
