@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import io
+import os
+import signal
 import stat
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from importlib import import_module
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from fileio import __version__
@@ -19,6 +20,7 @@ from fileio.errors import StageError, sentence, system_error
 # name: what it does, and where `run(args)` and, where it takes arguments, `add_arguments(parser)` are: a module or an object
 Commands = Mapping[str, tuple[str, Any]]
 
+PROGRAMS = ("pipeline", "piv", "postprocess")
 INTERRUPTED = "interrupted; run it again to go on: what is finished is kept"
 
 
@@ -29,15 +31,33 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
-def interrupted(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """The hook for exceptions that nobody caught: Ctrl-C during the first imports is one sentence too."""
-    if issubclass(kind, KeyboardInterrupt):
-        print(INTERRUPTED, file=sys.stderr)
-    else:
-        sys.__excepthook__(kind, error, trace)
+def end_at_once(*_: object) -> None:
+    """Ctrl-C while modules are imported: libraries would make errors of their own of it, and nothing is begun yet."""
+    os.write(2, f"{INTERRUPTED}\n".encode())
+    os._exit(130)
 
 
-sys.excepthook = interrupted
+def importing() -> None:
+    """Let Ctrl-C end this program at once until `working`; one that ignores it, as a job in the background, still does."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, end_at_once)
+
+
+def working() -> None:
+    """Let Ctrl-C be KeyboardInterrupt again: what is begun is tidied up."""
+    if signal.getsignal(signal.SIGINT) is end_at_once:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def ends_in_interrupt(error: BaseException | None) -> bool:
+    """Whether an error is what a library has made of Ctrl-C."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
+if getattr(getattr(sys.modules["__main__"], "__spec__", None), "name", "").partition(".")[0] in PROGRAMS:
+    importing()  # the rest of what `python -m` of one of them needs
 
 
 def guarded(name: str, action: Callable[[], int | None], strict: bool = False) -> int:
@@ -54,6 +74,9 @@ def guarded(name: str, action: Callable[[], int | None], strict: bool = False) -
         print(f"{name}: {INTERRUPTED}", file=sys.stderr)
         return 130
     except Exception as error:
+        if ends_in_interrupt(error):
+            print(f"{name}: {INTERRUPTED}", file=sys.stderr)
+            return 130
         defect = strict and isinstance(error, ValueError) and not isinstance(error, StageError)
         message = None if defect and system_error(error) is None else sentence(error)
         if message is None:
@@ -94,6 +117,8 @@ def command_line(
     parser.add_argument("--version", action="version", version=f"{program} {__version__}")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="command")
     given = sys.argv[1:] if argv is None else argv
+    if argv is None:
+        importing()
 
     def action() -> int | None:
         module: Any = None
@@ -105,6 +130,7 @@ def command_line(
                     module.add_arguments(sub)
         args = parser.parse_args(given)
         check_inputs(args)
+        working()
         with around(args):
             return module.run(args)
 

@@ -10,7 +10,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from fileio.checksum import check_whole, write_checksums
+from fileio.atomic import checksums_of
+from fileio.checksum import check_whole
 from fileio.command import Commands, add_scene, command_line
 from fileio.errors import StageError
 from fileio.lock import exclusive
@@ -60,12 +61,12 @@ class StageCommand:
         for before in until(self.stage.name):
             for name in before.outputs if before != self.stage else ():
                 check_whole(out / name)
-        earlier = _run(self.stage, args.scene, args.level, args.quiet, options) or NOTHING
+        own = self.stage in STAGES and not options.get("output")  # not into another file than the stage's own
+        with checksums_of(out / name for name in self.stage.outputs if own):
+            earlier = _run(self.stage, args.scene, args.level, args.quiet, options) or NOTHING
         if isinstance(earlier, int):
             return earlier
-        if not options.get("output"):  # another file than the stage's own
-            if self.stage in STAGES:
-                write_checksums(out / name for name in self.stage.outputs)
+        if not options.get("output"):
             path = out / "costs" / f"{self.stage.name}.json"
             record_cost(path, self.stage.name, time.monotonic() - begin, earlier)
         return 0

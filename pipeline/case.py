@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from fileio.atomic import unlink_folders, write_text
-from fileio.checksum import write_checksums
+from fileio.atomic import checksums_of, unlink_folders, write_text
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
@@ -167,8 +166,8 @@ def write_case(folder: Path, entries: dict[str, str], first: bool, planform: xr.
     write_text(folder / "system" / "numbers", numbers_text(entries))
     write_text(folder / "system" / "regions", regions_text(kind))
     faces, cells = zones(mesh, planform)
-    write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
-    write_checksums((folder / "constant" / "polyMesh").iterdir())
+    with checksums_of([folder / "constant" / "polyMesh"]):
+        write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
     write_text(folder / "case.foam", "")
     names = ("node", "level", "cell_column", "cell_layer")
     return {name: getattr(mesh, name) for name in names}

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from fileio.formats.records import COST
-
 
 @dataclass(frozen=True)
 class Spent:
@@ -28,6 +26,8 @@ def record_cost(path: Path, stage: str, wall_time: float, earlier: Spent = NOTHI
     """Write wall time (s), CPU time (s) and peak memory (bytes) of this process and its children; with `earlier`, what a
     run that this one resumed had spent.
     """
+    from fileio.formats.records import COST  # slow to load, and not needed before the stage has ended
+
     usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     cost = {
         "stage": stage,

@@ -11,8 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from fileio.atomic import write_text
-from fileio.checksum import write_checksums
+from fileio.atomic import checksums_of, write_text
 from fileio.command import add_scene as add_arguments  # noqa: F401 (of the command)
 from fileio.errors import StageError
 from fileio.formats import vortex_table
@@ -74,9 +73,10 @@ def changed_settings(scene: Scene) -> dict[str, str]:
 def write_settings(scene: Scene) -> list[str]:
     """Write the files of `settings/` whose content changed; returns the names of the stages that changed."""
     changed = changed_settings(scene)
-    for name, text in changed.items():
-        write_text(path := scene.out / "settings" / name, text)
-        write_checksums([path])
+    folder = scene.out / "settings"
+    with checksums_of([folder]):
+        for name, text in changed.items():
+            write_text(folder / name, text)
     return list(dict.fromkeys(name.partition(".")[0] for name in changed))
 
 

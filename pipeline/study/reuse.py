@@ -7,7 +7,8 @@ import os
 import shutil
 from pathlib import Path
 
-from fileio.atomic import checksum_file, unlink_folders, whole
+from fileio.atomic import checksum_file, checksums_of, unlink_folders, whole
+from fileio.checksum import check_whole
 from fileio.stages import BY_NAME, STAGES
 
 
@@ -34,10 +35,9 @@ def reuse(source: Path, target: Path, stage: str) -> None:
         if old.is_dir():
             new.symlink_to(os.path.relpath(old.resolve(), new.parent.resolve()))
         else:
-            with whole(new, sync=False) as part:
+            check_whole(old)
+            with checksums_of([new] * checksum_file(old).exists()), whole(new, sync=False) as part:
                 shutil.copy2(old, part)
-            if checksum_file(old).exists():
-                shutil.copy2(checksum_file(old), checksum_file(new))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

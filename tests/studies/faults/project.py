@@ -153,8 +153,8 @@ def complaints(text: str) -> list[str]:
 
 def difference(one: Path, other: Path) -> str | None:
     """In what two files of the same name differ, beyond when and how often they were made; None where in nothing."""
-    if not other.exists():
-        return f"{other.name} is missing"
+    if not (one.exists() and other.exists()):
+        return f"{other.name} is missing" if one.exists() or other.exists() else None
     if one.suffix == ".h5":
         return _difference_hdf5(one, other)
     if one.name == "run.json":

@@ -1,14 +1,15 @@
 """What a stage has written is read whole or not at all: each format, damaged in twelve ways."""
 
 import json
+import os
 import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from fileio.atomic import checksum_file
-from fileio.checksum import check_whole, write_checksums
+from fileio.atomic import checksum_file, checksums_of, write_bytes, write_text
+from fileio.checksum import check_whole
 from fileio.errors import sentence
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.mesh_intervals import read_intervals, read_planforms
@@ -27,21 +28,21 @@ def written(tmp_path_factory):
     """A file of each format that stages hand on, with its checksum."""
     folder = tmp_path_factory.mktemp("written")
     scene = prepare(write_scene(folder / "scene"))
-    for name in ("kinematics.h5", "planform.h5", "sweep.h5"):
-        shutil.copy(scene.out / name, folder / name)
-    x, y, t = np.arange(8.0), np.arange(6.0), np.arange(3.0)
-    u = np.random.default_rng(0).normal(size=(3, 6, 8))
-    write_plane(make_plane(x, y, u, u, time=t), folder / "sheet.h5", source="cfd")
-    with RecordingWriter(folder / "images.h5", (24, 32), np.uint8, 3, {"frame_rate_hz": 100.0}) as writer:
-        for k in range(3):
-            writer.write(k, np.full((24, 32), k, np.uint8))
-        writer.finish()
-    FORCES.write(folder / "forces.csv", np.random.default_rng(1).normal(size=(20, len(FORCES.columns))))
-    table = pd.DataFrame(np.random.default_rng(2).normal(size=(9, len(COLUMNS))), columns=COLUMNS)
-    write_vortices(table, folder / "vortices.csv")
-    RUN.write(folder / "run.json", {"wall_time": 1.5, "steps": 3})
-    (folder / "settings.json").write_text(json.dumps({"window": 32, "epsilon": 0.2}))
-    write_checksums(folder.iterdir())
+    with checksums_of([folder]):
+        for name in ("kinematics.h5", "planform.h5", "sweep.h5"):
+            write_bytes(folder / name, (scene.out / name).read_bytes())
+        x, y, t = np.arange(8.0), np.arange(6.0), np.arange(3.0)
+        u = np.random.default_rng(0).normal(size=(3, 6, 8))
+        write_plane(make_plane(x, y, u, u, time=t), folder / "sheet.h5", source="cfd")
+        with RecordingWriter(folder / "images.h5", (24, 32), np.uint8, 3, {"frame_rate_hz": 100.0}) as writer:
+            for k in range(3):
+                writer.write(k, np.full((24, 32), k, np.uint8))
+            writer.finish()
+        FORCES.write(folder / "forces.csv", np.random.default_rng(1).normal(size=(20, len(FORCES.columns))))
+        table = pd.DataFrame(np.random.default_rng(2).normal(size=(9, len(COLUMNS))), columns=COLUMNS)
+        write_vortices(table, folder / "vortices.csv")
+        RUN.write(folder / "run.json", {"wall_time": 1.5, "steps": 3})
+        write_text(folder / "settings.json", json.dumps({"window": 32, "epsilon": 0.2}))
     return folder
 
 
@@ -79,7 +80,7 @@ def test_what_is_damaged_is_refused_in_one_sentence(written, tmp_path, name, way
 )
 @pytest.mark.parametrize("name", ["kinematics.h5", "planform.h5"])
 def test_the_schema_refuses_most_without_a_checksum_too(written, tmp_path, name, way):
-    """As after a kill between a file and its checksum, and of files that were made before there were any."""
+    """As of files that were made before there were any."""
     readers = {"kinematics.h5": read_kinematics, "planform.h5": read_planforms}
     shutil.copy(written / name, tmp_path / name)
     damage(tmp_path / name, way)
@@ -98,6 +99,31 @@ def test_a_file_that_is_written_anew_loses_the_checksum_of_the_old_one(written, 
         writer.write(0, np.zeros((4, 4), np.uint8))
         writer.finish()
     check_whole(tmp_path / "images.h5")
+
+
+def test_a_kill_between_a_file_and_its_checksum_leaves_nothing_unchecked(tmp_path, monkeypatch):
+    """The checksum comes first: there is no file yet, or the old one, which is refused."""
+    path = tmp_path / "forces.csv"
+    whole_replace = os.replace
+
+    def killed(part, name):
+        if name == path:
+            raise KeyboardInterrupt
+        whole_replace(part, name)
+
+    with checksums_of([path]):
+        monkeypatch.setattr(os, "replace", killed)
+        with pytest.raises(KeyboardInterrupt):
+            write_text(path, "new")
+        assert checksum_file(path).exists()
+        monkeypatch.undo()
+        write_text(path, "old")
+        check_whole(path)
+        monkeypatch.setattr(os, "replace", killed)
+        with pytest.raises(KeyboardInterrupt):
+            write_text(path, "new")
+        with pytest.raises(ValueError, match="delete it and run make again"):
+            check_whole(path)
 
 
 @pytest.mark.parametrize("content", [b"null", b"[1]", b"[" * 100_000, b'{"format": "run"}', b""])

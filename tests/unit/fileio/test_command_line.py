@@ -126,11 +126,35 @@ def test_a_console_that_knows_no_such_letter_does_not_end_a_stage():
     assert done.stdout == "640?512 ? ?m\n"
 
 
-def test_an_interrupt_during_the_first_imports_is_one_sentence():
-    code = "import fileio.command; raise KeyboardInterrupt"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode in (130, -signal.SIGINT)  # which a shell calls 130
-    assert done.stderr == "interrupted; run it again to go on: what is finished is kept\n"
+@pytest.mark.parametrize("module, library", [
+    ("pipeline", "_multiarray_umath"), ("pipeline", "libhdf5"), ("pipeline", "pydantic_core"), ("postprocess.lab", "_multiarray_umath"),
+])  # fmt: skip
+def test_an_interrupt_during_the_imports_is_one_sentence(module, library):
+    """Also within those of libraries, which make errors of their own of it."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", module, "mesh", "missing"], cwd=ROOT, text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    while process.poll() is None and library not in Path(f"/proc/{process.pid}/maps").read_text():
+        pass
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=60)
+    assert (process.returncode, *said) == (
+        130,
+        "",
+        "interrupted; run it again to go on: what is finished is kept\n",
+    )
+
+
+def test_an_interrupt_that_a_library_takes_for_its_own_error_is_one(capsys):
+    def imports() -> None:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            raise ImportError("the module cannot be loaded") from None
+
+    assert guarded("mesh", imports, strict=True) == 130
+    assert capsys.readouterr().err == "mesh: interrupted; run it again to go on: what is finished is kept\n"
 
 
 def test_workers_end_at_ctrl_c_without_a_word(tmp_path):
