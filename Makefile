@@ -2,17 +2,20 @@
 
 # What is given reaches a shell and make's own rules: letters that these would read as more than a name are refused.
 GIVEN  := LEVEL NP HOSTS COLLATED QUIET CASES SLURM ACCURACY BUDGET SCENE STUDY STUDIES NODES MINUTES PARTITION \
-    COUPLED WHOLE ACCOUNT RETRIES DOCS DPIV INPUTS CURDIR
+    COUPLED WHOLE ACCOUNT RETRIES DOCS DPIV INPUTS PRESSURE SNAKEFLAGS CURDIR MAKECMDGOALS
 HASH   := \#
 UNSAFE := ' " ` \ ; & | < > * ? ! ~ { } ( ) [ ] $$ $(HASH)
+NAMED.CURDIR := this folder's path
+NAMED.MAKECMDGOALS := the target
 $(foreach v,$(GIVEN),$(foreach c,$(UNSAFE),$(if $(findstring $c,$(value $v)),$(error \
-    $(if $(filter CURDIR,$v),this folder's path,$v) has the letter $c in it, which a shell reads otherwise; \
+    $(or $(NAMED.$v),$v) has the letter $c in it, which a shell reads otherwise; \
     $(if $(filter CURDIR,$v),move the project to a path,give it) without))))
 $(if $(word 2,$(CURDIR)),$(error this folder's path has a space in it; move the project to a path without))
-OTHER   = $(subst 0,,$(subst 1,,$(subst 2,,$(subst 3,,$(subst 4,,$(subst 5,,$(subst 6,,$(subst 7,,$1))))))))
-DIGITS  = $(subst 8,,$(subst 9,,$(call OTHER,$1)))
-$(foreach v,NP NODES MINUTES RETRIES,$(if $(or $(call DIGITS,$($v)),$(filter 0 00,$($v))),$(error \
-    $v=$($v): give a whole number of at least 1)))
+# of at most six digits: more are too long for a shell's arithmetic
+NUMBER  = $(shell echo '$($1)' | grep -xE '0*$2[0-9]{0,5}')
+$(foreach v,NP NODES MINUTES,$(if $($v),$(if $(call NUMBER,$v,[1-9]),,$(error \
+    $v=$($v): give a whole number of 1 to 999999))))
+$(if $(RETRIES),$(if $(call NUMBER,RETRIES,[0-9]),,$(error RETRIES=$(RETRIES): give a whole number of 0 to 999999)))
 
 LEVEL ?= coarse
 CORES := $(shell nproc 2>/dev/null || echo 1)
@@ -53,6 +56,15 @@ MADE   := $(foreach s,$(SCENES),$(patsubst %,$(CASES)/$s%/scene.toml,$(MADE)))
 RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(call SAFE,$(MADE)))
 ALL    := $(SCENES) $(RUNS)
 OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS) view))
+# A target that is none is told with the nearest that is one; files by their path are left to make.
+NEAREST = $(shell $(PY) -c 'import difflib, sys; print(*difflib.get_close_matches(sys.argv[1], sys.argv[2:], 1))' \
+    '$1' $2 2>/dev/null)
+MEANT   = $(if $(call NEAREST,$1,$2),did you mean $(call NEAREST,$1,$2)? )make help lists what there is
+KNOWN  := $(USER_TARGETS) $(OF_SCENES) lab-register lab-sheets study-sheets $(READY) Makefile
+$(foreach g,$(MAKECMDGOALS),$(if $(or $(findstring /,$g),$(filter $g,$(KNOWN))),,$(error \
+    $g: no such scene or target; $(call MEANT,$g,$(KNOWN)))))
+$(if $(filter $(SCENE),$(ALL)),,$(if $(filter file undefined,$(origin SCENE)),,$(error \
+    SCENE=$(SCENE): no such scene; $(call MEANT,$(SCENE),$(ALL)))))
 .SUFFIXES:
 .SECONDARY:
 .DEFAULT_GOAL := help

@@ -30,6 +30,20 @@ COMMANDS = {
     "convert": "between OpenPIV, PIVlab, Tecplot, DaVis, CSV, VTK and plane series",
 }
 
+WRITTEN = {  # the endings of a command's output; the others look at theirs themselves
+    "correlate": (".h5",),
+    "join": (".h5",),
+    "render": (".h5",),
+    "vortices": (".csv",),
+    "plot": (".png", ".pdf", ".svg"),
+    "animate": (".mp4", ".gif"),
+    "stats": (".h5",),
+    "derive": (".h5",),
+    "profile": (".csv",),
+    "spectrum": (".csv",),
+    "view": (".json",),
+}
+
 
 def check_output(output: Path, args: argparse.Namespace) -> None:
     """ValueError where the output would be written over one of the command's inputs, those of a folder or glob included."""
@@ -56,6 +70,9 @@ def output_locked(args: argparse.Namespace) -> Iterator[None]:
     output = getattr(args, "output", None)
     if output:
         check_output(Path(output), args)
+        endings = WRITTEN.get(args.command, ())
+        if endings and Path(output).suffix.lower() not in endings:
+            raise ValueError(f"{output}: piv {args.command} writes {' or '.join(endings)}; name it so")
     with exclusive(Path(output)) if output else nullcontext():
         yield
 

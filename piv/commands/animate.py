@@ -34,8 +34,6 @@ def run(args: argparse.Namespace) -> None:
 
     from piv.plots.vectors import draw, speed_scale, vortices_at, vorticity_scale
 
-    if args.output.suffix.lower() not in (".mp4", ".gif"):
-        raise ValueError(f"{args.output}: an animation is .mp4 or .gif")
     if args.every < 1 or not args.fps > 0:
         raise ValueError("--every must be at least 1 and --fps positive")
     check_style(args)

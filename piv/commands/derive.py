@@ -35,8 +35,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Read, derive and write in parts."""
-    if args.output.suffix.lower() != ".h5":
-        raise ValueError(f"{args.output}: derived fields are written as .h5")
     with open_vectors(args.series) as series:
         length = window_of(series) if args.correlation_length is None else args.correlation_length
         parts = derived_blocks(series, tuple(args.quantities), scheme=args.scheme, correlation_length=length)

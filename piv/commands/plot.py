@@ -62,8 +62,6 @@ def run(args: argparse.Namespace) -> None:
     """Draw one instant."""
     import matplotlib.pyplot as plt
 
-    if args.output.suffix.lower() not in (".png", ".pdf", ".svg"):
-        raise ValueError(f"{args.output}: a picture is .png, .pdf or .svg")
     check_style(args)
     with checked(open_vectors(args.plane), args.plane) as planes:
         plane, time = planes, None

@@ -47,10 +47,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Read the series once and write its statistics."""
-    if args.output.suffix.lower() != ".h5":
-        raise ValueError(
-            f"{args.output}: statistics are written as .h5; piv convert makes other formats of it"
-        )
     check_partners(args)
     with open_vectors(args.series) as series:
         if "time" not in series["u"].dims:

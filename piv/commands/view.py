@@ -29,8 +29,6 @@ def run(args: argparse.Namespace) -> None:
         raise ValueError("the page needs the library bokeh: pip install 'softfinger-piv[view]' (or bokeh)")
     if not 1 <= args.port <= 65535:
         raise ValueError(f"--port is from 1 to 65535, got {args.port}")
-    if args.output.suffix.lower() != ".json":
-        raise ValueError(f"{args.output}: masks and regions are written as .json")
     from piv.view.page import serve
 
     scene = open_scene(args.file, args.images, args.frame_rate)

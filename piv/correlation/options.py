@@ -47,12 +47,15 @@ class Options:
             raise ValueError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
         if not 8 <= self.window <= 512:
             raise ValueError(f"window must be between 8 and 512 px, got {self.window}")
-        if not self.least_window >= 8:
-            raise ValueError(f"least_window must be at least 8 px, got {self.least_window}")
+        most = max(self.window, Options.least_window)
+        if not 8 <= self.least_window <= most:
+            raise ValueError(
+                f"least_window must be between 8 and {most:g} px (window), got {self.least_window:g}"
+            )
         if not (self.spacing >= 1 and float(self.spacing).is_integer()):
             raise ValueError(f"spacing must be a whole number of px, at least 1, got {self.spacing}")
-        if self.search < 16:
-            raise ValueError(f"search must be at least 16 px, got {self.search}")
+        if not 16 <= self.search <= 1024:
+            raise ValueError(f"search must be between 16 and 1024 px, got {self.search}")
         if not 0 <= self.passes <= 50:
             raise ValueError(f"passes must be between 0 and 50, got {self.passes}")
         for name in ("epsilon", "threshold", "max_std"):

@@ -13,8 +13,11 @@ LABHERE = $(LABOUT)/lab/$(LABNAME)
 VIEW    = $(PY) -m pipeline sheet $(1) --level $(LEVEL) --view $(2) -o $@ $(FLAGS)
 OFLAB   = $(CASE) --level $(LEVEL) --dpiv $(DPIV) $(FLAGS)
 
+ifneq ($(filter compare compare-measured,$(MAKECMDGOALS)),)
+$(if $(filter 1,$(words $(DPIV))),,$(error give DPIV=folder of dpiv.toml, a path without spaces: docs/comparison.md))
+$(if $(wildcard $(LABDATA)/dpiv.toml),,$(error DPIV=$(DPIV): holds no dpiv.toml; docs/comparison.md shows one))
+endif
 compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=single_finger DPIV=folder [LEVEL=..]
-	$(if $(filter 1,$(words $(DPIV))),,$(error give DPIV=folder of dpiv.toml, a path without spaces: docs/comparison.md))
 	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register
 	+@$(SUB) $(SCENE).run
 	$(if $(INPUTS),@$(LAB) runs $(CASE) --level $(LEVEL) $(FLAGS),@rm -rf $(LABHERE)/inputs)

@@ -27,6 +27,18 @@ def test_an_input_is_not_written_over(pair, capsys, source):
     assert a.read_bytes() == before
 
 
+@pytest.mark.parametrize("words", [
+    ["correlate", "a.tif", "b.tif", "-o", "o.tif"], ["vortices", "v.h5", "-o", "o.h5"], ["join", "o"], ["render", "s.h5", "-o", "o.csv"],
+    ["plot", "v.h5", "-o", "o.jpg"], ["animate", "v.h5", "-o", "o.png"], ["stats", "v.h5", "-o", "o.csv"], ["view", "v.h5", "-o", "o.toml"],
+    ["derive", "v.h5", "-o", "o.nc"], ["profile", "v.h5", "-o", "o.h5", "--line", "0", "0", "1", "1"],
+    ["calibrate", "--scale-mm-per-px", "1", "-o", "o.toml"],
+])  # fmt: skip
+def test_an_output_is_named_by_what_it_is(capsys, words):
+    assert main(words) == 2
+    assert f"piv {words[0]} writes ." in (said := capsys.readouterr().err)
+    assert "; name it so\n" in said
+
+
 def test_a_result_beside_the_images_may_be_made_again(pair):
     output = pair[0].parent / "o.h5"
     for _ in range(2):
@@ -40,6 +52,11 @@ def test_a_result_beside_the_images_may_be_made_again(pair):
         (["--scale-mm-per-px", "nan", "--frame-rate-hz", "500"], "scale_mm_per_px = nan"),
         (["--scale-mm-per-px", "0.1", "--frame-rate-hz", "5", "--origin-x-px", "inf"], "origin_x_px = inf"),
         (["--scale-mm-per-px", "0.1"], "give frame_rate_hz too"),
+        (["--search", "5000"], "search must be between 16 and 1024 px, got 5000"),
+        (
+            ["--least-window", "64", "--window", "32"],
+            "least_window must be between 8 and 32 px (window), got 64",
+        ),
     ],
 )
 def test_numbers_of_the_camera_are_looked_at(pair, tmp_path, capsys, options, words):

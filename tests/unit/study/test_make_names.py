@@ -57,9 +57,18 @@ def test_a_scene_of_another_name_is_left_out_with_a_sentence(project, name):
 @pytest.mark.parametrize(
     "word, sentence",
     [
-        ("NP=-1", "NP=-1: give a whole number of at least 1"),
-        ("NP=abc", "NP=abc: give a whole number of at least 1"),
-        ("NP=0", "NP=0: give a whole number of at least 1"),
+        ("NP=-1", "NP=-1: give a whole number of 1 to 999999"),
+        ("NP=abc", "NP=abc: give a whole number of 1 to 999999"),
+        ("NP=0", "NP=0: give a whole number of 1 to 999999"),
+        ("NP=000", "NP=000: give a whole number of 1 to 999999"),
+        ("NP=99999999999999999999", "NP=99999999999999999999: give a whole number of 1 to 999999"),
+        ("RETRIES=-1", "RETRIES=-1: give a whole number of 0 to 999999"),
+        ("SNAKEFLAGS=-n;touch pwned", "SNAKEFLAGS has the letter ; in it"),
+        ("PRESSURE=21;touch pwned", "PRESSURE has the letter ; in it"),
+        ("SCENE=goood", "SCENE=goood: no such scene; "),
+        ("goood", "goood: no such scene or target; "),
+        ("go'od", "the target has the letter ' in it"),
+        ("good.vortex", "good.vortex: no such scene or target; "),
         ("NP=2;touch pwned", "NP has the letter ; in it"),
         ("ACCURACY=1%;touch pwned", "ACCURACY has the letter ; in it"),
         ('BUDGET=1"`touch pwned`', 'BUDGET has the letter " in it'),
@@ -74,6 +83,23 @@ def test_what_is_given_is_checked_before_anything_is_made(project, word, sentenc
     assert sentence in done.stderr
     assert done.stdout == ""
     assert not (project / "pwned").exists()
+
+
+def test_a_misspelt_scene_is_told_with_the_nearest():
+    done = make(ROOT, "singel_finger")
+    assert "singel_finger: no such scene or target; did you mean single_finger? make help" in done.stderr
+
+
+@pytest.mark.parametrize("words", [["NP=007"], ["RETRIES=0"], ["SCENE=good", "PRESSURE=21.5"]])
+def test_numbers_that_are_some_pass(project, words):
+    assert make(project, "good", *words).returncode == 0
+
+
+@pytest.mark.parametrize("target", ["compare", "compare-measured"])
+def test_the_laboratory_folder_is_looked_for_before_anything_is_made(project, target):
+    done = make(project, target, "SCENE=good", "DPIV=/missing")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "DPIV=/missing: holds no dpiv.toml" in done.stderr
 
 
 @pytest.mark.parametrize("name", ["with space", "it's", 'quo"te', "do$$llar"])
