@@ -131,7 +131,7 @@ def test_profile_and_spectrum(file, tmp_path, capsys):
     ],
 )
 def test_wrong_requests_are_refused(file, tmp_path, words, message, capsys):
-    output = tmp_path / "o.h5"
+    output = tmp_path / ("o.csv" if words[0] in ("profile", "spectrum") else "o.h5")
     assert run(words[0], file, "-o", output, *words[1:]) == 2
     assert message in capsys.readouterr().err
     assert not output.exists()
