@@ -95,7 +95,7 @@ def _type_text(annotation: Any, metadata: tuple[Any, ...] = ()) -> str:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return "table"
     bounds = [
-        f"{sign} {getattr(m, kind):g}"
+        f"{sign} {getattr(m, kind):.10g}"
         for m in _flat(metadata)
         for kind, sign in BOUNDS.items()
         if getattr(m, kind, None) is not None
@@ -128,7 +128,7 @@ def markdown(keys: list[Key], levels: Mapping[str, str] | None = None) -> str:
         head, _, name = key.name.rpartition(".")
         if head != section:
             title = f"[{head}]" if head else "Outside of tables"
-            text += f"\n### `{title}`\n\n| {' | '.join(columns)} |\n{'|---' * len(columns)}|\n"
+            text += f"\n## `{title}`\n\n| {' | '.join(columns)} |\n{'|---' * len(columns)}|\n"
             section = head
         cells = (f"`{name}`", key.type, key.unit, key.default, key.meaning, (levels or {}).get(key.name, ""))[
             : len(columns)

@@ -219,6 +219,14 @@ def _read_csv(path: Path, thickness: float) -> States:
     return States(pressures * 1000.0, np.array(profile), np.array(height))
 
 
+def shapes_of(motion: xr.Dataset, over: str, path: Path) -> States:
+    """The shapes that a motion's file holds, with its variable `over` in the pressure's place; StageError as of `check_states`."""
+    profile = np.stack([motion["profile_x"].values, motion["profile_y"].values], axis=-1)
+    states = States(motion[over].values, profile, motion["thickness"].values)
+    check_states(states, path)
+    return states
+
+
 def check_states(states: States, path: Path) -> None:
     """StageError where a table of states cannot be a finger: too few, unsorted, NaN, or in mm."""
     if len(states.pressure) < 3:

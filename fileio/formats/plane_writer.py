@@ -1,4 +1,4 @@
-"""A plane series written instant by instant, whole or not at all: only one plane is in memory at once."""
+"""A plane series written instant by instant or block by block, whole or not at all: no more of it is in memory at once."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from typing import Any
 
 import h5netcdf
 import numpy as np
+import xarray as xr
 
 from fileio.atomic import whole
 from fileio.formats.plane_series import AXES, SCHEMA, UNITS
 from fileio.hdf5_disk import Disk
+
+DEFLATE = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 
 class PlaneWriter:
@@ -40,8 +43,7 @@ class PlaneWriter:
         if axes[1:] != ("y", "x"):
             self._variable(name, axes, np.float64)
             return
-        deflate = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-        self._variable(name, axes, values.dtype.type, chunks=(1, *values.shape), **deflate)
+        self._variable(name, axes, values.dtype.type, chunks=(1, *values.shape), **DEFLATE)
 
     def _variable(self, name: str, axes: tuple[str, ...], kind: type, **more: Any) -> h5netcdf.Variable:
         variable = self._file.create_variable(name, axes, kind, **more)
@@ -54,6 +56,39 @@ def writing_planes(
     path: Path, x: np.ndarray, y: np.ndarray, count: int, attributes: Mapping[str, Any]
 ) -> Iterator[PlaneWriter]:
     """A new plane series of `count` instants on the grid `x`, `y` (m), in its place when the block has ended well."""
-    with whole(path) as part, Disk(part, "w") as disk, h5netcdf.File(disk, "w") as file:
+    with _new_file(path, attributes) as file:
         yield PlaneWriter(file, x, y, count)
+
+
+def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset) -> None:
+    """Write a series from its parts along time; attributes, and variables that are not over the grid, are those of `like`.
+
+    `like` without time: the one instant becomes a single plane. ValueError where the parts are not as many instants as `like`.
+    """
+    dims, count = like["u"].dims, like.sizes.get("time", 1)
+    with _new_file(path, like.attrs) as file:
+        file.dimensions = {d: like.sizes[d] for d in like.dims}
+        begin = 0
+        for part in parts:
+            for name, field in part.data_vars.items():
+                values = field.values if "time" in dims else field.values[0]
+                if name not in file.variables:
+                    chunks = (1, *values.shape)[-len(dims) :]
+                    variable = file.create_variable(name, dims, values.dtype, chunks=chunks, **DEFLATE)
+                    variable.attrs.update({k: v for k, v in field.attrs.items() if k != "_FillValue"})
+                place = slice(begin, begin + len(values)) if "time" in dims else ...
+                file.variables[name][place] = values
+            begin += part.sizes["time"]
+        if begin != count:
+            raise ValueError(f"{path}: {begin} of {count} instants were made")
+        for name, other in like.variables.items():
+            if other.dims[-2:] != ("y", "x"):
+                variable = file.create_variable(name, other.dims, other.dtype, data=np.asarray(other.values))
+                variable.attrs.update(other.attrs)
+
+
+@contextmanager
+def _new_file(path: str | Path, attributes: Mapping[str, Any]) -> Iterator[h5netcdf.File]:
+    with whole(path) as part, Disk(part, "w") as disk, h5netcdf.File(disk, "w") as file:
+        yield file
         file.attrs.update({**attributes, **SCHEMA.label})

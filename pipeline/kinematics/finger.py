@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from fileio.errors import StageError
-from fileio.formats.bending_states import States, check_states, read_states
+from fileio.formats.bending_states import States, read_states, shapes_of
 from fileio.formats.elastic_motion import read_elastic_motion
+from fileio.formats.recorded_motion import read_recorded_motion
 from pipeline.fea import paper_equations as paper_model
 from pipeline.kinematics.contact import closing_law, gap
 from pipeline.kinematics.pressure_law import PressureLaw, measured_law, stroke_law
-from pipeline.kinematics.recorded_motion import recorded_law, recorded_states
+from pipeline.kinematics.recorded_motion import recorded_law
 from pipeline.kinematics.shapes import FingerShapes, add_tip, circular_states, rounded_strip
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.sections import Finger, Motion
@@ -64,14 +65,15 @@ def finger_motion(motion: Motion, finger: Finger, pinch: Pinch | None, folder: P
     law = free_law = _pressure_law(motion, folder)
     time = law_times(motion.end_time)
     if motion.shapes is not None:
-        law, states = time_itself, states_over_time(folder / motion.shapes)
+        path = folder / motion.shapes
+        law, states = time_itself, shapes_of(read_elastic_motion(path), "knot", path)
     pressure = law(time)
     if motion.shapes is None:
         states = finger_states(motion, finger, folder, float(pressure.min()), float(pressure.max()))
     low, high = states.pressure[0], states.pressure[-1]
     if motion.shapes is not None and pressure.max() > high + 1e-6:
         raise StageError(
-            f"{folder / motion.shapes}: ends at {high:g} s, before motion.end_time = {motion.end_time:g} s; compute it anew"
+            f"{path}: ends at {high:g} s, before motion.end_time = {motion.end_time:g} s; compute it anew"
         )
     if pressure.min() < low - 1e-6 or pressure.max() > high + 1e-6:
         raise StageError(
@@ -111,15 +113,6 @@ def time_itself(time: np.ndarray, derivative: int = 0) -> np.ndarray:
     return time if derivative == 0 else np.full(time.shape, float(derivative == 1))
 
 
-def states_over_time(path: Path) -> States:
-    """The shapes of an elastic_motion.h5, with their times in the place of the pressure."""
-    file = read_elastic_motion(path)
-    profile = np.stack([file["profile_x"].values, file["profile_y"].values], axis=-1)
-    states = States(file["knot"].values, profile, file["thickness"].values)
-    check_states(states, path)
-    return states
-
-
 def law_times(end_time: float) -> np.ndarray:
     """Instants (s) at which the law is written; a spline through them is exact to rounding."""
     return np.linspace(0.0, end_time, int(np.ceil(end_time * LAW_SAMPLES_PER_SECOND)) + 1)
@@ -139,7 +132,8 @@ def finger_states(motion: Motion, finger: Finger, folder: Path, lowest: float, h
     """Shapes without a passive tip, over pressures that hold `lowest` and `highest` (Pa). StageError where they cannot be."""
     if motion.source == "recording":
         assert motion.recording is not None  # the scene's own check
-        return recorded_states(folder / motion.recording)
+        path = folder / motion.recording
+        return shapes_of(read_recorded_motion(path), "state_pressure", path)
     if motion.source in ("fea", "structure"):
         assert motion.states is not None  # the scene's own check
         return read_states(folder / motion.states, finger.thickness)

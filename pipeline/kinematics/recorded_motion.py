@@ -1,4 +1,4 @@
-"""A finger's motion as a recording shows it (motion.h5, docs/formats.md): history and shapes for motion.source = "recording"."""
+"""The history of a finger's motion as a recording shows it (motion.h5, docs/formats.md), for motion.source = "recording"."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from fileio.errors import StageError
-from fileio.formats.bending_states import States, check_states
 from fileio.formats.recorded_motion import SCHEMA, read_recorded_motion
 from pipeline.kinematics.pressure_law import PressureLaw, history_law
 
@@ -21,12 +20,3 @@ def recorded_law(path: Path, factor: float) -> PressureLaw:
     if not np.all(np.diff(time) > 0):
         raise StageError(f"{path}: times must increase; {SCHEMA.remedy}")
     return history_law(time, pressure[0] + factor * (pressure - pressure[0]))
-
-
-def recorded_states(path: Path) -> States:
-    """The shapes: lower-layer profiles over the pressure of the same bend."""
-    file = read_recorded_motion(path)
-    profile = np.stack([file["profile_x"].values, file["profile_y"].values], axis=-1)
-    states = States(file["state_pressure"].values, profile, file["thickness"].values)
-    check_states(states, path)
-    return states

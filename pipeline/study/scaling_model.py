@@ -1,7 +1,9 @@
 """How long a time step takes on n ranks: a model of work, halo exchange and global sums, and its fit to measured runs.
 
 Time of a step on n ranks, N cells:
+
     t(n) = f  +  w N/n · b(n) · i(n)  +  s N  +  m(N/n) · [latency of halo messages + their bytes / bandwidth]  +  r · latency · log2 n
+
 f: what a step costs however few its cells are (measured); w: seconds per cell of one rank alone (measured); b: how much ranks of one node slow each other down for want of memory
 bandwidth (measured on 2 ranks; beyond a node's saturation, from the literature); i: imbalance of whole columns; s: what
 one rank does for all (the sheet's pictures; measured); messages m and sums r by counting what PISO with GAMG sends.

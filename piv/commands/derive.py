@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from fileio.formats.plane_series import read_plane
-from piv.fields.blocks import write_blocks
+from fileio.formats.plane_writer import write_blocks
 from piv.fields.derived import QUANTITIES, derived_blocks, window_of
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors

@@ -40,13 +40,13 @@ def derived(
     parts = list(derived_blocks(plane, quantities, scheme=scheme, correlation_length=correlation_length))
     whole = xr.concat(parts, "time") if len(parts) > 1 else parts[0]
     whole = whole if "time" in plane["u"].dims else whole.isel(time=0, drop="time" not in plane.coords)
-    return plane.assign(
-        {
-            n: whole[n]
-            for n in map(str, whole.data_vars)
-            if n not in plane or n.removesuffix("_std") in quantities
-        }
-    )
+    made = {n: whole[n] for n in whole.data_vars if str(n).removesuffix("_std") in quantities}
+    return _without_uncertainty(plane, quantities).assign(made)
+
+
+def _without_uncertainty(plane: xr.Dataset, quantities: tuple[str, ...]) -> xr.Dataset:
+    """The plane without what an earlier derivation left: the new one may have no uncertainty to take its place."""
+    return plane.drop_vars([f"{name}_std" for name in quantities], errors="ignore")
 
 
 def derived_blocks(
@@ -70,7 +70,7 @@ def derived_blocks(
             for name, values in _of_instant(part.isel(time=k), quantities, dx, dy, scheme, length).items():
                 stacks.setdefault(name, []).append(values)
         new = {n: (("time", "y", "x"), np.stack(a).astype(np.float32)) for n, a in stacks.items()}
-        part = part.assign(new)
+        part = _without_uncertainty(part, quantities).assign(new)
         for name in new:
             part[name].attrs = {"units": f"{rate}²" if name.startswith("q") else rate}
             if name.endswith("_std"):

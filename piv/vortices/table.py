@@ -40,7 +40,7 @@ def tabulate_vortices(
         raise ValueError(f"threads must be at least 1, got {processes}")
     rows = []
     empty = True
-    for plane, vortices in _found(series, settings, processes, quiet):
+    for plane, vortices in _planes_with_vortices(series, settings, processes, quiet):
         empty &= not plane["valid"].values.any()
         time = float(plane["time"]) if "time" in plane.coords else None
         for vortex, track in zip(
@@ -57,7 +57,7 @@ def tabulate_vortices(
     return table
 
 
-def _found(
+def _planes_with_vortices(
     series: xr.Dataset, settings: VortexSettings | None, processes: int, quiet: bool
 ) -> Iterator[tuple[xr.Dataset, list[Vortex]]]:
     """Each plane of the series, in order, with its vortices."""

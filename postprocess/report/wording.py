@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from postprocess.draw.style import number
+
 WORDS = {True: "met", False: "not met", None: "not judged"}
 PAIRS = {
     "cfd": "CFD",
@@ -28,7 +30,7 @@ def quantity(value: float | str | None, unit: str) -> str:
         return f"{value * 100:.1f}{NBSP}%"
     if unit == "rad":
         return f"{math.degrees(value):.1f}°"
-    return f"{value:.3g}" + (NBSP + unit.replace(" ", NBSP) if unit not in ("", "1") else "")
+    return number(value) + (NBSP + unit.replace(" ", NBSP) if unit not in ("", "1") else "")
 
 
 def balance_sentence(balance: dict[str, Any]) -> str:

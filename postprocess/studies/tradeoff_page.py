@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from fileio.atomic import write_text
 from fileio.provenance import versions
-from postprocess.draw.style import CFD, GREY, PIV, label_points, new_figure, save
+from postprocess.draw.style import CFD, GREY, PIV, label_points, new_figure, number, save
 from postprocess.evidence.vortex_integral import CIRCLE
 
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "numba")
@@ -115,7 +115,7 @@ def markdown_table(rows: pd.DataFrame, columns: dict[str, str]) -> str:
             elif name.startswith("error") and not name.endswith("_mm"):
                 cells.append(percent(value))
             elif isinstance(value, float):
-                cells.append("–" if pd.isna(value) else f"{value:.3g}")
+                cells.append("–" if pd.isna(value) else number(value))
             else:
                 cells.append(str(value))
         lines.append("| " + " | ".join(cells) + " |")

@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 
 from fileio.formats.plane_series import make_plane, read_plane, write_plane
+from fileio.formats.plane_writer import write_blocks
 from piv.fields import blocks as blocks_module
-from piv.fields.blocks import write_blocks
 from piv.fields.derived import derived, derived_blocks
 from piv.fields.groups import at_instants, bins, phases, read_columns, trigger_phases
 from piv.fields.lines import along_line
@@ -276,6 +276,17 @@ def test_blocks_give_the_same_as_the_whole(long_file, tmp_path):
                 np.testing.assert_array_equal(derivatives[name], whole[name])
             assert derivatives["vorticity"].attrs["units"] == "1/s"
             assert isinstance(derivatives, xr.Dataset)
+
+
+def test_without_uncertainty_of_the_vectors_that_of_an_earlier_derivation_is_dropped(tmp_path):
+    std = np.full((2, *XX.shape), 0.1)
+    earlier = derived(series(np.ones((2, *XX.shape)), np.ones((2, *XX.shape)), u_std=std, v_std=std))
+    plane = earlier.drop_vars(["u_std", "v_std"])
+    assert "vorticity_std" not in derived(plane)
+    assert "vorticity_std" in derived(plane, ("divergence",))
+    write_blocks(derived_blocks(plane), tmp_path / "d.h5", plane)
+    with read_plane(tmp_path / "d.h5") as again:
+        assert "vorticity_std" not in again
 
 
 def test_groups_of_too_few_instants_are_refused():

@@ -1,0 +1,107 @@
+"""The documentation site: the pages of docs/ and the docstrings, made by `make docs-site`. It fetches nothing from a network."""
+
+import ast
+import os
+import re
+import sys
+from pathlib import Path
+
+DOCS = Path(__file__).parent
+ROOT = DOCS.parent
+sys.path.insert(0, str(ROOT))
+from fileio import __version__  # noqa: E402
+
+project = "Soft finger in water"
+version = release = __version__
+extensions = ["myst_parser", "autoapi.extension"]
+myst_heading_anchors = 4
+highlight_language = "none"
+suppress_warnings = [
+    "autoapi.python_import_resolution",  # of names that a module sets several at once
+    "toc.empty_glob",
+]
+
+# Read, not imported: the site needs none of the project's own libraries.
+autoapi_dirs = [str(ROOT / package) for package in ("fileio", "piv", "pipeline", "postprocess")]
+autoapi_root = "api"
+autoapi_add_toctree_entry = False
+autoapi_options = ["members", "show-module-summary"]
+autoapi_python_class_content = "both"
+autoapi_member_order = "bysource"
+
+html_theme = "furo"
+html_title = "Soft finger in water"
+html_show_copyright = False
+html_copy_source = False
+html_theme_options = {"navigation_with_keys": True}
+
+# Pages that are made of a file outside of docs/: head, file, and what of its text.
+RESULTS = "cases/single_finger/kinematics/studies/results.md"
+TAKEN = {
+    "site/first_hour": ("# First hour\n\n## Install\n", "README.md", r"\n## Install\n(.*)\n## What to trust\n"),
+    "site/trust": ("# What to trust\n", "README.md", r"\n## What to trust\n(.*)\n## Map"),
+    "site/contributing": ("# Contributing\n", "CONTRIBUTING.md", r"# Contributing\n(.*)"),
+    "site/changelog": ("# Changelog\n", "CHANGELOG.md", r"# Changelog\n(.*)"),
+    "site/fea_results": ("---\norphan: true\n---\n# Results of the bending studies\n", RESULTS, r"#[^\n]*\n(.*)"),
+}  # fmt: skip
+PAGE_OF = {file: page for page, (_, file, _) in TAKEN.items()} | {"README.md": "index"}
+
+
+def fill_page(app, page, source):
+    """Fill a page of TAKEN or the list of public names; lead links to files that are pages of the site there."""
+    text, folder = source[0], (DOCS / page).parent
+    if page in TAKEN:
+        head, file, pattern = TAKEN[page]
+        taken = re.search(pattern, (ROOT / file).read_text(encoding="utf-8"), re.DOTALL)
+        if not taken:
+            raise ValueError(
+                f"{file}: has not the headings between which docs/conf.py takes its text: {pattern}"
+            )
+        text = head + taken[1]
+        folder = (ROOT / file).parent
+    if page == "site/python":
+        text += public_names()
+    source[0] = relink(text, folder, (DOCS / page).parent)
+
+
+def relink(text, of, to):
+    """`text` of folder `of` with its relative links as they read from folder `to`."""
+
+    def new(link):
+        path = Path(os.path.normpath(of / link["path"]))
+        if path.is_relative_to(ROOT) and (page := PAGE_OF.get(str(path.relative_to(ROOT)))):
+            path = DOCS / f"{page}.md"
+        return f"]({os.path.relpath(path, to)}{link['anchor'] or ''})"
+
+    return re.sub(r"\]\((?![a-z]+:|#)(?P<path>[^)#\s]+)(?P<anchor>#[^)\s]*)?\)", new, text)
+
+
+def public_names():
+    """Table of the public names of `piv`, each with a link to its module's page."""
+    tree = ast.parse((ROOT / "piv" / "__init__.py").read_text(encoding="utf-8"))
+    value = next(
+        node.value for node in tree.body if isinstance(node, ast.Assign) and node.targets[0].id == "_MODULES"
+    )
+    rows = [
+        f"| {{py:obj}}`{name} <{module}.{name}>` | `{module}` |"
+        for module, names in ast.literal_eval(value).items()
+        for name in names
+    ]
+    return "\n".join(["", "| name | defined in |", "|---|---|", *rows, ""])
+
+
+def as_restructured_text(app, what, name, obj, options, lines):
+    """Docstrings are plain text with `code`: mark the code, take all other letters as they are."""
+    parts = re.split(r"(`+[^`]+`+)", "\n".join(lines))
+    marked = (
+        f"``{part.strip('`')}``"
+        if part.startswith("`")
+        else re.sub(r"([*|\\]|(?<=\w)_(?=\W|$))", r"\\\1", part)
+        for part in parts
+    )
+    lines[:] = "".join(marked).split("\n")
+
+
+def setup(app):
+    app.connect("source-read", fill_page)
+    app.connect("autodoc-process-docstring", as_restructured_text)
