@@ -18,7 +18,6 @@ myst_heading_anchors = 4
 highlight_language = "none"
 suppress_warnings = [
     "autoapi.python_import_resolution",  # of names that a module sets several at once
-    "toc.empty_glob",
 ]
 
 # Read, not imported: the site needs none of the project's own libraries.
@@ -59,9 +58,21 @@ def fill_page(app, page, source):
             )
         text = head + taken[1]
         folder = (ROOT / file).parent
+    if page == "index" and not (DOCS / "tutorials").exists():
+        text = text.replace("tutorials/*\n", "")
     if page == "site/python":
         text += public_names()
-    source[0] = relink(text, folder, (DOCS / page).parent)
+    source[0] = relink(name_pages(text, folder), folder, (DOCS / page).parent)
+
+
+def name_pages(text, of):
+    """`text` of folder `of` with links in place of the plain names of pages, `docs/mesh.md`."""
+
+    def link(name):
+        there = (DOCS / f"{name[1]}.md").exists()
+        return f"[{name[1]}]({os.path.relpath(DOCS, of)}/{name[1]}.md)" if there else name[0]
+
+    return re.sub(r"(?<!\]\()(?<![`/\w])docs/(\w+)\.md(?!`)", link, text)
 
 
 def relink(text, of, to):

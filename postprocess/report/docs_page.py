@@ -46,7 +46,7 @@ Written by `make docs` from `cases/{scene}/out/{level}/`; scene hash `{run["scen
 
 {verdict_sentence(comparison["verdict"])}
 
-| finding | asked for | measured | |
+| finding | asked for | measured | verdict |
 |---|---|---|---|
 {rows}
 

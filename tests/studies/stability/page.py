@@ -36,6 +36,8 @@ MEANS = {
     "FAILED": "solver failed",
     "HANG": "hang",
 }
+DARK = ("WRONG", "CRASH", "FAILED", "HANG")  # colours on which black is not read
+OF_IMAGES = {"completed": "evaluated", "refused": "refused"}
 AXES = {
     "pressure": "pressure (kPa), FEA",
     "paper": "pressure (kPa), equations",
@@ -54,7 +56,7 @@ AXES = {
     "mesh": "mesh",
     "gap": "gap to the plane",
     "law": "closing law",
-    "corner": "corner",
+    "corner": "pressure, actuation time,\ntime step and viscosity",
 }
 
 
@@ -74,8 +76,8 @@ def save(figure: plt.Figure, path: Path) -> None:
     plt.close(figure)
 
 
-def tiles(lines: list[tuple[str, list[tuple[str, str]]]], width: int) -> plt.Figure:
-    """A map: a line of tiles per axis, each with its value, in the colour of how it ended."""
+def tiles(lines: list[tuple[str, list[tuple[str, str]]]], width: int, **words: str) -> plt.Figure:
+    """A map: a line of tiles per axis, each with its value, in the colour of how it ended; `words` in place of those of MEANS."""
     rows: list[
         tuple[str, list[tuple[int, str, str]]]
     ] = []  # name, and the place, the value and the end of each tile
@@ -98,10 +100,12 @@ def tiles(lines: list[tuple[str, list[tuple[str, str]]]], width: int) -> plt.Fig
             span = tiles_of(value)
             axes.add_patch(plt.Rectangle((x + 0.03, y - 0.42), span - 0.06, 0.84, color=COLOURS[ended], lw=0))
             size = 8 if len(value) < 9 else 6.5
-            axes.text(x + span / 2, y, value, ha="center", va="center", fontsize=size, color="white")
+            colour = "white" if ended in DARK else "black"
+            axes.text(x + span / 2, y, value, ha="center", va="center", fontsize=size, color=colour)
     axes.set(xlim=(-2.4, width), ylim=(len(rows) - 0.4, -0.6))
     axes.axis("off")
-    handles = [Patch(color=COLOURS[key], label=MEANS[key]) for key in COLOURS if key in seen]
+    words = MEANS | words
+    handles = [Patch(color=COLOURS[key], label=words[key]) for key in COLOURS if key in seen]
     axes.legend(
         handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncol=4, frameon=False, fontsize=8
     )
@@ -158,7 +162,7 @@ def images_part(rows: list[dict[str, str]]) -> list[str]:
     return [
         "## Images\n",
         "![How each picture ended, by axis and value](stability/images.svg)\n",
-        f"{len(rows)} evaluations: {counts(rows, completed='evaluated', refused='refused')}. A uniform shift and a vortex, {', '.join(presets)}, 32 px windows."
+        f"{len(rows)} evaluations: {counts(rows, **OF_IMAGES)}. A uniform shift and a vortex, {', '.join(presets)}, 32 px windows."
         " A vector is wrong where it is called valid and is further than 0.5 px from the truth (where no vector can be right:"
         " wherever it is called valid); more than 5 % wrong counts as a plausible wrong answer. Every evaluation:"
         " [images.csv](stability/images.csv).\n",
@@ -234,7 +238,7 @@ def write(docs: Path) -> None:
         names = {row["axis"]: row["axis"] for row in images}
         lines = [(f"{name}, {p}", values) for p in dict.fromkeys(r["preset"] for r in images)
                  for name, values in by_axis([r for r in images if r["preset"] == p], names)]  # fmt: skip
-        save(tiles(sorted(lines, key=lambda line: line[0]), 8), folder / "images.svg")
+        save(tiles(sorted(lines, key=lambda line: line[0]), 8, **OF_IMAGES), folder / "images.svg")
         text += images_part(images)
     text += faults_part(docs)
     if made:
