@@ -126,18 +126,22 @@ def page(words: str, table: pd.DataFrame, missing: dict[str, str], name: str) ->
     if missing:
         listed = "; ".join(f"{run} ({why})" for run, why in missing.items())
         parts.append(f"Not run, not to its end, or with other numbers: {listed}.")
+    runs = table.drop_duplicates("run")[["run", "change", "model"]]
+    parts.append(_markdown("Runs", list(runs.columns), runs.to_numpy().tolist()))
     for kind, heading in (("finding", "The paper's findings, by the CFD"), ("number", "Key numbers")):
         part = table[table["kind"] == kind]
-        names = list(dict.fromkeys(part["quantity"]))
-        lines = [f"## {heading}", "", f"| run | change | model | {' | '.join(names)} |"]
-        lines.append("|---" * (3 + len(names)) + "|")
-        for run, rows in part.groupby("run", sort=False):
-            cells = {row.quantity: _cell(row) for row in rows.itertuples()}
-            first = rows.iloc[0]
-            shown = " | ".join(cells.get(name, "") for name in names)
-            lines.append(f"| {run} | {first['change']} | {first['model']} | {shown} |")
-        parts.append("\n".join(lines))
+        cells = {(row.quantity, row.run): _cell(row) for row in part.itertuples()}
+        rows = [
+            [name.replace("_", " ").replace("-", " "), *(cells.get((name, run), "") for run in runs["run"])]
+            for name in part["quantity"].unique()
+        ]
+        parts.append(_markdown(heading, [kind, *runs["run"]], rows))
     return "\n\n".join(parts) + "\n"
+
+
+def _markdown(heading: str, columns: list[str], rows: list[list[str]]) -> str:
+    lines = [f"| {' | '.join(row)} |" for row in [columns, ["---"] * len(columns), *rows]]
+    return "\n".join([f"## {heading}", "", *lines])
 
 
 def _cell(row: Any) -> str:
