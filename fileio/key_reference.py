@@ -127,8 +127,8 @@ def markdown(keys: list[Key], levels: Mapping[str, str] | None = None) -> str:
     for key in keys:
         head, _, name = key.name.rpartition(".")
         if head != section:
-            title = f"[{head}]" if head else "Outside of tables"
-            text += f"\n## `{title}`\n\n| {' | '.join(columns)} |\n{'|---' * len(columns)}|\n"
+            title = f"`[{head}]`" if head else "Outside of tables"
+            text += f"\n## {title}\n\n| {' | '.join(columns)} |\n{'|---' * len(columns)}|\n"
             section = head
         cells = (f"`{name}`", key.type, key.unit, key.default, key.meaning, (levels or {}).get(key.name, ""))[
             : len(columns)
