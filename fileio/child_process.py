@@ -9,6 +9,7 @@ import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from functools import lru_cache
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -94,10 +95,17 @@ def check_walkable(path: str | Path) -> None:
     """ValueError where the HDF5 library cannot get through the file's structure; what it refuses itself passes."""
     if not Path(path).is_file():
         return
+    state = Path(path).stat()
     try:
-        read_in_child(_walk_file, str(path), cpu_limit=WALK_LIMIT)
+        _walk_once(str(path), state.st_mtime_ns, state.st_size, state.st_ino)
     except ChildProcessError:
         raise ValueError(f"{path}: damaged: the HDF5 library cannot get through its structure") from None
+
+
+@lru_cache(maxsize=256)
+def _walk_once(path: str, *state: int) -> None:
+    """Walk a file in this state, once: a stage opens the same file several times."""
+    read_in_child(_walk_file, path, cpu_limit=WALK_LIMIT)
 
 
 def _walk_file(path: str) -> None:

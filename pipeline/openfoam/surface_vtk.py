@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
 import pyvista as pv
 
 from fileio.atomic import check_room
@@ -90,3 +91,14 @@ def read_surface(path: Path) -> pv.DataSet:
             " there, and run make again: the solver resumes before that time"
         )
     return pv.read(path)
+
+
+def area_vectors(surface: pv.PolyData) -> np.ndarray:
+    """Area (m²) times unit normal of each plane polygon (face, 3), in the sense of its corners."""
+    faces = surface.GetPolys()
+    corners = surface.points[pv.convert_array(faces.GetConnectivityArray())].astype(float)
+    first = pv.convert_array(faces.GetOffsetsArray())
+    after = np.arange(1, len(corners) + 1)
+    after[first[1:] - 1] = first[:-1]
+    arms = corners - np.repeat(corners[first[:-1]], np.diff(first), axis=0)  # exact: a face is small and far from 0
+    return 0.5 * np.add.reduceat(np.cross(arms, arms[after]), first[:-1])

@@ -11,7 +11,7 @@ import numpy as np
 
 from fileio.errors import StageError
 from pipeline.openfoam.function_objects import table_rows
-from pipeline.openfoam.surface_vtk import read_surface
+from pipeline.openfoam.surface_vtk import area_vectors, read_surface
 
 # of the largest energy so far; sound runs: 0 to 0.015, the most where a step covers 16 cells
 ENERGY_TOLERANCE = 0.05
@@ -77,14 +77,11 @@ def resolved_dissipation(density: float, viscosity: float, gradient: Any, half_v
 def finger_power(path: Path, density: float) -> float:
     """Work rate of the computed part of the finger on the water (W) from its sampled surface."""
     surface = read_surface(path)
-    cells = surface.compute_cell_sizes(length=False, volume=False).compute_normals(
-        cell_normals=True, point_normals=False, auto_orient_normals=False, consistent_normals=False
-    )
-    names = ("p", "Normals", "wallShearStress", "U", "Area")
-    pressure, normals, shear, velocity, area = (np.asarray(cells[name]) for name in names)
+    pressure, shear, velocity = (np.asarray(surface.cell_data[name]) for name in ("p", "wallShearStress", "U"))
     # OpenFOAM's wall normals point out of the water, into the finger; wallShearStress is that of the wall on the water.
-    on_water = -density * (pressure[:, None] * normals - shear)
-    return float(np.einsum("fi,fi,f->", on_water, velocity, area))
+    area = area_vectors(surface)
+    on_water = -density * (pressure[:, None] * area - shear * np.linalg.norm(area, axis=1)[:, None])
+    return float(np.einsum("fi,fi->", on_water, velocity))
 
 
 def energy_cause(budget: Budget, kinetic: float, excess: float) -> str:

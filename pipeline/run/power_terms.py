@@ -37,6 +37,7 @@ def term_rows(out: Path, interval: Interval, ranks: Ranks, density: float, visco
     flat = planform.attrs["model"] == "2d"
     reach = np.inf if flat else float(planform["body_half_width"].values[1])
     mirrored = bool(planform.attrs["mirror"]) or "mirrored_finger" in planform["body_name"].values
+    column = sweep["cell_column"].values
     rows = []
     for time, name in saved_times(ranks.folders(case)[0], ranks, ("U", "p")):
         if time < interval.start + 1e-9:
@@ -53,7 +54,10 @@ def term_rows(out: Path, interval: Interval, ranks: Ranks, density: float, visco
             mesh, velocity, pressure, boundary_velocity(mesh, velocity, moving),
             np.einsum("fi,fi->f", moving, mesh.area), effective, convection,
         )  # fmt: skip
-        region = regions(mesh.cell_centre, nodes[planform["wall"].values], reach, mirrored)
+        columns = cell_centres(nodes, planform["triangles"].values, planform["quads"].values)
+        region = regions(
+            columns, column, mesh.cell_centre[:, 2], nodes[planform["wall"].values], reach, mirrored
+        )
         parts = density * np.array([np.bincount(region, terms[name], len(REGIONS)) for name in LOSSES])
         rows.append([time, *parts.sum(axis=1), *parts.ravel()])
     return np.array(rows).reshape(-1, len(POWER_TERMS.columns))
@@ -96,21 +100,23 @@ def boundary_velocity(mesh: FaceGeometry, velocity: np.ndarray, moving: np.ndarr
     return patch_velocity
 
 
-def regions(centre: np.ndarray, outline: np.ndarray, reach: float, mirrored: bool) -> np.ndarray:
-    """Index into REGIONS of cells with centres (cell, 3): near the finger's side edge, else near its surface, else wake.
+def regions(columns: np.ndarray, column: np.ndarray, height: np.ndarray, outline: np.ndarray, reach: float,
+            mirrored: bool) -> np.ndarray:  # fmt: skip
+    """Index into REGIONS of cells: near the finger's side edge, else near its surface, else wake.
 
-    `outline` (node, 2) of the finger, which reaches to |z| = `reach`, infinite in 2-D; `mirrored`: there is another one in
-    x = 0. Near is within NEAR of the outline's length.
+    Cells lie in a `column` (cell,) with its centre in `columns` (column, 2), m, at `height` z (cell,), m. `outline` (node, 2)
+    of the finger, which reaches to |z| = `reach`, infinite in 2-D; `mirrored`: there is another one in x = 0. Near is within
+    NEAR of the outline's length.
     """
-    plane, z = centre[:, :2].copy(), np.abs(centre[:, 2])
+    plane, z = columns, np.abs(height)
     if mirrored:
-        plane[:, 0] = -np.abs(plane[:, 0])
+        plane = np.column_stack([-np.abs(columns[:, 0]), columns[:, 1]])
     finger = shapely.Polygon(outline)
     shapely.prepare(finger)
     near, beyond = NEAR * finger.length, np.maximum(z - reach, 0.0)
     at = shapely.points(plane)
-    to_edge = np.hypot(shapely.distance(finger.exterior, at), z - reach)
-    to_surface = np.hypot(shapely.distance(finger, at), beyond)
+    to_edge = np.hypot(shapely.distance(finger.exterior, at)[column], z - reach)
+    to_surface = np.hypot(shapely.distance(finger, at)[column], beyond)
     return np.where(to_edge < near, 1, np.where(to_surface < near, 0, 2))
 
 

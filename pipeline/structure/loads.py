@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fileio.formats.bending_states import FloatArray
-from pipeline.openfoam.surface_vtk import read_surface
+from pipeline.openfoam.surface_vtk import area_vectors, read_surface
 from pipeline.structure.chain import Chain, ComplexArray, Placed
 
 
@@ -25,16 +25,13 @@ class SurfaceForces:
 def surface_forces(path: Path, density: float, left_alone: bool = False) -> SurfaceForces:
     """Pressure and shear on a sampled surface; `left_alone`: of two fingers the left one."""
     surface = read_surface(path)
-    cells = surface.compute_cell_sizes(length=False, volume=False).compute_normals(
-        cell_normals=True, point_normals=False, auto_orient_normals=False, consistent_normals=False
-    )
-    normal, shear = np.asarray(cells["Normals"]), np.asarray(cells["wallShearStress"])
+    pressure, shear, velocity = (np.asarray(surface.cell_data[name]) for name in ("p", "wallShearStress", "U"))
     # the normals point out of the water, into the finger; wallShearStress is that of the wall on the water
-    stress = density * (np.asarray(cells["p"])[:, None] * normal - shear)
-    force = stress * np.asarray(cells["Area"])[:, None]
+    area = area_vectors(surface)
+    force = density * (pressure[:, None] * area - shear * np.linalg.norm(area, axis=1)[:, None])
     place = np.asarray(surface.cell_centers().points)
     kept = place[:, 0] < 0 if left_alone else slice(None)
-    return SurfaceForces(place[kept, :2], np.asarray(cells["U"])[kept, :2], force[kept, :2])
+    return SurfaceForces(place[kept, :2], velocity[kept, :2], force[kept, :2])
 
 
 @dataclass(frozen=True)
