@@ -100,5 +100,6 @@ def area_vectors(surface: pv.PolyData) -> np.ndarray:
     first = pv.convert_array(faces.GetOffsetsArray())
     after = np.arange(1, len(corners) + 1)
     after[first[1:] - 1] = first[:-1]
-    arms = corners - np.repeat(corners[first[:-1]], np.diff(first), axis=0)  # exact: a face is small and far from 0
+    # from a corner of its own: a face is small, and far from 0
+    arms = corners - np.repeat(corners[first[:-1]], np.diff(first), axis=0)
     return 0.5 * np.add.reduceat(np.cross(arms, arms[after]), first[:-1])

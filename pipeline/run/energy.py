@@ -77,7 +77,9 @@ def resolved_dissipation(density: float, viscosity: float, gradient: Any, half_v
 def finger_power(path: Path, density: float) -> float:
     """Work rate of the computed part of the finger on the water (W) from its sampled surface."""
     surface = read_surface(path)
-    pressure, shear, velocity = (np.asarray(surface.cell_data[name]) for name in ("p", "wallShearStress", "U"))
+    pressure, shear, velocity = (
+        np.asarray(surface.cell_data[name]) for name in ("p", "wallShearStress", "U")
+    )
     # OpenFOAM's wall normals point out of the water, into the finger; wallShearStress is that of the wall on the water.
     area = area_vectors(surface)
     on_water = -density * (pressure[:, None] * area - shear * np.linalg.norm(area, axis=1)[:, None])

@@ -25,7 +25,9 @@ class SurfaceForces:
 def surface_forces(path: Path, density: float, left_alone: bool = False) -> SurfaceForces:
     """Pressure and shear on a sampled surface; `left_alone`: of two fingers the left one."""
     surface = read_surface(path)
-    pressure, shear, velocity = (np.asarray(surface.cell_data[name]) for name in ("p", "wallShearStress", "U"))
+    pressure, shear, velocity = (
+        np.asarray(surface.cell_data[name]) for name in ("p", "wallShearStress", "U")
+    )
     # the normals point out of the water, into the finger; wallShearStress is that of the wall on the water
     area = area_vectors(surface)
     force = density * (pressure[:, None] * area - shear * np.linalg.norm(area, axis=1)[:, None])
