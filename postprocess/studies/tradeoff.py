@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy.optimize import brentq
 
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import FORCES, RUN
@@ -21,14 +22,16 @@ from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.load import FILES
 from postprocess.evidence.stage_files import StageFiles, read_json
-from postprocess.evidence.strokes import MIDDLE, peak_tip_speed, stroke_window
+from postprocess.evidence.strokes import peak_tip_speed
 from postprocess.evidence.vortex_integral import CIRCLE, vortex_integrals
 from postprocess.studies.state import files_of, missing_runs, missing_sentence
-from postprocess.studies.table import read_plan, stage_costs, study_table
+from postprocess.studies.table import middle_of_stroke, read_plan, stage_costs, study_table
 
 INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
 OF_THE_REPORT = [stage.name for stage in STAGES if not stage.shared]
 ERRORS = ("error_circulation", "error_centre", "error_velocity", "error_force")
+PART_OF_STROKE = "motion.end_time"  # a run that overrides it shows how grids converge: nobody chooses it
+ORDERS = (1.0, 2.0)  # that an extrapolation takes: schemes are of second order, walls and time of first
 
 
 def velocity_error(reference: xr.Dataset, other: xr.Dataset, window: tuple[float, float]) -> float:
@@ -70,9 +73,11 @@ def force_error(reference: pd.DataFrame, other: pd.DataFrame, end: float) -> flo
     return float(np.sqrt(difference / reference2))
 
 
-def errors_against(best: StageFiles, files: StageFiles, source: str) -> dict[str, float]:
-    """Errors of a run's flow ("cfd") or PIV ("piv") against the flow of `best`: ERRORS as parts of the scale of each, and
-    `error`, the largest.
+def errors_against(
+    best: StageFiles, files: StageFiles, source: str, window: tuple[float, float]
+) -> dict[str, float]:
+    """Errors of a run's flow ("cfd") or PIV ("piv") against the flow of `best` over a window (s), as far as both go: ERRORS
+    as parts of the scale of each, and `error`, the largest. The force's error is from the beginning.
 
     A flow's circulation and centre of the vortex are integrals over CIRCLE, beside them those of the fit, `…_fit`; PIV's
     are those of the fit, as the comparison takes them.
@@ -81,7 +86,7 @@ def errors_against(best: StageFiles, files: StageFiles, source: str) -> dict[str
         read_plane(best.required(FILES["cfd"], "sheet")) as wanted,
         read_plane(files.required(FILES[source], "piv" if source == "piv" else "sheet")) as got,
     ):
-        window = stroke_window(wanted["time"].values, wanted["bend"].values[:, 0], MIDDLE)
+        window = window[0], min(window[1], float(wanted["time"][-1]), float(got["time"][-1]))
         scale, _ = peak_tip_speed(wanted["time"].values, wanted["tip"].values)
         width = float(wanted.attrs["tip_width"])
         errors = {"error_velocity": velocity_error(wanted, got, window) / scale}
@@ -119,25 +124,35 @@ def worst(errors: dict[str, float]) -> dict[str, float]:
 
 
 def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> dict[str, float]:
-    """ERRORS of the best run itself, extrapolated at second order in the cell's size from the finest other level as the scene
-    says; empty where the study has none. An estimate: levels are similar grids, not multiples (docs/verification.md has the
-    observed orders).
+    """ERRORS of the best run itself, extrapolated from the next two levels with the same overrides: at the order in the
+    cell's size at which their errors fall, held within ORDERS; at second order from one. Empty where the study has none.
 
     table: by run, with `cells` and the errors against the best run; runs: of the plan.
     """
-    plain = [r["run"] for r in runs if r["until"] != "vortices" and not r["overrides"] and r["run"] != best]
-    known = [r for r in plain if np.isfinite(table["error"].get(r, np.nan))]
-    if not known:
+    of_best = next(r["overrides"] for r in runs if r["run"] == best)
+    alike = [r["run"] for r in runs if r["until"] != "vortices" and r["overrides"] == of_best]
+    known = [r for r in alike if r != best and np.isfinite(table["error"].get(r, np.nan))]
+    next_two = table.loc[sorted(known, key=lambda r: -table.loc[r, "cells"])[:2]]
+    dimensions = 2 if table.loc[best, "model"] == "2d" else 3
+    size = (table.loc[best, "cells"] / next_two["cells"].to_numpy(float)) ** (1 / dimensions)
+    if not known or size[0] <= 1:
         return {}
-    coarser = table.loc[max(known, key=lambda r: table.loc[r, "cells"])]
-    refinement = (table.loc[best, "cells"] / coarser["cells"]) ** (
-        1 / (2 if table.loc[best, "model"] == "2d" else 3)
-    )
-    if refinement <= 1:
-        return {}
-    return {
-        name: float(coarser[name]) / (refinement**2 - 1) for name in (*ERRORS, "error_centre_mm", "error")
-    }
+    own = {}
+    for name in (*ERRORS, "error_centre_mm"):
+        order = falling_order(size, next_two[name].to_numpy(float)) if len(size) == 2 else ORDERS[1]
+        own[name] = float(next_two[name].iloc[0]) / (size[0] ** order - 1)
+    return own | worst(own)
+
+
+def falling_order(size: np.ndarray, error: np.ndarray) -> float:
+    """Order within ORDERS at which the `error` (2,) against a best run falls with cells of `size` (2,), those of the best 1."""
+
+    def excess(order: float) -> float:
+        return float((size[1] ** order - 1) * error[0] - (size[0] ** order - 1) * error[1])
+
+    if excess(ORDERS[0]) >= 0:
+        return ORDERS[0]
+    return ORDERS[1] if excess(ORDERS[1]) <= 0 else float(brentq(excess, *ORDERS))
 
 
 def front(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
@@ -204,10 +219,12 @@ def evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.Dat
         )
     table = study_table(plan, {}).set_index("run", drop=False)
     is_piv = table["until"].eq("vortices")
-    table["kind"] = np.where(is_piv, "piv", "flow")
+    is_part = pd.Series({row["run"]: PART_OF_STROKE in row["overrides"] for row in plan["runs"]})
+    table["kind"] = np.where(is_piv, "piv", np.where(is_part, "grid", "flow"))
+    window = middle_of_stroke(rows[str(table["end_time_s"].idxmax())])
     for run, files in rows.items():
         source, reference = ("piv", files) if is_piv[run] else ("cfd", rows[best])
-        numbers = {} if run == best else errors_against(reference, files, source)
+        numbers = {} if run == best else errors_against(reference, files, source, window)
         if table.loc[run, "until"] == "report":
             numbers |= stage_costs(files, OF_THE_REPORT)[0]
         for name, value in (numbers | picture(files)).items():
@@ -215,7 +232,7 @@ def evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.Dat
     if "error" in table:
         for name, value in own_errors(table, plan["runs"], best).items():
             table.loc[best, name] = value
-    flow = ~is_piv
+    flow = table["kind"].eq("flow")
     # the scene's own rate: the study only ever samples less
     native = pd.Series(table["rate_hz"].max(), table.index)
     table["piv_fields"] = native * table["end_time_s"] / table["every"]
