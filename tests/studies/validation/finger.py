@@ -13,17 +13,24 @@ import xarray as xr
 from fileio.formats.plane_series import read_plane
 from pipeline.scene.scene import Scene, load_scene
 from piv.vortices.find import find_vortices
+from postprocess.evidence.tip_vortex import dominant_track, read_vortices
 from postprocess.evidence.vortex_integral import CIRCLE, vortex_integrals
+from postprocess.studies.state import files_of, missing_runs
+from postprocess.studies.table import middle_of_stroke, read_plan
+from postprocess.studies.tradeoff import PART_OF_STROKE
 from tests.studies.validation.checks import Check, Result
 from tests.studies.validation.convergence import Estimate, estimate
 from tests.studies.validation.solve import CASES, solved
 
 GRIDS = ("g141", "g100", "g071", "g050")
 STEPS = ("dt200", "g100", "dt050", "dt025")
-LEVELS = ("draft", "coarse", "medium")  # of the scene itself; finer ones count where they have been run
+STUDY = (
+    Path("out") / "studies" / "tradeoff" / "plan.json"
+)  # its family of grids: make convergence, make tradeoff
+JUDGED = {"coarse": 0.08, "medium": 0.04}  # levels, and what the uncertainty of the circulation may be there
 NEAR_TIP = 3.0  # tip widths within which the tip's vortex is looked for
 QUANTITIES = {
-    "circulation": ("tip-vortex circulation at half stroke", "m²/s"),
+    "circulation": ("tip-vortex circulation", "m²/s"),
     "x": ("x of its centre", "m"),
     "y": ("y of its centre", "m"),
     "peak_force": ("peak force", "N"),
@@ -70,12 +77,21 @@ def tip_vortex(sheet: xr.Dataset, scene: Scene) -> pd.Series:
     return vortex_integrals(sheet, track, radius, (time, time)).iloc[0]
 
 
-def read_run(scene: Scene) -> Run:
-    """Quantities of a run that is there."""
+def mean_vortex(sheet: xr.Dataset, scene: Scene, window: tuple[float, float]) -> pd.Series:
+    """Circulation and centre of the tip's vortex as means over a window (s), by the same integrals.
+
+    At single instants they differ between grids by when the sheet's vortices pass the circle and pair.
+    """
+    track = dominant_track(read_vortices(scene.out / "vortices_cfd.csv"), 0, window, scene.level)
+    return vortex_integrals(sheet, track, CIRCLE * float(sheet.attrs["tip_width"]), window).mean()
+
+
+def read_run(scene: Scene, window: tuple[float, float] | None = None) -> Run:
+    """Quantities of a run that is there: of the vortex at half stroke, or as means over a window (s)."""
     record = json.loads((scene.out / "run" / "run.json").read_text())
     table = np.genfromtxt(scene.out / "run" / "forces.csv", delimiter=",", names=True)
     with read_plane(scene.out / "sheet.h5") as sheet:
-        vortex = tip_vortex(sheet, scene)
+        vortex = mean_vortex(sheet, scene, window) if window else tip_vortex(sheet, scene)
     flat = scene.model.kind == "2d"
     area = scene.tank.size[0] * scene.tank.water_depth
     volume = area if flat else area * scene.tank.size[2] * (0.5 if scene.model.kind == "half" else 1.0)
@@ -96,8 +112,10 @@ def series(runs: list[Run], along: str) -> dict[str, Estimate]:
     return {name: estimate(size, np.array([r.values[name] for r in runs])) for name in QUANTITIES}
 
 
-def checks_of(runs: list[Run], along: str, judged: str, prefix: str, words: str) -> list[Check]:
-    """Uncertainty of the judged level's circulation and forces as parts of the extrapolated value."""
+def checks_of(
+    runs: list[Run], along: str, judged: str, prefix: str, words: str, part: float = 0.1
+) -> list[Check]:
+    """Uncertainty of the judged level's circulation and forces as parts of the extrapolated value; the circulation's is at most `part`."""
     estimates = series(runs, along)
     at = [r.level for r in runs].index(judged)
     width = 1.0
@@ -110,7 +128,7 @@ def checks_of(runs: list[Run], along: str, judged: str, prefix: str, words: str)
         else:
             gap, scale, unit = float(e.uncertainty[at]), abs(e.extrapolated), "1"
             tolerance, why = (
-                0.1,
+                part if name == "circulation" else 0.1,
                 "what the comparison with a laboratory needs: of the size of the findings' own limits (reference/findings.toml)",
             )
         order = f", observed order {e.order:.2g}" if e.order is not None else ", no single order"
@@ -165,27 +183,33 @@ def two_dimensional() -> Result:
 
 
 def three_dimensional(folder: Path) -> Result | None:
-    """The levels of the scene in `folder` that have been run; None where they are fewer than three."""
-    there = []
-    for level in LEVELS:
-        try:
-            scene = load_scene(folder, level)
-        except ValueError:
-            continue
-        if (scene.out / "run" / "run.json").exists() and (scene.out / "sheet.h5").exists():
-            there.append(scene)
-    if len(there) < 3:
+    """The family of grids of the study of the scene in `folder`; None where fewer than three have been run."""
+    if not (folder / STUDY).exists():
         return None
-    runs = [read_run(scene) for scene in there]
-    judged = "coarse"
-    checks = checks_of(runs, "cell", judged, "finger", "(grid and time step together)")
+    plan = read_plan(folder / STUDY)
+    missing = missing_runs(plan)
+    there = [row for row in plan["runs"] if row["run"] not in missing]
+    family = [row for row in there if PART_OF_STROKE in row["overrides"]]
+    whole = [row for row in there if PART_OF_STROKE not in row["overrides"]]
+    if len(family) < 3 or not whole:
+        return None
+    scenes = [load_scene(Path(row["folder"]), row["level"]) for row in family]
+    begin, end = middle_of_stroke(files_of(whole[0]))
+    window = begin, min(end, scenes[0].motion.end_time)
+    runs = [read_run(scene, window) for scene in scenes]
+    checks = [
+        check
+        for level, part in JUDGED.items()
+        for check in checks_of(runs, "cell", level, f"finger.{level}", "(grid)", part)
+    ]
     text = (
-        f"{folder.name} on its own levels {', '.join(r.level for r in runs)}: a family of grids whose sizes all shrink by 2/3, at the"
-        " time steps of the levels. Representative cell ∛(volume / cells)."
+        f"{folder.name} at its levels {', '.join(r.level for r in runs)}: a family of grids whose sizes all shrink by 2/3, all at"
+        f" {1e3 * runs[0].time_step:g} ms and to {scenes[0].motion.end_time:g} s. Circulation and centre are means from {begin:.3f} s, where the"
+        f" middle half of the stroke begins, to {window[1]:.3f} s. Representative cell ∛(volume / cells)."
     )
     remarks = tuple(sentence(runs, series(runs, "cell"), r.level) for r in runs)
     return Result("finger", f"Grid convergence of {folder.name}", text, tuple(checks), {"grid": curves_of(runs, "cell")}, remarks,
-                  _provenance(there[1]))  # fmt: skip
+                  _provenance(scenes[0]))  # fmt: skip
 
 
 def _provenance(scene: Scene) -> dict:
