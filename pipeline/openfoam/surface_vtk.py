@@ -9,7 +9,7 @@ import io
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 import numpy as np
 import pyvista as pv
@@ -81,7 +81,7 @@ def sampled_surfaces(case: Path, intervals: tuple[Interval, ...], name: str) -> 
     return surfaces
 
 
-def read_surface(path: Path) -> pv.DataSet:
+def read_surface(path: Path) -> pv.PolyData:
     """A surface. StageError where it was cut off; OSError where that is because the disk is full."""
     if not is_whole_vtk(path):
         check_room(path.parent)
@@ -90,7 +90,7 @@ def read_surface(path: Path) -> pv.DataSet:
             f"{path}: missing or cut off, as by a full disk; delete {case / 'progress.json'} and run/run.json, if they are"
             " there, and run make again: the solver resumes before that time"
         )
-    return pv.read(path)
+    return cast(pv.PolyData, pv.read(path))
 
 
 def area_vectors(surface: pv.PolyData) -> np.ndarray:
