@@ -42,6 +42,8 @@ def test_a_file_that_the_library_never_gets_through_is_refused(tmp_path, monkeyp
 
     monkeypatch.setattr(child_process, "_walk", loop)
     monkeypatch.setattr(child_process, "WALK_LIMIT", 1)
+    check_walkable(tmp_path / "a.h5")  # as it was: not walked again
+    (tmp_path / "a.h5").write_bytes(path)
     with pytest.raises(ValueError, match=r"a\.h5: damaged"):
         check_walkable(tmp_path / "a.h5")
 
