@@ -246,8 +246,11 @@ validate: $(STUDY_READY) ## flows of known answer through the project's own stag
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/convergence.csv
 	nice $(PY) -m tests.studies.validation $(FLAGS)
 
+# whose window is that of a whole stroke, which the last one says
+FAMILY := grid_draft,grid_coarse,grid_medium,grid_fine,draft
 convergence: $(STUDY_READY) ## the finger on several grids and time steps: rows of docs/verification.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/convergence.csv
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/tradeoff.csv only=$(FAMILY)
 	nice $(PY) -m tests.studies.validation finger_2d finger $(FLAGS)
 
 stability: $(STUDY_READY) ## runs and images at the extremes: docs/stability.md

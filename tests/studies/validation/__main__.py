@@ -46,9 +46,7 @@ def run(names: list[str], quiet: bool, again: bool) -> None:
     for name in names:
         result = measure(name, again)
         if result is None:
-            print(
-                f"{name}: fewer than three levels have been run; make single_finger LEVEL=medium, then again"
-            )
+            print(f"{name}: fewer than three grids have been run; make convergence runs them")
             continue
         write_result(result, DOCS / "verification" / f"{name}.json")
         if not quiet:
