@@ -15,6 +15,7 @@ from fileio.atomic import write_text
 from fileio.checksum import sha256
 from fileio.formats.records import COMPARISON, RUN
 from fileio.provenance import settings_in, versions
+from postprocess.compare.conservation import NEEDED, conservation, conservation_numbers
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
@@ -129,6 +130,10 @@ def compare(files: StageFiles) -> dict[str, Any]:
         findings = tuple(finding for finding in findings if finding.quantity.startswith("velocity"))
     checks = [judge(finding, evidence) for finding in findings]
     pinch = {"pinch": pinch_summary(evidence)} if evidence.pairs else {}
+    if pinch and set(evidence.planes["cfd"]) >= NEEDED:
+        balance = conservation(files, evidence.planes["cfd"])
+        write_text(files.out / "conservation.csv", balance.to_csv(index=False))
+        pinch["pinch"]["cfd"] |= conservation_numbers(balance, evidence.clock.met())
     result = {
         "scene": files.scene,
         "level": files.level,

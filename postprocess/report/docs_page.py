@@ -8,7 +8,7 @@ from typing import Any
 
 from fileio.atomic import write_bytes, write_text
 from fileio.command import add_scene
-from fileio.formats.records import COMPARISON, RUN
+from fileio.formats.records import COMPARISON, LOSSES, REGIONS, RUN
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.report.pinch_wording import pinch_table
 from postprocess.report.wording import WORDS, balance_sentence, measured_text, requirement, sentence_rows
@@ -54,7 +54,19 @@ The reasons of the tolerances are in `cases/{scene}/reference/findings.toml`.
 {sentences_part(comparison)}{part}
 **The run.** {run["cells"]} cells ({run["model"]}), {run["steps"]} steps of {run["time_step"] * 1e3:g} ms, {run["ranks"]} ranks,
 {run["wall_time"]:.0f} s of solver; largest Courant number {run["courant_max"]:.2f}. **Power balance**: {balance_sentence(run["power_balance"])}
+
+{power_table(run["power_balance"])}
 """
+
+
+def power_table(balance: dict[str, Any]) -> str:
+    """What has taken the fingers' work, by part and region, as parts of the work."""
+    taken, work = balance["taken"], abs(balance["work"]) or 1.0
+    rows = [f"| taken by | {' | '.join(REGIONS)} | in all |", f"|{'---|' * (len(REGIONS) + 2)}"]
+    for loss in LOSSES:
+        cells = [f"{taken[name] / work:.1%}" for name in (*(f"{loss}_{r}" for r in REGIONS), loss)]
+        rows.append(f"| {loss} | {' | '.join(cells)} |")
+    return "\n".join(rows)
 
 
 def sentences_part(comparison: dict[str, Any]) -> str:
