@@ -18,6 +18,7 @@ myst_heading_anchors = 4
 highlight_language = "none"
 suppress_warnings = [
     "autoapi.python_import_resolution",  # of names that a module sets several at once
+    "docutils",  # docstrings are plain text: one that looks like a broken list is shown as it is
 ]
 
 # Read, not imported: the site needs none of the project's own libraries.
@@ -107,7 +108,7 @@ def as_restructured_text(app, what, name, obj, options, lines):
     marked = (
         f"``{part.strip('`')}``"
         if part.startswith("`")
-        else re.sub(r"([*|\\]|(?<=\w)_(?=\W|$))", r"\\\1", part)
+        else re.sub(r"([*|`\\]|(?<=\w)_(?=\W|$))", r"\\\1", part)
         for part in parts
     )
     lines[:] = "".join(marked).split("\n")

@@ -1,21 +1,12 @@
 """The finger under a moment: linear response, table, masses and volumes against what can be worked out by hand."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from fileio.formats.bending_states import read
 from pipeline.fea.cell.bending_law import air, bending_law, compliance, curvatures, rubber, stiffness
 from pipeline.fea.cell.path import follow
 from pipeline.fea.cell.unit_cell import UnitCell
-from pipeline.fea.settings import Actuator, Fea, UnitCellMesh
-from pipeline.scene.scene import load_scene
-
-CASE = Path(__file__).parents[3] / "cases" / "single_finger"
-SCENE = load_scene(CASE)
-ACTUATOR, FEA = Actuator(**SCENE.actuator), Fea(**SCENE.fea)
-SMALL = UnitCellMesh(cavity=1, wall=1, gap=1, base=1, bridge=1, side=1, wedge=1, span=2)
+from tests.finger_cell import ACTUATOR, SMALL, shipped_states
 
 
 def test_stiffness_is_the_slope_of_curvature_over_moment():
@@ -65,7 +56,7 @@ def test_table_follows_contact_that_the_stiffness_cannot():
 
 def test_shipped_law_is_that_of_the_independent_prototype():
     """EI (mN m²) and neutral axis (mm) of a separate implementation, given with three digits; both on the same mesh."""
-    shipped = read(CASE / "kinematics" / "states.h5")
+    shipped = shipped_states()
     assert shipped.law is not None
     table = {-20: (0.560, 2.85), -10: (0.439, 2.53), 0: (0.471, 2.33), 10: (0.484, 2.06), 20: (0.489, 1.76)}
     for kpa, (ei, axis) in table.items():

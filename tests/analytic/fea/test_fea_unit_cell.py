@@ -1,22 +1,13 @@
 """The unit cell: exact derivative, symmetry of nothing, invariance; the shipped states are what the code computes."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from fileio.formats.bending_states import read
 from pipeline.fea.analyse import bend, profile
 from pipeline.fea.cell.path import follow
 from pipeline.fea.cell.unit_cell import State, UnitCell
 from pipeline.fea.finger import fit_circle
-from pipeline.fea.settings import Actuator, Fea, UnitCellMesh
-from pipeline.scene.scene import load_scene
-
-CASE = Path(__file__).parents[3] / "cases" / "single_finger"
-SCENE = load_scene(CASE)
-ACTUATOR, FEA = Actuator(**SCENE.actuator), Fea(**SCENE.fea)
-SMALL = UnitCellMesh(cavity=1, wall=1, gap=1, base=1, bridge=1, side=1, wedge=1, span=2)
+from tests.finger_cell import ACTUATOR, FEA, SMALL, shipped_states
 
 
 def test_stiffness_is_the_derivative_of_the_residual():
@@ -69,7 +60,7 @@ def test_walls_do_not_pass_through_each_other():
 @pytest.mark.slow
 def test_shipped_states_are_reproduced():
     """The file is deterministic: another machine's rounding may change the last digits, not the sixth."""
-    shipped = read(CASE / "kinematics" / "states.h5")
+    shipped = shipped_states()
     asked = np.array([-20e3, -10e3, 10e3, 20e3])
     again = bend(ACTUATOR, FEA, pressures=asked)
     index = np.searchsorted(shipped.pressure, asked)
