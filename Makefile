@@ -45,7 +45,7 @@ include postprocess/lab/compare.mk
 
 USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs \
     compare compare-measured virtual-lab virtual-lab-study validate convergence clean clean-all bench-piv \
-    piv-limits bench-steps stability faults fuzz scene-reference docs-site
+    piv-limits bench-steps air-and-water coupled-docs stability faults fuzz scene-reference docs-site
 
 # Files of a pattern whose names make and a shell read as they are; a scene's name is no target's either.
 SAFE    = $(shell sh pipeline/names.sh files $(foreach f,$(1),'$(f)'))
@@ -237,6 +237,12 @@ pinch-studies: $(STUDY_READY) ## studies of the pinch (STUDIES="gap1 gap2": only
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/variations.csv $(ONLY); made=$$?; \
 	$(PY) -m postprocess judge $(VARIED) --words cases/pinch/studies/variations.md -o docs/pinch_studies \
 	&& exit $$made # a run that was stopped is named on the page, and in the exit code
+
+air-and-water: $(READY) ## radius and actuation time in air and water, and what decides them: docs/coupling.md
+	$(PY) -m tests.studies.air_and_water
+
+coupled-docs: $(READY) ## tables of docs/coupling.md from the runs of single_finger with and without COUPLED=1
+	$(PY) -m tests.studies.coupled_runs --level $(LEVEL)
 
 bench-steps: $(READY) ## a time step on moving and static mesh, 1 and 2 ranks: pipeline/study/steps.csv
 	$(PY) -m tests.studies.step_cost --level $(LEVEL)
