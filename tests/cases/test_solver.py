@@ -250,6 +250,33 @@ def test_a_run_stopped_again_and_again_ends_with_the_same_forces(tmp_path, monke
     assert record["mesh_quality"]["max_non_orthogonality_deg"] > 10
 
 
+def test_a_stopped_run_of_half_the_tank_samples_the_same_sheet(tmp_path, monkeypatch):
+    """Its gradients at the symmetry plane too, in the first step after the stop."""
+    scene = short_scene(tmp_path / "straight", "half", end=0.02)
+    stopped = copy_of(scene, tmp_path / "stopped")
+    run_stage.run(scene, quiet=True)
+
+    class Stop(guards.Guard):
+        def verdict(self, line):
+            return super().verdict(line) or ("test" if self.time >= 0.016 else None)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(guards, "Guard", Stop)
+        with pytest.raises(StageError, match="by a guard: test"):
+            run_stage.run(stopped, quiet=True)
+    run_stage.run(stopped, quiet=True)
+    assert json.loads((stopped.out / "run" / "run.json").read_text())["resumed"]
+    sheets = [one.out / "case" / "interval_0" / "postProcessing" / "sheetSurface" for one in (scene, stopped)]
+    times = sorted(path.name for path in sheets[0].iterdir())
+    assert sorted(path.name for path in sheets[1].iterdir()) == times
+    differ = [
+        t
+        for t in times
+        if (sheets[0] / t / "sheet.vtk").read_bytes() != (sheets[1] / t / "sheet.vtk").read_bytes()
+    ]
+    assert differ == []
+
+
 def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
     """The finger made transparent: every boundary lets a uniform stream through, and only the mesh moves."""
     scene = short_scene(tmp_path / "stream", end=0.02)
