@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from numba import njit
@@ -10,113 +12,181 @@ SUPPORT = 0.5  # share of the neighbours that must have passed
 RARE = 0.2  # share of all vectors: where fewer have passed, those of doubtful correlation did so by chance
 LEAST_SUPPORT = 0.25  # of the neighbours, where vectors are rare: a seeded part has it along its edge
 SUPPORT_ROUNDS = 4  # each takes away what the one before has left alone
+BLOCK = 256  # vectors whose neighbours are sorted together, in the first cache
+ABSENT = np.float32(
+    1e30
+)  # px: stands for a neighbour that may not be used, half of them below and half above the others
 
 
-@njit(cache=True, nogil=True)
-def _median(values, n):
-    for i in range(1, n):  # insertion sort: at most 24 neighbours
-        v = values[i]
-        j = i - 1
-        while j >= 0 and values[j] > v:
-            values[j + 1] = values[j]
-            j -= 1
-        values[j + 1] = v
-    half = n // 2
-    if n % 2:
-        return values[half]
-    return 0.5 * (values[half - 1] + values[half])
+@lru_cache
+def median_network(count: int) -> np.ndarray:
+    """Pairs (n, 2) whose exchange in this order brings the middle two of `count` values to their places.
+
+    Batcher's merge exchange (Knuth, The Art of Computer Programming 3, algorithm 5.2.2M) without the pairs that the middle does not need.
+    """
+    pairs: list[tuple[int, int]] = []
+    top = 1 << (count - 1).bit_length() - 1
+    p = top
+    while p:
+        q, r, d = top, 0, p
+        while True:
+            pairs += [(i, i + d) for i in range(count - d) if i & p == r]
+            if q == p:
+                break
+            q, r, d = q // 2, p, q - p
+        p //= 2
+    needed, kept = {count // 2 - 1, count // 2}, []
+    for pair in reversed(pairs):
+        if needed & set(pair):
+            needed |= set(pair)
+            kept.append(pair)
+    return np.array(kept[::-1])
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _exchange(low, high):
+    for i in range(low.size):
+        a, b = low[i], high[i]
+        low[i] = min(a, b)
+        high[i] = max(a, b)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _medians(values, absent, network, out):
+    """Median of each column of `values` (count, BLOCK), which are sorted for it; absent: 1 where an odd number of them is ABSENT, else -1."""
+    for k in range(network.shape[0]):
+        _exchange(values[network[k, 0], : out.size], values[network[k, 1], : out.size])
+    middle = values.shape[0] // 2
+    below, above = values[middle - 1], values[middle]
+    for i in range(out.size):
+        out[i] = np.float32(0.5) * (below[i] + above[i]) if absent[i] < 0 else above[i]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _gather(field, usable, absent, out):
+    """One neighbour of each vector of a block; `absent` (±1) changes its sign with each one that may not be used."""
+    for i in range(out.size):
+        seen = usable[i] > 0
+        out[i] = field[i] if seen else ABSENT * absent[i]
+        absent[i] = absent[i] if seen else -absent[i]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _deviation(values, median):
+    """Distance of one neighbour of each vector from the median, in place."""
+    for i in range(values.size):
+        value = values[i]
+        values[i] = abs(value - median[i]) if abs(value) < ABSENT else value
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _block(field, usable, j, first, radius, epsilon, network, near, absent, median, spread, total):
+    """Add the square of the normalised residual of a block of row j to `total`; its medians. Arrays are padded by `radius`."""
+    width, count = median.size, 0
+    absent[:] = -1
+    for r in range(j, j + 2 * radius + 1):
+        for c in range(2 * radius + 1):
+            if r != j + radius or c != radius:
+                part = slice(first + c, first + c + width)
+                _gather(field[r, part], usable[r, part], absent, near[count, :width])
+                count += 1
+    _medians(near, absent, network, median)
+    for k in range(count):
+        _deviation(near[k, :width], median)
+    _medians(near, absent, network, spread)
+    own = field[j + radius, first + radius : first + radius + width]
+    for i in range(width):
+        total[i] += ((own[i] - median[i]) / (spread[i] + epsilon)) ** 2
 
 
 @njit(cache=True, nogil=True)
 def _compare(u, v, usable, own_u, own_v, near, count, above_u, below_u, above_v, below_v):
     """Count one neighbour of every vector of a row, and whether it lies more than `near` above or below it."""
     for i in range(count.size):
-        one = np.int64(usable[i])
+        one = usable[i]
         du, dv = u[i] - own_u[i], v[i] - own_v[i]
         count[i] += one
-        above_u[i] += one * (du > near)
-        below_u[i] += one * (du < -near)
-        above_v[i] += one * (dv > near)
-        below_v[i] += one * (dv < -near)
+        above_u[i] += one if du > near else np.float32(0)
+        below_u[i] += one if du < -near else np.float32(0)
+        above_v[i] += one if dv > near else np.float32(0)
+        below_v[i] += one if dv < -near else np.float32(0)
 
 
 @njit(cache=True, nogil=True)
 def _compare_row(u, v, usable, j, radius, near, counts):
     """`_compare` of all neighbours of row j: counts (5, nx)."""
-    ny, nx = u.shape
+    nx = counts.shape[1]
     counts[:] = 0
-    for r in range(max(j - radius, 0), min(j + radius + 1, ny)):
-        for shift in range(-radius, radius + 1):
-            if r == j and shift == 0:
-                continue
-            own = slice(max(0, -shift), min(nx, nx - shift))
-            other = slice(max(0, shift), min(nx, nx + shift))
-            _compare(
-                u[r, other], v[r, other], usable[r, other], u[j, own], v[j, own], near,
-                counts[0, own], counts[1, own], counts[2, own], counts[3, own], counts[4, own],
-            )  # fmt: skip
+    own = slice(radius, radius + nx)
+    for r in range(j, j + 2 * radius + 1):
+        for c in range(2 * radius + 1):
+            if r != j + radius or c != radius:
+                other = slice(c, c + nx)
+                _compare(
+                    u[r, other], v[r, other], usable[r, other], u[j + radius, own], v[j + radius, own], near,
+                    counts[0], counts[1], counts[2], counts[3], counts[4],
+                )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
-def _normalised_median(u, v, usable, epsilon, radius, threshold, residual, median_u, median_v):
-    ny, nx = u.shape
-    size = (2 * radius + 1) ** 2
-    near = np.empty((2, size), np.float64)
-    work = np.empty(size, np.float64)
-    medians = np.empty(2, np.float64)
-    counts = np.empty((5, nx), np.int64)
+def _all_near(counts):
+    """Whether fewer than half of the neighbours of every vector of a block lie far from it on any one side."""
+    for i in range(counts.shape[1]):
+        far = max(counts[1, i], counts[2, i], counts[3, i], counts[4, i])
+        if counts[0, i] < 3 or 2 * far >= counts[0, i]:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _normalised_median(u, v, usable, epsilon, radius, threshold, network, residual, median_u, median_v):
+    """Fields are padded by `radius`, the results are not."""
+    ny, nx = residual.shape
+    near = np.empty(((2 * radius + 1) ** 2 - 1, BLOCK), np.float32)
+    absent = np.empty(BLOCK, np.float32)
+    spread = np.empty(BLOCK, np.float32)
+    counts = np.empty((5, nx), np.float32)
+    enough = threshold * epsilon / np.float32(np.sqrt(2.0))
     for j in range(ny):
-        _compare_row(u, v, usable, j, radius, threshold * epsilon / np.sqrt(2.0), counts)
-        for i in range(nx):
-            n = counts[0, i]
-            if n < 3:
-                residual[j, i] = np.nan
-                median_u[j, i] = np.nan
-                median_v[j, i] = np.nan
+        _compare_row(u, v, usable, j, radius, enough, counts)
+        for first in range(0, nx, BLOCK):
+            last = min(first + BLOCK, nx)
+            n = last - first
+            s = slice(first, last)
+            if _all_near(counts[:, s]):
+                # all medians are near enough for their vectors to pass whatever the spread: spare the sorting
+                own = slice(first + radius, last + radius)
+                residual[j, s] = 0
+                median_u[j, s] = u[j + radius, own]
+                median_v[j, s] = v[j + radius, own]
                 continue
-            if 2 * max(counts[1, i], counts[2, i], counts[3, i], counts[4, i]) < n:
-                # both medians are near enough for the vector to pass whatever the spread: spare the sorting
-                residual[j, i] = 0.0
-                median_u[j, i] = u[j, i]
-                median_v[j, i] = v[j, i]
-                continue
-            n = 0
-            for r in range(max(j - radius, 0), min(j + radius + 1, ny)):
-                for c in range(max(i - radius, 0), min(i + radius + 1, nx)):
-                    if (r != j or c != i) and usable[r, c]:
-                        near[0, n] = u[r, c]
-                        near[1, n] = v[r, c]
-                        n += 1
-            total = 0.0
-            for m in range(2):
-                work[:n] = near[m, :n]
-                medians[m] = _median(work, n)
-                for k in range(n):
-                    work[k] = abs(near[m, k] - medians[m])
-                spread = _median(work, n)
-                own = u[j, i] if m == 0 else v[j, i]
-                total += ((own - medians[m]) / (spread + epsilon)) ** 2
-            residual[j, i] = np.sqrt(total)
-            median_u[j, i] = medians[0]
-            median_v[j, i] = medians[1]
+            residual[j, s] = 0
+            for field, median in ((u, median_u), (v, median_v)):
+                _block(
+                    field, usable, j, first, radius, epsilon, network,
+                    near, absent[:n], median[j, s], spread[:n], residual[j, s],
+                )  # fmt: skip
+            for i in range(first, last):
+                residual[j, i] = np.sqrt(residual[j, i])
+                if counts[0, i] < 3:
+                    residual[j, i] = median_u[j, i] = median_v[j, i] = np.nan
 
 
 def normalised_median(u, v, usable, *, epsilon: float = 0.2, radius: int = 1, threshold: float = 0.0):
     """Residual of each vector against its neighbours' median, in units of their spread plus `epsilon` (px).
 
     u, v: (ny, nx) px, finite; usable: bool, vectors that may serve as neighbours. Returns (residual, median_u,
-    median_v), NaN where fewer than three neighbours exist. With a `threshold`, a vector whose medians are too
-    near for it to fail gets the residual 0 and itself as median. Source: Westerweel & Scarano 2005, eq. 2, both
+    median_v), NaN where fewer than three neighbours exist. With a `threshold`, vectors whose medians are too
+    near for them to fail may get the residual 0 and themselves as median. Source: Westerweel & Scarano 2005, eq. 2, both
     components joined as a vector length.
     """
-    shape = u.shape
-    residual = np.empty(shape)
-    median_u, median_v = np.empty(shape), np.empty(shape)
-    _normalised_median(
-        np.ascontiguousarray(u, np.float64), np.ascontiguousarray(v, np.float64),
-        np.ascontiguousarray(usable, np.bool_), epsilon, radius, threshold, residual, median_u, median_v,
-    )  # fmt: skip
-    return residual, median_u, median_v
+    results = tuple(np.empty(u.shape, np.float32) for _ in range(3))
+    padded = [
+        np.pad(np.asarray(f, t), radius) for f, t in ((u, np.float32), (v, np.float32), (usable, np.float32))
+    ]
+    network = median_network((2 * radius + 1) ** 2 - 1)
+    _normalised_median(*padded, np.float32(epsilon), radius, np.float32(threshold), network, *results)
+    return results
 
 
 def supported(known, masked, correlation, *, doubtful: float, across: int):

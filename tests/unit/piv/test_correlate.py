@@ -178,6 +178,29 @@ def test_normalised_median_finds_the_one_that_is_off():
     assert ((quick > 3) == (residual > 3)).all()
 
 
+@pytest.mark.parametrize("radius", [1, 2])
+def test_normalised_median_against_sorting(radius):
+    rng = np.random.default_rng(5)
+    u, v = rng.normal(size=(2, 9, 300))  # longer than a block
+    usable = rng.random(u.shape) > 0.3
+    usable[:3, :4] = False
+    residual, median_u, median_v = normalised_median(u, v, usable, epsilon=0.2, radius=radius)
+    for j, i in np.ndindex(u.shape):
+        part = tuple(slice(max(k - radius, 0), k + radius + 1) for k in (j, i))
+        others = usable[part].copy()
+        others[j - part[0].start, i - part[1].start] = False
+        if others.sum() < 3:
+            assert np.isnan([residual[j, i], median_u[j, i], median_v[j, i]]).all()
+            continue
+        near = [f[part][others] for f in (u, v)]
+        medians = [np.median(n) for n in near]
+        spreads = [np.median(abs(n - m)) for n, m in zip(near, medians, strict=True)]
+        parts = [(f[j, i] - m) / (s + 0.2) for f, m, s in zip((u, v), medians, spreads, strict=True)]
+        # single precision
+        assert [median_u[j, i], median_v[j, i]] == pytest.approx(medians, abs=1e-6)
+        assert residual[j, i] == pytest.approx(np.hypot(*parts), rel=1e-5)
+
+
 def test_fill_absent_fills_from_the_known():
     u = np.array([[1.0, np.nan, 3.0], [1.0, np.nan, 3.0]])
     filled, _ = fill_absent(u, u, np.isfinite(u))
