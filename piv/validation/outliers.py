@@ -180,13 +180,22 @@ def normalised_median(u, v, usable, *, epsilon: float = 0.2, radius: int = 1, th
     near for them to fail may get the residual 0 and themselves as median. Source: Westerweel & Scarano 2005, eq. 2, both
     components joined as a vector length.
     """
-    results = tuple(np.empty(u.shape, np.float32) for _ in range(3))
-    padded = [
-        np.pad(np.asarray(f, t), radius) for f, t in ((u, np.float32), (v, np.float32), (usable, np.float32))
-    ]
+    residual, median_u, median_v = (np.empty(u.shape, np.float32) for _ in range(3))
+    u, v, usable = (np.pad(np.asarray(f, np.float32), radius) for f in (u, v, usable))
     network = median_network((2 * radius + 1) ** 2 - 1)
-    _normalised_median(*padded, np.float32(epsilon), radius, np.float32(threshold), network, *results)
-    return results
+    _normalised_median(
+        u,
+        v,
+        usable,
+        np.float32(epsilon),
+        radius,
+        np.float32(threshold),
+        network,
+        residual,
+        median_u,
+        median_v,
+    )
+    return residual, median_u, median_v
 
 
 def supported(known, masked, correlation, *, doubtful: float, across: int):
