@@ -15,7 +15,8 @@ from postprocess.evidence.stage_files import StageFiles
 UNRECORDED = {"images": {"truth"}}  # whether there is a file beside the images: it changes nothing of them
 # record the scene's sections and nothing but
 SECTIONS = [stage.name for stage in STAGES if stage.sections and stage.shared and not stage.piv]
-UNASKED = {"motion.states", "motion.pressure_csv", "motion.recording"}  # names of files
+# names of files
+UNASKED = {f"motion.{key}" for key in ("states", "recording", "shapes", "pressure_csv", "path_csv")}
 AGAIN = "delete it and run the study again"
 
 

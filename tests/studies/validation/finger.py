@@ -163,6 +163,17 @@ def sentence(runs: list[Run], estimates: dict[str, Estimate], level: str) -> str
     return f"At `{level}` Γ is within {gap:.1%} of the extrapolated value (uncertainty {bound:.1%})."
 
 
+def finest_orders(runs: list[Run]) -> str:
+    """The observed orders of the three finest grids alone, of runs from coarse to fine."""
+    finest = series(runs[-3:], "cell")
+    parts = (
+        f"{'no single order' if (order := finest[name].order) is None else f'{order:.2g}'} of the {title.split()[-1]}"
+        for name, (title, _) in QUANTITIES.items()
+        if name in ("circulation", "peak_force")
+    )
+    return f"Observed orders of the three finest grids alone: {', '.join(parts)}."
+
+
 def two_dimensional() -> Result:
     """Grids and time steps of the 2-D finger."""
     grids = [read_run(solved("finger_2d", level)) for level in GRIDS]
@@ -207,7 +218,7 @@ def three_dimensional(folder: Path) -> Result | None:
         f" {1e3 * runs[0].time_step:g} ms and to {scenes[0].motion.end_time:g} s. Circulation and centre are means from {begin:.3f} s, where the"
         f" middle half of the stroke begins, to {window[1]:.3f} s. Representative cell ∛(volume / cells)."
     )
-    remarks = tuple(sentence(runs, series(runs, "cell"), r.level) for r in runs)
+    remarks = (*(sentence(runs, series(runs, "cell"), r.level) for r in runs), finest_orders(runs))
     return Result("finger", f"Grid convergence of {folder.name}", text, tuple(checks), {"grid": curves_of(runs, "cell")}, remarks,
                   _provenance(scenes[0]))  # fmt: skip
 

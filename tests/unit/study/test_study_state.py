@@ -7,11 +7,11 @@ import h5py
 import pytest
 
 from fileio.stages import BY_NAME
-from pipeline.scene.read_toml import merge
+from pipeline.scene.read_toml import FILE_KEYS, merge
 from pipeline.study.plan import plan
 from postprocess.__main__ import main as postprocess
 from postprocess.studies import judge as studies
-from postprocess.studies.state import differing, missing_runs, missing_sentence, unfinished
+from postprocess.studies.state import UNASKED, differing, missing_runs, missing_sentence, unfinished
 from postprocess.studies.table import read_plan
 from tests.conftest import write_scene
 
@@ -174,3 +174,8 @@ def test_what_is_missing_is_said_in_one_sentence():
     assert said == (
         "2 of 3 runs are not there as the study asks for them (a: sheet.h5 is not there; b: x): run make tradeoff to make them"
     )
+
+
+def test_names_of_files_are_not_compared():
+    """The plan leaves them out; it has what is in the files."""
+    assert {f"motion.{key}" for key in FILE_KEYS} == UNASKED
