@@ -58,7 +58,8 @@ def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[s
     """FIELDS on the grid (y, x), kinematic pressure; NaN outside the water."""
     plane = read_surface(path)
     grid = pv.RectilinearGrid(x, y, plane.points[:1, 2])
-    sampled = grid.sample(plane, locator="static_cell")  # the default takes a third longer for the same values
+    # the default locator takes a third longer for the same values
+    sampled = grid.sample(plane, locator="static_cell")
     shape = (len(y), len(x))
     outside = np.asarray(sampled["vtkValidPointMask"]).reshape(shape) == 0
     velocity = np.asarray(sampled["U"]).reshape(*shape, 3)
