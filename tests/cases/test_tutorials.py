@@ -1,0 +1,106 @@
+"""The tutorials' own commands, run: what a page shows is what comes out, and their runs are shared.
+
+Of a page, `toml` and `csv` blocks are the files named in the line before them, `sh` and `python` blocks are run, and each line of a
+`text` block is in what the block before it printed, in order; `…` stands for anything.
+"""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cases.conftest import ROOT
+from tests.inner_make import inner_environment
+
+TUTORIALS = ROOT / "docs" / "tutorials"
+BLOCK = re.compile(r"(?m)^(?:`(?P<file>[^`\n]+)`:\n)?```(?P<kind>\w+)\n(?P<body>(?s:.*?))^```$")
+OPENFOAM = pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed")
+
+
+@pytest.fixture
+def clone(project, tmp_path):
+    """A project of its own, with the tutorials, as after a fresh clone."""
+    shutil.copytree(project, tmp_path / "clone", symlinks=True)
+    shutil.copytree(TUTORIALS, tmp_path / "clone" / "docs" / "tutorials")
+    return tmp_path / "clone"
+
+
+def run(command: list[str], folder: Path) -> str:
+    """What a command prints that must end well."""
+    # as conftest's make: the environment is there
+    environment = inner_environment(MAKEFLAGS="READY=Makefile", MPLBACKEND="Agg")
+    environment["PATH"] = f"{folder / '.venv' / 'bin'}:{environment['PATH']}"
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}{done.stderr[-3000:]}"
+    return done.stdout + done.stderr
+
+
+def follow(page: str, folder: Path) -> int:
+    """Do what a page says; returns the number of its commands that run something."""
+    printed, commands = "", 0
+    text = (TUTORIALS / page).read_text(encoding="utf-8")
+    for block in BLOCK.finditer(text):
+        kind, body = block["kind"], block["body"]
+        if kind in ("toml", "csv"):
+            assert block["file"], f"{page}: no file is named before {body}"
+            (folder / block["file"]).parent.mkdir(parents=True, exist_ok=True)
+            (folder / block["file"]).write_text(body, encoding="utf-8")
+        elif kind == "sh":
+            printed = run(["sh", "-ec", body], folder)
+            commands += len(re.findall(r"(?m)^(make|python) ", body))
+        elif kind == "python":
+            printed = run([sys.executable, "-c", body], folder)
+        else:
+            assert kind == "text", f"{page}: a block of kind {kind}"
+            expect(body.splitlines(), printed, page)
+    assert len(BLOCK.findall(text)) == len(re.findall(r"(?m)^```\w", text))
+    return commands
+
+
+def expect(lines: list[str], printed: str, page: str) -> None:
+    """Each line is printed, in order."""
+    rest = printed
+    for line in lines:
+        pattern = ".*".join(re.escape(part) for part in line.split("…"))
+        match = re.search(rf"(?m)^{pattern}$", rest)
+        assert match, f"{page} shows\n{line}\nbut it prints\n{printed}"
+        rest = rest[match.end() :]
+
+
+def follow_notebook(name: str, folder: Path) -> None:
+    """Run a notebook's cells one after the other, in its folder's root."""
+    cells = json.loads((TUTORIALS / name).read_text(encoding="utf-8"))["cells"]
+    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    printed = run([sys.executable, "-c", "\n".join(code)], folder)
+    for cell in cells:
+        for output in cell.get("outputs", ()):
+            expect("".join(output.get("text", "")).splitlines(), printed, name)
+
+
+def test_a_page_that_is_wrong_is_told(tmp_path):
+    expect(["a … c", "last"], "x\na b c\nlast\n", "page")
+    for lines in (["last", "a b c"], ["a c"], ["b"]):
+        with pytest.raises(AssertionError):
+            expect(lines, "x\na b c\nlast\n", "page")
+
+
+def test_piv_of_two_images_and_of_a_recording(clone):
+    assert follow("piv.md", clone) == 1 + 4
+    assert (clone / "picture.png").stat().st_size > 10_000
+
+
+@OPENFOAM
+@pytest.mark.openfoam
+@pytest.mark.slow
+def test_an_own_finger_its_recording_and_its_results(clone):
+    """One run for three pages."""
+    assert follow("own_finger.md", clone) <= 4
+    out = clone / "cases" / "my_finger" / "out" / "smoke"
+    assert (out / "report.html").stat().st_size > 100_000
+    follow("comparison.md", clone)
+    follow_notebook("results.ipynb", clone)
+    assert (clone / "results.png").stat().st_size > 10_000
