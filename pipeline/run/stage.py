@@ -123,6 +123,6 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     if not quiet:
         balance = summary["power_balance"]
         print(
-            f"run: {record['wall_time']:.0f} s of solver, power balance explained to {balance['unexplained_fraction']:.1%}"
+            f"run: {record['wall_time']:.0f} s of solver, {100 * abs(balance['unexplained_fraction']):.1f} % of the power balance unexplained"
         )
     return earlier

@@ -109,8 +109,8 @@ def choose(
         if not good:
             best = min(order, key=lambda k: settings[k].error)
             raise StageError(
-                f"no measured setting reaches {most_error:.3g}; the best, {settings[best].row.run}, is within"
-                f" {settings[best].error:.3g}: ask for that, or set the scene finer yourself"
+                f"no measured setting reaches {100 * most_error:.3g} %; the best, {settings[best].row.run}, is within"
+                f" {100 * settings[best].error:.3g} %: ask for that, or set the scene finer yourself"
             )
         return min(good, key=lambda k: times[k])
     assert most_time is not None

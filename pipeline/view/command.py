@@ -46,18 +46,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def instants(out: Path) -> list[Instant]:
     """Those of which a run has written all fields so far, ascending; an overlap belongs to the interval before."""
-    found: list[Instant] = []
+    written: list[Instant] = []
     for interval in read_intervals(out):
         case = out / "case" / interval.name
         state = prepared_for(case)
         ranks = Ranks(state.get("ranks", 1), bool(state.get("collated", False)))
         shared = [dict(saved_times(folder, ranks, ("U", "p"))) for folder in ranks.folders(case)]
-        found += [
+        written += [
             (interval, ranks, time, name)
             for time, name in sorted(shared[0].items())
             if time > interval.start + 1e-9 and all(time in times for times in shared)
         ]
-    return found
+    return written
 
 
 def grids(

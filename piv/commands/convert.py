@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--interval", type=float, help="s between the exposures of a pair")
     parser.add_argument("--image-rows", type=int, help="height of the image, for px that count downwards")
-    parser.add_argument("--frame-rate", type=float, help="instants per second of a series of files")
+    parser.add_argument("--frame-rate-hz", type=float, help="instants per second of a series of files")
     parser.add_argument(
         "--keep-replaced", action="store_true", help="keep vectors that PIVlab interpolated, flagged 4"
     )
@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Convert."""
-    for name in ("scale_mm_per_px", "interval", "frame_rate", "image_rows"):
+    for name in ("scale_mm_per_px", "interval", "frame_rate_hz", "image_rows"):
         value = getattr(args, name)
         if value is not None and not (np.isfinite(value) and value > 0):
             raise ValueError(f"--{name.replace('_', '-')} must be positive, got {value:g}")
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> None:
     plane = read_vectors(
         args.input,
         kind=args.kind,
-        frame_rate_hz=args.frame_rate,
+        frame_rate_hz=args.frame_rate_hz,
         keep_replaced=args.keep_replaced,
         zero_is_absent=args.zero_is_absent,
         length_unit=args.length_unit,

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind.add_argument("--dark", action="store_true", help="find the dark body in every frame")
     parser.add_argument("--scale-mm-per-px", type=float, help="of --outline, where the recording has none")
     parser.add_argument("--origin", type=float, nargs=2, metavar=("X", "Y"), help="px, y up; of --outline")
-    parser.add_argument("--frame-rate", type=float, help="Hz; of --outline, where the recording has none")
+    parser.add_argument("--frame-rate-hz", type=float, help="Hz; of --outline, where the recording has none")
     parser.add_argument("--threshold", type=float, help="grey level of --dark (default: from each frame)")
     parser.add_argument(
         "--smooth", type=float, default=6.0, help="px over which gaps between particles close (default 6)"
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
             raise ValueError(f"--{name.replace('_', '-')} must be at least {least:g}, got {value:g}")
     if args.min_area >= 1:
         raise ValueError(f"--min-area is a part of the picture, below 1, got {args.min_area:g}")
-    with open_recording(args.recording, frame_rate_hz=args.frame_rate) as recording:
+    with open_recording(args.recording, frame_rate_hz=args.frame_rate_hz) as recording:
         if args.output.suffix.lower() == ".png":
             if args.polygon is None and args.image is None:
                 raise ValueError(f"{args.output}: a moving mask is a folder of images; give a folder")
@@ -100,7 +100,7 @@ def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], np
     if scale is None or None in origin:
         raise ValueError(f"{recording.name}: no scale or origin in it; give --scale-mm-per-px and --origin")
     if recording.times is None:
-        raise ValueError(f"{recording.name}: no frame rate in it; give --frame-rate")
+        raise ValueError(f"{recording.name}: no frame rate in it; give --frame-rate-hz")
     with open_netcdf(args.outline) as series:
         bodies = outline_masks(series, recording.times, recording.shape, scale, (origin[0], origin[1]))
     return lambda i: polygons_mask(bodies[i], recording.shape)

@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--images", help="the recording behind the vectors")
     parser.add_argument("-o", "--output", type=Path, default=Path("regions.json"),
                         help="masks and region that are drawn (default %(default)s)")  # fmt: skip
-    parser.add_argument("--frame-rate", type=float, help="Hz, of images that do not say")
+    parser.add_argument("--frame-rate-hz", type=float, help="Hz, of images that do not say")
     parser.add_argument(
         "--port", type=int, default=5006, help="of the page, at 127.0.0.1 (default %(default)s)"
     )
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> None:
         raise ValueError(f"--port is from 1 to 65535, got {args.port}")
     from piv.view.page import serve
 
-    scene = open_scene(args.file, args.images, args.frame_rate)
+    scene = open_scene(args.file, args.images, args.frame_rate_hz)
     scene.extent()  # what is not known of the scale is said here, not on the page
 
     def ready(address: str) -> None:

@@ -155,10 +155,10 @@ def read_vectors(
     in_px = first["x"].attrs["units"] == "px"
     if in_px and frame_rate_hz is not None:
         raise ValueError(
-            "displacements in px have their time in frames; leave out --frame-rate, or give a scale too"
+            "displacements in px have their time in frames; leave out --frame-rate-hz, or give a scale too"
         )
     if not in_px and (frame_rate_hz is None or not frame_rate_hz > 0):
-        raise ValueError(f"{len(planes)} instants are a series in time; give --frame-rate")
+        raise ValueError(f"{len(planes)} instants are a series in time; give --frame-rate-hz")
     for path, plane in zip(names, planes, strict=True):
         for axis in ("x", "y"):
             if plane[axis].shape != first[axis].shape or not np.allclose(plane[axis], first[axis]):

@@ -21,6 +21,7 @@ from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.sentences import judge_sentence, read_sentences
 from postprocess.compare.series import series_table, summary
+from postprocess.draw.quantity_text import measured_text
 from postprocess.evidence.check_finite import first_not_finite
 from postprocess.evidence.evidence import Evidence, Measured, Part
 from postprocess.evidence.load import FILES, load_evidence
@@ -162,13 +163,6 @@ def compare(files: StageFiles) -> dict[str, Any]:
     for plane in evidence.planes.values():
         plane.close()
     return result
-
-
-def measured_text(check: dict[str, Any]) -> str:
-    """What each source measures, with the unit, for the terminal."""
-    unit = {"fraction": "", "1": ""}.get(check["unit"], check["unit"])
-    text = lambda v: f"{v:.4g} {unit}".rstrip() if isinstance(v, float) else v or "–"  # noqa: E731
-    return ", ".join(f"{of} {text(value)}" for of, value in check["measured"].items())
 
 
 def run(scene_folder: Path, level: str, quiet: bool = False) -> None:

@@ -9,9 +9,10 @@ from typing import Any
 from fileio.atomic import write_bytes, write_text
 from fileio.command import add_scene
 from fileio.formats.records import COMPARISON, LOSSES, REGIONS, RUN
+from postprocess.draw.quantity_text import measured_text
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.report.pinch_wording import pinch_table
-from postprocess.report.wording import WORDS, balance_sentence, measured_text, requirement, sentence_rows
+from postprocess.report.wording import WORDS, balance_sentence, requirement, sentence_rows
 
 
 def verdict_cell(check: dict[str, Any]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from postprocess.report.wording import PAIRS, quantity
+from postprocess.draw.quantity_text import PAIRS, quantity
 
 # name of the row, key of pinch_summary.source_numbers, unit, keys of the time and the gap at which it is reached
 ROWS = (

@@ -7,8 +7,8 @@ from typing import Any
 
 import pandas as pd
 
+from postprocess.draw.quantity_text import NBSP
 from postprocess.evidence.stage_files import extended_scenes
-from postprocess.report.wording import NBSP
 
 ERRORS = {
     "error_circulation": "circulation of the tip vortex",

@@ -2,35 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-from postprocess.draw.style import number
+from postprocess.draw.quantity_text import NBSP, PAIRS, measured_text, quantity
 
 WORDS = {True: "met", False: "not met", None: "not judged"}
-PAIRS = {
-    "cfd": "CFD",
-    "piv": "PIV",
-    "piv-cfd": "PIV against CFD",
-}
-
-
-NBSP = "\u00a0"  # keeps a number and its unit on one line
-
-
-def quantity(value: float | str | None, unit: str) -> str:
-    """One value with its unit as a person reads it: metres below 1 m in mm, fractions in per cent."""
-    if value is None:
-        return "–"
-    if isinstance(value, str):
-        return value
-    if unit == "m":
-        return f"{value * 1e3:.2f}{NBSP}mm"
-    if unit == "fraction":
-        return f"{value * 100:.1f}{NBSP}%"
-    if unit == "rad":
-        return f"{math.degrees(value):.1f}°"
-    return number(value) + (NBSP + unit.replace(" ", NBSP) if unit not in ("", "1") else "")
 
 
 def balance_sentence(balance: dict[str, Any]) -> str:
@@ -55,13 +31,6 @@ def requirement(check: dict[str, Any]) -> str:
         return f"{quantity(value[0], unit)} to {quantity(value[1], unit)}{extra}"
     sign = {"<=": "at most ", ">=": "at least ", "equals": ""}[check["comparison"]]
     return f"{sign}{quantity(value, unit)}{extra}"
-
-
-def measured_text(check: dict[str, Any]) -> str:
-    """Measured values of a check with their sources."""
-    return ", ".join(
-        f"{PAIRS[of]}: {quantity(value, check['unit'])}" for of, value in check["measured"].items()
-    )
 
 
 def sentence_rows(comparison: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
@@ -158,7 +127,9 @@ def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
         if source in summary:
             mean = summary[source]["circulation_mean"] * 1e4
             sense = "clockwise" if mean < 0 else "counter-clockwise"
-            remark = f"{sense}, {summary[source]['side'] or 'undecided'} side"
+            remark = (
+                f"mean over the middle of the stroke; {sense}, {summary[source]['side'] or 'undecided'} side"
+            )
             out.append((f"{abs(mean):.1f} cm²/s", f"tip vortex, {PAIRS[source]}", remark))
     if "piv-cfd" not in summary:
         return out

@@ -18,10 +18,10 @@ from postprocess.compare.findings import read_findings
 from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.stage import judge
+from postprocess.draw.quantity_text import quantity
 from postprocess.draw.style import save
 from postprocess.evidence.load import load_evidence
 from postprocess.evidence.stage_files import StageFiles, extended_scenes
-from postprocess.report.wording import quantity
 from postprocess.studies import bars as draw_studies
 from postprocess.studies.state import files_of, missing_runs, missing_sentence
 from postprocess.studies.table import read_plan

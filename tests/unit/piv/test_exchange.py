@@ -65,7 +65,7 @@ def test_series_of_files_in_natural_order(tmp_path):
     assert len(files) == 11
     back = read_vectors(files[::-1], y_axis="up", frame_rate_hz=500.0)
     same(series, back)
-    with pytest.raises(ValueError, match="--frame-rate"):
+    with pytest.raises(ValueError, match="--frame-rate-hz"):
         read_vectors(files, y_axis="up")
 
 

@@ -146,7 +146,7 @@ def test_wrong_numbers_are_refused(series, tmp_path, words, message, capsys):
 @pytest.mark.parametrize(
     "words, message",
     [
-        (["convert", "--frame-rate", "-5"], "--frame-rate must be positive"),
+        (["convert", "--frame-rate-hz", "-5"], "--frame-rate-hz must be positive"),
         (["convert", "--interval", "nan"], "--interval must be positive"),
         (["mask", "--dark", "--min-area", "2"], "--min-area is a part"),
         (["mask", "--dark", "--grow", "-1"], "--grow must be at least 0"),

@@ -8,7 +8,7 @@ import pytest
 
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.quantities import QUANTITIES
-from postprocess.compare.stage import measured_text
+from postprocess.draw.quantity_text import measured_text
 from postprocess.evidence.time_windows import Window
 
 ROOT = Path(__file__).parents[3]
@@ -126,5 +126,5 @@ def test_an_empty_list_is_refused(tmp_path):
 
 def test_what_was_measured_is_printed_in_words():
     check = {"unit": "m", "measured": {"cfd": 0.0012345, "piv": None}}
-    assert measured_text(check) == "cfd 0.001234 m, piv –"
-    assert measured_text({"unit": "", "measured": {"cfd": "dorsal"}}) == "cfd dorsal"
+    assert measured_text(check) == "CFD: 1.23\u00a0mm, PIV: –"
+    assert measured_text({"unit": "", "measured": {"cfd": "dorsal"}}) == "CFD: dorsal"

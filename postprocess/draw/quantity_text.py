@@ -1,0 +1,39 @@
+"""Values with their units, and what a check has measured, as a person reads them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from postprocess.draw.style import number
+
+PAIRS = {
+    "cfd": "CFD",
+    "piv": "PIV",
+    "piv-cfd": "PIV against CFD",
+}
+
+
+NBSP = "\u00a0"  # keeps a number and its unit on one line
+
+
+def quantity(value: float | str | None, unit: str) -> str:
+    """One value with its unit as a person reads it: metres below 1 m in mm, fractions in per cent."""
+    if value is None:
+        return "–"
+    if isinstance(value, str):
+        return value
+    if unit == "m":
+        return f"{value * 1e3:.2f}{NBSP}mm"
+    if unit == "fraction":
+        return f"{value * 100:.1f}{NBSP}%"
+    if unit == "rad":
+        return f"{math.degrees(value):.1f}°"
+    return number(value) + (NBSP + unit.replace(" ", NBSP) if unit not in ("", "1") else "")
+
+
+def measured_text(check: dict[str, Any]) -> str:
+    """Measured values of a check with their sources."""
+    return ", ".join(
+        f"{PAIRS[of]}: {quantity(value, check['unit'])}" for of, value in check["measured"].items()
+    )
