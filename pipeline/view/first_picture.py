@@ -31,26 +31,31 @@ sheet.SliceType.Normal = [0.0, 0.0, 1.0]
 sheet.UpdatePipeline(view.ViewTime)
 lowest, highest = sheet.CellData["vorticity"].GetRange(2)
 limit = SHOWN * max(-lowest, highest) or 1.0
-colours = pv.GetColorTransferFunction("vorticity")
-colours.VectorMode, colours.VectorComponent = "Component", 2
-colours.ColorSpace = "Lab"
-colours.RGBPoints = [limit * v if k % 4 == 0 else v for k, v in enumerate(COLOURS)]
 shown = pv.Show(sheet, view)
 pv.ColorBy(shown, ("CELLS", "vorticity", "Z"))
-shown.LookupTable = colours
+shown.Ambient, shown.Diffuse = 1.0, 0.0  # colours as in the legend
+colours = pv.GetColorTransferFunction("vorticity")
+colours.AutomaticRescaleRangeMode = "Never"
+colours.ColorSpace = "Lab"
+colours.RGBPoints = [limit * v if k % 4 == 0 else v for k, v in enumerate(COLOURS)]
 shown.SetScalarBarVisibility(view, True)
-pv.GetScalarBar(colours, view).Title = "vorticity (1/s)"
+legend = pv.GetScalarBar(colours, view)
+legend.Title, legend.ComponentTitle = "vorticity (1/s)", ""
+legend.TitleColor = legend.LabelColor = [0.0, 0.0, 0.0]
 finger = pv.Show(walls, view)
 pv.ColorBy(finger, None)
 finger.DiffuseColor = [0.55, 0.55, 0.55]
 
+view.UseColorPaletteForBackground = 0
+view.Background = [1.0, 1.0, 1.0]
+view.OrientationAxesVisibility = 0
+pv.Render(view)  # the first one shows everything: the camera comes after it
 x, y = picture["centre"]
 view.CameraParallelProjection = 1
 view.CameraFocalPoint = [x, y, 0.0]
 view.CameraPosition = [x, y, 1.0]
 view.CameraViewUp = [0.0, 1.0, 0.0]
 view.CameraParallelScale = picture["height"] / 2
-view.OrientationAxesVisibility = 0
 pv.Render(view)
 if sys.argv[1:]:
     pv.SaveScreenshot(sys.argv[1], view)
