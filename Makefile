@@ -32,7 +32,9 @@ BUDGET ?=
 WHOLE ?=
 
 # The sheet's vortices are found while its images are still rendered.
+ifeq ($(MAKELEVEL),0) # a make within make shares the jobs of the first
 MAKEFLAGS += -j$(JOBS)
+endif
 
 SHELL  := /bin/sh
 PY     := .venv/bin/python

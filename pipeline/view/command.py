@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,8 @@ def grids(
     out: Path, members: list[Instant], density: float
 ) -> Iterator[tuple[pv.UnstructuredGrid, pv.UnstructuredGrid]]:
     """Water and walls at each instant of one mesh interval."""
+    if not members:
+        return
     interval = members[0][0]
     case = out / "case" / interval.name
     planform, sweep = read_planform(out, interval.mesh), read_sweep(out, interval.name)
@@ -109,24 +112,25 @@ def write_series(scene: Scene, target: Path, planes: tuple[int, ...], quiet: boo
         raise StageError(
             f"{out}: no run has written its fields there yet; make {scene.folder.name}.view LEVEL={scene.level} runs it first"
         )
-    files = [[target / f"{part}_{k:05d}.vtu" for part in PARTS] for k in range(len(shown))]
+    files = {instant: [target / f"{part}_{k:05d}.vtu" for part in PARTS] for k, instant in enumerate(shown)}
     with tqdm(total=len(shown), desc="view", disable=quiet or None) as bar:
-        for interval in dict.fromkeys(instant[0] for instant in shown):
+        for interval, members in groupby(shown, lambda instant: instant[0]):
+            case = out / "case" / interval.name
             wanted = []
-            for paths, instant in zip(files, shown, strict=True):
-                source = instant[1].folders(out / "case" / interval.name)[-1] / instant[3] / "U"
-                if instant[0] == interval and not up_to_date(paths, source):
-                    wanted.append((paths, instant))
-                bar.update(instant[0] == interval and not wanted)
-            made = grids(out, [instant for _, instant in wanted], scene.fluid.density) if wanted else iter(())
-            for (paths, _), pair in zip(wanted, made, strict=True):
-                for path, grid in zip(paths, pair, strict=True):
+            for instant in members:
+                _, ranks, _, name = instant
+                if up_to_date(files[instant], ranks.folders(case)[-1] / name / "U"):
+                    bar.update()
+                else:
+                    wanted.append(instant)
+            for instant, pair in zip(wanted, grids(out, wanted, scene.fluid.density), strict=True):
+                for path, grid in zip(files[instant], pair, strict=True):
                     for plane in planes:
                         grid = with_mirror_image(grid, plane)
                     with whole(path, suffix=True, sync=False) as unfinished:
                         grid.save(unfinished)
                 bar.update()
-    for part, names in zip(PARTS, zip(*files, strict=True), strict=True):
+    for part, names in zip(PARTS, zip(*files.values(), strict=True), strict=True):
         for stale in set(target.glob(f"{part}_*.vtu")) - set(names):
             stale.unlink()
         write_text(target / f"{part}.pvd", collection([t for _, _, t, _ in shown], [n.name for n in names]))
