@@ -2,7 +2,7 @@
 
 # What is given reaches a shell and make's own rules: letters that these would read as more than a name are refused.
 GIVEN  := LEVEL NP HOSTS COLLATED QUIET CASES SLURM ACCURACY BUDGET SCENE STUDY STUDIES NODES MINUTES PARTITION \
-    COUPLED WHOLE ACCOUNT RETRIES DOCS DPIV INPUTS PRESSURE SNAKEFLAGS CURDIR MAKECMDGOALS
+    COUPLED WHOLE ACCOUNT RETRIES DOCS DPIV INPUTS QUICK PRESSURE SNAKEFLAGS CURDIR MAKECMDGOALS
 HASH   := \#
 UNSAFE := ' " ` \ ; & | < > * ? ! ~ { } ( ) [ ] $$ $(HASH)
 NAMED.CURDIR := this folder's path
@@ -48,10 +48,11 @@ include postprocess/lab/compare.mk
 USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs \
     compare compare-measured virtual-lab virtual-lab-study validate convergence clean clean-all bench-piv \
     piv-limits bench-steps air-and-water coupled-docs stability faults fuzz scene-reference docs-site
+INNER_TARGETS := lab-register lab-compare lab-sheets study-sheets
 
 # Files of a pattern whose names make and a shell read as they are; a scene's name is no target's either.
 SAFE    = $(shell sh pipeline/names.sh files $(foreach f,$(1),'$(f)'))
-SCENES := $(shell sh pipeline/names.sh scenes $(CASES) $(USER_TARGETS) lab-register lab-sheets study-sheets)
+SCENES := $(shell sh pipeline/names.sh scenes $(CASES) $(USER_TARGETS) $(INNER_TARGETS))
 # scenes that a comparison with a laboratory made: runs beside the nominal one
 MADE   := $(addprefix /out/*/,inputs/* virtual/* lab/*/measured lab/*/measured/out/*/inputs/*)
 MADE   := $(foreach s,$(SCENES),$(patsubst %,$(CASES)/$s%/scene.toml,$(MADE)))
@@ -62,7 +63,7 @@ OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS) vi
 NEAREST = $(shell $(PY) -c 'import difflib, sys; print(*difflib.get_close_matches(sys.argv[1], sys.argv[2:], 1))' \
     '$1' $2 2>/dev/null)
 MEANT   = $(if $(call NEAREST,$1,$2),did you mean $(call NEAREST,$1,$2)? )make help lists what there is
-KNOWN  := $(USER_TARGETS) $(OF_SCENES) lab-register lab-sheets study-sheets $(READY) Makefile
+KNOWN  := $(USER_TARGETS) $(OF_SCENES) $(INNER_TARGETS) $(READY) Makefile
 $(foreach g,$(MAKECMDGOALS),$(if $(or $(findstring /,$g),$(filter $g,$(KNOWN))),,$(error \
     $g: no such scene or target; $(call MEANT,$g,$(KNOWN)))))
 $(if $(filter $(SCENE),$(ALL)),,$(if $(filter file undefined,$(origin SCENE)),,$(error \
@@ -70,7 +71,7 @@ $(if $(filter $(SCENE),$(ALL)),,$(if $(filter file undefined,$(origin SCENE)),,$
 .SUFFIXES:
 .SECONDARY:
 .DEFAULT_GOAL := help
-.PHONY: $(USER_TARGETS) $(OF_SCENES) lab-register lab-sheets study-sheets
+.PHONY: $(USER_TARGETS) $(OF_SCENES) $(INNER_TARGETS)
 
 help: ## this list
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"

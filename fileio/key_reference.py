@@ -137,8 +137,10 @@ def markdown(keys: list[Key], levels: Mapping[str, str] | None = None) -> str:
     return text
 
 
-def template(keys: list[Key]) -> str:
-    """A file to start from: what is required is open, what has a default is a comment with it."""
+def template(keys: list[Key], known: Mapping[str, str] | None = None) -> str:
+    """A file to start from: what is required is open, what has a default is a comment with it; `known`: values as TOML has them, by
+    dotted name, that were read from the data."""
+    known = known or {}
     tables = {key.name for key in keys if key.type == "table" and key.default == MISSING}
     mixed = {key.name for key in keys if "table or " in key.type}
     text, section = "", ""
@@ -156,6 +158,9 @@ def template(keys: list[Key]) -> str:
         )
         unit = f", {key.unit}" if key.unit else ""
         about = f"# {key.meaning}{unit}; {key.type}" + (f" of {inner}" if inner else "")
+        if key.name in known:
+            text += f"{name} = {known[key.name]}  # read from the data, check it: {key.meaning}{unit}\n"
+            continue
         given = f"{name} = " + (key.default if key.default not in ("", MISSING, WITH_TABLE) else "…")
         text += f"{given}  {about}\n" if key.default == MISSING else f"# {given}  {about}\n"
     return text

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from fileio.command import Commands, add_scene, command_line
 from fileio.lock import exclusive
@@ -14,7 +15,9 @@ from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import Dpiv
 from postprocess.lab.data.files import LabFiles
 from postprocess.lab.data.inputs_toml import read_inputs, write_runs, write_virtual
+from postprocess.lab.data.plan import plan_text
 from postprocess.lab.judgement.compare import run_comparison
+from postprocess.lab.judgement.motion import motion_sentence
 from postprocess.lab.registration.step import lab_files, run_registration
 
 
@@ -24,15 +27,18 @@ def runs(args: argparse.Namespace, say: Callable[[object], None]) -> None:
     say(" ".join(folder.name for folder in folders))
 
 
+def plan(args: argparse.Namespace, say: Callable[[object], None]) -> None:
+    files = StageFiles(args.scene, args.level)
+    say(plan_text(files, read_inputs(args.scene / "reference" / "inputs.toml"), args.ranks))
+
+
 def virtual(args: argparse.Namespace, say: Callable[[object], None]) -> None:
     say(write_virtual(StageFiles(args.scene, args.level), args.pressure_kpa))
 
 
 def register(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
-    law = run_registration(files, dpiv, args.seed).law
-    say(
-        f"register: delay {law.delay * 1e3:.1f} ± {law.std('delay') * 1e3:.1f} ms, factor {law.values[0]:.3f}"
-    )
+    registration = run_registration(files, dpiv, args.seed, args.quick)
+    say(f"register: {motion_sentence(registration)}")
 
 
 def compare(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
@@ -54,9 +60,11 @@ def report(args: argparse.Namespace, say: Callable[[object], None], files: LabFi
     say(f"report: {make_report(files).resolve()}")
 
 
-OPTIONS = {
+OPTIONS: dict[str, dict[str, Any]] = {
+    "quick": {"action": "store_true", "help": "say what the pictures show of the motion, and write nothing"},
     "pressure-kpa": {"type": float, "required": True, "help": "of the last stroke"},
     "seed": {"type": int, "default": 1, "help": "of all random numbers (default 1)"},
+    "ranks": {"type": int, "default": 1, "help": "that each run is solved on (default 1)"},
     "threads": {"type": int, "default": 1, "help": "vector fields at a time (default 1)"},
 }
 
@@ -74,7 +82,7 @@ class Step:
         if self.with_data:
             parser.add_argument("--dpiv", type=Path, required=True, help="folder of dpiv.toml, or the file")
         for name in self.options:
-            parser.add_argument(f"--{name}", **OPTIONS[name])  # type: ignore[arg-type]
+            parser.add_argument(f"--{name}", **OPTIONS[name])
 
     def run(self, args: argparse.Namespace) -> None:
         say: Callable[[object], None] = (lambda text: None) if args.quiet else print
@@ -90,9 +98,10 @@ class Step:
 
 COMMANDS: Commands = {
     "runs": ("scenes of the runs beside the nominal one (reference/inputs.toml)", Step(runs, (), False)),
+    "plan": ("runs that a comparison needs, and how long they will take", Step(plan, ("ranks",), False)),
     "virtual": ("scene of a virtual laboratory: another pressure", Step(virtual, ("pressure-kpa",), False)),
     "recording": ("what a virtual laboratory records", "postprocess.lab.virtual.virtual_laboratory"),
-    "register": ("find the finger in the data: pose, scale, time, motion", Step(register, ("seed",))),
+    "register": ("find the finger in the data: pose, scale, time, motion", Step(register, ("seed", "quick"))),
     "compare": ("judge every quantity", Step(compare, ("seed", "threads"))),
     "report": ("figures and page", Step(report)),
     "motion": ("the finger's motion as recorded, and a scene that is driven by it", Step(motion)),

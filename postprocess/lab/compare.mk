@@ -2,6 +2,7 @@
 # when it is known what they are: each step is a make of its own. INPUTS= (empty) leaves those runs out.
 # Registration comes first: it asks for what dpiv.toml leaves out before anything is solved.
 INPUTS ?= yes
+QUICK  ?=
 SUB     = $(MAKE) --no-print-directory LEVEL=$(LEVEL) NP=$(NP) QUIET=$(QUIET)
 CASE    = $(CASES)/$(SCENE)
 LABOUT  = $(CASE)/out/$(LEVEL)
@@ -17,8 +18,11 @@ ifneq ($(filter compare compare-measured,$(MAKECMDGOALS)),)
 $(if $(filter 1,$(words $(DPIV))),,$(error give DPIV=folder of dpiv.toml, a path without spaces: docs/comparison.md))
 $(if $(wildcard $(LABDATA)/dpiv.toml),,$(error DPIV=$(DPIV): holds no dpiv.toml; docs/comparison.md shows one))
 endif
-compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=single_finger DPIV=folder [LEVEL=..]
-	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register
+compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=.. DPIV=folder [QUICK=1: motion alone]
+	$(if $(QUICK),+@$(SUB) $(SCENE).kinematics,+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register)
+	$(if $(QUICK),@$(LAB) register $(OFLAB) --quick,@$(LAB) plan $(CASE) --level $(LEVEL) --ranks $(NP))
+	$(if $(QUICK),,+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS=$(INPUTS) lab-compare)
+lab-compare:
 	+@$(SUB) $(SCENE).run
 	$(if $(INPUTS),@$(LAB) runs $(CASE) --level $(LEVEL) $(FLAGS),@rm -rf $(LABHERE)/inputs)
 	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS=$(INPUTS) lab-sheets

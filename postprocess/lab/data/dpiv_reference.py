@@ -8,12 +8,14 @@ from pathlib import Path
 from fileio.atomic import write_text
 from fileio.key_reference import keys_of, markdown, template
 from postprocess.lab.data.dpiv_toml import Dpiv
+from postprocess.lab.data.seen_in_data import seen_in
 
 PAGE = Path("docs/dpiv_reference.md")
 HEAD = """# Every key of dpiv.toml
 
 Written by `make scene-reference` from the models that check one; a test keeps them equal. What they are for: [comparison](comparison.md).
-A file to start from: `python -m postprocess dpiv-reference --template`.
+A file to start from: `python -m postprocess dpiv-reference --template [--data FOLDER]`; with a folder of pictures or vectors,
+what these show is filled in.
 """
 FOUND = list(keys_of(Dpiv, without=frozenset({"folder"})))
 TABLES = [
@@ -30,11 +32,14 @@ def reference() -> str:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command `dpiv-reference`."""
     parser.add_argument("--template", action="store_true", help="print a dpiv.toml to start from")
+    parser.add_argument("--data", type=Path, help="of --template: fill in what the files of this folder show")
 
 
 def run(args: argparse.Namespace) -> None:
     """Command `dpiv-reference`: docs/dpiv_reference.md."""
     if args.template:
-        print(template(KEYS), end="")
+        print(template(KEYS, seen_in(args.data) if args.data else None), end="")
+    elif args.data:
+        raise ValueError("--data goes with --template")
     else:
         write_text(PAGE, reference())

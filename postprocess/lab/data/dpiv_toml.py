@@ -17,11 +17,11 @@ NAME = "dpiv.toml"
 VERSION = 2
 HINTS = {
     "files": 'files = "frames/*.tif", a path beside dpiv.toml, or a list of them',
-    "frame_rate_hz": "frame_rate_hz, the pictures (of pairs: the pairs) per second",
+    "frame_rate_hz": "frame_rate_hz, the pictures per second (of pictures taken in pairs: the pairs per second)",
     "start": 'start = { at_s = …, std_s = … }, the time at which the first picture is taken after the motion\'s zero, or start = "from motion"',
     "scale": 'scale = { scale_mm_per_px = …, std_percent = … }, { calibration = "file.json", std_percent = … } or { from_finger = true }',
     "axes": 'axes = { y = "up" or "down", x = "right" or "left", root_px = [x, y] }, with the position of the root\'s middle in px, y counted as stated',
-    "finger_geometry": 'finger_geometry = "measured" (it is the one of the scene\'s states) or "nominal" (then the bands of the FEA count)',
+    "finger_geometry": 'finger_geometry = "measured" (this finger\'s own geometry and material were measured, and the scene\'s states are made of them) or "nominal" (they are those of the drawing: the bands of the FEA count)',
     "finger_length_std_mm": "finger_length_std_mm, how well the finger is known to be as long as the scene's, mm: the finger tells the scale as well",
     "piv": "piv = { window = …, spacing = … }, the settings of the evaluation in px",
     "sheet_thickness_mm": "sheet_thickness_mm, the full width of the light sheet at 1/e²",
@@ -87,7 +87,7 @@ class Axes(Table):
     turn_deg: float = 0.0
     """Of the tank frame in the picture, counter-clockwise; of pictures a first guess [deg]"""
     turn_std_deg: NotNegative | None = None
-    """Of vectors: its standard uncertainty [deg]"""
+    """Its standard uncertainty; of pictures 1.5 where it is not given [deg]"""
 
 
 class Evaluation(Table):
@@ -105,7 +105,7 @@ class Evaluation(Table):
     pairing: Literal["1-2,2-3", "1-2,3-4"] | None = None
     """Of pictures: each with the next, or taken in pairs"""
     interval_s: Positive | None = None
-    """Between the exposures of a pair "1-2,3-4" [s]"""
+    """Of pictures: between the two exposures of a pair "1-2,3-4"; of "1-2,2-3" it is 1/frame_rate_hz [s]"""
     every: Annotated[int, Field(ge=1)] = 1
     """Correlate one pair of so many"""
     preprocess: str = ""
@@ -124,7 +124,7 @@ class VectorFiles(Table):
     kind: Literal["openpiv", "pivlab", "tecplot", "davis", "csv", "plane"] | None = None
     """Format of the files; absent: by their content"""
     interval_s: Positive
-    """Between the two exposures of a field [s]"""
+    """Of vectors: between the two exposures that a field is correlated from, not between fields [s]"""
     length_unit: str | None = None
     """Where the files do not state it"""
     velocity_unit: str | None = None
@@ -177,7 +177,7 @@ class Dpiv(Table):
     files: str | tuple[str, ...]
     """A pattern or a list of paths, relative to this file"""
     frame_rate_hz: Positive
-    """Pictures in a second; of pairs the pairs [Hz]"""
+    """Pictures per second; of pairing "1-2,3-4" pairs per second, of vectors fields per second [Hz]"""
     start: Start | Literal["from motion"]
     """When the first picture is taken; "from motion": the finger shows it"""
     scale: Scale
@@ -185,7 +185,7 @@ class Dpiv(Table):
     axes: Axes
     """Directions and place of the pictures' axes"""
     finger_geometry: Literal["measured", "nominal"]
-    """ "nominal": the bands of the bending analysis count"""
+    """ "measured": the states are of this finger's own geometry and material; "nominal": of the drawing's, so their bands count"""
     piv: Evaluation
     """How pictures are, or vectors were correlated"""
     sheet_thickness_mm: Positive

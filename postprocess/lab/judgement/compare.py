@@ -35,6 +35,8 @@ from postprocess.lab.judgement.validation import FieldComparison, ValidatedQuant
 from postprocess.lab.registration.step import fea_band, registration_summary
 from postprocess.lab.virtual.common_grid import CommonGrid, on_common_grid
 
+MOTION = ("final_bend", "duration")  # what the silhouette shows
+STRENGTH = ("circulation", "velocity_field")  # a flow that is stronger or weaker as a whole shows in these
 COPIED = ("name", "label", "unit", "simulation", "direct", "data", "error", "measurement_part")
 
 
@@ -71,6 +73,8 @@ def run_comparison(
         "data": dpiv.title,
         "name": dpiv.name,
         "kind": dpiv.kind,
+        "two_dimensional": "dwdz" in planes.direct
+        and not np.any(np.nan_to_num(planes.direct["dwdz"].values)),
         "finger_geometry": dpiv.finger_geometry,
         "missing_runs": [n for n in inputs.names if n not in {e.name for e in case.effects}],
         "appearance": planes.appearance,
@@ -131,12 +135,13 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, F
     judged = [_judged(q, inputs.too_uncertain, joint) for q in quantities]
     judged.append(_judged_field(field, case, rows, inputs.too_uncertain, joint))
     wrong = [q["name"] for q in judged if q["joint_verdict"] == budget.ERROR]
-    undecided = [q["name"] for q in judged if q["verdict"] == budget.UNCERTAIN]
-    clear = budget.AGREES if len(undecided) < len(judged) / 2 else budget.UNCERTAIN
-    verdict = budget.ERROR if wrong else clear
+    moves, flows = motion_verdict(judged), flow_verdict(judged)
     registration = case.registration
     result = {
-        "verdict": verdict,
+        "verdict": overall_verdict(moves, flows),
+        "motion": moves,
+        "flow": flows,
+        "too_uncertain": inputs.too_uncertain,
         "wrong": wrong,
         "window_s": case.window,
         "instants": int(rows.sum()),
@@ -146,6 +151,35 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, F
         "registration": registration_summary(registration, case.kinematics),
     }
     return result, series_table(case, measured), field
+
+
+def motion_verdict(judged: list[dict[str, Any]]) -> str | None:
+    """Whether the finger moves as simulated, from all judged quantities; None where that was not tested."""
+    motion = [q for q in judged if q["name"] in MOTION]
+    words = {q["joint_verdict"] for q in motion}
+    if not motion:
+        return None
+    if budget.ERROR not in words and any(q["differs"] for q in motion):
+        return budget.DIFFERS
+    return next(word for word in (budget.ERROR, budget.UNCERTAIN, budget.AGREES) if word in words)
+
+
+def flow_verdict(judged: list[dict[str, Any]]) -> str:
+    """Whether the flow is as simulated: it is said to agree only where one of `STRENGTH` would have shown a flow that errs.
+
+    The jet alone is no evidence: beside the tip the water moves as the finger does.
+    """
+    flow = [q for q in judged if q["name"] not in MOTION]
+    if any(q["joint_verdict"] == budget.ERROR for q in flow):
+        return budget.ERROR
+    seen = any(q["joint_verdict"] == budget.AGREES for q in flow if q["name"] in STRENGTH)
+    return budget.AGREES if seen else budget.UNCERTAIN
+
+
+def overall_verdict(motion: str | None, flow: str) -> str:
+    """The page's colour: the worse of the two answers."""
+    order = (budget.ERROR, budget.DIFFERS, budget.UNCERTAIN, budget.AGREES)
+    return next(word for word in order if word in (motion, flow))
 
 
 def _judged(q: ValidatedQuantity, too_uncertain: float, joint: float) -> dict[str, Any]:
@@ -160,6 +194,8 @@ def _judged(q: ValidatedQuantity, too_uncertain: float, joint: float) -> dict[st
         "significance": q.significance(),
         "verdict": q.verdict(too_uncertain),
         "joint_verdict": q.verdict(too_uncertain, joint),
+        "detectable": q.detectable(joint),
+        "differs": q.name in MOTION and q.differs(joint),
         "dominant": q.dominant.name,
         "sources": [asdict(s) for s in q.sources],
     }
@@ -184,7 +220,8 @@ def _judged_field(
     def word(level: float) -> str:
         if rms > allowed[level]:
             return budget.ERROR
-        return budget.UNCERTAIN if allowed[level] > too_uncertain * values["data"][0] else budget.AGREES
+        hidden = field.detectable(level) > too_uncertain * values["data"][0]
+        return budget.UNCERTAIN if hidden else budget.AGREES
 
     u_val = np.array([np.sqrt(sum(v**2 for _, v in parts.values()))])
     return {
@@ -203,6 +240,8 @@ def _judged_field(
         "significance": rms / float(u_val[0]),
         "verdict": word(budget.LEVEL),
         "joint_verdict": word(joint),
+        "detectable": field.detectable(joint),
+        "differs": False,
         "dominant": max(parts, key=lambda n: parts[n][1]),
         "sources": [
             {"name": n, "kind": k, "std": np.array([v]), "how": "RMS over the field"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fileio.formats.kinematics import Kinematics
+from postprocess.lab.data.files import Registration
 from postprocess.lab.judgement.inputs_of_budget import Case
 from postprocess.lab.judgement.validation import Source, ValidatedQuantity
 from postprocess.lab.registration.register import fit_law
@@ -20,6 +21,20 @@ def motion_values(case: Case) -> tuple[tuple[float, float], tuple[float, float]]
         length,
         length * float(stretch),
     )
+
+
+def motion_sentence(registration: Registration) -> str:
+    """What the pictures show of the motion, against the simulation's alone: no input's uncertainty is in it."""
+    law = registration.law
+    if registration.times.size == 0:
+        return f"vectors do not show the finger; the clock is stated to ± {1960 * law.std('delay'):.1f} ms"
+    parts = []
+    for name, value, what in (("factor", law.values[0], "bends as at"), ("stretch", law.values[2], "takes")):
+        band = 1.96 * law.std(name)
+        same = "as simulated" if abs(value - 1) < band else "otherwise than simulated"
+        of = "the pressure" if name == "factor" else "the time"
+        parts.append(f"{what} {value:.3f} ± {band:.3f} times {of} ({same})")
+    return f"the finger {' and '.join(parts)}; its clock is {law.delay * 1e3:.1f} ± {1960 * law.std('delay'):.1f} ms ahead (95 %)"
 
 
 def final_bend(kinematics: Kinematics, factor: float) -> float:

@@ -58,21 +58,35 @@ def effect_of(
     else:
         kind, per_std = "numerical", one.per_difference
         how = f"run finer by {one.ratio:g}, grid-convergence index"
-    change = means(table, rows) - means(nominal, rows)
+    change = means(table, rows, case.window) - means(nominal, rows, case.window)
     field = np.stack([plane[n].values - case.direct[n].values for n in ("u", "v")], axis=1).astype(float)
     return Effect(one.name, kind, how, float(per_std), change, field, *motion_of_run(case.kinematics, run))
 
 
-def means(table: pd.DataFrame, rows: np.ndarray) -> pd.Series:
-    """Means over the chosen instants."""
-    return table.loc[rows].drop(columns="time").mean()
+def means(table: pd.DataFrame, rows: np.ndarray, window: tuple[float, float]) -> pd.Series:
+    """Means over the window (s): each quantity's straight line through the chosen instants, in the window's middle.
+
+    A vortex grows through the stroke: a plain mean would follow whichever instants show it.
+    """
+    chosen, middle = table.loc[rows], 0.5 * (window[0] + window[1])
+    out = {}
+    for name in chosen.columns.drop("time"):
+        seen = chosen[["time", name]].dropna()
+        out[name] = np.polynomial.Polynomial.fit(seen["time"] - middle, seen[name], 1)(0.0)
+    return pd.Series(out)
+
+
+def mean_factor(times: np.ndarray, window: tuple[float, float]) -> float:
+    """How much less sure `means` is than a plain mean over the instants (s), where these do not lie about the window's middle."""
+    off = 0.5 * (window[0] + window[1]) - times.mean()
+    return float(np.sqrt(1 + off**2 / max(float(times.var()), 1e-12)))
 
 
 def flow_quantities(
     case: Case, measured: dict[str, pd.DataFrame], rows: np.ndarray
 ) -> list[ValidatedQuantity]:
     """Circulation, centre, core radius and jet speed with all their sources."""
-    base = {name: means(table, rows) for name, table in measured.items()}
+    base = {name: means(table, rows, case.window) for name, table in measured.items()}
     simulated = "virtual" if "virtual" in measured else "direct"
     at, alike = np.flatnonzero(rows), (case.registration.pose, case.vortices, case.window_m)
     sides = {"data": case.data, "virtual": case.virtual}
@@ -111,12 +125,13 @@ def vector_sources(
     names = {"data": RANDOM[0], "virtual": RANDOM[1]}
     of = {"data": "", "virtual": " of the virtual experiment"}
     sources = []
+    larger = mean_factor(times, case.window)
     for side, std in own.items():
         how = f"Monte Carlo over the vectors' uncertainty{of[side]}; {count[side]:.1f} of {times.size} instants count as independent"
-        sources.append(Source(names[side], "data", std / np.sqrt(count[side]), how))
+        sources.append(Source(names[side], "data", larger * std / np.sqrt(count[side]), how))
     excess = excess_scatter(times, error, np.sum([std**2 for std in own.values()], axis=0))
     how = "scatter of E from instant to instant beyond the vectors' uncertainty"
-    sources.append(Source("scatter", "data", excess / np.sqrt(times.size), how))
+    sources.append(Source("scatter", "data", larger * excess / np.sqrt(times.size), how))
     simulation = own.get("virtual", np.zeros_like(excess))
     return sources, {"data": np.hypot(own["data"], excess), "simulation": simulation}
 

@@ -1,20 +1,23 @@
 """Validation in the manner of ASME V&V 20: comparison error E = S − D against its uncertainty u_val, source by source.
 
 E estimates the model's error within ± k u_val, u_val² = Σ u²: numerical, of the inputs, of the data. Where |E| > k u_val the
-model errs by about E; else simulation and data agree within k u_val, unless that band is too wide to say anything.
+model errs by about E; else simulation and data agree, unless even a large model error would not have been seen: `detectable`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.optimize import brentq
+from scipy.stats import chi2, ncx2
 
 LEVEL = 0.95
 DRAWS = 20_000
 KINDS = {"numerical": "u_num", "input": "u_input", "data": "u_D"}
 AGREES, ERROR, UNCERTAIN = "agrees", "model error", "too uncertain"
+DIFFERS = "differs within the inputs"  # surely, but no more than the inputs' uncertainty lets it
 
 
 @dataclass(frozen=True)
@@ -72,11 +75,20 @@ class ValidatedQuantity:
         return max(self.sources, key=lambda s: float(np.sum(s.std**2)))
 
     def verdict(self, too_uncertain: float, level: float = LEVEL) -> str:
-        """One of `AGREES`, `ERROR`, `UNCERTAIN`."""
+        """One of `AGREES`, `ERROR`, `UNCERTAIN`: the last where a model error of `too_uncertain` times the scale could hide."""
         if self.significance() > coverage_factor(self.error.size, level):
             return ERROR
-        band = coverage_factor(1, level) * float(np.sqrt(np.mean(self.u_val**2)))
-        return UNCERTAIN if band > too_uncertain * self.scale else AGREES
+        return UNCERTAIN if self.detectable(level) > too_uncertain * self.scale else AGREES
+
+    def detectable(self, level: float = LEVEL) -> float:
+        """The smallest model error (of the worst component) that the verdict finds with probability `LEVEL`."""
+        return detectable_factor(self.error.size, level) * float(np.max(self.u_val))
+
+    def differs(self, level: float = LEVEL) -> bool:
+        """Whether E is beyond what the data leave open, whatever the inputs may be."""
+        of_data = self.u_kind("data")
+        size = float(np.sqrt(np.sum((self.error / np.maximum(of_data, 1e-30)) ** 2)))
+        return size > coverage_factor(self.error.size, level)
 
     def significance(self) -> float:
         """|E|/u_val, over all components."""
@@ -86,6 +98,13 @@ class ValidatedQuantity:
 def coverage_factor(components: int, level: float = LEVEL) -> float:
     """k of the confidence `level` for a Gaussian of so many components (1: 1.96)."""
     return float(np.sqrt(chi2.ppf(level, components)))
+
+
+def detectable_factor(components: int, level: float = LEVEL) -> float:
+    """Model error over u_val that exceeds k of `level` with probability `LEVEL`, for so many components (1: 3.60)."""
+    limit = coverage_factor(components, level) ** 2
+    missed = lambda d: float(ncx2.cdf(limit, components, d**2)) - (1 - LEVEL)  # noqa: E731
+    return float(brentq(missed, 1e-6, np.sqrt(limit) + 10))
 
 
 def joint_level(quantities: int) -> float:
@@ -128,17 +147,24 @@ class FieldComparison:
         parts = {name: (kind, rms(mode)) for name, (kind, mode) in self.modes.items()}
         return parts | {"vectors": ("data", rms(self.noise))}
 
-    def allowed_rms(self, level: float = LEVEL, seed: int = 0) -> float:
-        """The RMS of |E| that u_val lets be exceeded with probability 1 − level, m/s.
+    def allowed_rms(self, level: float = LEVEL) -> float:
+        """The RMS of |E| that u_val lets be exceeded with probability 1 − level, m/s."""
+        return float(np.sqrt(np.quantile(self._squares, level)))
 
-        E is taken as Σ ξ_j mode_j + noise with independent standard normal ξ: coherent sources move the whole field at once.
-        """
+    def detectable(self, level: float = LEVEL) -> float:
+        """The smallest RMS of a model error, unlike any source's field, that the verdict finds with probability `LEVEL`, m/s."""
+        return float(np.sqrt(max(self.allowed_rms(level) ** 2 - np.quantile(self._squares, 1 - LEVEL), 0.0)))
+
+    @cached_property
+    def _squares(self) -> np.ndarray:
+        """Mean squares of |E| (draw,) without a model error: Σ ξ_j mode_j + noise with independent standard normal ξ, since coherent
+        sources move the whole field at once."""
         ok = np.isfinite(self.error)
         flat = [np.where(ok, np.nan_to_num(m), 0.0).ravel() for _, m in self.modes.values()]
         points = max(int(np.isfinite(self.error[:, 0]).sum()), 1)
         own = float(np.nansum(np.where(ok, self.noise, np.nan) ** 2)) / points
         if not flat:
-            return float(np.sqrt(own))
+            return np.array([own])
         gram = np.array([[a @ b for b in flat] for a in flat]) / points
-        xi = np.random.default_rng(seed).standard_normal((DRAWS, len(flat)))
-        return float(np.sqrt(np.quantile(np.einsum("di,ij,dj->d", xi, gram, xi), level) + own))
+        xi = np.random.default_rng(0).standard_normal((DRAWS, len(flat)))
+        return np.asarray(np.einsum("di,ij,dj->d", xi, gram, xi) + own)

@@ -21,8 +21,9 @@ from piv.images.recording import Recording
 from postprocess.lab.data.files import Law, Registration
 from postprocess.lab.data.pictures import thinned
 from postprocess.lab.data.pose import Pose
+from postprocess.lab.registration.check_stated import best_delay, check_stated
 from postprocess.lab.registration.fit_outline import Frames, OutlineFit, fit_outline, outline_table, prepare
-from postprocess.lab.registration.outline_sampler import all_scores
+from postprocess.lab.registration.outline_profile import independent_share, outline_profile
 from postprocess.lab.registration.silhouette import ROUGH_PX, WaterLikelihood, inside_sum, learn
 
 MAX_FRAMES = 60
@@ -82,18 +83,15 @@ def search_delay(
     frames: Frames, kinematics: Kinematics, pose: Pose, stated: float | None, stated_std: float = 0.0
 ) -> float:
     """Delay (s) at which the simulation's motion fits the frames best: a correlation over time of the finger's picture."""
-    table, outlines, normals = outline_table(kinematics)
     span = frames.times[-1] - frames.times[0]
     reach, step = (span + 0.1, 0.006) if stated is None else (max(0.04, 3 * stated_std), 0.004)
-    around = np.arange(-reach, reach, step)
-    pictures = frames.integrals, frames.mean, outlines, normals, np.asarray(pose.anchor)
-    seat = (*pose.at_px, pose.angle, pose.scale_m_per_px, -1.0)
-    scores = []
-    for delay in around + (stated or 0.0):
-        pressures = law_pressure(kinematics, frames.times, np.array([1.0, delay, 1.0]))
-        places = (pressures - table[0]) / (table[1] - table[0])
-        scores.append(all_scores(*pictures, seat, places).sum())
-    return float(around[int(np.argmax(scores))] + (stated or 0.0))
+    delays = np.arange(-reach, reach, step) + (stated or 0.0)
+    return best_delay(frames, outline_table(kinematics), kinematics, pose, delays)[0]
+
+
+def chosen_frames(recording: Recording, paired: bool) -> np.ndarray:
+    """Indices of the frames that are fitted: the first of each pair where they are `paired`."""
+    return thinned(np.arange(0, len(recording), 2 if paired else 1), MAX_FRAMES)
 
 
 def register(
@@ -118,7 +116,7 @@ def register(
     standard uncertainty of the finger's length over it. `sweeps`: of the sampler, to be dropped and kept, in the rough and in the
     final fit. ValueError where the root is not seen though `hidden` is 0.
     """
-    chosen = thinned(np.arange(0, len(recording), 2 if paired else 1), MAX_FRAMES)
+    chosen = chosen_frames(recording, paired)
     images = [recording.frame(int(i)) for i in chosen]
     evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
     pose = stated or first_pose(recording, images, kinematics)
@@ -127,6 +125,7 @@ def register(
     if not hidden and stated:  # without its root a fit may go anywhere
         check_root(frames, kinematics, stated, evidence, BEYOND_STATED)
     prior = None if scale_std is None else float(np.hypot(scale_std, length_std))
+    check_stated(frames, kinematics, pose, scale_known=stated is not None)
     first = np.array([1.0, search_delay(frames, kinematics, pose, *(stated_delay or (None,))), 1.0])
     free = np.full(frames.times.size, FREE * (kinematics.high - kinematics.low))
     known: dict[str, Any] = {"scale_std": prior, "stated_delay": stated_delay}
@@ -134,10 +133,16 @@ def register(
         frames, kinematics, pose, first, deviation=free, seed=seed, sweeps=sweeps[:2], **known
     )
     values, _, _ = fit_law(kinematics, frames.times, rough.parameter.mean(axis=0), first)
+    # particles that go along with the finger stay beside it: pictures are then less independent than they look
+    edge = float(rough.pose[:, 4].mean())
+    profile = outline_profile(
+        images, rough.parameter.mean(axis=0), evidence, kinematics, rough.mean_pose(), edge, blind
+    )
     frames = prepare(images, times[chosen], evidence, blind)
+    frames = replace(frames, independent=min(frames.independent, independent_share(profile)))
     begin = replace(rough.mean_pose(), scale_m_per_px=pose.scale_m_per_px)
     tied = deviation_from_law(kinematics, rough, values)
-    known |= {"edge_px": float(rough.pose[:, 4].mean()), "rounds": ROUNDS}
+    known |= {"edge_px": edge, "rounds": ROUNDS}
     fine = fit_outline(
         frames, kinematics, begin, values, deviation=tied, seed=seed + 1, sweeps=sweeps[2:], **known
     )

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fileio.atomic import write_text
+from fileio.atomic import write_bytes, write_text
 from fileio.checksum import sha256
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
@@ -18,8 +18,10 @@ from postprocess.lab.data.inputs_toml import read_inputs
 from postprocess.lab.data.pictures import LabRecording, stated_pose
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.data.vectors import vectors_view
-from postprocess.lab.registration.register import register
+from postprocess.lab.registration.check_fit import FitCheck, check_fit, draw_fit
+from postprocess.lab.registration.register import SWEEPS, register
 
+QUICK_SWEEPS = (600, 200, 600, 600)
 VIEW_MARGIN = 0.008  # m of the sheet beyond the picture
 
 
@@ -29,8 +31,8 @@ def lab_files(case: Path, level: str, dpiv: Path) -> tuple[LabFiles, Dpiv]:
     return LabFiles(StageFiles(case, level), stated.name), stated
 
 
-def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration:
-    """Register the data and write registration.json and view.txt.
+def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1, quick: bool = False) -> Registration:
+    """Register the data and write registration.json and view.txt; `quick`: with fewer samples, and nothing is written.
 
     What the later steps need and cannot be asked for once the simulation has run is looked for here: the scene's inputs.toml, the
     FEA's bands, the uncertainty of vectors.
@@ -46,6 +48,8 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
     else:
         with LabRecording(dpiv) as recording:
             stated, scale_std = stated_pose(dpiv, recording, kinematics.root)
+            paired, hidden = dpiv.piv.pairing == "1-2,3-4", dpiv.root_hidden_mm * 1e-3
+            length_std = (dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length
             registration = register(
                 recording,
                 recording.times,
@@ -53,12 +57,29 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
                 stated,
                 stated_delay,
                 scale_std=scale_std,
-                paired=dpiv.piv.pairing == "1-2,3-4",
-                hidden=dpiv.root_hidden_mm * 1e-3,
-                length_std=(dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length,
+                paired=paired,
+                hidden=hidden,
+                length_std=length_std,
+                sweeps=QUICK_SWEEPS if quick else SWEEPS,
                 seed=seed,
             )
+            refuse_what_does_not_fit(
+                files,
+                check_fit(
+                    recording,
+                    recording.times,
+                    registration,
+                    kinematics,
+                    scale_std=None if scale_std is None else float(np.hypot(scale_std, length_std)),
+                    turn_std=None if dpiv.axes.turn_std_deg is None else np.radians(dpiv.axes.turn_std_deg),
+                    paired=paired,
+                    hidden=hidden,
+                ),
+                dpiv,
+            )
             corners = (0.0, 0.0), (float(recording.shape[1]), float(recording.shape[0]))
+    if quick:
+        return registration
     view = registration.pose.view(*corners, VIEW_MARGIN)
     write_registration(
         registration, files.registration, dpiv_sha256=sha256(dpiv.folder / NAME), seed=seed, view=view
@@ -67,6 +88,16 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration
     if not files.view.exists() or files.view.read_text(encoding="utf-8") != text:
         write_text(files.view, text)  # the sheets depend on it
     return registration
+
+
+def refuse_what_does_not_fit(files: LabFiles, check: FitCheck, dpiv: Dpiv) -> None:
+    """StageError where the fit is refused; the picture that shows where, registration_refused.png, goes with it."""
+    files.refused.unlink(missing_ok=True)
+    if check.refusals:
+        files.registration.unlink(missing_ok=True)  # of other pictures, perhaps
+        write_bytes(files.refused, draw_fit(check))
+        reasons = "; also, ".join(check.refusals)
+        raise StageError(f"{dpiv.folder / NAME}: the registration is refused: {reasons}; see {files.refused}")
 
 
 def check_bend(kinematics: Kinematics, path: Path) -> None:

@@ -21,7 +21,7 @@ from postprocess.draw.style import save
 from postprocess.evidence.stage_files import scene_title
 from postprocess.lab.data.files import LabFiles, read_registration
 from postprocess.lab.registration.register import law_pressure
-from postprocess.lab.report import draw, wording
+from postprocess.lab.report import answers, draw, wording
 from postprocess.report.page_template import page_template
 
 FIELD_DPI = 120
@@ -43,7 +43,7 @@ def page(title: str, result: dict[str, Any], pictures: dict[str, tuple[str, str]
     return page_template("lab.html").render(
         title=title,
         result=result,
-        answer=wording.answer(result),
+        answer=answers.answer(result),
         tiles=wording.tiles(result),
         rows=wording.rows(result),
         pictures=pictures,

@@ -1,10 +1,12 @@
-"""The verdict in words, for someone who knows the experiment and not the code."""
+"""Numbers, verdicts and tables of a comparison as text in a laboratory's units."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+
+from postprocess.lab.judgement.compare import MOTION
 
 NBSP = "\u00a0"
 UNITS = {
@@ -19,7 +21,6 @@ BLAME = {
     "input": "the inputs (pressure, time, geometry, material)",
     "data": "the measurement",
 }
-MOTION = ("final_bend", "duration")
 
 
 def size(values: Any, unit: str) -> str:
@@ -45,125 +46,20 @@ def verdict_sentence(q: dict[str, Any]) -> str:
         return f"agrees within ±{NBSP}{band}"
     if q["verdict"] == "model error":
         what = "the motion differs by" if q["name"] in MOTION else "model error of"
-        return f"{what} about {size(q['error'], q['unit'])}{_part(q)}, known to ±{NBSP}{band}"
+        return f"{what} about {size(q['error'], q['unit'])}{part_of(q)}, known to ±{NBSP}{band}"
     return f"too uncertain to say: the band is ±{NBSP}{band}, mostly from {q['dominant']}"
 
 
-def _part(q: dict[str, Any]) -> str:
+def part_of(q: dict[str, Any]) -> str:
     """The difference in per cent of what it is measured by."""
     return f" ({np.linalg.norm(q['error']) / abs(q['scale']):.0%})" if q["scale"] else ""
 
 
-def answer(result: dict[str, Any]) -> str:
-    """The page's first sentences: yes, no, or not to be said; what it rests on; what is to blame."""
-    by_name = {q["name"]: q for q in result["quantities"]}
-    if result["verdict"] == "agrees":
-        q = by_name["circulation"]
-        opening = (
-            f"Yes: the simulation agrees with the laboratory's data within what is known of both. The {q['label']} is"
-            f" {size(q['simulation'], q['unit'])} against {size(q['data'], q['unit'])}, with a band of"
-            f" ±{NBSP}{size(q['k'] * np.asarray(q['u_val']), q['unit'])}."
-        )
-        parts = [opening, by_chance(result), motion_basis(result), undecided(result)]
-    elif result["verdict"] == "too uncertain":
-        opening = "It cannot be said: for most quantities the band of uncertainty is too wide for a verdict."
-        parts = [opening, undecided(result), motion_basis(result)]
-    else:
-        wrong = "; ".join(f"{by_name[n]['label']}: {verdict_sentence(by_name[n])}" for n in result["wrong"])
-        parts = [f"No: {wrong}.", basis(result), blame(result), motion_basis(result)]
-    return " ".join(part for part in [*parts, incomplete(result)] if part)
-
-
-def basis(result: dict[str, Any]) -> str:
-    """Whether the verdict comes from the finger's silhouette or from the flow."""
-    moves = [n for n in result["wrong"] if n in MOTION]
-    if not moves or len(moves) < len(result["wrong"]):
-        return ""
-    rests = "This verdict rests on the finger's silhouette, not on the flow: no quantity of the flow differs by more than its band."
-    return " ".join(part for part in (rests, by_chance(result), undecided(result)) if part)
-
-
-def by_chance(result: dict[str, Any]) -> str:
-    """Quantities beyond their own limit of 95 %, but within that at which all hold together."""
-    judged = result["quantities"]
-    wrong = [q for q in judged if q["verdict"] == "model error"]
-    alone = ", ".join(q["label"] for q in wrong if q["name"] not in result["wrong"])
-    by_itself = (
-        f"Beyond its own limit of 95{NBSP}%: {alone}; among {len(judged)} quantities that may be chance."
-    )
-    return by_itself if alone else ""
-
-
-def undecided(result: dict[str, Any]) -> str:
-    """Quantities of which nothing can be said, and why."""
-    uncertain = [q for q in result["quantities"] if q["verdict"] == "too uncertain"]
-    listed = ", ".join(f"{q['label']} (mostly {q['dominant']})" for q in uncertain)
-    return f"Too uncertain to say: {listed}." if uncertain else ""
-
-
-def motion_basis(result: dict[str, Any]) -> str:
-    """What is known of the finger's own motion, where it was not tested."""
-    if result["measured_motion"]:
-        return "The simulation is driven by this recording's own motion, which is therefore not tested."
-    if not any(q["name"] in MOTION for q in result["quantities"]):
-        return "Vectors do not show the finger: whether it moved as simulated is not tested."
-    return ""
-
-
-def incomplete(result: dict[str, Any]) -> str:
-    """What u_val lacks."""
-    missing = result["missing_runs"]
-    if not missing:
-        return ""
-    return f"Not in u_val, because these runs were not made: {', '.join(missing)}; differences are judged too strictly."
-
-
-def blame(result: dict[str, Any]) -> str:
-    """Is mesh, motion, PIV or physics to blame? What the quantities together say."""
-    registration = result["registration"]
-    moves = [n for n in result["wrong"] if n in MOTION]
-    flow = [q for q in result["quantities"] if q["name"] not in MOTION]
-    text = []
-    if moves:
-        factor, stretch = registration["pressure_factor"], registration["stretch"]
-        text.append(
-            f"The motion is to blame: the recording's finger bends as if its pressure were {_more(factor, 'higher', 'lower')}"
-            f" (±{NBSP}{100 * 1.96 * registration['pressure_factor_std']:.1f}) than the simulation's, and takes"
-            f" {_more(stretch, 'more', 'less')} (±{NBSP}{100 * 1.96 * registration['stretch_std']:.1f}) time."
-        )
-    explained = [q for q in flow if q["explained_by_motion"] is not None]
-    rest = [q for q in explained if _beyond_motion(q)]
-    wrong_flow = [q for q in flow if q["name"] in result["wrong"]]
-    if moves and not explained:
-        text.append(
-            "Whether what the flow differs by follows from that motion is not known without the runs pressure and duration;"
-            " drive the simulation with the measured motion (make compare-measured)."
-        )
-    elif moves and not rest:
-        text.append(
-            "What the flow differs by follows from that motion within u_val: drive the simulation with the measured one"
-            " (make compare-measured)."
-        )
-    elif moves:
-        labels = ", ".join(q["label"] for q in rest)
-        text.append(f"Beyond the motion the flow differs ({labels}): physics, or what the model leaves out.")
-    elif wrong_flow and any(q["name"] in MOTION for q in result["quantities"]):
-        text.append("The finger moves as simulated, so the flow model is to blame, not the motion.")
-    elif wrong_flow and result["measured_motion"]:
-        text.append("The motion is the recording's, so the flow model is to blame.")
-    elif wrong_flow:
-        text.append("The flow model is to blame, or a motion other than the simulated one.")
-    return " ".join(text)
-
-
-def _more(factor: float, more: str, less: str) -> str:
-    """A factor as per cent more or less."""
-    return f"{100 * abs(factor - 1):.1f}{NBSP}% {more if factor >= 1 else less}"
-
-
-def _beyond_motion(q: dict[str, Any]) -> bool:
-    rest = np.asarray(q["error"]) - np.asarray(q["explained_by_motion"])
-    return float(np.sqrt(np.sum((rest / np.asarray(q["u_val"])) ** 2))) > q["k"]
+def relative(q: dict[str, Any]) -> str:
+    """The smallest model error that the verdict finds with 95 %, in per cent of the quantity; a length for a place."""
+    if np.size(q["error"]) > 1 or not q["scale"]:
+        return size(q["detectable"], q["unit"])
+    return f"{100 * q['detectable'] / abs(q['scale']):.0f}{NBSP}%"
 
 
 def rows(result: dict[str, Any]) -> list[dict[str, Any]]:
@@ -183,6 +79,7 @@ def rows(result: dict[str, Any]) -> list[dict[str, Any]]:
                 "significance": f"{q['significance']:.2f}",
                 "k": f"{q['k']:.2f}",
                 "verdict": q["verdict"],
+                "detectable": f"{size(q['detectable'], unit)} ({relative(q)})",
                 "sentence": verdict_sentence(q),
                 "dominant": f"{q['dominant']} ({BLAME[source['kind']]})",
                 "sources": [(s["name"], s["kind"], size(s["std"], unit), s["how"]) for s in q["sources"]],

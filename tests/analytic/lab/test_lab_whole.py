@@ -107,7 +107,7 @@ def test_vectors_of_a_stronger_vortex_are_told(finger, tmp_path):
     assert "circulation" in result["wrong"]
     page = make_report(lab).read_text()
     first = page[page.index('id="answer"') : page.index("</header>")]
-    assert "No: " in first
+    assert "Motion: not tested. Flow: no." in first
     assert "Vectors do not show the finger" in first
     assert "circulation of the tip vortex" in first
 
@@ -154,7 +154,7 @@ def test_recording_is_compared(recorded):
     assert abs(result["registration"]["delay_ms"] + 7.0) < 3.0
     page = make_report(lab).read_text()
     first = page[page.index('id="answer"') : page.index("</header>")]
-    assert "Yes: " in first
+    assert "Motion: yes. Flow: yes." in first
     assert "Not in u_val" not in first  # no runs are asked for here
     assert {"budgets.pdf", "budgets.svg", "paths.pdf", "series.svg"} <= {
         p.name for p in (lab.folder / "figures").iterdir()

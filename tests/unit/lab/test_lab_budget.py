@@ -11,6 +11,7 @@ from postprocess.lab.judgement.validation import (
     Source,
     ValidatedQuantity,
     coverage_factor,
+    detectable_factor,
     joint_level,
 )
 
@@ -31,9 +32,44 @@ def test_sources_add_in_squares_and_the_largest_is_named():
     assert q.measurement_part[0] == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("error, std, word", [(1.9, 1.0, AGREES), (2.0, 1.0, ERROR), (1.0, 2.0, UNCERTAIN), (9.0, 2.0, ERROR)])  # fmt: skip
+@pytest.mark.parametrize("error, std, word", [(1.5, 0.8, AGREES), (1.6, 0.8, ERROR), (1.0, 0.9, UNCERTAIN), (9.0, 2.0, ERROR)])  # fmt: skip
 def test_verdict_is_that_of_the_band(error, std, word):
     assert quantity(error, std).verdict(too_uncertain=0.3) == word
+
+
+def test_a_model_error_of_the_detectable_size_is_found_as_often_as_it_says():
+    """3.605 of u_val for one quantity: 1.96 and the 1.645 that let it fall below in 5 % (Gaussian); drawn for two."""
+    assert detectable_factor(1) == pytest.approx(1.95996 + 1.64485, abs=1e-3)
+    rng = np.random.default_rng(4)
+    size = detectable_factor(2, joint_level(7))
+    drawn = rng.normal([size, 0.0], 1.0, (4000, 2))
+    found = np.hypot(*drawn.T) > coverage_factor(2, joint_level(7))
+    assert found.mean() == pytest.approx(0.95, abs=0.011)  # three standard errors of 4000 draws
+    assert quantity(0.0, 0.6, 0.8).detectable() == pytest.approx(3.605, abs=1e-3)
+
+
+def test_what_the_data_know_better_than_the_inputs_differs():
+    inside = quantity(1.0, 0.1, 2.0, 0.2)  # numerical, input, data
+    assert inside.verdict(too_uncertain=10.0) == AGREES
+    assert inside.differs()
+    assert not quantity(0.3, 0.1, 2.0, 0.2).differs()
+
+
+def test_field_finds_a_model_error_of_its_detectable_size():
+    rng = np.random.default_rng(5)
+    shape = (3, 2, 24, 30)
+    pattern = np.sin(0.7 * np.arange(np.prod(shape))).reshape(shape)
+    noise = np.full(shape, 0.5)
+    modes = {"a": ("input", 0.3 * np.ones(shape))}
+    field = FieldComparison(np.zeros(shape), modes, noise)
+    size = field.detectable() / np.sqrt(np.mean(np.sum(pattern**2, axis=1)))
+    found = 0
+    for _ in range(300):
+        e = size * pattern + rng.standard_normal() * modes["a"][1] + noise * rng.standard_normal(shape)
+        found += FieldComparison(e, modes, noise).rms() > field.allowed_rms()
+    assert (
+        found / 300 > 0.90
+    )  # 0.95 less three standard errors of 300 draws, and a little noise of the vectors
 
 
 def test_two_components_are_judged_together():

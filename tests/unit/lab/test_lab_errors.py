@@ -1,6 +1,7 @@
 """Errors of registration and of vectors as they reach a quantity: against differences worked out by hand."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from postprocess.lab.data.files import Law, Registration
@@ -9,6 +10,8 @@ from postprocess.lab.judgement.uncertainty_sources import (
     at_instant,
     excess_scatter,
     independent_instants,
+    mean_factor,
+    means,
     place_jacobian,
 )
 from postprocess.lab.judgement.validation import Source
@@ -102,3 +105,14 @@ def test_scatter_that_the_vectors_do_not_know_is_found():
     scatter = excess_scatter(times, error, np.array([3.0, 0.4]) ** 2)
     assert scatter == pytest.approx([4.0, 0.0], rel=0.1)
     assert excess_scatter(times[:2], error[:2], np.zeros(2)) == pytest.approx([0.0, 0.0])
+
+
+@pytest.mark.parametrize("seen", [slice(None), slice(0, 4), [0, 3, 4, 5]])
+def test_a_mean_does_not_hang_on_which_instants_show_the_vortex(seen):
+    """A vortex that grows through the window: the same run read −148, −136 or −130 cm²/s."""
+    times = np.linspace(0.1, 0.2, 6)
+    table = pd.DataFrame({"time": times, "circulation": -0.010 - 0.05 * (times - 0.1)})
+    rows = np.zeros(6, bool)
+    rows[seen] = True
+    assert means(table, rows, (0.1, 0.2))["circulation"] == pytest.approx(-0.0125)
+    assert mean_factor(times[rows], (0.1, 0.2)) >= 1.0

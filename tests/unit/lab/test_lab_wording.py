@@ -3,59 +3,90 @@
 import numpy as np
 import pytest
 
-from postprocess.lab.report import wording
+from postprocess.lab.judgement.compare import flow_verdict, motion_verdict, overall_verdict
+from postprocess.lab.report import answers, wording
 
 
-def quantity(name, error, u_val, verdict="agrees", explained=None, unit="m²/s", scale=1e-2):
-    """A judged quantity as in comparison.json."""
+def quantity(
+    name,
+    error,
+    u_val,
+    verdict="agrees",
+    explained=None,
+    unit="m²/s",
+    scale=1e-2,
+    detectable=0.1,
+    differs=False,
+):
+    """A judged quantity as in comparison.json; `detectable`: over its scale."""
     return {
         "name": name, "label": name.replace("_", " "), "unit": unit, "simulation": [scale + error], "direct": [scale], "data": [scale],
-        "error": [error], "u_val": [u_val], "k": 1.96, "scale": scale, "verdict": verdict, "dominant": "grid",
+        "error": [error], "u_val": [u_val], "u_D": [u_val / 10], "k": 1.96, "scale": scale, "verdict": verdict, "joint_verdict": verdict,
+        "dominant": "grid", "detectable": detectable * scale, "differs": differs,
+        "sources": [{"name": "grid", "kind": "numerical", "std": [u_val], "how": ""}],
         "explained_by_motion": None if explained is None else [explained],
     }  # fmt: skip
 
 
 def result(*quantities, wrong=(), missing=(), measured=False):
-    """comparison.json as far as the wording reads it."""
-    verdict = "model error" if wrong else "agrees"
-    if not wrong and all(q["verdict"] == "too uncertain" for q in quantities):
-        verdict = "too uncertain"
+    """comparison.json as far as the wording reads it; the answers are those of `compare`."""
     law = {"pressure_factor": 1.05, "pressure_factor_std": 0.003, "stretch": 1.0, "stretch_std": 0.004}
+    judged = [
+        q if q["verdict"] != "model error" or q["name"] in wrong else q | {"joint_verdict": "agrees"}
+        for q in quantities
+    ]
+    motion, flow = motion_verdict(judged), flow_verdict(judged)
     return {
-        "verdict": verdict, "wrong": list(wrong), "quantities": list(quantities), "missing_runs": list(missing),
-        "measured_motion": measured, "registration": law,
+        "verdict": overall_verdict(motion, flow), "motion": motion, "flow": flow, "too_uncertain": 0.3, "wrong": list(wrong),
+        "quantities": judged, "missing_runs": list(missing), "measured_motion": measured, "registration": law, "two_dimensional": True,
     }  # fmt: skip
 
 
 BEND = quantity("final_bend", -0.078, 0.012, "model error", unit="rad", scale=1.6)
-STRAIGHT = quantity("final_bend", 0.004, 0.012, unit="rad", scale=1.6)
+STRAIGHT = quantity("final_bend", 0.004, 0.012, unit="rad", scale=1.6, detectable=0.03)
+LONGER = quantity("duration", -0.02, 0.023, unit="s", scale=0.22, differs=True)
 SAME = quantity("circulation", -2e-4, 3e-4, explained=-2e-4)
 WRONG = quantity("circulation", -2e-3, 3e-4, "model error", explained=-2e-4)
-WIDE = quantity("circulation", -2e-4, 3e-3, "too uncertain")
+WIDE = quantity("circulation", -2e-4, 3e-3, "too uncertain", detectable=1.1)
+JET = quantity("jet_speed", 1e-3, 1e-3, unit="m/s", scale=0.1, detectable=0.2)
 
 
-def test_a_verdict_by_the_silhouette_says_so():
-    told = wording.answer(result(BEND, SAME, wrong=["final_bend"]))
-    assert told.startswith("No: final bend: the motion differs by about -4.47\u00a0° (5%)")
-    assert "rests on the finger's silhouette, not on the flow" in told
+def test_a_motion_that_is_to_blame_is_named_with_what_it_does_to_the_flow():
+    told = answers.answer(result(BEND, SAME, wrong=["final_bend"]))
+    assert told.startswith("Motion: no. Flow: yes. Final bend: the motion differs by about -4.47\u00a0° (5%)")
     assert "The motion is to blame" in told
     assert "5.0\u00a0% higher" in told
+    assert "circulation -2\u00a0% of -2\u00a0%" in told
+    assert "Nothing of the flow differs beyond that" in told
     assert "make compare-measured" in told
 
 
 def test_without_runs_nothing_is_said_to_follow_from_the_motion():
     unknown = WRONG | {"explained_by_motion": None}
-    told = wording.answer(
+    told = answers.answer(
         result(BEND, unknown, wrong=["final_bend", "circulation"], missing=["pressure", "duration"])
     )
     assert "is not known without the runs pressure and duration" in told
-    assert "follows from that motion within" not in told
+    assert "that motion explains" not in told
 
 
 def test_a_flow_that_differs_beyond_the_motion_is_told():
-    told = wording.answer(result(BEND, WRONG, wrong=["final_bend", "circulation"]))
-    assert "not on the flow" not in told
+    told = answers.answer(result(BEND, WRONG, wrong=["final_bend", "circulation"]))
+    assert told.startswith("Motion: no. Flow: no.")
     assert "Beyond the motion the flow differs (circulation)" in told
+
+
+def test_a_stroke_that_the_registration_knows_better_than_the_input_is_no_green_yes():
+    """10 % longer, and the input's band of ± 0.04 s would swallow it."""
+    made = result(STRAIGHT, LONGER, SAME)
+    told = answers.answer(made)
+    assert made["verdict"] == "differs within the inputs"
+    assert told.startswith("Motion: no, but within what is known of the inputs. Flow: yes.")
+    assert (
+        "duration 200\u00a0ms against 220\u00a0ms (9%), which the registration knows to ±\u00a04.51\u00a0ms"
+        in told
+    )
+    assert "final bend" not in told.split("The flow")[0]
 
 
 @pytest.mark.parametrize(
@@ -67,26 +98,37 @@ def test_a_flow_that_differs_beyond_the_motion_is_told():
     ],
 )
 def test_a_wrong_flow_is_blamed_on_what_was_tested(quantities, measured, blamed):
-    assert blamed in wording.answer(result(*quantities, wrong=["circulation"], measured=measured))
+    told = answers.answer(result(*quantities, wrong=["circulation"], measured=measured))
+    assert blamed in told
+    assert "The runs rule out the mesh as the cause" in told  # 1.96 of 3 cm²/s against 20
+    assert "Not told apart by any run: the time step, the viscosity, the two dimensions of this level" in told
 
 
-def test_yes_gives_the_band_and_what_u_val_lacks():
-    told = wording.answer(result(STRAIGHT, SAME, missing=["grid", "time_step"]))
-    assert told.startswith("Yes: ")
-    assert "5.88" in told  # 1.96 of 3 cm²/s
+def test_yes_says_how_large_an_error_would_be_missed_and_what_u_val_lacks():
+    told = answers.answer(result(STRAIGHT, SAME, missing=["grid", "time_step"]))
+    assert told.startswith("Motion: yes. Flow: yes. ")
+    assert "final bend 3\u00a0%" in told
+    assert (
+        "circulation 98\u00a0cm²/s against 100\u00a0cm²/s; what errs by less would not be seen: circulation 10\u00a0%"
+        in told
+    )
     assert "these runs were not made: grid, time_step" in told
 
 
-def test_what_is_undecided_names_its_source():
-    told = wording.answer(result(WIDE))
-    assert told.startswith("It cannot be said")
-    assert "circulation (mostly grid)" in told
+def test_a_flow_that_could_err_by_a_third_unseen_cannot_be_said():
+    """However many quantities of the silhouette are decided; the jet moves as the finger does."""
+    made = result(STRAIGHT, JET, WIDE)
+    told = answers.answer(made)
+    assert made["verdict"] == "too uncertain"
+    assert told.startswith("Motion: yes. Flow: cannot be said.")
+    assert "circulation (only one above 110\u00a0%, mostly grid)" in told
+    assert "98\u00a0cm²/s" not in told  # an undecided quantity is no evidence
 
 
 def test_a_single_limit_passed_may_be_chance():
     alone = quantity("core_radius", -7e-4, 3e-4, "model error", unit="m", scale=5e-3)
-    told = wording.answer(result(STRAIGHT, SAME, alone))
-    assert told.startswith("Yes: ")
+    told = answers.answer(result(STRAIGHT, SAME, alone))
+    assert told.startswith("Motion: yes. Flow: yes. ")
     assert "core radius; among 3 quantities that may be chance" in told
 
 

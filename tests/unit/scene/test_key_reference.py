@@ -47,7 +47,7 @@ def test_every_key_of_the_shipped_scenes_is_in_the_reference():
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.__name__.rpartition(".")[2])
 def test_a_template_filled_in_is_valid_toml_and_asks_for_what_is_required(page, capsys):
-    page.run(type("Asked", (), {"template": True}))
+    page.run(type("Asked", (), {"template": True, "data": None}))
     text = capsys.readouterr().out
     table = tomllib.loads(text.replace("= …", "= 0"))
     wanted = [key.name for key in KEYS if key.default == MISSING and "." not in key.name]

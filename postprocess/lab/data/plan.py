@@ -1,0 +1,57 @@
+"""What a comparison has to solve, and how long that will take, before anything is solved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fileio.formats.records import COST
+from postprocess.evidence.stage_files import StageFiles, scene_numbers
+from postprocess.lab.data.inputs_toml import Input, Inputs, Numerics, run_folder
+
+
+def work(one: Input | Numerics, dimensions: int) -> float:
+    """CPU time of a run beside the nominal one over the nominal run's: cells and steps that it has more."""
+    if isinstance(one, Input):
+        return 1.0
+    return one.ratio if one.name == "time_step" else one.ratio**dimensions
+
+
+def plan_text(files: StageFiles, inputs: Inputs, ranks: int) -> str:
+    """The runs that are there and those to be made, with their time where the nominal run has left its cost.
+
+    It is shared by the comparisons of a scene at a level: what one has solved the next one finds.
+    """
+    made = {one.name: _run(files, one.name).exists() for one in inputs.all}
+    missing = [one for one in inputs.all if not made[one.name]]
+    nominal = (files.out / "run" / "run.json").exists()
+    there = [*(["the nominal run"] if nominal else []), *(name for name, ready in made.items() if ready)]
+    text = f"plan: solved already: {', '.join(there) or 'nothing'}; "
+    if not missing and nominal:
+        return f"{text}nothing is left to solve"
+    wanted = ([] if nominal else ["the nominal run"]) + [one.name for one in missing]
+    text += f"to be solved: {', '.join(wanted)}"
+    path = files.out / "costs" / "run.json"
+    if not nominal or not path.exists():
+        return f"{text}; the nominal run's cost is not known yet (make predict says what to expect)"
+    dimensions = 2 if _flat(files) else 3
+    seconds = float(COST.read(path)["cpu_time"]) * sum(work(one, dimensions) for one in missing) / ranks
+    return f"{text}, about {_duration(seconds)} on {ranks} idle cores, by the nominal run's cost"
+
+
+def _run(files: StageFiles, name: str) -> Path:
+    return run_folder(files, name) / "out" / files.level / "run" / "run.json"
+
+
+def _flat(files: StageFiles) -> bool:
+    """Whether the level is of two dimensions: its grid is made finer in two directions only."""
+    return bool(scene_numbers(files)["model"]["kind"] == "2d")
+
+
+def _duration(seconds: float) -> str:
+    return (
+        f"{seconds:.0f} s"
+        if seconds < 90
+        else f"{seconds / 60:.0f} min"
+        if seconds < 5400
+        else f"{seconds / 3600:.1f} h"
+    )

@@ -1,0 +1,203 @@
+"""Whether a registration explains the pictures: part by part of the outline, picture by picture, and against what is plausible.
+
+The standard uncertainties of a fit hold for a silhouette that is the finger's. Where particles are missing beside the fitted
+outline or lie within it, the dark body is not the finger alone, and the fit may be off by many of its standard uncertainties.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from fileio.formats.kinematics import Kinematics
+from piv.images.recording import Recording
+from postprocess.lab.data.files import Registration
+from postprocess.lab.registration.check_motion import check_motion
+from postprocess.lab.registration.fit_outline import EDGE_STD
+from postprocess.lab.registration.outline_profile import (
+    EDGE,
+    FAR,
+    INSIDE,
+    NAMES,
+    NEAR,
+    NEXT,
+    SIDES,
+    OutlineProfile,
+    independent_share,
+    outline_profile,
+)
+from postprocess.lab.registration.register import LEARN_FROM, chosen_frames, hidden_part
+from postprocess.lab.registration.silhouette import learn
+
+SURE = 4.5  # standard deviations of a count: parts and bands make sixty of them
+FAR_OFF = 3.0  # standard deviations of what is known beforehand
+TURN_STD, ROOT_STD = (
+    np.radians(1.5),
+    1.5e-3,
+)  # rad, m: how well a laboratory states its camera, where it does not say
+# of the water's own particles per area: at least beside the outline, at most within it and on it
+MISSING, WITHIN, ON_EDGE = 0.8, 0.08, 1.3
+BAD_PICTURES = 0.2  # share of the pictures that may fit worse than that
+GREEN, RED = (103, 194, 39), (66, 60, 235)  # BGR
+
+
+@dataclass(frozen=True)
+class FitCheck:
+    """Sentences on what does not fit (none: the fit is accepted), and what the picture of it shows: a frame, its outline (point, 2)
+    px with y up, and which of the outline's points belong to a part that does not fit."""
+
+    refusals: list[str]
+    picture: np.ndarray
+    outline: np.ndarray
+    wrong: np.ndarray
+    profile: OutlineProfile = field(repr=False)
+
+
+def check_fit(
+    recording: Recording,
+    times: np.ndarray,
+    registration: Registration,
+    kinematics: Kinematics,
+    *,
+    scale_std: float | None,
+    turn_std: float | None = None,
+    paired: bool = False,
+    hidden: float = 0.0,
+) -> FitCheck:
+    """Check a registration against the pictures that it was fitted to; arguments as of `register`, `turn_std` in rad."""
+    chosen = chosen_frames(recording, paired)
+    images = [recording.frame(int(i)) for i in chosen]
+    evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
+    pose = registration.pose
+    blind = hidden_part(pose, kinematics, hidden, recording.shape) if hidden else None
+    profile = outline_profile(
+        images, registration.pressures, evidence, kinematics, pose, registration.edge_px, blind
+    )
+    parts = wrong_parts(profile)
+    refusals = [
+        *check_priors(registration, scale_std, turn_std),
+        *check_motion(kinematics, registration, np.diff(times).max()),
+    ]
+    if parts:
+        refusals.append(parts_sentence(parts))
+    worst = worst_picture(profile)
+    if not parts and (share := float(np.mean(bad_pictures(profile)))) > BAD_PICTURES:
+        refusals.append(
+            f"in {share:.0%} of the pictures, as the one at {registration.times[worst]:.3f} s, particles lie where the fitted"
+            " finger is; take out pictures in which something else hides it"
+        )
+    return FitCheck(
+        refusals, images[worst], profile.outlines[worst], np.isin(profile.part, list(parts)), profile
+    )
+
+
+def check_priors(registration: Registration, scale_std: float | None, turn_std: float | None) -> list[str]:
+    """A sentence for each value that lies further from what is stated, or plausible, than what is known of it allows."""
+    out = []
+    std = np.sqrt(np.diag(registration.covariance))
+    pose, stated = registration.pose, registration.stated
+    if abs(registration.edge_px) > FAR_OFF * EDGE_STD:
+        out.append(
+            f"the outline had to be {'grown' if registration.edge_px > 0 else 'shrunk'} by {abs(registration.edge_px):.1f} px on all sides,"
+            f" more than blur and a mould's tolerance make of it ({FAR_OFF * EDGE_STD:.1f} px): a shadow beside the finger, or a"
+            " finger of another thickness"
+        )
+    if stated is not None:
+        turn = float(np.degrees(pose.angle - stated.angle))
+        if abs(turn) > np.degrees(FAR_OFF * np.hypot(turn_std or TURN_STD, std[2])):
+            out.append(
+                f"the finger hangs {turn:+.1f}° from how axes.turn_deg states it; correct it, or give axes.turn_std_deg if it is not"
+                " known as well"
+            )
+        off = (np.asarray(pose.at_px) - stated.at_px) * pose.scale_m_per_px
+        if np.hypot(*off) > FAR_OFF * np.hypot(ROOT_STD, pose.scale_m_per_px * std[:2].max()):
+            out.append(
+                f"the root lies ({off[0] * 1e3:+.1f}, {off[1] * 1e3:+.1f}) mm from where axes.root_px states it; correct it"
+            )
+        away = float(np.log(pose.scale_m_per_px / stated.scale_m_per_px))
+        if scale_std is not None and abs(away) > FAR_OFF * np.hypot(scale_std, std[3]):
+            out.append(
+                f"the scale that the finger's length shows is {100 * away:+.1f} % off the stated one, which is known to"
+                f" {100 * scale_std:.2g} %; correct the scale, its std_percent, or finger_length_std_mm"
+            )
+    return out
+
+
+def wrong_parts(profile: OutlineProfile) -> dict[int, str]:
+    """Parts of the outline, by their place in `NAMES`, that the pictures contradict, with what is seen there.
+
+    Whole sides are looked at as well, for what is too little to show in one part. Counts of pictures that share their particles are
+    not independent: theirs are weighed by `independent_share`.
+    """
+    share = independent_share(profile)
+    count, area = profile.count.sum(axis=0), profile.area.sum(axis=0)
+    whole = profile.rate()
+    # the water's own rate beside each part, so that uneven light is no shadow; beyond the root may be a wall
+    enough = area[:, FAR] > 0.3 * np.median(area[:, FAR])
+    own = np.where(enough, count[:, FAR] / np.maximum(area[:, FAR], 1), whole)
+    own[0] = whole
+    water = np.maximum(own, 0.5 * whole)[:, None] * area
+    on_edge = float(np.median(count[:, EDGE] / np.maximum(water[:, EDGE], 1.0)))
+    shadow, bright = (
+        "particles are missing beside it, as in a shadow",
+        "it is brighter than the water, as by a reflection",
+    )
+    tests = (
+        (INSIDE, 1, WITHIN, WITHIN, "particles lie within it"),
+        (EDGE, 1, ON_EDGE, ON_EDGE, bright),
+        (EDGE, -1, on_edge, 0.5 * on_edge, shadow),
+        (NEAR, -1, 1.0, MISSING, shadow),
+        (NEXT, -1, 1.0, MISSING, shadow),
+    )
+    sides = [[k for k, name in enumerate(NAMES) if name.startswith(side)] for side in SIDES]
+    found: dict[int, str] = {}
+    for parts in [*([k] for k in range(len(NAMES))), *sides]:
+        for band, sign, expected, limit, what in tests:
+            seen, of_water = count[parts, band].sum(), water[parts, band].sum()
+            off = sign * (seen - expected * of_water) / np.sqrt(max(expected * of_water, 1.0) / share)
+            if off > SURE and sign * (seen - limit * of_water) > 0:
+                found |= {part: what for part in parts if part not in found}
+    return found
+
+
+def bad_pictures(profile: OutlineProfile) -> np.ndarray:
+    """Pictures (frame,) with more particles within the outline than `WITHIN` allows."""
+    allowed = WITHIN * profile.rate() * profile.area[..., INSIDE].sum(axis=1)
+    return profile.count[..., INSIDE].sum(axis=1) - allowed > FAR_OFF * np.sqrt(np.maximum(allowed, 1.0))
+
+
+def worst_picture(profile: OutlineProfile) -> int:
+    """The picture that the outline fits worst: particles within it and missing beside it."""
+    rate = profile.rate()
+    within = profile.count[..., INSIDE].sum(axis=1)
+    beside = profile.count[..., NEAR].sum(axis=1) - rate * profile.area[..., NEAR].sum(axis=1)
+    return int(np.argmax(within - beside))
+
+
+def parts_sentence(parts: dict[int, str]) -> str:
+    """Where the outline does not fit, in words."""
+    places: dict[str, list[str]] = {}
+    for part, what in parts.items():
+        names = places.setdefault(what, [])
+        if NAMES[part] not in names:
+            names.append(NAMES[part])
+    where = "; ".join(f"at its {' and '.join(names)} {what}" for what, names in places.items())
+    return (
+        f"the finger's outline does not explain the pictures: {where}; light the finger so that water is seen all around it, or"
+        " give root_hidden_mm where its root is not"
+    )
+
+
+def draw_fit(check: FitCheck) -> bytes:
+    """PNG of the picture with the outline on it, the part that does not fit in red."""
+    grey = check.picture.astype(np.float32)
+    grey = np.clip(grey * (255 / max(float(np.percentile(grey, 99.5)), 1.0)), 0, 255).astype(np.uint8)
+    picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+    corners = np.column_stack([check.outline[:, 0], grey.shape[0] - 1 - check.outline[:, 1]])
+    corners = np.round(corners * 16).astype(np.int32)
+    for k, wrong in enumerate(check.wrong):
+        ends = tuple(corners[k].tolist()), tuple(corners[(k + 1) % len(corners)].tolist())
+        cv2.line(picture, *ends, RED if wrong else GREEN, 3 if wrong else 1, cv2.LINE_AA, 4)
+    return bytes(cv2.imencode(".png", picture)[1])

@@ -1,0 +1,77 @@
+"""Whether the law of motion explains what single pictures show: its factors, its misfit, and a clock that jumps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fileio.formats.kinematics import Kinematics
+from postprocess.lab.data.files import Registration
+from postprocess.lab.registration.register import law_pressure
+
+LARGEST = 2.0  # factor by which pressure and duration may differ, either way
+MISFIT = 0.04  # of the range of pressure: rms distance of single pictures from the law
+SURE = 6.0  # standard deviations of a jump: every instant is tried
+ENDS = 4  # pictures before and behind a jump, at least
+NOISE = 0.002  # of the range of pressure: what a single picture is not known better than
+
+
+def check_motion(kinematics: Kinematics, registration: Registration, interval: float) -> list[str]:
+    """A sentence for each thing that the law does not explain; `interval` (s): between pictures that follow each other."""
+    factor, _, stretch = registration.law.values
+    span = kinematics.high - kinematics.low
+    if not 1 / LARGEST < stretch < LARGEST:
+        return [
+            f"the stroke of the pictures takes {stretch:.2g} times the simulation's; correct frame_rate_hz (of pictures in pairs: the"
+            " pairs per second), or motion.strokes of the scene"
+        ]
+    if not 1 / LARGEST < factor < LARGEST:
+        return [
+            f"the finger of the pictures bends as at {factor:.2g} times the simulation's pressure; correct motion.strokes of the scene"
+        ]
+    at, jump, std = largest_jump(kinematics, registration)
+    if abs(jump) > max(SURE * std, 0.7 * interval):
+        told = "pictures are missing there" if jump < 0 else "a picture is there twice, or the finger halted"
+        return [
+            f"from {at:.3f} s of the recording on the finger is {abs(jump) * 1e3:.0f} ms {'ahead of' if jump < 0 else 'behind'} its"
+            f" motion before: {told} (dropped frames); give the part before or behind it as a recording of its own"
+        ]
+    if registration.law.misfit > MISFIT * span:
+        off = np.degrees(abs(kinematics.splines["bend"](kinematics.high, 1)) * registration.law.misfit)
+        return [
+            f"single pictures lie {off:.1f}° (rms) off the simulation's law of motion, however it is stretched; check frame_rate_hz,"
+            " missing pictures, and motion.strokes of the scene"
+        ]
+    return []
+
+
+def largest_jump(kinematics: Kinematics, registration: Registration) -> tuple[float, float, float]:
+    """The jump of the clock that single pictures show most surely: when (s of the recording), how far and its standard deviation (s).
+
+    Least squares of the pictures' pressures about the law, a smooth lag, and the delay from one picture on; negative: what is
+    seen there is later in the motion than the clock says.
+    """
+    times, values = registration.times, registration.law.values
+    if times.size < 2 * ENDS + 8:
+        return 0.0, 0.0, np.inf
+    span = kinematics.high - kinematics.low
+    noise = np.hypot(registration.pressures_std, NOISE * span)
+    rest = (registration.pressures - law_pressure(kinematics, times, values)) / noise
+    steps = np.array([1e-3, 2e-4, 1e-3])
+    basis = np.empty((times.size, 6))
+    for k, step in enumerate(steps):
+        change = step * np.eye(3)[k]
+        ahead, back = (law_pressure(kinematics, times, values + s * change) for s in (1, -1))
+        basis[:, k] = (ahead - back) / (2 * step) / noise
+    for k, power in ((3, 2), (4, 3)):  # a finger that lags smoothly, as one with hysteresis, has no jump
+        basis[:, k] = basis[:, 1] * np.linspace(-1, 1, times.size) ** power
+    best = (0.0, 0.0, np.inf)
+    for split in range(ENDS, times.size - ENDS):
+        basis[:, 5] = np.where(np.arange(times.size) >= split, basis[:, 1], 0.0)
+        fit = np.linalg.lstsq(basis, rest, rcond=None)[0]
+        left = rest - basis @ fit
+        scatter = max(float(np.sum(left**2)) / (times.size - 6), 0.3)
+        inverse = np.linalg.pinv(basis.T @ basis)
+        std = float(np.sqrt(scatter * inverse[5, 5]))
+        if std > 0 and abs(fit[5]) / std > abs(best[1]) / best[2]:
+            best = (float(times[split]), float(fit[5]), std)
+    return best

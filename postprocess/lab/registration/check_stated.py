@@ -1,0 +1,84 @@
+"""What is stated wrongly by much is named before anything is fitted: mirrored pictures, the scale, the frame rate.
+
+A fit begun there ends anywhere, and its complaint names the simulation. The first guess is scored against the alternatives instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fileio.formats.kinematics import Kinematics
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.registration.fit_outline import Frames, outline_table
+from postprocess.lab.registration.outline_sampler import all_scores
+
+RATES, SCALES = (0.1, 0.2, 0.5, 2.0, 5.0, 10.0), (0.5, 2.0)
+CLEARLY = 1.3  # times the evidence of what is stated: an alternative that fits as much better is the truth
+COARSE_S = 0.012  # s between delays that are tried
+# px by which the outline grows: it is smaller than the finger, so that neither a first guess nor a reflection at its edge counts
+GROWN_PX = -3.0
+
+
+def best_delay(
+    frames: Frames,
+    shapes: tuple[np.ndarray, np.ndarray, np.ndarray],
+    kinematics: Kinematics,
+    pose: Pose,
+    delays: np.ndarray,
+    stretch: float = 1.0,
+    grown_px: float = -1.0,
+) -> tuple[float, float]:
+    """Of some delays (s) that at which the simulation's motion fits the frames best, and its evidence; `shapes` as of
+    `outline_table`, grown by `grown_px`: a little smaller, so that a first guess off by a pixel costs nothing."""
+    table, outlines, normals = shapes
+    pictures = frames.integrals, frames.mean, outlines, normals, np.asarray(pose.anchor)
+    seat = (*pose.at_px, pose.angle, pose.scale_m_per_px, grown_px)
+    scores = []
+    for delay in delays:
+        at = np.clip((frames.times - delay) / stretch, *kinematics.time)
+        places = (kinematics.law(at) - table[0]) / (table[1] - table[0])
+        scores.append(all_scores(*pictures, seat, places).sum())
+    best = int(np.argmax(scores))
+    return float(delays[best]), float(scores[best])
+
+
+def mirrored(
+    shapes: tuple[np.ndarray, np.ndarray, np.ndarray], anchor: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The outlines of a finger that bends to the other side of the vertical through `anchor` (m)."""
+    table, outlines, normals = shapes
+    flip = np.array([-1.0, 1.0])
+    turned = (outlines[:, ::-1] - anchor) * flip + anchor
+    return table, np.ascontiguousarray(turned), np.ascontiguousarray(normals[:, ::-1] * flip)
+
+
+def check_stated(frames: Frames, kinematics: Kinematics, pose: Pose, *, scale_known: bool) -> None:
+    """ValueError where another handedness, scale or frame rate than the stated one explains the frames clearly better."""
+    shapes = outline_table(kinematics)
+    span = float(frames.times[-1] - frames.times[0])
+
+    def score(stretch: float = 1.0, scale: float = 1.0, of: tuple[np.ndarray, ...] = shapes) -> float:
+        reach = max(span, stretch * float(np.ptp(kinematics.time)))
+        delays = np.arange(-reach, span, max(COARSE_S * stretch, reach / 80))
+        seen = replace(pose, scale_m_per_px=pose.scale_m_per_px * scale)
+        return best_delay(frames, of, kinematics, seen, delays, stretch, GROWN_PX)[1]  # type: ignore[arg-type]
+
+    others = {
+        'the finger bends to the other side than the simulation\'s; the pictures are mirrored: correct axes.x in dpiv.toml ("left"'
+        ' where it is "right")': score(of=mirrored(shapes, kinematics.root))
+    }
+    if scale_known:
+        for factor in SCALES:
+            others[
+                f"the finger is as long as if the scale were {factor:g} times the stated one; correct [scale] in dpiv.toml"
+            ] = score(scale=factor)
+    for factor in RATES:
+        others[
+            f"the finger moves as if the pictures were taken {factor:g} times as fast as stated; correct frame_rate_hz in dpiv.toml (of"
+            " pictures in pairs: the pairs per second), or motion.strokes of the scene"
+        ] = score(stretch=factor)
+    best = max(others, key=lambda name: others[name])
+    if others[best] > CLEARLY * max(score(), 0.0):
+        raise ValueError(best)

@@ -1,0 +1,127 @@
+"""Particles along the fitted outline: how many there are in bands inside and outside of it, part by part, against the water's own.
+
+A fit that explains the silhouette leaves none inside and the water's own outside. Shadows, reflections and holders show as parts
+of the outline where that is not so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.spatial import cKDTree
+
+from fileio.formats.kinematics import Kinematics
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.registration.fit_outline import outline_table
+from postprocess.lab.registration.silhouette import WaterLikelihood, particles
+
+BANDS = np.array(
+    [-9.0, -1.5, 1.5, 6.0, 12.0, 30.0]
+)  # px from the outline, outside positive; the last is the water's own
+INSIDE, EDGE, NEAR, NEXT, FAR = range(len(BANDS) - 1)
+LENGTHS = 4  # parts that a side is cut in from root to tip
+ENDS = 0.04  # of the finger's length: how far root and tip reach
+SIDES = ("ventral", "dorsal")
+NAMES = ("root", "tip", *(f"{side} side" for side in SIDES for _ in range(LENGTHS)))
+GRID_PX = 2  # pixels in each direction that a point of the area stands for
+
+
+@dataclass(frozen=True)
+class OutlineProfile:
+    """Particles and area (px²) by frame, part of `NAMES` and band of `BANDS`, (frame, part, band); outlines (frame, point, 2) in px,
+    y up, and the part that each of their points belongs to."""
+
+    count: np.ndarray
+    area: np.ndarray
+    outlines: np.ndarray
+    part: np.ndarray
+
+    def rate(self, frames: np.ndarray | slice = slice(None)) -> float:
+        """Particles per px² in the water around the finger."""
+        return float(self.count[frames][..., FAR].sum() / max(self.area[frames][..., FAR].sum(), 1.0))
+
+
+def parts_of(kinematics: Kinematics, outline: np.ndarray) -> np.ndarray:
+    """The part of `NAMES` of each point of the outline (point, 2; m) at rest."""
+    start = float(kinematics.law(kinematics.time[0]))
+    along, dorsal = kinematics.shape("tip_direction", start), kinematics.shape("dorsal_direction", start)
+    from_root = outline - np.asarray(kinematics.root)
+    reached = from_root @ along / kinematics.length
+    across = from_root @ dorsal
+    side = (across > 0.5 * (across.min() + across.max())).astype(int)
+    step = np.clip((reached - ENDS) / (1 - 2 * ENDS) * LENGTHS, 0, LENGTHS - 1).astype(int)
+    part = 2 + LENGTHS * side + step
+    return np.where(reached < ENDS, 0, np.where(reached > 1 - ENDS, 1, part))
+
+
+def outline_profile(
+    images: list[np.ndarray],
+    pressures: np.ndarray,
+    evidence: WaterLikelihood,
+    kinematics: Kinematics,
+    pose: Pose,
+    edge_px: float,
+    blind: np.ndarray | None = None,
+) -> OutlineProfile:
+    """The profile of frames (row 0 at the top) with the finger at `pressures` (frame,) Pa; `blind`: pixels that tell nothing."""
+    table, outlines, normals = outline_table(kinematics)
+    part = parts_of(kinematics, outlines[np.argmin(np.abs(table - kinematics.law(kinematics.time[0])))])
+    shape = (len(images), len(NAMES), len(BANDS) - 1)
+    count, area = np.zeros(shape), np.zeros(shape)
+    drawn = []
+    for f, (image, pressure) in enumerate(zip(images, pressures, strict=True)):
+        at = np.clip((pressure - table[0]) / (table[1] - table[0]), 0, table.size - 1.001)
+        k, w = int(at), at - int(at)
+        outward = ((1 - w) * normals[k] + w * normals[k + 1]) @ pose.rotation.T
+        outline = pose.to_px((1 - w) * outlines[k] + w * outlines[k + 1]) + edge_px * outward
+        drawn.append(outline)
+        row, column = particles(image, evidence.threshold)
+        spots = np.column_stack([column, image.shape[0] - 1 - row])
+        low, high = outline.min(axis=0) - BANDS[-1], outline.max(axis=0) + BANDS[-1]
+        last = np.array(image.shape[::-1]) - 2.0  # no particle is found on the border
+        low, high = np.maximum(low, 1.0), np.minimum(high, last)
+        axes = [np.arange(low[i], high[i], GRID_PX) for i in (0, 1)]
+        grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+        spots = spots[((spots >= low) & (spots <= high)).all(axis=1)]
+        nearest = _Nearest(outline, part)
+        for points, into, each in ((spots, count, 1.0), (grid, area, float(GRID_PX**2))):
+            if blind is not None:
+                i, j = np.rint(points).astype(int).T
+                points = points[~blind[image.shape[0] - 1 - j, i]]
+            of, distance = nearest(points)
+            band = np.digitize(distance, BANDS) - 1
+            ok = (band >= 0) & (band < len(BANDS) - 1)
+            np.add.at(into[f], (of[ok], band[ok]), each)
+    return OutlineProfile(count, area, np.array(drawn), part)
+
+
+def independent_share(profile: OutlineProfile) -> float:
+    """Share of the pictures that bring news of particles beside the finger, from how alike the counts of successive ones are."""
+    count, area = profile.count[..., NEAR:FAR], profile.area[..., NEAR:FAR]
+    mean = count.sum(axis=0) / np.maximum(area.sum(axis=0), 1.0) * area
+    z = (count - mean) / np.sqrt(np.maximum(mean, 1.0))
+    near = float(np.sum(z[1:] * z[:-1]) / max(np.sum(z**2), 1e-9)) if len(z) > 2 else 0.0
+    near = float(np.clip(near, 0.0, 0.95))
+    return (1 - near) / (1 + near)
+
+
+class _Nearest:
+    """Part of the outline (point, 2) px nearest to a point, and the distance to it, outside positive."""
+
+    def __init__(self, outline: np.ndarray, part: np.ndarray) -> None:
+        after = np.roll(outline, -1, axis=0)
+        pieces = np.maximum(np.ceil(np.hypot(*(after - outline).T)).astype(int), 1)
+        of = np.repeat(np.arange(len(outline)), pieces)
+        share = np.concatenate([np.arange(n) / n for n in pieces])[:, None]
+        self._tree = cKDTree((1 - share) * outline[of] + share * after[of])
+        self._part = part[of]
+        self._corners = outline.astype(np.float32).reshape(-1, 1, 2)
+
+    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        away, index = self._tree.query(points, distance_upper_bound=BANDS[-1])
+        near = np.isfinite(away)
+        away, points = away[near], points[near]
+        inside = [cv2.pointPolygonTest(self._corners, (float(x), float(y)), False) > 0 for x, y in points]
+        return self._part[index[near]], np.where(inside, -away, away)

@@ -1,0 +1,194 @@
+"""Faults of real recordings, drawn by a renderer of their own: the registration is right within its uncertainty, or refused with
+a sentence that names the fault and a picture that shows where."""
+
+import re
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from postprocess.lab.data.files import Law, Registration
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.registration.check_fit import check_fit, check_priors, draw_fit, wrong_parts
+from postprocess.lab.registration.check_motion import check_motion
+from postprocess.lab.registration.outline_profile import NAMES
+from postprocess.lab.registration.register import fit_law, register
+from tests.lab_renderer import Faults, Rendered
+from tests.lab_scene import finger_kinematics
+
+PICTURES, SHAPE, SCALE = 16, (320, 400), 0.4e-3
+SWEEPS = (400, 150, 400, 400)
+TIMES = np.linspace(0.0, 0.42, PICTURES)
+DELAY = 0.004
+
+
+@pytest.fixture(scope="module")
+def kinematics(tmp_path_factory):
+    return finger_kinematics(tmp_path_factory.mktemp("faults"))
+
+
+def poses(kinematics):
+    """What the laboratory states, and what is true."""
+    stated = Pose(SCALE, 0.0, kinematics.root, (150.0, 270.0))
+    return stated, Pose(SCALE * 1.003, np.radians(1.0), kinematics.root, (151.2, 269.1))
+
+
+def registered(kinematics, faults=None, *, taken=TIMES, clock=TIMES, hidden=0.0):
+    """Registration of pictures `taken` at some times (s) and stated to be at those of `clock`, and its check."""
+    stated, true = poses(kinematics)
+    pressures = kinematics.law(np.clip(taken - DELAY, *kinematics.time))
+    recording = Rendered(kinematics, true, pressures, SHAPE, faults)
+    made = register(recording, clock, kinematics, stated, None, scale_std=0.01, hidden=hidden, sweeps=SWEEPS)
+    return made, check_fit(recording, clock, made, kinematics, scale_std=0.01, hidden=hidden)
+
+
+def errors(kinematics, made):
+    """Errors of pose, pressure factor, delay and duration over their standard uncertainties."""
+    _, true = poses(kinematics)
+    pose, law = made.pose, made.law
+    off = [*(np.array(pose.at_px) - true.at_px), pose.angle - true.angle, np.log(true.scale_m_per_px / pose.scale_m_per_px)]  # fmt: skip
+    std = [*np.sqrt(np.diag(made.covariance)), *(law.std(name) for name in ("factor", "delay", "stretch"))]
+    return np.abs([*off, law.values[0] - 1, law.delay - DELAY, law.values[2] - 1]) / std
+
+
+def test_a_sound_recording_is_accepted(kinematics):
+    made, check = registered(kinematics)
+    assert check.refusals == []
+    assert (errors(kinematics, made) < 3).all()
+    assert not check.wrong.any()
+
+
+@pytest.mark.parametrize(
+    "faults, hidden",
+    [
+        (Faults(shadow=1.0, shadow_to=(0.8, -0.6)), 0.0),
+        (Faults(shadow=1.0, shadow_to=(-1.0, 0.0)), 0.0),
+        (Faults(reflection=1.0), 0.0),
+        (Faults(holder=0.008), 0.010),
+    ],
+    ids=["shadow to the right", "shadow to the left", "reflection", "holder"],
+)
+def test_a_fault_is_refused_or_does_no_harm(kinematics, faults, hidden):
+    made, check = registered(kinematics, faults, hidden=hidden)
+    assert check.refusals or (errors(kinematics, made) < 3).all()
+
+
+def test_dropped_frames_are_named(kinematics):
+    later = np.linspace(0.0, 0.42 * 17 / 15, PICTURES + 2)
+    taken = np.delete(later, [7, 8])
+    _, check = registered(kinematics, taken=taken, clock=later[:PICTURES])
+    assert len(check.refusals) == 1
+    assert "from 0.196 s of the recording on the finger is" in check.refusals[0]
+    assert "dropped frames" in check.refusals[0]
+
+
+@pytest.mark.parametrize(
+    "clock, change, told",
+    [
+        (0.2 * TIMES, {}, "pictures were taken 0.2 times as fast as stated; correct frame_rate_hz"),
+        (10 * TIMES, {}, "pictures were taken 10 times as fast as stated; correct frame_rate_hz"),
+        (TIMES, {"scale_m_per_px": 2 * SCALE}, "as if the scale were 0.5 times the stated one"),
+        (TIMES, {"scale_m_per_px": SCALE / 2}, "as if the scale were 2 times the stated one"),
+    ],
+)
+def test_what_is_stated_wrongly_by_a_factor_is_named(kinematics, clock, change, told):
+    stated, true = poses(kinematics)
+    recording = Rendered(kinematics, true, kinematics.law(TIMES), SHAPE)
+    with pytest.raises(ValueError, match=told):
+        register(recording, clock, kinematics, replace(stated, **change), None, scale_std=0.01, sweeps=SWEEPS)
+
+
+class Mirrored(Rendered):
+    def _read(self, i):
+        return np.ascontiguousarray(super()._read(i)[:, ::-1])
+
+
+def test_mirrored_pictures_are_named(kinematics):
+    stated, true = poses(kinematics)
+    recording = Mirrored(kinematics, true, kinematics.law(TIMES), SHAPE)
+    stated = replace(stated, at_px=(SHAPE[1] - 1 - stated.at_px[0], stated.at_px[1]))
+    with pytest.raises(ValueError, match=r"the pictures are mirrored: correct axes\.x"):
+        register(recording, TIMES, kinematics, stated, None, scale_std=0.01, sweeps=SWEEPS)
+
+
+def at(kinematics, pose, edge_px=0.0):
+    """A registration at a pose, with the true motion."""
+    pressures = kinematics.law(np.clip(TIMES - DELAY, *kinematics.time))
+    law = Law(np.array([1.0, DELAY, 1.0]), np.diag([2e-3, 5e-4, 4e-3]) ** 2, 20.0)
+    covariance = np.diag([0.1, 0.1, 1e-3, 1e-3]) ** 2
+    stated = poses(kinematics)[0]
+    return Registration(pose, covariance, edge_px, law, TIMES, pressures, np.full(PICTURES, 20.0), stated)
+
+
+def test_an_outline_that_takes_in_water_on_one_side_is_shown_in_red(kinematics):
+    """As a fit that a shadow has drawn off: 3 px (1.2 mm) to the dorsal side."""
+    _, true = poses(kinematics)
+    recording = Rendered(kinematics, true, kinematics.law(np.clip(TIMES - DELAY, *kinematics.time)), SHAPE)
+    dorsal = true.rotation @ kinematics.shape("dorsal_direction", 0.0)
+    pose = replace(true, at_px=tuple(np.asarray(true.at_px) + 3 * dorsal))
+    check = check_fit(recording, TIMES, at(kinematics, pose), kinematics, scale_std=0.01)
+    parts = {NAMES[k] for k in wrong_parts(check.profile)}
+    assert "dorsal side" in parts
+    assert "ventral side" in parts  # the dark strip left outside
+    assert "the finger's outline does not explain the pictures" in check.refusals[0]
+    picture = cv2.imdecode(np.frombuffer(draw_fit(check), np.uint8), cv2.IMREAD_COLOR)
+    assert picture.shape[:2] == SHAPE
+    red = (picture[..., 2].astype(int) - picture[..., 0]) > 120
+    rows, columns = np.nonzero(red)
+    on = check.outline[check.wrong]
+    away = np.hypot(columns[:, None] - on[:, 0], (SHAPE[0] - 1 - rows)[:, None] - on[:, 1]).min(axis=1)
+    assert rows.size > 50
+    assert away.max() < 12  # the line and the outline's next point
+
+
+@pytest.mark.parametrize(
+    "change, edge_px, told",
+    [
+        ({"angle": np.radians(-6.0)}, 0.0, "hangs -6.0° from how axes.turn_deg states it"),
+        ({"at_px": (150.0 + 13.0, 270.0)}, 0.0, "the root lies (+5.2, +0.0) mm from where axes.root_px states it"),
+        ({"scale_m_per_px": SCALE * 1.056}, 0.0, "+5.4 % off the stated one, which is known to 1 %"),
+        ({}, 7.0, "grown by 7.0 px on all sides"),
+    ],
+)  # fmt: skip
+def test_what_is_implausible_is_named(kinematics, change, edge_px, told):
+    stated, _ = poses(kinematics)
+    assert check_priors(at(kinematics, stated), 0.01, None) == []
+    told_of = check_priors(at(kinematics, replace(stated, **change), edge_px), 0.01, None)
+    assert len(told_of) == 1
+    assert told in told_of[0]
+
+
+@pytest.mark.parametrize(
+    "dropped, lag, jumped",
+    [(1, 0.0, True), (2, 0.0, True), (0, 0.0, False), (0, 0.01, False), (0, 0.03, False)],
+)
+def test_a_jump_of_the_clock_is_told_from_a_smooth_lag(kinematics, dropped, lag, jumped):
+    """42 pictures 10 ms apart, each known to 0.3 % of the range; a lag in the middle of the stroke is what hysteresis makes."""
+    rng = np.random.default_rng(dropped)
+    clock = 0.0102 * np.arange(42)
+    taken = clock + 0.0102 * dropped * (np.arange(42) >= 18)
+    span = kinematics.high - kinematics.low
+    seen = kinematics.law(np.clip(taken - DELAY, *kinematics.time)) + rng.normal(0, 0.003 * span, 42)
+    seen -= lag * span * np.sin(np.pi * np.clip(taken / 0.4, 0, 1)) ** 2
+    values, covariance, misfit = fit_law(kinematics, clock, seen, np.array([1.0, DELAY, 1.0]))
+    made = replace(
+        at(kinematics, poses(kinematics)[1]), law=Law(values, covariance, misfit), times=clock, pressures=seen,
+        pressures_std=np.full(42, 0.003 * span),
+    )  # fmt: skip
+    told = check_motion(kinematics, made, 0.0102)
+    assert bool(told) == jumped
+    if jumped:
+        found = float(re.search(r"is (\d+) ms ahead of its motion before", told[0]).group(1))
+        assert found == pytest.approx(10.2 * dropped, rel=0.25)  # the smooth lag takes a little of it
+
+
+def test_a_motion_that_the_law_does_not_explain_is_refused(kinematics):
+    sound = at(kinematics, poses(kinematics)[1])
+    assert check_motion(kinematics, sound, TIMES[1]) == []
+    far = replace(sound, law=replace(sound.law, misfit=0.055 * (kinematics.high - kinematics.low)))
+    assert "off the simulation's law of motion" in check_motion(kinematics, far, TIMES[1])[0]
+    slow = replace(sound, law=replace(sound.law, values=np.array([1.33, 0.0, 0.2])))
+    assert (
+        "takes 0.2 times the simulation's; correct frame_rate_hz" in check_motion(kinematics, slow, 0.01)[0]
+    )

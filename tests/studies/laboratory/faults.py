@@ -1,0 +1,147 @@
+"""Registration of recordings with the faults of real ones, by the tests' own renderer: errors over the stated uncertainties.
+
+python -m tests.studies.laboratory.faults --seeds 40 -o faults.csv [--docs docs/comparison.md]
+Every recording has one history of particles, errors of set-up, a motion of its own (pressure and duration within 5 %), and one of
+the faults drawn at random, or none. A small camera (400 px, 0.4 mm/px), 24 pictures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pandas as pd
+
+from fileio.formats.kinematics import Kinematics
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.registration.check_fit import check_fit
+from postprocess.lab.registration.register import law_pressure, register
+from tests.lab_renderer import Faults, Rendered
+from tests.lab_scene import finger_kinematics
+from tests.studies.pages import write_between
+
+PICTURES, SHAPE, SCALE = 24, (320, 400), 0.4e-3
+SWEEPS = (600, 200, 800, 800)
+BAND, FAR_OFF = 1.96, 5.0
+KINDS = ("none", "none", "shadow", "reflection", "holder", "dropped", "perspective")
+ROWS = (
+    ("root_x_px", "root x"), ("root_y_px", "root y"), ("turn", "turn"), ("scale", "scale"), ("delay", "time"),
+    ("factor", "pressure factor"), ("stretch", "duration factor"),
+)  # fmt: skip
+
+
+def faults_of(kind: str, rng: np.random.Generator) -> Faults:
+    """The fault, as strong as chance has it."""
+    if kind == "shadow":
+        turn = rng.uniform(0, 2 * np.pi)
+        width = float(rng.uniform(0.001, 0.008))
+        return Faults(
+            shadow=float(rng.uniform(0.5, 1)), shadow_to=(np.cos(turn), np.sin(turn)), shadow_width=width
+        )
+    if kind == "perspective":
+        return Faults(perspective=(float(rng.uniform(-0.3, 0.3)), float(rng.uniform(-0.4, 0.4))))
+    amount = float(rng.uniform(0.2, 1.0))
+    return Faults(
+        reflection=amount if kind == "reflection" else 0.0, holder=0.01 * amount if kind == "holder" else 0.0
+    )
+
+
+def trial(kinematics: Kinematics, seed: int, kind: str | None = None) -> dict[str, object]:
+    """One recording: its fault, why it was refused (or nothing), errors and standard uncertainties."""
+    rng = np.random.default_rng([seed, 21])
+    kind = kind or KINDS[rng.integers(len(KINDS))]
+    faults = faults_of(kind, rng)
+    stated = Pose(SCALE, 0.0, kinematics.root, (150.0, 270.0))
+    shift = rng.uniform(-1e-3, 1e-3, 2) / SCALE
+    at = stated.at_px + shift
+    true = Pose(
+        SCALE * (1 + rng.uniform(-0.01, 0.01)),
+        np.radians(rng.uniform(-2, 2)),
+        kinematics.root,
+        (at[0], at[1]),
+    )
+    values = np.array([rng.uniform(0.95, 1.05), rng.uniform(-0.008, 0.008), rng.uniform(0.95, 1.05)])
+    clock = np.linspace(0.0, 0.44, PICTURES)
+    taken = clock.copy()
+    if kind == "dropped":
+        taken[rng.integers(8, 16) :] += clock[1] * rng.integers(1, 3)
+    recording = Rendered(
+        kinematics, true, law_pressure(kinematics, taken, values), SHAPE, faults, fresh=False, seed=seed
+    )
+    hidden = faults.holder + 0.002 if faults.holder else 0.0
+    row: dict[str, object] = {"seed": seed, "kind": kind, "refused": ""}
+    begin = time.process_time()
+    try:
+        made = register(
+            recording,
+            clock,
+            kinematics,
+            stated,
+            None,
+            scale_std=0.01,
+            hidden=hidden,
+            sweeps=SWEEPS,
+            seed=seed,
+        )
+    except ValueError as error:
+        return row | {"refused": str(error), "cpu_s": time.process_time() - begin}
+    check = check_fit(recording, clock, made, kinematics, scale_std=0.01, hidden=hidden)
+    pose, law, std = made.pose, made.law, np.sqrt(np.diag(made.covariance))
+    off = [*(np.array(pose.at_px) - true.at_px), pose.angle - true.angle, np.log(true.scale_m_per_px / pose.scale_m_per_px)]  # fmt: skip
+    off += [law.values[k] - values[k] for k in (1, 0, 2)]
+    own = [*std, law.std("delay"), law.std("factor"), law.std("stretch")]
+    for (name, _), e, s in zip(ROWS, off, own, strict=True):
+        row |= {name: float(e), f"{name}_std": float(s)}
+    return row | {"refused": "; ".join(check.refusals), "cpu_s": time.process_time() - begin}
+
+
+def summary(trials: pd.DataFrame) -> str:
+    """Tables of docs/comparison.md."""
+    refused = trials["refused"].fillna("").str.len() > 0
+    ok = trials[~refused]
+    z = pd.DataFrame({name: ok[name].abs() / ok[f"{name}_std"] for name, _ in ROWS})
+    lines = [
+        f"| accepted ({len(ok)} of {len(trials)} recordings) | coverage of the 95 % band | largest error, std | mean std |",
+        "|---|---|---|---|",
+    ]
+    for name, label in ROWS:
+        lines.append(
+            f"| {label} | {(z[name] <= BAND).mean():.0%} | {z[name].max():.1f} | {ok[f'{name}_std'].mean():.2g} |"
+        )
+    lines.append(f"| all | **{(z <= BAND).to_numpy().mean():.0%}** | {z.to_numpy().max():.1f} | |")
+    lines += [
+        "",
+        f"| fault | recordings | refused | accepted and beyond {FAR_OFF:g} std |",
+        "|---|---|---|---|",
+    ]
+    far = (z > FAR_OFF).any(axis=1).reindex(trials.index, fill_value=False)
+    for kind, group in trials.groupby("kind"):
+        lines.append(f"| {kind} | {len(group)} | {refused[group.index].sum()} | {far[group.index].sum()} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run the seeds that are not in the table yet."""
+    parser = argparse.ArgumentParser(prog="python -m tests.studies.laboratory.faults", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=40)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--docs", type=Path, help="page to write the tables to")
+    args = parser.parse_args()
+    done = pd.read_csv(args.output) if args.output.exists() else pd.DataFrame({"seed": []})
+    with TemporaryDirectory() as folder:
+        kinematics = finger_kinematics(Path(folder))
+    for seed in range(1, args.seeds + 1):
+        if not (done["seed"] == seed).any():
+            done = pd.concat([done, pd.DataFrame([trial(kinematics, seed)])], ignore_index=True)
+            done.to_csv(args.output, index=False)
+            print(done.iloc[-1].to_dict(), flush=True)
+    print(summary(done))
+    if args.docs:
+        write_between(args.docs, "faults", summary(done))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""What a comparison says before anything is solved: which runs, and for how long."""
+
+import pytest
+
+from fileio.formats.records import COST
+from postprocess.evidence.stage_files import StageFiles
+from postprocess.lab.data import plan
+from postprocess.lab.data.inputs_toml import Input, Inputs, Numerics
+
+PRESSURE = Input(name="pressure", key="motion.pressure", step=0.4, limit=0.2, reason="the sensor")
+GRID = Numerics(name="grid", ratio=1.5, order=2.0, safety=3.0)
+STEP = Numerics(name="time_step", ratio=2.0, order=2.0, safety=3.0)
+INPUTS = Inputs(
+    format="inputs", format_version=1, too_uncertain=0.3, input=(PRESSURE,), numerics=(GRID, STEP)
+)
+
+
+def solved(files: StageFiles, *names: str) -> None:
+    """Runs that are there; "" is the nominal one."""
+    for name in names:
+        path = files.out / "run" if not name else files.out / "inputs" / name / "out" / "smoke" / "run"
+        path.mkdir(parents=True)
+        (path / "run.json").write_text("{}")
+
+
+def test_without_the_nominal_run_all_runs_are_named(tmp_path):
+    told = plan.plan_text(StageFiles(tmp_path / "finger", "smoke"), INPUTS, 2)
+    assert "solved already: nothing; to be solved: the nominal run, pressure, grid, time_step" in told
+    assert "make predict" in told
+
+
+@pytest.mark.parametrize("kind, minutes", [("2d", 1 + 1.5**2 + 2), ("half", 1 + 1.5**3 + 2)])
+def test_the_nominal_run_tells_the_time_of_the_others(tmp_path, monkeypatch, kind, minutes):
+    """240 CPU s on two ranks: 2 minutes for each run as large as the nominal one."""
+    files = StageFiles(tmp_path / "finger", "smoke")
+    solved(files, "")
+    COST.write(files.out / "costs" / "run.json", {"stage": "run", "cpu_time": 240.0})
+    monkeypatch.setattr(plan, "scene_numbers", lambda files: {"model": {"kind": kind}})
+    assert f"about {2 * minutes:.0f} min on 2 idle cores" in plan.plan_text(files, INPUTS, 2)
+
+
+def test_runs_of_an_earlier_comparison_are_shared(tmp_path):
+    files = StageFiles(tmp_path / "finger", "smoke")
+    solved(files, "", "pressure", "grid", "time_step")
+    told = plan.plan_text(files, INPUTS, 2)
+    assert told.endswith(
+        "solved already: the nominal run, pressure, grid, time_step; nothing is left to solve"
+    )
