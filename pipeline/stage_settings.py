@@ -111,6 +111,7 @@ def update_settings(scene: Scene, quiet: bool = False, fea_follows: bool = False
         check_states(scene)
     folder = scene.out / "settings"
     folder.mkdir(parents=True, exist_ok=True)
+    first = not (folder / ".stamp").exists()
     with exclusive(folder / ".stamp", wait=True):
         # a stage that began with the old numbers would otherwise end later than the new ones, and pass for made of them
         if changed_settings(scene) and (stage := held(scene.out)):
@@ -127,7 +128,7 @@ def update_settings(scene: Scene, quiet: bool = False, fea_follows: bool = False
         print(f"settings: {told} holds in place of the parent's [levels.{scene.level}]")
     for remark in scene.remarks():
         print(f"settings: {remark}")
-    if changed:
+    if changed and not first:
         print(f"settings: {', '.join(changed)} changed in {scene.folder} at level {scene.level}")
 
 

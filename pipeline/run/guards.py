@@ -132,6 +132,8 @@ class Watchdog:
         if self._quiet > self.limit:
             return f"the solver has written nothing for {self.limit / 60:g} minutes"
         if self._step > self.longest_step():
+            if not self._steps:
+                return f"the solver's first time step has not ended after {self._step:.0f} s"
             return f"a time step has taken {self._step:.0f} s and has not ended, longer than {LONG_STEP[1]:g} others"
         return None
 

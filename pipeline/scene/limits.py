@@ -54,8 +54,13 @@ def _check_places(scene: Any) -> None:
             f"finger.length = {finger.length:g} m or tank.size = {list(tank.size)} m looks like millimetres; give metres, at"
             f" most 1 and {MAX_TANK:g}"
         )
-    if not abs(finger.root[0]) < tank.size[0] / 2 or not 0 < finger.root[1] < tank.water_depth:
-        raise ValueError(f"finger.root = {list(finger.root)} is not in the water; move it inside the tank")
+    if not abs(finger.root[0]) < tank.size[0] / 2 or finger.root[1] <= 0:
+        raise ValueError(f"finger.root = {list(finger.root)} is not in the tank; move it inside")
+    if finger.root[1] >= tank.water_depth:
+        raise ValueError(
+            f"tank.water_depth = {tank.water_depth:g} m does not cover finger.root, {finger.root[1]:g} m above the bottom; give a"
+            " deeper water or a lower root"
+        )
     if finger.width >= tank.size[2]:
         raise ValueError(f"finger.width = {finger.width} m does not fit between the tank's walls")
     if scene.pinch is not None:

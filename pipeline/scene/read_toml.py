@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fileio.errors import StageError
 from fileio.json_text import flat
+from fileio.toml_text import read_toml
 
 FILE_KEYS = {
     "states",
@@ -48,13 +48,11 @@ class Layer:
 def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
     """A scene.toml after all that it extends in turn; names of files hold from the folder of the last. Raises StageError."""
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = read_toml(path)
     except FileNotFoundError:
         raise StageError(
             f"{path}: no such scene; give the folder of a scene.toml, as cases/single_finger"
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise StageError(f"{path}: not valid TOML: {error}") from None
     parent = table.pop("extends", None)
     levels = table.pop("levels", {})
     if not isinstance(levels, dict) or not all(isinstance(level, dict) for level in levels.values()):

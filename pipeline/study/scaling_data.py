@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import pandas as pd
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import read_intervals
 from fileio.formats.sweep import read_sweep
+from fileio.toml_text import read_toml
 from pipeline.scene.scene import Scene
 from pipeline.study.scaling_model import Network
 
@@ -47,7 +47,7 @@ def read_data(
     path: Path = DATA, steps: Path = STEPS
 ) -> tuple[dict[str, float], dict[str, float] | None, Network]:
     """The runs measured by `make bench-steps`, or else those of scaling.toml, and its network."""
-    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    table = read_toml(path)
     network = dict(table["network"])
     if "saturated_range" in network:
         network["saturated_range"] = tuple(network["saturated_range"])

@@ -24,11 +24,11 @@ finger = 0                          # optional, which finger (quantities of a pa
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fileio.toml_text import read_toml
 from postprocess.evidence.evidence import Measured
 from postprocess.evidence.time_windows import Window, read_window
 
@@ -74,10 +74,7 @@ def is_met(finding: Finding, measured: Measured) -> bool:
 
 def read_findings(path: Path, quantities: frozenset[str]) -> tuple[Finding, ...]:
     """The findings of a file, checked; ValueError names file, entry, key and remedy."""
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{path}: not valid TOML ({error})") from error
+    raw = read_toml(path)
     if raw.get("format") != "findings" or raw.get("format_version") != 1:
         raise ValueError(f'{path}: needs format = "findings" and format_version = 1 at its top')
     findings = tuple(_finding(entry, path, quantities) for entry in raw.get("finding", []))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from fileio import json_text
 from fileio.atomic import write_text as write_text
 from fileio.json_text import AGAIN
 from fileio.provenance import read_settings
+from fileio.toml_text import read_toml
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def scene_numbers(files: StageFiles) -> dict[str, Any]:
 def scene_title(folder: Path) -> str:
     """`title` of scene.toml, or of the nearest scene that it extends; ValueError where there is none."""
     for path in extended_scenes(folder):
-        table = tomllib.loads((path / "scene.toml").read_text(encoding="utf-8"))
+        table = read_toml(path / "scene.toml")
         if "title" in table:
             return str(table["title"])
     raise ValueError(f'{folder / "scene.toml"}: title is missing; add title = "…"')
@@ -80,5 +80,5 @@ def scene_title(folder: Path) -> str:
 
 def extended_scenes(folder: Path) -> list[Path]:
     """A scene's folder, and those of the scenes that it extends, nearest first."""
-    table = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
+    table = read_toml(folder / "scene.toml")
     return [folder, *(extended_scenes(folder / table["extends"]) if "extends" in table else [])]

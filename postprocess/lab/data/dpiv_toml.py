@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from fileio.key_reference import complaints
 from fileio.provenance import check_version
+from fileio.toml_text import read_toml
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -265,10 +265,7 @@ def read_dpiv(path: Path) -> Dpiv:
             f"{path}: missing; data of a laboratory need a {NAME} beside them that states scale, axes and times"
             " (docs/comparison.md has one to copy)"
         )
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not valid TOML ({error})") from None
+    table = read_toml(path)
     check_version(table, path, "dpiv", VERSION, "state it as docs/comparison.md has it")
     try:
         return Dpiv(**table, folder=path.parent)

@@ -6,7 +6,6 @@ Each run is a scene of its own, `out/<level>/inputs/<name>/scene.toml`, that ext
 from __future__ import annotations
 
 import json
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,6 +13,7 @@ from pydantic import AfterValidator, Field, ValidationError
 
 from fileio.atomic import write_text
 from fileio.provenance import read_settings
+from fileio.toml_text import read_toml
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.lab.data.dpiv_toml import Positive, Table
 
@@ -90,9 +90,7 @@ def read_inputs(path: Path) -> Inputs:
             f"{path}: missing; it says how well the simulation's inputs are known (docs/comparison.md)"
         )
     try:
-        inputs = Inputs(**tomllib.loads(path.read_text(encoding="utf-8")))
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{path}: not valid TOML ({error})") from None
+        inputs = Inputs(**read_toml(path))
     except ValidationError as error:
         first = error.errors()[0]
         raise ValueError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None

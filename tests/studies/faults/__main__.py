@@ -75,7 +75,7 @@ def main() -> int:
                 )
                 failures += bool(row["difference"])
             print(f"{sum(int(str(row['kills'])) for row in rows)} kills, {failures} failures")
-            write_table(args.tables / "kills.csv", KILL_COLUMNS, rows)
+            write_table(args.tables / "stage_kills.csv", KILL_COLUMNS, rows)
             make_before(project, "report")
         if args.only != "kills":
             condition_rows = []

@@ -72,10 +72,10 @@ RUNS = (
     Run("pinch", "smoke", 1, 0.64),
     Run("single_finger", "draft", 1, 0.08),
     Run("pinch", "draft", 1, 0.1),
-    Run("single_finger", "smoke", 2, 0.2),
-    Run("pinch", "smoke", 2, 0.3),
+    Run("single_finger", "smoke", 2, 0.08),
+    Run("pinch", "smoke", 2, 0.08),
     Run("single_finger", "draft", 2, 0.08),
-    Run("pinch", "draft", 2, 0.1),
+    Run("pinch", "draft", 2, 0.08),
 )
 Aim = tuple[
     str, Callable[[], bool], float

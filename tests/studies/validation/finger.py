@@ -74,7 +74,12 @@ def tip_vortex(sheet: xr.Dataset, scene: Scene) -> pd.Series:
         [{"time": time, "x": strongest.x, "y": strongest.y, "circulation": strongest.circulation}]
     )
     radius = CIRCLE * float(sheet.attrs["tip_width"])
-    return vortex_integrals(sheet, track, radius, (time, time)).iloc[0]
+    integrals = vortex_integrals(sheet, track, radius, (time, time))
+    if integrals.empty:
+        raise ValueError(
+            f"the tip vortex of {scene.name} at level {scene.level} has nothing in its circle at {time:g} s"
+        )
+    return integrals.iloc[0]
 
 
 def mean_vortex(sheet: xr.Dataset, scene: Scene, window: tuple[float, float]) -> pd.Series:

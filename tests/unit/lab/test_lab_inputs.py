@@ -111,7 +111,7 @@ SOUND = 'format = "inputs"\nformat_version = 1\ntoo_uncertain = 0.3\n'
 
 @pytest.mark.parametrize(
     "text, told",
-    [("nonsense =", "not valid TOML"), ('format = "x"\nformat_version = 1\ntoo_uncertain = 0.3', 'format = "inputs"'),
+    [("nonsense", "not valid TOML"), ("nonsense =", "no value is given for nonsense;"), ('format = "x"\nformat_version = 1\ntoo_uncertain = 0.3', 'format = "inputs"'),
      ('format = "inputs"\nformat_version = 1', "too_uncertain"),
      (SOUND + "[[input]]\nname = 'a'\nkey = 'b.c'\nstep = 0\nlimit = 1\nreason = 'r'", "another step"),
      (SOUND + "[[numerics]]\nname = 'wall'\nratio = 2\norder = 2\nsafety = 3", "'grid' or 'time_step'")],

@@ -50,6 +50,8 @@ NONSENSE = [
     ("[finger]\nroot_corner_radius = 0.1", ["finger.root_corner_radius", "half the thickness", "at most 0.0071"]),
     ("[finger.tip]\ncorner_radius = 0.1", ["finger.tip.corner_radius", "half the thickness"]),
     ("[finger]\nlength = '9_98'", ["finger.length", "valid number", "got '9_98'"]),
+    ("[tank]\nwater_depth = 0.2", ["tank.water_depth = 0.2 m does not cover finger.root", "0.245 m above"]),
+    ("[finger]\nroot = [0.4, 0.2]", ["finger.root = [0.4, 0.2] is not in the tank"]),
     ("[finger]\nroot = ['0', '0.2']", ["finger.root", "valid number"]),
     ("[camera]\nseed = '12'", ["camera.seed", "valid integer"]),
     ("[numerics]\ntime_step = true", ["numerics.time_step", "valid number"]),

@@ -1,0 +1,31 @@
+"""TOML that people write: what is wrong with it is one sentence that names the file and the key."""
+
+import pytest
+
+from fileio.errors import StageError
+from fileio.key_reference import template
+from fileio.toml_text import read_toml
+from pipeline.scene_reference import keys
+
+TABLES = "a = 1\n[finger]\nroot =  # m\nlength = 0.07\n[[motion.strokes]]\nstart = …\n"
+
+
+@pytest.mark.parametrize("content, told", [
+    (TABLES.encode(), "no value is given for finger.root, motion.strokes.start; give one, or take the line away"),
+    (template(keys()).encode(), "no value is given for title, finger.root"),
+    (b"a = [1, 2", "not valid TOML: "), (b"nonsense", "not valid TOML: "), (b"a = \xff", "not valid TOML: "),
+    (b"a = " + b"[" * 100_000, "not valid TOML: "),
+])  # fmt: skip
+def test_what_is_no_toml_is_one_sentence(tmp_path, content, told):
+    path = tmp_path / "scene.toml"
+    path.write_bytes(content)
+    with pytest.raises(StageError) as caught:
+        read_toml(path)
+    assert str(caught.value).startswith(f"{path}: {told}")
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_toml_is_read(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text("a = 1\n[b]\nc = '='")
+    assert read_toml(path) == {"a": 1, "b": {"c": "="}}
