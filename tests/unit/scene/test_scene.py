@@ -30,7 +30,7 @@ def test_every_shipped_scene_is_valid_at_every_level(folder, level):
     [
         ("[finger]\nlenght = 0.07", ["finger.lenght", "not known"]),
         ("[motion]\npath_step = 0.1", ["motion.path_step", "rigid"]),
-        ("[finger]\nroot = [0.4, 0.245]", ["finger.root", "not in the water"]),
+        ("[finger]\nroot = [0.4, 0.245]", ["finger.root", "not in the tank"]),
         ("[finger]\nlength = 70.0", ["millimetres"]),
         ("[tank]\nwater_depth = 0.4", ["water_depth", "exceeds"]),
         ("[sheet]\nz = 0.2", ["sheet.z", "outside"]),
