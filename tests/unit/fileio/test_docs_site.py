@@ -11,20 +11,16 @@ from tests.conftest import ROOT
 BUILDER = ROOT / ".venv-docs" / "bin" / "sphinx-build"
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
+@pytest.mark.slow
+def test_the_site(tmp_path):
     if not BUILDER.exists():
         pytest.skip("the site's builder is not installed: make docs-site")
-    folder = tmp_path_factory.mktemp("site")
+    site = tmp_path / "html"
     # a link that leads nowhere is a warning, and -W makes an error of it
-    command = [BUILDER, "-q", "-W", "--keep-going", "-d", folder / "trees", ROOT / "docs", folder / "html"]
+    command = [BUILDER, "-q", "-W", "--keep-going", "-d", tmp_path / "trees", ROOT / "docs", site]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    return folder / "html"
 
-
-@pytest.mark.slow
-def test_it_needs_no_network(site):
     loaded = r"""<(?:script|img|iframe|source|video)[^>]*\ssrc="([^"]+)"|<link[^>]*\shref="([^"]+)"|(?:url\(|@import )["']?([^"')]+)"""
     for page in [*site.rglob("*.html"), *site.rglob("*.css")]:
         for match in re.finditer(loaded, page.read_text(encoding="utf-8")):
@@ -32,9 +28,6 @@ def test_it_needs_no_network(site):
             assert not re.match(r"(https?:)?//", target), f"{page}: {target}"
     assert (site / "searchindex.js").exists()  # a script, which a browser also loads from file://
 
-
-@pytest.mark.slow
-def test_every_public_name_leads_to_its_description(site):
     page = (site / "site" / "python.html").read_text(encoding="utf-8")
     linked = set(re.findall(r'href="\.\./api/[^"]*#[\w.]*\.(\w+)"', page))
     assert linked == set(piv.__all__) - {"__version__"}
