@@ -1,6 +1,7 @@
 """The documentation site: the pages of docs/ and the docstrings, made by `make docs-site`. It fetches nothing from a network."""
 
 import ast
+import json
 import os
 import re
 import sys
@@ -43,6 +44,7 @@ TAKEN = {
     "site/contributing": ("# Contributing\n", "CONTRIBUTING.md", r"# Contributing\n(.*)"),
     "site/changelog": ("# Changelog\n", "CHANGELOG.md", r"# Changelog\n(.*)"),
     "site/fea_results": ("---\norphan: true\n---\n# Results of the bending studies\n", RESULTS, r"#[^\n]*\n(.*)"),
+    "site/results": ("", "docs/tutorials/results.ipynb", r"(.*)"),
 }  # fmt: skip
 PAGE_OF = {file: page for page, (_, file, _) in TAKEN.items()} | {"README.md": "index"}
 
@@ -52,18 +54,31 @@ def fill_page(app, page, source):
     text, folder = source[0], (DOCS / page).parent
     if page in TAKEN:
         head, file, pattern = TAKEN[page]
-        taken = re.search(pattern, (ROOT / file).read_text(encoding="utf-8"), re.DOTALL)
+        whole = (ROOT / file).read_text(encoding="utf-8")
+        taken = re.search(pattern, notebook(whole) if file.endswith(".ipynb") else whole, re.DOTALL)
         if not taken:
             raise ValueError(
                 f"{file}: has not the headings between which docs/conf.py takes its text: {pattern}"
             )
         text = head + taken[1]
         folder = (ROOT / file).parent
-    if page == "index" and not (DOCS / "tutorials").exists():
-        text = text.replace("tutorials/*\n", "")
     if page == "site/python":
         text += public_names()
     source[0] = relink(name_pages(text, folder), folder, (DOCS / page).parent)
+
+
+def notebook(text):
+    """A notebook as Markdown: its text, its code, and what the code prints."""
+    parts = []
+    for cell in json.loads(text)["cells"]:
+        source = "".join(cell["source"])
+        parts.append(source if cell["cell_type"] == "markdown" else f"```python\n{source}\n```")
+        parts += [
+            f"```text\n{''.join(output['text'])}\n```"
+            for output in cell.get("outputs", [])
+            if "text" in output
+        ]
+    return "\n\n".join(parts)
 
 
 def name_pages(text, of):
