@@ -13,6 +13,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -77,11 +79,21 @@ def rms(e: np.ndarray) -> float:
     return float(np.sqrt(np.mean(e**2))) if e.size else float("nan")
 
 
-def run(seeds: list[int]) -> dict:
+@contextmanager
+def pairs_folder(asked: Path | None) -> Iterator[Path]:
+    """The folder of the pairs and of the peers' results: the one asked for, or a temporary one."""
+    if asked is None:
+        with tempfile.TemporaryDirectory() as name:
+            yield Path(name)
+    else:
+        asked.mkdir(parents=True, exist_ok=True)
+        yield asked.resolve()
+
+
+def run(seeds: list[int], keep: Path | None = None) -> dict:
     """Results per method and case: RMS, RMS in the core, seconds, vectors; of ours also coverage and outliers."""
     results: dict = {}
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with pairs_folder(keep) as folder:
         jobs = {}
         for k, (label, case) in enumerate(CASES.items()):
             for seed in seeds:
@@ -181,13 +193,16 @@ def main() -> None:
     """Run, print, and write to the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=2, help="pairs per flow")
+    parser.add_argument(
+        "--folder", type=Path, help="keep pairs and peers' results there; a stopped run goes on"
+    )
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/piv_benchmarks.md")
     args = parser.parse_args()
     cv2.setNumThreads(1)
     seeds = list(range(1001, 1001 + args.seeds))
     everywhere = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {min(everywhere)})
-    text = tables(run(seeds), seeds)
+    text = tables(run(seeds, args.folder), seeds)
     print(text, flush=True)
     os.sched_setaffinity(0, everywhere)
     more = extra_figures()

@@ -1,7 +1,11 @@
-"""Runs the peers inside their own environment: python peers.py FOLDER, one pair.npz per case, results beside."""
+"""Runs the peers inside their own environment: python peers.py FOLDER, one pair.npz per case, results beside.
+
+Results of the same images that are there already are kept, so that a run that was stopped goes on where it was.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import os
 import sys
 import tempfile
@@ -71,6 +75,10 @@ class PIVtools:
 def main(folder: Path) -> None:
     """Correlate every pair of the folder with every peer; CPU seconds beside the vectors."""
     files = sorted(folder.glob("*.pair.npz"))
+    digests = {f: digest(f) for f in files}
+    files = [f for f in files if not done(result_of(f), digests[f])]
+    if not files:
+        return
     shape = np.load(files[0])["a"].shape
     methods = {n: (lambda a, b, s=s: openpiv(a, b, *s)) for n, s in OPENPIV.items()}
     methods |= {n: PIVtools(*s, shape) for n, s in PIVTOOLS.items()}
@@ -79,7 +87,7 @@ def main(folder: Path) -> None:
         method(warm["a"], warm["b"])
     for file in files:
         pair = np.load(file)
-        out = {}
+        out = {"digest": digests[file]}
         for k, (name, method) in enumerate(methods.items()):
             start = time.process_time()
             x, y, u, v = method(pair["a"], pair["b"])
@@ -91,8 +99,28 @@ def main(folder: Path) -> None:
                 f"{k}_v": v,
                 f"{k}_name": name,
             }
-        np.savez(file.with_name(file.name.replace(".pair.", ".peers.")), **out)
+        part = file.with_suffix(".part")
+        with part.open("wb") as whole:
+            np.savez(whole, **out)
+        part.rename(result_of(file))
         print(file.name, flush=True)
+
+
+def digest(file: Path) -> str:
+    """Of the images of a pair and of what the peers are asked for."""
+    pair = np.load(file)
+    asked = repr((OPENPIV, PIVTOOLS)).encode()
+    return hashlib.sha256(pair["a"].tobytes() + pair["b"].tobytes() + asked).hexdigest()
+
+
+def result_of(file: Path) -> Path:
+    """Where the peers' vectors of a pair are written."""
+    return file.with_name(file.name.replace(".pair.", ".peers."))
+
+
+def done(result: Path, digest: str) -> bool:
+    """Whether the peers have measured this very pair."""
+    return result.exists() and str(np.load(result)["digest"]) == digest
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import os
 import subprocess
-import tempfile
 import time
 from pathlib import Path
 
@@ -19,7 +18,7 @@ import numpy as np
 
 from piv.correlation.pair import correlate_pair
 from tests.studies.pages import PIV, libraries, write_between
-from tests.studies.piv.benchmark import EDGE, peer_python
+from tests.studies.piv.benchmark import EDGE, pairs_folder, peer_python
 from tests.studies.piv.flows import SHAPE
 from tests.studies.piv.particles import render
 from tests.studies.piv.turbulence_field import TurbulentPlane
@@ -57,11 +56,11 @@ def score(plane: TurbulentPlane, rms: float, x, y, u, v) -> dict:
     }
 
 
-def run(seeds: list[int]) -> dict:
+def run(seeds: list[int], keep: Path | None = None) -> dict:
     """Scores per method and case."""
     scores: dict = {}
-    with tempfile.TemporaryDirectory() as name:
-        folder, planes = Path(name), {seed: TurbulentPlane(1.0, seed) for seed in seeds}
+    planes = {seed: TurbulentPlane(1.0, seed) for seed in seeds}
+    with pairs_folder(keep) as folder:
         jobs = [
             (rms, noise, seed, folder / f"{rms}_{noise}_{seed}.pair.npz")
             for rms, noise in CASES
@@ -129,11 +128,14 @@ def main() -> None:
     """Run, print, and write to the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=2, help="planes per case")
+    parser.add_argument(
+        "--folder", type=Path, help="keep pairs and peers' results there; a stopped run goes on"
+    )
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/piv_benchmarks.md")
     args = parser.parse_args()
     cv2.setNumThreads(1)
     seeds = list(range(FIRST, FIRST + args.seeds))
-    text = tables(run(seeds), seeds)
+    text = tables(run(seeds, args.folder), seeds)
     print(text)
     if args.docs:
         write_between(PIV, "turbulence", text)
