@@ -36,7 +36,8 @@ AREAS = (10.0, 2.5)  # σ of the window: where residuals are averaged, the small
 CERTAIN = 3.0  # standard errors
 LEFT = 1.09  # of the noise that `noise_budget` leaves in neighbouring cells: what is seen in uniform flow (±0.05)
 UNRESOLVED = 0.6  # of the variance that the largest window does not resolve, where nodes are denser only
-SMALLER = 0.85  # on the variance of smaller windows: 78 % of errors are within the uncertainty without it
+# on the variance of windows of `side` over the largest: of the errors 70 % are then within the uncertainty at each side
+SMALLER, GROWTH = 2.2, 1.5  # SMALLER side^GROWTH; the wider ones leave more unresolved
 ALIKE = 0.8  # mean correlation of unresolved displacement between neighbouring cells
 
 
@@ -142,7 +143,7 @@ def _errors(nodes: Nodes, v: Displacements, largest: Errors, levels: dict, optio
         else:
             gain, kept = noise_budget(sigma, spacing, passes, not alike)
             noise = correlation_statistics(nodes, replace(v, sums=sums), sigma, kept, alike)
-            terms = [SMALLER * gain * e for e in noise] + [0.0, 0.0]
+            terms = [SMALLER * level**GROWTH * gain * e for e in noise] + [0.0, 0.0]
         total = [t + weight * e for t, e in zip(total, terms, strict=True)]
     return Errors(*total)
 
