@@ -6,8 +6,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
-from piv.vortices.lamb_oseen_fit import Fit, VelocitySamples, fit_vortices, lamb_oseen
+from piv.vortices.lamb_oseen_fit import Fit, VelocitySamples, fit_vortices, velocities
 from piv.vortices.regions import Plane, seen_share
 from piv.vortices.settings import VortexSettings
 
@@ -29,6 +30,8 @@ class Fitted(NamedTuple):
 WIDER = (1.5, 2.0)  # times fit_radius
 # mean square of the residuals over the vectors' variance; 1 of an exact model and uncertainty
 MODEL_HOLDS = 2.0
+# explained part from which on what is left may be noise; in turbulence it is flow that no vortex explains
+NOISE_ONLY = 0.95
 # share of a disc that holds vectors in open water; with less, beside a body, the vortex is hardly Lamb-Oseen's
 WATER = 0.95
 POINTS_PER_CORE = 8
@@ -105,6 +108,8 @@ def _fit_one(
     best = _fit_disc(p, now, k, region, area, s, s.fit_radius)
     if best is None:
         return None
+    if not p.noise_known and best.fit.explained < NOISE_ONLY:
+        return best
     # where the vectors' noise is not known, what the smallest disc leaves is taken for it
     noise = 1.0 if p.noise_known else best.misfit
     for factor in wider:
@@ -138,9 +143,8 @@ def _fit_disc(
     along = [m for m in np.argsort(near) if strong[m] and near[m] < reach][:4]
     x, y, u, v = (q[box][use] for q in (p.xx, p.yy, p.u, p.v))
     strong[along] = False  # the others are taken off as they are
-    du, dv = lamb_oseen(x[:, None], y[:, None], *now[strong].T)
-    u, v = u - du.sum(axis=1), v - dv.sum(axis=1)
-    vectors = VelocitySamples(x, y, u, v, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)
+    du, dv = velocities(x, y, now[strong])
+    vectors = VelocitySamples(x, y, u - du, v - dv, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)
     seen = seen_share(p.x, p.y, p.valid, x0, y0, reach)
     # a disc half hidden hardly tells core radius and circulation apart: the less it shows, the more the region is asked
     core_std = s.region_prior * np.sqrt(seen / (1 - seen)) if seen < WATER else np.inf
@@ -173,22 +177,27 @@ def _correlation_factor(step: list[float], fit: Fit, use: np.ndarray, length: fl
     """
     if length is not None:
         return max(1.0, length / step[0]) * max(1.0, length / step[1])
-    r = np.full((2, *use.shape), np.nan)
-    r[0][use], r[1][use] = fit.residual_u, fit.residual_v
-    factor = 1.0
-    for axis in (1, 2):
-        total = 1.0
-        for lag in range(1, r.shape[axis] // 2):
-            a = np.take(r, range(r.shape[axis] - lag), axis)
-            b = np.take(r, range(lag, r.shape[axis]), axis)
-            both = np.isfinite(a) & np.isfinite(b)
-            power = float((a[both] ** 2 + b[both] ** 2).sum()) / 2
-            rho = float((a[both] * b[both]).sum()) / power if power > 0 else 0.0
-            if rho < 0.05:
-                break
-            total += 2 * rho
-        factor *= total
-    return factor
+    u, v = np.zeros(use.shape), np.zeros(use.shape)
+    u[use], v[use] = fit.residual_u, fit.residual_v
+    return _correlated_points(u, v, use) * _correlated_points(u.T, v.T, use.T)
+
+
+@njit(cache=True)
+def _correlated_points(u, v, use):
+    """Sum of the autocorrelation of u and v (y, x) along y over all lags up to its first fall below 0.05."""
+    rows, columns = use.shape
+    total = 1.0
+    for lag in range(1, rows // 2):
+        product = power = 0.0
+        for j in range(rows - lag):
+            for i in range(columns):
+                if use[j, i] and use[j + lag, i]:
+                    product += u[j, i] * u[j + lag, i] + v[j, i] * v[j + lag, i]
+                    power += u[j, i] ** 2 + v[j, i] ** 2 + u[j + lag, i] ** 2 + v[j + lag, i] ** 2
+        if not 2 * product >= 0.05 * power or power == 0:
+            break
+        total += 4 * product / power
+    return total
 
 
 def _plausible(p: Plane, fit: Fit, start: np.ndarray) -> bool:

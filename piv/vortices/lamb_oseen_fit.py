@@ -6,9 +6,11 @@ v_theta(r) = circulation/(2 pi r) (1 - exp(-r^2/core_radius^2)). The swirl peaks
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 PEAK_RADIUS = 1.1209064227785338  # of the swirl, in core radii: root of exp(s^2) = 1 + 2 s^2
 PEAK_SWIRL = 0.6381726863389515  # in circulation/(2 pi core_radius)
@@ -18,7 +20,7 @@ NEIGHBOUR_PRIOR = 0.3
 
 
 class VelocitySamples(NamedTuple):
-    """Scattered vectors: positions, components and standard deviations, each (n,); any consistent units."""
+    """Scattered vectors: positions, components and weights, each (n,) of floats; any consistent units."""
 
     x: np.ndarray
     y: np.ndarray
@@ -44,48 +46,151 @@ def lamb_oseen(
     x: np.ndarray, y: np.ndarray, x0: float, y0: float, circulation: float, core_radius: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Velocity (u, v) of a Lamb-Oseen vortex at points x, y."""
-    rx, ry = np.asarray(x) - x0, np.asarray(y) - y0
-    g = circulation / (2 * np.pi) * _shape(rx * rx + ry * ry, core_radius)[0]
-    return -g * ry, g * rx
+    rx, ry = np.broadcast_arrays(np.asarray(x, float) - x0, np.asarray(y, float) - y0)
+    vortex = np.array([[0.0, 0.0, circulation, core_radius]])
+    u, v = velocities(rx.ravel(), ry.ravel(), vortex)
+    return u.reshape(rx.shape), v.reshape(rx.shape)
 
 
-def _shape(r2: np.ndarray, core_radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+@njit(cache=True)
+def velocities(x, y, vortices):
+    """Velocity (u, v) at points x, y (n,) of all `vortices` (m, 4: x, y, circulation, core radius) together."""
+    u, v = np.zeros(x.size), np.zeros(x.size)
+    for k in range(len(vortices)):
+        x0, y0, circulation, a = vortices[k]
+        for i in range(x.size):
+            rx, ry = x[i] - x0, y[i] - y0
+            g = circulation / (2 * math.pi) * _shape(rx * rx + ry * ry, a)[0]
+            u[i] -= g * ry
+            v[i] += g * rx
+    return u, v
+
+
+@njit(cache=True, inline="always")
+def _shape(r2, core_radius):
     """(1 - exp(-s))/r^2 with s = r^2/core_radius^2, its derivative by r^2, and by log(core_radius)."""
     a2 = core_radius**2
     s = r2 / a2
-    small = s < 1e-4
-    safe = np.where(small, 1.0, s)
-    e = np.exp(-s)
-    g = np.where(small, 1 - s / 2, -np.expm1(-safe) / safe) / a2
-    dg = np.where(small, -0.5 + s / 3, (e * (1 + safe) - 1) / safe**2) / a2**2
-    return g, dg, -2 * e / a2
+    e = math.exp(-s)
+    if s < 1e-4:
+        return (1 - s / 2) / a2, (-0.5 + s / 3) / a2**2, -2 * e / a2
+    return -math.expm1(-s) / s / a2, (e * (1 + s) - 1) / s**2 / a2**2, -2 * e / a2
 
 
-def _model(p: np.ndarray, n: int, d: VelocitySamples, ox: float, oy: float) -> tuple[np.ndarray, np.ndarray]:
-    """Model (2 m,) and Jacobian (2 m, 4 n + 6) for parameters x, y, circulation, log core_radius ... background."""
-    m = d.x.size
-    jac = np.zeros((2 * m, p.size))
-    value = np.zeros(2 * m)
-    for k in range(n):
-        x0, y0, gamma, log_a = p[4 * k : 4 * k + 4]
-        rx, ry = d.x - x0, d.y - y0
-        g, dg, da = _shape(rx * rx + ry * ry, float(np.exp(log_a)))
-        c = gamma / (2 * np.pi)
-        jac[:m, 4 * k] = c * 2 * dg * rx * ry
-        jac[m:, 4 * k] = -c * (g + 2 * dg * rx * rx)
-        jac[:m, 4 * k + 1] = c * (g + 2 * dg * ry * ry)
-        jac[m:, 4 * k + 1] = -c * 2 * dg * rx * ry
-        jac[:m, 4 * k + 2] = -g * ry / (2 * np.pi)
-        jac[m:, 4 * k + 2] = g * rx / (2 * np.pi)
-        jac[:m, 4 * k + 3] = -c * da * ry
-        jac[m:, 4 * k + 3] = c * da * rx
-        value[:m] -= c * g * ry
-        value[m:] += c * g * rx
-    for k, basis in enumerate((np.ones(m), d.x - ox, d.y - oy)):
-        jac[:m, 4 * n + k] = basis
-        jac[m:, 4 * n + 3 + k] = basis
-    value += jac[:, 4 * n :] @ p[4 * n :]
-    return value, jac
+@njit(cache=True)
+def _normal_equations(p, n, d, ox, oy):
+    """Weighted squares of the residuals, J'WJ and J'W(data - model) at parameters x, y, circulation, log core_radius ... background."""
+    size = p.size
+    normal, rhs = np.zeros((size, size)), np.zeros(size)
+    ju, jv = np.zeros(size), np.zeros(size)
+    core = np.exp(p[3 : 4 * n : 4])
+    b = 4 * n
+    cost = 0.0
+    for i in range(d.x.size):
+        bx, by = d.x[i] - ox, d.y[i] - oy
+        ju[b], ju[b + 1], ju[b + 2] = 1.0, bx, by
+        jv[b + 3], jv[b + 4], jv[b + 5] = 1.0, bx, by
+        ru = d.u[i] - p[b] - p[b + 1] * bx - p[b + 2] * by
+        rv = d.v[i] - p[b + 3] - p[b + 4] * bx - p[b + 5] * by
+        for k in range(n):
+            rx, ry = d.x[i] - p[4 * k], d.y[i] - p[4 * k + 1]
+            g, dg, da = _shape(rx * rx + ry * ry, core[k])
+            c = p[4 * k + 2] / (2 * math.pi)
+            ju[4 * k] = c * 2 * dg * rx * ry
+            jv[4 * k] = -c * (g + 2 * dg * rx * rx)
+            ju[4 * k + 1] = c * (g + 2 * dg * ry * ry)
+            jv[4 * k + 1] = -c * 2 * dg * rx * ry
+            ju[4 * k + 2] = -g * ry / (2 * math.pi)
+            jv[4 * k + 2] = g * rx / (2 * math.pi)
+            ju[4 * k + 3] = -c * da * ry
+            jv[4 * k + 3] = c * da * rx
+            ru += c * g * ry
+            rv -= c * g * rx
+        wu, wv = d.weight_u[i], d.weight_v[i]
+        cost += wu * ru * ru + wv * rv * rv
+        for q in range(size):
+            au, av = wu * ju[q], wv * jv[q]
+            rhs[q] += au * ru + av * rv
+            for r in range(q + 1):
+                normal[q, r] += au * ju[r] + av * jv[r]
+    for q in range(size):
+        for r in range(q):
+            normal[r, q] = normal[q, r]
+    return cost, normal, rhs
+
+
+@njit(cache=True)
+def _solve(a, b):
+    """Solution (n, m) of a x = b, `a` positive definite but for rounding, its unknowns of any scale."""
+    size = len(b)
+    scale = np.empty(size)
+    for q in range(size):
+        scale[q] = 1 / math.sqrt(max(a[q, q], 1e-300))
+    low, x = np.zeros((size, size)), np.empty(b.shape)
+    for q in range(size):
+        for r in range(q + 1):
+            total = a[q, r] * scale[q] * scale[r]
+            for k in range(r):
+                total -= low[q, k] * low[r, k]
+            # a pivot of rounding alone: the others already tell all of this unknown, it stays where it is
+            if q == r:
+                low[q, q] = math.sqrt(total) if total > 1e-14 else 1e30
+            else:
+                low[q, r] = total / low[r, r]
+    for m in range(b.shape[1]):
+        for q in range(size):
+            total = scale[q] * b[q, m]
+            for k in range(q):
+                total -= low[q, k] * x[k, m]
+            x[q, m] = total / low[q, q]
+        for q in range(size - 1, -1, -1):
+            for k in range(q + 1, size):
+                x[q, m] -= low[k, q] * x[k, m]
+            x[q, m] /= low[q, q]
+        for q in range(size):
+            x[q, m] *= scale[q]
+    return x
+
+
+@njit(cache=True)
+def _levenberg_marquardt(p, n, d, unit, mean, correlated, dof):
+    """Parameters that fit best from `p`, their squares of residuals, J'WJ and prior."""
+    ox, oy = p[0], p[1]
+    first_core = p[3 : 4 * n : 4].copy()
+    squares, jtj, jtr = _normal_equations(p, n, d, ox, oy)
+    prior = unit * (correlated * squares / dof)
+    damping = 1e-5
+    for _ in range(MAX_ITERATIONS):
+        prior = unit * (correlated * squares / dof)
+        cost = squares + (p - mean) @ (prior @ (p - mean))
+        normal = jtj + prior
+        rhs = jtr - prior @ (p - mean)
+        damped = normal.copy()
+        floor = 0.0
+        for q in range(p.size):
+            floor = max(floor, 1e-12 * normal[q, q])
+        for q in range(p.size):
+            damped[q, q] += damping * (normal[q, q] + floor)
+        step = _solve(damped, rhs.reshape(-1, 1))[:, 0].copy()
+        for k in range(n):  # no leap over several cores, no core growing or shrinking by more than a factor
+            limit = math.exp(p[4 * k + 3])
+            for q in (4 * k, 4 * k + 1):
+                step[q] = min(max(step[q], -limit), limit)
+            grown = p[4 * k + 3] - first_core[k]
+            step[4 * k + 3] = min(max(step[4 * k + 3], max(-0.5, -1 - grown)), min(0.5, 1 - grown))
+        if 2 * (step @ rhs) - step @ (normal @ step) <= 1e-7 * cost + 1e-300:  # nothing left to gain
+            if damping <= 1e-7:
+                break
+            damping /= 100  # a damped step may gain little in a long valley: look again undamped
+            continue
+        moved = p + step
+        new_squares, new_jtj, new_jtr = _normal_equations(moved, n, d, ox, oy)
+        if new_squares + (moved - mean) @ (prior @ (moved - mean)) <= cost:
+            p, squares, jtj, jtr = moved, new_squares, new_jtj, new_jtr
+            damping = max(damping / 5, 1e-9)
+        else:
+            damping *= 4
+    return p, squares, jtj, prior
 
 
 def fit_vortices(
@@ -109,63 +214,30 @@ def fit_vortices(
     `correlated`.
     """
     n = len(start)
-    ox, oy = start[0, 0], start[0, 1]
+    d = VelocitySamples(*(np.ascontiguousarray(q, float) for q in d))
     p = np.concatenate([np.column_stack([start[:, :3], np.log(start[:, 3])]).ravel(), np.zeros(6)])
-    data = np.concatenate([d.u, d.v])
-    root = np.sqrt(np.concatenate([d.weight_u, d.weight_v]))
-    value, jac = _model(p, n, d, ox, oy)
     # linear start: the background that fits best around the given vortices
-    p[4 * n :] = np.linalg.lstsq(root[:, None] * jac[:, 4 * n :], root * (data - value), rcond=None)[0]
+    _, normal, rhs = _normal_equations(p, n, d, p[0], p[1])
+    p[4 * n :] = _solve(normal[4 * n :, 4 * n :].copy(), rhs[4 * n :, None].copy())[:, 0]
     slopes = 4 * n + np.array([1, 2, 4, 5])
-    dof = max(1, int(np.count_nonzero(root)) - p.size)
+    dof = max(1, np.count_nonzero(d.weight_u) + np.count_nonzero(d.weight_v) - p.size)
     scale = abs(start[0, 2]) / (np.pi * start[0, 3] ** 2)
     unit, mean = _prior(start, p, slopes, strain_prior * scale, rotation_prior * scale, core)
-    prior = np.zeros_like(unit)
-
-    def cost_of(q: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        model, j = _model(q, n, d, ox, oy)
-        r = root * (data - model)
-        return float(r @ r + (q - mean) @ prior @ (q - mean)), r, root[:, None] * j
-
-    _, r, j = cost_of(p)
-    damping = 1e-5
-    for _iteration in range(MAX_ITERATIONS):
-        prior = unit * (correlated * (r @ r) / dof)
-        cost = float(r @ r + (p - mean) @ prior @ (p - mean))
-        normal = j.T @ j + prior
-        rhs = j.T @ r - prior @ (p - mean)
-        diagonal = np.diag(normal)
-        step = _solve(normal + damping * np.diag(diagonal + 1e-12 * diagonal.max()), rhs)
-        for k in range(n):  # no leap over several cores, no core growing or shrinking by more than a factor
-            limit = np.exp(p[4 * k + 3])
-            step[4 * k : 4 * k + 2] = np.clip(step[4 * k : 4 * k + 2], -limit, limit)
-            grown = p[4 * k + 3] - np.log(start[k, 3])
-            step[4 * k + 3] = np.clip(step[4 * k + 3], max(-0.5, -1 - grown), min(0.5, 1 - grown))
-        if 2 * step @ rhs - step @ normal @ step <= 1e-7 * cost + 1e-300:  # nothing left to gain
-            if damping <= 1e-7:
-                break
-            damping /= 100  # a damped step may gain little in a long valley: look again undamped
-            continue
-        new_cost, new_r, new_j = cost_of(p + step)
-        if new_cost <= cost:
-            p, r, j = p + step, new_r, new_j
-            damping = max(damping / 5, 1e-9)
-        else:
-            damping *= 4
-    weight = root * root
-    m = d.x.size
-    average = [np.average(d.u, weights=d.weight_u), np.average(d.v, weights=d.weight_v)]
-    spread = float(weight @ (data - np.repeat(average, m)) ** 2)
-    variance = max(float(r @ r) / dof, 0.0)
-    covariance = variance * _inverse(j.T @ j + prior)
-    vortices = p[: 4 * n].reshape(n, 4).copy()
+    ox, oy = p[:2]
+    p, squares, jtj, prior = _levenberg_marquardt(p, n, d, unit, mean, float(correlated), dof)
+    spread = sum(float(w @ (q - w @ q / w.sum()) ** 2) for q, w in ((d.u, d.weight_u), (d.v, d.weight_v)))
+    covariance = squares / dof * _solve(jtj + prior, np.eye(p.size))
+    vortices, background = p[: 4 * n].reshape(n, 4).copy(), p[4 * n :]
     vortices[:, 3] = np.exp(vortices[:, 3])
     to_radius = np.ones(p.size)
     to_radius[3 : 4 * n : 4] = vortices[:, 3]
     covariance *= np.outer(to_radius, to_radius)
-    residual = data - _model(p, n, d, ox, oy)[0]
-    explained = 1 - float(r @ r) / spread if spread > 0 else 1.0
-    return Fit(vortices, p[4 * n :], covariance, residual[:m], residual[m:], explained)
+    u, v = velocities(d.x, d.y, vortices)
+    basis = np.array([np.ones_like(d.x), d.x - ox, d.y - oy])
+    explained = 1 - squares / spread if spread > 0 else 1.0
+    return Fit(
+        vortices, background, covariance, d.u - u - background[:3] @ basis, d.v - v - background[3:] @ basis, explained
+    )
 
 
 def _prior(
@@ -188,12 +260,3 @@ def _prior(
         unit[at, at] = 1 / spread**2
     return unit, mean
 
-
-def _solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    scale = 1 / np.sqrt(np.maximum(np.diag(a), 1e-300))
-    return scale * np.linalg.lstsq(a * np.outer(scale, scale), scale * b, rcond=1e-14)[0]
-
-
-def _inverse(a: np.ndarray) -> np.ndarray:
-    scale = 1 / np.sqrt(np.maximum(np.diag(a), 1e-300))
-    return np.outer(scale, scale) * np.linalg.pinv(a * np.outer(scale, scale), rcond=1e-14, hermitian=True)

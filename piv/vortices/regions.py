@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from math import ceil, floor
+import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from scipy import ndimage
 
 from piv.vortices.criteria import Gradients, gamma2, q_criterion, swirling_strength, vorticity
@@ -93,19 +94,18 @@ def _whole_radius(
     return seen
 
 
-def seen_share(x: np.ndarray, y: np.ndarray, valid: np.ndarray, cx: float, cy: float, radius: float) -> float:
+@njit(cache=True)
+def seen_share(x, y, valid, cx, cy, radius):
     """Part of the disc's grid points that hold a vector; those beyond the plane's border count as absent."""
-    i, j = np.meshgrid(_across(x, cx, radius), _across(y, cy, radius))
-    disc = np.hypot(x[0] + i * (x[1] - x[0]) - cx, y[0] + j * (y[1] - y[0]) - cy) <= radius
-    there = disc & (i >= 0) & (i < x.size) & (j >= 0) & (j < y.size)
-    return float(np.count_nonzero(valid[j[there], i[there]])) / max(1, int(np.count_nonzero(disc)))
-
-
-def _across(axis: np.ndarray, centre: float, radius: float) -> np.ndarray:
-    """Indices of the axis within `radius` of `centre`, counted on beyond its ends."""
-    first, step = float(axis[0]), float(axis[1] - axis[0])
-    low, high = ceil((centre - radius - first) / step), floor((centre + radius - first) / step)
-    return np.arange(low, high + 1)
+    dx, dy = x[1] - x[0], y[1] - y[0]
+    seen = disc = 0
+    for j in range(math.ceil((cy - radius - y[0]) / dy), math.floor((cy + radius - y[0]) / dy) + 1):
+        for i in range(math.ceil((cx - radius - x[0]) / dx), math.floor((cx + radius - x[0]) / dx) + 1):
+            if math.hypot(x[0] + i * dx - cx, y[0] + j * dy - cy) <= radius:
+                disc += 1
+                if 0 <= i < x.size and 0 <= j < y.size and valid[j, i]:
+                    seen += 1
+    return seen / max(1, disc)
 
 
 def _elongation(x: np.ndarray, y: np.ndarray, dx: float, dy: float) -> float:
