@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,8 @@ from piv.vortices.settings import VortexSettings
 class Fitted(NamedTuple):
     """Fit of a vortex, its vectors' number and area per independent one, how well they fit, and its region: x, y, circulation, core radius.
 
-    `misfit`: mean square of the residuals over the vectors' variance; `seen`: share of the disc that holds vectors.
+    `misfit`: mean square of the residuals over the vectors' variance; `seen`: share of the disc that holds vectors;
+    `apart`: fitted without the opposite one that it overlaps (see `_cancelling`).
     """
 
     fit: Fit
@@ -25,6 +27,7 @@ class Fitted(NamedTuple):
     misfit: float
     seen: float
     region: np.ndarray
+    apart: bool
 
 
 WIDER = (1.5, 2.0)  # times fit_radius
@@ -44,7 +47,7 @@ def fit_regions(p: Plane, regions: np.ndarray, s: VortexSettings) -> list[Fitted
     Which vortices there may be the vectors alone decide: with its region's help every layer on a wall would pass for one.
     Those that a body half hides are then fitted once more, with it, and must still be vortices.
     """
-    start, alone = np.hstack([regions, regions]), replace(s, region_prior=np.inf)
+    start, alone = np.hstack([regions, regions, np.zeros((len(regions), 1))]), replace(s, region_prior=np.inf)
     fits = _significant(_fit_all(p, start, alone, SWEEPS), s)
     # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew from where they are
     at_once = len(fits) == len(start)
@@ -59,8 +62,8 @@ def fit_regions(p: Plane, regions: np.ndarray, s: VortexSettings) -> list[Fitted
 
 
 def _parameters(fits: list[Fitted]) -> np.ndarray:
-    """Of the fits, and of their regions: (n, 8)."""
-    return np.array([[*f.fit.vortices[0], *f.region] for f in fits]).reshape(-1, 8)
+    """Of the fits, of their regions, and whether fitted apart: (n, 9)."""
+    return np.array([[*f.fit.vortices[0], *f.region, f.apart] for f in fits]).reshape(-1, 9)
 
 
 def _significant(fits: list[Fitted], s: VortexSettings) -> list[Fitted]:
@@ -76,14 +79,19 @@ def _significant(fits: list[Fitted], s: VortexSettings) -> list[Fitted]:
 
 
 def _fit_all(p: Plane, start: np.ndarray, s: VortexSettings, sweeps: int) -> list[Fitted]:
-    """Fit every candidate in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
+    """Fit every candidate (n, 9, see `_parameters`) in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
     now = start[:, :4].copy()
     area = np.full(len(now), 10.0 * (p.x[1] - p.x[0]) * (p.y[1] - p.y[0]))  # per independent vector
     fits: list[Fitted] = []
     for sweep in range(sweeps):
         # in the last sweep neighbours are as good as they get
         wider = WIDER if s.weights == "uncertainty" and sweep == sweeps - 1 else ()
-        attempts = [_fit_one(p, now, k, start[k, 4:], float(area[k]), s, wider) for k in range(len(now))]
+        fit_one = partial(_fit_one, p, now, start, area, s, wider)
+        attempts = [fit_one(k) for k in range(len(now))]
+        overlapping = np.flatnonzero(_cancelling(attempts) & (start[:, 8] == 0))
+        start[overlapping, 8], now[overlapping] = 1, start[overlapping, 4:8]
+        for k in overlapping:
+            attempts[k] = fit_one(k)
         kept = [(f, a) for f, a in zip(attempts, start, strict=True) if f and _plausible(p, f.fit, a)]
         kept = [kept[k] for k in _distinct([f.fit for f, _ in kept])]
         fits = [f for f, _ in kept]
@@ -98,14 +106,14 @@ def _fit_all(p: Plane, start: np.ndarray, s: VortexSettings, sweeps: int) -> lis
 def _fit_one(
     p: Plane,
     now: np.ndarray,
-    k: int,
-    region: np.ndarray,
-    area: float,
+    start: np.ndarray,
+    area: np.ndarray,
     s: VortexSettings,
     wider: tuple[float, ...],
+    k: int,
 ) -> Fitted | None:
     """Fit of vortex k over its own disc, or the widest of the `wider` ones that the model holds in."""
-    best = _fit_disc(p, now, k, region, area, s, s.fit_radius)
+    best = _fit_disc(p, now, start, area, s, s.fit_radius, k)
     if best is None:
         return None
     if not p.noise_known and best.fit.explained < NOISE_ONLY:
@@ -113,7 +121,7 @@ def _fit_one(
     # where the vectors' noise is not known, what the smallest disc leaves is taken for it
     noise = 1.0 if p.noise_known else best.misfit
     for factor in wider:
-        wide_fit = _fit_disc(p, now, k, region, area, s, factor * s.fit_radius)
+        wide_fit = _fit_disc(p, now, start, area, s, factor * s.fit_radius, k)
         if wide_fit is None or wide_fit.misfit > MODEL_HOLDS * noise or wide_fit.seen < WATER:
             break
         best = wide_fit
@@ -121,7 +129,7 @@ def _fit_one(
 
 
 def _fit_disc(
-    p: Plane, now: np.ndarray, k: int, region: np.ndarray, area: float, s: VortexSettings, radius: float
+    p: Plane, now: np.ndarray, start: np.ndarray, area: np.ndarray, s: VortexSettings, radius: float, k: int
 ) -> Fitted | None:
     """Fit of vortex k over a disc of `radius` core radii: neighbours in it are fitted along, others taken off as they are."""
     x0, y0, _, a = now[k]
@@ -139,12 +147,16 @@ def _fit_disc(
     taper = np.clip(2 * (1 - distance[use] / reach), 0, 1)
     near = np.hypot(now[:, 0] - x0, now[:, 1] - y0)
     strong = np.abs(now[:, 2]) >= s.neighbour_part * abs(now[k, 2])
+    apart = start[:, 8] * start[k, 8] > 0
+    strong &= ~(apart & (now[:, 2] * now[k, 2] < 0) & (near < reach))
     strong[k] = False
     along = [m for m in np.argsort(near) if strong[m] and near[m] < reach][:4]
     x, y, u, v = (q[box][use] for q in (p.xx, p.yy, p.u, p.v))
     strong[along] = False  # the others are taken off as they are
     du, dv = velocities(x, y, now[strong])
-    vectors = VelocitySamples(x, y, u - du, v - dv, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper)
+    vectors = VelocitySamples(
+        x, y, u - du, v - dv, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper
+    )
     seen = seen_share(p.x, p.y, p.valid, x0, y0, reach)
     # a disc half hidden hardly tells core radius and circulation apart: the less it shows, the more the region is asked
     core_std = s.region_prior * np.sqrt(seen / (1 - seen)) if seen < WATER else np.inf
@@ -154,8 +166,8 @@ def _fit_disc(
         now[[k, *along]],
         strain_prior=s.strain_prior,
         rotation_prior=s.rotation_prior,
-        core=(float(region[3]), core_std),
-        correlated=max(1.0, area / (step[0] * step[1])),
+        core=(float(start[k, 7]), core_std),
+        correlated=max(1.0, float(area[k]) / (step[0] * step[1])),
     )
     factor = _correlation_factor(step, fit, use, s.correlation_length)
     square = p.weight_u[box][use] * fit.residual_u**2 + p.weight_v[box][use] * fit.residual_v**2
@@ -165,7 +177,8 @@ def _fit_disc(
         factor * step[0] * step[1],
         float(square.mean()) / 2,
         seen,
-        region,
+        start[k, 4:8],
+        bool(start[k, 8]),
     )
 
 
@@ -216,11 +229,19 @@ def _plausible(p: Plane, fit: Fit, start: np.ndarray) -> bool:
     )
 
 
-def _distinct(fits: list[Fit]) -> list[int]:
-    """Indices without those that ended on top of a better fitted vortex: half a core away, or a whole one if of opposite sense.
+def _cancelling(fits: list[Fitted | None]) -> np.ndarray:
+    """Which of the fits are less than a core radius from one of opposite sense.
 
-    So near, opposite ones may grow without bound as long as they cancel each other.
+    Fitted jointly so near they may grow without bound as long as they cancel: the flow tells their dipole, not the
+    circulation of either. Each is then fitted apart, to its own side of the dipole.
     """
+    x, y, circulation, a = np.array([f.fit.vortices[0] if f else [np.nan] * 4 for f in fits]).T
+    away = np.hypot(x[:, None] - x, y[:, None] - y) / np.maximum(a[:, None], a)
+    return ((away < 1.0) & (circulation[:, None] * circulation < 0)).any(axis=1)
+
+
+def _distinct(fits: list[Fit]) -> list[int]:
+    """Indices without those that ended on top of a better fitted vortex: half a core away, or a whole one if of opposite sense."""
     kept: list[int] = []
     for k in np.argsort([f.explained for f in fits])[::-1]:
         x, y, circulation, a = fits[k].vortices[0]

@@ -236,7 +236,12 @@ def fit_vortices(
     basis = np.array([np.ones_like(d.x), d.x - ox, d.y - oy])
     explained = 1 - squares / spread if spread > 0 else 1.0
     return Fit(
-        vortices, background, covariance, d.u - u - background[:3] @ basis, d.v - v - background[3:] @ basis, explained
+        vortices,
+        background,
+        covariance,
+        d.u - u - background[:3] @ basis,
+        d.v - v - background[3:] @ basis,
+        explained,
     )
 
 
@@ -259,4 +264,3 @@ def _prior(
         spread = NEIGHBOUR_PRIOR * np.array([start[k, 3], start[k, 3], abs(start[k, 2]), 1.0])
         unit[at, at] = 1 / spread**2
     return unit, mean
-

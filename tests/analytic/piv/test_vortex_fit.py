@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 from scipy import ndimage
+from scipy.special import erf
 
 from fileio.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 from piv.vortices.joint_fit import _distinct
 from piv.vortices.lamb_oseen_fit import PEAK_RADIUS, PEAK_SWIRL, Fit, lamb_oseen
 from piv.vortices.vortex import Vortex
+from tests.studies.piv.turbulence_field import TurbulentPlane
 
 STEP = 8.0
 AXIS_X, AXIS_Y = np.arange(160) * STEP + 16, np.arange(125) * STEP + 16
@@ -104,8 +106,7 @@ def test_a_known_uncertainty_widens_the_disc_as_far_as_the_model_holds():
     assert fitted(u + other, v).n_vectors < 3 * narrow.n_vectors
 
 
-def test_two_that_cancel_each_other_are_one():
-    # noise between the vectors of a jet: two of opposite sense, half a core apart, may grow without bound
+def test_of_two_that_end_on_each_other_one_stays():
     pair = [
         Fit(np.array([[x, 500.0, c, 40.0]]), *[np.zeros(0)] * 4, e)
         for x, c, e in ((500, 9.0, 0.8), (520, -9.0, 0.7))
@@ -113,6 +114,38 @@ def test_two_that_cancel_each_other_are_one():
     assert _distinct(pair) == [0]
     apart = pair[1]._replace(vortices=np.array([[545.0, 500.0, -9.0, 40.0]]))
     assert _distinct([pair[0], apart]) == [0, 1]
+
+
+@pytest.mark.parametrize("half_distance", [0.06, 0.25, 0.4])
+def test_cores_that_overlap_across_a_mirror_plane_have_the_circulation_of_their_halves(half_distance):
+    core, peak_noise = 8.0, 0.01
+    axis = np.arange(-40.0, 41.0)
+    x, y = np.meshgrid(axis, axis)
+    sides = [lamb_oseen(x, y, s * half_distance * core, 0, s, core) for s in (-1, 1)]
+    u, v = (a + b for a, b in zip(*sides, strict=True))
+    half = erf(half_distance)  # vorticity of both, integrated over one half plane
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        noise = [ndimage.uniform_filter(rng.normal(size=x.shape), 4) for _ in range(2)]
+        noisy = (
+            q + peak_noise * np.hypot(u, v).max() * e / e.std() for q, e in zip((u, v), noise, strict=True)
+        )
+        found = find_vortices(make_plane(axis, axis, *noisy))
+        assert [np.sign(w.x * w.circulation) for w in found] == [1, 1]  # fitted jointly: one or none
+        # half a dipole is not quite Lamb-Oseen's: 4 to 20 % measured
+        assert [abs(w.circulation) for w in found] == pytest.approx([half, half], rel=0.25)
+        assert found[0].x + found[1].x == pytest.approx(0, abs=0.1 * core)
+
+
+def test_in_turbulence_no_disc_is_widened_as_if_the_rest_were_noise():
+    axis = np.arange(100) * 8.0
+    x, y = np.meshgrid(axis, axis)
+    u, v = TurbulentPlane(1.0, 63)(x, y)
+    found = find_vortices(make_plane(axis, axis, u, v))
+    # a disc of four core radii of the smoothest large eddy swallowed all others: 13 were left
+    assert len(found) > 60
+    inside = [w for w in found if w.contour_radius > 1.5 * w.core_radius]
+    assert np.mean([abs(w.circulation) < 2 * abs(w.circulation_area) for w in inside]) > 0.9
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.25e-4])
