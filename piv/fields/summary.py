@@ -32,4 +32,6 @@ def summary(plane: xr.Dataset) -> str:
         text += f"; {name} median {np.median(speed):.3g}, largest {speed.max():.3g} {unit}"
     if std.size:
         text += f"; standard uncertainty median {np.median(std):.2g} {unit}"
+    if "background=static" in str(plane.attrs.get("settings", "")):
+        text += "; static background taken off (--preprocess none keeps it)"
     return text + (f" (from {chosen.size} of {count} fields)" if chosen.size < count else "")

@@ -2,7 +2,8 @@
 
 `Preprocessor(["background=min", "highpass=8", "cap=3"], recording)` is called with a frame and gives the cleaned one
 as float32; `Preprocessor.steps` is the list to store in the result's attributes. Steps run in the order given:
-`background=min|mean` (temporal, of the whole recording), `clahe=<tile px>`, `highpass=<sigma px>`,
+`background=min|mean` (temporal, of the whole recording), `background=static` (only where something stands still, and left
+out where it would not pay), `clahe=<tile px>`, `highpass=<sigma px>`,
 `cap=<n>` (intensities above median + n standard deviations are cut, Shavit et al. 2007).
 """
 
@@ -14,6 +15,7 @@ import cv2
 import numpy as np
 
 from piv.images.recording import Recording
+from piv.images.static_background import static_background
 
 STEPS = {"background": "min", "clahe": "64", "highpass": "8", "cap": "3"}  # and their default values
 BACKGROUND_FRAMES = 500  # of a longer recording, evenly chosen: more changes nothing that is visible
@@ -23,7 +25,7 @@ CLIP = 2.0  # limit of the contrast of clahe
 def background(recording: Recording, kind: str = "min") -> np.ndarray:
     """Temporal minimum or mean of at most BACKGROUND_FRAMES frames, float32; memory is that of one frame."""
     if kind not in ("min", "mean"):
-        raise ValueError(f"background must be 'min' or 'mean', got {kind!r}")
+        raise ValueError(f"background must be 'min', 'mean' or 'static', got {kind!r}")
     if len(recording) < 3:
         raise ValueError(f"{recording.name}: a background needs at least 3 frames, this has {len(recording)}")
     count = min(BACKGROUND_FRAMES, len(recording))
@@ -87,9 +89,25 @@ class Preprocessor:
     """The chain of named steps as one function of a frame; picklable, so that worker processes can have it."""
 
     def __init__(self, steps: Sequence[str], recording: Recording) -> None:
-        parsed = [parse_step(s) for s in steps]
-        self.steps = [f"{name}={value}" for name, value in parsed]
-        self._chain = [(FUNCTIONS[name], _argument(name, value, recording)) for name, value in parsed]
+        self.steps: list[str] = []
+        self._chain: list[tuple[Callable[..., np.ndarray], np.ndarray | float]] = []
+        self._hidden: np.ndarray | None = None
+        for name, value in map(parse_step, steps):
+            argument: np.ndarray | float
+            if (name, value) == ("background", "static"):
+                if (static := static_background(recording)) is None:
+                    continue
+                argument, self._hidden = static
+            else:
+                argument = _argument(name, value, recording)
+            self.steps.append(f"{name}={value}")
+            self._chain.append((FUNCTIONS[name], argument))
+
+    def mask(self, body: np.ndarray | None) -> np.ndarray | None:
+        """A frame's mask (true = body), with the pixels that something static saturates."""
+        if self._hidden is None or not self._hidden.any():
+            return body
+        return self._hidden if body is None else self._hidden | (np.asarray(body) != 0)
 
     def __call__(self, image: np.ndarray) -> np.ndarray:
         """The cleaned frame: float32, or the frame itself where no step was asked for."""

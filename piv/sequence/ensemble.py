@@ -105,7 +105,11 @@ def correlate_ensemble_to(
 
     def load(i: int) -> Pair:
         a, b = sets[i]
-        return clean(recording.frame(a)), clean(recording.frame(b)), [recording.mask(k) for k in (a, b)]
+        return (
+            clean(recording.frame(a)),
+            clean(recording.frame(b)),
+            [clean.mask(recording.mask(k)) for k in (a, b)],
+        )
 
     plane = correlate_ensemble(load, len(sets), quiet=quiet, **asdict(options))
     units = SeriesUnits.of(recording, sets)

@@ -35,15 +35,15 @@ class SequenceOptions:
     skip: Annotated[int, "frames left out between the two of a pair"] = 0
     every: Annotated[int, "use every so many-th field"] = 1
     frames: Annotated[int, "2 for pairs; 3, 5, … for the multi-frame mode"] = 2
-    preprocess: Annotated[str, "steps of piv.images.preprocess with commas, such as background=min,cap=3"] = (
-        ""
-    )
+    preprocess: Annotated[
+        str, "steps of piv.images.preprocess with commas, such as background=min,cap=3; none = as recorded"
+    ] = "background=static"
     threads: Annotated[int, "fields computed at a time"] = 1
 
     @property
     def steps(self) -> list[str]:
         """Of pre-processing, one by one."""
-        return [step for step in self.preprocess.split(",") if step]
+        return [step for step in self.preprocess.split(",") if step not in ("", "none")]
 
     def __post_init__(self) -> None:
         if self.threads < 1:
@@ -99,7 +99,7 @@ def correlate_recording(
     held: dict[int, tuple[np.ndarray, Any]] = {}  # frames of the last set: most sets share some with the next
 
     def frame(i: int) -> tuple[np.ndarray, Any]:
-        return clean(recording.frame(i)), recording.mask(i)
+        return clean(recording.frame(i)), clean.mask(recording.mask(i))
 
     def load(indices: tuple[int, ...]) -> tuple[list[np.ndarray], list[Any]]:
         now = {i: held[i] if i in held else frame(i) for i in indices}

@@ -5,9 +5,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from fileio.formats.plane_series import read_plane
+from piv.correlation.options import Options
+from piv.correlation.pair import correlate_pair
+from piv.fields.summary import summary
 from piv.images.masks import dark_body, outline_masks, polygon_mask, polygons_mask, read_mask
 from piv.images.open_recording import open_recording
 from piv.images.preprocess import Preprocessor, background, highpass
+from piv.sequence.sequence import SequenceOptions, correlate_recording
+from tests.studies.piv.particles import render
 
 
 def particles(shape=(512, 640), seed=0, density=0.04):
@@ -85,6 +91,41 @@ def test_chain_names_its_steps_and_takes_a_still_background_away(tmp_path):
     assert clean.dtype == np.float32
     assert np.unravel_index(clean.argmax(), clean.shape) == (10, 15)
     assert np.count_nonzero(clean) == 1
+
+
+def test_static_background_is_taken_off_where_particles_pass_and_particles_at_rest_stay(tmp_path):
+    still = np.zeros((384, 512))
+    cv2.line(still, (120, 60), (260, 300), 200.0, 5, cv2.LINE_AA)
+    cv2.ellipse(still, (400, 250), (40, 20), 20, 0, 360, 400.0, -1, cv2.LINE_AA)  # saturates
+    at, speed = np.arange(8) - 4.0, 3.0
+
+    def recording(name, moved, light):
+        frames = render(
+            lambda x, y: (moved + 0 * x, 0 * y), shape=still.shape, seed=81, noise=0.02, frames=at
+        )
+        (tmp_path / name).mkdir()
+        for k, frame in enumerate(frames):
+            cv2.imwrite(str(tmp_path / name / f"{k}.png"), np.clip(frame + light, 0, 255).astype(np.uint8))
+        return open_recording(tmp_path / name)
+
+    rest = recording("rest", 0.0, 0 * still)
+    assert Preprocessor(["background=static"], rest).steps == []
+    streaks = recording("streaks", speed, still)
+    clean = Preprocessor(["background=static"], streaks)
+    assert clean.steps == ["background=static"]
+    out = correlate_recording(streaks, tmp_path / "v.h5", Options(spacing=32), SequenceOptions(every=7))
+    with read_plane(out) as plane:
+        assert "static background taken off" in summary(plane)
+    near = cv2.dilate((still > 30).astype(np.uint8), np.ones((17, 17), np.uint8)) > 0
+
+    def wrong(image, mask):
+        field = correlate_pair(*(image(streaks.frame(k)) for k in (3, 4)), mask=mask)
+        columns, rows = np.meshgrid(field["x"].astype(int), 383 - field["y"].astype(int))
+        off = np.hypot(field["u"].values - speed, field["v"].values) > 0.5
+        return np.mean((off & (field["valid"].values != 0))[near[rows, columns]])
+
+    assert wrong(lambda image: image, None) > 0.05
+    assert wrong(clean, clean.mask(None)) <= 0.001  # asked for
 
 
 def test_highpass_takes_slow_light_and_leaves_particles():

@@ -1,0 +1,71 @@
+"""What stands still in a sequence while particles move past it: streaks, scratches and reflections.
+
+The least grey value over the frames of a pixel holds what is static, and particles at rest as well. Those stay: a cell
+counts as static only where its texture that does not change is as strong as that of the particles elsewhere and
+particles move past it, or where it is so bright that no particles can be meant.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from piv.images.recording import Recording
+
+CELL = 32  # px
+FRAMES = 20  # looked at, evenly chosen: more of them hardly lower the least value between particles
+LEAST_FRAMES = 5  # with fewer, particles overlap themselves too often
+# of the particles' variance, which is the median over the cells: a cell is static whose own least values have STATIC of it
+# while MOVING of it changes, or that have BRIGHT of it
+STATIC, MOVING, BRIGHT = 1.0, 0.25, 10.0
+SATURATED = 0.98  # of the brightest pixel of all frames: what is always so bright shows no particles
+LEAST_AREA = 5e-4  # share of the picture; a few odd cells are no background
+
+
+def static_background(recording: Recording) -> tuple[np.ndarray, np.ndarray] | None:
+    """Grey values (float32) to take off every frame, 0 where nothing is static, and the pixels (bool) that it saturates.
+
+    None where it would not pay: nothing is static, or fewer than LEAST_FRAMES frames.
+    """
+    if len(recording) < LEAST_FRAMES:
+        return None
+    chosen = np.unique(np.linspace(0, len(recording) - 1, min(FRAMES, len(recording))).astype(int))
+    least = recording.frame(int(chosen[0])).astype(np.float32)
+    top = float(least.max())
+    for i in chosen[1:]:
+        image = recording.frame(int(i))
+        top = max(top, float(image.max()))
+        np.minimum(least, image, out=least)
+    total, moving = [], []
+    for i in chosen[:: max(1, len(chosen) // 4)]:
+        image = recording.frame(int(i)).astype(np.float32)
+        total.append(_variance(image))
+        moving.append(_variance(image - least))
+    particles = float(np.median(np.median(total, axis=0)))
+    if not particles > 0:
+        return None
+    unchanging, changing = _variance(least), np.median(moving, axis=0)
+    cells = (unchanging > STATIC * particles) & (changing > MOVING * particles) | (
+        unchanging > BRIGHT * particles
+    )
+    if not LEAST_AREA < cells.mean() < 0.5:
+        return None
+    # what is static reaches into the next cells, too weak to be seen there
+    cells = cv2.dilate(cells.astype(np.uint8), np.ones((3, 3), np.uint8))
+    rows, columns = least.shape
+    where = np.zeros(least.shape, np.float32)
+    full = cv2.resize(cells, None, fx=CELL, fy=CELL, interpolation=cv2.INTER_NEAREST)[:rows, :columns]
+    where[: full.shape[0], : full.shape[1]] = full
+    # rows and columns left over by whole cells go with the last ones
+    where[full.shape[0] :] = where[full.shape[0] - 1]
+    where[:, full.shape[1] :] = where[:, full.shape[1] - 1 : full.shape[1]]
+    level = float(np.median(least))
+    return np.maximum(least - level, 0) * where, (least >= SATURATED * top) & (where > 0)
+
+
+def _variance(image: np.ndarray) -> np.ndarray:
+    """Of the texture in each whole cell; slow changes across the picture are none."""
+    texture = image - cv2.GaussianBlur(image, (0, 0), CELL / 4)
+    rows, columns = (n // CELL for n in image.shape)
+    blocks = texture[: rows * CELL, : columns * CELL].reshape(rows, CELL, columns, CELL)
+    return blocks.var(axis=(1, 3))
