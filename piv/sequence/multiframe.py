@@ -14,14 +14,18 @@ from piv.correlation.fft_pass import window_maps
 from piv.correlation.newton_step import MOMENTS, cell_moments
 from piv.correlation.options import Options
 from piv.correlation.pair import both_seen, node_axes, run_passes, to_dataset
-from piv.correlation.pair_images import Prepared
+from piv.correlation.pair_images import Prepared, check_images, check_masks
 from piv.correlation.uncertainty import errors_of
+from piv.sequence.camera_shake import frame_shifts, shifted
 
 
-def correlate_frames(frames: list[Any], *, mask: Any = None, **options: Any) -> xr.Dataset:
+def correlate_frames(
+    frames: list[Any], *, mask: Any = None, shake: bool = True, **options: Any
+) -> xr.Dataset:
     """Displacement per frame interval at the middle frame of an odd number of equally spaced frames.
 
-    Arguments and result as of `correlate_pair`; mask: one for all frames or one per frame. Every frame is warped to
+    Arguments and result as of `correlate_pair`; mask: one for all frames or one per frame; shake: whether the camera's is
+    measured and taken out, so that only its mean motion over the set stays in the vectors. Every frame is warped to
     the middle instant along the paths of the field found so far; the correlations of all pairs of frames are added up
     with the weight of a straight-line fit (a pair n frames apart counts n times) and one Newton step is taken for d
     and, from the pairs that are not symmetric in time, for the unsteady acceleration. Random errors fall with the lever arm of the set:
@@ -34,6 +38,11 @@ def correlate_frames(frames: list[Any], *, mask: Any = None, **options: Any) -> 
     if settings.method != "correlation":
         raise ValueError("the multi-frame mode correlates; method must be 'correlation'")
     settings = replace(settings, passes=max(settings.full_steps, len(frames) // 2 + 2))
+    if shake:
+        frames = check_images(frames, settings.window)
+        masks = check_masks(mask, len(frames), frames[0].shape)
+        if (shifts := frame_shifts(frames, masks)) is not None:
+            frames, mask = shifted(frames, masks, shifts)
     images = Prepared(list(frames), mask, settings.window)
     both = both_seen(images.seen)
     reach = len(frames) // 2

@@ -35,6 +35,7 @@ class SequenceOptions:
     skip: Annotated[int, "frames left out between the two of a pair"] = 0
     every: Annotated[int, "use every so many-th field"] = 1
     frames: Annotated[int, "2 for pairs; 3, 5, … for the multi-frame mode"] = 2
+    shake: Annotated[bool, "multi-frame mode: take the camera's shake out"] = True
     preprocess: Annotated[
         str, "steps of piv.images.preprocess with commas, such as background=min,cap=3; none = as recorded"
     ] = "background=static"
@@ -65,11 +66,13 @@ def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
     return [tuple(range(i, i + options.frames)) for i in range(0, count - options.frames + 1, options.every)]
 
 
-def correlate_set(images: list[np.ndarray], masks: list[Any], options: Options) -> xr.Dataset:
+def correlate_set(
+    images: list[np.ndarray], masks: list[Any], options: Options, shake: bool = True
+) -> xr.Dataset:
     """Vector field of a pair or a multi-frame set, in px per frame interval."""
     if len(images) == 2:
         return correlate_pair(*images, mask=masks, **asdict(options))
-    return correlate_frames(images, mask=masks, **asdict(options))
+    return correlate_frames(images, mask=masks, shake=shake, **asdict(options))
 
 
 def correlate_recording(
@@ -128,7 +131,7 @@ def correlate_recording(
         bar = tqdm(
             total=len(sets), initial=len(writer.done), unit="field", desc="correlate", disable=quiet or None
         )
-        for k, plane in _in_parallel(missing, sets, load, options, sequence.threads):
+        for k, plane in _in_parallel(missing, sets, load, options, sequence):
             writer.write(k, units.fields(plane, k))
             bar.update()
         bar.close()
@@ -153,15 +156,17 @@ def _seen(recording: Recording) -> list[Any]:
     return [recording.name, len(recording), list(recording.shape), mean, ends, recording.key]
 
 
-def _in_parallel(missing, sets, load, options: Options, threads: int) -> Iterator[tuple[int, xr.Dataset]]:
+def _in_parallel(
+    missing, sets, load, options: Options, sequence: SequenceOptions
+) -> Iterator[tuple[int, xr.Dataset]]:
     """Fields in order; frames are read here, at most threads + 1 sets wait in memory."""
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(sequence.threads) as pool:
         running: list[tuple[int, Future]] = []
         try:
             for k in missing:
                 images, masks = load(sets[k])
-                running.append((k, pool.submit(correlate_set, images, masks, options)))
-                if len(running) > threads:
+                running.append((k, pool.submit(correlate_set, images, masks, options, sequence.shake)))
+                if len(running) > sequence.threads:
                     done, future = running.pop(0)
                     yield done, future.result()
             for done, future in running:
