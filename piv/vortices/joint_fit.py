@@ -90,7 +90,7 @@ def _fit_all(p: Plane, start: np.ndarray, s: VortexSettings, sweeps: int) -> lis
         attempts = [fit_one(k) for k in range(len(now))]
         overlapping = np.flatnonzero(_cancelling(attempts) & (start[:, 8] == 0))
         start[overlapping, 8], now[overlapping] = 1, start[overlapping, 4:8]
-        for k in overlapping:
+        for k in map(int, overlapping):
             attempts[k] = fit_one(k)
         kept = [(f, a) for f, a in zip(attempts, start, strict=True) if f and _plausible(p, f.fit, a)]
         kept = [kept[k] for k in _distinct([f.fit for f, _ in kept])]
