@@ -51,6 +51,8 @@ class SequenceOptions:
             raise ValueError(f"threads must be at least 1, got {self.threads}")
         if self.frames != 2 and (self.frames < 3 or self.frames % 2 == 0):
             raise ValueError(f"frames must be 2, or odd for the multi-frame mode, got {self.frames}")
+        if self.frames == 2 and not self.shake:
+            raise ValueError("shake = false is of the multi-frame mode; give frames = 3 or more")
         if self.frames > 2 and (self.pairing != "1-2,2-3" or self.skip):
             raise ValueError(
                 "the multi-frame mode needs equally spaced frames: pairing '1-2,2-3' without skip"
