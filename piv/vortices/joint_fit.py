@@ -235,7 +235,7 @@ def _cancelling(fits: list[Fitted | None]) -> np.ndarray:
     Fitted jointly so near they may grow without bound as long as they cancel: the flow tells their dipole, not the
     circulation of either. Each is then fitted apart, to its own side of the dipole.
     """
-    x, y, circulation, a = np.array([f.fit.vortices[0] if f else [np.nan] * 4 for f in fits]).T
+    x, y, circulation, a = np.array([f.fit.vortices[0] if f else [np.nan] * 4 for f in fits]).reshape(-1, 4).T
     away = np.hypot(x[:, None] - x, y[:, None] - y) / np.maximum(a[:, None], a)
     return ((away < 1.0) & (circulation[:, None] * circulation < 0)).any(axis=1)
 
