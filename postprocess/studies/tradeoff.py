@@ -251,6 +251,23 @@ def evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.Dat
     return table.reset_index(drop=True)
 
 
+def with_earlier_piv(table: pd.DataFrame, results: Path, missing: dict[str, str]) -> pd.DataFrame:
+    """The table and, of the earlier `results`, the PIV runs that are `missing`: each is judged by the flow that it was made of."""
+    if not (missing and results.exists()):
+        return table
+    earlier = pd.read_csv(results, comment="#")
+    kept = earlier[earlier["run"].isin(missing) & earlier["kind"].eq("piv")]
+    return pd.concat(
+        [
+            table,
+            kept[
+                kept.columns.intersection(table.columns.union(["vectors", "fields", "cpu_piv_per_field_s"]))
+            ],
+        ],
+        ignore_index=True,
+    )
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command `tradeoff`."""
     parser.add_argument("plan", type=Path, help="plan.json of the study")
@@ -261,7 +278,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Command `tradeoff`."""
-    from postprocess.studies.tradeoff_page import write_results
+    from postprocess.studies.tradeoff_page import results_path, write_results
 
     plan = read_plan(args.plan)
     missing = missing_runs(plan)
@@ -272,4 +289,6 @@ def run(args: argparse.Namespace) -> None:
         print(f"tradeoff: {said}", file=sys.stderr)
     probe = read_json(args.plan.with_name("probe.json"))
     best = args.best or finest(plan, missing)
-    write_results(Path(plan["folder"]), evaluate(plan, best, missing), best, probe, args.docs, missing)
+    folder = Path(plan["folder"])
+    table = with_earlier_piv(evaluate(plan, best, missing), results_path(folder), missing)
+    write_results(folder, table, best, probe, args.docs, missing)

@@ -26,6 +26,7 @@ AXES = (
     ("draft_euler", "draft", "Time scheme, Euler against backward"),
     ("coarse", "draft", "Level, coarse against draft"),
     ("medium", "coarse", "Level, medium against coarse"),
+    ("medium_2ms", "medium", "Time step, 2 ms against 1 ms"),
     ("piv_fast", "piv", "Preset, fast against balanced"),
     ("piv_accurate", "piv", "Preset, accurate against balanced"),
     ("piv_window16", "piv", "Window, 16 against 32 px"),
@@ -115,7 +116,7 @@ def not_below(missing: dict[str, str]) -> str:
     if not missing:
         return "Every run of the study is below."
     listed = "; ".join(f"{run} ({why})" for run, why in missing.items())
-    return f"**Incomplete.** Not below, until `make tradeoff` has made them: {listed}."
+    return f"**Incomplete.** Not below, or of an earlier `make tradeoff` (PIV), until it has made them: {listed}."
 
 
 def page(scene: str, table: pd.DataFrame, best: str, missing: dict[str, str]) -> str:
@@ -214,10 +215,15 @@ def _panel(axis: Axes, rows: pd.DataFrame, cost: str, colour: str) -> None:
     label_points(axis, points, [str(run).removeprefix("piv_") for run in rows["run"]])
 
 
+def results_path(folder: Path) -> Path:
+    """The table of results of a scene's folder."""
+    return folder / "studies" / "results" / "tradeoff.csv"
+
+
 def write_results(
     folder: Path, table: pd.DataFrame, best: str, probe: dict[str, float], docs: Path, missing: dict[str, str]
 ) -> None:
     """Write studies/results/tradeoff.csv of a scene's folder, docs/tradeoff/<scene>.svg and docs/tradeoff.md."""
-    write_text(folder / "studies" / "results" / "tradeoff.csv", results_text(table, best, probe))
+    write_text(results_path(folder), results_text(table, best, probe))
     draw(table, docs / "tradeoff" / f"{folder.name}.svg")
     write_text(docs / "tradeoff.md", page(folder.name, table, best, missing))
