@@ -138,7 +138,7 @@ def test_page_figure_and_results_that_can_be_chosen_from(tmp_path):
     text = page("single_finger", table, "medium", {"coarse": "sheet.h5 is not there"})
     assert "**draft_2d**" in text
     assert (
-        "**Incomplete.** Not below, until `make tradeoff` has made them: coarse (sheet.h5 is not there)."
+        "**Incomplete.** Not below, or of an earlier `make tradeoff` (PIV), until it has made them: coarse (sheet.h5 is not there)."
         in text
     )
     assert draw(table, tmp_path / "front.svg").stat().st_size > 5000
