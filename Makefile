@@ -173,7 +173,7 @@ endif
 fea: $(READY) ## bending analysis of the actuator of SCENE (single_finger): cases/SCENE/kinematics/states.h5
 	$(PY) -m pipeline fea cases/$(SCENE) --level $(LEVEL) $(FLAGS)
 
-bench-piv: piv-limits ## PIV against its peers (own environment), and its limits; every table of docs/piv_benchmarks.md; a stopped run goes on
+bench-piv: piv-limits ## PIV against its peers, and its limits: docs/piv_benchmarks.md; a stopped run goes on
 	$(PY) -m tests.studies.piv.benchmark --docs --folder .venv-bench/benchmark
 	$(PY) -m tests.studies.piv.turbulence --docs --folder .venv-bench/turbulence
 
