@@ -23,6 +23,7 @@ pytestmark = [
     pytest.mark.skipif(not SNAKEMAKE.exists(), reason="Snakemake is not installed; make study installs it"),
 ]
 SHORT = "[motion]\nstrokes = [{ pressure_kpa = 6.0, start = 0.002, duration = 0.2 }]\nend_time = 0.02\n"
+COSTS = "cpu|wall|time_s|memory|made|date|_mb|seconds"  # columns of what a run took, which a kill changes
 TABLE = """run, scene, level, until, ranks, may_fail, numerics.max_courant, fluid.kinematic_viscosity
 itself, ., tiny, run, , , ,
 thick, , tiny, run, , , , 1e-5
@@ -30,11 +31,9 @@ edge, , tiny, run, , yes, 0.01,
 """
 
 
-@pytest.fixture(scope="module")
-def project(tmp_path_factory):
-    """A copy of the project with one small scene and a study of it."""
-    folder = tmp_path_factory.mktemp("project")
-    for part in ("pipeline", "piv", "postprocess"):
+def copy_of_project(folder: Path) -> Path:
+    """With one small scene and a study of it."""
+    for part in ("fileio", "pipeline", "piv", "postprocess"):
         shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
     for part in ("_base", "single_finger"):
         shutil.copytree(ROOT / "cases" / part, folder / "cases" / part, ignore=shutil.ignore_patterns("out"))
@@ -47,6 +46,18 @@ def project(tmp_path_factory):
     (scene / "kinematics").symlink_to("../single_finger/kinematics")
     (scene / "studies" / "trial.csv").write_text(TABLE)
     return folder
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    return copy_of_project(tmp_path_factory.mktemp("project"))
+
+
+def result(project: Path) -> pd.DataFrame:
+    """The study's table."""
+    return pd.read_csv(project / "cases" / "small" / "out" / "studies" / "trial" / "table.csv").set_index(
+        "run"
+    )
 
 
 def snakemake(project: Path, *more: str) -> subprocess.Popen[str]:
@@ -78,25 +89,38 @@ def planned_jobs(project: Path) -> dict[str, int]:
     return {rule: int(count) for rule, count in re.findall(r"(?m)^(\w+) +(\d+)$", said)}
 
 
-def test_a_killed_study_goes_on_and_ends(project):
+def killed_at(project: Path, reached: Path) -> None:
+    """Start the study and end all of it, -9, where a file is there; nobody is left to clean up."""
     process = snakemake(project)
-    mesh = project / "cases" / "small" / "out" / "tiny" / "planform.h5"
     deadline = time.monotonic() + 300
-    while not mesh.exists() and process.poll() is None and time.monotonic() < deadline:
+    while not reached.exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGKILL)  # nobody is left to clean up
+    assert process.poll() is None, f"the study ended before it was killed: {process.communicate()[0][-3000:]}"
+    os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     time.sleep(1)
-    process = snakemake(project)
-    said = process.communicate(timeout=600)[0]
-    assert process.returncode == 0, said[-3000:]
-    table = pd.read_csv(project / "cases" / "small" / "out" / "studies" / "trial" / "table.csv").set_index(
-        "run"
-    )
+
+
+def test_a_study_killed_three_times_ends_with_the_table_of_an_undisturbed_one(project, tmp_path):
+    out = project / "cases" / "small" / "out"
+    thick = out / "studies" / "trial" / "thick" / "out" / "tiny"
+    solving = Path("case") / "interval_0" / "log.pimpleFoam"
+    for reached in (out / "tiny" / "planform.h5", out / "tiny" / solving, thick / solving):
+        killed_at(project, reached)
+    tables = []
+    for folder in (project, copy_of_project(tmp_path)):
+        process = snakemake(folder)
+        said = process.communicate(timeout=600)[0]
+        assert process.returncode == 0, said[-3000:]
+        tables.append(result(folder))
+    table, undisturbed = tables
     assert list(table.index) == ["itself", "thick", "edge"]
     assert table["peak_force_N"].notna().to_dict() == {"itself": True, "thick": True, "edge": False}
     assert table.loc["edge", "ended"] == "refused"
     assert table.loc["thick", "peak_force_N"] != table.loc["itself", "peak_force_N"]
+    physical = [name for name in table.columns if not re.search(COSTS, name)]
+    assert {"peak_force_N", "ended"} <= set(physical)
+    pd.testing.assert_frame_equal(table[physical], undisturbed[physical], check_exact=True)
 
 
 def test_the_runs_lie_where_the_table_says(project):
@@ -142,9 +166,11 @@ def test_what_is_taken_over_again_leaves_its_owner_alone(project):
 
 def test_nothing_is_run_again_until_a_number_changes(project):
     assert planned_jobs(project) == {}
-    (project / "pipeline" / "run.py").touch()
-    (project / "pipeline" / "Snakefile").write_text(
-        (project / "pipeline" / "Snakefile").read_text().replace("rule sheet:", "# a remark\nrule sheet:")
+    (project / "pipeline" / "case.py").touch()
+    (project / "pipeline" / "study" / "Snakefile").write_text(
+        (project / "pipeline" / "study" / "Snakefile")
+        .read_text()
+        .replace("rule sheet:", "# a remark\nrule sheet:")
     )
     assert planned_jobs(project) == {}
     table = project / "cases" / "small" / "studies" / "trial.csv"

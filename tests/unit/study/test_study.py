@@ -367,3 +367,10 @@ def test_what_sets_a_run_apart_leaves_out_what_all_have_in_common():
     assert changes(runs) == {
         "base": "as it is", "gap": "pinch.residual_gap = 0.001", "flat": "model.kind = 2d",
     }  # fmt: skip
+
+
+def test_snakemakes_settings_lie_where_it_looks_for_them():
+    """Beside the Snakefile; elsewhere they are ignored without a word, and a study that was killed does not go on."""
+    settings = ROOT / "pipeline" / "study" / "profiles" / "default" / "config.yaml"
+    assert "rerun-incomplete: true" in settings.read_text()
+    assert (settings.parents[2] / "Snakefile").exists()
