@@ -13,6 +13,8 @@ from pipeline.openfoam.function_objects import table_rows
 from pipeline.openfoam.ranks import Ranks, is_whole
 from pipeline.openfoam.surface_vtk import is_whole_vtk
 
+LOG = "log.pimpleFoam"
+LOGGED_STEP = re.compile(r"(?m)^ExecutionTime = .*ClockTime = \d+ s$")
 FIELDS = ("U", "p", "phi", "uniform/time")
 MOVED = ("pointDisplacement", "polyMesh/points")  # written where the mesh moves
 
@@ -31,8 +33,8 @@ def saved_times(folder: Path, ranks: Ranks, wanted: tuple[str, ...]) -> list[tup
 
 
 def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[float, str] | None:
-    """Latest time that all ranks have written whole and whose samples are on disk; None where there is none."""
-    sampled = min(sampled_until(case), np.nextafter(first_damaged(case), 0.0))
+    """Latest time that all ranks have written whole, whose samples and log are on disk; None where there is none."""
+    sampled = min(sampled_until(case), np.nextafter(first_damaged(case), 0.0), logged_until(case))
     wanted = FIELDS + (MOVED if moving else ())
     common: dict[float, str] | None = None
     for folder in ranks.folders(case):
@@ -96,6 +98,19 @@ def sampled_until(case: Path) -> float:
     """
     times = force_times(case)
     return times[-3] if len(times) > 3 else times[0]
+
+
+def logged_until(case: Path) -> float:
+    """Time (s) of the last whole step in the solver's log; infinite where there is no log.
+
+    MPI hands the log on late: a kill may take the lines of steps whose fields are on disk, and history.csv is made of them.
+    """
+    if not (case / LOG).exists():
+        return np.inf
+    text = (case / LOG).read_text(errors="replace")
+    ends = [step.start() for step in LOGGED_STEP.finditer(text)]
+    times = re.findall(r"(?m)^Time = (\S+)$", text[: ends[-1]]) if ends else []
+    return float(times[-1]) if times else 0.0
 
 
 def drop_tables(case: Path, start: float) -> None:

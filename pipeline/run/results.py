@@ -14,10 +14,10 @@ from fileio.formats.mesh_intervals import PER_FINGER, Interval, read_planform
 from fileio.formats.records import FORCES, HISTORY, LOSSES, MESH_QUALITY, POWER, POWER_TERMS
 from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.function_objects import read_function_object
+from pipeline.run.checkpoint import LOG
 from pipeline.run.energy import finger_power, resolved_dissipation
 from pipeline.run.map_fields import field_mappings
 from pipeline.run.power_terms import integrals
-from pipeline.run.solver import LOG
 
 
 def forces(case: Path, per_finger: int) -> np.ndarray:

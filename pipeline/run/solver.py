@@ -21,10 +21,16 @@ from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.environment import die_with_parent, environment_in, last_lines, solver_command
 from pipeline.openfoam.foamfile import END, write_bytes
 from pipeline.openfoam.ranks import Ranks
-from pipeline.run.checkpoint import drop_tables, first_damaged, force_times, last_checkpoint, reached_time
+from pipeline.run.checkpoint import (
+    LOG,
+    drop_tables,
+    first_damaged,
+    force_times,
+    last_checkpoint,
+    reached_time,
+)
 from pipeline.run.guards import FINER, SILENCE, Guard, Watchdog
 
-LOG = "log.pimpleFoam"
 PROGRESS = "progress.json"  # cost of the interval so far, and whether it has ended
 OUTSIDE = signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGXCPU
 NOTE_EVERY = 10.0  # s between notes of the time spent, for a run that is killed

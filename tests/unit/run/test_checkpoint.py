@@ -8,6 +8,7 @@ from pipeline.openfoam.foamfile import END, write_bytes
 from pipeline.openfoam.ranks import Ranks, collated_content
 from pipeline.run.checkpoint import (
     FIELDS,
+    LOG,
     MOVED,
     drop_tables,
     last_checkpoint,
@@ -42,6 +43,21 @@ def test_a_time_counts_once_the_step_after_it_was_sampled(tmp_path):
     )  # 0.02 may have been killed among its samples
     record(tmp_path, "0", [0.005, 0.01, 0.015, 0.02, 0.025, 0.03])
     assert last_checkpoint(tmp_path, Ranks(1)) == (0.02, "0.02")
+
+
+def test_a_time_counts_once_its_step_is_in_the_log(tmp_path):
+    """A kill of MPI's launcher takes lines with it that the solver has written: history.csv would lack their steps."""
+    for time in ("0.01", "0.02"):
+        save(tmp_path, time)
+    record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
+    step = "Time = {}\n\nExecutionTime = 1.5 s  ClockTime = 2 s\n\n"
+    log = tmp_path / LOG
+    log.write_text(step.format("0.01") + step.format("0.02"))
+    assert last_checkpoint(tmp_path, Ranks(1)) == (0.02, "0.02")
+    log.write_text(step.format("0.01") + "Time = 0.02\n\nExecutionTime = 1.5 s  Clo")
+    assert last_checkpoint(tmp_path, Ranks(1)) == (0.01, "0.01")
+    log.write_text("Create time\n")
+    assert last_checkpoint(tmp_path, Ranks(1)) is None
 
 
 @pytest.mark.parametrize("name", [*FIELDS, *MOVED, *MORE])
