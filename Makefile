@@ -280,7 +280,7 @@ lint: $(READY) ## ruff, mypy and the import rules
 	.venv/bin/lint-imports
 
 test: lint ## the whole test suite
-	$(PY) -m pytest -n $(NP)
+	$(PY) -m pytest -n $(NP) --dist worksteal
 
 unit: $(READY) ## the tests that need no OpenFOAM
 	$(PY) -m pytest tests/unit tests/analytic tests/golden
