@@ -48,7 +48,7 @@ def settings_of(scene: Scene, stage: str) -> dict[str, Any]:
         return FLAT_SETTINGS[stage](scene)
     settings = scene.model_dump(mode="json", include=STAGE_SECTIONS[stage])
     if stage == "kinematics":
-        named = [getattr(scene.motion, key) for key in FILE_KEYS]
+        named = [getattr(scene.motion, key) for key in sorted(FILE_KEYS)]
         settings["files"] = {name: _file_digest(scene.folder / name) for name in named if name}
     if stage == "case":
         settings["templates"] = templates_digest()

@@ -43,7 +43,9 @@ def run(scene: Scene, quiet: bool = False, processes: int = 2) -> None:
     motion = load_scene(
         scene.folder, scene.level
     ).motion  # the file that was written may hold in place of a parent's
-    if motion.source not in USED_BY or os.path.normpath(scene.folder / str(motion.states)) != str(target):
+    if motion.source not in USED_BY or os.path.normpath(
+        scene.folder / str(motion.states)
+    ) != os.path.normpath(target):
         print(
             f"fea: warning: {scene.folder / 'scene.toml'} has motion.source = {motion.source!r} and motion.states ="
             f" {motion.states!r}, so nothing uses these states; give motion.source = 'fea' and motion.states = '{OWN_STATES}'"

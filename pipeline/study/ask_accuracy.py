@@ -18,7 +18,7 @@ from fileio.atomic import write_text
 from fileio.errors import StageError
 from fileio.formats.records import COST
 from fileio.json_text import parse_json, read_json
-from fileio.stages import BY_NAME
+from fileio.stages import BY_NAME, STAGES
 from pipeline.study.machine_speed import probe
 from pipeline.study.plan import write_scenes
 from pipeline.study.table import Row, parse_cell
@@ -161,6 +161,8 @@ def run(args: argparse.Namespace) -> None:
         f" about {times[index]:.0f} s of CPU on this machine",
         file=sys.stderr,
     )
+    if unknown := [stage.name for stage in STAGES if stage.name not in settings[index].seconds]:
+        print(f"choose: not counted, as nothing measured it: {', '.join(unknown)}", file=sys.stderr)
     print(row.run, row.level, row.ranks)  # for make
 
 

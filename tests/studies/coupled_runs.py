@@ -1,7 +1,6 @@
 """What the water does to the motion and to the tip vortex: a coupled run beside the prescribed one, for docs/coupling.md.
 
-python -m tests.studies.coupled_runs --level coarse   (make coupled-docs; needs make single_finger with and without COUPLED=1, of
-single_deflate COUPLED=1 if it is there)
+python -m tests.studies.coupled_runs --level coarse   (make coupled-docs; needs make single_finger with and without COUPLED=1)
 """
 
 from __future__ import annotations
@@ -42,6 +41,8 @@ def at_bends(out: Path) -> dict[int, tuple[float, float]]:
     """Circulation (m²/s) of the tip vortex and its distance (m) behind the tip, where the closing finger first has each bend."""
     with read_plane(out / "sheet.h5") as plane:
         time, bend = plane["time"].values, np.degrees(plane["bend"].values[:, 0])
+    if bend.max() < BENDS[-1]:
+        raise StageError(f"{out}: the finger bends to {bend.max():.1f}° only; {BENDS[-1]}° are needed")
     first = {b: float(time[np.argmax(bend >= b)]) for b in BENDS}
     window = (first[BENDS[1]], first[BENDS[-1]])
     track = dominant_track(read_vortices(out / "vortices_cfd.csv"), 0, window, "the CFD")

@@ -106,15 +106,17 @@ def descendants(pid: int) -> list[int]:
     return pids
 
 
-def kill_one(process: subprocess.Popen, draw: random.Random) -> str:
-    """kill -9 of any one process of a make, which then ends by itself; the name of the one."""
-    name = "none"
-    pids = descendants(process.pid)
-    if pids:
-        pid = draw.choice(pids)
-        with suppress(OSError):
-            name = Path(f"/proc/{pid}/comm").read_text().strip()
+def kill_one(process: subprocess.Popen, draw: random.Random) -> str | None:
+    """kill -9 of any one process of a make, which then ends by itself; the name of the one, None where make ended before."""
+    name = None
+    while name is None and process.poll() is None:
+        with suppress(OSError, IndexError):  # it has ended since, or there is none at the moment
+            pid = draw.choice(descendants(process.pid))
+            found = Path(f"/proc/{pid}/comm").read_text().strip()
             os.kill(pid, signal.SIGKILL)
+            name = found
+    if name is None:
+        return None
     with suppress(subprocess.TimeoutExpired):
         process.wait(PATIENCE)
     if process.poll() is None:

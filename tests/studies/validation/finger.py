@@ -73,13 +73,7 @@ def tip_vortex(sheet: xr.Dataset, scene: Scene) -> pd.Series:
     track = pd.DataFrame(
         [{"time": time, "x": strongest.x, "y": strongest.y, "circulation": strongest.circulation}]
     )
-    radius = CIRCLE * float(sheet.attrs["tip_width"])
-    integrals = vortex_integrals(sheet, track, radius, (time, time))
-    if integrals.empty:
-        raise ValueError(
-            f"the tip vortex of {scene.name} at level {scene.level} has nothing in its circle at {time:g} s"
-        )
-    return integrals.iloc[0]
+    return integrals_of(sheet, scene, track, (time, time)).iloc[0]
 
 
 def mean_vortex(sheet: xr.Dataset, scene: Scene, window: tuple[float, float]) -> pd.Series:
@@ -88,7 +82,19 @@ def mean_vortex(sheet: xr.Dataset, scene: Scene, window: tuple[float, float]) ->
     At single instants they differ between grids by when the sheet's vortices pass the circle and pair.
     """
     track = dominant_track(read_vortices(scene.out / "vortices_cfd.csv"), 0, window, scene.level)
-    return vortex_integrals(sheet, track, CIRCLE * float(sheet.attrs["tip_width"]), window).mean()
+    return integrals_of(sheet, scene, track, window).mean()
+
+
+def integrals_of(
+    sheet: xr.Dataset, scene: Scene, track: pd.DataFrame, window: tuple[float, float]
+) -> pd.DataFrame:
+    """Integrals within the circle round a tracked vortex. ValueError where there are none in the window (s)."""
+    integrals = vortex_integrals(sheet, track, CIRCLE * float(sheet.attrs["tip_width"]), window)
+    if integrals.empty:
+        raise ValueError(
+            f"the tip vortex of {scene.name} at level {scene.level} has nothing in its circle from {window[0]:g} to {window[1]:g} s"
+        )
+    return integrals
 
 
 def read_run(scene: Scene, window: tuple[float, float] | None = None) -> Run:
