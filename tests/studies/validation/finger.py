@@ -135,7 +135,7 @@ def checks_of(
         e = estimates[name]
         if name in ("x", "y"):
             gap, scale, unit = 1e3 * float(e.uncertainty[at]), width, "mm"
-            tolerance, why = 2.0, "a fifth of the tip vortex's core"
+            tolerance, why = 2.0, "an eighth of the tip's width"
         else:
             gap, scale, unit = float(e.uncertainty[at]), abs(e.extrapolated), "1"
             tolerance, why = (
