@@ -62,8 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Make or apply."""
-    wanted = ".json" if args.apply is None else ".h5" if args.vectors else args.output.suffix
-    if args.output.suffix != wanted:
+    wanted = ".json" if args.apply is None else ".h5" if args.vectors else args.output.suffix.lower()
+    if args.output.suffix.lower() != wanted:
         raise ValueError(f"{args.output}: piv calibrate writes {wanted} here; name it so")
     if args.apply is not None:
         _apply(args)

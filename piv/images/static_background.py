@@ -25,9 +25,9 @@ LEAST_AREA = 5e-4  # share of the picture; a few odd cells are no background
 def static_background(recording: Recording) -> tuple[np.ndarray, np.ndarray] | None:
     """Grey values (float32) to take off every frame, 0 where nothing is static, and the pixels (bool) that it saturates.
 
-    None where it would not pay: nothing is static, or fewer than LEAST_FRAMES frames.
+    None where it would not pay: nothing is static, most of the picture is, fewer than LEAST_FRAMES frames or CELL px.
     """
-    if len(recording) < LEAST_FRAMES:
+    if len(recording) < LEAST_FRAMES or min(recording.shape) < CELL:
         return None
     chosen = np.unique(np.linspace(0, len(recording) - 1, min(FRAMES, len(recording))).astype(int))
     least = recording.frame(int(chosen[0])).astype(np.float32)

@@ -17,9 +17,10 @@ LEAST_VECTORS = 12  # in common of all pairs
 
 
 def frame_shifts(frames: list[Any], masks: list[Any]) -> np.ndarray | None:
-    """Shift (n, 2: x, y down, px) of each frame against the middle one beyond a motion in a straight line; None below LEAST_SHAKE.
+    """Shift (n, 2: x, y down, px) of each frame against the middle one beyond a motion in a straight line; 0 below LEAST_SHAKE.
 
     Each vector's displacement from frame to frame less its mean over the set is the shake, the same all over the frame.
+    None where it cannot be measured: frames below LEAST_SIDE, or fewer than LEAST_VECTORS.
     """
     if min(np.shape(frames[0])) < LEAST_SIDE:
         return None
@@ -37,7 +38,7 @@ def frame_shifts(frames: list[Any], masks: list[Any]) -> np.ndarray | None:
     at = np.arange(len(frames)) - len(frames) // 2
     shifts = places - np.outer(at, at @ places / (at @ at))
     shifts -= shifts[len(frames) // 2]
-    return shifts if np.sqrt(np.mean(shifts**2)) > LEAST_SHAKE else None
+    return shifts if np.sqrt(np.mean(shifts**2)) > LEAST_SHAKE else np.zeros_like(shifts)
 
 
 def shifted(

@@ -25,7 +25,8 @@ def correlate_frames(
     """Displacement per frame interval at the middle frame of an odd number of equally spaced frames.
 
     Arguments and result as of `correlate_pair`; mask: one for all frames or one per frame; shake: whether the camera's is
-    measured and taken out, so that only its mean motion over the set stays in the vectors. Every frame is warped to
+    measured and taken out, so that only its mean motion over the set stays in the vectors (attribute `shake_unknown`: 1
+    where it could not be measured and the frames are used as recorded). Every frame is warped to
     the middle instant along the paths of the field found so far; the correlations of all pairs of frames are added up
     with the weight of a straight-line fit (a pair n frames apart counts n times) and one Newton step is taken for d
     and, from the pairs that are not symmetric in time, for the unsteady acceleration. Random errors fall with the lever arm of the set:
@@ -38,10 +39,13 @@ def correlate_frames(
     if settings.method != "correlation":
         raise ValueError("the multi-frame mode correlates; method must be 'correlation'")
     settings = replace(settings, passes=max(settings.full_steps, len(frames) // 2 + 2))
+    shake_unknown = False
     if shake:
         frames = check_images(frames, settings.window)
         masks = check_masks(mask, len(frames), frames[0].shape)
-        if (shifts := frame_shifts(frames, masks)) is not None:
+        shifts = frame_shifts(frames, masks)
+        shake_unknown = shifts is None
+        if shifts is not None and shifts.any():
             frames, mask = shifted(frames, masks, shifts)
     images = Prepared(list(frames), mask, settings.window)
     both = both_seen(images.seen)
@@ -115,7 +119,8 @@ def correlate_frames(
 
     seen = both_seen(images.half[1])
     vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
-    return to_dataset(vectors, errors_of(nodes, vectors, settings), nodes, keep, settings)
+    field = to_dataset(vectors, errors_of(nodes, vectors, settings), nodes, keep, settings)
+    return field.assign_attrs(shake_unknown=int(shake_unknown))
 
 
 def paths(dx, dy, x, y, unsteady: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:

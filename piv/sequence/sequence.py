@@ -21,6 +21,7 @@ from piv.correlation.pair import correlate_pair, vector_axes
 from piv.images.open_recording import pairs
 from piv.images.preprocess import Preprocessor
 from piv.images.recording import Recording
+from piv.sequence.camera_shake import LEAST_SIDE, LEAST_VECTORS
 from piv.sequence.chunks import BLOCK, Chunk, is_chunk, series_key
 from piv.sequence.multiframe import correlate_frames
 
@@ -53,6 +54,14 @@ class SequenceOptions:
             raise ValueError(f"frames must be 2, or odd for the multi-frame mode, got {self.frames}")
         if self.frames == 2 and not self.shake:
             raise ValueError("shake = false is of the multi-frame mode; give frames = 3 or more")
+        if not isinstance(self.preprocess, str):
+            raise ValueError(
+                f"preprocess must be one text of steps with commas, such as 'background=min,cap=3', got {self.preprocess!r}"
+            )
+        if "none" in self.preprocess.split(",") and self.preprocess != "none":
+            raise ValueError(
+                f"preprocess = {self.preprocess!r}: 'none' stands alone; leave out either it or the steps"
+            )
         if self.frames > 2 and (self.pairing != "1-2,2-3" or self.skip):
             raise ValueError(
                 "the multi-frame mode needs equally spaced frames: pairing '1-2,2-3' without skip"
@@ -128,6 +137,7 @@ def correlate_recording(
     cv2.setNumThreads(1)  # fields are the unit of parallel work
     interval_before = sys.getswitchinterval()
     sys.setswitchinterval(HAND_OVER)
+    shake_unknown = 0
     try:
         missing = [k for k in range(len(sets)) if k not in writer.done]
         bar = tqdm(
@@ -135,6 +145,7 @@ def correlate_recording(
         )
         for k, plane in _in_parallel(missing, sets, load, options, sequence):
             writer.write(k, units.fields(plane, k))
+            shake_unknown += plane.attrs.get("shake_unknown", 0)
             bar.update()
         bar.close()
         if finger is not None:
@@ -148,6 +159,12 @@ def correlate_recording(
         sys.setswitchinterval(interval_before)
         cv2.setNumThreads(threads_before)
         writer.close()
+        if shake_unknown:
+            print(
+                f"{output}: the camera's shake could not be measured in {shake_unknown} of {len(sets)} fields, which use their frames as recorded: it needs "
+                f"{LEAST_SIDE} px each way and {LEAST_VECTORS} vectors that all pairs have; --no-shake (shake = false) does not look for it",
+                file=sys.stderr,
+            )
 
 
 def _seen(recording: Recording) -> list[Any]:
