@@ -39,7 +39,7 @@ SCHEMA = Schema(
         Variable("time", "time", "s", "ascending; of PIV: the middle of the two exposures", True),
         Variable("y", "y", "m", "ascending, regular"),
         Variable("x", "x", "m", "ascending, regular"),
-        Variable("u", FIELD, "m/s", "velocity along x; absent (NaN) exactly where `valid` is 0", finite=False),
+        Variable("u", FIELD, "m/s", "velocity along x; absent (NaN) where `valid` is 0 and `flag` not 5", finite=False),
         Variable("v", FIELD, "m/s", "velocity along y, likewise", finite=False),
         Variable("valid", FIELD, "1", "uint8: 1 = measured; 0 = inside a body, masked, or rejected", finite=False),
         Variable("flag", FIELD, "1", "uint8: 0 valid, 1 outlier, 2 masked, 3 second peak taken, 4 replaced on request, "
