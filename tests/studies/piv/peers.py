@@ -10,6 +10,7 @@ import os
 import sys
 import tempfile
 import time
+from importlib.metadata import distributions
 from pathlib import Path
 
 os.environ["OMP_NUM_THREADS"] = "1"
@@ -107,9 +108,10 @@ def main(folder: Path) -> None:
 
 
 def digest(file: Path) -> str:
-    """Of the images of a pair and of what the peers are asked for."""
+    """Of the images of a pair, of what the peers are asked for, and of the installed libraries."""
     pair = np.load(file)
-    asked = repr((OPENPIV, PIVTOOLS)).encode()
+    installed = sorted(f"{d.name} {d.version}" for d in distributions())
+    asked = repr((OPENPIV, PIVTOOLS, installed)).encode()
     return hashlib.sha256(pair["a"].tobytes() + pair["b"].tobytes() + asked).hexdigest()
 
 
