@@ -1,4 +1,7 @@
-"""A page of the docs about one scene: what was asked, what was measured, with which versions (docs/<scene>.md)."""
+"""A page of the docs about one scene: what was asked, what was measured, with which versions (docs/<scene>.md).
+
+Sections written by hand, reference/words.md of the scene, are taken in as they are.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +32,10 @@ def verdict_sentence(verdict: dict[str, Any]) -> str:
     return f"Checks met: {' and '.join(parts)} findings."
 
 
-def page(scene: str, level: str, comparison: dict[str, Any], run: dict[str, Any], picture: str) -> str:
-    """The page as Markdown."""
+def page(
+    scene: str, level: str, comparison: dict[str, Any], run: dict[str, Any], picture: str, words: str = ""
+) -> str:
+    """The page as Markdown; `words`: its sections written by hand."""
     rows = "\n".join(
         f"| {c['finding']} | {requirement(c)} | {measured_text(c)} | {verdict_cell(c)} |"
         for c in comparison["checks"]
@@ -52,7 +57,7 @@ Written by `make docs` from `cases/{scene}/out/{level}/`; scene hash `{run["scen
 {rows}
 
 The reasons of the tolerances are in `cases/{scene}/reference/findings.toml`.
-{sentences_part(comparison)}{part}
+{sentences_part(comparison)}{words and chr(10) + words}{part}
 **The run.** {run["cells"]} cells ({run["model"]}), {run["steps"]} steps of {run["time_step"] * 1e3:g} ms, {run["ranks"]} ranks,
 {run["wall_time"]:.0f} s of solver; largest Courant number {run["courant_max"]:.2f}. **Power balance**: {balance_sentence(run["power_balance"])}
 
@@ -82,7 +87,7 @@ def sentences_part(comparison: dict[str, Any]) -> str:
     return f"""
 ## What the paper says, sentence by sentence
 
-| sentence | measured | |
+| sentence | measured | verdict |
 |---|---|---|
 {lines}
 """
@@ -158,7 +163,9 @@ def run(args: argparse.Namespace) -> None:
         raise FileNotFoundError(f"{files.figures}: no flow_*.png; run the stage 'report' first")
     picture = f"{files.scene}.png"
     write_bytes(args.docs / picture, flow[len(flow) // 2].read_bytes())  # half-way; of a pinch about contact
-    text = page(files.scene, args.level, comparison, record, picture)
+    path = files.scene_folder / "reference" / "words.md"
+    words = path.read_text(encoding="utf-8") if path.exists() else ""
+    text = page(files.scene, args.level, comparison, record, picture, words)
     for name in PINCH_PICTURES:
         if (files.figures / name).exists():
             write_bytes(args.docs / f"{files.scene}_{name}", (files.figures / name).read_bytes())
