@@ -25,8 +25,11 @@ def conservation(files: StageFiles, plane: xr.Dataset) -> pd.DataFrame:
     return table.assign(impulse=vertical_impulse(plane), given=np.interp(table["time"], time, given))
 
 
-def conservation_numbers(table: pd.DataFrame, met: float | None) -> dict[str, float | None]:
-    """What is unexplained of the circulation before and after contact, over its peak, and of the impulse, over the given one's peak."""
+def conservation_numbers(table: pd.DataFrame, met: float | None, flat: bool) -> dict[str, float | None]:
+    """What is unexplained of the circulation before and after contact, over its peak, and of the impulse, over the given one's peak.
+
+    The impulse only of a `flat` (2-D) flow: of a vortex loop one plane does not tell it.
+    """
     explained = table[["walls", "pressure", "carried", "diffused"]].sum(axis=1)
     off = (table["circulation"] - explained).abs() / table["circulation"].abs().max()
     before = table["time"] <= (np.inf if met is None else met)
@@ -34,5 +37,5 @@ def conservation_numbers(table: pd.DataFrame, met: float | None) -> dict[str, fl
     return {
         "circulation_unexplained": float(off[before].max()),
         "circulation_unexplained_after": None if before.all() else float(off[~before].max()),
-        "impulse_unexplained": float(impulse),
+        "impulse_unexplained": float(impulse) if flat else None,
     }

@@ -134,7 +134,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
     if pinch and set(evidence.planes["cfd"]) >= NEEDED:
         balance = conservation(files, evidence.planes["cfd"])
         write_text(files.out / "conservation.csv", balance.to_csv(index=False))
-        pinch["pinch"]["cfd"] |= conservation_numbers(balance, evidence.clock.met())
+        pinch["pinch"]["cfd"] |= conservation_numbers(balance, evidence.clock.met(), run["model"] == "2d")
     result = {
         "scene": files.scene,
         "level": files.level,

@@ -33,7 +33,7 @@ ROWS = (
     ("jet 40 mm below the tips: momentum flux per depth and density", "jet_flux_40mm_peak", "m³/s²", ()),
     ("circulation of half the plane that walls, flow and diffusion do not explain, until contact, over its peak", "circulation_unexplained", "fraction", ()),
     ("the same, after contact", "circulation_unexplained_after", "fraction", ()),
-    ("vertical impulse of the plane flow against the fingers' forces per width, largest difference over its peak", "impulse_unexplained", "fraction", ()),
+    ("vertical impulse of the plane flow (two dimensions only) against the fingers' forces per width, largest difference over its peak", "impulse_unexplained", "fraction", ()),
     ("height at which the flow parts, 20 to 2 mm of gap", "stagnation_y_approach", "m", ()),
     ("downward jet at its fastest", "jet_peak", "m/s", ("jet_peak_time", "jet_peak_gap")),
     ("upward flow at its fastest", "rise_peak", "m/s", ("rise_peak_time", "rise_peak_gap")),

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
 from fileio.formats.plane_series import make_plane
+from postprocess.compare.conservation import conservation_numbers
 from postprocess.evidence import conservation
 
 DENSITY, VISCOSITY, HEIGHT = 998.2, 1e-6, 0.17
@@ -103,3 +105,16 @@ def test_impulse_of_an_exact_pair():
     assert conservation.vertical_impulse(series)[0] == pytest.approx(
         -2 * b * circulation, rel=0.01
     )  # a grid of r_c / 2
+
+
+@pytest.mark.parametrize("flat, told", [(True, 0.25), (False, None)])
+def test_the_impulse_is_compared_in_two_dimensions_only(flat, told):
+    """A quarter of the given impulse is missing; of a vortex loop that would say nothing."""
+    parts = {"walls": [0.0, 1.0], "pressure": [0.0, 0.5], "carried": [0.0, 0.3], "diffused": [0.0, 0.1]}
+    table = pd.DataFrame(
+        {"time": [0.0, 0.1], "circulation": [0.0, 2.0], **parts, "impulse": [0.0, -3.0], "given": [0.0, -4.0]}
+    )
+    numbers = conservation_numbers(table, None, flat)
+    assert numbers["impulse_unexplained"] == told
+    assert numbers["circulation_unexplained"] == pytest.approx(0.05)
+    assert numbers["circulation_unexplained_after"] is None
