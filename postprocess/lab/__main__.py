@@ -61,7 +61,10 @@ def report(args: argparse.Namespace, say: Callable[[object], None], files: LabFi
 
 
 OPTIONS: dict[str, dict[str, Any]] = {
-    "quick": {"action": "store_true", "help": "say what the pictures show of the motion, and write nothing"},
+    "quick": {
+        "action": "store_true",
+        "help": "say what the pictures show of the motion, and write no registration",
+    },
     "pressure-kpa": {"type": float, "required": True, "help": "of the last stroke"},
     "seed": {"type": int, "default": 1, "help": "of all random numbers (default 1)"},
     "ranks": {"type": int, "default": 1, "help": "that each run is solved on (default 1)"},

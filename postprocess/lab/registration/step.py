@@ -32,7 +32,7 @@ def lab_files(case: Path, level: str, dpiv: Path) -> tuple[LabFiles, Dpiv]:
 
 
 def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1, quick: bool = False) -> Registration:
-    """Register the data and write registration.json and view.txt; `quick`: with fewer samples, and nothing is written.
+    """Register the data and write registration.json and view.txt; `quick`: with fewer samples, and only a refused fit's picture.
 
     What the later steps need and cannot be asked for once the simulation has run is looked for here: the scene's inputs.toml, the
     FEA's bands, the uncertainty of vectors.
@@ -76,6 +76,7 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1, quick: bool = F
                     hidden=hidden,
                 ),
                 dpiv,
+                keep=quick,
             )
             corners = (0.0, 0.0), (float(recording.shape[1]), float(recording.shape[0]))
     if quick:
@@ -90,11 +91,15 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1, quick: bool = F
     return registration
 
 
-def refuse_what_does_not_fit(files: LabFiles, check: FitCheck, dpiv: Dpiv) -> None:
-    """StageError where the fit is refused; the picture that shows where, registration_refused.png, goes with it."""
+def refuse_what_does_not_fit(files: LabFiles, check: FitCheck, dpiv: Dpiv, keep: bool) -> None:
+    """StageError where the fit is refused; the picture that shows where, registration_refused.png, goes with it.
+
+    An earlier registration.json is deleted then, unless it is to be kept.
+    """
     files.refused.unlink(missing_ok=True)
     if check.refusals:
-        files.registration.unlink(missing_ok=True)  # of other pictures, perhaps
+        if not keep:
+            files.registration.unlink(missing_ok=True)  # of other pictures, perhaps
         write_bytes(files.refused, draw_fit(check))
         reasons = "; also, ".join(check.refusals)
         raise StageError(f"{dpiv.folder / NAME}: the registration is refused: {reasons}; see {files.refused}")
