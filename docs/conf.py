@@ -58,7 +58,7 @@ def fill_page(app, page, source):
         taken = re.search(pattern, notebook(whole) if file.endswith(".ipynb") else whole, re.DOTALL)
         if not taken:
             raise ValueError(
-                f"{file}: has not the headings between which docs/conf.py takes its text: {pattern}"
+                f"{file}: lacks the headings between which docs/conf.py takes its text: {pattern}"
             )
         text = head + taken[1]
         folder = (ROOT / file).parent

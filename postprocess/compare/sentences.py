@@ -10,11 +10,11 @@ why = "…"                    # why not, or what of it the findings leave open
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from fileio.toml_text import read_toml
 from postprocess.compare.findings import Finding
 
 
@@ -32,15 +32,17 @@ class Sentence:
 def read_sentences(path: Path, findings: tuple[Finding, ...]) -> tuple[Sentence, ...]:
     """The sentences of a file, checked against its findings; ValueError names file, sentence, key and remedy."""
     known, out = {finding.id for finding in findings}, []
-    for entry in tomllib.loads(path.read_text(encoding="utf-8")).get("sentence", []):
+    for entry in read_toml(path).get("sentence", []):
         where = f"{path}: sentence {str(entry.get('quote', '(without quote)'))[:40]!r}"
         if unknown := sorted(set(entry) - set(Sentence.__dataclass_fields__)):
             raise ValueError(f"{where} has the unknown key {unknown[0]!r}; remove or rename it")
         if missing := [key for key in ("quote", "where") if not entry.get(key)]:
-            raise ValueError(f"{where} lacks the key {missing[0]!r}")
+            raise ValueError(f"{where} lacks the key {missing[0]!r}; add it")
         sentence = Sentence(**entry | {"findings": tuple(entry.get("findings", ()))})
         if absent := [name for name in sentence.findings if name not in known]:
-            raise ValueError(f"{where}: findings = {absent[0]!r} is no finding of this file")
+            raise ValueError(
+                f"{where}: findings = {absent[0]!r} is no finding of this file; give the id of one"
+            )
         if not sentence.findings and not sentence.why:
             raise ValueError(f"{where} has neither findings nor why; say why it cannot be tested")
         out.append(sentence)

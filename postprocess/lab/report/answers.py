@@ -86,13 +86,15 @@ def listed(quantities: list[dict[str, Any]]) -> str:
 def unseen(quantities: list[dict[str, Any]]) -> str:
     """How large an error of each quantity would still be missed."""
     limits = ", ".join(f"{q['label']} {relative(q)}" for q in quantities)
-    return f"what errs by less would not be seen: {limits}"
+    return f"a smaller error than these may not be seen: {limits}"
 
 
 def hidden(quantities: list[dict[str, Any]]) -> str:
     """Quantities with the error that could hide in them, and where the uncertainty comes from."""
     wide = [q for q in quantities if q["joint_verdict"] == "too uncertain"]
-    return ", ".join(f"{q['label']} (only one above {relative(q)}, mostly {q['dominant']})" for q in wide)
+    return ", ".join(
+        f"{q['label']} (only an error above {relative(q)}, mostly {q['dominant']})" for q in wide
+    )
 
 
 def undecided(quantities: list[dict[str, Any]]) -> str:

@@ -109,7 +109,7 @@ def test_yes_says_how_large_an_error_would_be_missed_and_what_u_val_lacks():
     assert told.startswith("Motion: yes. Flow: yes. ")
     assert "final bend 3\u00a0%" in told
     assert (
-        "circulation 98\u00a0cm²/s against 100\u00a0cm²/s; what errs by less would not be seen: circulation 10\u00a0%"
+        "circulation 98\u00a0cm²/s against 100\u00a0cm²/s; a smaller error than these may not be seen: circulation 10\u00a0%"
         in told
     )
     assert "these runs were not made: grid, time_step" in told
@@ -121,7 +121,7 @@ def test_a_flow_that_could_err_by_a_third_unseen_cannot_be_said():
     told = answers.answer(made)
     assert made["verdict"] == "too uncertain"
     assert told.startswith("Motion: yes. Flow: cannot be said.")
-    assert "circulation (only one above 110\u00a0%, mostly grid)" in told
+    assert "circulation (only an error above 110\u00a0%, mostly grid)" in told
     assert "98\u00a0cm²/s" not in told  # an undecided quantity is no evidence
 
 
