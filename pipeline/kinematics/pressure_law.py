@@ -58,6 +58,8 @@ def measured_table(path: Path, header: str, units: str) -> tuple[np.ndarray, np.
     """Increasing times and values of a CSV with two columns. StageError, which names the `units` wanted."""
     try:
         table = np.array([row.split(",") for row in _data_rows(path, header)], float, ndmin=2)
+    except FileNotFoundError:
+        raise StageError(f"{path}: no such file; give a table of {header} in {units}") from None
     except (OSError, ValueError) as error:
         raise StageError(f"{path}: not a table of {header} in {units}: {error}") from None
     if table.ndim != 2 or table.shape[1] != 2 or len(table) < 3:

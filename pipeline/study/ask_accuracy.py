@@ -75,7 +75,7 @@ def accuracy(text: str) -> float:
     match = re.fullmatch(rf"\s*{NUMBER}\s*(%?)\s*", text)
     value = float(match.group(1)) * (0.01 if match.group(2) else 1.0) if match else -1.0
     if not 0 < value < 1:
-        raise StageError(f"ACCURACY={text}: give a part, as 5% or 0.05")
+        raise StageError(f"ACCURACY={text}: give a share between 0 and 1, as 5% or 0.05")
     return value
 
 

@@ -95,6 +95,11 @@ def test_bad_pressure_histories_are_one_sentence(tmp_path, text, words):
         measured_law(tmp_path / "p.csv")
 
 
+def test_a_pressure_history_that_is_not_there_is_named_once(tmp_path):
+    with pytest.raises(StageError, match=r"^\S+p\.csv: no such file; give a table of t,p in s and Pa$"):
+        measured_law(tmp_path / "p.csv")
+
+
 def test_a_pressure_history_may_carry_comments(tmp_path):
     (tmp_path / "p.csv").write_text("# logger 7\nt, p\n0,0\n0.1,5000  # valve opens\n\n0.2,9000\n")
     assert measured_law(tmp_path / "p.csv")(np.array([0.1, 0.2])) == pytest.approx([5e3, 9e3])
