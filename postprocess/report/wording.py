@@ -127,8 +127,10 @@ def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
         if source in summary:
             mean = summary[source]["circulation_mean"] * 1e4
             sense = "clockwise" if mean < 0 else "counter-clockwise"
+            # each source's own instants: where PIV finds the vortex at fewer of them, the means are of other times
             remark = (
-                f"mean over the middle of the stroke; {sense}, {summary[source]['side'] or 'undecided'} side"
+                f"mean of {summary[source]['instants']} instants in the middle of the stroke; {sense}, "
+                f"{summary[source]['side'] or 'undecided'} side"
             )
             out.append((f"{abs(mean):.1f} cm²/s", f"tip vortex, {PAIRS[source]}", remark))
     if "piv-cfd" not in summary:
@@ -139,7 +141,8 @@ def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
         ("distance of the centres", "centre_rms_distance", "centre_max_distance", "m"),
     ):
         if pair[rms] is not None:
-            out.append((quantity(pair[rms], unit), name, f"worst instant {quantity(pair[worst], unit)}"))
+            remark = f"RMS where both find it; worst instant {quantity(pair[worst], unit)}"
+            out.append((quantity(pair[rms], unit), name, remark))
     value = quantity(pair["velocity_rms_difference_relative"], "fraction")
     remark = f"of the peak tip speed; correlation {quantity(pair['velocity_correlation'], '1')}"
     out.append((value, "velocity difference (RMS)", remark))

@@ -75,6 +75,14 @@ class Page(HTMLParser):
             self.errors.append(f"</{tag}> at {self.getpos()}")
 
 
+def test_the_mean_circulations_say_of_how_many_instants_they_are(made):
+    comparison = result(made)
+    comparison["summary"]["cfd"]["instants"], comparison["summary"]["piv"]["instants"] = 24, 4
+    remarks = {name: remark for _, name, remark in wording.tiles(comparison)}
+    assert remarks["tip vortex, CFD"].startswith("mean of 24 instants")
+    assert remarks["tip vortex, PIV"].startswith("mean of 4 instants")
+
+
 def test_known_differences_come_out_of_the_files(made):
     checks = {c["id"]: c for c in result(made)["checks"]}
     # made with a gain of 0.98 and 0.5 % of noise, and with centres 0.3 mm off plus 0.05 mm of noise each way; between
