@@ -54,8 +54,6 @@ def measure_steep_regions(
     if poor.sum() > MOST * free.sum():
         return vectors
     if final:
-        if vectors.ratio is not None:  # adapted windows are small enough
-            poor &= vectors.ratio == 1
         poor |= free & (vectors.visible < WHOLE)  # beside a body
     if not poor.any():
         return vectors
