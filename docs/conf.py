@@ -46,12 +46,16 @@ TAKEN = {
     "site/fea_results": ("---\norphan: true\n---\n# Results of the bending studies\n", RESULTS, r"#[^\n]*\n(.*)"),
     "site/results": ("", "docs/tutorials/results.ipynb", r"(.*)"),
 }  # fmt: skip
+PAGE_NAME = re.compile(r"(?<!\]\()(?<![`/\w])docs/(\w+)\.md(?!`)")
 PAGE_OF = {file: page for page, (_, file, _) in TAKEN.items()} | {"README.md": "index"}
 
 
 def fill_page(app, page, source):
     """Fill a page of TAKEN or the list of public names; lead links to files that are pages of the site there."""
     text, folder = source[0], (DOCS / page).parent
+    if page.startswith("api/"):  # reStructuredText, not Markdown
+        source[0] = PAGE_NAME.sub(lambda name: f":doc:`/{name[1]}`" if is_page(name[1]) else name[0], text)
+        return
     if page in TAKEN:
         head, file, pattern = TAKEN[page]
         whole = (ROOT / file).read_text(encoding="utf-8")
@@ -85,10 +89,14 @@ def name_pages(text, of):
     """`text` of folder `of` with links in place of the plain names of pages, `docs/mesh.md`."""
 
     def link(name):
-        there = (DOCS / f"{name[1]}.md").exists()
-        return f"[{name[1]}]({os.path.relpath(DOCS, of)}/{name[1]}.md)" if there else name[0]
+        return f"[{name[1]}]({os.path.relpath(DOCS, of)}/{name[1]}.md)" if is_page(name[1]) else name[0]
 
-    return re.sub(r"(?<!\]\()(?<![`/\w])docs/(\w+)\.md(?!`)", link, text)
+    return PAGE_NAME.sub(link, text)
+
+
+def is_page(name):
+    """Whether docs/ has a page of this name."""
+    return (DOCS / f"{name}.md").exists()
 
 
 def relink(text, of, to):

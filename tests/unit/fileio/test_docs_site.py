@@ -31,3 +31,8 @@ def test_the_site(tmp_path):
     page = (site / "site" / "python.html").read_text(encoding="utf-8")
     linked = set(re.findall(r'href="\.\./api/[^"]*#[\w.]*\.(\w+)"', page))
     assert linked == set(piv.__all__) - {"__version__"}
+
+    # Markdown in a docstring would be shown as it is
+    assert not [
+        path for path in (site / "api").rglob("*.html") if "](../" in path.read_text(encoding="utf-8")
+    ]
