@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from fileio.atomic import whole
+from fileio.errors import StageError
 from fileio.formats.bending_states import BendingStates, read
 from pipeline.fea.finger import fit_circle
 from pipeline.kinematics.pressure_law import stroke_law
@@ -109,6 +110,8 @@ def actuation_time(chain: Chain, pressure: float, given: Assumption, water: bool
     bend = chain.bend(inside, delta)
     left = (last - bend) / (last - bend[0])
     there, outside = left <= REACHED, np.abs(left) > 0.1
+    if not there.any():
+        raise StageError(f"{given.name}: the finger is not there after {END} s; raise END")
     return float(time[np.argmax(there)]), float(time[len(time) - 1 - np.argmax(outside[::-1])])
 
 

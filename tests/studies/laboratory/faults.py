@@ -7,10 +7,7 @@ the faults drawn at random, or none. A small camera (400 px, 0.4 mm/px), 24 pict
 
 from __future__ import annotations
 
-import argparse
 import time
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
@@ -20,8 +17,7 @@ from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.check_fit import check_fit
 from postprocess.lab.registration.register import law_pressure, register
 from tests.lab_renderer import Faults, Rendered
-from tests.lab_scene import finger_kinematics
-from tests.studies.pages import write_between
+from tests.studies.laboratory.seeds import study
 
 PICTURES, SHAPE, SCALE = 24, (320, 400), 0.4e-3
 SWEEPS = (600, 200, 800, 800)
@@ -123,25 +119,5 @@ def summary(trials: pd.DataFrame) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Run the seeds that are not in the table yet."""
-    parser = argparse.ArgumentParser(prog="python -m tests.studies.laboratory.faults", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=40)
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--docs", type=Path, help="page to write the tables to")
-    args = parser.parse_args()
-    done = pd.read_csv(args.output) if args.output.exists() else pd.DataFrame({"seed": []})
-    with TemporaryDirectory() as folder:
-        kinematics = finger_kinematics(Path(folder))
-    for seed in range(1, args.seeds + 1):
-        if not (done["seed"] == seed).any():
-            done = pd.concat([done, pd.DataFrame([trial(kinematics, seed)])], ignore_index=True)
-            done.to_csv(args.output, index=False)
-            print(done.iloc[-1].to_dict(), flush=True)
-    print(summary(done))
-    if args.docs:
-        write_between(args.docs, "faults", summary(done))
-
-
 if __name__ == "__main__":
-    main()
+    study("faults", __doc__, 40, trial, summary)

@@ -6,10 +6,7 @@ Camera of the virtual laboratory, 42 pictures with fresh particles each; half of
 
 from __future__ import annotations
 
-import argparse
 import time
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
@@ -19,8 +16,8 @@ from piv.images.recording import Recording
 from piv.synthetic.camera import Seeding
 from postprocess.lab.registration.register import register
 from postprocess.lab.virtual.virtual_laboratory import SetUp, camera_for
-from tests.lab_scene import finger_kinematics, stated_pose, still_picture
-from tests.studies.pages import write_between
+from tests.lab_scene import stated_pose, still_picture
+from tests.studies.laboratory.seeds import study
 
 PICTURES = 42
 SWEEPS = (1200, 500, 2000, 2000)
@@ -95,27 +92,5 @@ def summary(trials: pd.DataFrame) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Run the seeds that are not in the table yet."""
-    parser = argparse.ArgumentParser(
-        prog="python -m tests.studies.laboratory.registration", description=__doc__
-    )
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--docs", type=Path, help="page to write the table to")
-    args = parser.parse_args()
-    done = pd.read_csv(args.output) if args.output.exists() else pd.DataFrame({"seed": []})
-    with TemporaryDirectory() as folder:
-        kinematics = finger_kinematics(Path(folder))
-    for seed in range(1, args.seeds + 1):
-        if not (done["seed"] == seed).any():
-            done = pd.concat([done, pd.DataFrame([trial(kinematics, seed)])], ignore_index=True)
-            done.to_csv(args.output, index=False)
-            print(seed, {n: round(float(done[n].iloc[-1]), 3) for n, _, _ in ROWS}, flush=True)
-    print(summary(done))
-    if args.docs:
-        write_between(args.docs, "registration", summary(done))
-
-
 if __name__ == "__main__":
-    main()
+    study("registration", __doc__, 20, trial, summary)
