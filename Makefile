@@ -16,6 +16,9 @@ NUMBER  = $(shell echo '$($1)' | grep -xE '0*$2[0-9]{0,5}')
 $(foreach v,NP NODES MINUTES,$(if $($v),$(if $(call NUMBER,$v,[1-9]),,$(error \
     $v=$($v): give a whole number of 1 to 999999))))
 $(if $(RETRIES),$(if $(call NUMBER,RETRIES,[0-9]),,$(error RETRIES=$(RETRIES): give a whole number of 0 to 999999)))
+# 0 would switch on as well
+$(foreach v,SLURM COUPLED COLLATED QUIET WHOLE QUICK,$(if $(filter-out 1,$($v)),$(error \
+    $v=$($v): give 1, or leave it out)))
 
 LEVEL ?= coarse
 CORES := $(shell nproc 2>/dev/null || echo 1)

@@ -62,6 +62,8 @@ def test_a_scene_of_another_name_is_left_out_with_a_sentence(project, name):
         ("NP=0", "NP=0: give a whole number of 1 to 999999"),
         ("NP=000", "NP=000: give a whole number of 1 to 999999"),
         ("NP=99999999999999999999", "NP=99999999999999999999: give a whole number of 1 to 999999"),
+        ("COUPLED=0", "COUPLED=0: give 1, or leave it out"),
+        ("WHOLE=no", "WHOLE=no: give 1, or leave it out"),
         ("RETRIES=-1", "RETRIES=-1: give a whole number of 0 to 999999"),
         ("SNAKEFLAGS=-n;touch pwned", "SNAKEFLAGS has the letter ; in it"),
         ("PRESSURE=21;touch pwned", "PRESSURE has the letter ; in it"),
