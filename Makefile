@@ -2,7 +2,7 @@
 
 # What is given reaches a shell and make's own rules: letters that these would read as more than a name are refused.
 GIVEN  := LEVEL NP HOSTS COLLATED QUIET CASES SLURM ACCURACY BUDGET SCENE STUDY STUDIES NODES MINUTES PARTITION \
-    COUPLED WHOLE ACCOUNT RETRIES DOCS DPIV INPUTS QUICK PRESSURE SNAKEFLAGS CURDIR MAKECMDGOALS
+    COUPLED WHOLE ACCOUNT RETRIES DOCS DPIV INPUTS QUICK PRESSURE SNAKEFLAGS OTHER CURDIR MAKECMDGOALS
 HASH   := \#
 UNSAFE := ' " ` \ ; & | < > * ? ! ~ { } ( ) [ ] $$ $(HASH)
 NAMED.CURDIR := this folder's path
@@ -49,8 +49,9 @@ include fileio/stages.mk
 include postprocess/lab/compare.mk
 
 USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs \
-    compare compare-measured virtual-lab virtual-lab-study validate convergence clean clean-all bench-piv \
-    piv-limits bench-steps air-and-water coupled-docs stability faults fuzz scene-reference docs-site
+    compare compare-measured compare-coupled virtual-lab virtual-lab-study validate convergence clean \
+    clean-all bench-piv piv-limits bench-steps air-and-water closing-plates elastic-benchmarks coupled-docs \
+    stability faults fuzz scene-reference docs-site openfoam-versions
 INNER_TARGETS := lab-register lab-compare lab-sheets study-sheets
 
 # Files of a pattern whose names make and a shell read as they are; a scene's name is no target's either.
@@ -79,7 +80,7 @@ $(if $(filter $(SCENE),$(ALL)),,$(if $(filter file undefined,$(origin SCENE)),,$
 help: ## this list
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"
 	@echo "    SCENE: $(SCENES)"
-	@echo "    LEVEL: smoke (2-D, 2 minutes), draft (5), coarse (default, 7), medium (18), fine (37 minutes of CPU for"
+	@echo "    LEVEL: smoke (2-D, 1 minute), draft (3), coarse (default, 6), medium (14), fine (35 minutes of CPU for"
 	@echo "    single_finger, docs/tradeoff.md), reference (the finest: hours); a pinch takes several times as long"
 	@echo "    NP: MPI ranks, now $(NP); HOSTS=hosts.txt: on those machines; COLLATED=1: few files"
 	@echo "make SCENE ACCURACY=12%        the cheapest measured setting within 12 %;"
@@ -179,6 +180,7 @@ fea: $(READY) ## bending analysis of the actuator of SCENE (single_finger): case
 bench-piv: piv-limits ## PIV against its peers, and its limits: docs/piv_benchmarks.md; a stopped run goes on
 	$(PY) -m tests.studies.piv.benchmark --docs --folder .venv-bench/benchmark
 	$(PY) -m tests.studies.piv.turbulence --docs --folder .venv-bench/turbulence
+	$(PY) -m tests.studies.piv.public_data --docs --folder .venv-bench/public
 
 piv-limits: $(READY) ## PIV where it becomes worse, and on flows that served no tuning: docs/piv_benchmarks.md
 	$(PY) -m tests.studies.piv.limits --docs
@@ -244,11 +246,24 @@ pinch-studies: $(STUDY_READY) ## studies of the pinch (STUDIES="gap1 gap2": only
 	$(PY) -m postprocess judge $(VARIED) --words cases/pinch/studies/variations.md -o docs/pinch_studies \
 	&& exit $$made # a run that was stopped is named on the page, and in the exit code
 
+PLATE_LEVELS := smoke draft
+closing-plates: | $(READY) ## the pinch beside closing plates, in two and three dimensions: docs/pinch_plates.md
+	+set -e; for level in $(PLATE_LEVELS); do $(MAKE) --no-print-directory LEVEL=$$level pinch.vortices_cfd; done
+	$(PY) -m tests.studies.closing_plates --levels $(PLATE_LEVELS)
+
 air-and-water: $(READY) ## radius and actuation time in air and water, and what decides them: docs/coupling.md
 	$(PY) -m tests.studies.air_and_water
 
-coupled-docs: $(READY) ## tables of docs/coupling.md from the runs of single_finger with and without COUPLED=1
+elastic-benchmarks: $(READY) ## the elastic chain against published numbers of other bodies: docs/coupling.md
+	$(PY) -m tests.studies.elastic_benchmarks
+
+coupled-docs: $(READY) ## tables of docs/coupling.md: prescribed, coupled, from another first motion
+	+$(MAKE) --no-print-directory LEVEL=$(LEVEL) single_finger.vortices_cfd single_finger.loads
 	$(PY) -m tests.studies.coupled_runs --level $(LEVEL)
+	$(PY) -m tests.studies.first_motions --level $(LEVEL)
+
+openfoam-versions: $(READY) ## the single finger by another OpenFOAM, beside this one: OTHER=/its/folder
+	$(PY) -m tests.studies.openfoam_versions $(OTHER) --level $(LEVEL)
 
 bench-steps: $(READY) ## a time step on moving and static mesh, 1 and 2 ranks: pipeline/study/steps.csv
 	$(PY) -m tests.studies.step_cost --level $(LEVEL)
@@ -259,7 +274,7 @@ validate: $(STUDY_READY) ## flows of known answer through the project's own stag
 	nice $(PY) -m tests.studies.validation $(FLAGS)
 
 # the family of grids, and a whole stroke, whose bend gives the window in which they are compared
-FAMILY := grid_draft,grid_coarse,grid_medium,grid_fine,draft
+FAMILY := grid_draft,grid_coarse,grid_medium,grid_fine,grid_reference,draft
 convergence: $(STUDY_READY) ## the finger on several grids and time steps: rows of docs/verification.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/convergence.csv
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/tradeoff.csv only=$(FAMILY)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import io
 import os
+import re
 import signal
 import stat
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from importlib import import_module
 from pathlib import Path
@@ -100,6 +102,12 @@ def check_inputs(args: argparse.Namespace) -> None:
     raise StageError(f"{path}: is neither a file nor a folder; give another name")
 
 
+def meant(word: str, known: Iterable[str]) -> str:
+    """A question that names the nearest of `known`; nothing where none is near."""
+    near = difflib.get_close_matches(word, list(known), 1)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
 def command_line(
     program: str,
     doc: str | None,
@@ -122,13 +130,20 @@ def command_line(
 
     def action() -> int | None:
         module: Any = None
+        chosen = parser
+        if given and not given[0].startswith("-") and given[0] not in commands:
+            parser.error(f"{given[0]}: no such command{meant(given[0], commands)} (--help lists them)")
         for name, (about, where) in commands.items():
             sub = subparsers.add_parser(name, help=about, description=about)
             if given and given[0] == name:
+                chosen = sub
                 module = import_module(where) if isinstance(where, str) else where
                 if hasattr(module, "add_arguments"):
                     module.add_arguments(sub)
-        args = parser.parse_args(given)
+        args, unknown = parser.parse_known_args(given)
+        if unknown:
+            options = re.findall(r"--[a-z0-9-]+", chosen.format_help())
+            chosen.error(f"unrecognized arguments: {' '.join(unknown)}{meant(unknown[0], options)}")
         check_inputs(args)
         working()
         with around(args):

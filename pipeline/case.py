@@ -62,7 +62,7 @@ def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> d
         "sheetType": "empty" if flat else "symmetryPlane",
         "backType": "empty" if flat else "fixedValue",
         "backPressureType": "empty" if flat else "zeroGradient",
-        "backPatchType": "empty" if flat else "wall",
+        "backPatchType": "empty" if flat else "patch",
         "frontType": "fixedValue",
         "sheetSampling": "patch" if kind in SYMMETRIC else "cuttingPlane",
         "sheetPoint": point(0, 0, sheet_z),
@@ -122,15 +122,18 @@ def build_mesh(planform: xr.Dataset) -> PolyMesh:
 
 
 def patch_types(kind: str) -> dict[str, str]:
-    """OpenFOAM's type of each patch."""
+    """OpenFOAM's type of each patch.
+
+    The tank's sides are no walls to it: from walls v1912 computes distances in every step that the mesh moves, for nothing.
+    """
     flat = kind == "2d"
     return dict.fromkeys(BODY_PATCHES, "wall") | {
-        "tank": "wall",
+        "tank": "patch",
         "top": "patch",
         "mirror": "symmetryPlane",
         "gap": "patch",
-        "back": "empty" if flat else "wall",
-        "front": "wall",
+        "back": "empty" if flat else "patch",
+        "front": "patch",
         "sheet": "empty" if flat else "symmetryPlane",
     }
 

@@ -63,4 +63,6 @@ if ! command -v pimpleFoam >/dev/null && [ -z "${WM_PROJECT_DIR:-}" ]; then
     install openfoam
 fi
 .venv/bin/python -m pipeline openfoam
+echo "setup: what PIV and the virtual camera compile (half a minute)"
+.venv/bin/python -m piv.precompile
 rm -f .setup.log

@@ -1,15 +1,18 @@
 """A second renderer of a laboratory's pictures, for the tests of its comparison alone: plain numpy, nothing of the virtual laboratory.
 
-Particles are points of light behind a pinhole camera; faults that real recordings have are added one by one. One history of
-particles carries them along with the finger's surface, so that successive pictures share them.
+Particles are points of light behind a pinhole camera; faults that real recordings have are added one by one. In one history of
+particles those near the finger stay beside the same part of its surface, so that successive pictures share them, while each
+picture by itself is evenly strewn, as in water.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 
 from fileio.formats.kinematics import Kinematics
 from piv.images.recording import Recording
@@ -18,7 +21,7 @@ from postprocess.lab.data.pose import Pose
 REACH = 0.004  # m beyond the picture that particles are strewn over
 SPOT = 3  # px on each side of a particle that its light reaches
 LOST = 0.15  # share of the particles that leave the light sheet from one picture to the next, and others come
-CARRIED = 0.006  # m from the finger's surface at which water follows it by 1/e
+CARRIED = 0.006  # m from the finger's surface within which particles go along with it; further off each picture has others
 
 
 @dataclass(frozen=True)
@@ -39,8 +42,24 @@ class Faults:
     perspective: tuple[float, float] = (0.0, 0.0)
 
 
+def _outside(particles: np.ndarray, outline: np.ndarray, reach: float) -> np.ndarray:
+    """The particles that are outside an outline (point, 2) m and no further from it than `reach` (m)."""
+    away = shapely.distance(shapely.Polygon(outline), shapely.points(particles[:, :2]))
+    return particles[(away > 0) & (away <= reach)]
+
+
+def _directions(outline: np.ndarray) -> np.ndarray:
+    """Directions of an outline (point, 2) at its points as complex numbers of size 1."""
+    along = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
+    return (along[:, 0] + 1j * along[:, 1]) / np.hypot(*along.T)
+
+
 class Rendered(Recording):
-    """Pictures (8 bit) of a finger at `pressures` (frame,) Pa; `fresh`: new particles for each, else one history of them."""
+    """Pictures (8 bit) of a finger at `pressures` (frame,) Pa; `fresh`: new particles for each, else one history of them.
+
+    `flow`: velocities (n, 2) m/s at points (n, 2) m and a time (s). Pictures 1-2, 3-4 … at `times` (frame,) s then show the same
+    particles, which it carries, and each pair has others.
+    """
 
     def __init__(
         self,
@@ -52,15 +71,18 @@ class Rendered(Recording):
         *,
         density_ppp: float = 0.06,
         fresh: bool = True,
+        flow: Callable[[np.ndarray, float], np.ndarray] | None = None,
+        times: np.ndarray | None = None,
         seed: int = 1,
     ) -> None:
         super().__init__("rendered", len(pressures), None)
         self._kinematics, self._pose, self._pressures = kinematics, pose, np.asarray(pressures, float)
+        self._flow, self._times = flow, times
         self._size, self._faults, self._fresh, self._seed = shape, faults or Faults(), fresh, seed
         rows, columns = shape
         corners = pose.to_tank(np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], float))
         self._low, self._high = corners.min(axis=0) - REACH, corners.max(axis=0) + REACH
-        self._count = round(density_ppp * np.prod(self._high - self._low) / pose.scale_m_per_px**2)
+        self._expected = density_ppp * np.prod(self._high - self._low) / pose.scale_m_per_px**2
         self._history: list[np.ndarray] = []
         if not fresh:
             rng = np.random.default_rng(seed)
@@ -70,21 +92,23 @@ class Rendered(Recording):
 
     def _strewn(self, rng: np.random.Generator) -> np.ndarray:
         """Particles (n, 3): x, y (m) and z in standard deviations of the sheet's light."""
-        places = rng.uniform(self._low, self._high, (self._count, 2))
-        return np.column_stack([places, rng.uniform(-2, 2, self._count)])
+        count = rng.poisson(self._expected)
+        return np.column_stack([rng.uniform(self._low, self._high, (count, 2)), rng.uniform(-2, 2, count)])
 
     def _moved(
         self, particles: np.ndarray, before: float, after: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """The particles a picture later: carried by the finger's surface, the less the further from it; some are others."""
-        first = self._kinematics.shape("outline", before)
-        change = self._kinematics.shape("outline", after) - first
-        at = particles[:, :2]
-        near = np.argmin(np.hypot(*(at[:, None] - first[None, ::4]).transpose(2, 0, 1)), axis=1) * 4
-        away = np.hypot(*(at - first[near]).T)
-        out = particles.copy()
-        out[:, :2] += np.exp(-away / CARRIED)[:, None] * change[near]
-        return np.where(rng.random((len(out), 1)) < LOST, self._strewn(rng), out)
+        """The particles a picture later: those near the finger stay beside the same part of it, but for the share `LOST`."""
+        first, then = (self._kinematics.shape("outline", pressure) for pressure in (before, after))
+        near = _outside(particles, first, CARRIED)
+        near = near[rng.random(len(near)) > LOST]
+        beside = cKDTree(first).query(near[:, :2])[1]
+        turned = (_directions(then) / _directions(first))[beside]
+        arm = (near[:, 0] - first[beside, 0] + 1j * (near[:, 1] - first[beside, 1])) * turned
+        near[:, :2] = then[beside] + np.column_stack([arm.real, arm.imag])
+        others = self._strewn(rng)
+        away = shapely.distance(shapely.Polygon(then), shapely.points(others[:, :2]))
+        return np.vstack([near, others[(away > CARRIED) | (rng.random(len(others)) < LOST)]])
 
     def to_px(self, points: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the tank frame in the picture, with the perspective."""
@@ -93,11 +117,29 @@ class Rendered(Recording):
         shrunk = at / (1 + at @ np.asarray(self._faults.perspective))[..., None]
         return shrunk @ pose.rotation.T / pose.scale_m_per_px + np.asarray(pose.at_px)
 
+    def _carried(self, i: int) -> np.ndarray:
+        """Particles of picture `i` where they come in pairs; none comes out of the body."""
+        particles = self._strewn(np.random.default_rng([self._seed, i // 2, 1]))
+        if i % 2 == 0:
+            return particles
+        body = shapely.Polygon(self._kinematics.shape("outline", float(self._pressures[i - 1])))
+        particles = particles[~shapely.contains_xy(body, particles[:, 0], particles[:, 1])]
+        assert self._flow
+        begin, step = self._times[i - 1], self._times[i] - self._times[i - 1]
+        at = particles[:, :2]
+        particles[:, :2] = at + step * self._flow(at + 0.5 * step * self._flow(at, begin), begin + 0.5 * step)
+        return particles
+
     def _read(self, i: int) -> np.ndarray:
         rng = np.random.default_rng([self._seed, i])
         faults, outline = self._faults, self._kinematics.shape("outline", float(self._pressures[i]))
         body = shapely.Polygon(outline)
-        particles = self._strewn(rng) if self._fresh else self._history[i]
+        if self._flow:
+            particles = self._carried(i)
+        elif self._fresh:
+            particles = self._strewn(rng)
+        else:
+            particles = self._history[i]
         particles = particles[~shapely.contains_xy(body, particles[:, 0], particles[:, 1])]
         light = 170 * np.exp(-0.5 * particles[:, 2] ** 2)
         if faults.shadow:

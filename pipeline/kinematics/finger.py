@@ -15,7 +15,7 @@ from pipeline.fea import paper_equations as paper_model
 from pipeline.kinematics.contact import closing_law, gap
 from pipeline.kinematics.pressure_law import PressureLaw, measured_law, stroke_law
 from pipeline.kinematics.recorded_motion import recorded_law
-from pipeline.kinematics.shapes import FingerShapes, add_tip, circular_states, rounded_strip
+from pipeline.kinematics.shapes import FingerShapes, add_tip, circular_states, rounded_strip, with_chambers
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.sections import Finger, Motion
 
@@ -92,6 +92,11 @@ def finger_motion(motion: Motion, finger: Finger, pinch: Pinch | None, folder: P
     strip = rounded_strip(
         s[-1], states.thickness[rest], s, finger.root_corner_radius, finger.tip.corner_radius
     )
+    if finger.chambers is not None:
+        try:
+            strip = with_chambers(strip, finger.chambers, finger.length, states.thickness[rest], s)
+        except ValueError as error:
+            raise StageError(f"{where}: {error}") from None
     shapes = FingerShapes(states, strip)
     free = FingerMotion(law, free_law, shapes, finger, states, over_time=motion.shapes is not None)
     if pinch is None:

@@ -5,9 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from scipy.interpolate import CubicSpline
 
 from fileio.formats.bending_states import States
+from pipeline.scene.sections import Chambers
+
+# of the width of a gap between two chambers
+ROUNDING = 0.35  # radius of its corners
+STEP = 0.1  # from point to point of an outline with gaps
 
 
 @dataclass(frozen=True)
@@ -45,6 +51,39 @@ def rounded_strip(length: float, thickness: np.ndarray, s: np.ndarray, root_radi
     walk = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(loop, axis=0).T))])
     at = np.linspace(0, walk[-1], points, endpoint=False)
     x, y = np.interp(at, walk, loop[:, 0]), np.interp(at, walk, loop[:, 1])
+    return Strip(s=x, eta=y / np.interp(x, s, thickness))
+
+
+def with_chambers(
+    strip: Strip, chambers: Chambers, length: float, thickness: np.ndarray, s: np.ndarray
+) -> Strip:
+    """A strip with the gaps between the chambers on its first `length` (m), corners rounded, counter-clockwise.
+
+    `thickness` (point,) is given at arc lengths `s` (point,), m. ValueError where no wall stands between two gaps.
+    """
+    half, top = 0.5 * chambers.gap, 1.01 * float(thickness.max())
+    wide = half + np.tan(np.radians(chambers.wedge_deg)) * max(top - chambers.wedge_from, 0.0)
+    pitch = (length + chambers.gap) / chambers.count
+    if chambers.floor >= thickness.min() or 2 * wide >= pitch - chambers.gap:
+        raise ValueError(
+            f"finger.chambers: {chambers.count} chambers, {pitch * 1e3:.3g} mm from one to the next, leave no walls between gaps"
+            f" of {2e3 * wide:.3g} mm at the top from {chambers.floor * 1e3:.3g} mm up in a finger {thickness.min() * 1e3:.3g} mm thick;"
+            " give fewer, smaller gap or wedge_deg, or a lower floor"
+        )
+    if chambers.floor <= 2 * ROUNDING * chambers.gap:
+        raise ValueError(
+            f"finger.chambers.floor = {chambers.floor:g} m is too thin below gaps of {chambers.gap:g} m, whose corners are rounded;"
+            f" give more than {2 * ROUNDING * chambers.gap:.3g}, or a smaller gap"
+        )
+    side = [(half, chambers.floor), (half, chambers.wedge_from), (wide, top)]
+    gap = np.array([(-x, y) for x, y in side] + side[::-1])
+    middles = pitch * np.arange(1, chambers.count) - half
+    solid = shapely.Polygon(np.column_stack([strip.s, strip.eta * np.interp(strip.s, s, thickness)]))
+    solid -= shapely.union_all([shapely.Polygon(gap + np.array([x, 0.0])) for x in middles])
+    r = ROUNDING * chambers.gap
+    ring = shapely.orient_polygons(solid.buffer(-r).buffer(2 * r).buffer(-r)).exterior
+    at = np.linspace(0, ring.length, int(ring.length / (STEP * chambers.gap)), endpoint=False)
+    x, y = shapely.get_coordinates(shapely.line_interpolate_point(ring, at)).T
     return Strip(s=x, eta=y / np.interp(x, s, thickness))
 
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
+from scipy.spatial import KDTree
 
 from pipeline.geometry.planform import Planform
 from pipeline.mesh.fixed_bodies import FixedBody
@@ -31,7 +32,12 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     """
     box = (-half_width, 0.0 if mirror else half_width, depth)
     tank = shapely.box(box[0], 0.0, box[1], depth).exterior
-    clearance = distance_to([tank, *(shapely.LinearRing(np.vstack(body.pieces)) for body in bodies)])
+    others = distance_to([tank, *(shapely.LinearRing(np.vstack(body.pieces)) for body in bodies)])
+    own = own_clearance(outline)
+
+    def clearance(points: np.ndarray) -> np.ndarray:
+        return np.minimum(others(points), own(points))
+
     area = 0.5 * np.sum(
         outline[:, 0] * np.roll(outline[:, 1], -1) - np.roll(outline[:, 0], -1) * outline[:, 1]
     )
@@ -90,6 +96,30 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
 def within(body: FixedBody, nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Whether cells (n, corner) lie in a body's footprint (n,)."""
     return np.asarray(shapely.contains_xy(body.polygon, *nodes[cells].mean(1).T))
+
+
+def own_clearance(outline: np.ndarray) -> Clearance:
+    """Function of points (n, 2) at a closed outline: radius (m) of the largest circle that touches it there from outside.
+
+    Between two walls that is half of their distance. Along the outline it grows by no more than the way, so that cells do.
+    """
+    edge = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
+    normal = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.hypot(*edge.T)[:, None]
+    normal *= 1.0 if shapely.LinearRing(outline).is_ccw else -1.0
+    apart = outline[None] - outline[:, None]
+    square = (apart**2).sum(-1)
+    ahead = np.maximum(np.einsum("pqk,pk->pq", apart, normal), 1e-12)
+    radius = np.divide(square, 2 * ahead, out=np.full_like(square, np.inf), where=square > 0).min(1)
+    sides = np.hypot(*(np.roll(outline, -1, axis=0) - outline).T)
+    way = np.abs(np.subtract.outer(np.cumsum(sides), np.cumsum(sides)))
+    radius = (radius[None] + np.minimum(way, sides.sum() - way)).min(1)
+    tree = KDTree(outline)
+
+    def clearance(points: np.ndarray) -> np.ndarray:
+        distance, nearest = tree.query(points)
+        return np.asarray(radius[nearest] + distance)
+
+    return clearance
 
 
 def distance_to(things: list[shapely.Geometry]) -> Clearance:

@@ -18,6 +18,7 @@ from fileio.atomic import check_room, naming
 from fileio.errors import StageError
 
 INSTALL = "apt-get install openfoam"
+NEEDED = "openfoam.com v1912 or later is needed, openfoam.org's will not do (docs/openfoam_versions.md)"
 COLLATED = ("-fileHandler", "collated")
 # What OpenFOAM's programs need of their environment.
 FORWARDED = ("WM_", "FOAM_", "PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
@@ -28,9 +29,18 @@ PROJECT_DIRS = ("/usr/share/openfoam",)  # Debian's package sets no WM_PROJECT_D
 def environment() -> dict[str, str]:
     """Environment in which OpenFOAM's programs run. Raises StageError where there is none."""
     env = dict(os.environ)
-    project = Path(env.get("WM_PROJECT_DIR", ""))
-    if shutil.which("pimpleFoam") is None and (project / "etc" / "bashrc").is_file():
-        env = sourced(project / "etc" / "bashrc")
+    chosen = Path(env.get("WM_PROJECT_DIR", PROJECT_DIRS[0]))
+    if str(chosen) not in PROJECT_DIRS:
+        if not chosen.is_dir():
+            raise StageError(
+                f"WM_PROJECT_DIR = {chosen}: no such folder; give that of an OpenFOAM, or unset it"
+            )
+        # not sourced, or another version is: the pimpleFoam on the path is that one's
+        programs = Path(env.get("FOAM_APPBIN", "/"))
+        if not programs.resolve().is_relative_to(chosen.resolve()) and (chosen / "etc" / "bashrc").is_file():
+            env = sourced(chosen / "etc" / "bashrc")
+        if shutil.which("pimpleFoam", path=env.get("PATH")) is None:
+            raise StageError(f"WM_PROJECT_DIR = {chosen}: it has no pimpleFoam; {NEEDED}")
     if shutil.which("pimpleFoam", path=env.get("PATH")) is None:
         raise StageError(f"OpenFOAM is not installed (no pimpleFoam on the path); run: sudo {INSTALL}")
     if "WM_PROJECT_DIR" not in env:
@@ -50,7 +60,8 @@ def in_whole_job(env: Mapping[str, str]) -> bool:
 
 def sourced(bashrc: Path) -> dict[str, str]:
     """The environment after `source <bashrc>`: for an OpenFOAM whose WM_PROJECT_DIR alone is set."""
-    command = ["bash", "-c", 'source "$1" >/dev/null 2>&1; env -0', "bash", str(bashrc)]
+    # OpenFOAM's bashrc sources files among the shell's arguments: with its own name there it would source itself without end
+    command = ["bash", "-c", 'f=$1; shift; source "$f" >/dev/null 2>&1; env -0', "bash", str(bashrc)]
     text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     return dict(entry.split("=", 1) for entry in text.split("\0") if "=" in entry)
 
@@ -77,12 +88,20 @@ def die_with_parent() -> None:
 @cache
 def foam_version() -> str:
     """OpenFOAM's version, as v1912; StageError where it is older than v1912 or not openfoam.com's."""
-    text = subprocess.run(["pimpleFoam", "-help"], env=environment(), capture_output=True, text=True).stdout
-    match = re.search(r"Using:\s*OpenFOAM-\s*\(?v?(\d{4})", text)
-    number = match.group(1) if match else None
+    done = subprocess.run(["pimpleFoam", "-help"], env=environment(), capture_output=True, text=True)
+    # "OpenFOAM-v2306 (2306)"; what stands before the brackets is free, as is "com" in a development version
+    match = re.search(r"OpenFOAM-\S*\s*\((\d{4})\)|OpenFOAM-v(\d{4})\b", done.stdout)
+    number = (match[1] or match[2]) if match else None
     if number is None or int(number) < 1912:
+        other = re.search(r"OpenFOAM-\S+", done.stdout + done.stderr)
+        name = f"OpenFOAM {number}" if number else other[0] if other else "an unknown OpenFOAM"
+        raise StageError(f"{name} found; {NEEDED}")
+    # of an environment whose own programs are not built, another's would be taken
+    api = environment().get("FOAM_API") or number
+    if api != number:
+        folder = environment()["WM_PROJECT_DIR"]
         raise StageError(
-            f"OpenFOAM {number or 'of unknown version'} found; openfoam.com v1912 or later is needed"
+            f"the environment is that of OpenFOAM v{api} ({folder}), but pimpleFoam is of v{number}; build it there too"
         )
     return f"v{number}"
 

@@ -18,7 +18,8 @@ LEAST_CELLS = 5000  # of a rank: with fewer, ranks wait for each other longer th
 COLLATED = b"decomposedBlockData"
 HEAD = 2000  # bytes within which a file's header lies
 MESH_PAST = ("V0", "meshPhi")
-BLOCK = re.compile(rb"\s*// Processor\d+\s+(\d+)\s*\(")
+FIRST = re.compile(rb"// [Pp]rocessor0\s")  # with a small letter from later versions than v1912
+BLOCK = re.compile(rb"\s*// [Pp]rocessor\d+\s+(\d+)\s*\(")
 
 
 @dataclass(frozen=True)
@@ -80,8 +81,9 @@ def read_content(path: Path) -> bytes:
 def read_blocks(content: bytes) -> list[bytes]:
     """The whole blocks of a collated file, in order."""
     blocks: list[bytes] = []
-    at = content.find(b"// Processor0")
-    while at >= 0 and (block := BLOCK.match(content, at)):
+    first = FIRST.search(content)
+    at = first.start() if first else len(content)
+    while block := BLOCK.match(content, at):
         end = block.end() + int(block.group(1))
         if content[end : end + 1] != b")":
             break  # cut off

@@ -54,6 +54,9 @@ class Guard:
             local = float(re.split(r"[=,]", line)[1])
             if not local < MAX_CONTINUITY:
                 return f"continuity error {local:.3g}"
+        elif line.startswith("Unknown function type"):  # OpenFOAM would only warn, and record nothing
+            self.remedy = "install the whole of that OpenFOAM, then run make again"
+            return f"OpenFOAM has no function object {line.split()[-1]}"
         elif "Solving for" in line:
             if re.search(r"residual = [-+]?(nan|inf)", line):
                 return f"the equations for {line.split('Solving for ')[1].split(',')[0]} have no number for a solution"

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -20,26 +21,26 @@ from fileio.formats.sweep import read_sweep
 from fileio.json_text import read_json
 from pipeline.geometry.quality import cell_centres, neighbours, planform_edges
 from pipeline.openfoam.displacement_files import Steps, frames_laid, time_name, write_frames
-from pipeline.openfoam.environment import COLLATED, run_tool
+from pipeline.openfoam.environment import COLLATED, foam_version, run_tool
 from pipeline.openfoam.foamfile import labels_of, write_list
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.map_fields import map_fields
 from pipeline.run.partition import partition_columns
 from pipeline.run.solver import PROGRESS, read_progress, set_number
 
-STATE = "state.json"  # the mesh and ranks for which an interval's folder was prepared
+STATE = "state.json"  # the mesh, ranks and OpenFOAM for which an interval's folder was prepared
 
 
-def case_state(case: Path, ranks: Ranks) -> dict[str, int]:
-    """The mesh (time of its file) and the ranks to which displacement files, decomposition and fields in `case` belong."""
+def case_state(case: Path, ranks: Ranks) -> dict[str, Any]:
+    """The mesh (time of its file), ranks and version of OpenFOAM to which displacement files, decomposition and fields in `case` belong."""
     points = case / "constant" / "polyMesh" / "points"
     if not points.exists():
         raise StageError(f"{case}: no mesh; run the case stage first")
-    state = {"ranks": ranks.count, "mesh": points.stat().st_mtime_ns}
+    state = {"ranks": ranks.count, "mesh": points.stat().st_mtime_ns, "version": foam_version()}
     return state | ({"collated": True} if ranks.collated else {})
 
 
-def prepared_for(case: Path) -> dict[str, int]:
+def prepared_for(case: Path) -> dict[str, Any]:
     """The state for which `case` was last prepared; empty where it never was. StageError where the file is damaged."""
     path = case / STATE
     return (
@@ -53,7 +54,7 @@ def prepare(out: Path, intervals: tuple[Interval, ...], interval: Interval, rank
             quiet: bool) -> None:  # fmt: skip
     """Decompose an interval's case, map the fields to it and write its displacement files, unless that is done.
 
-    `out` is the level's folder. Done counts only for the same mesh and the same ranks.
+    `out` is the level's folder. Done counts only for the same mesh, ranks and version of OpenFOAM.
     """
     case = out / "case" / interval.name
     wanted = case_state(case, ranks)

@@ -57,8 +57,9 @@ def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
     write_text(path, text)
 
 
-def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar: tqdm, guard: Guard) -> None:
-    """Run the solver to the end of an interval from its last whole checkpoint, unless it has got there before.
+def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar: tqdm, guard: Guard, resumes: bool = True) -> None:  # fmt: skip
+    """Run the solver to the end of an interval from its last whole checkpoint, or from its beginning where this OpenFOAM
+    does not go on rightly (not `resumes`), unless it has got there before.
 
     StageError where `guard` stops it, it fails by itself, or what it has sampled for a guard of the energy ends before the
     interval; its files are kept.
@@ -66,7 +67,7 @@ def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar:
     record = read_progress(case)
     if record.get("ended"):
         return
-    checkpoint = last_checkpoint(case, ranks, interval.moving)
+    checkpoint = last_checkpoint(case, ranks, interval.moving) if resumes else None
     first = time_name(interval.begin)
     start, name = checkpoint or (interval.begin, first)
     if checkpoint is not None:

@@ -85,8 +85,6 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _one_body(self) -> Scene:
-        if self.pinch is not None and self.motion.source == "structure":
-            raise ValueError("motion.source = 'structure' is a single finger's; remove it or pinch")
         if (self.body is None) == (self.motion.source == "rigid"):
             raise ValueError("body and motion.source = 'rigid' belong together; give both or neither")
         if self.body is not None and self.pinch is not None:

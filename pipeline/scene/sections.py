@@ -48,6 +48,29 @@ class Tip(Section):
         return self
 
 
+class Chambers(Section):
+    """The finger's chambers, seen from the gaps between them at rest, which the dorsal side then has; lengths in m."""
+
+    count: Annotated[Whole, Field(ge=2, le=50)]
+    """Of chambers, evenly along the finger [1]"""
+    gap: Annotated[Positive, Field(ge=5e-4)]
+    """Between two chambers [m]"""
+    floor: Positive
+    """Height of the gaps' ground above the ventral side [m]"""
+    wedge_from: Positive
+    """Height from which on the chambers' walls lean away from each other [m]"""
+    wedge_deg: Annotated[Number, Field(ge=0, le=45)] = 0.0
+    """By how much each wall leans [deg]"""
+
+    @model_validator(mode="after")
+    def _wedge_above_floor(self) -> Chambers:
+        if self.wedge_from < self.floor:
+            raise ValueError(
+                f"finger.chambers.wedge_from = {self.wedge_from:g} m lies below floor = {self.floor:g} m; raise it"
+            )
+        return self
+
+
 class Finger(Section):
     """Pose and envelope, m; `root` is the middle of the root in the tank frame.
 
@@ -70,6 +93,8 @@ class Finger(Section):
     """Side to which it bends under pressure"""
     tip: Tip = Tip()
     """End of the finger"""
+    chambers: Chambers | None = Field(None, exclude_if=lambda chambers: chambers is None)
+    """Gaps between the chambers; absent: the dorsal side is smooth"""
 
 
 Pressure = Annotated[Number, Field(ge=-100, le=500)]  # kPa: no less than a vacuum
@@ -178,6 +203,8 @@ class Structure(Section):
     """Coefficient of the modelled water's added mass, for COUPLED=1 [1]"""
     drag: Annotated[Positive, Field(le=100)] = 5.0
     """Coefficient of the modelled water's drag, for COUPLED=1 [1]"""
+    first_motion: Literal["modelled water", "prescribed"] = "modelled water"
+    """Of the first run of COUPLED=1: under the modelled water alone, or as without load; the last motion must not depend on it"""
     iterations: Annotated[int, Field(ge=1, le=20)] = 8
     """Runs at most, for COUPLED=1 [1]"""
     tolerance: Annotated[Positive, Field(le=1)] = 0.005

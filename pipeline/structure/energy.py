@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from fileio.formats.bending_states import FloatArray
@@ -56,3 +59,20 @@ def energies(chain: Chain, pressure: FloatArray, delta: FloatArray, step: float,
         "kinetic_energy": np.asarray(kinetic - kinetic[0]),
         "damping_loss": work((around.damping * stiffness / chain.springs * rate**2).sum(-1)),
     }
+
+
+def open_share(parts: Mapping[str, Any]) -> float:
+    """Largest difference between the work done and the energy held or lost, over the pressure's largest work; of `energies`."""
+    pressure, water, weight, elastic, kinetic, damping = (
+        np.asarray(parts[name])
+        for name in (
+            "pressure_work",
+            "water_work",
+            "weight_work",
+            "elastic_energy",
+            "kinetic_energy",
+            "damping_loss",
+        )
+    )
+    left = pressure + water + weight - elastic - kinetic - damping
+    return float(np.abs(left).max() / np.abs(pressure).max())

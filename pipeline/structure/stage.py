@@ -159,7 +159,9 @@ def run(scene: Scene, quiet: bool = False) -> None:
     chain, known = finger_chain(scene, kinematics)
     chambers = CubicSpline(kinematics.data["time"].values, kinematics.data["pressure"].values)
     values = measured_loads(scene, chain, chambers, quiet)
-    if known and scene.pinch is None:
+    if known and (
+        scene.pinch is None or scene.motion.shapes is not None
+    ):  # a prescribed pinch is held by its contact
         values |= history(scene, chain, chambers, values)
     if scene.motion.shapes is not None:
         values["unknown"] = COUPLED

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +24,13 @@ from fileio.formats.elastic_motion import read_elastic_motion, write_elastic_mot
 from fileio.formats.finger_loads import read_loads
 from fileio.key_reference import toml_value
 from fileio.provenance import digest
+from pipeline.kinematics.contact import gap
 from pipeline.kinematics.finger import finger_motion, finger_states
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.stage_settings import settings_of
 from pipeline.structure.chain import Chain
-from pipeline.structure.coupling import check_change, loads_at, motion_values, next_delta
+from pipeline.structure.coupling import check_change, knots, loads_at, motion_values, next_delta
+from pipeline.structure.energy import energies, open_share
 from pipeline.structure.motion import STEP, Surroundings, motion
 from pipeline.structure.stage import bending_law, gravity
 
@@ -39,6 +43,7 @@ FIRST = {
     "added_mass": 0.87,
     "drag": 2.2,
 }  # a fit to the closing stroke of the shipped finger: only where the runs begin
+ENERGY = 0.02  # of the pressure's work: what may be open where a run's own loads stand for those that its motion bears
 SHAPES = "elastic_motion.h5"
 
 
@@ -46,21 +51,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
     add_scene(parser)
     parser.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
+    parser.add_argument(
+        "--target", default="report", help="stage up to which the last run goes (default: %(default)s)"
+    )
 
 
 def run(args: argparse.Namespace) -> None:
     """Command `couple`."""
-    couple(load_scene(args.scene, args.level), args.ranks, args.quiet)
+    couple(load_scene(args.scene, args.level), args.ranks, args.quiet, args.target)
 
 
 class Structure:
     """The scene's finger: its chain, its chambers' pressure at the structure's times, and what is around it."""
 
     def __init__(self, scene: Scene) -> None:
-        if scene.body is not None or scene.pinch is not None or scene.motion.source != "fea":
+        if scene.body is not None or scene.motion.source != "fea":
             raise StageError(
-                f"{scene.folder / 'scene.toml'}: COUPLED=1 takes a single finger with motion.source = 'fea': a rigid body does"
-                " not bend, fingers in contact are not solved, and other motions have no pressure"
+                f"{scene.folder / 'scene.toml'}: COUPLED=1 takes fingers with motion.source = 'fea': a rigid body does not bend,"
+                " and other motions have no pressure"
             )
         end = scene.motion.end_time
         self.time: FloatArray = np.linspace(0.0, end, round(end / STEP) + 1)
@@ -74,6 +82,7 @@ class Structure:
                 " make fea, or give structure.bending_stiffness (N m2)"
             )
         self.chain = Chain(states, law, scene.finger.width)
+        self.prescribed_first = scene.structure.first_motion == "prescribed"
         self.around = Surroundings(gravity(scene), scene.fluid.density, scene.structure.added_mass,
                                    scene.structure.drag, scene.structure.damping)  # fmt: skip
 
@@ -82,9 +91,11 @@ class Structure:
         return float(self.time[1])
 
     def first(self) -> FloatArray:
-        """Rotations under the modelled water alone."""
-        around = Surroundings(**vars(self.around) | FIRST)
+        """Rotations of the first run."""
         nothing = np.zeros((len(self.time), self.chain.slices, 3))
+        if self.prescribed_first:
+            return nothing[..., 0]
+        around = Surroundings(**vars(self.around) | FIRST)
         return motion(self.chain, self.pressure, self.step, around, nothing)
 
     def next(self, delta: FloatArray, loads: xr.Dataset) -> FloatArray:
@@ -92,9 +103,18 @@ class Structure:
         computed = loads_at(loads, self.time)
         return next_delta(self.chain, self.pressure, self.step, self.around, delta, computed)
 
+    def open_energy(self, delta: FloatArray, loads: xr.Dataset) -> float:
+        """Share of the pressure's work that is open in the motion `delta` with the loads of its own run.
 
-def couple(scene: Scene, ranks: int, quiet: bool = False) -> Path:
-    """Runs until the motion changes no more, the last at the scene's level, with its report; returns its folder. StageError."""
+        With the loads that the motion was made of it is 2e-4: what is open is the work of their difference.
+        """
+        water = replace(self.around, added_mass=0.0, drag=0.0)
+        computed = loads_at(loads, self.time)
+        return open_share(energies(self.chain, self.pressure, delta, self.step, water, computed))
+
+
+def couple(scene: Scene, ranks: int, quiet: bool = False, target: str = "report") -> Path:
+    """Runs until the motion changes no more, the last at the scene's level and up to `target`; returns its folder. StageError."""
     structure = Structure(scene)
     home = scene.folder / "out" / "coupled"
     limit = scene.structure.tolerance * scene.finger.length
@@ -104,14 +124,17 @@ def couple(scene: Scene, ranks: int, quiet: bool = False) -> Path:
     asked = digest([one_run.digest(), settings_of(scene, "kinematics")])
     delta, before, made_of = structure.first(), None, digest([asked, "first"])
     changes: list[float] = []
-    last = np.inf
+    last = left = np.inf
     for number in range(1, scene.structure.iterations + 1):
         folder = home / f"{scene.level}_{number}"
         delta = _kept(structure, folder / SHAPES, delta, before, made_of)
         update_text(folder / "scene.toml", _scene_text(scene, folder))
+        _check_contact(scene, load_scene(folder, level))
         _make(home, folder.name, level, "loads", ranks, quiet)
         path = folder / "out" / level / "loads.h5"
-        before, delta = delta, structure.next(delta, read_loads(path))
+        loads = read_loads(path)
+        left = structure.open_energy(delta, loads)
+        before, delta = delta, structure.next(delta, loads)
         made_of = digest([asked, sha256(path)])
         values = motion_values(structure.chain, structure.time, structure.pressure, delta, before)
         last = values["tip_change"]
@@ -120,18 +143,22 @@ def couple(scene: Scene, ranks: int, quiet: bool = False) -> Path:
         if not quiet:
             print(
                 f"couple: run {number} ({level}): the tip's place changes by {last * 1e3:.2f} mm, its turn by"
-                f" {np.degrees(values['bend_change']):.2f}°; {allowed * 1e3:.2g} mm are allowed",
+                f" {np.degrees(values['bend_change']):.2f}°; {allowed * 1e3:.2g} mm are allowed; {left:.1%} of the energy is open",
                 flush=True,
             )
-        if not check_change(changes, allowed, scene.folder / "scene.toml"):
+        near = check_change(changes, allowed, scene.folder / "scene.toml")
+        if not near or (level == scene.level and left > ENERGY):
             continue
         if level == scene.level:
-            _make(home, folder.name, level, "report", ranks, quiet)
+            _make(home, folder.name, level, target, ranks, quiet)
+            for later in range(number + 1, scene.structure.iterations + 1):  # of a motion that took more runs
+                shutil.rmtree(home / f"{scene.level}_{later}", ignore_errors=True)
             return folder
         level, changes = scene.level, []
     raise StageError(
         f"{scene.folder / 'scene.toml'}: after {scene.structure.iterations} runs the motion of level {scene.level} is not"
-        f" reached: the last change was {last * 1e3:.2g} mm, {limit * 1e3:.2g} mm are allowed; raise structure.iterations"
+        f" reached: the last change was {last * 1e3:.2g} mm, {limit * 1e3:.2g} mm are allowed, and {left:.1%} of the energy was"
+        f" open, {ENERGY:.0%} is allowed; raise structure.iterations"
     )
 
 
@@ -147,6 +174,24 @@ def _kept(
     values = motion_values(structure.chain, structure.time, structure.pressure, delta, before)
     write_elastic_motion(path, values | {"made_of": made_of})
     return delta
+
+
+def _check_contact(scene: Scene, run: Scene) -> None:
+    """StageError where the fingers of a `run` touch: what a contact does to an elastic finger is not computed."""
+    if run.pinch is None:
+        return
+    free = finger_motion(run.motion, run.finger, None, run.folder)
+    time = knots(run.motion.end_time)
+    gaps = gap(np.array([free.outline(float(t)) for t in time]), run.pinch)
+    if gaps.min() > run.pinch.residual_gap:
+        return
+    touch = float(time[np.argmax(gaps <= run.pinch.residual_gap)])
+    # with room for what the water still changes of the motion
+    near = float(time[np.argmax(gaps <= run.pinch.residual_gap + run.pinch.slowing_distance) - 1])
+    raise StageError(
+        f"{scene.folder / 'scene.toml'}: the fingers touch at {touch:.3f} s, and COUPLED=1 computes their motion up to contact"
+        f" only; give motion.end_time = {near:.3f} or less"
+    )
 
 
 def _scene_text(scene: Scene, folder: Path) -> str:

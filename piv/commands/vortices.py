@@ -37,7 +37,9 @@ def run(args: argparse.Namespace) -> None:
         table, args.output, source=Path(args.plane_series).name, **asdict(settings), **asdict(tracking)
     )
     if not args.quiet:
-        text = f"{args.output}: {len(table)} vortices in {table['track'].nunique()} tracks"
+        tracks = table["track"].nunique()
+        vortices = "vortex" if len(table) == 1 else "vortices"
+        text = f"{args.output}: {len(table)} {vortices} in {tracks} track{'s' * (tracks != 1)}"
         if len(table):
             strongest = table.loc[table["circulation"].abs().idxmax()]
             unit = "px²/frame" if length == "px" else f"{length}²/s"

@@ -7,11 +7,12 @@ displacement that the window does not resolve. Where it outweighs the noise of t
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
 
-from piv.correlation.deform import Image, Nodes
+from piv.correlation.deform import BORDER, Image, Nodes, cut
 from piv.correlation.interpolate import denser
 from piv.correlation.newton_step import CELL
 from piv.correlation.options import Options
@@ -100,26 +101,40 @@ def measure_adapted(
 
     images: both at full resolution, filtered.
     """
-    dense = Nodes(_halved(nodes.x), _halved(nodes.y), nodes.shape, 1)
-    dx, dy = (denser(d) for d in fill_absent(v.dx, v.dy, v.known))
-    sides = denser(ratio)
+    smaller = ratio < 1
+    part = _around_all(smaller)
+    dense, crops = cut(nodes, images, part, 2)
+    dx, dy = (denser(d[part]) for d in fill_absent(v.dx, v.dy, v.known))
+    sides = denser(ratio[part])
     weights = {level: w for level, w in zip(LEVELS, _shares(sides), strict=True) if w.any()}
-    for _ in range(STEPS):
-        cells = dense.moments(images[0], images[1], dx, dy)
+    # on the way to the last step single vectors that stand out from the nearest ones are enough to find
+    for near in [np.ones(sides.shape, bool)] * (STEPS - 1) + [sides < NEAR]:
+        cells = dense.moments(crops[0], crops[1], dx, dy)
         level_sums = {level: dense.window_sums(cells, level * options.sigma) for level in weights}
         sums = sum(weights[n] * s / full for n, (s, full) in level_sums.items())
-        new = measure(dense, cells, (sums, np.float32(1)), dx, dy, options, options.epsilon, sides < NEAR)
+        new = measure(dense, cells, (sums, np.float32(1)), dx, dy, options, options.epsilon, near)
         dx, dy = fill_absent(new.dx, new.dy, new.known)
     new = replace(new, cell_noise=v.cell_noise)
+    largest = Errors(*(e[part] for e in errors))
     new_errors = _errors(
-        dense, new, errors, {n: (weights[n], s) for n, (s, _) in level_sums.items()}, options
+        dense, new, largest, {n: (weights[n], s) for n, (s, _) in level_sums.items()}, options
     )
-    smaller = ratio < 1
-    every = {name: getattr(new, name)[::2, ::2] for name in Displacements.TESTED}
-    return (
-        replace(v.replaced(smaller, replace(new, **every)), ratio=ratio),
-        errors.replaced(smaller, Errors(*(e[::2, ::2] for e in new_errors))),
-    )
+
+    def with_new(old: np.ndarray, found: np.ndarray) -> np.ndarray:
+        out = old.copy()
+        out[part] = found[::2, ::2]
+        return out
+
+    every: dict[str, Any] = {n: with_new(getattr(v, n), getattr(new, n)) for n in Displacements.TESTED}
+    found = Errors(*(with_new(*e) for e in zip(errors, new_errors, strict=True)))
+    return replace(v.replaced(smaller, replace(v, **every)), ratio=ratio), errors.replaced(smaller, found)
+
+
+def _around_all(where: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns of the least rectangle of nodes that holds all of `where`, and BORDER more on each side."""
+    spans = ((np.flatnonzero(where.any(axis=axis)), where.shape[1 - axis]) for axis in (1, 0))
+    rows, columns = (slice(max(i[0] - BORDER, 0), min(i[-1] + 1 + BORDER, n)) for i, n in spans)
+    return rows, columns
 
 
 def _shares(ratio: np.ndarray) -> list[np.ndarray]:
@@ -146,7 +161,3 @@ def _errors(nodes: Nodes, v: Displacements, largest: Errors, levels: dict, optio
             terms = [SMALLER * level**GROWTH * gain * e for e in noise] + [0.0, 0.0]
         total = [t + weight * e for t, e in zip(total, terms, strict=True)]
     return Errors(*total)
-
-
-def _halved(axis: np.ndarray) -> np.ndarray:
-    return np.linspace(axis[0], axis[-1], 2 * axis.size - 1)

@@ -156,3 +156,22 @@ def spline_value(vectors: np.ndarray) -> np.ndarray:
     return cv2.sepFilter2D(
         vectors.astype(np.float32), cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REPLICATE
     )
+
+
+BORDER = 4  # nodes around a region that take part in its measurement
+MARGIN = 32  # px of the images beyond them
+
+
+def cut(
+    nodes: Nodes, images: list[Image], part: tuple[slice, slice], density: int
+) -> tuple[Nodes, list[Image]]:
+    """Nodes (`density` times as dense) of a part (slices of rows and columns of nodes) and images with a margin for its windows."""
+    spans = []
+    for axis, s, length in ((nodes.x, part[1], nodes.shape[1]), (nodes.y, part[0], nodes.shape[0])):
+        first = max(int(axis[s.start]) - MARGIN, 0) // CELL * CELL
+        spans.append((first, min(int(axis[s.stop - 1]) + MARGIN, length)))
+    (c0, c1), (r0, r1) = spans
+    near = nodes.x[part[1]], nodes.y[part[0]]
+    x, y = (np.linspace(a[0], a[-1], density * (a.size - 1) + 1) for a in near)
+    local = Nodes(x - c0, y - r0, (r1 - r0, c1 - c0), 1)
+    return local, images if local.shape == nodes.shape else [i.crop(r0, r1, c0, c1) for i in images]

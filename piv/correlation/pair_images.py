@@ -13,7 +13,8 @@ from piv.correlation.deform import Image
 from piv.correlation.prefilter import remove_background
 
 SMALLEST = 32  # px: fewer do not hold two windows
-FLAT = 48  # px: with 0.005 particles per px, one such square in 100,000 holds none
+# px: with 0.005 particles per px, one such rectangle in 100,000 holds none
+FLAT = ((48, 48), (96, 24), (24, 96))
 
 
 def check_images(images: list[Any], window: float) -> list[np.ndarray]:
@@ -55,15 +56,18 @@ def check_masks(mask: Any, count: int, shape: tuple[int, int]) -> list[np.ndarra
 
 
 def flat_areas(image: np.ndarray) -> np.ndarray | None:
-    """Pixels (bool) in squares of FLAT px of one grey level: painted over or padded. None where there are none, or nothing else."""
+    """Pixels (bool) in rectangles of FLAT of one grey level: painted over or padded. None where there are none, or nothing else."""
     apart = 8
     samples = np.ascontiguousarray(image[::apart, ::apart])
-    box = np.ones((FLAT // apart - 1,) * 2, np.uint8)
-    if samples.dtype.name not in ("uint8", "uint16", "float32") or not _constant(samples, box).any():
+    if samples.dtype.name not in ("uint8", "uint16", "float32"):
         return None
-    box = np.ones((FLAT, FLAT), np.uint8)
-    # a square of even side is eroded and dilated about opposite corners of its middle
-    flat = cv2.dilate(_constant(image, box).astype(np.uint8), box[::-1], anchor=(FLAT // 2 - 1,) * 2) > 0
+    flat = np.zeros(image.shape, bool)
+    for shape in FLAT:
+        if _constant(samples, np.ones([n // apart - 1 for n in shape], np.uint8)).any():
+            box = np.ones(shape, np.uint8)
+            # a rectangle of even sides is eroded and dilated about opposite corners of its middle
+            middle = (shape[1] // 2 - 1, shape[0] // 2 - 1)
+            flat |= cv2.dilate(_constant(image, box).astype(np.uint8), box, anchor=middle) > 0
     return flat if flat.any() and not flat.all() else None
 
 

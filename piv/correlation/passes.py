@@ -187,7 +187,9 @@ def deviates(
         test = normalised_median(dx, dy, usable, epsilon=epsilon, radius=radius, threshold=threshold)
         return test[0] > threshold
 
-    return failed(2) if near is None else np.where(near, failed(1), failed(2))
+    if near is None or near.all():
+        return failed(2 if near is None else 1)
+    return np.where(near, failed(1), failed(2))
 
 
 def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Displacements, options: Options) -> Displacements:

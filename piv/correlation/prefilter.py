@@ -14,6 +14,9 @@ TILE = 64  # px: side of the tiles whose spectra are averaged
 TILES = 50  # so many of them: a radial bin is then known to some per cent
 TAPS = 17  # px: length of the filter kernels
 BOX = 7  # px at half resolution: of the local mean
+# of the square of the share of folded power at each frequency and at 0.25 cycles/px, over that of noise: what is folded
+# biases all cells of a window alike. Halves the bias of particles of 1.2 and 1.6 px, leaves those of 2.5 px as they are
+FOLDED = 2500.0
 LOWPASS = 0.35  # px: of the Gaussian before the spectra are measured
 
 
@@ -128,12 +131,24 @@ def optimal_response(frequency: np.ndarray, signal: np.ndarray, noise: np.ndarra
 
     The correlation's power weight S/(2SN + N²) is that of the maximum-likelihood delay estimator (Hannan &
     Thomson 1973; Knapp & Carter 1976): white noise leaves it flat until the signal drowns, particles without a
-    partner (N ∝ S) make it whiten the spectrum, aliasing cuts its high end. Each image gets the square root.
+    partner (N ∝ S) make it whiten the spectrum. Power that sampling has folded back counts as noise too. Each image gets the square root.
     """
     signal, noise = _aligned(frequency, signal, noise)
+    folded = folded_share(frequency, signal)
+    noise = noise + FOLDED * (np.interp(0.25, frequency, folded) * folded) ** 2 * signal
     response = np.sqrt(signal / (2 * signal * noise + noise**2))
     response = np.interp(radial_frequency(), frequency[1:], response[1:])
     return response / response.max()
+
+
+def folded_share(frequency: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """Power that sampling has folded back to each frequency, over that which belongs there.
+
+    The spectrum of particle images is taken for Gaussian; its width is fitted where hardly any power is folded.
+    """
+    fit = (frequency > 0.06) & (frequency < 0.2)
+    slope = -np.polyfit(frequency[fit] ** 2, np.log(signal[fit]), 1)[0]
+    return np.exp(-max(slope, 0.0) * (1 - 2 * frequency))
 
 
 def cell_noise(spectra: tuple, response: np.ndarray, cell: int) -> float:

@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from piv.correlation.deform import Image, Nodes, spline_value
+from piv.correlation.deform import BORDER, Image, Nodes, cut, spline_value
 from piv.correlation.interpolate import denser
-from piv.correlation.newton_step import CELL, newton_step
+from piv.correlation.newton_step import newton_step
 from piv.correlation.options import Options
 from piv.correlation.passes import Displacements, deviates
 from piv.correlation.uncertainty import SMALL
@@ -26,7 +26,7 @@ POOR, SPREADS = 0.8, 8.0
 MOST = 0.25  # of all vectors: more poor ones mean poor images, not a region
 FEWEST = 3  # vectors of a region: fewer are noise or outliers, which the median test finds
 ROUNDS = 10  # of extrapolation and Newton steps
-BORDER = 4  # nodes around a region that take part in its measurement
+IDLE = 2  # rounds in succession that find no further vector end the search
 INWARD_WINDOW = 0.75  # of the window during the passes: it holds fewer wrong vectors
 LOST = 0.7  # of the median correlation: a vector below it is an outlier in the end
 WHOLE = 0.9  # unmasked share of a window's weight: below it the small window is used in the end
@@ -82,7 +82,7 @@ def measure_steep_regions(
 
 def _region(nodes, images, vectors, poor, part, target, options, density):
     """Displacements of best correlation in one region (part: slices of nodes) and this correlation."""
-    local, crops = _cut(nodes, images, part, density)
+    local, crops = cut(nodes, images, part, density)
     dx, dy = vectors.dx[part], vectors.dy[part]
     masked = vectors.masked[part]
     sigma = (INWARD_WINDOW if density == 1 else SMALL) * options.sigma
@@ -103,10 +103,14 @@ def _region(nodes, images, vectors, poor, part, target, options, density):
     correlation = best
     if density > 1:
         best_x, best_y = np.where(poor, new_x, dx), np.where(poor, new_y, dy)
+    fewest, idle = poor.size, 0
     for k in range(ROUNDS):
         low = poor & (correlation < target)
-        if not low.any() and (density == 1 or k > 1):
+        count = np.count_nonzero(low)
+        idle = idle + 1 if count >= fewest else 0
+        if idle == IDLE or (not count and (density == 1 or k > 1)):
             break
+        fewest = min(fewest, count)
         dx, dy = continue_linearly(np.where(poor, new_x, dx), np.where(poor, new_y, dy), ~low & ~masked)
         for _ in range(2):
             new_x, new_y, correlation, masked = step_from(dx, dy)
@@ -116,20 +120,6 @@ def _region(nodes, images, vectors, poor, part, target, options, density):
             dx, dy = np.where(poor, new_x, dx), np.where(poor, new_y, dy)
             dx, dy = continue_linearly(dx, dy, ~masked)
     return best_x[::density, ::density], best_y[::density, ::density], best[::density, ::density]
-
-
-def _cut(nodes: Nodes, images: list[Image], part: tuple[slice, slice], density: int):
-    """Nodes (`density` times as dense) and images of a region with a margin for its windows."""
-    margin = 32
-    spans = []
-    for axis, s, length in ((nodes.x, part[1], nodes.shape[1]), (nodes.y, part[0], nodes.shape[0])):
-        first = max(int(axis[s.start]) - margin, 0) // CELL * CELL
-        spans.append((first, min(int(axis[s.stop - 1]) + margin, length)))
-    (c0, c1), (r0, r1) = spans
-    near = nodes.x[part[1]], nodes.y[part[0]]
-    x, y = (np.linspace(a[0], a[-1], density * (a.size - 1) + 1) for a in near)
-    local = Nodes(x - c0, y - r0, (r1 - r0, c1 - c0), 1)
-    return local, [i.crop(r0, r1, c0, c1) for i in images]
 
 
 REACH = 3  # nodes: distance to which good vectors enter the fit of a plane
@@ -148,10 +138,12 @@ def _sums(field: np.ndarray, *powers: tuple[int, int]) -> list[np.ndarray]:
 
 
 def continue_linearly(u: np.ndarray, v: np.ndarray, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Copies of u, v (ny, nx) in which planes fitted to the `good` vectors within three nodes replace the others.
+    """u, v (ny, nx) in which planes fitted to the `good` vectors within three nodes replace the others.
 
     Farther away, means of neighbours replace them (`fill_absent`).
     """
+    if good.all():
+        return u, v
     linear = (0, 0), (1, 0), (0, 1)
     m, mx, my, mxx, myy, mxy = _sums(good.astype(np.float32), *linear, (2, 0), (0, 2), (1, 1))
     total = np.maximum(m, 1e-9)

@@ -60,7 +60,9 @@ class ImageFiles(Recording):
         except cv2.error:
             done, images = False, ()
         if not done or not len(images):
-            raise ValueError(f"{self._frame_name(i)}: not readable as an image (damaged, or another format)")
+            raise ValueError(
+                f"{self._frame_name(i)}: not readable as an image (damaged, or another format); save it anew as TIFF or PNG"
+            )
         return to_grey(images[0], self.colour, self._frame_name(i))
 
 
@@ -69,7 +71,9 @@ def _page_count(path: Path) -> int:
         raise FileNotFoundError(f"{path}: no such file")
     suffix = path.suffix.lower()
     if suffix in (".jpg", ".jpeg") and b"\xff\xd9" not in path.read_bytes()[-1024:]:
-        raise ValueError(f"{path}: the JPEG image is cut off")  # OpenCV would fill the rest with grey
+        raise ValueError(
+            f"{path}: the JPEG image is cut off; copy it again, or leave it out"
+        )  # OpenCV would fill the rest with grey
     return tiff_pages(path) if suffix in (".tif", ".tiff") else 1
 
 

@@ -66,7 +66,9 @@ def _images(source: str, recording: Recording) -> Masks:
         )
     if images.shape != recording.shape:
         (rows, columns), (high, wide) = images.shape, recording.shape
-        raise ValueError(f"{source}: the masks are {columns}x{rows} px, the frames are {wide}x{high} px")
+        raise ValueError(
+            f"{source}: the masks are {columns}x{rows} px, the frames are {wide}x{high} px; make them of these frames"
+        )
     files = [(str(p), k, p.stat().st_size, p.stat().st_mtime_ns) for p, k in images.pages]
     return Masks(lambda i: images.frame(i if count > 1 else 0) > 0, files)
 

@@ -57,7 +57,8 @@ def read_mask(path: str | Path, shape: tuple[int, int]) -> np.ndarray:
         raise ValueError(f"{path}: not readable as an image; a mask is an image or a polygon (.csv)")
     if image.shape != shape:
         raise ValueError(
-            f"{path}: the mask is {image.shape[1]}x{image.shape[0]} px, the frames are {shape[1]}x{shape[0]} px"
+            f"{path}: the mask is {image.shape[1]}x{image.shape[0]} px, the frames are {shape[1]}x{shape[0]} px; "
+            "make it of one of these frames"
         )
     return image > 0
 

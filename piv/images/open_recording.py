@@ -21,7 +21,8 @@ from piv.images.recording import Recording
 from piv.images.recording_file import RecordingFile
 from piv.images.video import Video
 
-IMAGE_SUFFIXES = (".tif", ".tiff", ".png", ".bmp", ".jpg", ".jpeg", ".pgm")
+JPEG_SUFFIXES = (".jpg", ".jpeg")
+IMAGE_SUFFIXES = (".tif", ".tiff", ".png", ".bmp", *JPEG_SUFFIXES, ".pgm")
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".wmv", ".m4v", ".webm")
 PHOTRON_SUFFIXES = (".mraw", ".cihx", ".cih")
 HDF5_SUFFIXES = (".h5", ".hdf5")
@@ -42,9 +43,9 @@ def open_recording(
     Raises FileNotFoundError or ValueError with one sentence.
     """
     if isinstance(source, str | Path):
-        paths = _expand(source)
+        paths = files_of(source)
     else:
-        paths = _expand(source[0]) if len(source) == 1 else [Path(p) for p in source]
+        paths = files_of(source[0]) if len(source) == 1 else [Path(p) for p in source]
     if not paths:
         raise ValueError("no recording given: name image files, a folder, a video, an .mraw or an .h5")
     suffixes = {p.suffix.lower() for p in paths}
@@ -63,7 +64,8 @@ def open_recording(
     raise ValueError(f"{path}: unknown kind of recording {suffix!r}; known are {' '.join(known)}")
 
 
-def _expand(source: str | Path) -> list[Path]:
+def files_of(source: str | Path) -> list[Path]:
+    """The files that a name, a folder or a glob stands for, in natural order. FileNotFoundError or ValueError where it is none."""
     path = Path(source)
     if path.is_dir():
         images = [p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]

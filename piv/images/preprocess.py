@@ -27,7 +27,9 @@ def background(recording: Recording, kind: str = "min") -> np.ndarray:
     if kind not in ("min", "mean"):
         raise ValueError(f"background must be 'min', 'mean' or 'static', got {kind!r}")
     if len(recording) < 3:
-        raise ValueError(f"{recording.name}: a background needs at least 3 frames, this has {len(recording)}")
+        raise ValueError(
+            f"{recording.name}: a background needs at least 3 frames, this has {len(recording)}; leave it out"
+        )
     count = min(BACKGROUND_FRAMES, len(recording))
     chosen = np.unique(np.linspace(0, len(recording) - 1, count).astype(int))
     total = recording.frame(int(chosen[0])).astype(np.float64)

@@ -60,7 +60,7 @@ class Recording:
         elif image.shape != self._shape:
             raise ValueError(
                 f"{self._frame_name(i)}: {image.shape[1]}x{image.shape[0]} px, "
-                f"but the recording began with {self._shape[1]}x{self._shape[0]} px"
+                f"but the recording began with {self._shape[1]}x{self._shape[0]} px; give pictures of one size"
             )
         return image
 

@@ -38,10 +38,12 @@ class Video(Recording):
         if not self.path.is_file():
             raise FileNotFoundError(f"{self.path}: no such file")
         if self.path.stat().st_size == 0:
-            raise ValueError(f"{self.path}: the file is empty")
+            raise ValueError(f"{self.path}: the file is empty; copy it again")
         self._capture = cv2.VideoCapture(str(self.path))
         if not self._capture.isOpened():
-            raise ValueError(f"{self.path}: not readable as a video (damaged, or an unknown codec)")
+            raise ValueError(
+                f"{self.path}: not readable as a video (damaged, or an unknown codec); save its pictures"
+            )
         self._next = 0
         self._recent: OrderedDict[int, np.ndarray] = OrderedDict()
 

@@ -48,7 +48,9 @@ def speed_scale(planes: xr.Dataset) -> float:
     ok = planes["valid"].values != 0
     speed = np.hypot(planes["u"].values, planes["v"].values)[ok]
     if speed.size == 0:
-        raise ValueError("the plane has no valid vector to plot")
+        raise ValueError(
+            "the plane has no valid vector to plot; choose another instant, or correlate with larger windows"
+        )
     return max(float(np.percentile(speed, 99)), 1e-12)
 
 

@@ -111,7 +111,7 @@ def join(parts: list[Path], output: str | Path) -> Path:
         if heads and head["identity"] != heads[0]["identity"]:
             raise ValueError(f"{path}: of another recording or other settings than {parts[0]}; make it again")
         if head["first"] != first or len(times[-1]) != head["count"]:
-            raise ValueError(f"{path}: begins with field {head['first']}, expected {first}")
+            raise ValueError(f"{path}: begins with field {head['first']}, expected {first}; make it again")
         heads.append(head)
         first += head["count"]
     if not heads or first != heads[0]["fields"]:

@@ -73,7 +73,7 @@ def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
     if options.frames == 2:
         return [tuple(p) for p in pairs(count, options.pairing, skip=options.skip, every=options.every)]
     if count < options.frames:
-        raise ValueError(f"{count} frames are too few for sets of {options.frames}")
+        raise ValueError(f"{count} frames are too few for sets of {options.frames}; give a smaller --frames")
     return [tuple(range(i, i + options.frames)) for i in range(0, count - options.frames + 1, options.every)]
 
 
@@ -222,7 +222,9 @@ class SeriesUnits:
         middle = np.array([0.5 * (times[s[0]] + times[s[-1]]) for s in sets])
         interval = np.array([(times[s[-1]] - times[s[0]]) / (len(s) - 1) for s in sets])
         if not (interval > 0).all():
-            raise ValueError(f"{recording.name}: the frames' times do not ascend")
+            raise ValueError(
+                f"{recording.name}: the frames' times do not ascend; give --frame-rate-hz in their place"
+            )
         return cls(float(scale), origin, middle, interval, {"x": "m", "y": "m", "time": "s", "u": "m/s"})
 
     def axes(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -86,13 +86,14 @@ def _ventral(part: Part) -> pd.DataFrame:
 
 
 def _forming_gap(part: Part) -> float:
-    """The gap (m) at which that pair forms."""
+    """The gap (m) that is still to close when that pair forms."""
     times = part.evidence.planes[part.of]["time"].values
     times = times[(times >= part.window[0]) & (times <= part.window[1])]
     at = formed(times, np.isin(times, _ventral(part)["time"]))
     if at is None:
         raise ValueError(f"{part.of}: the pair on the ventral side never lasts {part.words()}")
-    return float(part.evidence.clock.gap_at(np.array([at]))[0])
+    clock = part.evidence.clock
+    return float(clock.gap_at(np.array([at]))[0]) - clock.residual_gap
 
 
 def _ventral_flow(part: Part) -> str:
@@ -137,7 +138,7 @@ PINCH_QUANTITIES: dict[str, Quantity] = {
         "fraction", "mean upward velocity midway between the two vortices on the ventral side, over the peak tip speed"),
     "ventral_pair_gap": Quantity(
         _forming_gap,
-        "m", "gap between tip and plane from which on that pair is there at every instant for 20 ms"),
+        "m", "gap still to close to the residual one when that pair forms, to be there at every instant for 20 ms"),
     "ventral_pair_part": Quantity(
         _ventral_part,
         "fraction", "mean circulation of that pair, over the dorsal pair's; by integrals"),

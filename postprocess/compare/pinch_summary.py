@@ -15,6 +15,7 @@ from postprocess.evidence.vortex_pairs import rms
 
 APPROACH = (0.020, 0.002)  # m of gap between tip and plane
 AFTER = 0.15  # s after contact
+BEFORE = 0.25  # s before it: a vortex of an opening stroke is older
 
 
 def pinch_summary(evidence: Evidence) -> dict[str, Any]:
@@ -71,10 +72,13 @@ def integral_numbers(
     integrals: pd.DataFrame, halves: pd.DataFrame, clock: Clock, met: float | None
 ) -> dict[str, float | None]:
     """Numbers that no fit is asked for: both pairs, and each half of the plane and the jet after contact; None: not there."""
+    if met is not None:
+        integrals, halves = (table[table["time"] >= met - BEFORE] for table in (integrals, halves))
     ventral, dorsal = pair_of(integrals, *VENTRAL), pair_of(integrals, *DORSAL)
     times = halves["time"].to_numpy()
     at = formed(times, np.isin(times, ventral["time"]))
     out: dict[str, float | None] = {"ventral_forms_time": at, "ventral_forms_gap": None}
+    out["ventral_forms_before_contact"] = None if at is None or met is None else met - at
     out["ventral_circulation_peak"] = out["ventral_part"] = out["ventral_rise_peak"] = None
     if at is not None:
         out["ventral_forms_gap"] = float(clock.gap_at(np.array([at]))[0])

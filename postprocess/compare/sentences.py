@@ -38,7 +38,9 @@ def read_sentences(path: Path, findings: tuple[Finding, ...]) -> tuple[Sentence,
             raise ValueError(f"{where} has the unknown key {unknown[0]!r}; remove or rename it")
         if missing := [key for key in ("quote", "where") if not entry.get(key)]:
             raise ValueError(f"{where} lacks the key {missing[0]!r}; add it")
-        sentence = Sentence(**entry | {"findings": tuple(entry.get("findings", ()))})
+        if not isinstance(named := entry.get("findings", []), list):
+            raise ValueError(f"{where}: findings = {named!r} is no list; write findings = [{named!r}]")
+        sentence = Sentence(**entry | {"findings": tuple(named)})
         if absent := [name for name in sentence.findings if name not in known]:
             raise ValueError(
                 f"{where}: findings = {absent[0]!r} is no finding of this file; give the id of one"

@@ -119,10 +119,10 @@ def flow_figure(
     figure.set_layout_engine("none")  # laid out once: every further frame only moves what moves
 
     def show(time: float) -> None:
-        caption = format_instant(next(iter(planes.values())), time)
-        for ax, source, update in zip(axes[0], planes, updates, strict=True):
-            ax.set_title(f"{NAMES[source]}, {caption}")
-            update(time)
+        for ax, (source, plane), update in zip(axes[0], planes.items(), updates, strict=True):
+            shown = float(plane["time"][nearest(plane, time)])  # PIV has fewer instants than the sheet
+            ax.set_title(f"{NAMES[source]}, {format_instant(plane, shown)}")
+            update(shown)
 
     return figure, show
 

@@ -18,6 +18,7 @@ from postprocess.lab.data.inputs_toml import read_inputs, write_runs, write_virt
 from postprocess.lab.data.plan import plan_text
 from postprocess.lab.judgement.compare import run_comparison
 from postprocess.lab.judgement.motion import motion_sentence
+from postprocess.lab.registration.check_motion import FEWEST
 from postprocess.lab.registration.step import lab_files, run_registration
 
 
@@ -39,6 +40,8 @@ def virtual(args: argparse.Namespace, say: Callable[[object], None]) -> None:
 def register(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
     registration = run_registration(files, dpiv, args.seed, args.quick)
     say(f"register: {motion_sentence(registration)}")
+    if 0 < registration.times.size < FEWEST:
+        say(f"register: dropped frames are not looked for in fewer than {FEWEST} pictures (or pairs)")
 
 
 def compare(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
@@ -52,6 +55,19 @@ def motion(args: argparse.Namespace, say: Callable[[object], None], files: LabFi
     from postprocess.lab.judgement.recorded_motion import run_motion
 
     say(run_motion(files, dpiv))
+
+
+def pressure(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+    from postprocess.lab.judgement.causes import write_scene
+
+    say(write_scene(files, dpiv))
+
+
+def causes(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+    from postprocess.lab.judgement.causes import causes, sentences
+
+    for sentence in sentences(causes(files, dpiv)):
+        say(sentence)
 
 
 def report(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
@@ -107,6 +123,8 @@ COMMANDS: Commands = {
     "register": ("find the finger in the data: pose, scale, time, motion", Step(register, ("seed", "quick"))),
     "compare": ("judge every quantity", Step(compare, ("seed", "threads"))),
     "report": ("figures and page", Step(report)),
+    "pressure": ("a scene that is driven by the pressure measured with the recording", Step(pressure)),
+    "causes": ("whether pressure, structure or flow differ from the recording's", Step(causes)),
     "motion": ("the finger's motion as recorded, and a scene that is driven by it", Step(motion)),
 }
 

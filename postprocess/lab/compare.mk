@@ -15,10 +15,11 @@ VIEW    = $(PY) -m pipeline sheet $(1) --level $(LEVEL) --view $(2) -o $@ $(FLAG
 OFLAB   = $(CASE) --level $(LEVEL) --dpiv $(DPIV) $(FLAGS)
 PLAN    = $(LAB) plan $(CASE) --level $(LEVEL) --ranks $(NP) $(FLAGS)
 
-ifneq ($(filter compare compare-measured,$(MAKECMDGOALS)),)
+ifneq ($(filter compare compare-measured compare-coupled,$(MAKECMDGOALS)),)
 $(if $(filter 1,$(words $(DPIV))),,$(error give DPIV=folder of dpiv.toml, a path without spaces: docs/comparison.md))
 $(if $(wildcard $(LABDATA)/dpiv.toml),,$(error DPIV=$(DPIV): holds no dpiv.toml; docs/comparison.md shows one))
-$(if $(QUICK),$(if $(filter compare-measured,$(MAKECMDGOALS)),$(error QUICK=$(QUICK) goes with compare; leave it out)))
+$(if $(QUICK),$(if $(filter compare-measured compare-coupled,$(MAKECMDGOALS)),$(error \
+    QUICK=$(QUICK) goes with compare; leave it out)))
 endif
 compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=.. DPIV=folder [QUICK=1: motion alone]
 	$(if $(QUICK),+@$(SUB) $(SCENE).kinematics,+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register)
@@ -48,6 +49,13 @@ compare-measured: | $(READY) ## the same with the simulation driven by the motio
 	$(LAB) motion $(OFLAB)
 	+@$(SUB) SCENE=$(SCENE)/out/$(LEVEL)/lab/$(LABNAME)/measured DPIV=$(abspath $(DPIV)) INPUTS=$(INPUTS) compare
 
+compare-coupled: | $(READY) ## whether pressure, structure or flow differ, with the pressure measured in the chambers
+	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register
+	$(LAB) motion $(OFLAB)
+	$(LAB) pressure $(OFLAB)
+	+$(PY) -m pipeline couple $(LABHERE)/pressure --level $(LEVEL) --ranks $(NP) --target loads $(FLAGS)
+	$(LAB) causes $(OFLAB)
+
 # A stand-in for a laboratory: pictures of a run at PRESSURE kPa, with errors of set-up that dpiv.toml does not know.
 PRESSURE ?= 21
 VIRTUAL   = $(LABOUT)/virtual/$(PRESSURE)kpa
@@ -62,20 +70,22 @@ virtual-lab: | $(READY) ## a stand-in recording to try compare on, where no labo
 	@echo "now: make compare SCENE=$(SCENE) LEVEL=$(LEVEL) DPIV=$(VIRTUAL)/virtual_$(PRESSURE)kpa"
 
 LAB_STUDY = $(LABOUT)/virtual/study
-virtual-lab-study: | $(READY) ## registration, verdicts and coverage over 20 seeds; tables into docs/comparison.md (1 h)
+STUDY_RUN = $(PY) -m tests.studies.laboratory.virtual_lab --case $(CASE) --level $(LEVEL)
+virtual-lab-study: | $(READY) ## registration, faults, verdicts: tables of docs/comparison.md (1 h of CPU)
 	+@$(SUB) $(SCENE).vortices
 	@$(LAB) runs $(CASE) --level $(LEVEL) --quiet
-	$(LAB) virtual $(CASE) --level $(LEVEL) --pressure-kpa 21 --quiet
+	@$(STUDY_RUN) --write
 	+@$(SUB) SCENE=$(SCENE) study-sheets
 	$(PY) -m tests.studies.laboratory.registration --seeds 20 -o $(LAB_STUDY)/registration.csv \
 	    --docs docs/comparison.md
-	$(PY) -m tests.studies.laboratory.virtual_lab --case $(CASE) --level $(LEVEL) --seeds 20 \
-	    -o $(LAB_STUDY)/trials.csv --docs docs/comparison.md
-study-sheets: $(LAB_STUDY)/nominal.h5 $(LAB_STUDY)/21kpa.h5 $(patsubst %,$(LAB_STUDY)/%.h5,$(VARIATIONS))
+	$(PY) -m tests.studies.laboratory.faults --first 401 --seeds 60 -o $(LAB_STUDY)/faults.csv --docs docs/comparison.md
+	$(STUDY_RUN) --seeds 5 -o $(LAB_STUDY)/trials.csv --docs docs/comparison.md
+WATERS = $(notdir $(patsubst %/scene.toml,%,$(wildcard $(LABOUT)/virtual/*/scene.toml)))
+study-sheets: $(patsubst %,$(LAB_STUDY)/%.h5,nominal $(WATERS) $(VARIATIONS))
 LAB_STUDY_SHEET = $(call VIEW,$(patsubst %/out/$(LEVEL)/run/run.json,%,$<),-0.08 0.12 0.10 0.28)
 $(LAB_STUDY)/nominal.h5: $(LABOUT)/run/run.json
 	$(LAB_STUDY_SHEET)
-$(LAB_STUDY)/21kpa.h5: $(LABOUT)/virtual/21kpa/out/$(LEVEL)/run/run.json
+$(LAB_STUDY)/%.h5: $(LABOUT)/virtual/%/out/$(LEVEL)/run/run.json
 	$(LAB_STUDY_SHEET)
 $(LAB_STUDY)/%.h5: $(LABOUT)/inputs/%/out/$(LEVEL)/run/run.json
 	$(LAB_STUDY_SHEET)

@@ -66,7 +66,8 @@ def flow_figures(
         animation.write_picture(animation.pixels(figure), album.folder / f"flow_{number}.png")
         album.add(None, f"flow_{number}.png", "flow", alt, instant)
     figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, tables=tables, dpi=88)
-    times = np.linspace(first, last, FRAMES)
+    # more frames than there are fields would repeat them
+    times = np.linspace(first, last, min(FRAMES, *(p.sizes["time"] for p in planes.values())))
 
     def images():
         for time in times:
@@ -77,7 +78,7 @@ def flow_figures(
     write_film(frames, album.folder / "stroke.mp4", FILM_HZ)
     caption = f"One instant, {first:g} s: there is a single field."
     if last > first:
-        caption = f"The whole stroke, slowed down {(FRAMES - 1) / FILM_HZ / (last - first):.0f} times."
+        caption = f"The whole stroke, slowed down {(len(times) - 1) / FILM_HZ / (last - first):.0f} times."
     album.add(None, "stroke.mp4", "film", f"Film of the flow around the bending {body}, {sources}", caption)
     album.add(None, "frames", "slider", f"Flow around the {body}, {sources}", times=times.tolist())
 

@@ -31,7 +31,7 @@ COLUMNS = ["run", "change", "model", "cells", *ROW]
 NUMBERS = {
     "contact_time": "s",
     "ventral_forms_gap": "m",
-    "ventral_forms_time": "s",
+    "ventral_forms_before_contact": "s",
     "ventral_circulation_peak": "m²/s",
     "ventral_part": "fraction",
     "ventral_rise_peak": "m/s",

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import FORCES, RUN
-from fileio.stages import STAGES, until
+from fileio.stages import until
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.load import FILES
@@ -28,7 +28,7 @@ from postprocess.studies.state import files_of, missing_runs, missing_sentence
 from postprocess.studies.table import middle_of_stroke, read_plan, stage_costs, study_table
 
 INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
-OF_THE_REPORT = [stage.name for stage in STAGES if not stage.shared]
+OF_THE_REPORT = [stage.name for stage in until("report") if stage not in until("vortices")]
 ERRORS = ("error_circulation", "error_centre", "error_velocity", "error_force")
 PART_OF_STROKE = "motion.end_time"  # a run that overrides it shows how grids converge: nobody chooses it
 ORDERS = (1.0, 2.0)  # that an extrapolation takes: schemes are of second order, walls and time of first
@@ -233,8 +233,8 @@ def evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.Dat
         for name, value in own_errors(table, plan["runs"], best).items():
             table.loc[best, name] = value
     flow = table["kind"].eq("flow")
-    # the scene's own rate: the study only ever samples less
-    native = pd.Series(table["rate_hz"].max(), table.index)
+    # the level's own rate: the study only ever samples less
+    native = table.groupby("level")["rate_hz"].transform("max")
     table["piv_fields"] = native * table["end_time_s"] / table["every"]
     whole = table[flow & table.get("cpu_report_s", pd.Series(np.nan, table.index)).notna()]
     if len(whole):

@@ -90,7 +90,7 @@ def test_a_page_that_is_wrong_is_told(tmp_path):
 
 def test_piv_of_two_images_and_of_a_recording(clone):
     assert follow("piv.md", clone) == 1 + 4
-    assert (clone / "picture.png").stat().st_size > 10_000
+    assert (clone / "tutorial" / "picture.png").stat().st_size > 10_000
 
 
 @OPENFOAM
@@ -103,4 +103,4 @@ def test_an_own_finger_its_recording_and_its_results(clone):
     assert (out / "report.html").stat().st_size > 100_000
     follow("comparison.md", clone)
     follow_notebook("results.ipynb", clone)
-    assert (clone / "results.png").stat().st_size > 10_000
+    assert (out / "results.png").stat().st_size > 10_000

@@ -162,6 +162,15 @@ class LabCamera(Table):
     """Of a grey value"""
 
 
+class ChamberPressure(Table):
+    """Pressure measured in the chambers with the recording, for make compare-coupled."""
+
+    csv: str
+    """File of the pressure in the chambers against the water around them, a CSV with columns t,p (s on the recording's clock, Pa), relative to this file"""
+    std_kpa: Positive
+    """Its standard uncertainty [kPa]"""
+
+
 class Dpiv(Table):
     """One laboratory's data; `folder` is where dpiv.toml lies, paths are relative to it."""
 
@@ -196,6 +205,8 @@ class Dpiv(Table):
     """Of pictures: standard uncertainty of the finger's length [mm]"""
     root_hidden_mm: NotNegative = 0.0
     """How much of the finger, from its root on, a holder or a shadow hides [mm]"""
+    pressure: ChamberPressure | None = None
+    """What was measured in the chambers, on the camera's clock; `start` is stated then"""
     vectors: VectorFiles | None = None
     """Of kind = "vectors": what the files do not say themselves"""
     camera: LabCamera | Literal["none"] | None = None
@@ -203,6 +214,11 @@ class Dpiv(Table):
 
     @model_validator(mode="after")
     def _whole(self) -> Dpiv:
+        # the finger's lag behind the pressure would count as another pressure
+        if self.pressure and self.start == "from motion":
+            raise ValueError(
+                f"pressure is on the camera's clock, which the motion does not show: give {HINTS['start'].split(', or')[0]}"
+            )
         if self.kind == "pictures" and (self.vectors or self.camera):
             raise ValueError(
                 'tables [vectors] and [camera] belong to kind = "vectors"; of pictures they are measured'

@@ -48,7 +48,7 @@ def read_registration(path: Path) -> Registration:
     return Registration(
         _pose(whole["pose"]),
         np.array(whole["covariance"]),
-        float(whole["edge_px"]),
+        Nuisance(np.array(whole["nuisance"]["values"]), np.array(whole["nuisance"]["std"])),
         Law(np.array(law["values"]), np.array(law["covariance"]), float(law["misfit"])),
         np.array(whole["times"]),
         np.array(whole["pressures"]),
@@ -67,6 +67,19 @@ def _pose(values: dict[str, Any]) -> Pose:
 
 
 LAW = ("factor", "delay", "stretch")
+NUISANCE = ("edge_px", "lateral_px", "perspective_x", "perspective_y")
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """What the fit takes up beside pose and law, with standard uncertainties, (4,): growth of the outline on all sides and its shift
+    to the dorsal side (px), relative change of the magnification along x and y of the tank frame (1/m)."""
+
+    values: np.ndarray
+    std: np.ndarray
+
+
+NO_NUISANCE = Nuisance(np.zeros(len(NUISANCE)), np.zeros(len(NUISANCE)))
 
 
 @dataclass(frozen=True)
@@ -96,7 +109,7 @@ class Registration:
 
     pose: Pose
     covariance: np.ndarray
-    edge_px: float
+    nuisance: Nuisance
     law: Law
     times: np.ndarray
     pressures: np.ndarray

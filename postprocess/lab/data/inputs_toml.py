@@ -104,19 +104,19 @@ def run_folder(files: StageFiles, name: str) -> Path:
     return files.out / "inputs" / name
 
 
-def write_runs(files: StageFiles, inputs: Inputs) -> list[Path]:
-    """Write the scenes of all runs where they changed; returns their folders."""
-    numbers = scene_numbers(files)
+def write_runs(files: StageFiles, inputs: Inputs, parent: str = "inputs") -> list[Path]:
+    """Write the scenes of all runs into folder `parent` of the level where they changed; returns their folders."""
+    numbers, parent_folder = scene_numbers(files), files.out / parent
     folders = []
     for one in inputs.input:
         root, *rest = one.key.split(".")
         table = changed(numbers, [root, *rest], one.step, one.key)
         # of the level: what the scene gives for this level would have the last word
         level = {files.level: {root: {rest[0]: table[root][rest[0]]}}}
-        folders.append(_write(run_folder(files, one.name), {"levels": level}))
+        folders.append(_write(parent_folder / one.name, {"levels": level}))
     for finer in inputs.numerics:
         level = {files.level: _finer(numbers, finer)}
-        folders.append(_write(run_folder(files, finer.name), {"levels": level}))
+        folders.append(_write(parent_folder / finer.name, {"levels": level}))
     return folders
 
 

@@ -8,12 +8,30 @@ from fileio.formats.records import COST
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.lab.data.inputs_toml import Input, Inputs, Numerics, run_folder
 
+SET_UP = ("kinematics", "mesh", "case")  # stages before the solver
+
 
 def work(one: Input | Numerics, dimensions: int) -> float:
     """CPU time of a run beside the nominal one over the nominal run's: cells and steps that it has more."""
     if isinstance(one, Input):
         return 1.0
     return one.ratio if one.name == "time_step" else one.ratio**dimensions
+
+
+def solving_time(files: StageFiles, runs: list[Input | Numerics], ranks: int) -> float:
+    """Time (s) of some runs on idle cores by what the nominal one's stages took; a finer grid has more of the planform's cells to mesh.
+
+    Before the solver one process works, whatever the ranks.
+    """
+    dimensions = 2 if _flat(files) else 3
+    took = {stage: float(COST.read(_cost(files, stage))["cpu_time"]) for stage in (*SET_UP, "run")}
+    set_up = sum(took[stage] for stage in SET_UP)
+    finer = [one.ratio**2 if isinstance(one, Numerics) and one.name == "grid" else 1.0 for one in runs]
+    return took["run"] / ranks * sum(work(one, dimensions) for one in runs) + set_up * sum(finer)
+
+
+def _cost(files: StageFiles, stage: str) -> Path:
+    return files.out / "costs" / f"{stage}.json"
 
 
 def plan_text(files: StageFiles, inputs: Inputs, ranks: int) -> str:
@@ -30,12 +48,11 @@ def plan_text(files: StageFiles, inputs: Inputs, ranks: int) -> str:
         return f"{text}nothing is left to solve"
     wanted = ([] if nominal else ["the nominal run"]) + [one.name for one in missing]
     text += f"to be solved: {', '.join(wanted)}"
-    path = files.out / "costs" / "run.json"
-    if not nominal or not path.exists():
-        return f"{text}; the nominal run's cost is not known yet (make predict says what to expect)"
-    dimensions = 2 if _flat(files) else 3
-    seconds = float(COST.read(path)["cpu_time"]) * sum(work(one, dimensions) for one in missing) / ranks
-    return f"{text}, about {_duration(seconds)} on {ranks} idle cores, by the nominal run's cost"
+    unknown = [stage for stage in (*SET_UP, "run") if not _cost(files, stage).exists()]
+    if not nominal or unknown:
+        what = f" of {', '.join(unknown)}" if nominal else ""
+        return f"{text}; the nominal run's cost{what} is not known yet (make predict says what to expect)"
+    return f"{text}, about {_duration(solving_time(files, missing, ranks))} on {ranks} idle cores, by the nominal run's cost"
 
 
 def _run(files: StageFiles, name: str) -> Path:

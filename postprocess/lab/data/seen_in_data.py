@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 from fileio.key_reference import toml_value
@@ -41,11 +42,18 @@ def seen_in(folder: Path) -> dict[str, str]:
         "title": folder.resolve().name,
         "files": pattern.as_posix(),
     }
-    values["kind"] = "vectors" if suffix in VECTOR_SUFFIXES else "pictures"
+    exported = suffix in HDF5_SUFFIXES and _holds_vectors(first)
+    values["kind"] = "vectors" if suffix in VECTOR_SUFFIXES or exported else "pictures"
     if values["kind"] == "pictures":
         with _opened(str(folder / pattern), values) as recording:
             values |= seen_in_pictures(recording)
     return {name: toml_value(value) for name, value in values.items()}
+
+
+def _holds_vectors(path: Path) -> bool:
+    """Whether an HDF5 file is a plane series (u and v), not a recording."""
+    with h5py.File(path, "r") as file:
+        return "u" in file and "v" in file
 
 
 def _opened(source: str, values: dict[str, object]) -> Recording:

@@ -66,7 +66,7 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
     start = float(kinematics.law(kinematics.time[0]))
     guesses = np.interp(frames.times, registration.times - law.delay, registration.pressures)
     bends = kinematics.bend(np.where(frames.times <= 0, start, guesses))
-    known = strip, pose, registration.edge_px
+    known = strip, pose, float(registration.nuisance.values[0])
     fits = [
         fit_profile(integral, frames.mean, *known, float(bend), frames.independent)
         for integral, bend in zip(frames.integrals, bends, strict=True)

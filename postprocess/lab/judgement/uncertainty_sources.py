@@ -34,7 +34,10 @@ def tables(case: Case) -> dict[str, pd.DataFrame]:
 
 
 def common_rows(measured: dict[str, pd.DataFrame], window: tuple[float, float]) -> np.ndarray:
-    """Instants of the window at which every side has its vortex (instant,) bool; ValueError where there are fewer than three."""
+    """Instants of the window at which every side has its vortex (instant,) bool.
+
+    ValueError where there are fewer than three, or all before or all behind the window's middle, which `means` are taken at.
+    """
     first = next(iter(measured.values()))
     ok = first["time"].between(*window).to_numpy()
     for table in measured.values():
@@ -43,6 +46,12 @@ def common_rows(measured: dict[str, pd.DataFrame], window: tuple[float, float]) 
         raise ValueError(
             f"the tip vortex exists on all sides at only {ok.sum()} instants between {window[0]:.3f} and {window[1]:.3f} s;"
             " three are needed"
+        )
+    seen = first["time"].to_numpy()[ok]
+    if not seen[0] <= 0.5 * (window[0] + window[1]) <= seen[-1]:
+        raise ValueError(
+            f"the tip vortex exists on all sides only from {seen[0]:.3f} to {seen[-1]:.3f} s, which leaves out the middle of"
+            f" {window[0]:.3f} to {window[1]:.3f} s, where it is compared; take pictures of the whole stroke, or of more particles"
         )
     return ok
 

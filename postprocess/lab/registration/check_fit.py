@@ -15,7 +15,7 @@ from fileio.formats.kinematics import Kinematics
 from piv.images.recording import Recording
 from postprocess.lab.data.files import Registration
 from postprocess.lab.registration.check_motion import check_motion
-from postprocess.lab.registration.fit_outline import EDGE_STD
+from postprocess.lab.registration.fit_outline import NUISANCE_STD
 from postprocess.lab.registration.outline_profile import (
     EDGE,
     FAR,
@@ -32,7 +32,9 @@ from postprocess.lab.registration.register import LEARN_FROM, chosen_frames, hid
 from postprocess.lab.registration.silhouette import learn
 
 SURE = 4.5  # standard deviations of a count: parts and bands make sixty of them
+GROWN = 1.5  # px, of the outline at most: particles are seen up to its edge, so that a sound fit is a little smaller than the finger
 FAR_OFF = 3.0  # standard deviations of what is known beforehand
+HARMLESS = 1.0  # %, change of the magnification over the finger that the fit takes up and no later step suffers from much
 TURN_STD, ROOT_STD = (
     np.radians(1.5),
     1.5e-3,
@@ -73,12 +75,14 @@ def check_fit(
     pose = registration.pose
     blind = hidden_part(pose, kinematics, hidden, recording.shape) if hidden else None
     profile = outline_profile(
-        images, registration.pressures, evidence, kinematics, pose, registration.edge_px, blind
+        images, registration.pressures, evidence, kinematics, pose, registration.nuisance.values, blind
     )
     parts = wrong_parts(profile)
+    motion = check_motion(kinematics, registration, np.diff(times).max())
+    # a motion that is not explained reads as perspective
     refusals = [
         *check_priors(registration, scale_std, turn_std),
-        *check_motion(kinematics, registration, np.diff(times).max()),
+        *(motion or check_tilt(registration, kinematics.length)),
     ]
     if parts:
         refusals.append(parts_sentence(parts))
@@ -93,16 +97,34 @@ def check_fit(
     )
 
 
+def check_tilt(registration: Registration, length: float) -> list[str]:
+    """A sentence where a perspective is seen; `length` (m) of the finger."""
+    values, std = registration.nuisance.values[2:], registration.nuisance.std[2:]
+    change = 100 * length * float(np.abs(values).max())
+    if change < HARMLESS or (np.abs(values) <= FAR_OFF * std).all():
+        return []
+    return [
+        f"the magnification changes by {change:.1f} % over the finger's length: the camera does not look squarely at the sheet; turn it,"
+        " or take a picture of a target in the sheet and use piv calibrate"
+    ]
+
+
 def check_priors(registration: Registration, scale_std: float | None, turn_std: float | None) -> list[str]:
     """A sentence for each value that lies further from what is stated, or plausible, than what is known of it allows."""
     out = []
     std = np.sqrt(np.diag(registration.covariance))
     pose, stated = registration.pose, registration.stated
-    if abs(registration.edge_px) > FAR_OFF * EDGE_STD:
+    edge, lateral = registration.nuisance.values[:2]
+    most = FAR_OFF * NUISANCE_STD
+    if not -most[0] <= edge <= GROWN:
         out.append(
-            f"the outline had to be {'grown' if registration.edge_px > 0 else 'shrunk'} by {abs(registration.edge_px):.1f} px on all sides,"
-            f" more than blur and a mould's tolerance make of it ({FAR_OFF * EDGE_STD:.1f} px): a shadow beside the finger, or a"
-            " finger of another thickness"
+            f"the outline had to be {'grown' if edge > 0 else 'shrunk'} by {abs(edge):.1f} px on all sides, more than blur and a"
+            f" mould's tolerance make of it ({GROWN if edge > 0 else most[0]:.1f} px): a shadow beside the finger, or a finger of another thickness"
+        )
+    if abs(lateral) > most[1]:
+        out.append(
+            f"the outline had to be moved by {abs(lateral):.1f} px to the finger's {'dorsal' if lateral > 0 else 'ventral'} side: a"
+            " shadow or a reflection on one side; light it from two sides or blacken the finger"
         )
     if stated is not None:
         turn = float(np.degrees(pose.angle - stated.angle))

@@ -12,6 +12,7 @@ LARGEST = 2.0  # factor by which pressure and duration may differ, either way
 MISFIT = 0.04  # of the range of pressure: rms distance of single pictures from the law
 SURE = 6.0  # standard deviations of a jump: every instant is tried
 ENDS = 4  # pictures before and behind a jump, at least
+FEWEST = 2 * ENDS + 4  # pictures, for a jump to be looked for: six things are fitted
 NOISE = 0.002  # of the range of pressure: what a single picture is not known better than
 
 
@@ -51,7 +52,7 @@ def largest_jump(kinematics: Kinematics, registration: Registration) -> tuple[fl
     seen there is later in the motion than the clock says.
     """
     times, values = registration.times, registration.law.values
-    if times.size < 2 * ENDS + 8:
+    if times.size < FEWEST:
         return 0.0, 0.0, np.inf
     span = kinematics.high - kinematics.low
     noise = np.hypot(registration.pressures_std, NOISE * span)

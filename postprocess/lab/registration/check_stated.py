@@ -34,7 +34,7 @@ def best_delay(
     `outline_table`, grown by `grown_px`: a little smaller, so that a first guess off by a pixel costs nothing."""
     table, outlines, normals = shapes
     pictures = frames.integrals, frames.mean, outlines, normals, np.asarray(pose.anchor)
-    seat = (*pose.at_px, pose.angle, pose.scale_m_per_px, grown_px)
+    seat = (*pose.at_px, pose.angle, pose.scale_m_per_px, grown_px, 0.0, 0.0, 0.0)
     scores = []
     for delay in delays:
         at = np.clip((frames.times - delay) / stretch, *kinematics.time)
@@ -49,8 +49,8 @@ def mirrored(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The outlines of a finger that bends to the other side of the vertical through `anchor` (m)."""
     table, outlines, normals = shapes
-    flip = np.array([-1.0, 1.0])
-    turned = (outlines[:, ::-1] - anchor) * flip + anchor
+    flip = np.array([-1.0, 1.0, 1.0])
+    turned = (outlines[:, ::-1] - anchor) * flip[:2] + anchor
     return table, np.ascontiguousarray(turned), np.ascontiguousarray(normals[:, ::-1] * flip)
 
 

@@ -23,8 +23,12 @@ TABLE = 241  # shapes in the table that outlines are interpolated from
 REACH = 0.15  # of the simulation's range: how far a recording may bend beyond the simulation
 LAW_POINTS = 2001  # of the law's own table
 COLD = 0.05  # share of the evidence at the beginning: the landscape has a bump per particle, so the chain is cooled into it
-POSE = ("at_x_px", "at_y_px", "angle", "log_magnification", "edge_px")
-EDGE_STD = 1.5  # px, prior: takes in blur and the mould's tolerance
+# priors of `files.NUISANCE` about 0: edge takes in blur and the mould's tolerance (px), lateral what light or a reflection does to
+# one side (px), perspective a camera that looks at the sheet with 5° at half a metre (1/m)
+NUISANCE_STD = np.array([1.5, 0.5, 0.2, 0.2])
+ROUGH_NUISANCE_STD = np.array(
+    [1.5, 0.05, 0.01, 0.01]
+)  # while frames are free to be off the law, they would take up the motion
 LAW_STD = 0.3  # prior of factor and stretch about 1: weak, for recordings that show only a part of the motion
 
 
@@ -40,11 +44,12 @@ class Frames:
 
 @dataclass(frozen=True)
 class OutlineFit:
-    """Samples of the pose (sample, 5 of `POSE`), of the law (sample, 3: factor, delay s, stretch) and of each frame's pressure
-    (sample, frame; Pa), and the pose that the first belong to."""
+    """Samples of the pose's change (sample, 4: x px, y px, angle, ln magnification), of `files.NUISANCE` (sample, 4), of the law
+    (sample, 3: factor, delay s, stretch) and of each frame's pressure (sample, frame; Pa), and the pose that is changed."""
 
     first: Pose
     pose: np.ndarray
+    nuisance: np.ndarray
     law: np.ndarray
     parameter: np.ndarray
     times: np.ndarray
@@ -81,13 +86,18 @@ def prepare(
 
 
 def outline_table(kinematics: Kinematics) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pressures (n,), outlines (n, point, 2) in m and outward unit normals of their points."""
+    """Pressures (n,), outlines (n, point, 2) in m and of their points (n, point, 3) the outward unit normal and the side: 1 on
+    the dorsal, -1 on the ventral one, 0 at root and tip, where the normal is along the finger."""
     reach = REACH * (kinematics.high - kinematics.low)
     pressures = np.linspace(kinematics.low - reach, kinematics.high + reach, TABLE)
     outlines = np.array([counter_clockwise(kinematics.shape("outline", p)) for p in pressures])
     along = np.roll(outlines, -1, axis=1) - np.roll(outlines, 1, axis=1)
     normals = np.stack([along[..., 1], -along[..., 0]], axis=-1)
-    return pressures, outlines, normals / np.hypot(normals[..., 0], normals[..., 1])[..., None]
+    normals /= np.hypot(normals[..., 0], normals[..., 1])[..., None]
+    rest = np.argmin(np.abs(pressures - kinematics.law(kinematics.time[0])))
+    up = normals[rest] @ kinematics.shape("dorsal_direction", pressures[rest])
+    side = np.where(np.abs(up) > 0.5, np.sign(up), 0.0)
+    return pressures, outlines, np.dstack([normals, np.broadcast_to(side, normals.shape[:2])])
 
 
 def settled(rounds: list[tuple[np.ndarray, np.ndarray]]) -> bool:
@@ -108,8 +118,9 @@ def fit_outline(
     deviation: np.ndarray,
     scale_std: float | None,
     stated_delay: tuple[float, float] | None = None,
-    edge_px: float = 0.0,
-    pose_std: np.ndarray | None = None,
+    nuisance: np.ndarray | None = None,
+    nuisance_std: np.ndarray = NUISANCE_STD,
+    known_std: np.ndarray | None = None,
     seed: int = 1,
     sweeps: tuple[int, ...],
     rounds: int = 1,
@@ -118,7 +129,8 @@ def fit_outline(
 
     `deviation` (frame,) Pa: standard size of what a frame may be off the law. `scale_std`: relative standard uncertainty of the
     first pose's scale, a prior; None where nothing is known of it. `stated_delay`: value and standard uncertainty (s), likewise.
-    `pose_std` (5 of `POSE`): standard uncertainty of the first pose and edge where they are known, in place of `scale_std`.
+    `nuisance` (4,): first guess, `nuisance_std`: of its prior about 0. `known_std` (8,): standard uncertainty of the first pose and
+    nuisance where they are known, in place of `scale_std` and `nuisance_std`.
     `sweeps`: of the sampler, to be dropped and kept, in at most so many `rounds`, until it has settled.
     ValueError where the recording's finger bends further than the simulation's shapes reach.
     """
@@ -129,19 +141,21 @@ def fit_outline(
     history = (kinematics.law(clock) - table[0]) / step
     length_px = kinematics.length / first.scale_m_per_px
     # first steps: half a pixel along the finger; half a millisecond
-    spread = np.array([0.5, 0.5, 0.5 / length_px, 0.5 / length_px, 0.3, 3e-3, 5e-4, 3e-3])
-    mean, weight = np.zeros(8), np.zeros(8)
-    mean[4], weight[4] = -edge_px, EDGE_STD**-2
-    mean[[5, 7]], weight[[5, 7]] = 1.0 - law[[0, 2]], LAW_STD**-2
+    tilt = 0.5 / length_px / kinematics.length
+    spread = np.array([0.5, 0.5, 0.5 / length_px, 0.5 / length_px, 0.3, 0.3, tilt, tilt, 3e-3, 5e-4, 3e-3])
+    nuisance = np.zeros(4) if nuisance is None else nuisance
+    mean, weight = np.zeros(spread.size), np.zeros(spread.size)
+    mean[4:8], weight[4:8] = -nuisance, nuisance_std**-2.0
+    mean[[8, 10]], weight[[8, 10]] = 1.0 - law[[0, 2]], LAW_STD**-2
     if scale_std is not None:
         weight[3] = scale_std**-2
     if stated_delay is not None:
-        mean[6], weight[6] = stated_delay[0] - law[1], max(stated_delay[1], 1e-5) ** -2
-    if pose_std is not None:
-        mean[:5], weight[:5] = 0.0, pose_std**-2.0
-    start = np.array([*first.at_px, first.angle, first.scale_m_per_px, edge_px, *law])
+        mean[9], weight[9] = stated_delay[0] - law[1], max(stated_delay[1], 1e-5) ** -2
+    if known_std is not None:
+        mean[:8], weight[:8] = 0.0, known_std**-2.0
+    start = np.array([*first.at_px, first.angle, first.scale_m_per_px, *nuisance, *law])
     apart, rng = np.asarray(deviation, float) / step, np.random.default_rng(seed)
-    change, off, steps, cold = np.zeros(8), np.zeros(frames.times.size), np.diag(spread**2), COLD
+    change, off, steps, cold = np.zeros(spread.size), np.zeros(frames.times.size), np.diag(spread**2), COLD
     done: list[tuple[np.ndarray, np.ndarray]] = []
     while len(done) < rounds and not settled(done):
         states, places, change, off, accepted = sample(
@@ -158,7 +172,6 @@ def fit_outline(
             f"the recording's finger bends further than the simulation's by more than {REACH:.0%}; give the simulation the"
             " recording's pressure (motion.strokes in scene.toml)"
         )
-    pose = states[:, :5] + [0.0, 0.0, 0.0, 0.0, edge_px]
     return OutlineFit(
-        first, pose, states[:, 5:] + law, table[0] + step * places, frames.times, float(accepted)
-    )
+        first, states[:, :4], states[:, 4:8] + nuisance, states[:, 8:] + law, table[0] + step * places, frames.times, float(accepted)
+    )  # fmt: skip

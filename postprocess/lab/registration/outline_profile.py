@@ -62,10 +62,11 @@ def outline_profile(
     evidence: WaterLikelihood,
     kinematics: Kinematics,
     pose: Pose,
-    edge_px: float,
+    nuisance: np.ndarray,
     blind: np.ndarray | None = None,
 ) -> OutlineProfile:
-    """The profile of frames (row 0 at the top) with the finger at `pressures` (frame,) Pa; `blind`: pixels that tell nothing."""
+    """The profile of frames (row 0 at the top) with the finger at `pressures` (frame,) Pa and the outline changed by `nuisance` (4
+    of `files.NUISANCE`); `blind`: pixels that tell nothing."""
     table, outlines, normals = outline_table(kinematics)
     part = parts_of(kinematics, outlines[np.argmin(np.abs(table - kinematics.law(kinematics.time[0])))])
     shape = (len(images), len(NAMES), len(BANDS) - 1)
@@ -74,8 +75,8 @@ def outline_profile(
     for f, (image, pressure) in enumerate(zip(images, pressures, strict=True)):
         at = np.clip((pressure - table[0]) / (table[1] - table[0]), 0, table.size - 1.001)
         k, w = int(at), at - int(at)
-        outward = ((1 - w) * normals[k] + w * normals[k + 1]) @ pose.rotation.T
-        outline = pose.to_px((1 - w) * outlines[k] + w * outlines[k + 1]) + edge_px * outward
+        outward = (1 - w) * normals[k] + w * normals[k + 1]
+        outline = seen_outline(pose, (1 - w) * outlines[k] + w * outlines[k + 1], outward, nuisance)
         drawn.append(outline)
         row, column = particles(image, evidence.threshold)
         spots = np.column_stack([column, image.shape[0] - 1 - row])
@@ -97,9 +98,18 @@ def outline_profile(
     return OutlineProfile(count, area, np.array(drawn), part)
 
 
+def seen_outline(pose: Pose, outline: np.ndarray, normals: np.ndarray, nuisance: np.ndarray) -> np.ndarray:
+    """The outline (point, 2) px that the fit draws; `normals` (point, 3) as of `outline_table`, `nuisance` of `files.NUISANCE`."""
+    edge, lateral, *perspective = nuisance
+    from_root = outline - pose.anchor
+    near = from_root / (1 + from_root @ np.asarray(perspective))[:, None] + pose.anchor
+    out = (edge + lateral * normals[:, 2:]) * normals[:, :2]
+    return pose.to_px(near) + out @ pose.rotation.T
+
+
 def independent_share(profile: OutlineProfile) -> float:
     """Share of the pictures that bring news of particles beside the finger, from how alike the counts of successive ones are."""
-    count, area = profile.count[..., NEAR:FAR], profile.area[..., NEAR:FAR]
+    count, area = profile.count[..., NEAR], profile.area[..., NEAR]  # the nearer, the longer they stay
     mean = count.sum(axis=0) / np.maximum(area.sum(axis=0), 1.0) * area
     z = (count - mean) / np.sqrt(np.maximum(mean, 1.0))
     near = float(np.sum(z[1:] * z[:-1]) / max(np.sum(z**2), 1e-9)) if len(z) > 2 else 0.0

@@ -9,6 +9,7 @@ from postprocess.lab.registration.silhouette import left_of
 
 # first size of a joint step; shares of steps taken that are aimed at
 STEP, TAKEN, TAKEN_ALONE = 0.6, 0.25, 0.4
+LAW_STEPS = 4  # of the law alone, in each sweep
 
 
 @numba.njit(cache=True)
@@ -16,9 +17,10 @@ def frame_score(integral, mean, outlines, normals, anchor, seat, place):
     """Evidence inside the outline at `place` (index into the table, fractional) in one frame.
 
     `integral` and `mean` as of `silhouette.integral_image`; `seat`: x and y (px) of `anchor` (m), angle (rad), scale (m per px), and
-    `edge` (px), by which the outline grows.
+    the four of `files.NUISANCE`: growth of the outline and its shift to the dorsal side (px), perspective along x and y (1/m).
+    `normals` as of `outline_table`.
     """
-    x0, y0, angle, scale_m_per_px, edge = seat
+    x0, y0, angle, scale_m_per_px, edge, lateral, along_x, along_y = seat
     c, s = np.cos(angle), np.sin(angle)
     magnification = 1 / scale_m_per_px
     t = min(max(int(place), 0), outlines.shape[0] - 2)
@@ -31,8 +33,10 @@ def frame_score(integral, mean, outlines, normals, anchor, seat, place):
         x = (1 - w) * outlines[t, m, 0] + w * outlines[t + 1, m, 0] - anchor[0]
         y = (1 - w) * outlines[t, m, 1] + w * outlines[t + 1, m, 1] - anchor[1]
         nx, ny = normals[t, m, 0], normals[t, m, 1]
-        qx = x0 + magnification * (c * x - s * y) + edge * (c * nx - s * ny)
-        qy = y0 + magnification * (s * x + c * y) + edge * (s * nx + c * ny)
+        near = magnification / (1 + along_x * x + along_y * y)
+        out = edge + lateral * normals[t, m, 2]
+        qx = x0 + near * (c * x - s * y) + out * (c * nx - s * ny)
+        qy = y0 + near * (s * x + c * y) + out * (s * nx + c * ny)
         if k > 0:
             total += left_of(integral, mean, px, py, qx, qy)
         px, py = qx, qy
@@ -50,9 +54,9 @@ def all_scores(integrals, mean, outlines, normals, anchor, seat, places):
 
 @numba.njit(cache=True)
 def seat_of(first, change):
-    """The `seat` of `frame_score` that `first` (8,) becomes by a change (8,) of the chain."""
-    scale = first[3] * np.exp(-change[3])
-    return first[0] + change[0], first[1] + change[1], first[2] + change[2], scale, first[4] + change[4]
+    """The `seat` of `frame_score` that `first` (11,) becomes by a change (11,) of the chain."""
+    to = first + change
+    return to[0], to[1], to[2], first[3] * np.exp(-change[3]), to[4], to[5], to[6], to[7]
 
 
 @numba.njit(cache=True)
@@ -72,26 +76,29 @@ def sample(
     integrals, mean_evidence, outlines, normals, anchor, first, change, off, times, law, begin, step, second, least, mean_prior,
     weight_prior, apart, temper, cold, burn, keep, rng,
 ):  # fmt: skip
-    """Samples of (x, y, angle, ln magnification, edge, factor, delay, stretch), as changes of `first`, and of the places (sample, frame).
+    """Samples of (x, y, angle, ln magnification, 4 of `files.NUISANCE`, factor, delay, stretch), as changes of `first`, and of the
+    places (sample, frame).
 
-    `first` (8,): at_x, at_y, angle, scale_m_per_px, edge, factor, delay, stretch. A place is that of the law plus a deviation of
-    standard size `apart` (frame,). The chain begins at `change` (8,) and deviations `off` (frame,), which it moves on, with steps
-    of covariance `second` (8, 8), later its own and `least` (8,). Priors of the changes: `mean_prior`, `weight_prior` (one over
+    `first` (11,): the same with scale_m_per_px in the magnification's place. A place is that of the law plus a deviation of
+    standard size `apart` (frame,). Besides steps of all together the law takes steps under places that stay, which only the deviations
+    have to follow (interweaving, Yu and Meng 2011): where deviations may be large, it would else hardly move. The chain begins at `change` (11,) and deviations `off` (frame,), which it moves on, with steps
+    of covariance `second` (11, 11), later its own and `least` (11,). Priors of the changes: `mean_prior`, `weight_prior` (one over
     their variance). `cold`: share of the evidence that counts at the beginning.
     """
     frames, size = times.size, change.size
     largest = outlines.shape[0] - 1.0
-    places = law_places(times, first[5:] + change[5:], law, begin, step) + off
+    places = law_places(times, first[8:] + change[8:], law, begin, step) + off
     scores = all_scores(integrals, mean_evidence, outlines, normals, anchor, seat_of(first, change), places)
     out, out_places = np.empty((keep, size)), np.empty((keep, frames))
     mean, second = change.copy(), second.copy()
     factor = np.linalg.cholesky(second)
     alone = np.minimum(apart, 0.3)
-    joint, taken = STEP, 0
+    joint, law_joint, taken = STEP, STEP, 0
+    change, off = change.copy(), off.copy()
     for sweep in range(burn + keep):
         heat = temper * min(1.0, cold + (1 - cold) * sweep / (0.5 * burn))
         new = change + joint * factor @ rng.standard_normal(size)
-        new_law = first[5:] + new[5:]
+        new_law = first[8:] + new[8:]
         accept = new_law[0] > 0.05 and new_law[2] > 0.05
         if accept:
             new_places = law_places(times, new_law, law, begin, step) + off
@@ -104,6 +111,22 @@ def sample(
             accept = np.log(rng.random()) < gain
             if accept:
                 change, scores, places = new, tried, new_places
+        for _ in range(LAW_STEPS):
+            step_law = law_joint * factor[8:] @ rng.standard_normal(size)
+            new_law = change[8:] + step_law
+            values = first[8:] + new_law
+            if values[0] <= 0.05 or values[2] <= 0.05:
+                continue
+            new_off = places - law_places(times, values, law, begin, step)
+            gain = -0.5 * np.sum((new_off**2 - off**2) / apart**2)
+            gain -= 0.5 * np.sum(
+                weight_prior[8:] * ((new_law - mean_prior[8:]) ** 2 - (change[8:] - mean_prior[8:]) ** 2)
+            )
+            better = np.log(rng.random()) < gain
+            if better:
+                change[8:], off = new_law, new_off
+            if sweep < burn:
+                law_joint *= np.exp(0.02 * ((1.0 if better else 0.0) - TAKEN))
         seat = seat_of(first, change)
         for f in range(frames):
             move = alone[f] * rng.standard_normal()

@@ -18,11 +18,18 @@ from scipy.optimize import least_squares
 from fileio.formats.kinematics import Kinematics, counter_clockwise
 from piv.images.masks import dark_body
 from piv.images.recording import Recording
-from postprocess.lab.data.files import Law, Registration
+from postprocess.lab.data.files import Law, Nuisance, Registration
 from postprocess.lab.data.pictures import thinned
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.check_stated import best_delay, check_stated
-from postprocess.lab.registration.fit_outline import Frames, OutlineFit, fit_outline, outline_table, prepare
+from postprocess.lab.registration.fit_outline import (
+    ROUGH_NUISANCE_STD,
+    Frames,
+    OutlineFit,
+    fit_outline,
+    outline_table,
+    prepare,
+)
 from postprocess.lab.registration.outline_profile import independent_share, outline_profile
 from postprocess.lab.registration.silhouette import ROUGH_PX, WaterLikelihood, inside_sum, learn
 
@@ -130,23 +137,24 @@ def register(
     free = np.full(frames.times.size, FREE * (kinematics.high - kinematics.low))
     known: dict[str, Any] = {"scale_std": prior, "stated_delay": stated_delay}
     rough = fit_outline(
-        frames, kinematics, pose, first, deviation=free, seed=seed, sweeps=sweeps[:2], **known
-    )
+        frames, kinematics, pose, first, deviation=free, nuisance_std=ROUGH_NUISANCE_STD, seed=seed, sweeps=sweeps[:2], **known
+    )  # fmt: skip
     values, _, _ = fit_law(kinematics, frames.times, rough.parameter.mean(axis=0), first)
     # particles that go along with the finger stay beside it: pictures are then less independent than they look
-    edge = float(rough.pose[:, 4].mean())
+    taken_up = rough.nuisance.mean(axis=0)
     profile = outline_profile(
-        images, rough.parameter.mean(axis=0), evidence, kinematics, rough.mean_pose(), edge, blind
+        images, rough.parameter.mean(axis=0), evidence, kinematics, rough.mean_pose(), taken_up, blind
     )
     frames = prepare(images, times[chosen], evidence, blind)
     frames = replace(frames, independent=min(frames.independent, independent_share(profile)))
     begin = replace(rough.mean_pose(), scale_m_per_px=pose.scale_m_per_px)
     tied = deviation_from_law(kinematics, rough, values)
-    known |= {"edge_px": edge, "rounds": ROUNDS}
+    known |= {"nuisance": taken_up, "rounds": ROUNDS}
     fine = fit_outline(
         frames, kinematics, begin, values, deviation=tied, seed=seed + 1, sweeps=sweeps[2:], **known
     )
-    known = {"scale_std": None, "edge_px": float(fine.pose[:, 4].mean()), "pose_std": fine.pose.std(axis=0)}
+    spread = np.concatenate([fine.pose.std(axis=0), fine.nuisance.std(axis=0)])
+    known = {"scale_std": None, "nuisance": fine.nuisance.mean(axis=0), "known_std": spread}
     at, law = fine.mean_pose(), fine.law.mean(axis=0)
     single = fit_outline(
         frames, kinematics, at, law, deviation=free, seed=seed + 2, sweeps=sweeps[:2], **known
@@ -224,8 +232,8 @@ def _registration(
     misfit = float(np.sqrt(np.mean((seen - law_pressure(kinematics, single.times, values)) ** 2)))
     return Registration(
         fine.mean_pose(),
-        np.cov(fine.pose[:, :4].T),
-        float(fine.pose[:, 4].mean()),
+        np.cov(fine.pose.T),
+        Nuisance(fine.nuisance.mean(axis=0), fine.nuisance.std(axis=0)),
         Law(values, np.cov(fine.law.T), misfit),
         single.times,
         seen,

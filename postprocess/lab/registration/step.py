@@ -13,7 +13,7 @@ from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv, Start, read_dpiv
-from postprocess.lab.data.files import LabFiles, Law, Registration, write_registration
+from postprocess.lab.data.files import NO_NUISANCE, LabFiles, Law, Registration, write_registration
 from postprocess.lab.data.inputs_toml import read_inputs
 from postprocess.lab.data.pictures import LabRecording, stated_pose
 from postprocess.lab.data.pose import Pose
@@ -150,7 +150,7 @@ def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
     covariance = np.diag([axes.root_std_mm * 1e-3, axes.root_std_mm * 1e-3, turn, scale]) ** 2
     pose = Pose(1.0, float(np.radians(axes.turn_deg)), kinematics.root, (float(at[0]), float(at[1])))
     law = Law(np.array([1.0, -start.at_s, 1.0]), np.diag([0.0, start.std_s**2, 0.0]), 0.0)
-    return Registration(pose, covariance, 0.0, law, np.empty(0), np.empty(0), np.empty(0), pose)
+    return Registration(pose, covariance, NO_NUISANCE, law, np.empty(0), np.empty(0), np.empty(0), pose)
 
 
 def registration_summary(registration: Registration, kinematics: Kinematics) -> dict[str, Any]:

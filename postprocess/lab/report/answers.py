@@ -148,6 +148,24 @@ def blame(result: dict[str, Any]) -> str:
         wrong = [q for q in wrong if q["explained_by_motion"] is not None and _beyond_motion(q)]
         if wrong:
             text.append(f"Beyond the motion the flow differs ({', '.join(q['label'] for q in wrong)}).")
+    elif wrong and result["motion"] == "differs within the inputs":
+        unknown = any(q["explained_by_motion"] is None for q in wrong)
+        beyond = [q for q in wrong if not unknown and _beyond_motion(q)]
+        if not beyond:
+            text.append(
+                "Motion and flow model are not told apart."
+                if unknown
+                else "That motion explains what differs of the flow; the flow model is not shown to err."
+            )
+        wrong = beyond
+        if wrong:
+            text.append(
+                f"Beyond the motion the flow differs ({', '.join(q['label'] for q in wrong)}): the flow model is to blame."
+            )
+    elif wrong and result["motion"] == "too uncertain":
+        text.append(
+            "The motion is too uncertain to say whether it or the flow model is to blame; make compare-measured takes the motion out."
+        )
     elif wrong and result["measured_motion"]:
         text.append("The motion is the recording's, so the flow model is to blame.")
     elif wrong and result["motion"] is None:

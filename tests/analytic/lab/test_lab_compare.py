@@ -7,7 +7,7 @@ import pytest
 from piv.images.open_recording import open_recording
 from piv.vortices.find import VortexSettings
 from postprocess.lab.data.dpiv_toml import Evaluation
-from postprocess.lab.data.files import Law, Registration
+from postprocess.lab.data.files import NO_NUISANCE, Law, Registration
 from postprocess.lab.data.inputs_toml import Inputs
 from postprocess.lab.data.pictures import outline_mask
 from postprocess.lab.data.pose import camera_series
@@ -61,7 +61,9 @@ def compared(tmp_path_factory):
         direct = camera_series(ours, pose, data["x"].values, data["y"].values, instants)
         law = Law(np.array([1.0, 0.0, 1.0]), np.diag([1e-3, 2e-4, 1e-3]) ** 2, 0.0)
         covariance = np.diag([0.1, 0.1, 1e-3, 1e-3]) ** 2
-        registration = Registration(pose, covariance, 0.0, law, np.empty(0), np.empty(0), np.empty(0), None)
+        registration = Registration(
+            pose, covariance, NO_NUISANCE, law, np.empty(0), np.empty(0), np.empty(0), None
+        )
         settings = VortexSettings(stencil_radius=0.004, min_circulation=2e-4, weights="equal")
         window = (float(instants[0]) - 1e-6, float(instants[-1]) + 1e-6)
         case = Case(

@@ -150,7 +150,7 @@ def test_lower_layer_is_measured(registered_lab, kinematics):
     images = [stills.frame(int(i)) for i in index]
     frames = prepare(images, stills.times[index] - registration.law.delay, learn(images[::2]))
     shapes = np.array(
-        [fit_profile(s, frames.mean, strip, registration.pose, registration.edge_px, float(kinematics.shape("bend", p)), 1.0)
+        [fit_profile(s, frames.mean, strip, registration.pose, float(registration.nuisance.values[0]), float(kinematics.shape("bend", p)), 1.0)
          for s, p in zip(frames.integrals, registration.pressures[index], strict=True)]
     )  # fmt: skip
     true = kinematics.bend(stills.pressures[index])

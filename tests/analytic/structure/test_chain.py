@@ -8,23 +8,19 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from fileio.formats.bending_states import States, read
+from fileio.formats.bending_states import read
 from pipeline.kinematics.pressure_law import stroke_law
 from pipeline.structure.chain import Chain, placed
-from pipeline.structure.elastic_law import constant_law
-from pipeline.structure.energy import energies
+from pipeline.structure.energy import energies, open_share
 from pipeline.structure.motion import Surroundings, at_rest, motion
+from tests.studies.elastic_benchmarks import beam
 
 STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
 LENGTH, WIDTH, HEIGHT, EI, MASS = 0.07, 0.028, 0.0167, 0.48e-3, 0.31  # MASS in kg/m
 
 
 def straight(pieces=124, **law):
-    """A straight beam whose middle line is its neutral axis; `pieces`: four to a slice."""
-    line = np.stack([np.linspace(0, LENGTH, pieces + 1), np.zeros(pieces + 1)], -1)
-    states = States(np.array([-1e3, 0.0, 1e3]), np.repeat(line[None], 3, 0), np.full((3, pieces + 1), HEIGHT))
-    given = constant_law(EI, 0.0, 3)
-    return Chain(states, replace(given, **{"rubber_section": WIDTH * HEIGHT} | law), WIDTH)
+    return beam(LENGTH, HEIGHT, WIDTH, EI, pieces, **law)
 
 
 def elastica(alpha):
@@ -129,7 +125,7 @@ def test_first_frequency_in_water_is_that_of_chu():
 
 @pytest.mark.parametrize("prescribed", [False, True])
 def test_energy_closes(prescribed):
-    """Work of the pressure, weight and water against elastic and kinetic energy and damping, at every time: 2 % of the pressure's work."""
+    """Work of the pressure, weight and water against elastic and kinetic energy and damping, at every time."""
     chain = Chain(STATES, STATES.law, STATES.width)
     time, pressure = stroke(0.4, 0.5e-3, 0.3)
     step = time[1]
@@ -138,9 +134,8 @@ def test_energy_closes(prescribed):
     loads[..., 2] = 1e-5 * np.sin(20 * time)[:, None]  # and torques of the water
     delta = 0 * loads[..., 0] if prescribed else motion(chain, pressure, step, around, loads)
     parts = energies(chain, pressure, delta, step, around, loads)
-    done = parts["pressure_work"] + parts["water_work"] + parts["weight_work"]
-    held = parts["elastic_energy"] + parts["kinetic_energy"] + parts["damping_loss"]
-    assert np.abs(done - held).max() < 0.02 * np.abs(parts["pressure_work"]).max()
+    # 1e-3: trapezoids over steps of 0.5 ms leave 2e-4
+    assert open_share(parts) < 1e-3
     # its size: the finger must push water aside and bend rubber
     assert parts["pressure_work"][-1] > 0
     assert parts["water_work"][-1] < 0

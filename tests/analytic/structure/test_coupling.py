@@ -72,6 +72,15 @@ def test_plain_iteration_is_refused():
             Structure(**{key: 0.0})
 
 
+def test_an_iteration_that_is_all_but_plain_ends_with_a_sentence(chain):
+    """Why it is refused: the water is as heavy as the finger, and its loads on another motion drive the finger away at once."""
+    light = Surroundings(9.81, 998.2, 1e-3, 1e-3, Structure().damping)
+    still = np.zeros((len(TIME), chain.slices))
+    computed = loads_of_model(chain, PRESSURE, still, STEP, TRUTH)
+    with pytest.raises(StageError, match="bears a moment beyond the table"):
+        next_delta(chain, PRESSURE, STEP, light, still, computed)
+
+
 def test_growing_changes_stop_with_a_sentence():
     where = Path("scene.toml")
     assert not check_change([5e-3], 1e-3, where)

@@ -1,8 +1,8 @@
 """Registration of recordings with the faults of real ones, by the tests' own renderer: errors over the stated uncertainties.
 
 python -m tests.studies.laboratory.faults --seeds 40 -o faults.csv [--docs docs/comparison.md]
-Every recording has one history of particles, errors of set-up, a motion of its own (pressure and duration within 5 %), and one of
-the faults drawn at random, or none. A small camera (400 px, 0.4 mm/px), 24 pictures.
+Every recording has one history of particles, errors of set-up, a motion of its own (pressure and duration within 5 %), and each of
+the faults with a chance of a quarter, as strong as it happens to be. A small camera (400 px, 0.4 mm/px), 24 pictures.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ from tests.studies.laboratory.seeds import study
 PICTURES, SHAPE, SCALE = 24, (320, 400), 0.4e-3
 SWEEPS = (600, 200, 800, 800)
 BAND, FAR_OFF = 1.96, 5.0
-KINDS = ("none", "none", "shadow", "reflection", "holder", "dropped", "perspective")
+KINDS = ("shadow", "reflection", "holder", "dropped", "perspective")
+CHANCE = 0.25  # of each
 ROWS = (
     ("root_x_px", "root x"), ("root_y_px", "root y"), ("turn", "turn"), ("scale", "scale"), ("delay", "time"),
     ("factor", "pressure factor"), ("stretch", "duration factor"),
 )  # fmt: skip
 
 
-def faults_of(kind: str, rng: np.random.Generator) -> Faults:
-    """The fault, as strong as chance has it."""
-    if kind == "shadow":
-        turn = rng.uniform(0, 2 * np.pi)
-        width = float(rng.uniform(0.001, 0.008))
-        return Faults(
-            shadow=float(rng.uniform(0.5, 1)), shadow_to=(np.cos(turn), np.sin(turn)), shadow_width=width
-        )
-    if kind == "perspective":
-        return Faults(perspective=(float(rng.uniform(-0.3, 0.3)), float(rng.uniform(-0.4, 0.4))))
-    amount = float(rng.uniform(0.2, 1.0))
+def drawn_faults(kinds: list[str], rng: np.random.Generator) -> Faults:
+    """The faults, each as strong as chance has it."""
+    turn, width = rng.uniform(0, 2 * np.pi), float(rng.uniform(0.001, 0.008))
+    shadow, reflection, holder = (float(rng.uniform(low, 1.0)) for low in (0.5, 0.2, 0.2))
+    perspective = (float(rng.uniform(-0.3, 0.3)), float(rng.uniform(-0.4, 0.4)))
     return Faults(
-        reflection=amount if kind == "reflection" else 0.0, holder=0.01 * amount if kind == "holder" else 0.0
+        shadow=shadow if "shadow" in kinds else 0.0,
+        shadow_to=(np.cos(turn), np.sin(turn)),
+        shadow_width=width,
+        reflection=reflection if "reflection" in kinds else 0.0,
+        holder=0.01 * holder if "holder" in kinds else 0.0,
+        perspective=perspective if "perspective" in kinds else (0.0, 0.0),
     )
 
 
-def trial(kinematics: Kinematics, seed: int, kind: str | None = None) -> dict[str, object]:
-    """One recording: its fault, why it was refused (or nothing), errors and standard uncertainties."""
+def trial(kinematics: Kinematics, seed: int) -> dict[str, object]:
+    """One recording: its faults, why it was refused (or nothing), errors and standard uncertainties."""
     rng = np.random.default_rng([seed, 21])
-    kind = kind or KINDS[rng.integers(len(KINDS))]
-    faults = faults_of(kind, rng)
+    kinds = [kind for kind in KINDS if rng.random() < CHANCE]
+    faults = drawn_faults(kinds, rng)
     stated = Pose(SCALE, 0.0, kinematics.root, (150.0, 270.0))
     shift = rng.uniform(-1e-3, 1e-3, 2) / SCALE
     at = stated.at_px + shift
@@ -62,13 +62,13 @@ def trial(kinematics: Kinematics, seed: int, kind: str | None = None) -> dict[st
     values = np.array([rng.uniform(0.95, 1.05), rng.uniform(-0.008, 0.008), rng.uniform(0.95, 1.05)])
     clock = np.linspace(0.0, 0.44, PICTURES)
     taken = clock.copy()
-    if kind == "dropped":
+    if "dropped" in kinds:
         taken[rng.integers(8, 16) :] += clock[1] * rng.integers(1, 3)
     recording = Rendered(
         kinematics, true, law_pressure(kinematics, taken, values), SHAPE, faults, fresh=False, seed=seed
     )
     hidden = faults.holder + 0.002 if faults.holder else 0.0
-    row: dict[str, object] = {"seed": seed, "kind": kind, "refused": ""}
+    row: dict[str, object] = {"seed": seed, "kind": " ".join(kinds) or "none", "refused": ""}
     begin = time.process_time()
     try:
         made = register(
@@ -110,12 +110,15 @@ def summary(trials: pd.DataFrame) -> str:
     lines.append(f"| all | **{(z <= BAND).to_numpy().mean():.0%}** | {z.to_numpy().max():.1f} | |")
     lines += [
         "",
-        f"| fault | recordings | refused | accepted and beyond {FAR_OFF:g} std |",
-        "|---|---|---|---|",
+        f"| recordings with | number | refused | accepted and beyond 3 std | beyond {FAR_OFF:g} std |",
+        "|---|---|---|---|---|",
     ]
-    far = (z > FAR_OFF).any(axis=1).reindex(trials.index, fill_value=False)
-    for kind, group in trials.groupby("kind"):
-        lines.append(f"| {kind} | {len(group)} | {refused[group.index].sum()} | {far[group.index].sum()} |")
+    worst = z.max(axis=1).reindex(trials.index, fill_value=0.0)
+    for kind in ("none", *KINDS):
+        has = trials["kind"].str.split().apply(lambda kinds, kind=kind: kind in kinds)
+        lines.append(
+            f"| {kind} | {has.sum()} | {(refused & has).sum()} | {(worst[has] > 3).sum()} | {(worst[has] > FAR_OFF).sum()} |"
+        )
     return "\n".join(lines)
 
 

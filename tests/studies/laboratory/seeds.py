@@ -20,13 +20,14 @@ def study(name: str, about: str | None, seeds: int, trial: Callable[[Kinematics,
     """Run `trial` for the seeds that are not in the table yet; `name`: of the module and of the marks in the page."""
     parser = argparse.ArgumentParser(prog=f"python -m tests.studies.laboratory.{name}", description=about)
     parser.add_argument("--seeds", type=int, default=seeds)
+    parser.add_argument("--first", type=int, default=1, help="the first seed")
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--docs", type=Path, help="page to write the tables to")
     args = parser.parse_args()
     done = pd.read_csv(args.output) if args.output.exists() else pd.DataFrame({"seed": []})
     with TemporaryDirectory() as folder:
         kinematics = finger_kinematics(Path(folder))
-    for seed in range(1, args.seeds + 1):
+    for seed in range(args.first, args.first + args.seeds):
         if not (done["seed"] == seed).any():
             done = pd.concat([done, pd.DataFrame([trial(kinematics, seed)])], ignore_index=True)
             done.to_csv(args.output, index=False)

@@ -14,6 +14,7 @@ from fileio.errors import StageError
 from fileio.lock import exclusive
 from fileio.stages import BY_NAME
 from pipeline.__main__ import TOOLS, main
+from piv.__main__ import main as piv
 from tests.conftest import ROOT, write_scene
 
 
@@ -43,6 +44,22 @@ class Command:
 def test_how_a_command_ends(end, code, said, capsys):
     assert command_line("p", None, {"act": ("act", Command(end))}, ["act"], prefix="p ") == code
     assert capsys.readouterr().err == said
+
+
+@pytest.mark.parametrize(
+    "given, said",
+    [
+        (["corelate"], "corelate: no such command; did you mean correlate? (--help lists them)"),
+        (["xyz"], "xyz: no such command (--help lists them)"),
+        (["correlate", "a", "b", "-o", "c.h5", "--windw", "24"], "--windw 24; did you mean --window?"),
+        (["correlate", "a", "b", "-o", "c.h5", "--xyz"], "unrecognized arguments: --xyz\n"),
+    ],
+)
+def test_a_misspelt_command_or_option_is_told_with_the_nearest(given, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        piv(given)
+    assert ended.value.code == 2
+    assert said in capsys.readouterr().err
 
 
 def test_a_defect_keeps_its_traceback():

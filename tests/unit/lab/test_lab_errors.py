@@ -4,10 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from postprocess.lab.data.files import Law, Registration
+from postprocess.lab.data.files import NO_NUISANCE, Law, Registration
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.judgement.uncertainty_sources import (
     at_instant,
+    common_rows,
     excess_scatter,
     independent_instants,
     mean_factor,
@@ -84,7 +85,7 @@ def test_scale_of_a_finger_whose_length_is_not_known(scale_std, length_std, scal
     registration = Registration(
         fitted,
         covariance,
-        0.0,
+        NO_NUISANCE,
         law,
         np.empty(0),
         np.empty(0),
@@ -116,3 +117,12 @@ def test_a_mean_does_not_hang_on_which_instants_show_the_vortex(seen):
     rows[seen] = True
     assert means(table, rows, (0.1, 0.2))["circulation"] == pytest.approx(-0.0125)
     assert mean_factor(times[rows], (0.1, 0.2)) >= 1.0
+
+
+def test_a_vortex_that_is_not_seen_in_the_middle_of_the_window_is_refused():
+    """The line would have to be drawn on to where nothing was seen."""
+    table = pd.DataFrame({"time": np.linspace(0.1, 0.2, 11), "circulation": -0.01})
+    assert common_rows({"data": table}, (0.1, 0.2)).all()
+    late = table.assign(circulation=table["circulation"].where(table["time"] > 0.155))
+    with pytest.raises(ValueError, match=r"only from 0\.160 to 0\.200 s, which leaves out the middle"):
+        common_rows({"data": table, "virtual": late}, (0.1, 0.2))

@@ -3,6 +3,7 @@
 import tomllib
 
 import cv2
+import h5py
 import numpy as np
 import pytest
 
@@ -37,6 +38,12 @@ def test_vectors_are_told_from_pictures(tmp_path):
     assert seen_in(tmp_path) == {
         "format": '"dpiv"', "format_version": "2", "title": f'"{tmp_path.name}"', "files": '"*.dat"', "kind": '"vectors"'
     }  # fmt: skip
+
+
+def test_exported_vectors_are_told_from_a_recording(tmp_path):
+    with h5py.File(tmp_path / "piv.h5", "w") as file:
+        file["u"], file["v"] = np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
+    assert seen_in(tmp_path)["kind"] == '"vectors"'
 
 
 def test_a_folder_of_neither_is_refused(tmp_path):

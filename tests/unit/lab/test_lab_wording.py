@@ -45,6 +45,7 @@ def result(*quantities, wrong=(), missing=(), measured=False):
 BEND = quantity("final_bend", -0.078, 0.012, "model error", unit="rad", scale=1.6)
 STRAIGHT = quantity("final_bend", 0.004, 0.012, unit="rad", scale=1.6, detectable=0.03)
 LONGER = quantity("duration", -0.02, 0.023, unit="s", scale=0.22, differs=True)
+UNSURE = quantity("final_bend", 0.1, 0.4, "too uncertain", unit="rad", scale=1.6, detectable=0.9)
 SAME = quantity("circulation", -2e-4, 3e-4, explained=-2e-4)
 WRONG = quantity("circulation", -2e-3, 3e-4, "model error", explained=-2e-4)
 WIDE = quantity("circulation", -2e-4, 3e-3, "too uncertain", detectable=1.1)
@@ -95,6 +96,12 @@ def test_a_stroke_that_the_registration_knows_better_than_the_input_is_no_green_
         ([STRAIGHT, WRONG], False, "The finger moves as simulated, so the flow model is to blame"),
         ([WRONG], True, "driven by this recording's own motion"),
         ([WRONG], False, "Vectors do not show the finger"),
+        ([UNSURE, WRONG], False, "too uncertain to say whether it or the flow model is to blame"),
+        (
+            [LONGER, WRONG],
+            False,
+            "Beyond the motion the flow differs (circulation): the flow model is to blame",
+        ),
     ],
 )
 def test_a_wrong_flow_is_blamed_on_what_was_tested(quantities, measured, blamed):
@@ -102,6 +109,13 @@ def test_a_wrong_flow_is_blamed_on_what_was_tested(quantities, measured, blamed)
     assert blamed in told
     assert "The runs rule out the mesh as the cause" in told  # 1.96 of 3 cm²/s against 20
     assert "Not told apart by any run: the time step, the viscosity, the two dimensions of this level" in told
+
+
+def test_a_flow_that_the_motion_explains_is_not_blamed_on_its_model():
+    moved = WRONG | {"explained_by_motion": [-1.9e-3]}
+    told = answers.answer(result(LONGER, moved, wrong=["circulation"]))
+    assert "That motion explains what differs of the flow; the flow model is not shown to err." in told
+    assert "Not told apart by any run" not in told
 
 
 def test_yes_says_how_large_an_error_would_be_missed_and_what_u_val_lacks():

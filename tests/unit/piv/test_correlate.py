@@ -213,6 +213,7 @@ def test_flat_areas_are_those_painted_over():
     painted = np.zeros(image.shape, bool)
     painted[100:170, 60:200] = True
     painted[:50, 250:] = True  # at the edge
+    painted[200:230, :] = True  # a band that is narrower than a square
     assert (flat_areas(np.where(painted, 7, image)) == painted).all()
     small = image.copy()
     small[10:50, 10:50] = 7  # 40 px: may be water without particles

@@ -68,6 +68,18 @@ def test_two_images_on_the_command_line(folder, tmp_path):
         assert float(plane["v"].median()) == pytest.approx(1, abs=0.03)
 
 
+def test_pictures_that_lost_detail_are_told(folder, tmp_path, capsys):
+    given = []
+    for k in (0, 1):
+        given.append(str(tmp_path / f"f{k}.jpg"))
+        cv2.imwrite(given[-1], cv2.imread(str(folder / f"f{k}.tif"), cv2.IMREAD_GRAYSCALE))
+    assert main(["correlate", *given, "-o", str(tmp_path / "out.h5")]) == 0
+    assert "JPEG loses detail of the particles" in capsys.readouterr().out
+    tifs = [str(folder / f"f{k}.tif") for k in (0, 1)]
+    assert main(["correlate", *tifs, "-o", str(tmp_path / "out.h5")]) == 0
+    assert "JPEG" not in capsys.readouterr().out
+
+
 def test_recording_becomes_si_with_mask_and_finger(recording_file, tmp_path):
     out = tmp_path / "piv.h5"
     assert main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--threads", "2"]) == 0

@@ -59,7 +59,7 @@ def test_pictures_and_vortices_of_every_own_format(tmp_path, suffix, capsys):
     assert main(["animate", source, "-o", str(tmp_path / "a.gif")]) == 0
     assert main(["vortices", source, "-o", str(tmp_path / "v.csv")]) == 0
     assert (
-        "3 vortices in 1 tracks; the strongest has a circulation of 600 px²/frame" in capsys.readouterr().out
+        "3 vortices in 1 track; the strongest has a circulation of 600 px²/frame" in capsys.readouterr().out
     )
 
 

@@ -42,6 +42,10 @@ def test_every_finding_of_the_paper_answers_a_sentence():
         ('quote = "q"', "lacks the key 'where'"),
         ('quote = "q"\nwhere = "w"', "neither findings nor why"),
         ('quote = "q"\nwhere = "w"\nfindings = ["none"]', "no finding of this file"),
+        (
+            'quote = "q"\nwhere = "w"\nfindings = "pair-equal"',
+            r"is no list; write findings = \['pair-equal'\]",
+        ),
         ('quote = "q"\nwhere = "w"\nwhy = "y"\nnote = "n"', "unknown key 'note'"),
     ],
 )

@@ -17,6 +17,7 @@ from pipeline.run.checkpoint import (
     saved_times,
 )
 from pipeline.run.results import history
+from pipeline.run.stage import resumes_rightly
 
 MORE = ("U_0", "meshPhi")
 
@@ -150,3 +151,12 @@ def test_what_a_handover_has_written_is_no_checkpoint(tmp_path):
     record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
     assert last_checkpoint(tmp_path, Ranks(1)) == (0.01, "0.01")
     assert saved_times(tmp_path, Ranks(1), ("U", "p")) == [(0.01, "0.01"), (0.015, "0.015")]
+
+
+def test_what_a_later_openfoam_resumes_wrongly_begins_again():
+    """v2306 goes on with other forces on a moving mesh with a symmetry plane (docs/openfoam_versions.md)."""
+    assert resumes_rightly("v1912", "half", pinch=True, moving=True)
+    assert not resumes_rightly("v2306", "half", pinch=False, moving=True)
+    assert not resumes_rightly("v2306", "2d", pinch=True, moving=True)
+    assert resumes_rightly("v2306", "2d", pinch=False, moving=True)
+    assert resumes_rightly("v2306", "half", pinch=False, moving=False)

@@ -51,6 +51,13 @@ def test_the_log_of_a_step_gone_wrong_is_a_cause_and_a_sound_one_is_none(changes
     assert words in causes[0]
 
 
+def test_an_openfoam_without_a_function_object_is_told():
+    """It warns and goes on; the forces would be missed at the end."""
+    guard = Guard(10)
+    assert guard.verdict("Unknown function type forces\n") == "OpenFOAM has no function object forces"
+    assert "install the whole" in guard.remedy
+
+
 def test_a_pressure_that_never_converges_stops_the_run_after_some_steps():
     guard = Guard(20.0)
     causes = [verdicts(guard, iterations=1000) for _ in range(7)]

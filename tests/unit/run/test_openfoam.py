@@ -43,6 +43,69 @@ def test_wm_project_dir_alone_is_enough(monkeypatch, tmp_path):
     assert openfoam.foam_version() == "v2312"
 
 
+def test_wm_project_dir_goes_before_another_version_on_the_path(monkeypatch, tmp_path):
+    fake(tmp_path / "old", "Using: OpenFOAM- (1912) - visit")
+    fake(tmp_path / "new" / "bin", "Using: OpenFOAM-v2306 (2306) - visit")
+    (tmp_path / "new" / "etc").mkdir()
+    (tmp_path / "new" / "etc" / "bashrc").write_text(f"[ $# = 0 ] && export PATH={tmp_path}/new/bin:$PATH\n")
+    monkeypatch.setenv("PATH", f"{tmp_path}/old:/usr/bin:/bin")
+    monkeypatch.delenv("FOAM_APPBIN", raising=False)
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path / "new"))
+    assert openfoam.foam_version() == "v2306"
+
+
+def test_a_version_whose_programs_are_not_built_takes_no_others(monkeypatch, tmp_path):
+    fake(tmp_path / "old", "Using: OpenFOAM- (1912) - visit")
+    (tmp_path / "new" / "etc").mkdir(parents=True)
+    (tmp_path / "new" / "etc" / "bashrc").write_text("export FOAM_API=2306 FOAM_APPBIN=/nowhere\n")
+    monkeypatch.setenv("PATH", f"{tmp_path}/old:/usr/bin:/bin")
+    monkeypatch.delenv("FOAM_APPBIN", raising=False)
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path / "new"))
+    with pytest.raises(StageError, match=r"that of OpenFOAM v2306 .* but pimpleFoam is of v1912"):
+        openfoam.foam_version()
+
+
+def test_the_folder_asked_for_is_taken_in_a_shell_with_another_version(monkeypatch, tmp_path):
+    fake(tmp_path / "old", "Using: OpenFOAM-v1912 (1912) - visit www.openfoam.com")
+    fake(tmp_path / "new" / "bin", "Using: OpenFOAM-v2306 (2306) - visit www.openfoam.com")
+    (tmp_path / "new" / "etc").mkdir()
+    (tmp_path / "new" / "etc" / "bashrc").write_text(
+        f"export FOAM_API=2306 FOAM_APPBIN={tmp_path}/new/bin PATH={tmp_path}/new/bin:$PATH\n"
+    )
+    monkeypatch.setenv("PATH", f"{tmp_path}/old:/usr/bin:/bin")
+    monkeypatch.setenv("FOAM_APPBIN", f"{tmp_path}/old")
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path / "new"))
+    assert openfoam.foam_version() == "v2306"
+
+
+def test_a_folder_without_an_openfoam_is_told(monkeypatch, tmp_path):
+    """openfoam.org's version 12 has no pimpleFoam."""
+    monkeypatch.setenv("PATH", "/nowhere")
+    for folder, said in (
+        (tmp_path / "none", "no such folder"),
+        (tmp_path, "no pimpleFoam; openfoam.com v1912"),
+    ):
+        monkeypatch.setenv("WM_PROJECT_DIR", str(folder))
+        with pytest.raises(StageError, match=said):
+            openfoam.environment()
+
+
+@pytest.mark.parametrize(
+    "banner, version",
+    [
+        ("Using: OpenFOAM- (1912) - visit www.openfoam.com", "v1912"),  # Debian
+        ("Using: OpenFOAM-v2306 (2306) - visit www.openfoam.com", "v2306"),
+        ("Using: OpenFOAM-2512 (2512) - visit www.openfoam.com", "v2512"),
+        ("Using: OpenFOAM-com (2506) - visit www.openfoam.com", "v2506"),  # a development version
+    ],
+)
+def test_banners_of_openfoam_com(monkeypatch, tmp_path, banner, version):
+    fake(tmp_path / "bin", banner)
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
+    monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
+    assert openfoam.foam_version() == version
+
+
 def _which_without_system(which):
     """shutil.which that does not see an OpenFOAM installed system-wide."""
 
@@ -53,12 +116,19 @@ def _which_without_system(which):
     return seen
 
 
-@pytest.mark.parametrize("banner", ["Using: OpenFOAM- (1806) - visit", "Using: OpenFOAM-9 (see www)", ""])
-def test_an_old_or_foreign_version_is_refused(monkeypatch, tmp_path, banner):
+@pytest.mark.parametrize(
+    "banner, found",
+    [
+        ("Using: OpenFOAM- (1806) - visit", "OpenFOAM 1806"),
+        ("Using: OpenFOAM-9 (see https://openfoam.org)", "OpenFOAM-9"),
+        ("", "an unknown OpenFOAM"),
+    ],
+)
+def test_an_old_or_foreign_version_is_refused(monkeypatch, tmp_path, banner, found):
     fake(tmp_path / "bin", banner)
     monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
     monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path))
-    with pytest.raises(StageError, match=r"v1912 or later is needed"):
+    with pytest.raises(StageError, match=f"^{found} found; openfoam.com v1912 or later is needed"):
         openfoam.foam_version()
 
 

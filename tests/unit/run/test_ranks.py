@@ -31,6 +31,11 @@ def test_a_cut_file_is_not_whole(tmp_path):
         )  # the last byte is a line's end
 
 
+def test_blocks_of_later_versions_are_named_with_a_small_letter():
+    content = collated_content("points", [b"abc", b"// Processor1"])
+    assert read_blocks(content.replace(b"\n// Processor", b"\n// processor")) == read_blocks(content)
+
+
 @pytest.mark.parametrize("collated", [False, True])
 def test_labels_of_each_rank(tmp_path, collated):
     """As decomposePar writes them: with a header in each file, or in the first block only."""

@@ -1,5 +1,6 @@
 """COUPLED=1 with a solver that is a formula: the order of its runs, what is kept, and what is refused."""
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -71,6 +72,33 @@ def test_runs_at_the_cheap_level_first_then_at_the_scenes(scene_of, made):
     assert made[-1] == (folder.name, "coarse", "report")
 
 
+def test_two_first_motions_end_within_the_tolerance(scene_of, made):
+    """40° apart at first: the prescribed motion, and that under the modelled water."""
+    firsts, lasts = [], []
+    for first in ("modelled water", "prescribed"):
+        scene = scene_of(f'[structure]\nfirst_motion = "{first}"\n')
+        folder = couple.couple(scene, ranks=1, quiet=True)
+        at = folder.parent / "smoke_1" / "elastic_motion.h5"
+        firsts.append(read_elastic_motion(at))
+        lasts.append(read_elastic_motion(folder / "elastic_motion.h5"))
+    apart, left = (
+        np.hypot(*(one[name] - other[name] for name in ("profile_x", "profile_y"))).max()
+        for one, other in (firsts, lasts)
+    )
+    assert apart > 0.02  # m
+    assert left < scene.structure.tolerance * scene.finger.length
+
+
+def test_a_motion_with_open_energy_is_run_again(scene_of, made, monkeypatch):
+    """A limit on the energy that the change of the tip alone does not meet."""
+    couple.couple(scene_of(), ranks=1, quiet=True)
+    usual = len(made)
+    made.clear()
+    monkeypatch.setattr(couple, "ENERGY", 1e-3)
+    couple.couple(scene_of(), ranks=1, quiet=True)
+    assert len(made) > usual
+
+
 def test_a_second_start_keeps_the_motions_that_are_there(scene_of, made):
     scene = scene_of()
     folder = couple.couple(scene, ranks=1, quiet=True)
@@ -93,7 +121,7 @@ def test_too_few_runs_end_with_a_sentence(scene_of, made):
 def test_too_few_runs_for_the_fine_level_end_with_a_sentence(scene_of, made):
     """The first run is near enough at draft, and none is left for coarse."""
     with pytest.raises(
-        StageError, match=r"after 1 runs the motion of level coarse is not reached: .* was \d"
+        StageError, match=r"after 1 runs the motion of level coarse is not reached: .* energy was open"
     ):
         couple.couple(scene_of("[structure]\niterations = 1\n", "coarse"), ranks=1, quiet=True)
     assert [level for _, level, _ in made] == ["draft"]
@@ -122,10 +150,26 @@ def test_a_title_with_quotation_marks_is_kept(scene_of, made, tmp_path):
     assert load_scene(folder, "smoke").title == 'A "soft" finger, coupled'
 
 
+def pinch_of(folder, end_time):
+    (folder / "scene.toml").write_text(
+        f'extends = "{CASE.parent / "pinch"}"\n[motion]\nend_time = {end_time}\n'
+    )
+    return load_scene(folder, "smoke")
+
+
+def test_a_pinch_is_coupled_up_to_its_contact(tmp_path, made):
+    """The sentence names an end time that serves."""
+    with pytest.raises(
+        StageError, match=r"the fingers touch at 0\.[23]\d* s, .* give motion\.end_time = "
+    ) as refused:
+        couple.couple(pinch_of(tmp_path, 0.64), ranks=1, quiet=True)
+    assert not made  # before anything was solved
+    end_time = float(re.search(r"end_time = ([\d.]+)", str(refused.value))[1])
+    folder = couple.couple(pinch_of(tmp_path, end_time), ranks=1, quiet=True)
+    assert made[-1] == (folder.name, "smoke", "report")
+
+
 def test_what_cannot_be_coupled_is_refused(tmp_path):
-    pinch = load_scene(CASE.parent / "pinch", "smoke")
-    with pytest.raises(StageError, match="COUPLED=1 takes a single finger"):
-        couple.couple(pinch, ranks=1, quiet=True)
     (tmp_path / "scene.toml").write_text(f'extends = "{CASE}"\n[motion]\nsource = "paper_equations"\n')
-    with pytest.raises(StageError, match="COUPLED=1 takes a single finger"):
+    with pytest.raises(StageError, match="COUPLED=1 takes fingers"):
         couple.couple(load_scene(tmp_path, "smoke"), ranks=1, quiet=True)

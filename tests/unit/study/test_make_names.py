@@ -97,7 +97,7 @@ def test_numbers_that_are_some_pass(project, words):
     assert make(project, "good", *words).returncode == 0
 
 
-@pytest.mark.parametrize("target", ["compare", "compare-measured"])
+@pytest.mark.parametrize("target", ["compare", "compare-measured", "compare-coupled"])
 def test_the_laboratory_folder_is_looked_for_before_anything_is_made(project, target):
     done = make(project, target, "SCENE=good", "DPIV=/missing")
     assert (done.returncode, done.stdout) == (2, "")

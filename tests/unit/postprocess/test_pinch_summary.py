@@ -1,0 +1,52 @@
+"""When the ventral pair forms: against contact and the gap still to close, whatever the residual gap and an earlier stroke."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from postprocess.compare.pinch_summary import integral_numbers
+from postprocess.evidence.half_planes import BELOW, names_at
+from postprocess.evidence.pair_integrals import COLUMNS
+from postprocess.evidence.time_windows import Clock
+
+TIMES = np.arange(0.0, 1.0, 0.008)
+MET = 0.6  # s
+RESIDUAL = 0.002  # m
+
+
+def pair_at(times):
+    rows = [
+        [time, "ventral", "upward", finger, sign * 1e-3, -0.001, 0.2, 0.002, 0.1]
+        for time in times
+        for finger, sign in ((0, 1), (1, -1))
+    ]
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def numbers(there):
+    gap = np.maximum(RESIDUAL + 0.1 * (MET - TIMES), RESIDUAL)
+    clock = Clock(TIMES, TIMES, TIMES, gap, RESIDUAL)
+    names = [name for depth in BELOW for name in names_at(depth)]
+    columns = ["circulation_0", "circulation_1", "impulse_0", "impulse_1", *names]
+    halves = pd.DataFrame({"time": TIMES} | dict.fromkeys(columns, 0.0))
+    return integral_numbers(pair_at(TIMES[there]), halves, clock, MET)
+
+
+def test_a_pair_of_the_opening_stroke_is_not_that_of_closing():
+    found = numbers((TIMES > 0.05) & (TIMES < 0.2) | (TIMES >= 0.5))
+    assert found["ventral_forms_before_contact"] == pytest.approx(
+        MET - 0.504
+    )  # the first instant from 0.5 s on
+    assert found["ventral_forms_gap"] == pytest.approx(RESIDUAL + 0.1 * (MET - 0.504))
+
+
+def test_a_pair_after_contact_forms_at_a_negative_time_before_it():
+    found = numbers(TIMES >= 0.65)
+    assert found["ventral_forms_before_contact"] == pytest.approx(MET - 0.656)
+    assert found["ventral_forms_gap"] == pytest.approx(RESIDUAL)
+
+
+def test_no_pair_no_numbers():
+    found = numbers((TIMES > 0.05) & (TIMES < 0.2))
+    assert found["ventral_forms_before_contact"] is None
+    assert found["ventral_circulation_peak"] is None
