@@ -17,6 +17,7 @@ CHROMEDRIVER = shutil.which("chromedriver")
 FLAGS = [
     "--headless",
     "--no-sandbox",
+    "--disable-dev-shm-usage",  # a container's /dev/shm is too small for pages with a film
     "--disable-gpu",
     "--disable-quic",
     "--no-first-run",
@@ -75,8 +76,11 @@ class Browser:
         request = urllib.request.Request(
             self.base + path, data, {"Content-Type": "application/json"}, method=method
         )
-        with urllib.request.urlopen(request, timeout=60) as reply:
-            return json.load(reply)["value"]
+        try:
+            with urllib.request.urlopen(request, timeout=60) as reply:
+                return json.load(reply)["value"]
+        except urllib.error.HTTPError as wrong:
+            raise RuntimeError(f"{method} {path}: {wrong.read().decode()}") from wrong
 
     def open(self, url: str) -> None:
         self._call("POST", f"{self.session}/url", {"url": url})

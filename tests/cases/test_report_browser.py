@@ -91,10 +91,18 @@ def show(browser, address, width):
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory, page):
-    with Browser(tmp_path_factory.mktemp("profile")) as session:
-        session.open(page)
-        yield session
+def session(tmp_path_factory):
+    with Browser(tmp_path_factory.mktemp("profile")) as started:
+        yield started
+
+
+@pytest.fixture
+def browser(session, page):
+    """The browser with the report open, whatever the test before has opened: two workers take the tests in any order."""
+    session.devtools("Emulation.clearDeviceMetricsOverride")
+    session.devtools("Emulation.setEmulatedMedia", features=[])
+    session.open(page)
+    return session
 
 
 def shown(browser):
@@ -209,8 +217,7 @@ def test_axe_has_no_serious_finding(browser, page, lab_page, which, scheme):
     assert wrong == {}
 
 
-def test_dark_mode_keeps_pictures_on_white(browser, page):
-    browser.open(page)
+def test_dark_mode_keeps_pictures_on_white(browser):
     colours = "const c = e => getComputedStyle(e).backgroundColor;return [c(document.body), c(document.querySelector('figure img'))]"
     browser.devtools(
         "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}]
