@@ -13,7 +13,7 @@ from piv.foreign.write import write_vectors
 
 SCALE, INTERVAL, ROWS = 0.25e-3, 0.002, 520
 TOML = """format = "dpiv"
-format_version = 2
+format_version = 3
 title = "exported"
 kind = "vectors"
 files = "{files}"
@@ -24,8 +24,8 @@ finger_geometry = "measured"
 camera = "none"
 scale = {{ scale_mm_per_px = 0.25, std_percent = 0.5 }}
 axes = {{ y = "{y}", root_mm = [{root[0]!r}, {root[1]!r}], root_std_mm = 0.3, turn_std_deg = 0.5 }}
-piv = {{ window = 24, spacing = 8 }}
-vectors = {{ interval_s = 0.002, std_px = 0.05{vectors} }}
+piv = {{ window = 24, spacing = 8, interval_s = 0.002 }}
+vectors = {{ std_px = 0.05{vectors} }}
 """
 
 

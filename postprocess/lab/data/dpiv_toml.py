@@ -14,7 +14,7 @@ from fileio.toml_text import read_toml
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 NAME = "dpiv.toml"
-VERSION = 2
+VERSION = 3
 HINTS = {
     "files": 'files = "frames/*.tif", a path beside dpiv.toml, or a list of them',
     "frame_rate_hz": "frame_rate_hz, the pictures per second (of pictures taken in pairs: the pairs per second)",
@@ -26,8 +26,7 @@ HINTS = {
     "piv": "piv = { window = …, spacing = … }, the settings of the evaluation in px",
     "sheet_thickness_mm": "sheet_thickness_mm, the full width of the light sheet at 1/e²",
     "piv.pairing": 'pairing = "1-2,2-3" (each picture with the next) or "1-2,3-4" (pictures taken in pairs, with interval_s)',
-    "vectors": 'vectors = { interval_s = …, length_unit = "mm", velocity_unit = "mm/s", std_px = … }: the time between two exposures, what the vector files do not state themselves, and the standard uncertainty of a displacement',
-    "vectors.interval_s": "interval_s, the time between the two exposures that a vector field is correlated from, s",
+    "piv.interval_s": "interval_s, the time between the two exposures that a vector field is correlated from, s",
     "axes.turn_std_deg": "turn_deg and turn_std_deg, how far the picture is turned against the tank and how well that is known",
     "axes.root_mm": "root_mm and root_std_mm, the position of the middle of the finger's root in the files' axes and how well it is known, mm",
     "camera": 'camera = { columns = …, rows = …, density_ppp = …, diameter_px = …, background = …, read_noise = …, peak = … }: without pictures these cannot be measured; or camera = "none" to leave the virtual experiment out',
@@ -105,17 +104,11 @@ class Evaluation(Table):
     pairing: Literal["1-2,2-3", "1-2,3-4"] | None = None
     """Of pictures: each with the next, or taken in pairs"""
     interval_s: Positive | None = None
-    """Of pictures: between the two exposures of a pair "1-2,3-4"; of "1-2,2-3" it is 1/frame_rate_hz [s]"""
+    """Between the two exposures that a vector field is correlated from; of pictures "1-2,2-3" it is 1/frame_rate_hz and not given [s]"""
     every: Annotated[int, Field(ge=1)] = 1
     """Correlate one pair of so many"""
     preprocess: str = ""
     """Of the pictures, as piv correlate --preprocess"""
-
-    @model_validator(mode="after")
-    def _interval(self) -> Evaluation:
-        if (self.pairing == "1-2,3-4") != (self.interval_s is not None):
-            raise ValueError('interval_s, the time between the two exposures, belongs to pairing = "1-2,3-4"')
-        return self
 
 
 class VectorFiles(Table):
@@ -123,8 +116,6 @@ class VectorFiles(Table):
 
     kind: Literal["openpiv", "pivlab", "tecplot", "davis", "csv", "plane"] | None = None
     """Format of the files; absent: by their content"""
-    interval_s: Positive
-    """Of vectors: between the two exposures that a field is correlated from, not between fields [s]"""
     length_unit: str | None = None
     """Where the files do not state it"""
     velocity_unit: str | None = None
@@ -224,8 +215,8 @@ class Dpiv(Table):
                 'tables [vectors] and [camera] belong to kind = "vectors"; of pictures they are measured'
             )
         if self.kind == "vectors":
-            if self.vectors is None:
-                raise ValueError(f"vectors is missing: give {HINTS['vectors']}")
+            if self.piv.interval_s is None:
+                raise ValueError(f"piv.interval_s is missing: give {HINTS['piv.interval_s']}")
             if self.camera is None:
                 raise ValueError(f"camera is missing: give {HINTS['camera']}")
             if self.start == "from motion":
@@ -236,10 +227,8 @@ class Dpiv(Table):
                 raise ValueError(
                     "scale of vectors without pictures: give scale = { scale_mm_per_px = …, std_percent = … }"
                 )
-            if self.piv.pairing or self.piv.interval_s or self.piv.every != 1:
-                raise ValueError(
-                    "piv.pairing, interval_s and every are of pictures; of vectors vectors.interval_s says it all"
-                )
+            if self.piv.pairing or self.piv.every != 1:
+                raise ValueError("piv.pairing and every are of pictures; of vectors piv.interval_s says it all")
             if self.axes.root_mm is None or self.axes.root_std_mm is None:
                 raise ValueError(
                     f"axes.root_mm or root_std_mm is missing: vectors do not show the finger; give {HINTS['axes.root_mm']}"
@@ -249,6 +238,10 @@ class Dpiv(Table):
             return self
         if self.piv.pairing is None:
             raise ValueError(f"piv.pairing is missing: give {HINTS['piv.pairing']}")
+        if (self.piv.pairing == "1-2,3-4") != (self.piv.interval_s is not None):
+            raise ValueError(
+                'piv.interval_s, the time between the two exposures, belongs to pairing = "1-2,3-4"; of "1-2,2-3" frame_rate_hz says it'
+            )
         if self.finger_length_std_mm is None:
             raise ValueError(f"finger_length_std_mm is missing: give {HINTS['finger_length_std_mm']}")
         if self.axes.root_px is None and not self.scale.from_finger:
@@ -265,6 +258,11 @@ class Dpiv(Table):
     def name(self) -> str:
         """Name of the data: that of its folder."""
         return self.folder.resolve().name
+
+    @property
+    def interval(self) -> float:
+        """Time between the two exposures that a vector field is correlated from, s."""
+        return self.piv.interval_s or 1 / self.frame_rate_hz
 
     def sources(self) -> str | list[str]:
         """Paths of the files as piv takes them."""

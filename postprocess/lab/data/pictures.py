@@ -24,8 +24,7 @@ def frame_times(dpiv: Dpiv, count: int) -> np.ndarray:
 def check_rate(dpiv: Dpiv, source: Recording) -> None:
     """ValueError where the recording states its own frame rate and dpiv.toml another one."""
     stated = source.attrs.get("frame_rate_hz")
-    interval = dpiv.piv.interval_s or 1 / dpiv.frame_rate_hz
-    if stated and dpiv.piv.pairing == "1-2,2-3" and abs(stated * interval - 1) > 0.01:
+    if stated and dpiv.piv.pairing == "1-2,2-3" and abs(stated * dpiv.interval - 1) > 0.01:
         raise ValueError(
             f"{dpiv.folder / NAME}: frame_rate_hz is {dpiv.frame_rate_hz:g}, but {source.name} states {stated:g}; correct the one that is wrong"
         )

@@ -39,23 +39,17 @@ def vectors_view(dpiv: Dpiv, pose: Pose) -> tuple[tuple[float, float], tuple[flo
     return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
 
 
-def vector_tables(dpiv: Dpiv) -> VectorFiles:
-    """The table [vectors], which a dpiv.toml of vectors has."""
-    assert dpiv.vectors is not None  # the schema's own check
-    return dpiv.vectors
-
-
 def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     """Exported vectors as a plane series in stated metres, y up, with their uncertainty; times from the first instant."""
     assert dpiv.scale.scale_mm_per_px is not None
-    stated = vector_tables(dpiv)
+    stated, interval = dpiv.vectors or VectorFiles(), dpiv.interval
     paths = sorted_paths(dpiv)
     scale = dpiv.scale.scale_mm_per_px * 1e-3
     try:
         plane = read_vectors(
             paths, kind=stated.kind, frame_rate_hz=dpiv.frame_rate_hz, keep_replaced=stated.keep_replaced,
             zero_is_absent=stated.zero_is_absent, length_unit=stated.length_unit, velocity_unit=stated.velocity_unit,
-            y_axis=dpiv.axes.y, scale_m_per_px=scale, interval_s=stated.interval_s, image_rows=stated.image_rows,
+            y_axis=dpiv.axes.y, scale_m_per_px=scale, interval_s=interval, image_rows=stated.image_rows,
         )  # fmt: skip
     except ValueError as error:  # piv asks by the names of its options
         raise ValueError(re.sub(r"--([a-z-]+)", _key_of_option, str(error))) from None
@@ -63,7 +57,7 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
         raise ValueError(f'{paths[0]}: in files of this kind y is up; state axes.y = "up" in dpiv.toml')
     if "time" not in plane.dims:
         raise ValueError(f"{paths[0]}: one instant is no motion; give the files of a series")
-    plane = in_metres(plane.load(), scale, stated.interval_s, paths[0])
+    plane = in_metres(plane.load(), scale, interval, paths[0])
     rate = 1 / float(np.mean(np.diff(plane["time"].values)))
     if abs(rate / dpiv.frame_rate_hz - 1) > 0.01:
         raise ValueError(
@@ -80,7 +74,7 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
                 f"{paths[0]}: the vectors carry no uncertainty; give vectors.std_px in dpiv.toml, the standard uncertainty of a"
                 " displacement in px"
             )
-        std = np.full(plane["u"].shape, stated.std_px * scale / stated.interval_s)
+        std = np.full(plane["u"].shape, stated.std_px * scale / interval)
         plane = plane.assign(u_std=(plane["u"].dims, std), v_std=(plane["u"].dims, std))
     return plane.assign_coords(time=plane["time"].values - float(plane["time"][0]))
 
@@ -106,7 +100,7 @@ def _key_of_option(option: re.Match[str]) -> str:
         "y_axis": "axes.y",
         "frame_rate": "frame_rate_hz",
         "from": "vectors.kind",
-        "interval": "vectors.interval_s",
+        "interval": "piv.interval_s",
     }
     return keys.get(name, f"vectors.{name}")
 

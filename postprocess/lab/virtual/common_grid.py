@@ -17,7 +17,7 @@ from postprocess.lab.data.files import LabFiles, Registration
 from postprocess.lab.data.pictures import LabRecording, outline_mask, thinned
 from postprocess.lab.data.pose import Pose, camera_series, in_camera
 from postprocess.lab.data.seeding import Appearance, measure_appearance, seeding_like
-from postprocess.lab.data.vectors import camera_before, lab_vectors, vector_tables
+from postprocess.lab.data.vectors import camera_before, lab_vectors
 from postprocess.lab.registration.register import law_pressure
 from postprocess.lab.registration.silhouette import CORE_PX, learn, shrunk
 from postprocess.lab.virtual.virtual_experiment import evaluate, virtual_experiment
@@ -144,7 +144,7 @@ def _of_vectors(files, dpiv, kinematics, registration, sheet, seed, threads, qui
     pose, delay = registration.pose, registration.law.delay
     times = plane["time"].values - delay
     span = float(sheet["time"][0]), float(sheet["time"][-1])
-    margin = 0.5 * vector_tables(dpiv).interval_s
+    margin = 0.5 * dpiv.interval
     keep = np.flatnonzero((times >= span[0] + margin) & (times <= span[1] - margin))
     if keep.size < 4:
         raise ValueError(
@@ -164,12 +164,11 @@ def _of_vectors(files, dpiv, kinematics, registration, sheet, seed, threads, qui
         return data, None, None, {}
     c = dpiv.camera
     seen = Appearance(c.density_ppp, c.diameter_px, c.peak, c.background, c.read_noise)
-    interval = vector_tables(dpiv).interval_s
-    pairs = np.column_stack([times - interval / 2, times + interval / 2]).ravel()
+    pairs = np.column_stack([times - dpiv.interval / 2, times + dpiv.interval / 2]).ravel()
     camera_pose, corner = camera_before(data, pose, c)
-    alike = {"pairing": "1-2,3-4", "interval_s": interval, "smoothing": dpiv.piv.smoothing is True}
+    alike = {"pairing": "1-2,3-4", "smoothing": dpiv.piv.smoothing is True}
     virtual = virtual_experiment(
-        sheet, camera_pose, _camera(c.columns, c.rows, c.bits, seen, 1 / interval),
+        sheet, camera_pose, _camera(c.columns, c.rows, c.bits, seen, 1 / dpiv.interval),
         seeding_like(seen, c.bits, dpiv.sheet_thickness_mm * 1e-3), pairs, outlines_px(kinematics, camera_pose, kinematics.law(pairs)),
         dpiv.piv.model_copy(update=alike), files.folder, seed=seed, threads=threads, quiet=quiet,
     )  # fmt: skip

@@ -76,7 +76,7 @@ def make_recording(
 TOML = """# A virtual laboratory: rendered by postprocess.lab.virtual.virtual_laboratory from {run}. What is stated here is what its staff believes;
 # what is true is in truth.json, which no part of the comparison reads.
 format = "dpiv"
-format_version = 2
+format_version = 3
 title = "Virtual laboratory, {run}"
 kind = "pictures"
 files = "recording.h5"

@@ -7,7 +7,7 @@ import pytest
 from postprocess.lab.data.dpiv_toml import read_dpiv
 
 WHOLE = """format = "dpiv"
-format_version = 2
+format_version = 3
 title = "a recording"
 kind = "pictures"
 files = "frames/*.tif"
@@ -61,12 +61,12 @@ def test_each_missing_key_is_asked_for(tmp_path, key):
     "old, new, told",
     [
         (", std_percent = 0.2", "", "std_percent is missing"),
-        ("format_version = 2", "format_version = 1", "format_version of this dpiv file is 1, this program reads 2"),
+        ("format_version = 3", "format_version = 1", "format_version of this dpiv file is 1, this program reads 3"),
         ("scale_mm_per_px = 0.125", "scale_mm_per_px = 0.125, from_finger = true", "give one of"),
         (', root_px = [640.0, 950.0]', "", "axes.root_px is missing"),
         ('"1-2,2-3"', '"1-2,3-4"', "interval_s"),
         (', pairing = "1-2,2-3"', "", "piv.pairing is missing: give pairing = "),
-        ('kind = "pictures"', 'kind = "vectors"', "vectors is missing"),
+        ('kind = "pictures"', 'kind = "vectors"', "piv.interval_s is missing"),
         ('title = "a recording"', 'title = "a recording"\ncolor = "green"', "color: this key is not known"),
         ("scale = {", 'root_hidden_mm = 8.0\nscale = { from_finger = true } #', "root is hidden"),
     ],
@@ -86,11 +86,11 @@ def test_vectors_need_what_pictures_show(tmp_path):
             read_dpiv(written(tmp_path, text))
 
     text += 'vectors = { length_unit = "mm", velocity_unit = "mm/s" }\n'
-    refused(r"vectors\.interval_s is missing: give interval_s, the time between the two exposures")
-    text = text.replace("vectors = {", "vectors = { interval_s = 0.002,")
+    refused(r"piv\.interval_s is missing: give interval_s, the time between the two exposures")
+    text = text.replace("piv = {", "piv = { interval_s = 0.002,")
     refused("camera is missing")
     text += 'camera = "none"\n'
-    refused("vectors.interval_s says it all")  # the pairing is that of pictures
+    refused("piv.interval_s says it all")  # the pairing is that of pictures
     text = text.replace(', pairing = "1-2,2-3"', "")
     refused("root_mm or root_std_mm")
     text = text.replace("root_px = [640.0, 950.0]", "root_mm = [20.0, 15.0], root_std_mm = 0.3")

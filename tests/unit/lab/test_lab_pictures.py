@@ -10,7 +10,7 @@ from postprocess.lab.data.pictures import LabRecording
 
 COUNT, ROWS, COLUMNS, RATE = 6, 40, 50, 500.0
 TOML = """format = "dpiv"
-format_version = 2
+format_version = 3
 title = "frames"
 kind = "pictures"
 files = "{files}"

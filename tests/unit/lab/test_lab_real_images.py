@@ -15,7 +15,7 @@ from postprocess.lab.data.seeding import measure_appearance
 from postprocess.lab.registration.silhouette import inside_sum, integral_image, learn, particles
 
 TOML = """format = "dpiv"
-format_version = 2
+format_version = 3
 title = "real"
 kind = "pictures"
 files = "{files}"

@@ -26,7 +26,7 @@ def test_pictures_fill_in_files_and_root(tmp_path):
         cv2.imwrite(str(tmp_path / "run7" / "frames" / f"a{k:03d}.tif"), picture(k))
     text = template(KEYS, seen_in(tmp_path / "run7"))
     table = tomllib.loads(text.replace("= …", "= 0"))
-    assert (table["format"], table["format_version"], table["kind"]) == ("dpiv", 2, "pictures")
+    assert (table["format"], table["format_version"], table["kind"]) == ("dpiv", 3, "pictures")
     assert (table["title"], table["files"]) == ("run7", "frames/*.tif")
     assert table["axes"]["y"] == "up"
     assert np.allclose(table["axes"]["root_px"], [100, 240 - 1 - 40], atol=6)  # as near as the mask is
@@ -36,7 +36,7 @@ def test_pictures_fill_in_files_and_root(tmp_path):
 def test_vectors_are_told_from_pictures(tmp_path):
     (tmp_path / "a001.dat").write_text("x y u v")
     assert seen_in(tmp_path) == {
-        "format": '"dpiv"', "format_version": "2", "title": f'"{tmp_path.name}"', "files": '"*.dat"', "kind": '"vectors"'
+        "format": '"dpiv"', "format_version": "3", "title": f'"{tmp_path.name}"', "files": '"*.dat"', "kind": '"vectors"'
     }  # fmt: skip
 
 

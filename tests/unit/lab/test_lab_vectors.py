@@ -40,7 +40,7 @@ def test_every_format_comes_back(tmp_path, kind):
 def test_uncertainty_is_asked_for(tmp_path):
     write_vectors(series(), tmp_path / "v.h5")
     path = stated(tmp_path, "v.h5") / "dpiv.toml"
-    path.write_text(path.read_text().replace(", std_px = 0.05", ""))
+    path.write_text(path.read_text().replace("std_px = 0.05", ""))
     with pytest.raises(ValueError, match=r"give vectors\.std_px"):
         lab_vectors(read_dpiv(tmp_path))
 

@@ -68,7 +68,7 @@ def test_all_that_is_wrong_in_a_scene_is_told_at_once_with_the_nearest_spelling(
 
 def test_all_that_is_wrong_in_a_dpiv_toml_is_told_at_once(tmp_path):
     (tmp_path / "dpiv.toml").write_text(
-        'format = "dpiv"\nformat_version = 2\ntitel = "a"\nkind = "pictures"\n'
+        'format = "dpiv"\nformat_version = 3\ntitel = "a"\nkind = "pictures"\n'
     )
     with pytest.raises(ValueError, match="title is missing") as caught:
         read_dpiv(tmp_path)
