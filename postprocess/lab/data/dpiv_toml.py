@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -196,6 +197,8 @@ class Dpiv(Table):
     """Of pictures: standard uncertainty of the finger's length [mm]"""
     root_hidden_mm: NotNegative = 0.0
     """How much of the finger, from its root on, a holder or a shadow hides [mm]"""
+    light_from_deg: float | None = None
+    """Of pictures whose light comes from one side: from where, counter-clockwise from the right of the picture (after axes.x); the finger's shaded side is then left out [deg]"""
     pressure: ChamberPressure | None = None
     """What was measured in the chambers, on the camera's clock; `start` is stated then"""
     vectors: VectorFiles | None = None
@@ -227,8 +230,14 @@ class Dpiv(Table):
                 raise ValueError(
                     "scale of vectors without pictures: give scale = { scale_mm_per_px = …, std_percent = … }"
                 )
+            if self.light_from_deg is not None:
+                raise ValueError(
+                    "light_from_deg is of pictures: vectors do not show the finger; leave it out"
+                )
             if self.piv.pairing or self.piv.every != 1:
-                raise ValueError("piv.pairing and every are of pictures; of vectors piv.interval_s says it all")
+                raise ValueError(
+                    "piv.pairing and every are of pictures; of vectors piv.interval_s says it all"
+                )
             if self.axes.root_mm is None or self.axes.root_std_mm is None:
                 raise ValueError(
                     f"axes.root_mm or root_std_mm is missing: vectors do not show the finger; give {HINTS['axes.root_mm']}"
@@ -258,6 +267,11 @@ class Dpiv(Table):
     def name(self) -> str:
         """Name of the data: that of its folder."""
         return self.folder.resolve().name
+
+    @property
+    def light_from(self) -> float | None:
+        """Direction that the light comes from, rad from the picture's x axis; None where it comes from all sides."""
+        return None if self.light_from_deg is None else math.radians(self.light_from_deg)
 
     @property
     def interval(self) -> float:

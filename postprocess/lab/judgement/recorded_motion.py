@@ -17,9 +17,11 @@ from postprocess.lab.data.dpiv_toml import NAME, Dpiv
 from postprocess.lab.data.files import LabFiles, read_registration
 from postprocess.lab.data.inputs_toml import read_inputs
 from postprocess.lab.data.pictures import LabRecording, thinned
+from postprocess.lab.registration.blind import blind_parts
 from postprocess.lab.registration.fit_outline import prepare
+from postprocess.lab.registration.outline_profile import seen_outlines
 from postprocess.lab.registration.profile import fit_profile, motion_values, strip_at_rest
-from postprocess.lab.registration.register import LEARN_FROM, MAX_FRAMES, hidden_part
+from postprocess.lab.registration.register import LEARN_FROM, MAX_FRAMES
 from postprocess.lab.registration.silhouette import learn
 
 SCENE = """# Written by postprocess.lab: the scene driven by the motion that the recording {name} shows.
@@ -60,11 +62,13 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
         inside = np.flatnonzero((at >= kinematics.time[0] - 0.02) & (at <= kinematics.time[1]))
         chosen = thinned(inside, MAX_FRAMES)
         images = [recording.frame(int(i)) for i in chosen]
-    hidden = dpiv.root_hidden_mm * 1e-3
-    blind = hidden_part(pose, kinematics, hidden, images[0].shape) if hidden else None
+    guesses = np.interp(at[chosen], registration.times - law.delay, registration.pressures)
+    outlines = seen_outlines(kinematics, pose, guesses, registration.nuisance.values)
+    blind = blind_parts(
+        outlines, pose, kinematics, images[0].shape, dpiv.root_hidden_mm * 1e-3, dpiv.light_from
+    )
     frames = prepare(images, at[chosen], learn(images[:: max(1, len(images) // LEARN_FROM)]), blind)
     start = float(kinematics.law(kinematics.time[0]))
-    guesses = np.interp(frames.times, registration.times - law.delay, registration.pressures)
     bends = kinematics.bend(np.where(frames.times <= 0, start, guesses))
     known = strip, pose, float(registration.nuisance.values[0])
     fits = [

@@ -14,6 +14,7 @@ import numpy as np
 from fileio.formats.kinematics import Kinematics
 from piv.images.recording import Recording
 from postprocess.lab.data.files import Registration
+from postprocess.lab.registration.blind import blind_parts
 from postprocess.lab.registration.check_motion import check_motion
 from postprocess.lab.registration.fit_outline import NUISANCE_STD
 from postprocess.lab.registration.outline_profile import (
@@ -27,8 +28,9 @@ from postprocess.lab.registration.outline_profile import (
     OutlineProfile,
     independent_share,
     outline_profile,
+    seen_outlines,
 )
-from postprocess.lab.registration.register import LEARN_FROM, chosen_frames, hidden_part
+from postprocess.lab.registration.register import LEARN_FROM, chosen_frames
 from postprocess.lab.registration.silhouette import learn
 
 SURE = 4.5  # standard deviations of a count: parts and bands make sixty of them
@@ -42,6 +44,9 @@ TURN_STD, ROOT_STD = (
 # of the water's own particles per area: at least beside the outline, at most within it and on it
 MISSING, WITHIN, ON_EDGE = 0.8, 0.08, 1.3
 BAD_PICTURES = 0.2  # share of the pictures that may fit worse than that
+SHADOW = "particles are missing beside it, as in a shadow"
+BRIGHT = "it is brighter than the water, as by a reflection"
+DIRECTIONS_DEG = 5  # between the directions that light may come from
 GREEN, RED = (103, 194, 39), (66, 60, 235)  # BGR
 
 
@@ -67,16 +72,17 @@ def check_fit(
     turn_std: float | None = None,
     paired: bool = False,
     hidden: float = 0.0,
+    light_from: float | None = None,
 ) -> FitCheck:
     """Check a registration against the pictures that it was fitted to; arguments as of `register`, `turn_std` in rad."""
     chosen = chosen_frames(recording, paired)
     images = [recording.frame(int(i)) for i in chosen]
     evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
-    pose = registration.pose
-    blind = hidden_part(pose, kinematics, hidden, recording.shape) if hidden else None
-    profile = outline_profile(
-        images, registration.pressures, evidence, kinematics, pose, registration.nuisance.values, blind
+    seen = kinematics, registration.pose, registration.pressures, registration.nuisance.values
+    blind = blind_parts(
+        seen_outlines(*seen), registration.pose, kinematics, recording.shape, hidden, light_from
     )
+    profile = outline_profile(images, evidence, *seen, blind)
     parts = wrong_parts(profile)
     motion = check_motion(kinematics, registration, np.diff(times).max())
     # a motion that is not explained reads as perspective
@@ -91,6 +97,13 @@ def check_fit(
         refusals.append(
             f"in {share:.0%} of the pictures, as the one at {registration.times[worst]:.3f} s, particles lie where the fitted"
             " finger is; take out pictures in which something else hides it"
+        )
+    shadow = SHADOW in parts.values() or registration.nuisance.values[0] > GROWN
+    if shadow and light_from is None:
+        degrees = np.degrees(light_direction(profile))
+        refusals.append(
+            f"if light comes from one side (by the particles beside the finger from about {degrees:.0f}°, 0° being the right), state"
+            " light_from_deg"
         )
     return FitCheck(
         refusals, images[worst], profile.outlines[worst], np.isin(profile.part, list(parts)), profile
@@ -161,17 +174,14 @@ def wrong_parts(profile: OutlineProfile) -> dict[int, str]:
     own = np.where(enough, count[:, FAR] / np.maximum(area[:, FAR], 1), whole)
     own[0] = whole
     water = np.maximum(own, 0.5 * whole)[:, None] * area
-    on_edge = float(np.median(count[:, EDGE] / np.maximum(water[:, EDGE], 1.0)))
-    shadow, bright = (
-        "particles are missing beside it, as in a shadow",
-        "it is brighter than the water, as by a reflection",
-    )
+    sees = area[:, EDGE] > 0.3 * np.median(area[area[:, EDGE] > 0, EDGE])
+    on_edge = float(np.median(count[sees, EDGE] / np.maximum(water[sees, EDGE], 1.0)))
     tests = (
         (INSIDE, 1, WITHIN, WITHIN, "particles lie within it"),
-        (EDGE, 1, ON_EDGE, ON_EDGE, bright),
-        (EDGE, -1, on_edge, 0.5 * on_edge, shadow),
-        (NEAR, -1, 1.0, MISSING, shadow),
-        (NEXT, -1, 1.0, MISSING, shadow),
+        (EDGE, 1, ON_EDGE, ON_EDGE, BRIGHT),
+        (EDGE, -1, on_edge, 0.5 * on_edge, SHADOW),
+        (NEAR, -1, 1.0, MISSING, SHADOW),
+        (NEXT, -1, 1.0, MISSING, SHADOW),
     )
     sides = [[k for k, name in enumerate(NAMES) if name.startswith(side)] for side in SIDES]
     found: dict[int, str] = {}
@@ -196,6 +206,23 @@ def worst_picture(profile: OutlineProfile) -> int:
     within = profile.count[..., INSIDE].sum(axis=1)
     beside = profile.count[..., NEAR].sum(axis=1) - rate * profile.area[..., NEAR].sum(axis=1)
     return int(np.argmax(within - beside))
+
+
+def light_direction(profile: OutlineProfile) -> float:
+    """Where the light comes from, rad from the picture's x axis: beside the parts that face away from it particles are fewer and dimmer
+    than further off."""
+    along = np.roll(profile.outlines, -1, axis=1) - np.roll(profile.outlines, 1, axis=1)
+    outward = along[..., 1] - 1j * along[..., 0]
+    facing = np.stack([outward[:, profile.part == k].mean(axis=1) for k in range(len(NAMES))], axis=1)
+    of_water = profile.light[..., FAR].sum(axis=0) / np.maximum(profile.area[..., FAR].sum(axis=0), 1.0)
+    beside = np.s_[..., [NEAR, NEXT]]
+    missing = of_water * profile.area[beside].sum(axis=2) - profile.light[beside].sum(axis=2)
+    from_ = np.radians(np.arange(-180, 180, DIRECTIONS_DEG))
+    away = (facing[..., None] * np.exp(-1j * from_)).real < 0
+    # as much missing behind the finger as can be, and as little before it
+    sides = (np.where(away, 1.0, -1.0) * missing[..., None]).sum(axis=(0, 1))
+    best = np.flatnonzero(sides > sides.max() - 1e-9)
+    return float(np.angle(np.exp(1j * from_[best]).mean()))
 
 
 def parts_sentence(parts: dict[int, str]) -> str:

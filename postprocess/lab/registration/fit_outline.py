@@ -59,6 +59,10 @@ class OutlineFit:
         """The pose in the middle of the samples."""
         return moved(self.first, self.pose.mean(axis=0))
 
+    def means(self) -> tuple[Pose, np.ndarray, np.ndarray]:
+        """Pose, pressures (frame,) Pa and nuisance (4,) in the middle of the samples."""
+        return self.mean_pose(), self.parameter.mean(axis=0), self.nuisance.mean(axis=0)
+
 
 def moved(pose: Pose, change: np.ndarray) -> Pose:
     """A pose changed by (px, px, rad, ln of the magnification, …): a picture twice as large has half the scale."""
@@ -74,10 +78,10 @@ def prepare(
     blind: np.ndarray | None = None,
     blur_px: float = FINE_PX,
 ) -> Frames:
-    """Evidence of frames (row 0 at the top) taken at `times` (s); `blind` (rows, columns): pixels that tell nothing."""
+    """Evidence of frames (row 0 at the top) taken at `times` (s); `blind` (frame, rows, columns): pixels that tell nothing."""
     evidence_images = [evidence.image(image, blur_px) for image in images]
     if blind is not None:
-        evidence_images = [np.where(blind, np.float32(0), f) for f in evidence_images]
+        evidence_images = [np.where(b, np.float32(0), f) for b, f in zip(blind, evidence_images, strict=True)]
     near = [np.corrcoef(a.ravel()[::3], b.ravel()[::3])[0, 1] for a, b in itertools.pairwise(evidence_images)]
     common = float(np.clip(np.mean(near), 0, 0.99)) if near else 0.0
     mean = float(np.mean([f.mean() for f in evidence_images]))

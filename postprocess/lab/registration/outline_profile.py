@@ -30,10 +30,11 @@ GRID_PX = 2  # pixels in each direction that a point of the area stands for
 
 @dataclass(frozen=True)
 class OutlineProfile:
-    """Particles and area (px²) by frame, part of `NAMES` and band of `BANDS`, (frame, part, band); outlines (frame, point, 2) in px,
-    y up, and the part that each of their points belongs to."""
+    """Particles, their light (sum of grey levels above the body's) and area (px²) by frame, part of `NAMES` and band of `BANDS`,
+    (frame, part, band); outlines (frame, point, 2) in px, y up, and the part that each of their points belongs to."""
 
     count: np.ndarray
+    light: np.ndarray
     area: np.ndarray
     outlines: np.ndarray
     part: np.ndarray
@@ -58,26 +59,21 @@ def parts_of(kinematics: Kinematics, outline: np.ndarray) -> np.ndarray:
 
 def outline_profile(
     images: list[np.ndarray],
-    pressures: np.ndarray,
     evidence: WaterLikelihood,
     kinematics: Kinematics,
     pose: Pose,
+    pressures: np.ndarray,
     nuisance: np.ndarray,
     blind: np.ndarray | None = None,
 ) -> OutlineProfile:
     """The profile of frames (row 0 at the top) with the finger at `pressures` (frame,) Pa and the outline changed by `nuisance` (4
-    of `files.NUISANCE`); `blind`: pixels that tell nothing."""
-    table, outlines, normals = outline_table(kinematics)
+    of `files.NUISANCE`); `blind` (frame, rows, columns): pixels that tell nothing."""
+    table, outlines, _ = outline_table(kinematics)
     part = parts_of(kinematics, outlines[np.argmin(np.abs(table - kinematics.law(kinematics.time[0])))])
     shape = (len(images), len(NAMES), len(BANDS) - 1)
-    count, area = np.zeros(shape), np.zeros(shape)
-    drawn = []
-    for f, (image, pressure) in enumerate(zip(images, pressures, strict=True)):
-        at = np.clip((pressure - table[0]) / (table[1] - table[0]), 0, table.size - 1.001)
-        k, w = int(at), at - int(at)
-        outward = (1 - w) * normals[k] + w * normals[k + 1]
-        outline = seen_outline(pose, (1 - w) * outlines[k] + w * outlines[k + 1], outward, nuisance)
-        drawn.append(outline)
+    count, light, area = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    drawn = seen_outlines(kinematics, pose, pressures, nuisance)
+    for f, (image, outline) in enumerate(zip(images, drawn, strict=True)):
         row, column = particles(image, evidence.threshold)
         spots = np.column_stack([column, image.shape[0] - 1 - row])
         low, high = outline.min(axis=0) - BANDS[-1], outline.max(axis=0) + BANDS[-1]
@@ -86,16 +82,36 @@ def outline_profile(
         axes = [np.arange(low[i], high[i], GRID_PX) for i in (0, 1)]
         grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
         spots = spots[((spots >= low) & (spots <= high)).all(axis=1)]
+        i, j = np.rint(spots).astype(int).T
+        grey = image[image.shape[0] - 1 - j, i] - evidence.body_level
         nearest = _Nearest(outline, part)
-        for points, into, each in ((spots, count, 1.0), (grid, area, float(GRID_PX**2))):
+        of_spots = np.column_stack([np.ones(len(spots)), grey])
+        of_grid = np.full((len(grid), 1), float(GRID_PX**2))
+        for points, values, totals in ((spots, of_spots, (count, light)), (grid, of_grid, (area,))):
             if blind is not None:
                 i, j = np.rint(points).astype(int).T
-                points = points[~blind[image.shape[0] - 1 - j, i]]
-            of, distance = nearest(points)
+                seen = ~blind[f, image.shape[0] - 1 - j, i]
+                points, values = points[seen], values[seen]
+            near, of, distance = nearest(points)
             band = np.digitize(distance, BANDS) - 1
             ok = (band >= 0) & (band < len(BANDS) - 1)
-            np.add.at(into[f], (of[ok], band[ok]), each)
-    return OutlineProfile(count, area, np.array(drawn), part)
+            for total, each in zip(totals, values[near][ok].T, strict=True):
+                np.add.at(total[f], (of[ok], band[ok]), each)
+    return OutlineProfile(count, light, area, drawn, part)
+
+
+def seen_outlines(
+    kinematics: Kinematics, pose: Pose, pressures: np.ndarray, nuisance: np.ndarray
+) -> np.ndarray:
+    """Outlines (frame, point, 2) px of the finger at `pressures` (frame,) Pa as the fit draws them."""
+    table, outlines, normals = outline_table(kinematics)
+    drawn = []
+    for pressure in pressures:
+        at = np.clip((pressure - table[0]) / (table[1] - table[0]), 0, table.size - 1.001)
+        k, w = int(at), at - int(at)
+        outward = (1 - w) * normals[k] + w * normals[k + 1]
+        drawn.append(seen_outline(pose, (1 - w) * outlines[k] + w * outlines[k + 1], outward, nuisance))
+    return np.array(drawn)
 
 
 def seen_outline(pose: Pose, outline: np.ndarray, normals: np.ndarray, nuisance: np.ndarray) -> np.ndarray:
@@ -118,7 +134,7 @@ def independent_share(profile: OutlineProfile) -> float:
 
 
 class _Nearest:
-    """Part of the outline (point, 2) px nearest to a point, and the distance to it, outside positive."""
+    """Of the points that are near the outline (point, 2) px: which they are, its part nearest to each, the distance, outside positive."""
 
     def __init__(self, outline: np.ndarray, part: np.ndarray) -> None:
         after = np.roll(outline, -1, axis=0)
@@ -129,9 +145,9 @@ class _Nearest:
         self._part = part[of]
         self._corners = outline.astype(np.float32).reshape(-1, 1, 2)
 
-    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         away, index = self._tree.query(points, distance_upper_bound=BANDS[-1])
         near = np.isfinite(away)
         away, points = away[near], points[near]
         inside = [cv2.pointPolygonTest(self._corners, (float(x), float(y)), False) > 0 for x, y in points]
-        return self._part[index[near]], np.where(inside, -away, away)
+        return near, self._part[index[near]], np.where(inside, -away, away)

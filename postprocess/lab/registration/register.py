@@ -21,6 +21,7 @@ from piv.images.recording import Recording
 from postprocess.lab.data.files import Law, Nuisance, Registration
 from postprocess.lab.data.pictures import thinned
 from postprocess.lab.data.pose import Pose
+from postprocess.lab.registration.blind import blind_parts
 from postprocess.lab.registration.check_stated import best_delay, check_stated
 from postprocess.lab.registration.fit_outline import (
     ROUGH_NUISANCE_STD,
@@ -30,7 +31,7 @@ from postprocess.lab.registration.fit_outline import (
     outline_table,
     prepare,
 )
-from postprocess.lab.registration.outline_profile import independent_share, outline_profile
+from postprocess.lab.registration.outline_profile import independent_share, outline_profile, seen_outlines
 from postprocess.lab.registration.silhouette import ROUGH_PX, WaterLikelihood, inside_sum, learn
 
 MAX_FRAMES = 60
@@ -42,6 +43,7 @@ FREE, TIED = 0.05, 0.001
 # m from the root, away from the tip: where water must be seen, by the fitted and by the stated pose
 BEYOND, BEYOND_STATED = (0.001, 0.003), (0.003, 0.005)
 ROUNDS = 6  # of the final fit, at most
+SHADE_ROUNDS = 2  # of the rough fit, in which the shaded side is found from the lit one
 SWEEPS = (1500, 800, 2500, 3000)
 
 
@@ -111,6 +113,7 @@ def register(
     scale_std: float | None,
     paired: bool = False,
     hidden: float = 0.0,
+    light_from: float | None = None,
     length_std: float = 0.0,
     sweeps: tuple[int, int, int, int] = SWEEPS,
     seed: int = 1,
@@ -119,15 +122,16 @@ def register(
 
     `stated`: the pose that the laboratory states, or None: from root and tip in the first frame. `stated_delay`: likewise the
     clock's, with its standard uncertainty (s); None: from the motion alone. `paired`: frames 1-2, 3-4 … are taken close
-    together, so only the first of each is used. `hidden`: length (m) of the finger that is hidden, from its root on. `length_std`:
-    standard uncertainty of the finger's length over it. `sweeps`: of the sampler, to be dropped and kept, in the rough and in the
-    final fit. ValueError where the root is not seen though `hidden` is 0.
+    together, so only the first of each is used. `hidden`: length (m) of the finger that is hidden, from its root on. `light_from`:
+    direction (rad from the picture's x axis) of light that comes from one side. `length_std`: standard uncertainty of the finger's
+    length over it. `sweeps`: of the sampler, to be dropped and kept, in the rough and in the final fit. ValueError where the root is not seen though `hidden` is 0.
     """
     chosen = chosen_frames(recording, paired)
     images = [recording.frame(int(i)) for i in chosen]
     evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
     pose = stated or first_pose(recording, images, kinematics)
-    blind = hidden_part(pose, kinematics, hidden, recording.shape) if hidden else None
+    alike = kinematics, recording.shape, hidden
+    blind = blind_parts(np.empty((len(images), 0, 2)), pose, *alike, None)
     frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
     if not hidden and stated:  # without its root a fit may go anywhere
         check_root(frames, kinematics, stated, evidence, BEYOND_STATED)
@@ -136,15 +140,16 @@ def register(
     first = np.array([1.0, search_delay(frames, kinematics, pose, *(stated_delay or (None,))), 1.0])
     free = np.full(frames.times.size, FREE * (kinematics.high - kinematics.low))
     known: dict[str, Any] = {"scale_std": prior, "stated_delay": stated_delay}
-    rough = fit_outline(
-        frames, kinematics, pose, first, deviation=free, nuisance_std=ROUGH_NUISANCE_STD, seed=seed, sweeps=sweeps[:2], **known
-    )  # fmt: skip
-    values, _, _ = fit_law(kinematics, frames.times, rough.parameter.mean(axis=0), first)
+    roughly: dict[str, Any] = {"nuisance_std": ROUGH_NUISANCE_STD, "sweeps": sweeps[:2], "seed": seed} | known
+    rough = fit_outline(frames, kinematics, pose, first, deviation=free, **roughly)
+    for _ in range(SHADE_ROUNDS if light_from is not None else 0):
+        blind = blind_parts(seen_outlines(kinematics, *rough.means()), pose, *alike, light_from)
+        frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
+        rough = fit_outline(frames, kinematics, pose, first, deviation=free, **roughly)
+    _, bent, taken_up = rough.means()
+    values, _, _ = fit_law(kinematics, frames.times, bent, first)
     # particles that go along with the finger stay beside it: pictures are then less independent than they look
-    taken_up = rough.nuisance.mean(axis=0)
-    profile = outline_profile(
-        images, rough.parameter.mean(axis=0), evidence, kinematics, rough.mean_pose(), taken_up, blind
-    )
+    profile = outline_profile(images, evidence, kinematics, *rough.means(), blind)
     frames = prepare(images, times[chosen], evidence, blind)
     frames = replace(frames, independent=min(frames.independent, independent_share(profile)))
     begin = replace(rough.mean_pose(), scale_m_per_px=pose.scale_m_per_px)
@@ -162,14 +167,6 @@ def register(
     if not hidden:
         check_root(frames, kinematics, fine.mean_pose(), evidence, BEYOND)
     return with_length(_registration(kinematics, single, fine, stated), scale_std, length_std)
-
-
-def hidden_part(pose: Pose, kinematics: Kinematics, hidden: float, shape: tuple[int, int]) -> np.ndarray:
-    """Pixels (rows, columns; row 0 at the top) beyond the line across the finger at rest, `hidden` (m) from its root."""
-    rows, columns = shape
-    x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
-    along = kinematics.shape("tip_direction", float(kinematics.law(kinematics.time[0])))
-    return (pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(kinematics.root)) @ along < hidden
 
 
 def check_root(

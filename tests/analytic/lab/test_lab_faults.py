@@ -11,6 +11,7 @@ import shapely
 
 from postprocess.lab.data.files import Law, Nuisance, Registration
 from postprocess.lab.data.pose import Pose
+from postprocess.lab.registration.blind import shaded_parts
 from postprocess.lab.registration.check_fit import check_fit, check_priors, check_tilt, draw_fit, wrong_parts
 from postprocess.lab.registration.check_motion import check_motion
 from postprocess.lab.registration.outline_profile import NAMES
@@ -35,13 +36,14 @@ def poses(kinematics):
     return stated, Pose(SCALE * 1.003, np.radians(1.0), kinematics.root, (151.2, 269.1))
 
 
-def registered(kinematics, faults=None, *, taken=TIMES, clock=TIMES, hidden=0.0):
+def registered(kinematics, faults=None, *, taken=TIMES, clock=TIMES, hidden=0.0, light_from=None):
     """Registration of pictures `taken` at some times (s) and stated to be at those of `clock`, and its check."""
     stated, true = poses(kinematics)
     pressures = kinematics.law(np.clip(taken - DELAY, *kinematics.time))
     recording = Rendered(kinematics, true, pressures, SHAPE, faults)
-    made = register(recording, clock, kinematics, stated, None, scale_std=0.01, hidden=hidden, sweeps=SWEEPS)
-    return made, check_fit(recording, clock, made, kinematics, scale_std=0.01, hidden=hidden)
+    known = {"scale_std": 0.01, "hidden": hidden, "light_from": light_from}
+    made = register(recording, clock, kinematics, stated, None, sweeps=SWEEPS, **known)
+    return made, check_fit(recording, clock, made, kinematics, **known)
 
 
 def errors(kinematics, made):
@@ -74,6 +76,29 @@ def test_a_sound_recording_is_accepted(kinematics):
 def test_a_fault_is_refused_or_does_no_harm(kinematics, faults, hidden):
     made, check = registered(kinematics, faults, hidden=hidden)
     assert check.refusals or (errors(kinematics, made) < 3).all()
+
+
+def test_a_shadow_does_no_harm_where_it_is_stated_from_where_light_comes(kinematics):
+    """From the left: refused without it, with the direction that the particles' light shows."""
+    shadow = Faults(shadow=1.0, shadow_to=(1.0, 0.0))
+    _, check = registered(kinematics, shadow)
+    found = float(re.search(r"from about (-?\d+)°", check.refusals[-1]).group(1))
+    assert abs(found % 360 - 180) < 30  # as near as the sides' directions, which the bend turns, tell it
+    made, check = registered(kinematics, shadow, light_from=np.pi)
+    assert check.refusals == []
+    assert (errors(kinematics, made) < 3).all()
+
+
+def test_behind_the_lit_side_nothing_counts():
+    """A square of 20 px with light from the left and from below: what is deeper than its middle, and the water behind it."""
+    square = np.array([[10.0, 10.0], [30.0, 10.0], [30.0, 30.0], [10.0, 30.0]])
+    dark = shaded_parts(square[None], np.pi, (40, 50))[0]
+    assert not dark[20, :20].any()
+    assert dark[20, 21:].all()
+    assert not dark[:8].any()
+    dark = shaded_parts(square[None], -np.pi / 2, (40, 50))[0]
+    assert dark[:18, 20].all()  # row 0 is at the top
+    assert not dark[20:, 20].any()
 
 
 def test_particles_of_one_history_leave_no_gap_beside_the_finger(kinematics):

@@ -90,6 +90,9 @@ def test_vectors_need_what_pictures_show(tmp_path):
     text = text.replace("piv = {", "piv = { interval_s = 0.002,")
     refused("camera is missing")
     text += 'camera = "none"\n'
+    text += "light_from_deg = 90.0\n"
+    refused("light_from_deg is of pictures")
+    text = text.replace("light_from_deg = 90.0\n", "")
     refused("piv.interval_s says it all")  # the pairing is that of pictures
     text = text.replace(', pairing = "1-2,2-3"', "")
     refused("root_mm or root_std_mm")

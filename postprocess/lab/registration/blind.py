@@ -1,0 +1,69 @@
+"""Pixels that tell nothing of the finger: what a holder hides at its root, and what lies in its shadow where light comes from one side.
+
+Of the shaded side nothing can be fitted; the lit side and the finger's known thickness place it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fileio.formats.kinematics import Kinematics
+from postprocess.lab.data.pose import Pose
+
+UNSEEN_SIDE = 0.5  # of the finger's depth along the light: what is deeper is as dark as the shadow behind it
+
+
+def hidden_part(pose: Pose, kinematics: Kinematics, hidden: float, shape: tuple[int, int]) -> np.ndarray:
+    """Pixels (rows, columns; row 0 at the top) beyond the line across the finger at rest, `hidden` (m) from its root."""
+    rows, columns = shape
+    x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
+    along = kinematics.shape("tip_direction", float(kinematics.law(kinematics.time[0])))
+    return (pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(kinematics.root)) @ along < hidden
+
+
+def shaded_parts(outlines: np.ndarray, light_from: float, shape: tuple[int, int]) -> np.ndarray:
+    """Pixels (frame, rows, columns; row 0 at the top) behind the lit side of outlines (frame, point, 2; px, y up).
+
+    `light_from`: direction that the light comes from, rad from the picture's x axis.
+    """
+    rows, columns = shape
+    onward = -np.array([np.cos(light_from), np.sin(light_from)])
+    x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
+    depth, across = x * onward[0] + y * onward[1], y * onward[0] - x * onward[1]
+    first = int(np.floor(across.min()))
+    ray = np.rint(across).astype(int) - first
+    out = np.zeros((len(outlines), rows, columns), bool)
+    for frame, outline in enumerate(outlines):
+        after = np.roll(outline, -1, axis=0)
+        pieces = np.maximum(np.ceil(2 * np.hypot(*(after - outline).T)).astype(int), 1)
+        of = np.repeat(np.arange(len(outline)), pieces)
+        share = np.concatenate([np.arange(n) / n for n in pieces])[:, None]
+        dense = (1 - share) * outline[of] + share * after[of]
+        at = np.rint(dense[:, 1] * onward[0] - dense[:, 0] * onward[1]).astype(int) - first
+        inside = (at >= 0) & (at <= ray.max())
+        lit, behind = np.full(ray.max() + 1, np.inf), np.full(ray.max() + 1, -np.inf)
+        np.minimum.at(lit, at[inside], (dense @ onward)[inside])
+        np.maximum.at(behind, at[inside], (dense @ onward)[inside])
+        met = np.isfinite(lit)
+        lit[met] += UNSEEN_SIDE * (behind - lit)[met]
+        out[frame] = depth > lit[ray]
+    return out
+
+
+def blind_parts(
+    outlines: np.ndarray,
+    pose: Pose,
+    kinematics: Kinematics,
+    shape: tuple[int, int],
+    hidden: float,
+    light_from: float | None,
+) -> np.ndarray | None:
+    """Pixels (frame, rows, columns) that tell nothing, of frames with `outlines` (frame, point, 2) px; None where all do.
+
+    `hidden` (m): of the finger from its root on; `light_from` (rad): None where the light comes from all sides.
+    """
+    dark = hidden_part(pose, kinematics, hidden, shape) if hidden else None
+    if light_from is None:
+        return None if dark is None else np.broadcast_to(dark, (len(outlines), *shape))
+    shaded = shaded_parts(outlines, light_from, shape)
+    return shaded if dark is None else shaded | dark
