@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ from postprocess.lab.judgement import validation as budget
 from postprocess.lab.judgement.field_uncertainty import field_comparison
 from postprocess.lab.judgement.inputs_of_budget import Case, Effect
 from postprocess.lab.judgement.measures import measure
-from postprocess.lab.judgement.motion import motion_quantities
+from postprocess.lab.judgement.motion import motion_quantities, recorded_motion_parts
 from postprocess.lab.judgement.tables import field_values, quantity_table, series_table
 from postprocess.lab.judgement.uncertainty_sources import common_rows, effect_of, flow_quantities, tables
 from postprocess.lab.judgement.validation import FieldComparison, ValidatedQuantity
@@ -124,7 +124,8 @@ def moved_as_recorded(files: LabFiles, dpiv: Dpiv) -> bool:
 
 
 def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, FieldComparison]:
-    """Verdicts, series over time, and the field."""
+    """Verdicts, series over time, and the field; the flow is judged at the recording's own motion where it is known what that does."""
+    case = replace(case, motion=recorded_motion_parts(case))
     measured = tables(case)
     rows = common_rows(measured, case.window)
     seen = case.registration.times.size > 0 and not case.measured_motion  # what was put in is no test
@@ -213,6 +214,8 @@ def _judged_field(
     planes = {"data": case.data, "direct": case.direct}
     planes["simulation"] = case.direct if case.virtual is None else case.virtual
     values = {name: np.array([size(plane)]) for name, plane in planes.items()}
+    moved = sum(part.share * part.effect.field[rows] for part in case.motion)
+    explained = float(np.sqrt(np.nanmean(np.sum(moved**2, axis=1)))) if case.motion else 0.0
     squares = {kind: sum(v**2 for k, v in parts.values() if k == kind) for kind in budget.KINDS}
     direct, measured = (np.stack([p["u"].values, p["v"].values], 1)[rows] for p in (case.direct, case.data))
     allowed = {level: field.allowed_rms(level) for level in (budget.LEVEL, joint)}
@@ -232,7 +235,7 @@ def _judged_field(
         "error": np.array([rms]),
         "direct_error": float(np.sqrt(np.nanmean(np.sum((direct - measured) ** 2, axis=1)))),
         "measurement_part": None,
-        "explained_by_motion": None,
+        "explained_by_motion": np.array([explained]) if case.motion else None,
         "scale": values["data"][0],
         "u_val": u_val,
         "k": allowed[budget.LEVEL] / float(u_val[0]),

@@ -9,21 +9,27 @@ from postprocess.lab.judgement.validation import FieldComparison
 
 
 def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
-    """The velocity field over the chosen instants: E of every vector and what moves it."""
+    """The velocity field over the chosen instants: E of every vector, at the recording's motion, and what moves it."""
     velocity = {
         name: np.stack([p["u"].values, p["v"].values], axis=1)[rows].astype(float)
         for name, p in (("data", case.data), ("virtual", case.virtual), ("direct", case.direct))
         if p is not None
     }
     simulation = velocity.get("virtual", velocity["direct"])
-    error = simulation - velocity["data"]
+    error = simulation - velocity["data"] + sum(part.share * part.effect.field[rows] for part in case.motion)
     error = np.where(np.isfinite(error).all(axis=1, keepdims=True), error, np.nan)
     direct = velocity["direct"]
     modes: dict[str, tuple[str, np.ndarray]] = {}
+    seen = [part.effect.name for part in case.motion]
     for effect in case.effects:
-        modes[effect.name] = (effect.kind, effect.field[rows] * effect.per_std)
+        if effect.name not in seen:
+            modes[effect.name] = (effect.kind, effect.field[rows] * effect.per_std)
+    for part in case.motion:
+        name, change = part.effect.name, part.effect.field[rows]
+        modes[f"{name} as recorded"] = "data", change * part.std
+        modes[f"{name}, linear"] = "input", change * part.share * part.unlike
     pressure = case.effect("pressure")
-    if case.geometry and pressure is not None:
+    if case.geometry and pressure is not None and not seen:
         modes["geometry and material"] = "input", pressure.field[rows] * case.bend_std / abs(pressure.bend)
     modes |= registration_modes(case, rows, direct)
     noise2 = np.zeros_like(error)

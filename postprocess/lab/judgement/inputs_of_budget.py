@@ -36,6 +36,17 @@ class Effect:
 
 
 @dataclass(frozen=True)
+class MotionPart:
+    """How the recording's finger moves otherwise than the simulated one, in changes of the run `effect`: `share` and its standard
+    uncertainty by the registration. `unlike`: how far that motion is from the run's, relative to the nominal one."""
+
+    effect: Effect
+    share: float
+    std: float
+    unlike: float
+
+
+@dataclass(frozen=True)
 class Case:
     """All that the budgets are made of: series of the sides, the window (s), motions and the effects of the runs."""
 
@@ -52,6 +63,10 @@ class Case:
     effects: list[Effect] = field(default_factory=list)
     fresh_pairs: bool = False  # whether every pair of the virtual experiment has particles of its own
     measured_motion: bool = False  # whether the simulation is driven by this recording's own motion
+
+    motion: list[MotionPart] = field(
+        default_factory=list
+    )  # how the recording's finger moves, where runs say what that does
 
     def effect(self, name: str) -> Effect | None:
         """The effect of one run; None where it was not made."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from fileio.formats.kinematics import Kinematics
 from postprocess.lab.data.files import Registration
-from postprocess.lab.judgement.inputs_of_budget import Case
+from postprocess.lab.judgement.inputs_of_budget import Case, MotionPart
 from postprocess.lab.judgement.validation import Source, ValidatedQuantity
 from postprocess.lab.registration.register import fit_law
 
@@ -62,15 +62,37 @@ def stroke_duration(kinematics: Kinematics) -> float:
     return last - first
 
 
+def recorded_motion_parts(case: Case) -> list[MotionPart]:
+    """The recording's bend and duration in changes of the runs `pressure` and `duration`; none where the motion is the recording's own,
+    was not seen, or those runs are not there."""
+    pressure, duration = case.effect("pressure"), case.effect("duration")
+    if case.measured_motion or case.registration.times.size == 0 or pressure is None or duration is None:
+        return []
+    law, (bend, length) = case.registration.law, motion_values(case)
+    parts = []
+    for effect, own, (simulated, seen), std in (
+        (pressure, pressure.bend, bend, bend_std(case)),
+        (duration, duration.duration, length, length[0] * law.std("stretch")),
+    ):
+        share, unlike = (seen - simulated) / own, abs(seen - simulated - own) / abs(simulated)
+        parts.append(MotionPart(effect, share, std / abs(own), unlike))
+    return parts
+
+
+def bend_std(case: Case) -> float:
+    """Standard uncertainty of the recording's final bend angle (rad) by the silhouette."""
+    law = case.registration.law
+    factor = float(law.values[0])
+    ahead, here = (final_bend(case.kinematics, factor + step) for step in (0.01, 0.0))
+    return abs(ahead - here) / 0.01 * law.std("factor")
+
+
 def motion_quantities(case: Case) -> list[ValidatedQuantity]:
     """Final bend angle and duration of the stroke: does the simulation's finger move as the recording's?"""
-    registration, kinematics = case.registration, case.kinematics
     bend, length = motion_values(case)
-    law = registration.law
-    slope = (final_bend(kinematics, law.values[0] + 0.01) - bend[1]) / 0.01
-    seen = abs(slope) * law.std("factor")
+    law = case.registration.law
     one = lambda v: np.array([v])  # noqa: E731
-    seen_by = {"final_bend": seen, "duration": length[0] * law.std("stretch")}
+    seen_by = {"final_bend": bend_std(case), "duration": length[0] * law.std("stretch")}
     how = "posterior of the registration"
     sources = {key: [Source("silhouette", "data", one(std), how)] for key, std in seen_by.items()}
     for effect in (e for e in case.effects if e.kind == "input"):

@@ -22,18 +22,33 @@ def series_table(case: Case, measured: dict[str, pd.DataFrame]) -> pd.DataFrame:
     return out
 
 
-COMPONENTS = ("simulation", "direct", "data", "error", "u_num", "u_input", "u_D", "u_val")
+COMPONENTS = (
+    "simulation",
+    "direct",
+    "data",
+    "explained_by_motion",
+    "error",
+    "u_num",
+    "u_input",
+    "u_D",
+    "u_val",
+)
 
 
 def quantity_table(result: dict[str, Any]) -> pd.DataFrame:
-    """One row per quantity and component, for a paper's table: S, D, E, u's and the verdict, SI."""
+    """One row per quantity and component, for a paper's table: S, D, what the motion explains of S − D (empty: not known, not taken out), E,
+    u's and the verdict, SI."""
     rows = []
     for q in result["quantities"]:
         for k, axis in enumerate(("x", "y") if len(q["error"]) == 2 else ("",)):
             known = {"quantity": q["name"], "component": axis, "unit": q["unit"]}
             verdict = {"k": q["k"], "verdict": q["verdict"], "dominant_source": q["dominant"]}
-            rows.append(known | {name: q[name][k] for name in COMPONENTS} | verdict)
+            rows.append(known | {name: _component(q[name], k) for name in COMPONENTS} | verdict)
     return pd.DataFrame(rows)
+
+
+def _component(values: np.ndarray | None, k: int) -> float | None:
+    return None if values is None else float(values[k])
 
 
 def field_values(

@@ -11,7 +11,7 @@ from postprocess.lab.data.inputs_toml import Input, Numerics
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.judgement.inputs_of_budget import Case, Effect
 from postprocess.lab.judgement.measures import measure, scatter
-from postprocess.lab.judgement.motion import motion_of_run, motion_values
+from postprocess.lab.judgement.motion import motion_of_run
 from postprocess.lab.judgement.validation import Source, ValidatedQuantity
 
 VORTEX = {  # quantity: columns, unit, label
@@ -108,8 +108,7 @@ def flow_quantities(
         random, instant = vector_sources(
             case, base["data"], rows, error, {n: take(s) for n, s in own.items()}
         )
-        sources = [Source(e.name, e.kind, np.abs(e.moves(columns)) * e.per_std, e.how) for e in case.effects]
-        sources += [*geometry_sources(case, columns), *random]
+        sources = [*run_sources(case, columns), *motion_sources(case, columns), *random]
         sources += registration_sources(case, name, take(base["data"]), rates)
         ours, direct, theirs = (take(base[side]) for side in (simulated, "direct", "data"))
         scale = case.kinematics.tip_width if name == "centre" else float(abs(theirs[0]))
@@ -210,23 +209,44 @@ def place_jacobian(pose: Pose, place: np.ndarray) -> np.ndarray:
     return np.column_stack([shift, [arm[1], -arm[0]], -arm])
 
 
-def geometry_sources(case: Case, columns: tuple[str, ...]) -> list[Source]:
-    """The FEA's band of the bend angle as the pressure that would bend as much (scaled from the pressure's run)."""
+def run_sources(case: Case, columns: tuple[str, ...]) -> list[Source]:
+    """What the runs beside the nominal one say of inputs and numerics; what makes the motion only where the recording does not show it.
+
+    The FEA's band of the bend angle counts as the pressure that would bend as much (scaled from the pressure's run).
+    """
+    seen = [part.effect.name for part in case.motion]
+    sources = [
+        Source(e.name, e.kind, np.abs(e.moves(columns)) * e.per_std, e.how)
+        for e in case.effects
+        if e.name not in seen
+    ]
     effect = case.effect("pressure")
-    if not case.geometry or effect is None:
-        return []
+    if not case.geometry or effect is None or seen:
+        return sources
     std = np.abs(effect.moves(columns)) * (case.bend_std / abs(effect.bend))
-    return [Source("geometry and material", "input", std, "FEA's band, scaled from the run of the pressure")]
+    how = "FEA's band, scaled from the run of the pressure"
+    return [*sources, Source("geometry and material", "input", std, how)]
+
+
+def motion_sources(case: Case, columns: tuple[str, ...]) -> list[Source]:
+    """How well the recording's motion is known, and that its effect is taken for linear.
+
+    Flow goes with the inverse of the time, 1/(1 + x) for a motion x slower: a line through the run's x₀ is off by x(x − x₀), the
+    part x − x₀ of what the motion explains.
+    """
+    sources = []
+    for part in case.motion:
+        moves, name = np.abs(part.effect.moves(columns)), part.effect.name
+        sources.append(
+            Source(f"{name} as recorded", "data", moves * part.std, "posterior of the registration")
+        )
+        how = "effect of the motion taken for linear"
+        sources.append(Source(f"{name}, linear", "input", moves * abs(part.share) * part.unlike, how))
+    return sources
 
 
 def explained_by_motion(case: Case, columns: tuple[str, ...]) -> np.ndarray | None:
-    """Part of E that follows from the recording's finger moving otherwise: its bend and duration times the runs' effects."""
-    pressure, duration = case.effect("pressure"), case.effect("duration")
-    if pressure is None or duration is None:
+    """Part of S − D that follows from the recording's finger moving otherwise; None where that is not known."""
+    if not case.motion:
         return None
-    bend, length = motion_values(case)
-    total = np.zeros(len(columns))
-    runs = (pressure, bend, pressure.bend), (duration, length, duration.duration)
-    for effect, (simulated, seen), own in runs:
-        total += effect.moves(columns) * (simulated - seen) / own if abs(own) > 1e-12 else 0.0
-    return total
+    return -np.sum([part.share * part.effect.moves(columns) for part in case.motion], axis=0)

@@ -1,5 +1,7 @@
 """Validation in the manner of ASME V&V 20: comparison error E = S − D against its uncertainty u_val, source by source.
 
+The flow's S is that at the recording's own motion, linear in what the runs of pressure and duration change.
+
 E estimates the model's error within ± k u_val, u_val² = Σ u²: numerical, of the inputs, of the data. Where |E| > k u_val the
 model errs by about E; else simulation and data agree, unless even a large model error would not have been seen: `detectable`.
 """
@@ -34,8 +36,8 @@ class Source:
 class ValidatedQuantity:
     """One quantity: simulation (like with like and direct) and data, (component,), in SI, and its sources of uncertainty.
 
-    `scale`: what too wide a band is measured by (SI). `explained`: part of E that the motion's difference explains. `instant`:
-    standard uncertainty of each side's value at one instant, where the quantity is a mean over several.
+    `scale`: what too wide a band is measured by (SI). `explained`: part of S − D that comes from the recording's finger moving
+    otherwise, which E does not hold; None where that is not known. `instant`: standard uncertainty of each side's value at one instant, where the quantity is a mean over several.
     """
 
     name: str
@@ -51,8 +53,9 @@ class ValidatedQuantity:
 
     @property
     def error(self) -> np.ndarray:
-        """E, (component,)."""
-        return self.simulation - self.data
+        """E, (component,): S − D at the recording's motion, where it is known what that does."""
+        difference = self.simulation - self.data
+        return difference if self.explained is None else difference - self.explained
 
     @property
     def measurement_part(self) -> np.ndarray:

@@ -134,10 +134,9 @@ def incomplete(result: dict[str, Any]) -> str:
 def blame(result: dict[str, Any]) -> str:
     """What the quantities together say is to blame: the motion, and what it does to the flow; else the flow model, and which part."""
     registration = result["registration"]
-    moves = [n for n in result["wrong"] if n in MOTION]
     wrong = [q for q in result["quantities"] if q["name"] in result["wrong"] and q["name"] not in MOTION]
     text = []
-    if moves:
+    if result["motion"] == "model error":
         factor, stretch = registration["pressure_factor"], registration["stretch"]
         text.append(
             f"The motion is to blame: the recording's finger bends as if its pressure were {_more(factor, 'higher', 'lower')}"
@@ -145,56 +144,37 @@ def blame(result: dict[str, Any]) -> str:
             f" {_more(stretch, 'more', 'less')} (±{NBSP}{100 * 1.96 * registration['stretch_std']:.1f}) time."
         )
         text.append(motion_effect(result))
-        wrong = [q for q in wrong if q["explained_by_motion"] is not None and _beyond_motion(q)]
-        if wrong:
-            text.append(f"Beyond the motion the flow differs ({', '.join(q['label'] for q in wrong)}).")
-    elif wrong and result["motion"] == "differs within the inputs":
-        unknown = any(q["explained_by_motion"] is None for q in wrong)
-        beyond = [q for q in wrong if not unknown and _beyond_motion(q)]
-        if not beyond:
-            text.append(
-                "Motion and flow model are not told apart."
-                if unknown
-                else "That motion explains what differs of the flow; the flow model is not shown to err."
-            )
-        wrong = beyond
-        if wrong:
-            text.append(
-                f"Beyond the motion the flow differs ({', '.join(q['label'] for q in wrong)}): the flow model is to blame."
-            )
-    elif wrong and result["motion"] == "too uncertain":
-        text.append(
-            "The motion is too uncertain to say whether it or the flow model is to blame; make compare-measured takes the motion out."
-        )
-    elif wrong and result["measured_motion"]:
-        text.append("The motion is the recording's, so the flow model is to blame.")
-    elif wrong and result["motion"] is None:
-        text.append("The flow model is to blame, or a motion other than the simulated one.")
-    elif wrong and result["motion"] == "agrees":
-        text.append("The finger moves as simulated, so the flow model is to blame, not the motion.")
     if wrong:
-        text.append(separated(wrong, result))
+        text.append(blame_of_flow(result, wrong))
     return " ".join(part for part in text if part)
+
+
+def blame_of_flow(result: dict[str, Any], wrong: list[dict[str, Any]]) -> str:
+    """What a flow that differs in the quantities `wrong` is due to, as far as its motion is known to be the recording's."""
+    names = ", ".join(q["label"] for q in wrong)
+    if result["measured_motion"]:
+        text = "The motion is the recording's, so the flow model is to blame."
+    elif result["motion"] is None:
+        text = "The flow model is to blame, or a motion other than the simulated one."
+    elif any(q["explained_by_motion"] is not None for q in wrong):
+        text = f"At the recording's own motion the flow differs ({names}): the flow model is to blame."
+    elif result["motion"] == "agrees":
+        text = "The finger moves as simulated, so the flow model is to blame, not the motion."
+    else:
+        return "Motion and flow model are not told apart; make compare-measured takes the motion out."
+    return f"{text} {separated(wrong, result)}"
 
 
 def motion_effect(result: dict[str, Any]) -> str:
     """What the motion's difference does to the flow's quantities, as the runs of pressure and duration show it."""
-    flow = [q for q in result["quantities"] if q["name"] not in MOTION and q["name"] != "velocity_field"]
-    explained = [q for q in flow if q["explained_by_motion"] is not None]
+    explained = [q for q in result["quantities"] if q["explained_by_motion"] is not None]
     if not explained:
         return (
             "What that does to the flow is not known without the runs pressure and duration; drive the simulation with the measured"
             " motion (make compare-measured)."
         )
-    parts = ", ".join(
-        f"{q['label']} {_share(q['explained_by_motion'], q)} of {_share(q['error'], q)}" for q in explained
-    )
-    within = (
-        ""
-        if any(_beyond_motion(q) for q in explained)
-        else " Nothing of the flow differs beyond that and u_val."
-    )
-    return f"Of the flow's differences that motion explains: {parts} (make compare-measured takes it out).{within}"
+    parts = ", ".join(f"{q['label']} {_share(q['explained_by_motion'], q)}" for q in explained)
+    return f"By the runs of pressure and duration that motion makes this part of the flow's differences, which is taken out: {parts}."
 
 
 def _share(values: Any, q: dict[str, Any]) -> str:
@@ -226,8 +206,3 @@ def separated(wrong: list[dict[str, Any]], result: dict[str, Any]) -> str:
 def _more(factor: float, more: str, less: str) -> str:
     """A factor as per cent more or less."""
     return f"{100 * abs(factor - 1):.1f}{NBSP}% {more if factor >= 1 else less}"
-
-
-def _beyond_motion(q: dict[str, Any]) -> bool:
-    rest = np.asarray(q["error"]) - np.asarray(q["explained_by_motion"])
-    return float(np.sqrt(np.sum((rest / np.asarray(q["u_val"])) ** 2))) > q["k"]

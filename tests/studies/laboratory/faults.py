@@ -20,6 +20,7 @@ from postprocess.lab.registration.check_fit import check_fit
 from postprocess.lab.registration.register import law_pressure, register
 from tests.lab_renderer import Faults, Rendered
 from tests.studies.laboratory.seeds import study
+from tests.studies.pages import libraries
 
 PICTURES, SHAPE, SCALE = 24, (320, 400), 0.4e-3
 SWEEPS = (600, 200, 800, 800)
@@ -132,7 +133,8 @@ def summary(trials: pd.DataFrame) -> str:
         lines.append(
             f"| {kind.replace('_', ', light ')} | {has.sum()} | {(refused & has).sum()} | {(worst[has] > 3).sum()} | {(worst[has] > FAR_OFF).sum()} |"
         )
-    return "\n".join(lines)
+    first, last = trials["seed"].min(), trials["seed"].max()
+    return "\n".join([*lines, "", f"Seeds {first} to {last}; {libraries()}."])
 
 
 if __name__ == "__main__":

@@ -78,7 +78,7 @@ def trial(kinematics: Kinematics, seed: int) -> dict[str, float]:
 
 def summary(trials: pd.DataFrame) -> str:
     """Table of docs/comparison.md."""
-    lines = [f"| registration ({len(trials)} seeds) | target | RMS error | within target | largest | coverage of the 95 % band |",
+    lines = [f"| registration ({len(trials)} recordings) | target | RMS error | within target | largest | coverage of the 95 % band |",
              "|---|---|---|---|---|---|"]  # fmt: skip
     held = []
     for name, label, target in ROWS:

@@ -114,7 +114,7 @@ def rightly_judged(kind: str, result: dict[str, Any], told: str, hidden: bool) -
     said to agree is larger than what the page says it would have shown."""
     moved = result["motion"] in ("model error", "differs within the inputs")
     if kind in MOVED:
-        return moved and "the flow model is to blame" not in told and "Beyond the motion" not in told
+        return moved and "the flow model is to blame" not in told
     if moved or kind == "larger":
         return False
     if kind == "none":
