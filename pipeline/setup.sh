@@ -52,6 +52,12 @@ if [ ! -x .venv/bin/python ] || ! cmp -s requirements.lock .venv/requirements.lo
     cp requirements.lock .venv/requirements.lock
 fi
 
+if [ ! -L .venv ]; then # else it is another clone's: the command `piv`, and the packages in Python, from any folder
+    pwd >"$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/softfinger.pth"
+    printf '#!/bin/sh\nexec "%s/.venv/bin/python" -P -m piv "$@"\n' "$(pwd)" >.venv/bin/piv
+    chmod +x .venv/bin/piv
+fi
+
 if ! .venv/bin/python -c 'import gmsh, vtkmodules.vtkRenderingOpenGL2' 2>.setup.log; then
     echo "setup: libraries that gmsh and VTK load"
     install libgl1 libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1 libxfixes3 libgomp1 libegl1

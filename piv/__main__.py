@@ -1,4 +1,4 @@
-"""Command line: piv (or python -m piv) COMMAND: vectors from images, and what follows from them."""
+"""Command line: piv COMMAND: vectors from images, and what follows from them."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""One module per subcommand of `python -m piv`; each has `add_arguments(parser)` and `run(args)`."""
+"""One module per subcommand of `piv`; each has `add_arguments(parser)` and `run(args)`."""

@@ -20,7 +20,7 @@ from piv.plots.film import write_film
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `python -m piv animate`."""
+    """Options of `piv animate`."""
     parser.add_argument("plane", type=Path, help="vectors over time: .h5, .nc or another file of piv convert")
     parser.add_argument("-o", "--output", type=Path, required=True, help=".mp4 or .gif")
     parser.add_argument("--fps", type=float, default=20.0, help="pictures per second (default 20)")
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> None:
     check_style(args)
     with checked(open_vectors(args.plane), args.plane) as planes:
         if "time" not in planes.dims:
-            raise ValueError(f"{args.plane}: a single instant; use 'python -m piv plot'")
+            raise ValueError(f"{args.plane}: a single instant; use 'piv plot'")
         chosen = range(0, planes.sizes["time"], args.every)
         some = planes.isel(time=np.unique(np.linspace(0, planes.sizes["time"] - 1, 20).astype(int)))
         speed = speed_scale(some)

@@ -24,7 +24,7 @@ from piv.images.open_recording import open_recording
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `python -m piv calibrate`."""
+    """Options of `piv calibrate`."""
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help="calibration .json; with --apply the result"
     )

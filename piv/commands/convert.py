@@ -15,7 +15,7 @@ from piv.images.calibration import load_calibration
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `python -m piv convert`."""
+    """Options of `piv convert`."""
     parser.add_argument("input", nargs="+", help="vector files, one per instant, or one plane series or CSV")
     parser.add_argument(
         "-o",
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> None:
         calibration = load_calibration(args.calibration)
         if calibration.lens is not None:
             raise ValueError(
-                f"{args.calibration}: has a lens; use 'python -m piv calibrate --apply' on px vectors"
+                f"{args.calibration}: has a lens; use 'piv calibrate --apply' on px vectors"
             )
         scale = calibration.scale_m_per_px
         shift = calibration.origin_px * scale

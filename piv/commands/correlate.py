@@ -1,4 +1,4 @@
-"""python -m piv correlate A.tif B.tif -o out.h5: images, or a whole recording, to a plane series of vectors."""
+"""piv correlate A.tif B.tif -o out.h5: images, or a whole recording, to a plane series of vectors."""
 
 from __future__ import annotations
 

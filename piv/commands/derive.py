@@ -14,7 +14,7 @@ from piv.vortices.criteria import SCHEMES
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `python -m piv derive`."""
+    """Options of `piv derive`."""
     parser.add_argument("series", type=Path, help="vectors: .h5, .nc or another file of piv convert")
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help="the vectors with what is derived, .h5"

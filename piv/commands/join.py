@@ -1,4 +1,4 @@
-"""python -m piv join piv.h5: the chunks of a recording (piv correlate --chunk k/n) to one plane series."""
+"""piv join piv.h5: the chunks of a recording (piv correlate --chunk k/n) to one plane series."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from piv.images.open_recording import Recording, open_recording
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `python -m piv mask`."""
+    """Options of `piv mask`."""
     parser.add_argument("recording", nargs="+", help="images, folder, glob, video, .mraw or .h5")
     parser.add_argument(
         "-o",

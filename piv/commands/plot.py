@@ -17,7 +17,7 @@ from piv.plots.vectors import Style, draw, vortices_at
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `python -m piv plot`."""
+    """Options of `piv plot`."""
     parser.add_argument("plane", type=Path, help="vectors: .h5, .nc or another file of piv convert")
     parser.add_argument("-o", "--output", type=Path, required=True, help=".png, .pdf or .svg")
     add_style(parser)

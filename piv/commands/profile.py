@@ -13,7 +13,7 @@ from piv.foreign.read import open_vectors
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `python -m piv profile`."""
+    """Options of `piv profile`."""
     parser.add_argument("series", type=Path, help="vectors: .h5, .nc or another file of piv convert")
     parser.add_argument("-o", "--output", type=Path, required=True, help=".csv")
     parser.add_argument("--line", type=float, nargs=4, required=True, metavar=("X0", "Y0", "X1", "Y1"),

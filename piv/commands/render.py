@@ -1,4 +1,4 @@
-"""python -m piv render sheet.h5 -o images.h5: a plane series as a camera would see it."""
+"""piv render sheet.h5 -o images.h5: a plane series as a camera would see it."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from piv.foreign.read import open_vectors
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `python -m piv spectrum`."""
+    """Options of `piv spectrum`."""
     parser.add_argument("series", type=Path, help="vectors: .h5, .nc or another file of piv convert")
     parser.add_argument("-o", "--output", type=Path, required=True, help=".csv")
     kind = parser.add_mutually_exclusive_group(required=True)

@@ -18,7 +18,7 @@ PHASES = 16  # of an average over a period
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `python -m piv stats`."""
+    """Options of `piv stats`."""
     parser.add_argument(
         "series", type=Path, help="vectors over time: .h5, .nc or another file of piv convert"
     )

@@ -1,4 +1,4 @@
-"""python -m piv vortices piv.h5 -o vortices.csv: vortices of a plane series, and their tracks."""
+"""piv vortices piv.h5 -o vortices.csv: vortices of a plane series, and their tracks."""
 
 from __future__ import annotations
 

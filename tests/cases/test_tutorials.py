@@ -34,6 +34,7 @@ def run(command: list[str], folder: Path) -> str:
     # as conftest's make: the environment is there
     environment = inner_environment(MAKEFLAGS="READY=Makefile", MPLBACKEND="Agg")
     environment["PATH"] = f"{folder / '.venv' / 'bin'}:{environment['PATH']}"
+    environment["PYTHONPATH"] = str(folder)  # the linked environment belongs to another clone
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}{done.stderr[-3000:]}"
     assert "jobserver" not in done.stderr  # make's own warning, of a make within make
@@ -51,7 +52,7 @@ def follow(page: str, folder: Path) -> int:
             (folder / block["file"]).write_text(body, encoding="utf-8")
         elif kind == "sh":
             printed = run(["sh", "-ec", body], folder)
-            commands += len(re.findall(r"(?m)^(make|python) ", body))
+            commands += len(re.findall(r"(?m)^(make|piv) ", body))
         elif kind == "python":
             printed = run([sys.executable, "-c", body], folder)
         else:
@@ -91,6 +92,16 @@ def test_a_page_that_is_wrong_is_told(tmp_path):
 def test_piv_of_two_images_and_of_a_recording(clone):
     assert follow("piv.md", clone) == 1 + 4
     assert (clone / "tutorial" / "picture.png").stat().st_size > 10_000
+
+
+def test_the_command_piv_works_in_any_folder(tmp_path):
+    """As `make setup` leaves it, beside folders that are named like the project's own packages."""
+    (tmp_path / "piv").mkdir()
+    (tmp_path / "piv" / "__init__.py").write_text("raise SystemExit('not this one')")
+    frames = [str(TUTORIALS / "frames" / f"frame_{k}.png") for k in (0, 1)]
+    command = [str(ROOT / ".venv" / "bin" / "piv"), "correlate", *frames, "-o", "pair.h5", "--window", "24"]
+    subprocess.run(command, cwd=tmp_path, env=inner_environment(), check=True)
+    assert (tmp_path / "pair.h5").is_file()
 
 
 @OPENFOAM

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tests.studies.faults.project import out_of
 
-# Arguments of `python -m piv`; {} is the folder of the scene's results, which is the full disk.
+# Arguments of `piv`; {} is the folder of the scene's results, which is the full disk.
 COMMANDS = {
     "correlate --processes": "correlate {}/images.h5 -o {}/shared.h5 --processes 2 --preset fast --every 4",
     "correlate --ensemble": "correlate {}/images.h5 -o {}/mean.h5 --ensemble --preset fast --every 4",

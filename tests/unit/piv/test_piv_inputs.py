@@ -1,4 +1,4 @@
-"""What a user of `python -m piv` may give by mistake: one sentence, and nothing is lost."""
+"""What a user of `piv` may give by mistake: one sentence, and nothing is lost."""
 
 import cv2
 import numpy as np

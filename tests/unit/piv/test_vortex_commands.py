@@ -1,4 +1,4 @@
-"""python -m piv vortices and render from the command line."""
+"""piv vortices and render from the command line."""
 
 import json
 
