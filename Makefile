@@ -2,7 +2,7 @@
 
 # What is given reaches a shell and make's own rules: letters that these would read as more than a name are refused.
 GIVEN  := LEVEL NP HOSTS COLLATED QUIET CASES SLURM ACCURACY BUDGET SCENE STUDY STUDIES NODES MINUTES PARTITION \
-    COUPLED WHOLE ACCOUNT RETRIES DOCS DPIV INPUTS QUICK PRESSURE SNAKEFLAGS OTHER CURDIR MAKECMDGOALS
+    COUPLED WHOLE ACCOUNT RETRIES DOCS DPIV INPUTS QUICK PRESSURE SNAKEFLAGS OTHER WM_PROJECT_DIR CURDIR MAKECMDGOALS
 HASH   := \#
 UNSAFE := ' " ` \ ; & | < > * ? ! ~ { } ( ) [ ] $$ $(HASH)
 NAMED.CURDIR := this folder's path
@@ -72,6 +72,17 @@ $(foreach g,$(MAKECMDGOALS),$(if $(or $(findstring /,$g),$(filter $g,$(KNOWN))),
     $g: no such scene or target; $(call MEANT,$g,$(KNOWN)))))
 $(if $(filter $(SCENE),$(ALL)),,$(if $(filter file undefined,$(origin SCENE)),,$(error \
     SCENE=$(SCENE): no such scene; $(call MEANT,$(SCENE),$(ALL)))))
+# So is a switch of make's command line.
+SWITCHES := $(filter-out CURDIR MAKECMDGOALS,$(GIVEN)) PLATE_LEVELS BENCH_VENV SHARED_DATA PYTHON READY SHELL MAKEFLAGS
+$(foreach v,$(.VARIABLES),$(if $(filter command,$(origin $v)),$(if $(filter $v,$(SWITCHES)),,$(error \
+    $v: no such switch; $(call MEANT,$v,$(SWITCHES))))))
+# An OpenFOAM that is asked for is tried before anything is computed.
+WITHOUT := help setup lint unit fea fea-studies scene-reference docs-site clean clean-all
+NEEDED  := $(and $(filter 0,$(MAKELEVEL)),$(wildcard $(PY)),$(filter-out $(WITHOUT),$(MAKECMDGOALS)))
+ifneq ($(and $(WM_PROJECT_DIR),$(NEEDED)),)
+NO_OPENFOAM := $(shell WM_PROJECT_DIR='$(WM_PROJECT_DIR)' $(PY) -m pipeline openfoam 2>&1 >/dev/null)
+$(if $(NO_OPENFOAM),$(error $(NO_OPENFOAM)))
+endif
 .SUFFIXES:
 .SECONDARY:
 .DEFAULT_GOAL := help
@@ -150,7 +161,7 @@ ONLY  = $(if $(STUDIES),only=$(subst $(empty) $(empty),$(comma),$(strip $(STUDIE
 # A whole scene: at once, at the cheapest setting that was measured to be as accurate (docs/tradeoff.md), coupled
 # (docs/coupling.md), or by Slurm.
 ifneq ($(ACCURACY)$(BUDGET),)
-ASKED = cases/$@ $(if $(ACCURACY),--accuracy "$(ACCURACY)",--budget "$(BUDGET)")
+ASKED = cases/$@ $(if $(ACCURACY),--accuracy="$(ACCURACY)",--budget="$(BUDGET)")
 $(ALL): $(READY)
 	+@set -e; found=$$($(PY) -m pipeline choose $(ASKED)); set -- $$found; \
 	$(MAKE) --no-print-directory CASES=cases/$@/out/studies/asked LEVEL=$$2 NP=$$3 ACCURACY= BUDGET= $$1; \

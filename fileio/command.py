@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import io
 import os
 import re
 import signal
 import stat
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from fileio import __version__
-from fileio.errors import StageError, sentence, system_error
+from fileio.errors import StageError, meant, sentence, system_error
 
 # name: what it does, and where `run(args)` and, where it takes arguments, `add_arguments(parser)` are: a module or an object
 Commands = Mapping[str, tuple[str, Any]]
@@ -102,10 +101,12 @@ def check_inputs(args: argparse.Namespace) -> None:
     raise StageError(f"{path}: is neither a file nor a folder; give another name")
 
 
-def meant(word: str, known: Iterable[str]) -> str:
-    """A question that names the nearest of `known`; nothing where none is near."""
-    near = difflib.get_close_matches(word, list(known), 1)
-    return f"; did you mean {near[0]}?" if near else ""
+class Parser(argparse.ArgumentParser):
+    """A parser whose complaints are one sentence, without its usage."""
+
+    def error(self, message: str) -> NoReturn:
+        """End with the exit code of bad input."""
+        self.exit(2, f"{self.prog}: {message} (--help lists what may be given)\n")
 
 
 def command_line(
@@ -121,7 +122,7 @@ def command_line(
 
     Only that one's module is imported: the others' libraries are slow to load.
     """
-    parser = argparse.ArgumentParser(prog=program, description=doc)
+    parser = Parser(prog=program, description=doc)
     parser.add_argument("--version", action="version", version=f"{program} {__version__}")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="command")
     given = sys.argv[1:] if argv is None else argv
@@ -132,7 +133,7 @@ def command_line(
         module: Any = None
         chosen = parser
         if given and not given[0].startswith("-") and given[0] not in commands:
-            parser.error(f"{given[0]}: no such command{meant(given[0], commands)} (--help lists them)")
+            parser.error(f"{given[0]}: no such command{meant(given[0], commands)}")
         for name, (about, where) in commands.items():
             sub = subparsers.add_parser(name, help=about, description=about)
             if given and given[0] == name:

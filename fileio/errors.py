@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import errno
 import os
 import re
+from collections.abc import Iterable
 
 ADVICE = {
     errno.ENOSPC: "free some of the disk, then run it again: what is finished is kept",
@@ -52,6 +54,17 @@ def sentence(error: BaseException) -> str | None:
     if isinstance(error, ValueError | OSError):  # a KeyError that no reader has explained is a defect
         return one_line(error, 2000)
     return None
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The word of `known` that is spelt most alike; None where none is near."""
+    return next(iter(difflib.get_close_matches(word, list(known), 1)), None)
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """A question that names the nearest of `known`; nothing where none is near."""
+    near = nearest(word, known)
+    return f"; did you mean {near}?" if near else ""
 
 
 class StageError(ValueError):

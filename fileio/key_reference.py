@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 import types
@@ -13,6 +12,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
+
+from fileio.errors import nearest
 
 LONGEST = 60  # characters of what was given, in a message
 NAMES = {
@@ -173,7 +174,7 @@ def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> 
         key = ".".join(part for part in (section, *map(str, error["loc"])) if part)
         message = error["msg"].removeprefix("Value error, ")
         if error["type"] == "extra_forbidden":
-            near = nearest(str(error["loc"][-1]), model, error["loc"][:-1])
+            near = nearest_key(str(error["loc"][-1]), model, error["loc"][:-1])
             message = "this key is not known; " + (
                 f"{near!r} is" if near else "check its spelling or remove it"
             )
@@ -186,11 +187,11 @@ def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> 
     return sentences
 
 
-def nearest(name: str, model: type[BaseModel], place: tuple[Any, ...]) -> str | None:
+def nearest_key(name: str, model: type[BaseModel], place: tuple[Any, ...]) -> str | None:
     """The key nearest to `name` in the table at `place` (names, and numbers of a list) of a model, or None."""
     inner: type[BaseModel] | None = model
     for part in place:
         if isinstance(part, str) and inner is not None and part in inner.model_fields:
             inner, _ = _model_of(inner.model_fields[part].annotation)
     known = list(inner.model_fields) if inner is not None else []
-    return next(iter(difflib.get_close_matches(name, known, 1)), None)
+    return nearest(name, known)

@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 SCHEMA = Schema(
     "bending-states",
     2,
-    "write it again with python -m pipeline fea",
+    "write it again with make fea SCENE=…",
     (
         Variable("pressure", "state", "Pa", "gauge pressure in the chambers, ascending"),
         Variable("profile_x", "state, point", "m", "lower (ventral) surface from root to tip, equal material points in every state"),

@@ -48,8 +48,17 @@ def _remedy(scene: Scene, path: Path) -> str:
     for layer in read_layers(owner / "scene.toml") if (owner / "scene.toml").exists() else ():
         said = merge(said, layer.base)
     if owner == scene.folder or said.get("actuator") == scene.actuator:
-        return f"analyse it anew with python -m pipeline fea {owner}"
-    return f"analyse this scene's own with python -m pipeline fea {scene.folder}"
+        return f"analyse it anew with {_analysis_of(owner)}"
+    return f"analyse this scene's own with {_analysis_of(scene.folder)}"
+
+
+def _analysis_of(folder: Path) -> str:
+    """The command that analyses the actuator of a scene; make knows those in cases/."""
+    return (
+        f"make fea SCENE={folder.name}"
+        if folder.parent.name == "cases"
+        else f"python -m pipeline fea {folder}"
+    )
 
 
 def _provenance(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:

@@ -76,9 +76,10 @@ def finger_motion(motion: Motion, finger: Finger, pinch: Pinch | None, folder: P
             f"{path}: ends at {high:g} s, before motion.end_time = {motion.end_time:g} s; compute it anew"
         )
     if pressure.min() < low - 1e-6 or pressure.max() > high + 1e-6:
+        given = folder / (motion.recording or motion.pressure_csv or "scene.toml")
         raise StageError(
-            f"{where}: motion runs over {pressure.min() / 1e3:.3g}…{pressure.max() / 1e3:.3g} kPa"
-            f" but the states cover {low / 1e3:.3g}…{high / 1e3:.3g} kPa; shorten the stroke or add states"
+            f"{given}: the motion runs over {pressure.min() / 1e3:.3g}…{pressure.max() / 1e3:.3g} kPa"
+            f" but the states cover {low / 1e3:.3g}…{high / 1e3:.3g} kPa; change it, or analyse more pressures ([fea] in {where})"
         )
     rest = int(np.argmin(np.abs(states.pressure)))
     length = float(np.hypot(*np.diff(states.profile[rest], axis=0).T).sum())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Protocol
 
@@ -57,9 +58,11 @@ def measured_law(path: Path) -> PressureLaw:
 def measured_table(path: Path, header: str, units: str) -> tuple[np.ndarray, np.ndarray]:
     """Increasing times and values of a CSV with two columns. StageError, which names the `units` wanted."""
     try:
-        table = np.array([row.split(",") for row in _data_rows(path, header)], float, ndmin=2)
+        table = np.array([row.split(",") for row in _data_rows(path, header, units)], float, ndmin=2)
     except FileNotFoundError:
         raise StageError(f"{path}: no such file; give a table of {header} in {units}") from None
+    except StageError:
+        raise
     except (OSError, ValueError) as error:
         raise StageError(f"{path}: not a table of {header} in {units}: {error}") from None
     if table.ndim != 2 or table.shape[1] != 2 or len(table) < 3:
@@ -98,8 +101,13 @@ def history_law(times: np.ndarray, pressure: np.ndarray) -> PressureLaw:
     return law
 
 
-def _data_rows(path: Path, header: str) -> list[str]:
-    """Lines without comments, blank ones and the header, if there is one."""
+def _data_rows(path: Path, header: str, units: str) -> list[str]:
+    """Lines without comments, blank ones and the header, if there is one; StageError where it names other columns."""
     lines = [line.split("#")[0].strip() for line in path.read_text(encoding="utf-8").splitlines()]
     lines = [line for line in lines if line]
-    return lines[1:] if lines and lines[0].replace(" ", "").lower() == header else lines
+    named = lines[0].replace(" ", "") if lines else ""
+    if not re.match(r"[A-Za-z]", named) or named.lower().startswith(("nan", "inf")):
+        return lines
+    if named.lower() != header:
+        raise StageError(f"{path}: its first line is {lines[0]!r}; name the columns {header}, in {units}")
+    return lines[1:]

@@ -31,13 +31,13 @@ def environment() -> dict[str, str]:
     env = dict(os.environ)
     chosen = Path(env.get("WM_PROJECT_DIR", PROJECT_DIRS[0]))
     if str(chosen) not in PROJECT_DIRS:
-        if not chosen.is_dir():
+        if not (chosen / "etc" / "bashrc").is_file():
             raise StageError(
-                f"WM_PROJECT_DIR = {chosen}: no such folder; give that of an OpenFOAM, or unset it"
+                f"WM_PROJECT_DIR = {chosen}: there is no etc/bashrc; give the folder of an OpenFOAM, or unset it"
             )
         # not sourced, or another version is: the pimpleFoam on the path is that one's
         programs = Path(env.get("FOAM_APPBIN", "/"))
-        if not programs.resolve().is_relative_to(chosen.resolve()) and (chosen / "etc" / "bashrc").is_file():
+        if not programs.resolve().is_relative_to(chosen.resolve()):
             env = sourced(chosen / "etc" / "bashrc")
         if shutil.which("pimpleFoam", path=env.get("PATH")) is None:
             raise StageError(f"WM_PROJECT_DIR = {chosen}: it has no pimpleFoam; {NEEDED}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fileio.errors import StageError
+from fileio.errors import StageError, meant
 from fileio.json_text import flat
 from fileio.toml_text import read_toml
 
@@ -66,6 +66,11 @@ def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
     base = path.parent / parent / "scene.toml"
     if base.resolve() in chain:
         raise StageError(f"{path}: extends: {parent} extends this scene in turn; break the circle")
+    if not base.is_file():
+        beside = (found.parent.name for found in base.parent.parent.glob("*/scene.toml"))
+        raise StageError(
+            f"{path}: extends = {parent!r}: no scene is there{meant(base.parent.name, beside)}; give its folder"
+        )
     inherited = read_layers(base, chain)
     for layer in inherited:
         for part in (layer.base, *layer.levels.values()):
@@ -106,7 +111,7 @@ def _level_chain(layers: list[Layer], level: str) -> list[str]:
         levels = merge(levels, layer.levels)
     if level not in levels:
         raise StageError(
-            f"{path}: no level {level!r}; the levels are {', '.join(sorted(levels)) or 'missing'}"
+            f"{path}: no level {level!r}{meant(level, levels)}; the levels are {', '.join(sorted(levels)) or 'missing'}"
         )
     names = [level]
     while (parent := levels[names[0]].get("extends")) is not None:

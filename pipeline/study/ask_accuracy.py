@@ -144,13 +144,13 @@ def run(args: argparse.Namespace) -> None:
     if args.after:
         _say_what_it_took(args.scene.name, noted)
         return
+    error, time = (
+        read(text) if text else None for read, text in ((accuracy, args.accuracy), (budget, args.budget))
+    )
     settings, there = read_results(results_of(args.scene))
     here = probe()
     times = [predicted(setting, there, here) for setting in settings]
-    index = choose(
-        settings, times,
-        accuracy(args.accuracy) if args.accuracy else None, budget(args.budget) if args.budget else None,
-    )  # fmt: skip
+    index = choose(settings, times, error, time)
     row = settings[index].row
     write_scenes(args.scene, STUDY, [row])
     choice = {"run": row.run, "level": row.level, "ranks": row.ranks, "error": settings[index].error,

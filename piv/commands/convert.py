@@ -62,9 +62,7 @@ def run(args: argparse.Namespace) -> None:
             raise ValueError("give --calibration or --scale-mm-per-px, not both")
         calibration = load_calibration(args.calibration)
         if calibration.lens is not None:
-            raise ValueError(
-                f"{args.calibration}: has a lens; use 'piv calibrate --apply' on px vectors"
-            )
+            raise ValueError(f"{args.calibration}: has a lens; use 'piv calibrate --apply' on px vectors")
         scale = calibration.scale_m_per_px
         shift = calibration.origin_px * scale
     plane = read_vectors(

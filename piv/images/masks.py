@@ -49,7 +49,9 @@ def read_mask(path: str | Path, shape: tuple[int, int]) -> np.ndarray:
     """A static mask for frames of `shape` from a polygon (.csv, .txt) or an image (not black = body)."""
     path = Path(path)
     if not path.is_file():
-        raise FileNotFoundError(f"{path}: no such mask")
+        raise FileNotFoundError(
+            f"{path}: no such file; a mask is an image, a folder of images or a polygon (.csv)"
+        )
     if path.suffix.lower() in (".csv", ".txt"):
         return polygon_mask(read_polygon(path), shape)
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
@@ -60,6 +62,8 @@ def read_mask(path: str | Path, shape: tuple[int, int]) -> np.ndarray:
             f"{path}: the mask is {image.shape[1]}x{image.shape[0]} px, the frames are {shape[1]}x{shape[0]} px; "
             "make it of one of these frames"
         )
+    if image.all():
+        raise ValueError(f"{path}: masks the whole picture; a mask is black but for the body")
     return image > 0
 
 
@@ -149,6 +153,8 @@ def dark_body(
             "give --threshold, or a lower --min-area"
         )
     body = np.isin(labels, large).astype(np.uint8)
+    if body.all():
+        raise ValueError(f"the whole image is below grey level {threshold:.3g}; give a lower --threshold")
     contours, _ = cv2.findContours(body, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(body, contours, -1, 1, cv2.FILLED)
     # The blur moves the threshold's edge into the body's dark side: growing gives it back, with a margin.

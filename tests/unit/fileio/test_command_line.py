@@ -49,17 +49,19 @@ def test_how_a_command_ends(end, code, said, capsys):
 @pytest.mark.parametrize(
     "given, said",
     [
-        (["corelate"], "corelate: no such command; did you mean correlate? (--help lists them)"),
-        (["xyz"], "xyz: no such command (--help lists them)"),
+        (["corelate"], "corelate: no such command; did you mean correlate? (--help lists what may be given)"),
+        (["xyz"], "xyz: no such command (--help lists what may be given)"),
         (["correlate", "a", "b", "-o", "c.h5", "--windw", "24"], "--windw 24; did you mean --window?"),
-        (["correlate", "a", "b", "-o", "c.h5", "--xyz"], "unrecognized arguments: --xyz\n"),
+        (["correlate", "a", "b", "-o", "c.h5", "--xyz"], "unrecognized arguments: --xyz (--help"),
     ],
 )
 def test_a_misspelt_command_or_option_is_told_with_the_nearest(given, said, capsys):
     with pytest.raises(SystemExit) as ended:
         piv(given)
     assert ended.value.code == 2
-    assert said in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.count("\n") == 1  # one sentence, without the usage
 
 
 def test_a_defect_keeps_its_traceback():

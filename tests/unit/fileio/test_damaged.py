@@ -107,7 +107,7 @@ def test_a_damaged_or_foreign_hdf5_file_is_one_sentence_wherever_it_is_opened(tm
     remedies = (
         (lambda: finger_of([str(path)]), ValueError, "not a readable HDF5 file"),
         (lambda: open_netcdf(path, "netCDF-4 file"), ValueError, "not a readable netCDF-4 file"),
-        (lambda: read_states(path, 0.01), StageError, "write it again with python -m pipeline fea"),
+        (lambda: read_states(path, 0.01), StageError, "write it again with make fea"),
         (lambda: recorded_law(path, 1.0), StageError, "write it again"),
     )
     for read, kind, words in remedies:

@@ -30,9 +30,19 @@ def test_polygon_covers_its_pixels_with_y_up():
     assert mask[45:, 10:20].all()  # the bottom rows of the image
 
 
+def test_a_photograph_and_a_threshold_that_mask_everything_are_refused(tmp_path):
+    picture = np.full((40, 50), 30, np.uint8)
+    cv2.imwrite(str(tmp_path / "photo.png"), picture)
+    with pytest.raises(ValueError, match=r"photo.png: masks the whole picture"):
+        read_mask(tmp_path / "photo.png", (40, 50))
+    with pytest.raises(ValueError, match="below grey level 900; give a lower --threshold"):
+        dark_body(picture, threshold=900)
+
+
 def test_read_mask_refuses_other_sizes(tmp_path):
-    cv2.imwrite(str(tmp_path / "m.png"), np.full((5, 6), 255, np.uint8))
-    assert read_mask(tmp_path / "m.png", (5, 6)).all()
+    body = np.eye(5, 6, dtype=np.uint8)
+    cv2.imwrite(str(tmp_path / "m.png"), body)
+    assert (read_mask(tmp_path / "m.png", (5, 6)) == body).all()
     with pytest.raises(ValueError, match="6x5 px"):
         read_mask(tmp_path / "m.png", (6, 6))
     (tmp_path / "p.csv").write_text("0,0\n5,x\n")

@@ -18,8 +18,10 @@ def _fresh():
 
 
 def fake(folder, banner, mpi="mpirun (Open MPI) 4.1.4"):
-    """A pimpleFoam and an mpirun that print their versions as the real ones do."""
+    """A pimpleFoam and an mpirun that print their versions as the real ones do, and an etc/bashrc beside their folder."""
     folder.mkdir(parents=True)
+    (folder.parent / "etc").mkdir(exist_ok=True)
+    (folder.parent / "etc" / "bashrc").touch()
     for name, said in (("pimpleFoam", banner), ("mpirun", mpi)):
         program = folder / name
         program.write_text(f"#!/bin/sh\necho '{said}'\n")
@@ -35,7 +37,6 @@ def test_missing_openfoam_names_the_command(monkeypatch):
 
 def test_wm_project_dir_alone_is_enough(monkeypatch, tmp_path):
     fake(tmp_path / "bin", "Using: OpenFOAM-v2312 (2312)")
-    (tmp_path / "etc").mkdir()
     (tmp_path / "etc" / "bashrc").write_text(f"export PATH={tmp_path}/bin:$PATH\n")
     monkeypatch.setenv("PATH", "/usr/bin:/bin")
     monkeypatch.setattr(openfoam.shutil, "which", _which_without_system(openfoam.shutil.which))
@@ -46,7 +47,6 @@ def test_wm_project_dir_alone_is_enough(monkeypatch, tmp_path):
 def test_wm_project_dir_goes_before_another_version_on_the_path(monkeypatch, tmp_path):
     fake(tmp_path / "old", "Using: OpenFOAM- (1912) - visit")
     fake(tmp_path / "new" / "bin", "Using: OpenFOAM-v2306 (2306) - visit")
-    (tmp_path / "new" / "etc").mkdir()
     (tmp_path / "new" / "etc" / "bashrc").write_text(f"[ $# = 0 ] && export PATH={tmp_path}/new/bin:$PATH\n")
     monkeypatch.setenv("PATH", f"{tmp_path}/old:/usr/bin:/bin")
     monkeypatch.delenv("FOAM_APPBIN", raising=False)
@@ -68,7 +68,6 @@ def test_a_version_whose_programs_are_not_built_takes_no_others(monkeypatch, tmp
 def test_the_folder_asked_for_is_taken_in_a_shell_with_another_version(monkeypatch, tmp_path):
     fake(tmp_path / "old", "Using: OpenFOAM-v1912 (1912) - visit www.openfoam.com")
     fake(tmp_path / "new" / "bin", "Using: OpenFOAM-v2306 (2306) - visit www.openfoam.com")
-    (tmp_path / "new" / "etc").mkdir()
     (tmp_path / "new" / "etc" / "bashrc").write_text(
         f"export FOAM_API=2306 FOAM_APPBIN={tmp_path}/new/bin PATH={tmp_path}/new/bin:$PATH\n"
     )
@@ -80,10 +79,13 @@ def test_the_folder_asked_for_is_taken_in_a_shell_with_another_version(monkeypat
 
 def test_a_folder_without_an_openfoam_is_told(monkeypatch, tmp_path):
     """openfoam.org's version 12 has no pimpleFoam."""
-    monkeypatch.setenv("PATH", "/nowhere")
+    monkeypatch.setenv("PATH", "/usr/bin:/bin")
+    monkeypatch.setattr(openfoam.shutil, "which", _which_without_system(openfoam.shutil.which))
+    (tmp_path / "v12" / "etc").mkdir(parents=True)
+    (tmp_path / "v12" / "etc" / "bashrc").touch()
     for folder, said in (
-        (tmp_path / "none", "no such folder"),
-        (tmp_path, "no pimpleFoam; openfoam.com v1912"),
+        (tmp_path, "there is no etc/bashrc"),  # though a pimpleFoam may be on the path
+        (tmp_path / "v12", "no pimpleFoam; openfoam.com v1912"),
     ):
         monkeypatch.setenv("WM_PROJECT_DIR", str(folder))
         with pytest.raises(StageError, match=said):

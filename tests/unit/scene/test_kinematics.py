@@ -77,6 +77,15 @@ def test_any_bytes_as_states_are_refused(tmp_path_factory, content):
             read_states(path, 0.0145)
 
 
+def test_a_measured_pressure_beyond_the_states_names_its_file(tmp_path):
+    (tmp_path / "p.csv").write_text("t,p\n0,0\n0.1,50000\n0.2,90000\n")
+    scene = write_scene(tmp_path / "s", more='[motion]\npressure_csv = "../p.csv"')
+    with pytest.raises(
+        StageError, match=r"p.csv: the motion runs over 0…92.9 kPa but the states cover -40…40 kPa"
+    ):
+        motion_of(scene)
+
+
 @pytest.mark.parametrize(
     "text, words",
     [
@@ -84,9 +93,11 @@ def test_any_bytes_as_states_are_refused(tmp_path_factory, content):
         ("t,p\n0,0\n0.1,5\n0.2,20\n", "kPa"),
         ("t,p\n0,0\n0.1,nan\n0.2,20000\n", "not a number"),
         ("t,p\n0,0\n", "three rows"),
-        ("hello\n1,x\n", "not a table"),
+        ("hello\n1,x\n", "first line is 'hello'; name the columns t,p, in s and Pa"),
+        ("0,hello\n1,x\n", "not a table"),
         ("nan,nan\n0,0\n0.1,5000\n0.2,9000\n", "row 1 is not a number"),
-        ("p,t\n0,0\n0.1,5000\n0.2,9000\n", "not a table"),
+        ("p,t\n0,0\n0.1,5000\n0.2,9000\n", "first line is 'p,t'"),
+        ("time, pressure\n0,0\n0.1,5000\n0.2,9000\n", "first line is 'time, pressure'"),
     ],
 )
 def test_bad_pressure_histories_are_one_sentence(tmp_path, text, words):

@@ -87,6 +87,13 @@ def test_missing_scene_and_level_name_what_there_is(tmp_path):
         load_scene(tmp_path / "nowhere")
     with pytest.raises(StageError, match="coarse, draft, fine, medium, reference, smoke"):
         load_scene(ROOT / "cases" / "single_finger", "huge")
+    with pytest.raises(StageError, match=r"no level .smok.; did you mean smoke[?]"):
+        load_scene(ROOT / "cases" / "single_finger", "smok")
+    (tmp_path / "scene.toml").write_text(f"extends = '{ROOT}/cases/single_fingr'\n")
+    with pytest.raises(
+        StageError, match=r"scene.toml: extends = .*: no scene is there; did you mean single_finger[?]"
+    ):
+        load_scene(tmp_path)
 
 
 def test_touching_one_number_changes_only_the_stages_that_use_it(tmp_path):

@@ -77,6 +77,8 @@ def test_a_scene_of_another_name_is_left_out_with_a_sentence(project, name):
         ("LEVEL=$(shell touch pwned)", "LEVEL has the letter ( in it"),
         ("HOSTS=a&b", "HOSTS has the letter & in it"),
         ("STUDY=missing.csv", "STUDY=missing.csv: no such file; give a table"),
+        ("OPENFOAM=/opt/x", "OPENFOAM: no such switch; "),
+        ("LEVLE=smoke", "LEVLE: no such switch; "),
     ],
 )
 def test_what_is_given_is_checked_before_anything_is_made(project, word, sentence):
@@ -90,6 +92,14 @@ def test_what_is_given_is_checked_before_anything_is_made(project, word, sentenc
 def test_a_misspelt_scene_is_told_with_the_nearest():
     done = make(ROOT, "singel_finger")
     assert "singel_finger: no such scene or target; did you mean single_finger? make help" in done.stderr
+    done = make(ROOT, "single_finger", "LEVLE=smoke")
+    assert "LEVLE: no such switch; did you mean LEVEL? make help" in done.stderr
+
+
+def test_an_openfoam_that_is_not_there_is_told_before_anything_is_made():
+    done = make(ROOT, "single_finger", "READY=Makefile", "WM_PROJECT_DIR=/missing")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "WM_PROJECT_DIR = /missing: there is no etc/bashrc; give" in done.stderr
 
 
 @pytest.mark.parametrize("words", [["NP=007"], ["RETRIES=0"], ["SCENE=good", "PRESSURE=21.5"]])
