@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import h5netcdf
 import xarray as xr
 
 from fileio.atomic import whole
@@ -13,6 +14,9 @@ from fileio.checksum import check_whole
 from fileio.child_process import check_walkable
 from fileio.errors import one_line
 from fileio.hdf5_disk import Disk
+
+# of a file that it cannot open, which has no such attribute yet, it would print a traceback where it is tidied up
+h5netcdf.File._writable = False
 
 
 def open_netcdf(

@@ -56,7 +56,7 @@ class Chambers(Section):
     gap: Annotated[Positive, Field(ge=5e-4)]
     """Between two chambers [m]"""
     floor: Positive
-    """Height of the gaps' ground above the ventral side [m]"""
+    """Height of the gaps' bottom above the ventral side [m]"""
     wedge_from: Positive
     """Height from which on the chambers' walls lean away from each other [m]"""
     wedge_deg: Annotated[Number, Field(ge=0, le=45)] = 0.0

@@ -13,7 +13,7 @@ from fileio.formats.plane_series import read_plane
 from fileio.formats.records import COMPARISON, FIGURES
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.load import read_clock, single_finger
-from postprocess.evidence.stage_files import StageFiles, extended_scenes, scene_numbers
+from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.report.flow_figures import flow_figures, tip_vortices, vortex_figures
 from postprocess.report.motion_figures import bending_figure, motion_figure, study_figures, water_figure
 from postprocess.report.picture_index import Album
@@ -65,8 +65,7 @@ def make_figures(files: StageFiles) -> list[dict[str, Any]]:
         bending_figure(album, out / "kinematics.h5", scene["finger"]["length"])
         if (out / "loads.h5").exists():
             water_figure(album, out / "loads.h5")
-        for folder in extended_scenes(files.scene_folder):
-            study_figures(album, folder / "kinematics" / "studies")
+        study_figures(album, files.scene_folder, scene["motion"])
     solver_figures(album, out)
     width, tank = scene["finger"]["width"], scene["tank"]["size"]
     mesh_figures(album, read_planforms(out / "planform.h5"), planes["cfd"], width, tank)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -83,9 +84,12 @@ def bending_figure(album: Album, path: Path, length: float) -> None:
     album.add(figure, "bending.svg", "motion", alt, caption)
 
 
-def study_figures(album: Album, folder: Path) -> None:
-    """The actuator's studies as `make fea-studies` left them beside the scene or the one that it extends."""
-    scene = folder.resolve().parents[1].name
+def study_figures(album: Album, scene_folder: Path, motion: dict[str, Any]) -> None:
+    """The actuator's studies, where `make fea-studies` left some beside the bending states that move the finger."""
+    if motion["source"] not in ("fea", "structure"):
+        return
+    folder = (scene_folder / motion["states"]).resolve().parent / "studies"
+    scene = folder.parents[1].name
     for name, varied in STUDIES.items():
         source = folder / f"{name}.svg"
         if source.exists():

@@ -1,5 +1,5 @@
 """The paper's studies of θ, W and materials, from the states that the study `bending` computed: tables and figures in
-cases/single_finger/kinematics/studies, which the report of every scene that extends it shows.
+cases/single_finger/kinematics/studies, which the report of every scene that is moved by the same states shows.
 
 Command: python -m pipeline fea-studies (make fea-studies, which has Snakemake run cases/single_finger/studies/bending.csv first)
 """

@@ -8,6 +8,8 @@ from fileio.formats.plane_series import make_plane
 from postprocess.draw import pinch
 from postprocess.draw.flow import format_instant, others, view_limits
 from postprocess.draw.style import label_points, new_figure, number
+from postprocess.report.motion_figures import study_figures
+from postprocess.report.picture_index import Album
 from tests.synthetic_stroke import finger_series
 
 
@@ -69,3 +71,14 @@ def test_panels_show_the_finger_and_its_vortex_and_not_the_empty_tank():
     assert x0 < tips[:, 0].min() < tips[:, 0].max() < x1 <= float(plane["x"][-1])
     assert y0 < tips[:, 1].min() < tips[:, 1].max() < y1 <= float(plane["y"][-1])
     assert x1 - x0 <= np.ptp(tips[:, 0]) + 0.041
+
+
+def test_studies_of_another_actuator_are_not_shown(tmp_path):
+    """They lie beside the states that they vary: a finger that extends the scene and is moved by its own has none."""
+    studies = tmp_path / "shipped" / "kinematics" / "studies"
+    studies.mkdir(parents=True)
+    (studies / "width.svg").write_text("<svg/>")
+    for states, shown in (("../shipped/kinematics/states.h5", 1), ("kinematics/states.h5", 0)):
+        album = Album(tmp_path / str(shown))
+        study_figures(album, tmp_path / "own", {"source": "fea", "states": states})
+        assert len(album.entries) == shown

@@ -12,6 +12,9 @@ from tests.studies.fuzz.targets import TARGETS, check, named
 INPUTS = 30
 
 
+@pytest.mark.filterwarnings(
+    "error::pytest.PytestUnraisableExceptionWarning"
+)  # what a user would see as a traceback
 @pytest.mark.parametrize("name", [target.name for target in TARGETS])
 def test_damaged_files_are_read_or_refused_in_one_sentence(name, tmp_path):
     if name == "davis.vc7":
