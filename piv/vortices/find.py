@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import xarray as xr
 
@@ -21,7 +22,7 @@ def find_vortices(
 
     Works in whatever units the plane has. `options` are fields of `VortexSettings`. Candidates are regions of Gamma2 and
     swirling strength; each is then fitted with a Lamb-Oseen vortex on a background of drift and linear gradient, its
-    neighbours taken along or taken off. Raises ValueError where the plane still has a time axis or an option is unknown.
+    neighbours taken along or taken off. None lies within an `outline` that the plane has. Raises ValueError where the plane still has a time axis or an option is unknown.
     """
     s = _settings(settings, options)
     p = plane_of(plane, s.weights)
@@ -33,7 +34,8 @@ def find_vortices(
     least = s.min_circulation
     rough = 0.3 * (s.min_part * abs(candidates[0].circulation) if least is None else least)
     regions = np.array([c for c in candidates if abs(c.circulation) >= rough]).reshape(-1, 4)
-    fits = fit_regions(p, regions, s)
+    # the layer on a wall that is still rolling up may be fitted best from within the body: no vortex is there yet
+    fits = [f for f in fit_regions(p, regions, s) if not _in_body(plane, *f.fit.vortices[0, :2])]
     omega = vorticity(g)
     distance = distance_to_invalid(p.valid, dx, dy)
     return sorted(
@@ -47,6 +49,15 @@ def _settings(settings: VortexSettings | None, options: dict[str, float | str]) 
     if unknown:
         raise ValueError(f"unknown vortex option {unknown[0]!r}; the options are {', '.join(vars(base))}")
     return VortexSettings(**(vars(base) | options))
+
+
+def _in_body(plane: xr.Dataset, x: float, y: float) -> bool:
+    """Whether a point lies within one of the outlines that the plane holds."""
+    if "outline" not in plane:
+        return False
+    outline = plane["outline"].values.astype(np.float32)
+    bodies = outline.reshape(-1, *outline.shape[-2:])
+    return any(cv2.pointPolygonTest(body, (float(x), float(y)), False) > 0 for body in bodies)
 
 
 def plane_of(plane: xr.Dataset, weighting: str) -> Plane:

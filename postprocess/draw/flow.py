@@ -21,6 +21,7 @@ ARROW_EVERY = 0.0045  # m between drawn vectors: about 35 of them across the cam
 HALO = [patheffects.withStroke(linewidth=4.0, foreground="white")]
 MARK: dict[str, Any] = {"color": "#0a7d2c", "linewidth": 2.0, "zorder": 4, "path_effects": HALO}
 OTHER: dict[str, Any] = MARK | {"color": "#4b5561", "linewidth": 1.0}
+MARKED = ("x", "y", "core_radius", "circulation")
 RIVAL = 0.3  # of the strongest at that instant: what is weaker is not marked
 SHADE: dict[str, Any] = {"origin": "lower", "cmap": COLOUR_MAP, "alpha": 0.75, "interpolation": "bilinear"}
 ARROWS: dict[str, Any] = {"units": "xy", "angles": "xy", "scale_units": "xy", "width": 0.5, "headwidth": 3.4, "headlength": 4,
@@ -178,32 +179,46 @@ def _panel(
         for number, body in enumerate(bodies):
             outlines = plane["outline"].values[index] * MM if "outline" in plane else {}
             body.set_xy(outlines[number] if len(outlines) else np.empty((0, 2)))
+        seen = seen_centres(plane, valid)
         if table is not None:
-            seen = others(table, vortices, float(plane["time"][index]))
-            circles = [
-                vortex_mark(r.x * MM, r.y * MM, r.core_radius * MM, r.circulation) for r in seen.itertuples()
-            ]
-            joined = [
-                np.concatenate([np.append(part[k], np.nan) for part in circles] or [np.empty(0)])
-                for k in (0, 1)
-            ]
-            beside_them.set_data(*joined)
+            rest = others(table, vortices, float(plane["time"][index]))[list(MARKED)].to_numpy()
+            beside_them.set_data(*_marks(rest[seen(rest)]))
         for mark, vortex in zip(marks, vortices, strict=True):
-            mark.set_data(*_mark_at(vortex, time))
+            now = _at(vortex, time)
+            mark.set_data(*_marks(now[seen(now)]))
 
     return shade, update
 
 
-def _mark_at(vortex: pd.DataFrame, time: float) -> tuple[np.ndarray, np.ndarray]:
-    """The mark between the two rows around `time`; none outside them, or where they are of two vortices."""
+def seen_centres(plane: xr.Dataset, valid: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """At which of the places (n, x and y first, m) there is a vector: a mark in a hole or a body would be of no flow that one sees."""
+    x, y = plane["x"].values, plane["y"].values
+
+    def seen(places: np.ndarray) -> np.ndarray:
+        columns, rows = (
+            np.clip(np.rint((places[:, k] - axis[0]) / (axis[1] - axis[0])).astype(int), 0, axis.size - 1)
+            for k, axis in enumerate((x, y))
+        )
+        return valid[rows, columns]
+
+    return seen
+
+
+def _marks(vortices: np.ndarray) -> np.ndarray:
+    """The marks of vortices (n, `MARKED`) as one broken line, mm: (2, points)."""
+    marks = [
+        np.append(vortex_mark(x * MM, y * MM, r * MM, c), [[np.nan]] * 2, axis=1) for x, y, r, c in vortices
+    ]
+    return np.concatenate([np.empty((2, 0)), *marks], axis=1)
+
+
+def _at(vortex: pd.DataFrame, time: float) -> np.ndarray:
+    """A vortex (1, `MARKED`) between the two rows around `time`; none outside them, or where they are of two vortices."""
     times = vortex["time"].to_numpy()
     after = int(np.clip(np.searchsorted(times, time), 1, max(times.size - 1, 1)))
     if times.size < 2 or not times[after - 1] - 2e-3 <= time <= times[after] + 2e-3:
-        return np.empty(0), np.empty(0)
+        return np.empty((0, len(MARKED)))
     rows = vortex.iloc[after - 1 : after + 1]
     if rows["track"].nunique() > 1:
         rows = rows.iloc[[int(np.argmin(np.abs(rows["time"].to_numpy() - time)))] * 2]
-    value = {
-        n: float(np.interp(time, rows["time"], rows[n])) for n in ("x", "y", "core_radius", "circulation")
-    }
-    return vortex_mark(value["x"] * MM, value["y"] * MM, value["core_radius"] * MM, value["circulation"])
+    return np.array([[float(np.interp(time, rows["time"], rows[n])) for n in MARKED]])

@@ -219,3 +219,17 @@ def test_record_is_frozen():
     assert isinstance(vortex, Vortex)
     with pytest.raises(AttributeError):
         vortex.x = 1.0
+
+
+def test_no_vortex_lies_in_a_body():
+    """The water sees half of a vortex whose centre is in the wall: its fit is right, but there is no such vortex."""
+    x = np.linspace(-10.0, 10.0, 81)
+    xx, yy = np.meshgrid(x, x)
+    u, v = lamb_oseen(xx, yy, 0.0, 0.0, 100.0, 3.0)
+    plane = make_plane(x, x, u, v, valid=yy > 0.4)
+    found = find_vortices(plane)
+    assert len(found) == 1
+    assert np.hypot(found[0].x, found[0].y) < 0.25  # the fit is exact for its own model: within a grid step
+    wall = np.array([[[-10.0, -10.0], [10.0, -10.0], [10.0, 0.4], [-10.0, 0.4]]])
+    assert not find_vortices(plane.assign(outline=(("finger", "point", "axis"), wall)))
+    assert len(find_vortices(plane.assign(outline=(("finger", "point", "axis"), wall - 1.0)))) == 1

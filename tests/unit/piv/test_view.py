@@ -109,7 +109,8 @@ def test_polygons_moved_after_they_were_kept_are_said_not_to_be_saved(folder, tm
 
 
 @pytest.fixture(scope="module")
-def page(folder, tmp_path_factory):
+def served(folder, tmp_path_factory):
+    """A browser, and the address of the page, which is made anew for each visit."""
     pytest.importorskip("bokeh", reason="the page needs bokeh: pip install 'softfinger-piv[view]'")
     if not (CHROMIUM and CHROMEDRIVER):
         pytest.skip("needs chromium and chromedriver (apt: chromium chromium-driver)")
@@ -139,13 +140,7 @@ def page(folder, tmp_path_factory):
         address = re.match(r"http://127\.0\.0\.1:\d+/", server.stdout.readline())
         assert address, server.stdout.read()
         with Browser(tmp_path_factory.mktemp("profile")) as browser:
-            browser.open(address.group())
-            until(
-                lambda: browser.run(
-                    "return window.Bokeh && Bokeh.documents.length == 1 && Bokeh.documents[0].is_idle"
-                )
-            )
-            yield browser
+            yield browser, address.group()
         server.send_signal(signal.SIGINT)
         rest = server.communicate(timeout=60)[0]
     finally:
@@ -153,6 +148,16 @@ def page(folder, tmp_path_factory):
     # Ctrl-C: the log holds no traceback, and the usual exit code
     assert "Traceback" not in rest
     assert server.returncode == 130
+
+
+@pytest.fixture
+def page(served):
+    """The page as a visitor finds it: nothing drawn, at its first step."""
+    browser, address = served
+    browser.open(address)
+    ready = "return window.Bokeh && Bokeh.documents.length == 1 && Bokeh.documents[0].is_idle"
+    until(lambda: browser.run(ready))
+    return browser
 
 
 def until(true, seconds=90):

@@ -6,7 +6,7 @@ import pytest
 
 from fileio.formats.plane_series import make_plane
 from postprocess.draw import pinch
-from postprocess.draw.flow import format_instant, others, view_limits
+from postprocess.draw.flow import flow_figure, format_instant, others, view_limits
 from postprocess.draw.style import label_points, new_figure, number
 from postprocess.report.motion_figures import study_figures
 from postprocess.report.picture_index import Album
@@ -82,3 +82,18 @@ def test_studies_of_another_actuator_are_not_shown(tmp_path):
         album = Album(tmp_path / str(shown))
         study_figures(album, tmp_path / "own", {"source": "fea", "states": states})
         assert len(album.entries) == shown
+
+
+def test_no_mark_in_a_hole_of_the_vectors():
+    plane = plane_of([0.0, 40.0])
+    plane["valid"][:, 10:14, 40:44] = 0
+    hole = (float(plane["x"][42]), float(plane["y"][12]))
+    water = (float(plane["x"][50]), float(plane["y"][12]))
+    row = {"time": [0.0, 0.1], "core_radius": 0.01, "circulation": 1e-3}
+    tracks = [pd.DataFrame(row | {"track": k, "x": x, "y": y}) for k, (x, y) in enumerate((hole, water))]
+    figure, show = flow_figure({"cfd": plane}, {"cfd": tracks}, 0.1, 1.0)
+    show(0.1)
+    drawn = [line.get_xdata().size for line in figure.axes[0].lines]
+    assert (
+        drawn[0] == drawn[1] == 0 < drawn[2]
+    )  # what is beside the judged, the one in the hole, the one in the water
