@@ -87,7 +87,8 @@ def write_pinch(root: Path, **options) -> Path:
     values |= {"gap": gap, "free_pressure": 1.05 * pressure, "residual_gap": LEAST_GAP, "mirror": 1}
     values["shape_gap"] = np.interp(values["shape_parameter"], pressure, gap)
     pinch = {"residual_gap": LEAST_GAP, "slowing_distance": 0.003, "object": None}
-    motion = {"strokes": [{"pressure_kpa": 20.0, "start": 0.0, "duration": 0.4}]}
+    strokes = [{"pressure_kpa": 20.0, "start": 0.0, "duration": 0.4}]
+    motion = kinematics.settings["motion"] | {"strokes": strokes}
     settings = kinematics.settings | {"pinch": pinch, "motion": motion}
     write_kinematics(out / "kinematics.h5", values, settings)
     assert values["time"].shape == time.shape

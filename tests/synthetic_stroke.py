@@ -211,7 +211,7 @@ def _write_kinematics(time: np.ndarray, bend_end: float, path: Path) -> None:
     shapes = finger_series(knots / 2e4 * abs(bend_end))
     scene = {"tank": {"size": [0.6, 0.33, 0.3], "water_depth": 0.3}}
     scene["finger"] = {"root": ROOT.tolist(), "length": LENGTH, "thickness": THICKNESS, "width": WIDTH}
-    scene["motion"] = {"source": "fea", "strokes": []}
+    scene["motion"] = {"source": "fea", "states": "kinematics/states.h5", "strokes": []}
     states = np.linspace(-2e4, 2e4, 21)
     values = {"time": time, "pressure": pressure, "shape_parameter": knots, "source": "fea"}
     values |= {f"shape_{name}": shape[:, 0] for name, shape in shapes.items()}
