@@ -268,10 +268,8 @@ air-and-water: $(READY) ## radius and actuation time in air and water, and what 
 elastic-benchmarks: $(READY) ## the elastic chain against published numbers of other bodies: docs/coupling.md
 	$(PY) -m tests.studies.elastic_benchmarks
 
-coupled-docs: $(READY) ## tables of docs/coupling.md: prescribed, coupled, from another first motion
-	+$(MAKE) --no-print-directory LEVEL=$(LEVEL) single_finger.vortices_cfd single_finger.loads
-	$(PY) -m tests.studies.coupled_runs --level $(LEVEL)
-	$(PY) -m tests.studies.first_motions --level $(LEVEL)
+coupled-docs: $(READY) ## coupled runs beside prescribed ones: tables of docs/coupling.md
+	+$(PY) -m tests.studies.coupled_runs --level $(LEVEL)
 
 openfoam-versions: $(READY) ## the single finger by another OpenFOAM, beside this one: OTHER=/its/folder
 	$(PY) -m tests.studies.openfoam_versions $(OTHER) --level $(LEVEL)

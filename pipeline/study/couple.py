@@ -130,7 +130,7 @@ def couple(scene: Scene, ranks: int, quiet: bool = False, target: str = "report"
         delta = _kept(structure, folder / SHAPES, delta, before, made_of)
         update_text(folder / "scene.toml", _scene_text(scene, folder))
         _check_contact(scene, load_scene(folder, level))
-        _make(home, folder.name, level, "loads", ranks, quiet)
+        make_run(home, folder.name, level, "loads", ranks, quiet)
         path = folder / "out" / level / "loads.h5"
         loads = read_loads(path)
         left = structure.open_energy(delta, loads)
@@ -150,7 +150,7 @@ def couple(scene: Scene, ranks: int, quiet: bool = False, target: str = "report"
         if not near or (level == scene.level and left > ENERGY):
             continue
         if level == scene.level:
-            _make(home, folder.name, level, target, ranks, quiet)
+            make_run(home, folder.name, level, target, ranks, quiet)
             for later in range(number + 1, scene.structure.iterations + 1):  # of a motion that took more runs
                 shutil.rmtree(home / f"{scene.level}_{later}", ignore_errors=True)
             return folder
@@ -200,7 +200,8 @@ def _scene_text(scene: Scene, folder: Path) -> str:
     return f'extends = {extends}\ntitle = {title}\n\n[motion]\nsource = "structure"\nshapes = {shapes}\n'
 
 
-def _make(home: Path, name: str, level: str, target: str, ranks: int, quiet: bool) -> None:
+def make_run(home: Path, name: str, level: str, target: str, ranks: int, quiet: bool = False) -> None:
+    """Make a stage of the scene `name` in the folder `home`. StageError where it fails."""
     words = ["make", "--no-print-directory", f"CASES={home}", f"LEVEL={level}", f"NP={ranks}", "COUPLED="]
     words += ["QUIET=1"] if quiet else []
     inner = {

@@ -1,40 +1,107 @@
-"""What the water does to the motion and to the tip vortex: a coupled run beside the prescribed one, for docs/coupling.md.
+"""Coupled runs beside prescribed ones: how many they take and what they cost, the motion, the tip vortex; for docs/coupling.md.
 
-python -m tests.studies.coupled_runs --level coarse   (make coupled-docs, which solves the prescribed run first)
-The coupled runs are made here, up to the vortices; what is there already of them stays.
+python -m tests.studies.coupled_runs --level coarse   (make coupled-docs)
+Runs are solved here on one rank, so that CPU times compare; what is there of them already stays.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
+from fileio.atomic import update_text
 from fileio.errors import StageError
+from fileio.formats.elastic_motion import read_elastic_motion
 from fileio.formats.finger_loads import read_loads
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import COST, FORCES
 from pipeline.scene.scene import load_scene
-from pipeline.structure.energy import open_share
-from pipeline.study.couple import couple
+from pipeline.structure.coupling import motion_values
+from pipeline.study.couple import CHEAP, SHAPES, Structure, couple, make_run
 from postprocess.evidence.tip_vortex import dominant_track, read_vortices
 from tests.studies.pages import libraries, write_between
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "coupling.md"
-SCENE = ROOT / "cases" / "single_finger"
 BENDS = (10, 20, 44, 60, 80)  # degrees, of the closing stroke
 TIMES = (0.04, 0.1, 0.2, 0.3, 0.4)  # s
 SOLVED = ("kinematics", "mesh", "case", "run", "loads")
+PINCH_END = 0.224  # s: the prescribed tips of cases/pinch touch at 0.24 s
 
 
-def runs_of(home: Path, level: str) -> list[Path]:
-    """Output folders of a coupled motion's runs, in order. StageError where there are none."""
-    runs = sorted(home.glob(f"{level}_*/out/*/loads.h5"), key=lambda p: int(p.parts[-4].split("_")[1]))
-    if not runs:
-        raise StageError(f"{home}: no coupled runs of level {level}; run make SCENE COUPLED=1 LEVEL={level}")
-    return [path.parent for path in runs]
+@dataclass(frozen=True)
+class Coupled:
+    """A scene and its coupled runs at a level; `differs`: lines of a scene below `folder`/out that the folder's own has not."""
+
+    name: str
+    folder: Path
+    level: str
+    differs: str = ""
+    first_motion: str = "under the modelled water"
+
+    @property
+    def scene(self) -> Path:
+        return self.folder / "out" / "coupling_study" if self.differs else self.folder
+
+    def solve(self, target: str) -> None:
+        """The prescribed run and the coupled ones, up to the loads and `target`."""
+        if self.differs:
+            text = '# Written by tests.studies.coupled_runs.\nextends = "../.."\n' + self.differs
+            update_text(self.scene / "scene.toml", text)
+        alone = self.prescribed.parents[1]
+        for each in dict.fromkeys(("loads", target)):
+            make_run(alone.parent, alone.name, self.level, each, ranks=1)
+        couple(load_scene(self.scene, self.level), ranks=1, target=target)
+
+    @property
+    def prescribed(self) -> Path:
+        """Output folder of the prescribed run: where the first motion alone differs, that of the folder's own scene."""
+        scene = self.folder if self.first_motion == "prescribed" else self.scene
+        return scene / "out" / self.level
+
+    @cached_property
+    def runs(self) -> list[Path]:
+        """Output folders of the coupled runs, in order."""
+        found = (self.scene / "out" / "coupled").glob(f"{self.level}_*/out/*/loads.h5")
+        return [path.parent for path in sorted(found, key=lambda p: int(p.parts[-4].split("_")[1]))]
+
+    @property
+    def loads(self) -> xr.Dataset:
+        """Of the last coupled run."""
+        return read_loads(self.runs[-1] / "loads.h5")
+
+    def row(self) -> str:
+        """Of each run its level, the change of the tip's place that its loads make and the share of energy that is open; cost."""
+        structure, changes, energy = Structure(load_scene(self.scene, self.level)), [], []
+        for out in self.runs:
+            loads = read_loads(out / "loads.h5")
+            delta = read_elastic_motion(out.parents[1] / SHAPES)["delta"].values
+            after = structure.next(delta, loads)
+            values = motion_values(structure.chain, structure.time, structure.pressure, after, delta)
+            changes.append(f"{out.name} {1e3 * values['tip_change']:.2f}")
+            energy.append(f"{structure.open_energy(delta, loads):.1%}")
+        spent, once = sum(map(cpu, self.runs)), cpu(self.prescribed)
+        cells = (self.name, self.first_motion, ", ".join(changes), ", ".join(energy), f"{spent:.0f}",
+                 f"{once:.0f}", f"{spent / once:.1f}")  # fmt: skip
+        return f"| {' | '.join(cells)} |"
+
+    def bends(self) -> list[str]:
+        """Rows of the bend at TIMES: prescribed, coupled and in air, and the largest force of the first two."""
+        loads = self.loads
+        step = loads["step"].values
+        at = [int(np.argmin(np.abs(step - t))) for t in TIMES if t <= step[-1] + 1e-9]
+        force = [f"{1e3 * peak_force(out):.0f}" for out in (self.prescribed, self.runs[-1])]
+        parts = (("prescribed", "bend_unloaded"), ("coupled", "bend"), ("in air", "bend_in_air"))
+        rows = []
+        for (words, name), largest in zip(parts, [*force, ""], strict=True):
+            cells = [f"{np.degrees(float(loads[name][i])):.1f}" for i in at] + [""] * (len(TIMES) - len(at))
+            rows.append(f"| {self.name}, {words} | {' | '.join([*cells, largest])} |")
+        return rows
 
 
 def cpu(out: Path) -> float:
@@ -56,47 +123,59 @@ def at_bends(out: Path) -> dict[int, tuple[float, float]]:
 
 
 def peak_force(out: Path) -> float:
-    """N."""
+    """Largest force (N) of the water in the plane of the sheet."""
     table = FORCES.read(out / "run" / "forces.csv")
     return float(np.hypot(table["fx"], table["fy"]).max())
 
 
+def apart(one: Path, other: Path) -> float:
+    """Largest distance (m) of the tips of two motions, from the output folders of their runs."""
+    ends = [read_elastic_motion(out.parents[1] / SHAPES).isel(point=-1) for out in (one, other)]
+    return float(np.hypot(*(ends[0][name] - ends[1][name] for name in ("profile_x", "profile_y"))).max())
+
+
 def page(level: str) -> str:
-    """Tables as Markdown."""
-    couple(load_scene(SCENE, level), ranks=1, target="vortices_cfd")
-    prescribed = SCENE / "out" / level
-    runs = runs_of(SCENE / "out" / "coupled", level)
-    coupled = runs[-1]
-    loads = read_loads(coupled / "loads.h5")
-    step = loads["step"].values
-    nearest = [int(np.argmin(np.abs(step - t))) for t in TIMES]
-    rows = [
-        (words, [f"{np.degrees(float(loads[name][i])):.1f}" for i in nearest])
-        for words, name in (("coupled", "bend"), ("prescribed", "bend_unloaded"), ("in air", "bend_in_air"))
-    ]
-    before, after = at_bends(prescribed), at_bends(coupled)
-    force = peak_force(prescribed), peak_force(coupled)
-    spent = sum(cpu(out) for out in runs)
-    lines = [
-        "| bend, °, at " + ", ".join(f"{t:g}" for t in TIMES) + " s | |",
-        "|---|---|",
-        *(f"| {words} | {', '.join(values)} |" for words, values in rows),
-        "",
-        "| closing, at a bend of | Γ prescribed, cm²/s | coupled | behind the tip, mm: prescribed | coupled |",
-        "|---|---|---|---|---|",
-        *(
-            f"| {b}° | {1e4 * before[b][0]:.0f} | {1e4 * after[b][0]:.0f} | {1e3 * before[b][1]:.1f} | {1e3 * after[b][1]:.1f} |"
-            for b in BENDS
-        ),
-        "",
-        f"Largest force on the finger {1e3 * force[0]:.0f} mN prescribed, {1e3 * force[1]:.0f} mN coupled. CPU {spent:.0f} s from kinematics"
-        f" to loads of all {len(runs)} runs against {cpu(prescribed):.0f} s of the prescribed one. Energy open in the last: {open_share(loads):.1%}. {libraries()}.",
-    ]
-    return "\n".join(lines)
+    """Runs, motions and vortices as Markdown."""
+    cases = ROOT / "cases"
+    single = Coupled("finger, 20 kPa", cases / "single_finger", level)
+    other = Coupled(single.name, single.folder, level, '[structure]\nfirst_motion = "prescribed"\n', "prescribed")  # fmt: skip
+    deflated = Coupled("finger, −20 kPa", cases / "single_deflate", level)
+    until = f"[motion]\nend_time = {PINCH_END}\n"
+    pinch = Coupled(f"pinch until {PINCH_END} s ({CHEAP})", cases / "pinch", CHEAP, until)
+    single.solve("vortices_cfd")
+    for each in (deflated, pinch, other):
+        each.solve("loads")
+    scene = load_scene(single.folder, level)
+    limit = scene.structure.tolerance * scene.finger.length
+    before, after = at_bends(single.prescribed), at_bends(single.runs[-1])
+    return "\n".join(
+        [
+            "| scene | first motion | change of the tip's place by each run, mm | energy open in each | CPU of all, s | of the prescribed run | ratio |",
+            "|---|---|---|---|---|---|---|",
+            *(each.row() for each in (single, other, deflated, pinch)),
+            "",
+            f"Allowed: {1e3 * limit:.2f} mm. Begun from two motions whose tips are {1e3 * apart(single.runs[0], other.runs[0]):.1f} mm apart"
+            f" at most, the runs of 20 kPa end with tips {1e3 * apart(single.runs[-1], other.runs[-1]):.2f} mm apart. CPU time is from"
+            f" kinematics to loads, on one rank.",
+            "",
+            f"| bend, °, at | {' | '.join(f'{t:g} s' for t in TIMES)} | largest force, mN |",
+            "|---|" + "---|" * (len(TIMES) + 1),
+            *(line for each in (single, deflated, pinch) for line in each.bends()),
+            "",
+            "| 20 kPa, closing, at a bend of | Γ prescribed, cm²/s | coupled | behind the tip, mm: prescribed | coupled |",
+            "|---|---|---|---|---|",
+            *(
+                f"| {b}° | {1e4 * before[b][0]:.0f} | {1e4 * after[b][0]:.0f} | {1e3 * before[b][1]:.1f} | {1e3 * after[b][1]:.1f} |"
+                for b in BENDS
+            ),
+            "",
+            f"Level {level}. {libraries()}.",
+        ]
+    )
 
 
 def main() -> None:
-    """Write the page's tables."""
+    """Make the runs and write the page's tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--level", default="coarse", help="(default: %(default)s)")
     write_between(PAGE, "coupled runs", page(parser.parse_args().level))

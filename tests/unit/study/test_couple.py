@@ -59,7 +59,7 @@ def made(monkeypatch):
             {},
         )
 
-    monkeypatch.setattr(couple, "_make", make)
+    monkeypatch.setattr(couple, "make_run", make)
     return targets
 
 
