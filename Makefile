@@ -52,7 +52,7 @@ USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea 
     compare compare-measured compare-coupled virtual-lab virtual-lab-study validate convergence clean \
     clean-all bench-piv piv-limits bench-steps air-and-water closing-plates elastic-benchmarks coupled-docs \
     stability faults fuzz scene-reference docs-site openfoam-versions
-INNER_TARGETS := lab-register lab-compare lab-sheets study-sheets
+INNER_TARGETS := lab-register lab-motion lab-compare lab-sheets study-sheets
 
 # Files of a pattern whose names make and a shell read as they are; a scene's name is no target's either.
 SAFE    = $(shell sh pipeline/names.sh files $(foreach f,$(1),'$(f)'))
@@ -178,7 +178,8 @@ $(ALL): %: %.report
 endif
 ifneq ($(SLURM)$(COUPLED),)
 ifneq ($(filter $(filter-out $(ALL),$(OF_SCENES)),$(MAKECMDGOALS)),)
-$(error SLURM=1 goes with a whole scene or a study, COUPLED=1 with a whole scene, not with a single stage)
+$(error \
+    $(if $(COUPLED),COUPLED=1 goes with a whole scene,SLURM=1 goes with a whole scene or a study), not with a single stage)
 endif
 endif
 ifneq ($(and $(COUPLED),$(strip $(SLURM)$(ACCURACY)$(BUDGET)$(HOSTS)$(COLLATED))),)
@@ -269,7 +270,7 @@ elastic-benchmarks: $(READY) ## the elastic chain against published numbers of o
 	$(PY) -m tests.studies.elastic_benchmarks
 
 coupled-docs: $(READY) ## coupled runs beside prescribed ones: tables of docs/coupling.md
-	+$(PY) -m tests.studies.coupled_runs --level $(LEVEL)
+	$(PY) -m tests.studies.coupled_runs --level $(LEVEL)
 
 openfoam-versions: $(READY) ## the single finger by another OpenFOAM, beside this one: OTHER=/its/folder
 	$(PY) -m tests.studies.openfoam_versions $(OTHER) --level $(LEVEL)

@@ -36,6 +36,10 @@ lab-register: $(LABHERE)/registration.json
 $(LABHERE)/registration.json: $(LABOUT)/kinematics.h5 $(wildcard $(LABDATA)/* $(LABDATA)/*/*)
 	$(LAB) register $(OFLAB)
 
+lab-motion: $(LABHERE)/motion.h5
+$(LABHERE)/motion.h5: $(LABHERE)/registration.json
+	$(LAB) motion $(OFLAB)
+
 VARIATIONS = $(if $(INPUTS),$(notdir $(patsubst %/scene.toml,%,$(wildcard $(LABOUT)/inputs/*/scene.toml))))
 lab-sheets: $(LABHERE)/sheet.h5 $(patsubst %,$(LABHERE)/inputs/%.h5,$(VARIATIONS))
 $(LABHERE)/sheet.h5: $(LABOUT)/run/run.json $(LABOUT)/settings/sheet.json $(LABHERE)/view.txt
@@ -45,13 +49,11 @@ $(LABHERE)/inputs/%.h5: $(LABOUT)/inputs/%/out/$(LEVEL)/run/run.json \
 	$(call VIEW,$(LABOUT)/inputs/$*,$$(cat $(LABHERE)/view.txt))
 
 compare-measured: | $(READY) ## the same with the simulation driven by the motion that the recording shows
-	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register
-	$(LAB) motion $(OFLAB)
+	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-motion
 	+@$(SUB) SCENE=$(SCENE)/out/$(LEVEL)/lab/$(LABNAME)/measured DPIV=$(abspath $(DPIV)) INPUTS=$(INPUTS) compare
 
 compare-coupled: | $(READY) ## whether pressure, structure or flow differ, with the pressure measured in the chambers
-	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register
-	$(LAB) motion $(OFLAB)
+	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-motion
 	$(LAB) pressure $(OFLAB)
 	+$(PY) -m pipeline couple $(LABHERE)/pressure --level $(LEVEL) --ranks $(NP) --target loads $(FLAGS)
 	$(LAB) causes $(OFLAB)

@@ -1,7 +1,8 @@
 """What a recording's motion is due to, where the pressure in the chambers was measured: pressure, structure, flow.
 
-The measured pressure drives a coupled run (docs/coupling.md): where the pressure is as in the scene and that run bends otherwise than
-the recording's finger, the structure is wrong. The flow is judged with the recording's own motion (make compare-measured).
+The measured pressure drives a coupled run (docs/coupling.md): where that run bends otherwise than the recording's finger, the
+structure is wrong. The flow is judged with the recording's own motion (make compare-measured). The clock is the stated one: the
+registration's is where the scene's own motion fits best, and a finger that moves otherwise pulls it away.
 """
 
 from __future__ import annotations
@@ -10,24 +11,30 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import make_smoothing_spline
 
 from fileio.atomic import write_text
+from fileio.checksum import sha256
 from fileio.errors import StageError
+from fileio.formats.bending_states import read
 from fileio.formats.elastic_motion import read_elastic_motion
 from fileio.formats.finger_loads import read_loads
-from fileio.formats.kinematics import read_kinematics
+from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.recorded_motion import read_recorded_motion
 from fileio.formats.records import LAB_COMPARISON
-from postprocess.evidence.stage_files import scene_title
-from postprocess.lab.data.dpiv_toml import NAME, Dpiv
+from fileio.key_reference import toml_value
+from postprocess.evidence.stage_files import StageFiles, scene_title
+from postprocess.lab.data.dpiv_toml import NAME, ChamberPressure, Dpiv, Start
 from postprocess.lab.data.files import LabFiles, read_registration
 from postprocess.lab.data.inputs_toml import read_inputs
 from postprocess.lab.judgement.validation import AGREES, ERROR, LEVEL, UNCERTAIN, coverage_factor
 from postprocess.lab.registration.step import fea_band
 
+PRESSURE_STEP = 2e-3  # s, of the history that drives the coupled run
+NOT_JUDGED = "not judged"
 SCENE = """# Written by postprocess.lab: the scene driven by the pressure that was measured with the recording {name}.
 extends = "../../../../.."
-title = "{title}"
+title = {title}
 
 [motion]
 source = "fea"
@@ -37,27 +44,38 @@ pressure_csv = "pressure.csv"
 """
 
 
-def write_scene(files: LabFiles, dpiv: Dpiv) -> Path:
-    """Write the scene `pressure/` with the measured history on the simulation's clock; returns its folder."""
-    if dpiv.pressure is None:
+def _measured(dpiv: Dpiv) -> tuple[ChamberPressure, Start]:
+    """What dpiv.toml says of the pressure and of the clock. StageError where it says nothing."""
+    if dpiv.pressure is None or not isinstance(dpiv.start, Start):
         raise StageError(
             f"{dpiv.folder / NAME}: says no pressure; give pressure = {{ csv = …, std_kpa = … }}"
         )
-    path = dpiv.folder / dpiv.pressure.csv
+    return dpiv.pressure, dpiv.start
+
+
+def write_scene(files: LabFiles, dpiv: Dpiv) -> Path:
+    """Write the scene `pressure/` with the measured history on the simulation's clock, without its noise; returns its folder."""
+    pressure, start = _measured(dpiv)
+    path = dpiv.folder / pressure.csv
     try:
         table = pd.read_csv(path, comment="#")[["t", "p"]].astype(float)
+        smooth = make_smoothing_spline(table["t"] + start.at_s, table["p"])  # by generalised cross-validation
     except (OSError, KeyError, ValueError) as error:
         raise StageError(f"{path}: not a table of t,p in s and Pa: {error}") from None
-    table["t"] -= read_registration(files.registration).law.delay
-    end = read_kinematics(files.stage.required("kinematics.h5", "kinematics")).time[1]
-    if len(table) < 3 or table["t"].iloc[0] > 0 or table["t"].iloc[-1] < end:
+    begin, end = float(table["t"].iloc[0] + start.at_s), float(table["t"].iloc[-1] + start.at_s)
+    last = read_kinematics(files.stage.required("kinematics.h5", "kinematics")).time[1]
+    if begin > 0 or end < last:
         raise StageError(
-            f"{path}: its times must reach from the motion's begin to its end, {end:g} s later; on the recording's clock the motion"
-            " begins where registration.json has its delay"
+            f"{path}: its times must reach from {-start.at_s:g} s, where the motion begins on the recording's clock (start in"
+            f" {NAME}), to {last - start.at_s:g} s, where it ends"
         )
+    time = np.arange(begin, end, PRESSURE_STEP)
     folder = files.folder / "pressure"
-    title = f"{scene_title(files.stage.scene_folder)}, at the pressure of the recording {dpiv.name}"
-    write_text(folder / "pressure.csv", table.to_csv(index=False))
+    title = toml_value(
+        f"{scene_title(files.stage.scene_folder)}, at the pressure of the recording {dpiv.name}"
+    )
+    history = pd.DataFrame({"t": time, "p": smooth(time)})
+    write_text(folder / "pressure.csv", history.to_csv(index=False, float_format="%.9g"))
     write_text(folder / "scene.toml", SCENE.format(name=dpiv.name, title=title))
     return folder
 
@@ -82,47 +100,74 @@ def _row(cause: str, differs: str, value: float, std: float, limit: float) -> di
 def causes(files: LabFiles, dpiv: Dpiv) -> pd.DataFrame:
     """Pressure (Pa), structure (rad) and flow, each with a verdict; also written as causes.csv.
 
-    Differences are RMS over the recording. The structure's band holds the silhouette's scatter and turn, the pressure's
-    uncertainty, the FEA's band, and the last change of the coupled motion.
+    Differences are RMS over the recording. The pressure's band holds its own uncertainty and that of the clock; the structure's the
+    silhouette's scatter and turn, the pressure's uncertainty, the FEA's bands, and the last change of the coupled motion.
     """
-    if dpiv.pressure is None:
-        raise StageError(
-            f"{dpiv.folder / NAME}: says no pressure; give pressure = {{ csv = …, std_kpa = … }}"
-        )
+    pressure, start = _measured(dpiv)
     kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     registration, recorded = read_registration(files.registration), read_recorded_motion(files.motion)
     part = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml").too_uncertain
     table = pd.read_csv(files.folder / "pressure" / "pressure.csv")
     time = np.linspace(*kinematics.time, 401)
     nominal, measured = kinematics.law(time), np.interp(time, table["t"], table["p"])
-    std, change = 1e3 * dpiv.pressure.std_kpa, float(np.ptp(nominal))
-    rows = [_row("pressure", "differs", _rms(measured - nominal), std, part * change)]
+    std, change = 1e3 * pressure.std_kpa, float(np.ptp(nominal))
+    clock = start.std_s * _rms(np.gradient(measured, time))
+    rows = [_row("pressure", "differs", _rms(measured - nominal), float(np.hypot(std, clock)), part * change)]
 
     out = coupled_run(files)
     loads = read_loads(out / "loads.h5")
-    seen = recorded["seen"].values
+    seen = (
+        recorded["seen"].values + registration.law.delay + start.at_s
+    )  # motion.h5 has the registration's clock
     shown = (seen >= 0) & (seen <= kinematics.time[1])
-    at, bend = seen[shown], recorded["seen_bend"].values[shown]
-    modelled = np.interp(at, loads["step"], loads["bend"])
+    bend, smooth = (
+        recorded["seen_bend"].values,
+        np.interp(recorded["seen"], recorded["time"], recorded["bend"]),
+    )
+    modelled = np.interp(seen[shown], loads["step"], loads["bend"])
     stroke = float(np.ptp(kinematics.bend(nominal)))
     last = float(read_elastic_motion(out.parents[1] / "elastic_motion.h5").attrs["bend_change"])
     sources = [
-        _rms(bend - np.interp(at, recorded["time"], recorded["bend"])),
+        _rms((bend - smooth)[shown]),
         float(np.sqrt(registration.covariance[2, 2])),
         stroke / change * std,
-        fea_band(files, dpiv)[1] if dpiv.finger_geometry == "nominal" else 0.0,
         last if np.isfinite(last) else 0.0,
     ]
+    if dpiv.finger_geometry == "nominal":
+        turned = _rms(loads["bend"].values - loads["bend_unloaded"].values)
+        sources += [fea_band(files, dpiv)[1], turned * _stiffness_band(files, kinematics)]
     rows.append(
-        _row("structure", ERROR, _rms(modelled - bend), float(np.hypot.reduce(sources)), part * stroke)
+        _row("structure", ERROR, _rms(modelled - bend[shown]), float(np.hypot.reduce(sources)), part * stroke)
     )
-
-    judged = files.folder / "measured" / "out" / files.stage.level / "lab" / dpiv.name / "comparison.json"
-    flow = LAB_COMPARISON.read(judged)["flow"] if judged.exists() else "not judged"
-    rows.append({"cause": "flow", "verdict": flow, "difference": np.nan, "band": np.nan})
+    rows.append({"cause": "flow", "verdict": _flow(files, dpiv), "difference": np.nan, "band": np.nan})
     result = pd.DataFrame(rows)
     write_text(files.folder / "causes.csv", result.to_csv(index=False))
     return result
+
+
+def _stiffness_band(files: LabFiles, kinematics: Kinematics) -> float:
+    """Standard uncertainty of the bending stiffness over its value, at the scene's pressures. StageError where it is not known."""
+    path = files.stage.scene_folder / str(kinematics.settings["motion"]["states"])
+    states = read(path)
+    law = states.law
+    if law is None or law.stiffness_std is None:
+        raise StageError(
+            f"{path}: carries no bending_stiffness_std, so the band of the stiffness is not known; run make fea, or state"
+            f' finger_geometry = "measured" in {NAME}'
+        )
+    return _rms(np.interp(kinematics.data["pressure"], states.pressure, law.stiffness_std / law.stiffness))
+
+
+def _flow(files: LabFiles, dpiv: Dpiv) -> str:
+    """The verdict of compare-measured where it is of this motion and of this dpiv.toml."""
+    measured = LabFiles(StageFiles(files.folder / "measured", files.stage.level), dpiv.name)
+    moved, compared = measured.stage.out / "kinematics.h5", measured.comparison
+    if not compared.exists() or compared.stat().st_mtime < moved.stat().st_mtime:
+        return NOT_JUDGED
+    driven_by = read_kinematics(moved).settings["files"].values()
+    made = LAB_COMPARISON.read(compared)
+    same = made["provenance"]["dpiv_sha256"] == sha256(dpiv.folder / NAME)
+    return str(made["flow"]) if same and sha256(files.motion)[:16] in driven_by else NOT_JUDGED
 
 
 def _rms(values: np.ndarray) -> float:
@@ -151,7 +196,7 @@ def sentences(table: pd.DataFrame) -> list[str]:
         f"flow: {flow.verdict}"
         + (
             " (make compare-measured judges it)"
-            if flow.verdict == "not judged"
+            if flow.verdict == NOT_JUDGED
             else ", with the recording's own motion"
         ),
     ]

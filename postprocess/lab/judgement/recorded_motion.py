@@ -12,6 +12,7 @@ from fileio.atomic import write_text
 from fileio.checksum import sha256
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.recorded_motion import write_recorded_motion
+from fileio.key_reference import toml_value
 from postprocess.evidence.stage_files import scene_title
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv
 from postprocess.lab.data.files import LabFiles, read_registration
@@ -26,7 +27,7 @@ from postprocess.lab.registration.silhouette import learn
 
 SCENE = """# Written by postprocess.lab: the scene driven by the motion that the recording {name} shows.
 extends = "../../../../.."
-title = "{title}"
+title = {title}
 
 [motion]
 source = "recording"
@@ -70,7 +71,7 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
     frames = prepare(images, at[chosen], learn(images[:: max(1, len(images) // LEARN_FROM)]), blind)
     start = float(kinematics.law(kinematics.time[0]))
     bends = kinematics.bend(np.where(frames.times <= 0, start, guesses))
-    known = strip, pose, float(registration.nuisance.values[0])
+    known = strip, pose, registration.nuisance.values
     fits = [
         fit_profile(integral, frames.mean, *known, float(bend), frames.independent)
         for integral, bend in zip(frames.integrals, bends, strict=True)
@@ -92,7 +93,7 @@ def _write_scene(files: LabFiles, dpiv: Dpiv, factor_std: float) -> Path:
         f'\n[[numerics]]\nname = "{n.name}"\nratio = {n.ratio!r}\norder = {n.order!r}\nsafety = {n.safety!r}\n'
         for n in inputs.numerics
     )
-    title = f"{scene_title(files.stage.scene_folder)}, moved as in the recording {dpiv.name}"
+    title = toml_value(f"{scene_title(files.stage.scene_folder)}, moved as in the recording {dpiv.name}")
     write_text(folder / "scene.toml", SCENE.format(name=dpiv.name, title=title))
     limit = round(3**0.5 * factor_std, 6)
     text = INPUTS.format(too_uncertain=inputs.too_uncertain, limit=limit, numerics=numerics)

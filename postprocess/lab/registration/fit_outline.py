@@ -17,7 +17,13 @@ import numpy as np
 from fileio.formats.kinematics import Kinematics, counter_clockwise
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.outline_sampler import sample
-from postprocess.lab.registration.silhouette import FINE_PX, WaterLikelihood, integral_image
+from postprocess.lab.registration.silhouette import (
+    FINE_PX,
+    WaterLikelihood,
+    integral_image,
+    outward,
+    sides,
+)
 
 TABLE = 241  # shapes in the table that outlines are interpolated from
 REACH = 0.15  # of the simulation's range: how far a recording may bend beyond the simulation
@@ -95,12 +101,9 @@ def outline_table(kinematics: Kinematics) -> tuple[np.ndarray, np.ndarray, np.nd
     reach = REACH * (kinematics.high - kinematics.low)
     pressures = np.linspace(kinematics.low - reach, kinematics.high + reach, TABLE)
     outlines = np.array([counter_clockwise(kinematics.shape("outline", p)) for p in pressures])
-    along = np.roll(outlines, -1, axis=1) - np.roll(outlines, 1, axis=1)
-    normals = np.stack([along[..., 1], -along[..., 0]], axis=-1)
-    normals /= np.hypot(normals[..., 0], normals[..., 1])[..., None]
+    normals = outward(outlines)
     rest = np.argmin(np.abs(pressures - kinematics.law(kinematics.time[0])))
-    up = normals[rest] @ kinematics.shape("dorsal_direction", pressures[rest])
-    side = np.where(np.abs(up) > 0.5, np.sign(up), 0.0)
+    side = sides(normals[rest], kinematics.shape("dorsal_direction", pressures[rest]))
     return pressures, outlines, np.dstack([normals, np.broadcast_to(side, normals.shape[:2])])
 
 

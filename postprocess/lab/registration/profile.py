@@ -14,7 +14,8 @@ from scipy.optimize import minimize
 
 from fileio.formats.kinematics import Kinematics, counter_clockwise
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.registration.silhouette import inside_sum
+from postprocess.lab.registration.outline_profile import seen_outline
+from postprocess.lab.registration.silhouette import inside_sum, outward, sides
 
 POINTS = 141  # of a profile
 STATES = 15
@@ -26,13 +27,15 @@ UNEVEN_STD, STRETCH_STD = 0.15, 0.03
 
 @dataclass(frozen=True)
 class Strip:
-    """Outline points of the finger at rest: along the lower layer `s` (m) and `height` above it, and how the finger hangs.
+    """Outline points of the finger at rest, counter-clockwise: along the lower layer `s` (m), `height` above it and `side` (of
+    `silhouette.sides`); and how the finger hangs.
 
     `ventral_root` (m, tank frame), `along` (unit vector from root to tip), `dorsal` (unit vector).
     """
 
     s: np.ndarray
     height: np.ndarray
+    side: np.ndarray
     length: float
     thickness: float
     ventral_root: np.ndarray
@@ -47,7 +50,7 @@ def strip_at_rest(kinematics: Kinematics) -> Strip:
         raise ValueError(
             "the simulation's finger is bent at the start of its motion; the lower layer can be measured only where it starts straight"
         )
-    outline = kinematics.shape("outline", pressure)
+    outline = counter_clockwise(kinematics.shape("outline", pressure))
     dorsal, along = (
         kinematics.shape("dorsal_direction", pressure),
         kinematics.shape("tip_direction", pressure),
@@ -55,7 +58,8 @@ def strip_at_rest(kinematics: Kinematics) -> Strip:
     s, height = (outline - kinematics.root) @ along, (outline - kinematics.root) @ dorsal
     thickness = float(np.ptp(height))
     root = np.asarray(kinematics.root) + height.min() * dorsal
-    return Strip(s, height - height.min(), kinematics.length, thickness, root, along, dorsal)
+    side = sides(outward(outline), dorsal)
+    return Strip(s, height - height.min(), side, kinematics.length, thickness, root, along, dorsal)
 
 
 def turn(sigma: np.ndarray, a: np.ndarray) -> np.ndarray:
@@ -86,21 +90,22 @@ def fit_profile(
     mean: float,
     strip: Strip,
     pose: Pose,
-    edge_px: float,
+    nuisance: np.ndarray,
     first_bend: float,
     weight: float,
 ) -> np.ndarray:
-    """a₁ … a₄ of one frame (`integral_image` of its evidence less `mean`). `weight`: share of the evidence that is independent."""
+    """a₁ … a₄ of one frame (`integral_image` of its evidence less `mean`), its outline drawn with `nuisance` (4,).
+
+    `weight`: share of the evidence that is independent.
+    """
 
     expected = np.array([UNEVEN_STD, UNEVEN_STD, STRETCH_STD])
 
     def loss(a: np.ndarray) -> float:
-        outline = counter_clockwise(pose.to_px(bent_outline(strip, a)))
-        step = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
-        normal = np.column_stack([step[:, 1], -step[:, 0]])
-        normal /= np.maximum(np.hypot(*normal.T), 1e-12)[:, None]
+        outline = bent_outline(strip, a)
+        drawn = seen_outline(pose, outline, np.column_stack([outward(outline), strip.side]), nuisance)
         uneven = 0.5 * np.sum((a[1:] / expected) ** 2)
-        return uneven - weight * inside_sum(integral, np.ascontiguousarray(outline + edge_px * normal), mean)
+        return uneven - weight * inside_sum(integral, np.ascontiguousarray(drawn), mean)
 
     a = np.array([first_bend, 0.0, 0.0, 0.0])
     for size in (0.06, 0.02):

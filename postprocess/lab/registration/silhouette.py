@@ -95,6 +95,19 @@ def shrunk(mask: np.ndarray, by_px: int) -> np.ndarray:
     return cv2.erode(mask.astype(np.uint8), np.ones((2 * by_px + 1,) * 2, np.uint8)).astype(bool)
 
 
+def outward(outlines: np.ndarray) -> np.ndarray:
+    """Unit normals (…, point, 2) of outlines (…, point, 2), counter-clockwise, out of them."""
+    along = np.roll(outlines, -1, axis=-2) - np.roll(outlines, 1, axis=-2)
+    normals = np.stack([along[..., 1], -along[..., 0]], axis=-1)
+    return normals / np.maximum(np.hypot(normals[..., 0], normals[..., 1]), 1e-12)[..., None]
+
+
+def sides(normals: np.ndarray, dorsal: np.ndarray) -> np.ndarray:
+    """Of the finger at rest (point,): 1 on the dorsal side, -1 on the ventral one, 0 at root and tip."""
+    up = normals @ dorsal
+    return np.where(np.abs(up) > 0.5, np.sign(up), 0.0)
+
+
 def integral_image(evidence: np.ndarray, mean: float = 0.0) -> np.ndarray:
     """Integral (rows + 1, columns + 1) of an evidence image (row 0 at the top) less `mean`, from its lower left corner, y up.
 
