@@ -51,6 +51,7 @@ include postprocess/lab/compare.mk
 USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs \
     compare compare-measured compare-coupled virtual-lab virtual-lab-study validate convergence clean \
     clean-all bench-piv piv-limits bench-steps air-and-water closing-plates elastic-benchmarks coupled-docs \
+    compare-coupled-study \
     stability faults fuzz scene-reference docs-site openfoam-versions
 INNER_TARGETS := lab-register lab-motion lab-compare lab-sheets study-sheets
 
@@ -58,7 +59,9 @@ INNER_TARGETS := lab-register lab-motion lab-compare lab-sheets study-sheets
 SAFE    = $(shell sh pipeline/names.sh files $(foreach f,$(1),'$(f)'))
 SCENES := $(shell sh pipeline/names.sh scenes $(CASES) $(USER_TARGETS) $(INNER_TARGETS))
 # scenes that a comparison with a laboratory made: runs beside the nominal one
-MADE   := $(addprefix /out/*/,inputs/* virtual/* lab/*/measured lab/*/measured/out/*/inputs/*)
+MEASURED := lab/*/measured lab/*/measured/out/*/inputs/*
+MADE   := inputs/* virtual/* $(MEASURED) lab/*/modelled $(addprefix lab/*/modelled/out/*/,$(MEASURED))
+MADE   := $(addprefix /out/*/,$(MADE))
 MADE   := $(foreach s,$(SCENES),$(patsubst %,$(CASES)/$s%/scene.toml,$(MADE)))
 RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(call SAFE,$(MADE)))
 ALL    := $(SCENES) $(RUNS)
@@ -179,7 +182,7 @@ endif
 ifneq ($(SLURM)$(COUPLED),)
 ifneq ($(filter $(filter-out $(ALL),$(OF_SCENES)),$(MAKECMDGOALS)),)
 $(error \
-    $(if $(COUPLED),COUPLED=1 goes with a whole scene,SLURM=1 goes with a whole scene or a study), not with a single stage)
+    $(if $(COUPLED),COUPLED=1 goes with a whole scene,SLURM=1 goes with a whole scene or a study), not with one stage)
 endif
 endif
 ifneq ($(and $(COUPLED),$(strip $(SLURM)$(ACCURACY)$(BUDGET)$(HOSTS)$(COLLATED))),)
@@ -271,6 +274,9 @@ elastic-benchmarks: $(READY) ## the elastic chain against published numbers of o
 
 coupled-docs: $(READY) ## coupled runs beside prescribed ones: tables of docs/coupling.md
 	$(PY) -m tests.studies.coupled_runs --level $(LEVEL)
+
+compare-coupled-study: $(READY) ## recordings of coupled fingers, causes told right or wrong: docs/comparison.md
+	$(PY) -m tests.studies.laboratory.causes
 
 openfoam-versions: $(READY) ## the single finger by another OpenFOAM, beside this one: OTHER=/its/folder
 	$(PY) -m tests.studies.openfoam_versions $(OTHER) --level $(LEVEL)

@@ -26,7 +26,7 @@ SCHEMA = Schema(
         Variable("force", "time, slice, axis", "N", "of the water on each slice of a whole finger, along it and towards the ventral side", True),
         Variable("torque", "time, slice", "N m", "of the water about the middle of each slice, positive towards the ventral side", True),
         Variable("root_moment", "time", "N m", "of the water about the middle of the root, positive towards the ventral side", True),
-        Variable("deflection", "time", "rad", "turn of the tip that water, weight and inertia would cause at once; of a finger of known stiffness", True),
+        Variable("deflection", "time", "rad", "turn of the tip that water, weight and inertia would cause if giving way did not lessen them; of a finger of known stiffness", True),
         Variable("dry_deflection", "time", "rad", "the same without the water's forces: by weight, buoyancy and inertia", True),
         Variable("step", "step", "s", "time steps of the finger's own motion", True),
         Variable("bend", "step", "rad", "bend angle of the finger as it was run", True),
@@ -71,5 +71,5 @@ def deflection_sentence(values: Mapping[str, Any]) -> str:
     share = f", {abs(most) / stroke:.0%} of the stroke" if stroke else ""
     return (
         f"The motion is prescribed: at {values['largest_at']:.3g} s, where the finger is at {then:.1f}°, the loads on it would"
-        f" turn its tip by {most:+.1f}° at once{share}."
+        f" turn its tip by {most:+.1f}°{share}, if giving way did not lessen them."
     )

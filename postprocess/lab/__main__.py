@@ -63,6 +63,12 @@ def pressure(args: argparse.Namespace, say: Callable[[object], None], files: Lab
     say(write_scene(files, dpiv))
 
 
+def modelled(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+    from postprocess.lab.judgement.causes import write_modelled
+
+    say(write_modelled(files, dpiv))
+
+
 def causes(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
     from postprocess.lab.judgement.causes import causes, sentences
 
@@ -124,6 +130,7 @@ COMMANDS: Commands = {
     "compare": ("judge every quantity", Step(compare, ("seed", "threads"))),
     "report": ("figures and page", Step(report)),
     "pressure": ("a scene that is driven by the pressure measured with the recording", Step(pressure)),
+    "modelled": ("a scene that is driven by the motion of the coupled run at that pressure", Step(modelled)),
     "causes": ("whether pressure, structure or flow differ from the recording's", Step(causes)),
     "motion": ("the finger's motion as recorded, and a scene that is driven by it", Step(motion)),
 }

@@ -52,10 +52,13 @@ compare-measured: | $(READY) ## the same with the simulation driven by the motio
 	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-motion
 	+@$(SUB) SCENE=$(SCENE)/out/$(LEVEL)/lab/$(LABNAME)/measured DPIV=$(abspath $(DPIV)) INPUTS=$(INPUTS) compare
 
+# The coupled run comes first: the recording is registered against its motion.
 compare-coupled: | $(READY) ## whether pressure, structure or flow differ, with the pressure measured in the chambers
-	+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-motion
+	+@$(SUB) $(SCENE).kinematics
 	$(LAB) pressure $(OFLAB)
 	+$(PY) -m pipeline couple $(LABHERE)/pressure --level $(LEVEL) --ranks $(NP) --target loads $(FLAGS)
+	$(LAB) modelled $(OFLAB)
+	+@$(SUB) SCENE=$(SCENE)/out/$(LEVEL)/lab/$(LABNAME)/modelled DPIV=$(abspath $(DPIV)) lab-motion
 	$(LAB) causes $(OFLAB)
 
 # A stand-in for a laboratory: pictures of a run at PRESSURE kPa, with errors of set-up that dpiv.toml does not know.

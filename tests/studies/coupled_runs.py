@@ -75,18 +75,23 @@ class Coupled:
         """Of the last coupled run."""
         return read_loads(self.runs[-1] / "loads.h5")
 
-    def row(self) -> str:
-        """Of each run its level, the change of the tip's place that its loads make and the share of energy that is open; cost."""
-        structure, changes, energy = Structure(load_scene(self.scene, self.level)), [], []
+    def iteration(self) -> list[tuple[str, float]]:
+        """Of each run its level with the change (mm) of the tip's place that its loads make, and the share of energy that is open."""
+        structure, found = Structure(load_scene(self.scene, self.level)), []
         for out in self.runs:
             loads = read_loads(out / "loads.h5")
             delta = read_elastic_motion(out.parents[1] / SHAPES)["delta"].values
             after = structure.next(delta, loads)
             values = motion_values(structure.chain, structure.time, structure.pressure, after, delta)
-            changes.append(f"{out.name} {1e3 * values['tip_change']:.2f}")
-            energy.append(f"{structure.open_energy(delta, loads):.1%}")
+            moved = f"{out.name} {1e3 * values['tip_change']:.2f}"
+            found.append((moved, structure.open_energy(delta, loads)))
+        return found
+
+    def row(self) -> str:
+        """The iteration and what it cost."""
+        moved, energy = zip(*self.iteration(), strict=True)
         spent, once = sum(map(cpu, self.runs)), cpu(self.prescribed)
-        cells = (self.name, self.first_motion, ", ".join(changes), ", ".join(energy), f"{spent:.0f}",
+        cells = (self.name, self.first_motion, ", ".join(moved), ", ".join(f"{left:.1%}" for left in energy), f"{spent:.0f}",
                  f"{once:.0f}", f"{spent / once:.1f}")  # fmt: skip
         return f"| {' | '.join(cells)} |"
 

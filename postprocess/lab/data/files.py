@@ -25,6 +25,10 @@ class LabFiles:
         self.comparison = self.folder / "comparison.json"
         self.motion = self.folder / "motion.h5"  # the recording's, for motion.source = "recording"
 
+    def of_scene(self, name: str) -> LabFiles:
+        """Of the same data's comparison with the scene `name` that lies in `folder`."""
+        return LabFiles(StageFiles(self.folder / name, self.stage.level), self.folder.name)
+
     def run_sheet(self, name: str) -> Path:
         """The sheet of a run beside the nominal one."""
         return self.folder / "inputs" / f"{name}.h5"

@@ -1,8 +1,8 @@
 """What a recording's motion is due to, where the pressure in the chambers was measured: pressure, structure, flow.
 
-The measured pressure drives a coupled run (docs/coupling.md): where that run bends otherwise than the recording's finger, the
-structure is wrong. The flow is judged with the recording's own motion (make compare-measured). The clock is the stated one: the
-registration's is where the scene's own motion fits best, and a finger that moves otherwise pulls it away.
+The measured pressure drives a coupled run (docs/coupling.md), and that run's motion is what the recording is registered against and
+held beside: where the two differ, the structure is wrong. (The scene's own motion would not do: the registration refuses a finger that
+water bends otherwise.) The flow is judged with the recording's own motion (make compare-measured). The clock is the stated one.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.interpolate import make_smoothing_spline
+from scipy.interpolate import make_interp_spline, make_smoothing_spline
 
 from fileio.atomic import write_text
 from fileio.checksum import sha256
@@ -20,18 +20,22 @@ from fileio.formats.bending_states import read
 from fileio.formats.elastic_motion import read_elastic_motion
 from fileio.formats.finger_loads import read_loads
 from fileio.formats.kinematics import Kinematics, read_kinematics
-from fileio.formats.recorded_motion import read_recorded_motion
+from fileio.formats.recorded_motion import read_recorded_motion, write_recorded_motion
 from fileio.formats.records import LAB_COMPARISON
 from fileio.key_reference import toml_value
-from postprocess.evidence.stage_files import StageFiles, scene_title
+from postprocess.evidence.stage_files import scene_title
 from postprocess.lab.data.dpiv_toml import NAME, ChamberPressure, Dpiv, Start
 from postprocess.lab.data.files import LabFiles, read_registration
 from postprocess.lab.data.inputs_toml import read_inputs
+from postprocess.lab.judgement.recorded_motion import write_moved_scene
 from postprocess.lab.judgement.validation import AGREES, ERROR, LEVEL, UNCERTAIN, coverage_factor
 from postprocess.lab.registration.step import fea_band
 
 PRESSURE_STEP = 2e-3  # s, of the history that drives the coupled run
 NOT_JUDGED = "not judged"
+MODELLED = "modelled.h5"
+BEND_STEP = np.radians(1.0)  # between two shapes of it, at least
+MARGIN = 0.03  # of its range: shapes beyond the motion, where it swings back or its spline overshoots
 SCENE = """# Written by postprocess.lab: the scene driven by the pressure that was measured with the recording {name}.
 extends = "../../../../.."
 title = {title}
@@ -90,6 +94,45 @@ def coupled_run(files: LabFiles) -> Path:
     return max(runs, key=lambda out: int(out.parts[-3].rpartition("_")[2]))
 
 
+def write_modelled(files: LabFiles, dpiv: Dpiv) -> Path:
+    """Write the motion of the coupled run as that of a recording, modelled.h5, and the scene `modelled/`; returns its folder.
+
+    Its shapes are those of the way to the largest bend, one for each bend angle; pressures are those at which the scene's own finger
+    bends as much, and stand for the bend alone.
+    """
+    pressure, _ = _measured(dpiv)
+    kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
+    out = coupled_run(files)
+    loads, shapes = read_loads(out / "loads.h5"), read_elastic_motion(out.parents[1] / "elastic_motion.h5")
+    time, bend = loads["step"].values, loads["bend"].values
+    at_knot = np.interp(shapes["knot"], time, bend)
+    way = np.abs(at_knot - at_knot[0])
+    chosen = [0]
+    for k in range(1, int(np.argmax(way)) + 1):
+        if way[k] - way[chosen[-1]] > BEND_STEP:
+            chosen.append(k)
+    chosen.sort(key=lambda k: at_knot[k])
+    parameter = kinematics.pressure_of_bend(at_knot[chosen])
+    margin = MARGIN * (parameter[-1] - parameter[0])
+    wide = np.concatenate([[parameter[0] - margin], parameter[1:-1], [parameter[-1] + margin]])
+    profiles = {
+        name: make_interp_spline(parameter, shapes[name].values[chosen], k=1)(wide)
+        for name in ("profile_x", "profile_y", "thickness")
+    }
+    still = {"seen": time, "seen_bend": bend, "seen_radius": np.inf + time, "seen_residual": 0 * time}
+    law = {"time": time, "pressure": kinematics.pressure_of_bend(bend), "bend": bend, "state_pressure": wide}
+    about = {
+        "recording": f"coupled run at the pressure of {dpiv.title}",
+        "dpiv_sha256": "",
+        "registration": "{}",
+    }
+    write_recorded_motion(files.folder / MODELLED, law | profiles | still | about)
+    factor_std = 1e3 * pressure.std_kpa / float(np.ptp(kinematics.law(np.array(kinematics.time))))
+    words = f"moved as a coupled run at the pressure of the recording {dpiv.name}"
+    reason = "Uncertainty of the pressure in the chambers"
+    return write_moved_scene(files, dpiv, "modelled", words, MODELLED, factor_std, reason)
+
+
 def _row(cause: str, differs: str, value: float, std: float, limit: float) -> dict[str, str | float]:
     """`differs`: the word where `value` is beyond what `std` explains; `limit`: what must not stay hidden."""
     band = coverage_factor(1, LEVEL) * std
@@ -105,7 +148,8 @@ def causes(files: LabFiles, dpiv: Dpiv) -> pd.DataFrame:
     """
     pressure, start = _measured(dpiv)
     kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
-    registration, recorded = read_registration(files.registration), read_recorded_motion(files.motion)
+    modelled = files.of_scene("modelled")
+    registration, recorded = read_registration(modelled.registration), read_recorded_motion(modelled.motion)
     part = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml").too_uncertain
     table = pd.read_csv(files.folder / "pressure" / "pressure.csv")
     time = np.linspace(*kinematics.time, 401)
@@ -124,7 +168,7 @@ def causes(files: LabFiles, dpiv: Dpiv) -> pd.DataFrame:
         recorded["seen_bend"].values,
         np.interp(recorded["seen"], recorded["time"], recorded["bend"]),
     )
-    modelled = np.interp(seen[shown], loads["step"], loads["bend"])
+    computed = np.interp(seen[shown], loads["step"], loads["bend"])
     stroke = float(np.ptp(kinematics.bend(nominal)))
     last = float(read_elastic_motion(out.parents[1] / "elastic_motion.h5").attrs["bend_change"])
     sources = [
@@ -137,9 +181,11 @@ def causes(files: LabFiles, dpiv: Dpiv) -> pd.DataFrame:
         turned = _rms(loads["bend"].values - loads["bend_unloaded"].values)
         sources += [fea_band(files, dpiv)[1], turned * _stiffness_band(files, kinematics)]
     rows.append(
-        _row("structure", ERROR, _rms(modelled - bend[shown]), float(np.hypot.reduce(sources)), part * stroke)
+        _row("structure", ERROR, _rms(computed - bend[shown]), float(np.hypot.reduce(sources)), part * stroke)
     )
-    rows.append({"cause": "flow", "verdict": _flow(files, dpiv), "difference": np.nan, "band": np.nan})
+    judged = (_flow(of, dpiv) for of in (modelled, files))
+    flow = next((word for word in judged if word != NOT_JUDGED), NOT_JUDGED)
+    rows.append({"cause": "flow", "verdict": flow, "difference": np.nan, "band": np.nan})
     result = pd.DataFrame(rows)
     write_text(files.folder / "causes.csv", result.to_csv(index=False))
     return result
@@ -155,12 +201,13 @@ def _stiffness_band(files: LabFiles, kinematics: Kinematics) -> float:
             f"{path}: carries no bending_stiffness_std, so the band of the stiffness is not known; run make fea, or state"
             f' finger_geometry = "measured" in {NAME}'
         )
-    return _rms(np.interp(kinematics.data["pressure"], states.pressure, law.stiffness_std / law.stiffness))
+    pressure = kinematics.data["pressure"].values
+    return _rms(np.asarray(np.interp(pressure, states.pressure, law.stiffness_std / law.stiffness)))
 
 
 def _flow(files: LabFiles, dpiv: Dpiv) -> str:
-    """The verdict of compare-measured where it is of this motion and of this dpiv.toml."""
-    measured = LabFiles(StageFiles(files.folder / "measured", files.stage.level), dpiv.name)
+    """The verdict of compare-measured where it is of this motion.h5 and of this dpiv.toml."""
+    measured = files.of_scene("measured")
     moved, compared = measured.stage.out / "kinematics.h5", measured.comparison
     if not compared.exists() or compared.stat().st_mtime < moved.stat().st_mtime:
         return NOT_JUDGED

@@ -25,16 +25,16 @@ from postprocess.lab.registration.profile import fit_profile, motion_values, str
 from postprocess.lab.registration.register import LEARN_FROM, MAX_FRAMES
 from postprocess.lab.registration.silhouette import learn
 
-SCENE = """# Written by postprocess.lab: the scene driven by the motion that the recording {name} shows.
+SCENE = """# Written by postprocess.lab: the scene driven by a motion, for the recording {name}.
 extends = "../../../../.."
 title = {title}
 
 [motion]
 source = "recording"
-recording = "../motion.h5"
+recording = "../{motion}"
 strokes = []
 """
-INPUTS = """# Written by postprocess.lab: what is not known of a motion that was measured, and the numerics of the nominal scene.
+INPUTS = """# Written by postprocess.lab: what is not known of the motion, and the numerics of the nominal scene.
 format = "inputs"
 format_version = 1
 too_uncertain = {too_uncertain!r}
@@ -44,7 +44,7 @@ name = "pressure"
 key = "motion.recording_factor"
 step = 0.02
 limit = {limit!r}
-reason = "Uncertainty of the bending as the silhouette shows it, √3 standard deviations."
+reason = "{reason}, √3 standard deviations."
 {numerics}"""
 
 
@@ -83,20 +83,34 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
         {"delay": law.delay, "scale_m_per_px": pose.scale_m_per_px, "angle": pose.angle}
     )
     write_recorded_motion(files.motion, values)
-    return _write_scene(files, dpiv, float(registration.law.std("factor")))
+    return write_moved_scene(
+        files,
+        dpiv,
+        "measured",
+        f"moved as in the recording {dpiv.name}",
+        files.motion.name,
+        float(registration.law.std("factor")),
+        "Uncertainty of the bending as the silhouette shows it",
+    )
 
 
-def _write_scene(files: LabFiles, dpiv: Dpiv, factor_std: float) -> Path:
-    folder = files.folder / "measured"
+def write_moved_scene(
+    files: LabFiles, dpiv: Dpiv, name: str, about: str, motion: str, factor_std: float, reason: str
+) -> Path:
+    """Write the scene `name`, driven by the file `motion` of the format of motion.h5 beside it; returns its folder.
+
+    `factor_std`: standard uncertainty of the motion over itself, of the `reason`; `about`: for its title.
+    """
+    folder = files.folder / name
     inputs = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
     numerics = "".join(
         f'\n[[numerics]]\nname = "{n.name}"\nratio = {n.ratio!r}\norder = {n.order!r}\nsafety = {n.safety!r}\n'
         for n in inputs.numerics
     )
-    title = toml_value(f"{scene_title(files.stage.scene_folder)}, moved as in the recording {dpiv.name}")
-    write_text(folder / "scene.toml", SCENE.format(name=dpiv.name, title=title))
+    title = toml_value(f"{scene_title(files.stage.scene_folder)}, {about}")
+    write_text(folder / "scene.toml", SCENE.format(name=dpiv.name, title=title, motion=motion))
     limit = round(3**0.5 * factor_std, 6)
-    text = INPUTS.format(too_uncertain=inputs.too_uncertain, limit=limit, numerics=numerics)
+    text = INPUTS.format(too_uncertain=inputs.too_uncertain, limit=limit, reason=reason, numerics=numerics)
     write_text(folder / "reference" / "inputs.toml", text)
     findings = files.stage.findings
     if findings.exists():

@@ -9,11 +9,12 @@ from fileio.checksum import sha256
 from fileio.errors import StageError
 from fileio.formats.elastic_motion import write_elastic_motion
 from fileio.formats.finger_loads import write_loads
-from fileio.formats.kinematics import write_kinematics
+from fileio.formats.kinematics import read_kinematics, write_kinematics
 from fileio.formats.recorded_motion import write_recorded_motion
 from fileio.formats.records import LAB_COMPARISON
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
+from pipeline.structure.coupling import motion_values
 from pipeline.study.couple import Structure
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import NAME, read_dpiv
@@ -26,7 +27,7 @@ from postprocess.lab.data.files import (
     write_registration,
 )
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.judgement.causes import causes, sentences, write_scene
+from postprocess.lab.judgement.causes import causes, sentences, write_modelled, write_scene
 from tests.lab_scene import CASE, finger_kinematics
 from tests.unit.lab.test_lab_dpiv import WHOLE, written
 
@@ -56,14 +57,15 @@ def lab(tmp_path):
     dpiv = read_dpiv(written(data, text.replace('start = "from motion"', stated)))
     pressure_csv(data, kinematics, 1.0)
     files = LabFiles(StageFiles(case, "smoke"), dpiv.name)
-    files.folder.mkdir(parents=True)
+    modelled = files.of_scene("modelled")
+    modelled.folder.mkdir(parents=True)
     pose, turn = Pose(1.25e-4, 0.0, kinematics.root, (640.0, 950.0)), np.radians(0.05)
     law = Law(np.array([1.0, DELAY, 1.0]), np.diag([1e-3, 1e-3, 1e-3]) ** 2, 1.0)
     covariance = np.diag([0.1, 0.1, turn, 1e-3]) ** 2
     none = np.empty(0)
     write_registration(
         Registration(pose, covariance, NO_NUISANCE, law, none, none, none, pose),
-        files.registration,
+        modelled.registration,
         dpiv_sha256="0",
         seed=1,
         view=pose.view((0.0, 0.0), (1280.0, 1024.0), 0.0),
@@ -84,7 +86,7 @@ def moved(files, kinematics, recorded_by, coupled_by, seen_early=0.0):
     bend = kinematics.bend(kinematics.law(TIME))
     still = {name: np.zeros((3, 4)) for name in ("profile_x", "profile_y", "thickness")}
     write_recorded_motion(
-        files.motion,
+        files.of_scene("modelled").motion,
         still
         | {
             "time": TIME - seen_early,
@@ -125,11 +127,10 @@ def test_the_scene_has_the_measured_pressure_on_the_simulations_clock(lab):
 def test_the_clock_is_the_stated_one(lab):
     """The registration, which fits the scene's own motion to a finger that moves otherwise, is 30 ms off it."""
     files, dpiv, kinematics = lab
-    registration = read_registration(files.registration)
+    path = files.of_scene("modelled").registration
+    registration = read_registration(path)
     law = replace(registration.law, values=np.array([1.2, DELAY + 0.03, 1.1]))
-    write_registration(
-        replace(registration, law=law), files.registration, dpiv_sha256="0", seed=1, view=(0, 1, 0, 1)
-    )
+    write_registration(replace(registration, law=law), path, dpiv_sha256="0", seed=1, view=(0, 1, 0, 1))
     write_scene(files, dpiv)
     moved(files, kinematics, 0.0, 0.0, seen_early=0.03)
     table = causes(files, dpiv).set_index("cause")
@@ -170,6 +171,39 @@ def test_causes_are_told_apart(lab, factor, recorded_by, coupled_by, words):
     assert (files.folder / "causes.csv").exists()
 
 
+def test_a_coupled_motion_becomes_that_of_a_recording(lab):
+    """It swings back by a tenth at its end: its bend over time is kept, and its shapes are those of the way out."""
+    files, dpiv, _ = lab
+    scene = load_scene(write_scene(files, dpiv), "smoke")
+    structure = Structure(scene)
+    delta = structure.first()  # under the modelled water
+    run = files.folder / "pressure" / "out" / "coupled" / "smoke_1"
+    (run / "out" / "smoke").mkdir(parents=True)
+    bend = structure.chain.bend(structure.pressure, delta)
+    assert bend.max() - bend[-1] > 0.08
+    write_loads(run / "out" / "smoke", {"step": structure.time, "bend": bend, "unknown": ""}, {})
+    values = motion_values(structure.chain, structure.time, structure.pressure, delta, None)
+    write_elastic_motion(run / "elastic_motion.h5", values | {"made_of": ""})
+    folder = write_modelled(files, dpiv)
+    text = f'extends = "{CASE}"\n[motion]\nsource = "structure"\nshapes = "elastic_motion.h5"\n'
+    (run / "scene.toml").write_text(text)
+    made, coupled = (kinematics_of(load_scene(of, "smoke")) for of in (folder, run))
+    assert made.data.attrs["source"] == "recording"
+    for time in np.linspace(0.0, 0.42, 22):
+        parameter = float(made.law(time))
+        # rad and m; shapes are 1° apart
+        assert made.shape("bend", parameter) == pytest.approx(float(coupled.shape("bend", time)), abs=2e-3)
+        off = made.shape("outline", parameter) - coupled.shape("outline", time)
+        # the way back has other shapes at the same bend: 1.2 mm at the tip
+        assert np.abs(off).max() < (5e-5 if time < structure.time[np.argmax(bend)] else 1.5e-3)
+
+
+def kinematics_of(scene):
+    path = scene.folder / "kinematics.h5"
+    write_kinematics(path, kinematics_values(scene), {})
+    return read_kinematics(path)
+
+
 def test_a_large_uncertainty_hides_the_answer(lab):
     files, dpiv, kinematics = lab
     write_scene(files, dpiv)
@@ -183,9 +217,10 @@ def test_the_flow_is_that_of_the_measured_motion(lab):
     files, dpiv, kinematics = lab
     write_scene(files, dpiv)
     moved(files, kinematics, 0.0, 0.0)
-    judged = files.folder / "measured" / "out" / "smoke" / "lab" / dpiv.name / "comparison.json"
+    modelled = files.of_scene("modelled")
+    judged = modelled.of_scene("measured").comparison
     judged.parent.mkdir(parents=True)
-    driven_by = {"../motion.h5": sha256(files.motion)[:16]}
+    driven_by = {"../motion.h5": sha256(modelled.motion)[:16]}
     values = kinematics_values(load_scene(CASE, "smoke"))
     run = judged.parents[2] / "kinematics.h5"
     write_kinematics(run, values, kinematics.settings | {"files": driven_by})

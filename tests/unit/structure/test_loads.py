@@ -96,5 +96,5 @@ def test_the_check_in_words():
         "unknown": "",
     }
     assert "at 0.038 s, where the finger is at 2.3°" in deflection_sentence(values)
-    assert "by -17.2° at once, 20% of the stroke" in deflection_sentence(values)
+    assert "by -17.2°, 20% of the stroke, if giving way did not lessen them" in deflection_sentence(values)
     assert deflection_sentence({"unknown": "The body is rigid."}) == "The body is rigid."

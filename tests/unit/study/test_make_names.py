@@ -89,6 +89,14 @@ def test_what_is_given_is_checked_before_anything_is_made(project, word, sentenc
     assert not (project / "pwned").exists()
 
 
+@pytest.mark.parametrize(
+    "switch, goes_with", [("COUPLED", "a whole scene"), ("SLURM", "a whole scene or a study")]
+)
+def test_a_switch_that_goes_with_a_whole_scene_is_refused_with_a_stage(project, switch, goes_with):
+    done = make(project, "good.run", f"{switch}=1")
+    assert f"{switch}=1 goes with {goes_with}, not with one stage" in done.stderr
+
+
 def test_a_misspelt_scene_is_told_with_the_nearest():
     done = make(ROOT, "singel_finger")
     assert "singel_finger: no such scene or target; did you mean single_finger? make help" in done.stderr
