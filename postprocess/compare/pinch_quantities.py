@@ -87,9 +87,10 @@ def _ventral(part: Part) -> pd.DataFrame:
 
 def _forming_gap(part: Part) -> float:
     """The gap (m) that is still to close when that pair forms."""
-    times = part.evidence.planes[part.of]["time"].values
+    plane = part.evidence.planes[part.of]
+    times = plane["time"].values
     times = times[(times >= part.window[0]) & (times <= part.window[1])]
-    at = formed(times, np.isin(times, _ventral(part)["time"]))
+    at = formed(times, _ventral(part), plane.attrs["tip_width"])
     if at is None:
         raise ValueError(f"{part.of}: the pair on the ventral side never lasts {part.words()}")
     clock = part.evidence.clock
@@ -138,7 +139,7 @@ PINCH_QUANTITIES: dict[str, Quantity] = {
         "fraction", "mean upward velocity midway between the two vortices on the ventral side, over the peak tip speed"),
     "ventral_pair_gap": Quantity(
         _forming_gap,
-        "m", "gap still to close to the residual one when that pair forms, to be there at every instant for 20 ms"),
+        "m", "gap still to close to the residual one when that pair forms: there at every instant for 20 ms, moving less than a tip width from one to the next"),
     "ventral_pair_part": Quantity(
         _ventral_part,
         "fraction", "mean circulation of that pair, over the dorsal pair's; by integrals"),

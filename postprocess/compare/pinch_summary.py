@@ -31,7 +31,10 @@ def pinch_summary(evidence: Evidence) -> dict[str, Any]:
     }
     for source, pairs in evidence.pairs.items():
         out[source] = source_numbers(pairs, evidence.lines[source], clock, met)
-        out[source] |= integral_numbers(evidence.integrals[source], evidence.halves[source], clock, met)
+        width = evidence.planes[source].attrs["tip_width"]
+        out[source] |= integral_numbers(
+            evidence.integrals[source], evidence.halves[source], clock, met, width
+        )
     return out
 
 
@@ -69,14 +72,16 @@ def source_numbers(
 
 
 def integral_numbers(
-    integrals: pd.DataFrame, halves: pd.DataFrame, clock: Clock, met: float | None
+    integrals: pd.DataFrame, halves: pd.DataFrame, clock: Clock, met: float | None, width: float
 ) -> dict[str, float | None]:
-    """Numbers that no fit is asked for: both pairs, and each half of the plane and the jet after contact; None: not there."""
+    """Numbers that no fit is asked for: both pairs, and each half of the plane and the jet after contact; None: not there.
+
+    `width`: of a tip (m).
+    """
     if met is not None:
         integrals, halves = (table[table["time"] >= met - BEFORE] for table in (integrals, halves))
     ventral, dorsal = pair_of(integrals, *VENTRAL), pair_of(integrals, *DORSAL)
-    times = halves["time"].to_numpy()
-    at = formed(times, np.isin(times, ventral["time"]))
+    at = formed(halves["time"].to_numpy(), ventral, width)
     out: dict[str, float | None] = {"ventral_forms_time": at, "ventral_forms_gap": None}
     out["ventral_forms_before_contact"] = None if at is None or met is None else met - at
     out["ventral_circulation_peak"] = out["ventral_part"] = out["ventral_rise_peak"] = None

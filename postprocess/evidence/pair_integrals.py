@@ -23,7 +23,7 @@ FLOWS = {"downward": -1.0, "upward": 1.0}  # sign of the left vortex' circulatio
 REACH = {"dorsal": 5.0, "ventral": 3.0}
 FLOOR = 0.1  # of tip speed over tip width: weaker vorticity is the measurement's error
 LEAST = 0.05  # of tip speed times tip width: a rotating region of less circulation is a layer's, not a vortex
-LASTS = 0.02  # s: a pair has formed when it is there at every instant of so long
+LASTS = 0.02  # s: a pair has formed when the same one is there at every instant of so long
 COLUMNS = ("time", "side", "flow", "finger", "circulation", "x", "y", "core_radius", "between")
 
 
@@ -98,11 +98,16 @@ def vortex_of(integrals: pd.DataFrame, side: str, flow: str, finger: int) -> pd.
     return rows.assign(track=finger).reset_index(drop=True)
 
 
-def formed(times: np.ndarray, there: np.ndarray) -> float | None:
-    """The first of `times` (n, s) from which on something is `there` (n) at every instant for LASTS; None if never."""
+def formed(times: np.ndarray, pair: pd.DataFrame, width: float) -> float | None:
+    """The first of `times` (n, s) from which on a pair of `pair_of` is there at every instant for LASTS; None if never.
+
+    One that moves by a tip width (m) or more from one instant to the next is another pair, which begins anew.
+    """
+    at = pair.set_index("time").reindex(times)
+    moved = np.hypot(at["x"].diff(), at["y"].diff())
     start = None
-    for time, now in zip(times, there, strict=True):
-        start = None if not now else time if start is None else start
+    for time, there, step in zip(times, at["x"].notna(), moved, strict=True):
+        start = None if not there else time if start is None or step >= width else start
         if start is not None and time - start >= LASTS - 1e-9:
             return float(start)
     return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.special import erf
 
@@ -75,11 +76,24 @@ def test_the_tip_vortex_of_the_literal_reading_is_told_from_the_other_pair():
     assert integrals.pair_of(table, *integrals.VENTRAL).empty
 
 
+TIMES = np.arange(0, 0.1, 0.005)
+
+
+def risen(there, y):
+    return pd.DataFrame({"time": TIMES, "x": -0.005, "y": y})[there]
+
+
 def test_a_pair_has_formed_when_it_lasts():
-    times = np.arange(0, 0.1, 0.005)
-    there = (times > 0.012) & (times < 0.025) | (times > 0.038)
-    assert integrals.formed(times, there) == pytest.approx(0.040)
-    assert integrals.formed(times, np.zeros(times.size, bool)) is None
+    there = (TIMES > 0.012) & (TIMES < 0.025) | (TIMES > 0.038)
+    assert integrals.formed(TIMES, risen(there, 0.2), WIDTH) == pytest.approx(0.040)
+    assert integrals.formed(TIMES, risen(TIMES < 0, 0.2), WIDTH) is None
+
+
+@pytest.mark.parametrize(("jump", "forms"), [(0.9, 0.015), (1.1, 0.035)])
+def test_regions_that_jump_by_a_tip_width_are_no_pair_that_lasts(jump, forms):
+    """To and fro until 0.035 s, as layers along the walls do, and in place from then on."""
+    to_and_fro = np.where(TIMES < 0.038, jump * WIDTH * (np.arange(TIMES.size) % 2), jump * WIDTH)
+    assert integrals.formed(TIMES, risen(TIMES > 0.012, 0.2 + to_and_fro), WIDTH) == pytest.approx(forms)
 
 
 def test_circulation_and_impulse_of_an_exact_pair():

@@ -29,7 +29,7 @@ def numbers(there):
     names = [name for depth in BELOW for name in names_at(depth)]
     columns = ["circulation_0", "circulation_1", "impulse_0", "impulse_1", *names]
     halves = pd.DataFrame({"time": TIMES} | dict.fromkeys(columns, 0.0))
-    return integral_numbers(pair_at(TIMES[there]), halves, clock, MET)
+    return integral_numbers(pair_at(TIMES[there]), halves, clock, MET, 0.0167)
 
 
 def test_a_pair_of_the_opening_stroke_is_not_that_of_closing():
