@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from postprocess.studies.state import files_of, missing_runs, missing_sentence
 from postprocess.studies.table import read_plan
 
 ROW = ["kind", "quantity", "value", "unit", "met"]
-COLUMNS = ["run", "change", "model", "cells", *ROW]
+COLUMNS = ["run", "change", "model", "cells", "steps", "scene_hash", "openfoam", *ROW]
 NUMBERS = {
     "contact_time": "s",
     "ventral_forms_gap": "m",
@@ -99,7 +100,8 @@ def measure(files: StageFiles, name: str, change: str) -> list[dict[str, Any]]:
     comparable = all(part.startswith(FREE) for part in change.split("; ")) or change == AS_IT_IS
     evidence = load_evidence(files, files.level if comparable else name)
     run = RUN.read(files.required("run/run.json", "run"))
-    about = {"run": name, "change": change, "model": run["model"], "cells": run["cells"]}
+    about = {"run": name, "change": change, "openfoam": run["versions"]["OpenFOAM"]}
+    about |= {key: run[key] for key in ("model", "cells", "steps", "scene_hash")}
     rows: list[list[Any]] = []
     for finding in read_findings(findings_path(files.scene_folder), frozenset(QUANTITIES)):
         if finding.kind == "paper" and "cfd" in finding.of:
@@ -120,14 +122,15 @@ def page(words: str, table: pd.DataFrame, missing: dict[str, str], name: str) ->
     """The page as Markdown: the study's own words, then what was measured; its table and figure are called `name`."""
     parts = [
         words.strip(),
-        f"Written by `make pinch-studies`; every number is in [{name}.csv]({name}.csv).",
+        f"Written by `make pinch-studies` on {datetime.now(UTC).date()} from runs by OpenFOAM {' and '.join(table['openfoam'].unique())},"
+        f" each with the numbers that table and scene have today; every number is in [{name}.csv]({name}.csv).",
         f"![Key numbers of every run]({name}.svg)",
     ]
     if missing:
         listed = "; ".join(f"{run} ({why})" for run, why in missing.items())
         parts.append(f"Not run, not to its end, or with other numbers: {listed}.")
-    runs = table.drop_duplicates("run")[["run", "change", "model"]]
-    parts.append(_markdown("Runs", list(runs.columns), runs.to_numpy().tolist()))
+    runs = table.drop_duplicates("run")[["run", "change", "model", "cells", "steps"]]
+    parts.append(_markdown("Runs", list(runs.columns), runs.astype(str).to_numpy().tolist()))
     for kind, heading in (("finding", "The paper's findings, by the CFD"), ("number", "Key numbers")):
         part = table[table["kind"] == kind]
         cells = {(row.quantity, row.run): _cell(row) for row in part.itertuples()}

@@ -89,7 +89,7 @@ def test_a_pair_has_formed_when_it_lasts():
     assert integrals.formed(TIMES, risen(TIMES < 0, 0.2), WIDTH) is None
 
 
-@pytest.mark.parametrize(("jump", "forms"), [(0.9, 0.015), (1.1, 0.035)])
+@pytest.mark.parametrize("jump, forms", [(0.9, 0.015), (1.1, 0.035)])
 def test_regions_that_jump_by_a_tip_width_are_no_pair_that_lasts(jump, forms):
     """To and fro until 0.035 s, as layers along the walls do, and in place from then on."""
     to_and_fro = np.where(TIMES < 0.038, jump * WIDTH * (np.arange(TIMES.size) % 2), jump * WIDTH)

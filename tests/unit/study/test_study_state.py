@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import h5py
+import pandas as pd
 import pytest
 
 from fileio.stages import BY_NAME
@@ -148,6 +149,20 @@ def test_studies_leave_out_what_is_not_the_plans(planned):
     made(planned["runs"][0], {"vortices_cfd": {"min_circulation": 1.0}})
     with pytest.raises(FileNotFoundError, match="no run of the study"):
         studies.gather(planned)
+
+
+def test_the_page_of_a_study_says_what_was_run_and_with_what():
+    about = [
+        ["near", "gap = 1", "2d", 2600, 640, "ab12", "v1912"],
+        ["far", "gap = 2", "2d", 2700, 500, "cd34", "v2306"],
+    ]
+    rows = [[*run, "number", "contact_time", 0.25, "s", None] for run in about]
+    text = studies.page(
+        "# Trial", pd.DataFrame(rows, columns=studies.COLUMNS), {"lost": "run.json is not there"}, "trial"
+    )
+    assert "| near | gap = 1 | 2d | 2600 | 640 |" in text
+    assert "OpenFOAM v1912 and v2306" in text
+    assert "lost (run.json is not there)" in text
 
 
 def test_a_bending_analysis_and_a_run_that_may_fail_are_missing_until_they_are_there(tmp_path, monkeypatch):
