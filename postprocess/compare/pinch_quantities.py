@@ -47,7 +47,7 @@ def shift(part: Part, name: str) -> float:
 
 
 def _followed(part: Part) -> pd.DataFrame:
-    """The dominant track of a finger in the window; ValueError where it does not last through half of it."""
+    """The dominant track of a finger in the window; ValueError where it does not last through half of it, or cannot be told."""
     name, (start, end) = f"vortices of {part.of}", part.window
     rows = part.inside(tracks.dominant_track(part.evidence.vortices[part.of], part.finger, part.window, name))
     first, last = rows["time"].iloc[0], rows["time"].iloc[-1]
@@ -55,6 +55,12 @@ def _followed(part: Part) -> pd.DataFrame:
         raise ValueError(
             f"{name}: the vortex of finger {part.finger} is followed from {first:.3f} to {last:.3f} s only,"
             f" less than half of {start:.3f} to {end:.3f} s"
+        )
+    overlap = rows["x"].abs() < rows["core_radius"]
+    if overlap.any():
+        raise ValueError(
+            f"{name}: at {rows['time'][overlap].iloc[0]:.3f} s the core of finger {part.finger}'s vortex overlaps its mirror image,"
+            " so that no fit tells where it is"
         )
     return rows
 

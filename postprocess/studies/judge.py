@@ -27,33 +27,46 @@ from postprocess.studies import bars as draw_studies
 from postprocess.studies.state import files_of, missing_runs, missing_sentence
 from postprocess.studies.table import read_plan
 
-ROW = ["kind", "quantity", "value", "unit", "met"]
+ROW = ["kind", "quantity", "value", "unit", "met", "note"]
 COLUMNS = ["run", "change", "model", "cells", "steps", "scene_hash", "openfoam", *ROW]
 NUMBERS = {
-    "contact_time": "s",
-    "ventral_forms_gap": "m",
-    "ventral_forms_before_contact": "s",
-    "ventral_circulation_peak": "m²/s",
-    "ventral_part": "fraction",
-    "ventral_rise_peak": "m/s",
-    "ventral_circulation_after": "m²/s",
-    "dorsal_circulation_at_contact": "m²/s",
-    "dorsal_circulation_after": "m²/s",
-    "half_circulation_after": "m²/s",
-    "half_impulse_after": "m³/s",
-    "jet_speed_20mm_peak": "m/s",
-    "jet_flux_20mm_peak": "m³/s²",
-    "jet_speed_40mm_peak": "m/s",
-    "jet_flux_40mm_peak": "m³/s²",
-    "jet_peak": "m/s",
-    "jet_peak_after_contact": "m/s",
-    "rise_peak": "m/s",
-    "pressure_gap_peak": "Pa",
-    "pressure_tip_max_peak": "Pa",
-    "pressure_tip_min_peak": "Pa",
-    "along_tip_approach": "m",
-    "across_tip_approach": "m",
+    "Ventral pair": {
+        "contact_time": "s",
+        "ventral_forms_gap": "m",
+        "ventral_forms_before_contact": "s",
+        "ventral_circulation_peak": "m²/s",
+        "ventral_circulation_peak_time": "s",
+        "ventral_part": "fraction",
+        "ventral_rise_peak": "m/s",
+        "ventral_circulation_after": "m²/s",
+    },
+    "Dorsal pair and half the plane": {
+        "along_tip_approach": "m",
+        "across_tip_approach": "m",
+        "dorsal_circulation_at_contact": "m²/s",
+        "dorsal_circulation_after": "m²/s",
+        "dorsal_y_after": "m",
+        "half_circulation_after": "m²/s",
+        "half_impulse_after": "m³/s",
+    },
+    "Jet, flow up and pressure": {
+        "jet_speed_20mm_peak": "m/s",
+        "jet_flux_20mm_peak": "m³/s²",
+        "jet_speed_40mm_peak": "m/s",
+        "jet_flux_40mm_peak": "m³/s²",
+        "jet_peak": "m/s",
+        "jet_peak_after_contact": "m/s",
+        "rise_peak": "m/s",
+        "pressure_gap_peak": "Pa",
+        "pressure_tip_max_peak": "Pa",
+        "pressure_tip_min_peak": "Pa",
+    },
 }
+SHOWN = {
+    "m²/s": (1e4, "cm²/s"),
+    "m³/s": (1e6, "cm³/s"),
+    "m³/s²": (1e6, "cm³/s²"),
+}  # factor and unit on the page
 # changes of these keys leave the finger's own motion as the single finger's
 FREE = ("pinch.", "sheet.", "camera.")
 AS_IT_IS = "as it is"
@@ -106,13 +119,14 @@ def measure(files: StageFiles, name: str, change: str) -> list[dict[str, Any]]:
     for finding in read_findings(findings_path(files.scene_folder), frozenset(QUANTITIES)):
         if finding.kind == "paper" and "cfd" in finding.of:
             check = judge(finding, evidence)
-            value, met = check["measured"]["cfd"], check["met_by"].get("cfd")
-            if value is None and not any("was not run" in note for note in check["notes"]):
+            value, met, note = check["measured"]["cfd"], check["met_by"].get("cfd"), "; ".join(check["notes"])
+            if value is None and "was not run" not in note:
                 met = False
-            rows.append(["finding", finding.id, value, check["unit"], met])
+            rows.append(["finding", finding.id, value, check["unit"], met, note])
     numbers = pinch_summary(evidence)
     numbers |= numbers["cfd"]
-    rows += [["number", quantity, numbers.get(quantity), unit, None] for quantity, unit in NUMBERS.items()]
+    for units in NUMBERS.values():
+        rows += [["number", name, numbers.get(name), unit, None, ""] for name, unit in units.items()]
     for plane in evidence.planes.values():
         plane.close()
     return [about | dict(zip(ROW, row, strict=True)) for row in rows]
@@ -131,15 +145,35 @@ def page(words: str, table: pd.DataFrame, missing: dict[str, str], name: str) ->
         parts.append(f"Not run, not to its end, or with other numbers: {listed}.")
     runs = table.drop_duplicates("run")[["run", "change", "model", "cells", "steps"]]
     parts.append(_markdown("Runs", list(runs.columns), runs.astype(str).to_numpy().tolist()))
-    for kind, heading in (("finding", "The paper's findings, by the CFD"), ("number", "Key numbers")):
-        part = table[table["kind"] == kind]
-        cells = {(row.quantity, row.run): _cell(row) for row in part.itertuples()}
-        rows = [
-            [name.replace("_", " ").replace("-", " "), *(cells.get((name, run), "") for run in runs["run"])]
-            for name in part["quantity"].unique()
-        ]
-        parts.append(_markdown(heading, [kind, *runs["run"]], rows))
+    findings = table[table["kind"] == "finding"]
+    rows = [[_words(name), *_finding(part)] for name, part in findings.groupby("quantity", sort=False)]
+    parts.append(
+        _markdown("The paper's findings, by the CFD", ["finding", "measured", "met in", "not met in"], rows)
+    )
+    cells = {(row.run, row.quantity): _cell(row.value, row.unit) for row in table.itertuples()}
+    for heading, units in NUMBERS.items():
+        rows = [[run, *(cells.get((run, name), "–") for name in units)] for run in runs["run"]]
+        parts.append(_markdown(heading, ["run", *map(_words, units)], rows))
     return "\n\n".join(parts) + "\n"
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ").replace("-", " ")
+
+
+def _finding(part: pd.DataFrame) -> list[str]:
+    """What all runs measure of one finding, from least to largest, in how many it is met, and where it is not."""
+    known = sorted(part["value"].dropna().unique())
+    ends = dict.fromkeys(_cell(value, part["unit"].iloc[0]) for value in (known[:1] + known[-1:]))
+    judged = part[part["met"].notna()]
+    missed = judged[~judged["met"].astype(bool)]
+    named = [row.run + (f" ({row.note})" if pd.isna(row.value) else "") for row in missed.itertuples()]
+    none = (
+        "all"
+        if len(missed) > 1 and len(missed) == len(judged) and not any("(" in n for n in named)
+        else ", ".join(named)
+    )
+    return [" to ".join(ends) or "–", f"{len(judged) - len(missed)} of {len(judged)}", none or "–"]
 
 
 def _markdown(heading: str, columns: list[str], rows: list[list[str]]) -> str:
@@ -147,14 +181,15 @@ def _markdown(heading: str, columns: list[str], rows: list[list[str]]) -> str:
     return "\n".join([f"## {heading}", "", *lines])
 
 
-def _cell(row: Any) -> str:
-    value = row.value
+def _cell(value: Any, unit: str) -> str:
     if value is None or (isinstance(value, float) and pd.isna(value)):
-        return "–" if row.met is None or pd.isna(row.met) else "not there: **no**"
-    text = f"{value * 1e4:.0f} cm²/s" if row.unit == "m²/s" else quantity(value, row.unit)
-    if row.kind == "finding" and row.met is not None:
-        text += "" if row.met else " **no**"
-    return text
+        return "–"
+    if unit in SHOWN:
+        factor, shown = SHOWN[unit]
+        return (
+            f"{value * factor:.3g} {shown}" if abs(value * factor) < 100 else f"{value * factor:.0f} {shown}"
+        )
+    return quantity(value, unit)
 
 
 def gather(plan: dict[str, Any]) -> tuple[pd.DataFrame, dict[str, str]]:

@@ -156,12 +156,19 @@ def test_the_page_of_a_study_says_what_was_run_and_with_what():
         ["near", "gap = 1", "2d", 2600, 640, "ab12", "v1912"],
         ["far", "gap = 2", "2d", 2700, 500, "cd34", "v2306"],
     ]
-    rows = [[*run, "number", "contact_time", 0.25, "s", None] for run in about]
+    finding = [
+        ["finding", "ventral-pair-forms", *told]
+        for told in ((1e-3, "m", True, ""), (None, "m", False, "cores overlap"))
+    ]
+    rows = [[*run, "number", "contact_time", 0.25, "s", None, ""] for run in about]
+    rows += [[*run, *told] for run, told in zip(about, finding, strict=True)]
     text = studies.page(
         "# Trial", pd.DataFrame(rows, columns=studies.COLUMNS), {"lost": "run.json is not there"}, "trial"
     )
     assert "| near | gap = 1 | 2d | 2600 | 640 |" in text
     assert "OpenFOAM v1912 and v2306" in text
+    assert "| ventral pair forms | 1.00\u00a0mm | 1 of 2 | far (cores overlap) |" in text
+    assert "| far | 0.25\u00a0s |" in text
     assert "lost (run.json is not there)" in text
 
 
