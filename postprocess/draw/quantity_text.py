@@ -13,12 +13,16 @@ PAIRS = {
     "piv-cfd": "PIV against CFD",
 }
 
-
+SHOWN = {
+    "m²/s": (1e4, "cm²/s"),
+    "m³/s": (1e6, "cm³/s"),
+    "m³/s²": (1e6, "cm³/s²"),
+}  # factor and unit for a person
 NBSP = "\u00a0"  # keeps a number and its unit on one line
 
 
 def quantity(value: float | str | None, unit: str) -> str:
-    """One value with its unit as a person reads it: metres below 1 m in mm, fractions in per cent."""
+    """One value with its unit as a person reads it: metres below 1 m in mm, of circulation and flux cm, fractions in per cent."""
     if value is None:
         return "–"
     if isinstance(value, str):
@@ -29,6 +33,9 @@ def quantity(value: float | str | None, unit: str) -> str:
         return f"{value * 100:.1f}{NBSP}%"
     if unit == "rad":
         return f"{math.degrees(value):.1f}°"
+    if unit in SHOWN:
+        factor, shown = SHOWN[unit]
+        return f"{value * factor:.{0 if abs(value * factor) >= 1000 else 1}f}{NBSP}{shown}"
     return number(value) + (NBSP + unit.replace(" ", NBSP) if unit not in ("", "1") else "")
 
 

@@ -59,7 +59,7 @@ def _cell(values: dict[str, float | None], key: str, unit: str, at: tuple[str, .
     value = values.get(key)
     if value is None:
         return "–"
-    text = f"{value * 1e4:.1f} cm²/s" if unit == "m²/s" else quantity(value, unit)
+    text = quantity(value, unit)
     if at and values.get(at[0]) is not None:
         text += f" at {values[at[0]]:.3f} s, {(values[at[1]] or 0.0) * 1e3:.2f} mm of gap"
     return text

@@ -62,11 +62,6 @@ NUMBERS = {
         "pressure_tip_min_peak": "Pa",
     },
 }
-SHOWN = {
-    "m²/s": (1e4, "cm²/s"),
-    "m³/s": (1e6, "cm³/s"),
-    "m³/s²": (1e6, "cm³/s²"),
-}  # factor and unit on the page
 # changes of these keys leave the finger's own motion as the single finger's
 FREE = ("pinch.", "sheet.", "camera.")
 AS_IT_IS = "as it is"
@@ -182,14 +177,7 @@ def _markdown(heading: str, columns: list[str], rows: list[list[str]]) -> str:
 
 
 def _cell(value: Any, unit: str) -> str:
-    if value is None or (isinstance(value, float) and pd.isna(value)):
-        return "–"
-    if unit in SHOWN:
-        factor, shown = SHOWN[unit]
-        return (
-            f"{value * factor:.3g} {shown}" if abs(value * factor) < 100 else f"{value * factor:.0f} {shown}"
-        )
-    return quantity(value, unit)
+    return quantity(None if pd.isna(value) else value, unit)
 
 
 def gather(plan: dict[str, Any]) -> tuple[pd.DataFrame, dict[str, str]]:
