@@ -9,7 +9,7 @@ from postprocess.evidence import centreline
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence import vortex_pairs as pairs
 from postprocess.evidence.evidence import Part, Quantity
-from postprocess.evidence.pair_integrals import DORSAL, VENTRAL, formed, pair_of
+from postprocess.evidence.pair_integrals import DORSAL, VENTRAL, formed, pair_of, vortex_of
 
 
 def paired_tips(part: Part) -> pd.DataFrame:
@@ -44,31 +44,6 @@ def shift(part: Part, name: str) -> float:
     window = (float(times.min()), float(times.max()))
     track = tracks.dominant_track(single, 0, window, f"single finger, {part.of}")
     return pairs.shift_at_equal_bend(rows, bend, track, track["bend"].to_numpy(float), name)
-
-
-def _followed(part: Part) -> pd.DataFrame:
-    """The dominant track of a finger in the window; ValueError where it does not last through half of it, or cannot be told."""
-    name, (start, end) = f"vortices of {part.of}", part.window
-    rows = part.inside(tracks.dominant_track(part.evidence.vortices[part.of], part.finger, part.window, name))
-    first, last = rows["time"].iloc[0], rows["time"].iloc[-1]
-    if last - first < 0.5 * (end - start):
-        raise ValueError(
-            f"{name}: the vortex of finger {part.finger} is followed from {first:.3f} to {last:.3f} s only,"
-            f" less than half of {start:.3f} to {end:.3f} s"
-        )
-    overlap = rows["x"].abs() < rows["core_radius"]
-    if overlap.any():
-        raise ValueError(
-            f"{name}: at {rows['time'][overlap].iloc[0]:.3f} s the core of finger {part.finger}'s vortex overlaps its mirror image,"
-            " so that no fit tells where it is"
-        )
-    return rows
-
-
-def _travelled(part: Part, column: str) -> float:
-    """Change of a column from the first to the last row of the followed vortex."""
-    values = _followed(part)[column]
-    return float(values.iloc[-1] - values.iloc[0])
 
 
 def _oblique(part: Part, above: bool) -> centreline.Oblique:
@@ -114,6 +89,39 @@ def _ventral_flow(part: Part) -> str:
     )
 
 
+def _side(part: Part) -> str:
+    """The side on which the strongest vortex of either finger lies at most instants; "different" where they differ."""
+    rows = _integrals(part)
+    if set(rows["finger"]) != {0, 1}:
+        raise ValueError(f"{part.of}: no vortex at both tips {part.words()}")
+    strongest = rows.loc[rows.groupby(["time", "finger"])["circulation"].apply(lambda c: c.abs().idxmax())]
+    left, right = (strongest.loc[strongest["finger"] == finger, "side"].mode().iloc[0] for finger in (0, 1))
+    return str(left) if left == right else "different"
+
+
+def _dorsal(part: Part) -> pd.DataFrame:
+    """A finger's vortex of the dorsal pair in the window, with `across_tip` (m); ValueError where it is not one throughout half of it."""
+    rows, plane = vortex_of(_integrals(part), *DORSAL, part.finger), part.evidence.planes[part.of]
+    lasted = float(np.ptp(rows["time"])) if len(rows) else 0.0
+    if lasted < 0.5 * (part.window[1] - part.window[0]):
+        raise ValueError(
+            f"{part.of}: the dorsal vortex of finger {part.finger} is there for {lasted:.3f} s {part.words()}"
+        )
+    if (np.hypot(rows["x"].diff(), rows["y"].diff()) >= plane.attrs["tip_width"]).any():
+        raise ValueError(
+            f"{part.of}: the dorsal vortex of finger {part.finger} jumps by a tip width {part.words()}"
+        )
+    of_finger = plane[["tip", "dorsal_direction"]].isel(finger=part.finger).sel(time=rows["time"].to_numpy())
+    from_tip = rows[["x", "y"]].to_numpy() - of_finger["tip"].values
+    return rows.assign(across_tip=(from_tip * of_finger["dorsal_direction"].values).sum(axis=1))
+
+
+def _travelled(part: Part, column: str) -> float:
+    """Change of a column from the first to the last instant of the dorsal vortex."""
+    values = _dorsal(part)[column]
+    return float(values.iloc[-1] - values.iloc[0])
+
+
 def _ventral_part(part: Part) -> float:
     dorsal = pair_of(_integrals(part), *DORSAL)["circulation"]
     if dorsal.empty:
@@ -123,8 +131,8 @@ def _ventral_part(part: Part) -> float:
 
 PINCH_QUANTITIES: dict[str, Quantity] = {
     "pair_side": Quantity(
-        lambda p: pairs.both_sides(paired_tips(p)),
-        "", "side of the tip on which the vortices of both fingers lie"),
+        _side,
+        "", "side of the tip on which the strongest vortex of either finger lies; by integrals"),
     "pair_senses": Quantity(
         lambda p: pairs.senses(paired_tips(p)),
         "", "senses of rotation of the two tip vortices"),
@@ -160,10 +168,10 @@ PINCH_QUANTITIES: dict[str, Quantity] = {
         "m", "mean shift along the tip's direction against the single finger at the same bend"),
     "vortex_descent": Quantity(
         lambda p: -_travelled(p, "y"),
-        "m", "how far the finger's strongest vortex sinks from the window's first to its last instant"),
+        "m", "how far the finger's vortex of the dorsal pair sinks from the window's first to its last instant; by integrals"),
     "dorsal_drift": Quantity(
         lambda p: _travelled(p, "across_tip"),
-        "m", "how far that vortex moves towards the dorsal side, as seen from the tip"),
+        "m", "how far that vortex moves towards the dorsal side, as seen from the tip; by integrals"),
     "parting_share": Quantity(
         lambda p: float(_lines(p)["stagnation_y"].notna().mean()),
         "fraction", "share of instants at which the flow between the fingers parts into up and down"),

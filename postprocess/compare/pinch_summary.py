@@ -13,7 +13,10 @@ from postprocess.evidence.pair_integrals import DORSAL, VENTRAL, formed, pair_of
 from postprocess.evidence.time_windows import Clock
 from postprocess.evidence.vortex_pairs import rms
 
-APPROACH = (0.020, 0.002)  # m of gap between tip and plane
+APPROACH = (
+    0.020,
+    0.005,
+)  # m of gap between tip and plane, as of the findings; nearer the fitted cores overlap
 AFTER = 0.15  # s after contact
 BEFORE = 0.25  # s before it: a vortex of an opening stroke is older
 

@@ -79,9 +79,9 @@ def integrals(pairs: dict[str, pd.DataFrame], halves: dict[str, pd.DataFrame], m
             )
         half = halves[source]
         axes[1].plot(half["time"], half["circulation_0"] * 1e4, color=colour, label=name)
-        axes[2].plot(half["time"], half["impulse_0"] * 1e4, color=colour, label=name)
+        axes[2].plot(half["time"], half["impulse_0"] * 1e6, color=colour, label=name)
         for depth, style in zip(BELOW, ("-", "--", ":"), strict=True):
-            for ax, column, unit in zip(axes[3:], names_at(depth), (1.0, 1e4), strict=True):
+            for ax, column, unit in zip(axes[3:], names_at(depth), (1.0, 1e6), strict=True):
                 label = f"{depth * MM:.0f} mm below, {name}"
                 ax.plot(half["time"], half[column] * unit, style, color=colour, label=label)
     axes[0].set(
@@ -89,9 +89,9 @@ def integrals(pairs: dict[str, pd.DataFrame], halves: dict[str, pd.DataFrame], m
         title="By integrals: the pairs, half the plane, the jet",
     )
     axes[1].set(ylabel="circulation of the\nleft half, cm²/s")
-    axes[2].set(ylabel="impulse of the left\nhalf, 10⁻⁴ m³/s")
+    axes[2].set(ylabel="impulse of the left\nhalf, cm³/s")
     axes[3].set(ylabel="speed of the\njet, m/s", ylim=(0, None))
-    axes[4].set(ylabel="flux of the jet,\n10⁻⁴ m³/s²", xlabel="time, s", ylim=(0, None))
+    axes[4].set(ylabel="flux of the jet,\ncm³/s²", xlabel="time, s", ylim=(0, None))
     return _with_contact(figure, axes, met, (axes[0], axes[3]))
 
 

@@ -60,12 +60,6 @@ def broken(table: pd.DataFrame, *tracks: str) -> pd.DataFrame:
     return pd.concat(parts[:-1], ignore_index=True) if len(parts) > 1 else table
 
 
-def both_sides(rows: pd.DataFrame) -> str:
-    """The side of the tip on which most vortices of both fingers lie: "dorsal", "ventral", or "different"."""
-    sides = [rows[f"side_{finger}"].mode().iloc[0] for finger in (0, 1)]
-    return str(sides[0]) if sides[0] == sides[1] else "different"
-
-
 def senses(rows: pd.DataFrame) -> str:
     """ "opposite" where the fingers' mean circulations differ in sign, else "equal"."""
     return "opposite" if rows["circulation_0"].mean() * rows["circulation_1"].mean() < 0 else "equal"

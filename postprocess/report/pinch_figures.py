@@ -146,7 +146,7 @@ def format_pair(numbers: dict[str, Any]) -> str:
                 f"{name}: imbalance {rows['imbalance_rms'] * 100:.2g} %, mirror distance"
                 f" {rows['mirror_distance_rms'] * 1e3:.2g} mm"
             )
-    return f"RMS from 20 to 2 mm of gap: {'; '.join(parts)}." if parts else ""
+    return f"RMS from 20 to 5 mm of gap: {'; '.join(parts)}." if parts else ""
 
 
 def _with_bend(table: pd.DataFrame, clock: Clock) -> pd.DataFrame:

@@ -8,11 +8,11 @@ from postprocess.draw.quantity_text import PAIRS, quantity
 
 # name of the row, key of pinch_summary.source_numbers, unit, keys of the time and the gap at which it is reached
 ROWS = (
-    ("circulation of each tip vortex at its peak, 20 to 2 mm of gap (fit)", "circulation_peak", "m²/s", ()),
-    ("imbalance of the pair, 20 to 2 mm of gap (RMS)", "imbalance_rms", "fraction", ()),
-    ("mirror distance of the centres, 20 to 2 mm of gap (RMS)", "mirror_distance_rms", "m", ()),
-    ("vortex beyond the tip, 20 to 2 mm of gap", "along_tip_approach", "m", ()),
-    ("vortex to the dorsal side, 20 to 2 mm of gap", "across_tip_approach", "m", ()),
+    ("circulation of each tip vortex at its peak, 20 to 5 mm of gap (fit)", "circulation_peak", "m²/s", ()),
+    ("imbalance of the pair, 20 to 5 mm of gap (RMS)", "imbalance_rms", "fraction", ()),
+    ("mirror distance of the centres, 20 to 5 mm of gap (RMS)", "mirror_distance_rms", "m", ()),
+    ("vortex beyond the tip, 20 to 5 mm of gap", "along_tip_approach", "m", ()),
+    ("vortex to the dorsal side, 20 to 5 mm of gap", "across_tip_approach", "m", ()),
     ("dorsal pair: circulation of each at contact", "dorsal_circulation_at_contact", "m²/s", ()),
     ("dorsal pair: circulation of each, 0.15 s after contact", "dorsal_circulation_after", "m²/s", ()),
     ("dorsal pair: distance from the plane between, 0.15 s after contact", "dorsal_from_plane_after", "m", ()),
@@ -34,7 +34,7 @@ ROWS = (
     ("circulation of half the plane that walls, flow and diffusion do not explain, until contact, over its peak", "circulation_unexplained", "fraction", ()),
     ("the same, after contact", "circulation_unexplained_after", "fraction", ()),
     ("vertical impulse of the plane flow (two dimensions only) against the fingers' forces per width, largest difference over its peak", "impulse_unexplained", "fraction", ()),
-    ("height at which the flow parts, 20 to 2 mm of gap", "stagnation_y_approach", "m", ()),
+    ("height at which the flow parts, 20 to 5 mm of gap", "stagnation_y_approach", "m", ()),
     ("downward jet at its fastest", "jet_peak", "m/s", ("jet_peak_time", "jet_peak_gap")),
     ("upward flow at its fastest", "rise_peak", "m/s", ("rise_peak_time", "rise_peak_gap")),
     ("downward jet within 0.15 s after contact", "jet_peak_after_contact", "m/s", ()),

@@ -34,7 +34,6 @@ def test_a_mirrored_pair_is_exact_and_known_errors_come_out():
     assert table["imbalance"].tolist() == pytest.approx([0.0, 0.02 / 0.99])
     assert table["mirror_distance"].tolist() == pytest.approx([0.0, 5e-3])
     assert pairs.senses(table) == "opposite"
-    assert pairs.both_sides(table) == "dorsal"
 
 
 def test_cores_that_overlap_are_no_pair():
@@ -54,10 +53,10 @@ def test_the_partner_is_the_mirror_image_not_the_strongest():
     assert table["circulation_0"].item() == -1e-2
 
 
-def test_equal_senses_and_sides_that_differ_are_told():
-    rows = [vortex(0.1, 0, -0.02, 0.17, 1e-2), vortex(0.1, 1, 0.02, 0.17, 1e-2, side="ventral")]
+def test_equal_senses_are_told():
+    rows = [vortex(0.1, 0, -0.02, 0.17, 1e-2), vortex(0.1, 1, 0.02, 0.17, 1e-2)]
     table = pairs.pair_vortices(pd.DataFrame(rows))
-    assert (pairs.senses(table), pairs.both_sides(table)) == ("equal", "different")
+    assert pairs.senses(table) == "equal"
     assert table["imbalance"].item() == pytest.approx(2.0)
 
 

@@ -1,34 +1,66 @@
-"""What follows one vortex of a pinch refuses a core that its mirror image overlaps."""
+"""Sides, descent and drift of a pinch's vortices, from integrals that hold where cores overlap across the plane."""
 
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 from postprocess.compare.pinch_quantities import PINCH_QUANTITIES
 from postprocess.evidence.evidence import Evidence, Part
+from postprocess.evidence.pair_integrals import COLUMNS
 from postprocess.evidence.time_windows import Clock
 
 WINDOW = (0.2, 0.3)
-CORE = 0.004  # m
+TIME = np.linspace(*WINDOW, 11)
+WIDTH = 0.0167  # m
 
 
-def descent(x):
-    """Of a vortex that sinks by 6 mm in the window, at x (m) from the plane between the fingers in the end."""
-    time = np.linspace(*WINDOW, 11)
-    fixed = {"track": 0, "finger": 0, "tip_distance": 0.01, "circulation": -1e-2, "core_radius": CORE}
-    table = pd.DataFrame(
-        {"time": time, "x": np.linspace(-0.02, x, 11), "y": 0.2 - 0.06 * (time - 0.2)} | fixed
+def vortices(side, flow, circulation, y, kept=slice(None)):
+    """One vortex of each finger, 1 mm from the plane, so that the cores of 4 mm overlap."""
+    return [
+        [time, side, flow, finger, sign * circulation, sign * 0.001, at, 0.004, 0.1]
+        for time, at in zip(TIME[kept], np.broadcast_to(y, TIME.shape)[kept], strict=True)
+        for finger, sign in ((0, -1), (1, 1))
+    ]
+
+
+def measure(name, rows, finger=0):
+    """By tips that stand still at 0.18 m and look down with their dorsal side."""
+    still = np.broadcast_to([[0.0, 0.18], [0.0, 0.18]], (11, 2, 2))
+    down = np.broadcast_to([[0.0, -1.0], [0.0, -1.0]], (11, 2, 2))
+    dims = ("time", "finger", "axis")
+    plane = xr.Dataset({"tip": (dims, still), "dorsal_direction": (dims, down)}, {"time": TIME})
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    evidence = Evidence(
+        {"cfd": plane.assign_attrs(tip_width=WIDTH)}, {}, 0.3, Clock(TIME, TIME), integrals={"cfd": table}
     )
-    evidence = Evidence({}, {"cfd": table}, 0.3, Clock(time, time))
-    return PINCH_QUANTITIES["vortex_descent"].measure(Part(evidence, "cfd", WINDOW))
+    return PINCH_QUANTITIES[name].measure(Part(evidence, "cfd", WINDOW, finger))
 
 
-def test_a_core_clear_of_the_plane_is_followed():
-    assert descent(-1.01 * CORE) == pytest.approx(0.006)
+SINKS = 0.17 - 0.06 * (TIME - 0.2)
 
 
-def test_a_core_that_its_mirror_image_overlaps_is_not():
-    with pytest.raises(
-        ValueError, match=r"at 0.300 s the core of finger 0's vortex overlaps its mirror image"
-    ):
-        descent(-0.99 * CORE)
+@pytest.mark.parametrize("finger", [0, 1])
+@pytest.mark.parametrize("name", ["vortex_descent", "dorsal_drift"])
+def test_a_pair_whose_cores_overlap_is_followed(name, finger):
+    rows = vortices("dorsal", "downward", 1e-2, SINKS) + vortices("ventral", "upward", 3e-2, 0.2)
+    assert measure(name, rows, finger) == pytest.approx(0.006)  # the dorsal side looks down
+
+
+def test_what_jumps_or_is_hardly_there_is_not_followed():
+    jumps = np.where(TIME < 0.25, SINKS, SINKS - 1.1 * WIDTH)
+    with pytest.raises(ValueError, match="jumps by a tip width"):
+        measure("vortex_descent", vortices("dorsal", "downward", 1e-2, jumps))
+    with pytest.raises(ValueError, match=r"finger 0 is there for 0.040 s"):
+        measure("vortex_descent", vortices("dorsal", "downward", 1e-2, SINKS, slice(5)))
+    with pytest.raises(ValueError, match=r"finger 0 is there for 0.000 s"):
+        measure("vortex_descent", vortices("ventral", "upward", 1e-2, SINKS))
+
+
+def test_the_side_is_that_of_the_strongest():
+    dorsal, ventral = vortices("dorsal", "downward", 2e-2, 0.16), vortices("ventral", "downward", 1e-2, 0.2)
+    assert measure("pair_side", dorsal + ventral) == "dorsal"
+    stronger_left = [[*row[:4], 3 * row[4], *row[5:]] if row[3] == 0 else row for row in ventral]
+    assert measure("pair_side", dorsal + stronger_left) == "different"
+    with pytest.raises(ValueError, match="no vortex at both tips"):
+        measure("pair_side", [row for row in dorsal if row[3] == 0])
