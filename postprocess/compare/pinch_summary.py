@@ -67,6 +67,8 @@ def source_numbers(
     out["circulation_peak"] = _number(size[rows.index].max())
     out["imbalance_rms"] = rms(rows["imbalance"]) if len(rows) else None
     out["mirror_distance_rms"] = rms(rows["mirror_distance"]) if len(rows) else None
+    clear = pd.concat([rows[f"x_{finger}"].abs() / rows[f"core_radius_{finger}"] for finger in (0, 1)])
+    out["core_radii_from_plane_approach"] = _number(clear.min())
     for name in ("along_tip", "across_tip"):
         both = 0.5 * (pairs[f"{name}_0"] + pairs[f"{name}_1"])
         out[f"{name}_approach"] = _number(both[rows.index].mean())

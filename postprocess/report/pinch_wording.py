@@ -13,6 +13,7 @@ ROWS = (
     ("mirror distance of the centres, 20 to 5 mm of gap (RMS)", "mirror_distance_rms", "m", ()),
     ("vortex beyond the tip, 20 to 5 mm of gap", "along_tip_approach", "m", ()),
     ("vortex to the dorsal side, 20 to 5 mm of gap", "across_tip_approach", "m", ()),
+    ("the same from the plane between the fingers, in core radii, at its least", "core_radii_from_plane_approach", "1", ()),
     ("dorsal pair: circulation of each at contact", "dorsal_circulation_at_contact", "m²/s", ()),
     ("dorsal pair: circulation of each, 0.15 s after contact", "dorsal_circulation_after", "m²/s", ()),
     ("dorsal pair: distance from the plane between, 0.15 s after contact", "dorsal_from_plane_after", "m", ()),

@@ -43,6 +43,7 @@ NUMBERS = {
     "Dorsal pair and half the plane": {
         "along_tip_approach": "m",
         "across_tip_approach": "m",
+        "core_radii_from_plane_approach": "1",
         "dorsal_circulation_at_contact": "m²/s",
         "dorsal_circulation_after": "m²/s",
         "dorsal_y_after": "m",
