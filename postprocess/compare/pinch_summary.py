@@ -9,7 +9,7 @@ import pandas as pd
 
 from postprocess.evidence.evidence import Evidence
 from postprocess.evidence.half_planes import BELOW, names_at
-from postprocess.evidence.pair_integrals import DORSAL, VENTRAL, formed, pair_of
+from postprocess.evidence.pair_integrals import DORSAL, LATE, VENTRAL, formed, pair_of
 from postprocess.evidence.time_windows import Clock
 from postprocess.evidence.vortex_pairs import rms
 
@@ -79,12 +79,13 @@ def source_numbers(
 def integral_numbers(
     integrals: pd.DataFrame, halves: pd.DataFrame, clock: Clock, met: float | None, width: float
 ) -> dict[str, float | None]:
-    """Numbers that no fit is asked for: both pairs, and each half of the plane and the jet after contact; None: not there.
+    """Numbers that no fit is asked for, from BEFORE contact until LATE: both pairs, each half of the plane, the jet; None: not there.
 
     `width`: of a tip (m).
     """
     if met is not None:
-        integrals, halves = (table[table["time"] >= met - BEFORE] for table in (integrals, halves))
+        near = (met - BEFORE, met + LATE)
+        integrals, halves = (table[table["time"].between(*near)] for table in (integrals, halves))
     ventral, dorsal = pair_of(integrals, *VENTRAL), pair_of(integrals, *DORSAL)
     at = formed(halves["time"].to_numpy(), ventral, width)
     out: dict[str, float | None] = {"ventral_forms_time": at, "ventral_forms_gap": None}

@@ -75,8 +75,13 @@ def single_finger(folder: Path, level: str) -> tuple[dict[str, pd.DataFrame], st
             with read_plane(sheet) as plane:
                 bend = np.interp(table["time"], plane["time"].values, plane["bend"].values[:, 0])
             tables[source] = table.assign(bend=bend)
-    absent = f"the single finger at level {level} was not run, so nothing is compared with it: make {beside.scene} LEVEL={level}"
-    return tables, absent
+    run = f"make {beside.scene} LEVEL={level}"
+    if tables:
+        return (
+            tables,
+            f"no PIV of the single finger at level {level} was made, so PIV is not compared with it: {run}",
+        )
+    return tables, f"the single finger at level {level} was not run, so nothing is compared with it: {run}"
 
 
 def read_clock(path: Path, plane: xr.Dataset) -> Clock:

@@ -23,6 +23,7 @@ FLOWS = {"downward": -1.0, "upward": 1.0}  # sign of the left vortex' circulatio
 REACH = {"dorsal": 5.0, "ventral": 3.0}
 FLOOR = 0.1  # of tip speed over tip width: weaker vorticity is the measurement's error
 LEAST = 0.05  # of tip speed times tip width: a rotating region of less circulation is a layer's, not a vortex
+LATE = 0.3  # s after contact: later the layers of the jet through the residual gap are counted for the ventral pair
 LASTS = 0.02  # s: a pair has formed when the same one is there at every instant of so long
 COLUMNS = ("time", "side", "flow", "finger", "circulation", "x", "y", "core_radius", "between")
 

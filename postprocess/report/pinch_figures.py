@@ -14,7 +14,7 @@ from postprocess.draw import animation
 from postprocess.draw import flow as draw_flow
 from postprocess.draw import pinch as draw_pinch
 from postprocess.evidence import tip_vortex as tracks
-from postprocess.evidence.pair_integrals import DORSAL, VENTRAL, pair_of, vortex_of
+from postprocess.evidence.pair_integrals import DORSAL, LATE, VENTRAL, pair_of, vortex_of
 from postprocess.evidence.time_windows import Clock, gap_reached
 from postprocess.evidence.vortex_pairs import of_finger
 from postprocess.report.picture_index import Album
@@ -77,6 +77,9 @@ def both_pairs(album: Album, plane: xr.Dataset, integrals: pd.DataFrame, clock: 
     approaching = gap_reached(clock, max(APPROACHING, float(clock.gaps()[1].min())))
     ventral = pair_of(integrals, *VENTRAL)
     instants = {"dorsal": approaching}
+    met = clock.met()
+    if met is not None:
+        ventral = ventral[ventral["time"] <= met + LATE]
     if len(ventral):
         instants["ventral"] = float(ventral.loc[ventral["circulation"].idxmax(), "time"])
     pairs = {"dorsal": DORSAL, "ventral": VENTRAL}
