@@ -23,8 +23,8 @@ def _with_contact(figure: Figure, axes, met: float | None, explained) -> Figure:
     return figure
 
 
-def pair(pairs: dict[str, pd.DataFrame], met: float | None) -> Figure:
-    """Imbalance of circulation, mirror distance of the centres and place as seen from the tips over time; `met`: contact, s."""
+def pair(pairs: dict[str, pd.DataFrame]) -> Figure:
+    """Imbalance of circulation, mirror distance of the centres and place as seen from the tips over time."""
     figure, axes = new_figure(8.6, 7.4, 4, 1, sharex=True)
     for source, whole in pairs.items():
         table = broken(whole, "track_0", "track_1")
@@ -43,7 +43,7 @@ def pair(pairs: dict[str, pd.DataFrame], met: float | None) -> Figure:
     axes[1].set(ylabel="mirror\ndistance, mm", ylim=(0, max(1.5 * usual * MM, 0.1)))
     axes[2].set(ylabel="along the\ntip, mm")
     axes[3].set(ylabel="to the dorsal\nside, mm", xlabel="time, s")
-    return _with_contact(figure, axes, met, (axes[0], axes[2]))
+    return _with_contact(figure, axes, None, (axes[0], axes[2]))
 
 
 def centreline(

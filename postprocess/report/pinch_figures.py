@@ -10,13 +10,14 @@ import pandas as pd
 import xarray as xr
 
 from fileio.formats.kinematics import read_kinematics
+from postprocess.compare.pinch_summary import APPROACH
 from postprocess.draw import animation
 from postprocess.draw import flow as draw_flow
 from postprocess.draw import pinch as draw_pinch
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.pair_integrals import DORSAL, LATE, VENTRAL, pair_of, vortex_of
 from postprocess.evidence.time_windows import Clock, gap_reached
-from postprocess.evidence.vortex_pairs import of_finger
+from postprocess.evidence.vortex_pairs import broken, of_finger
 from postprocess.report.picture_index import Album
 
 APPROACHING = 0.010  # m: gap at which the dorsal pair is shown
@@ -37,7 +38,8 @@ def pinch_figures(
     `single`: vortices of the single finger by source; `absent`: why there are none; `scale`: velocity scale, m/s.
     """
     sources = [s for s in ("cfd", "piv") if (out / f"pairs_{s}.csv").exists()]
-    pairs = {s: pd.read_csv(out / f"pairs_{s}.csv") for s in sources}
+    pairs = {s: pd.read_csv(out / f"pairs_{s}.csv") for s in sources}  # nearer, the fitted cores overlap
+    pairs = {s: table[clock.gap_at(table["time"].to_numpy()) >= APPROACH[1]] for s, table in pairs.items()}
     lines = {s: pd.read_csv(out / f"centreline_{s}.csv") for s in sources}
     integrals = {s: pd.read_csv(out / f"integrals_{s}.csv") for s in sources}
     halves = {s: pd.read_csv(out / f"halves_{s}.csv") for s in sources}
@@ -48,8 +50,8 @@ def pinch_figures(
         "By integrals of the vorticity, which hold where cores overlap across the plane between the fingers."
     )
     album.add(draw_pinch.integrals(integrals, halves, met), "integrals.svg", "pinch", alt, caption)
-    alt = "Imbalance of circulation, mirror distance and place of the two tip vortices over time."
-    album.add(draw_pinch.pair(pairs, met), "pair.svg", "pinch", alt, format_pair(numbers))
+    alt = "Imbalance of circulation, mirror distance and place of the two tip vortices over time, to 5 mm of gap."
+    album.add(draw_pinch.pair(pairs), "pair.svg", "pinch", alt, format_pair(numbers))
     tips = plane["tip"].values[..., 1].mean(axis=1)
     alt = "Height of the line between the fingers at which the flow parts into up and down, and the speeds of both streams."
     caption = "No line is drawn where one of the two streams is slower than 2 % of the tips' peak speed."
@@ -63,7 +65,7 @@ def pinch_figures(
     album.add(figure, "closing.svg", "pinch", alt, caption)
     if not single:
         return
-    beside = {s: _with_bend(of_finger(table, 0), clock) for s, table in pairs.items()}
+    beside = {s: broken(_with_bend(of_finger(table, 0), clock), "track") for s, table in pairs.items()}
     alone = {s: _dominant(table) for s, table in single.items()}
     limits = (0.0, float(np.degrees(clock.progress.max())) + 2)
     alt = "Place of the tip vortex as seen from the tip over the bend angle, of the pinch and of the single finger."
