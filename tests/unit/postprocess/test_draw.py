@@ -46,7 +46,7 @@ def test_a_wrong_pair_does_not_set_the_scale():
     for name in ("along_tip", "across_tip"):
         table[f"{name}_0"] = table[f"{name}_1"] = 1e-3
     table.loc[30, "mirror_distance"] = 36e-3
-    figure = pinch.pair({"piv": table}, 0.2)
+    figure = pinch.pair({"piv": table})
     assert figure.axes[1].get_ylim()[1] < 1  # mm
 
 
