@@ -64,5 +64,7 @@ def report(path: str | Path) -> None:
 def existing(path: str) -> Path:
     """`path` as a Path; FileNotFoundError with one sentence where there is no such file."""
     if not Path(path).is_file():
-        raise FileNotFoundError(f"{path}: no such file")
+        raise FileNotFoundError(
+            f"{path}: {'is a folder; give a file' if Path(path).is_dir() else 'no such file'}"
+        )
     return Path(path)

@@ -19,7 +19,12 @@ from postprocess.evidence.strokes import REST
 AROUND = 0.020  # m shown beside the tips' and the vortices' way
 ARROW_EVERY = 0.0045  # m between drawn vectors: about 35 of them across the camera's picture
 HALO = [patheffects.withStroke(linewidth=4.0, foreground="white")]
-MARK: dict[str, Any] = {"color": "#0a7d2c", "linewidth": 2.0, "zorder": 2, "path_effects": HALO}  # behind the body
+MARK: dict[str, Any] = {
+    "color": "#0a7d2c",
+    "linewidth": 2.0,
+    "zorder": 2,
+    "path_effects": HALO,
+}  # behind the body
 OTHER: dict[str, Any] = MARK | {"color": "#4b5561", "linewidth": 1.0}
 MARKED = ("x", "y", "core_radius", "circulation")
 RIVAL = 0.3  # of the strongest at that instant: what is weaker is not marked

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -136,7 +137,8 @@ def test_the_whole_tank_is_the_quarter_and_its_images(closing, quarter, tmp_path
         )
 
 
-def test_what_is_there_stays_and_what_is_missing_or_old_is_written(closing, quarter):
+def test_what_is_there_stays_and_what_is_missing_or_old_is_written(closing, quarter, tmp_path):
+    quarter = shutil.copytree(quarter, tmp_path / "own")
     files = sorted(quarter.glob("*.vtu"))
     before = {path: path.stat().st_mtime_ns for path in files}
     files[0].unlink()
