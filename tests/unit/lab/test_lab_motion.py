@@ -1,0 +1,78 @@
+"""The flow is judged at the recording's own motion: what that is in changes of the runs, and what of S − D it explains."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from piv.vortices.find import VortexSettings
+from postprocess.lab.data.files import NO_NUISANCE, Law, Registration
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.judgement.inputs_of_budget import Case, Effect
+from postprocess.lab.judgement.motion import final_bend, recorded_motion_parts, stroke_duration
+from postprocess.lab.judgement.uncertainty_sources import explained_by_motion, motion_sources, run_sources
+from tests.lab_scene import finger_kinematics
+
+FACTOR, STRETCH = 1.05, 0.9
+COLUMNS = ("circulation",)
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    """A recording that bends 5 % further and is 10 % faster; runs with 2 % more pressure, 10 % longer, and finer."""
+    kinematics = finger_kinematics(tmp_path_factory.mktemp("motion"))
+    law = Law(np.array([FACTOR, 0.0, STRETCH]), np.diag([2e-3, 5e-4, 4e-3]) ** 2, 0.0)
+    pose, some = Pose(1e-4, 0.0, kinematics.root, (0.0, 0.0)), np.zeros(3)
+    registration = Registration(pose, np.eye(4), NO_NUISANCE, law, some, some, some, None)
+    bend = final_bend(kinematics, 1.02) - final_bend(kinematics, 1.0)
+    runs = (
+        ("pressure", "input", 3e-5, bend, 0.0),
+        ("duration", "input", -10e-5, 0.0, 0.1 * stroke_duration(kinematics)),
+        ("grid", "numerical", 2e-5, 0.0, 0.0),
+    )
+    effects = [
+        Effect(n, kind, "", 0.5, pd.Series({"circulation": c}), np.zeros(0), b, d)
+        for n, kind, c, b, d in runs
+    ]
+    return Case(
+        kinematics, registration, None, None, None, (0.0, 1.0), VortexSettings(0.004), 0.006, True, 0.02, effects
+    )  # fmt: skip
+
+
+def test_the_motion_is_counted_in_changes_of_the_runs(case):
+    pressure, duration = recorded_motion_parts(case)
+    assert pressure.share == pytest.approx(2.5, rel=0.02)  # the bend is not quite linear in the pressure
+    assert duration.share == pytest.approx(-1.0)
+    assert duration.std == pytest.approx(0.04)
+    assert duration.unlike == pytest.approx(0.2)  # 10 % faster, by a line through 10 % slower
+
+
+def test_it_takes_the_place_of_the_inputs_bands(case):
+    moved = replace(case, motion=recorded_motion_parts(case))
+    assert [s.name for s in run_sources(case, COLUMNS)] == [
+        "pressure",
+        "duration",
+        "grid",
+        "geometry and material",
+    ]
+    assert [s.name for s in run_sources(moved, COLUMNS)] == ["grid"]
+    assert explained_by_motion(case, COLUMNS) is None
+    # S − D: the recording's flow is stronger by 2.5 runs of pressure and one of duration less
+    assert explained_by_motion(moved, COLUMNS)[0] == pytest.approx(-(2.5 * 3e-5 + 10e-5), rel=0.02)
+    std = {s.name: s.std[0] for s in motion_sources(moved, COLUMNS)}
+    assert std["duration as recorded"] == pytest.approx(0.04 * 10e-5)
+    # 1/(1 + x) at x = −0.1 is 1.111; the line through x = 0.1 has 1.091
+    line = 1 + (1 / 1.1 - 1) / 0.1 * -0.1
+    assert std["duration, linear"] / 10e-5 == pytest.approx((1 / 0.9 - line) / (1 - 1 / 1.1), rel=0.15)
+
+
+@pytest.mark.parametrize("without", ["pressure", "duration", "silhouette", "motion of its own"])
+def test_nothing_is_taken_out_where_it_is_not_known(case, without):
+    if without == "silhouette":
+        case = replace(case, registration=replace(case.registration, times=np.zeros(0)))
+    elif without == "motion of its own":
+        case = replace(case, measured_motion=True)
+    else:
+        case = replace(case, effects=[e for e in case.effects if e.name != without])
+    assert recorded_motion_parts(case) == []
