@@ -42,10 +42,13 @@ class Faults:
     perspective: tuple[float, float] = (0.0, 0.0)
 
 
-def _outside(particles: np.ndarray, outline: np.ndarray, reach: float) -> np.ndarray:
-    """The particles that are outside an outline (point, 2) m and no further from it than `reach` (m)."""
-    away = shapely.distance(shapely.Polygon(outline), shapely.points(particles[:, :2]))
-    return particles[(away > 0) & (away <= reach)]
+def _away(particles: np.ndarray, outline: np.ndarray, reach: float) -> np.ndarray:
+    """Distances (particle,) m from an outline (point, 2) m, 0 within it; infinite where they are surely beyond `reach` (m)."""
+    low, high = outline.min(axis=0) - reach, outline.max(axis=0) + reach
+    near = ((particles[:, :2] >= low) & (particles[:, :2] <= high)).all(axis=1)
+    away = np.full(len(particles), np.inf)
+    away[near] = shapely.distance(shapely.Polygon(outline), shapely.points(particles[near, :2]))
+    return away
 
 
 def _directions(outline: np.ndarray) -> np.ndarray:
@@ -100,15 +103,16 @@ class Rendered(Recording):
     ) -> np.ndarray:
         """The particles a picture later: those near the finger stay beside the same part of it, but for the share `LOST`."""
         first, then = (self._kinematics.shape("outline", pressure) for pressure in (before, after))
-        near = _outside(particles, first, CARRIED)
+        away = _away(particles, first, CARRIED)
+        near = particles[(away > 0) & (away <= CARRIED)]
         near = near[rng.random(len(near)) > LOST]
         beside = cKDTree(first).query(near[:, :2])[1]
         turned = (_directions(then) / _directions(first))[beside]
         arm = (near[:, 0] - first[beside, 0] + 1j * (near[:, 1] - first[beside, 1])) * turned
         near[:, :2] = then[beside] + np.column_stack([arm.real, arm.imag])
         others = self._strewn(rng)
-        away = shapely.distance(shapely.Polygon(then), shapely.points(others[:, :2]))
-        return np.vstack([near, others[(away > CARRIED) | (rng.random(len(others)) < LOST)]])
+        beyond = _away(others, then, CARRIED) > CARRIED
+        return np.vstack([near, others[beyond | (rng.random(len(others)) < LOST)]])
 
     def to_px(self, points: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the tank frame in the picture, with the perspective."""

@@ -128,14 +128,16 @@ class Kinematics:
         """A variable of SCHEMA; None where the file has none."""
         return self.data[name].values if name in self.data.variables else None
 
-    def shape(self, name: str, pressure: float) -> np.ndarray:
-        """`outline` (point, 2), `tip`, `tip_direction`, `dorsal_direction` (2,) or `bend` at a pressure.
+    def shape(self, name: str, pressure: float | np.ndarray) -> np.ndarray:
+        """`outline` (point, 2), `tip`, `tip_direction`, `dorsal_direction` (2,) or `bend` at a pressure, or at each of many (…, of one).
 
         Outside the range of the shapes it goes on linearly: a recording may bend further than the simulation.
         """
-        inside = float(np.clip(pressure, self.low, self.high))
-        spline = self.splines[name]
-        return spline(inside) + (pressure - inside) * spline(inside, 1)
+        at = np.asarray(pressure, float)
+        inside, spline = np.clip(at, self.low, self.high), self.splines[name]
+        slope = spline(inside, 1)
+        beyond = (at - inside).reshape(at.shape + (1,) * (slope.ndim - at.ndim))
+        return np.asarray(spline(inside) + beyond * slope)
 
     def fingers(self, name: str, pressure: float) -> np.ndarray:
         """`shape` of every finger, (finger, …)."""
@@ -155,7 +157,7 @@ class Kinematics:
 
     def bend(self, pressure: np.ndarray) -> np.ndarray:
         """Bend angles (rad) at pressures (n,)."""
-        return np.array([float(self.shape("bend", p)) for p in np.ravel(pressure)])
+        return np.ravel(self.shape("bend", pressure))
 
     def pressure_of_bend(self, bend: np.ndarray) -> np.ndarray:
         """Pressures (Pa) at which the finger has these bend angles (rad); inverse of `bend`."""

@@ -100,7 +100,7 @@ def outline_table(kinematics: Kinematics) -> tuple[np.ndarray, np.ndarray, np.nd
     the dorsal, -1 on the ventral one, 0 at root and tip, where the normal is along the finger."""
     reach = REACH * (kinematics.high - kinematics.low)
     pressures = np.linspace(kinematics.low - reach, kinematics.high + reach, TABLE)
-    outlines = np.array([counter_clockwise(kinematics.shape("outline", p)) for p in pressures])
+    outlines = np.array([counter_clockwise(outline) for outline in kinematics.shape("outline", pressures)])
     normals = outward(outlines)
     rest = np.argmin(np.abs(pressures - kinematics.law(kinematics.time[0])))
     side = sides(normals[rest], kinematics.shape("dorsal_direction", pressures[rest]))
