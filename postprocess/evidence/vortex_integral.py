@@ -27,22 +27,46 @@ def vortex_integrals(
     What lies in the wall layer, within CLEAR of the body, is left out. Columns time, circulation (m²/s), x, y (m; centroid);
     rows are the instants of `plane` at which the track exists and its circle holds vorticity of its sense.
     """
-    x, y = plane["x"].values, plane["y"].values
-    dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
     times = plane["time"].values
     low, high = max(window[0], track["time"].iloc[0]), min(window[1], track["time"].iloc[-1])
+    axes, width = (plane["x"].values, plane["y"].values), float(plane.attrs["tip_width"])
     rows = []
     for index in np.flatnonzero((times >= low - 1e-9) & (times <= high + 1e-9)):
-        (u, v), valid = frame(plane, int(index))
-        x0, y0, fitted = (np.interp(times[index], track["time"], track[n]) for n in ("x", "y", "circulation"))
-        sense = np.sign(fitted)
-        omega = sense * vorticity(gradients(u, v, valid, dx, dy, "least-squares"))
-        away = distance_to_invalid(valid, dx, dy) > CLEAR * float(plane.attrs["tip_width"])
-        inside = np.hypot(x - x0, (y - y0)[:, None]) <= radius
-        amount = np.where(inside & away & (omega > 0), omega, 0.0)
-        total = amount.sum()
-        if total == 0:
-            continue  # nothing of the vortex is within the circle and outside the wall layer
-        centroid = (amount.sum(axis=0) @ x, amount.sum(axis=1) @ y) / total
-        rows.append([times[index], sense * total * abs(dx * dy), *centroid])
+        x0, y0, fitted = (
+            float(np.interp(times[index], track["time"], track[n])) for n in ("x", "y", "circulation")
+        )
+        found = vortex_integral(axes, *frame(plane, int(index)), (x0, y0), fitted, radius, width)
+        if found is not None:
+            rows.append([times[index], *found])
     return pd.DataFrame(rows, columns=["time", "circulation", "x", "y"])
+
+
+def vortex_integral(
+    axes: tuple[np.ndarray, np.ndarray],
+    velocity: np.ndarray,
+    valid: np.ndarray,
+    place: tuple[float, float],
+    circulation: float,
+    radius: float,
+    tip_width: float,
+) -> tuple[float, float, float] | None:
+    """Circulation (m²/s) and centroid x, y (m) of the vorticity of the sense of `circulation` around a place (m), of a field `velocity`
+    (2, y, x) on the `axes` x, y.
+
+    None where nothing of it is within the circle and outside the wall layer.
+    """
+    x, y = axes
+    dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
+    sense = float(np.sign(circulation))
+    omega = sense * vorticity(gradients(velocity[0], velocity[1], valid, dx, dy, "least-squares"))
+    away = distance_to_invalid(valid, dx, dy) > CLEAR * tip_width
+    inside = np.hypot(x - place[0], (y - place[1])[:, None]) <= radius
+    amount = np.where(inside & away & (omega > 0), omega, 0.0)
+    total = float(amount.sum())
+    if total == 0:
+        return None
+    return (
+        sense * total * abs(dx * dy),
+        float(amount.sum(axis=0) @ x / total),
+        float(amount.sum(axis=1) @ y / total),
+    )

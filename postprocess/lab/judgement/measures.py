@@ -11,6 +11,7 @@ from piv.vortices.find import VortexSettings, find_vortices
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.fields import frame
+from postprocess.evidence.vortex_integral import CIRCLE, vortex_integral, vortex_integrals
 from postprocess.lab.data.pose import Pose
 
 COLUMNS = ("circulation", "x", "y", "core_radius", "jet_speed")
@@ -25,7 +26,8 @@ def measure(
 ) -> pd.DataFrame:
     """Tip vortex (centre in the tank frame) and jet at every instant of a plane series in the camera frame.
 
-    The series must carry the finger's tip. ValueError where no vortex is near it within the window (s).
+    The circulation is the vorticity of the vortex's sense in the circle `CIRCLE` around its centre: that of the fitted vortex follows
+    the core's width, which grid and windows change. The series must carry the finger's tip. ValueError where no vortex is near it within the window (s).
     """
     table = tabulate_vortices(plane, settings)
     table = table.assign(side=table["side"].astype(object).fillna("").astype(str))
@@ -33,8 +35,15 @@ def measure(
     track = tracks.dominant_track(table, 0, window, name).set_index("time")
     times = plane["time"].values
     out = pd.DataFrame({"time": times})
-    for column in ("circulation", "core_radius"):
-        out[column] = track[column].reindex(times).to_numpy(float)
+    out["core_radius"] = track["core_radius"].reindex(times).to_numpy(float)
+    width = float(plane.attrs["tip_width"])
+    integral = vortex_integrals(plane, track.reset_index(), CIRCLE * width, (times[0], times[-1])).set_index(
+        "time"
+    )
+    out["circulation"] = integral["circulation"].reindex(times).to_numpy(float)
+    out.loc[out["core_radius"].isna(), "circulation"] = (
+        np.nan
+    )  # where there is no vortex, its track is only interpolated
     centre = pose.from_camera(
         np.column_stack([track["x"].reindex(times), track["y"].reindex(times)]).astype(float)
     )
@@ -70,21 +79,27 @@ def scatter(
     if "u_std" not in plane:
         raise ValueError("the vectors carry no uncertainty (u_std, v_std); give vectors.std_px in dpiv.toml")
     rng = np.random.default_rng(1)
-    x, _y = plane["x"].values, plane["y"].values
-    smooth = (window_m / 4) / (x[1] - x[0])
+    x, width = plane["x"].values, float(plane.attrs["tip_width"])
+    smooth, radius = (window_m / 4) / (x[1] - x[0]), CIRCLE * width
     moved: dict[str, list[float]] = {name: [] for name in COLUMNS}
     for k in rows:
         row = table.iloc[k]
         at = pose.to_camera(np.array([row["x"], row["y"]]))
-        reach = BOX * row["core_radius"] + 2 * (x[1] - x[0])
+        reach = max(BOX * row["core_radius"], radius) + 2 * (x[1] - x[0])
         now = plane[["u", "v", "valid", "u_std", "v_std"]].isel(time=k, drop=True)
         box = now.sel(x=slice(at[0] - reach, at[0] + reach), y=slice(at[1] - reach, at[1] + reach))
         fits = []
         for replica in range(REPLICAS + 1):
             shaken = _shaken(box, smooth, rng) if replica else box
             vortex = _nearest(shaken, settings, at, row["circulation"])
-            if vortex is not None:
-                fits.append([vortex.circulation, vortex.x, vortex.y, vortex.core_radius])
+            if vortex is None:
+                continue
+            velocity = np.stack([shaken["u"].values, shaken["v"].values])
+            place, valid = (vortex.x, vortex.y), shaken["valid"].values.astype(bool)
+            axes = shaken["x"].values, shaken["y"].values
+            whole = vortex_integral(axes, velocity, valid, place, vortex.circulation, radius, width)
+            if whole is not None:
+                fits.append([whole[0], vortex.x, vortex.y, vortex.core_radius])
         if len(fits) > 2:
             spread = np.std(fits[1:], axis=0, ddof=1)
             for name, value in zip(COLUMNS[:4], spread, strict=True):
