@@ -44,7 +44,7 @@ def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]
     """What each run beside the nominal one changes; runs that were not made are left out."""
     pose = case.registration.pose
     x, y, times = (case.direct[name].values for name in ("x", "y", "time"))
-    nominal = measure(case.direct, pose, case.vortices, case.window, "direct")
+    nominal = measure(case.direct, pose, case.vortices, case.window, "direct", case.seen())
     effects = []
     for one in inputs.all:
         sheet_path = files.run_sheet(one.name)

@@ -68,6 +68,13 @@ class Case:
         default_factory=list
     )  # how the recording's finger moves, where runs say what that does
 
+    def seen(self) -> np.ndarray:
+        """Vectors (time, y, x) that every side has: what is integrated must be of one region."""
+        sides = [
+            side["valid"].values != 0 for side in (self.data, self.virtual, self.direct) if side is not None
+        ]
+        return np.asarray(np.logical_and.reduce(sides))
+
     def effect(self, name: str) -> Effect | None:
         """The effect of one run; None where it was not made."""
         return next((e for e in self.effects if e.name == name), None)

@@ -22,12 +22,17 @@ REPLICAS = 6
 
 
 def measure(
-    plane: xr.Dataset, pose: Pose, settings: VortexSettings, window: tuple[float, float], name: str
+    plane: xr.Dataset,
+    pose: Pose,
+    settings: VortexSettings,
+    window: tuple[float, float],
+    name: str,
+    seen: np.ndarray,
 ) -> pd.DataFrame:
     """Tip vortex (centre in the tank frame) and jet at every instant of a plane series in the camera frame.
 
     The circulation is the vorticity of the vortex's sense in the circle `CIRCLE` around its centre: that of the fitted vortex follows
-    the core's width, which grid and windows change. The series must carry the finger's tip. ValueError where no vortex is near it within the window (s).
+    the core's width, which grid and windows change. Only vectors that are `seen` (time, y, x) count in it. The series must carry the finger's tip. ValueError where no vortex is near it within the window (s).
     """
     table = tabulate_vortices(plane, settings)
     table = table.assign(side=table["side"].astype(object).fillna("").astype(str))
@@ -37,9 +42,10 @@ def measure(
     out = pd.DataFrame({"time": times})
     out["core_radius"] = track["core_radius"].reindex(times).to_numpy(float)
     width = float(plane.attrs["tip_width"])
-    integral = vortex_integrals(plane, track.reset_index(), CIRCLE * width, (times[0], times[-1])).set_index(
-        "time"
-    )
+    counted = plane.assign(valid=(plane["valid"].dims, seen & (plane["valid"].values != 0)))
+    integral = vortex_integrals(
+        counted, track.reset_index(), CIRCLE * width, (times[0], times[-1])
+    ).set_index("time")
     out["circulation"] = integral["circulation"].reindex(times).to_numpy(float)
     out.loc[out["core_radius"].isna(), "circulation"] = (
         np.nan
@@ -70,11 +76,12 @@ def scatter(
     pose: Pose,
     settings: VortexSettings,
     window_m: float,
+    seen: np.ndarray,
 ) -> dict[str, float]:
     """Standard uncertainty of each quantity at one instant from the vectors' own (`u_std`, `v_std`), by Monte Carlo.
 
     Errors of vectors nearer than a window (`window_m`, m) are alike: they are drawn smooth over it. The vortex is fitted again
-    around its place; RMS over the instants `rows`.
+    around its place; RMS over the instants `rows`; `seen` as of `measure`.
     """
     if "u_std" not in plane:
         raise ValueError("the vectors carry no uncertainty (u_std, v_std); give vectors.std_px in dpiv.toml")
@@ -87,6 +94,7 @@ def scatter(
         at = pose.to_camera(np.array([row["x"], row["y"]]))
         reach = max(BOX * row["core_radius"], radius) + 2 * (x[1] - x[0])
         now = plane[["u", "v", "valid", "u_std", "v_std"]].isel(time=k, drop=True)
+        now = now.assign(seen=(now["valid"].dims, seen[k] & (now["valid"].values != 0)))
         box = now.sel(x=slice(at[0] - reach, at[0] + reach), y=slice(at[1] - reach, at[1] + reach))
         fits = []
         for replica in range(REPLICAS + 1):
@@ -95,9 +103,10 @@ def scatter(
             if vortex is None:
                 continue
             velocity = np.stack([shaken["u"].values, shaken["v"].values])
-            place, valid = (vortex.x, vortex.y), shaken["valid"].values.astype(bool)
-            axes = shaken["x"].values, shaken["y"].values
-            whole = vortex_integral(axes, velocity, valid, place, vortex.circulation, radius, width)
+            place, axes = (vortex.x, vortex.y), (shaken["x"].values, shaken["y"].values)
+            whole = vortex_integral(
+                axes, velocity, shaken["seen"].values, place, vortex.circulation, radius, width
+            )
             if whole is not None:
                 fits.append([whole[0], vortex.x, vortex.y, vortex.core_radius])
         if len(fits) > 2:

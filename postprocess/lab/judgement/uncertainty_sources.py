@@ -29,7 +29,9 @@ def tables(case: Case) -> dict[str, pd.DataFrame]:
     pose = case.registration.pose
     sides = {"data": case.data, "virtual": case.virtual, "direct": case.direct}
     return {
-        name: measure(p, pose, case.vortices, case.window, name) for name, p in sides.items() if p is not None
+        name: measure(p, pose, case.vortices, case.window, name, case.seen())
+        for name, p in sides.items()
+        if p is not None
     }
 
 
@@ -60,7 +62,7 @@ def effect_of(
     one: Input | Numerics, plane: xr.Dataset, run: Kinematics, case: Case, nominal: pd.DataFrame
 ) -> Effect:
     """The effect of a run: its `plane` against the nominal `case.direct` (measured: `nominal`), its motion against the nominal one."""
-    table = measure(plane, case.registration.pose, case.vortices, case.window, one.name)
+    table = measure(plane, case.registration.pose, case.vortices, case.window, one.name, case.seen())
     rows = common_rows({"nominal": nominal, one.name: table}, case.window)
     if isinstance(one, Input):
         kind, per_std, how = "input", one.std / abs(one.step), f"run with {one.key} {one.step:+g}"
@@ -99,7 +101,11 @@ def flow_quantities(
     simulated = "virtual" if "virtual" in measured else "direct"
     at, alike = np.flatnonzero(rows), (case.registration.pose, case.vortices, case.window_m)
     sides = {"data": case.data, "virtual": case.virtual}
-    own = {name: scatter(p, measured[name], at, *alike) for name, p in sides.items() if p is not None}
+    own = {
+        name: scatter(p, measured[name], at, *alike, case.seen())
+        for name, p in sides.items()
+        if p is not None
+    }
     out = []
     for name, (columns, unit, label) in VORTEX.items():
         take = lambda s, columns=columns: np.array([float(s[c]) for c in columns])  # noqa: E731

@@ -134,7 +134,7 @@ def summary(trials: pd.DataFrame) -> str:
             f"| {kind.replace('_', ', light ')} | {has.sum()} | {(refused & has).sum()} | {(worst[has] > 3).sum()} | {(worst[has] > FAR_OFF).sum()} |"
         )
     first, last = trials["seed"].min(), trials["seed"].max()
-    return "\n".join([*lines, "", f"Seeds {first} to {last}; {libraries()}."])
+    return "\n".join([*lines, "", f"Seeds {first:.0f} to {last:.0f}; {libraries()}."])
 
 
 if __name__ == "__main__":

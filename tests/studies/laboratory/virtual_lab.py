@@ -126,7 +126,7 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
     at = instants + law.delay + start
     truth = {
         name: measure(camera_series(of, true, data["x"].values, data["y"].values, when), true, lab.settings,
-                      (float(when[0]) - 1e-6, float(when[-1]) + 1e-6), name).mean()
+                      (float(when[0]) - 1e-6, float(when[-1]) + 1e-6), name, case.seen()).mean()
         for name, of, when in (("water", sheet, at), ("right", lab.sheet, at - delay))
     }  # fmt: skip
     told = answer(result | {"missing_runs": [], "two_dimensional": lab.two_dimensional})

@@ -76,7 +76,7 @@ class Laboratory:
         """Effects of the runs, found at the first trial's pose and instants and used for all: they are differences."""
         if not self._effects:
             direct, pose = case.direct, case.registration.pose
-            nominal = measure(direct, pose, self.settings, case.window, "direct")
+            nominal = measure(direct, pose, self.settings, case.window, "direct", case.seen())
             for one, sheet, kinematics in self._runs:
                 plane = camera_series(
                     sheet, pose, direct["x"].values, direct["y"].values, direct["time"].values
