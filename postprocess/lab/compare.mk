@@ -58,7 +58,7 @@ compare-coupled: | $(READY) ## whether pressure, structure or flow differ, with 
 	$(LAB) pressure $(OFLAB)
 	+$(PY) -m pipeline couple $(LABHERE)/pressure --level $(LEVEL) --ranks $(NP) --target loads $(FLAGS)
 	$(LAB) modelled $(OFLAB)
-	+@$(SUB) SCENE=$(SCENE)/out/$(LEVEL)/lab/$(LABNAME)/modelled DPIV=$(abspath $(DPIV)) lab-motion
+	+@$(SUB) SCENE=$(SCENE)/out/$(LEVEL)/lab/$(LABNAME)/modelled DPIV=$(abspath $(DPIV)) lab-register
 	$(LAB) causes $(OFLAB)
 
 # A stand-in for a laboratory: pictures of a run at PRESSURE kPa, with errors of set-up that dpiv.toml does not know.

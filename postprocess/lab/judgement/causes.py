@@ -20,7 +20,7 @@ from fileio.formats.bending_states import read
 from fileio.formats.elastic_motion import read_elastic_motion
 from fileio.formats.finger_loads import read_loads
 from fileio.formats.kinematics import Kinematics, read_kinematics
-from fileio.formats.recorded_motion import read_recorded_motion, write_recorded_motion
+from fileio.formats.recorded_motion import write_recorded_motion
 from fileio.formats.records import LAB_COMPARISON
 from fileio.key_reference import toml_value
 from postprocess.evidence.stage_files import scene_title
@@ -49,7 +49,11 @@ pressure_csv = "pressure.csv"
 
 
 def _measured(dpiv: Dpiv) -> tuple[ChamberPressure, Start]:
-    """What dpiv.toml says of the pressure and of the clock. StageError where it says nothing."""
+    """What dpiv.toml says of the pressure and of the clock. StageError where it says nothing, and of vectors."""
+    if dpiv.kind != "pictures":
+        raise StageError(
+            f"{dpiv.folder / NAME}: vectors do not show the finger; make compare-coupled takes pictures"
+        )
     if dpiv.pressure is None or not isinstance(dpiv.start, Start):
         raise StageError(
             f"{dpiv.folder / NAME}: says no pressure; give pressure = {{ csv = …, std_kpa = … }}"
@@ -148,8 +152,6 @@ def causes(files: LabFiles, dpiv: Dpiv) -> pd.DataFrame:
     """
     pressure, start = _measured(dpiv)
     kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
-    modelled = files.of_scene("modelled")
-    registration, recorded = read_registration(modelled.registration), read_recorded_motion(modelled.motion)
     part = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml").too_uncertain
     table = pd.read_csv(files.folder / "pressure" / "pressure.csv")
     time = np.linspace(*kinematics.time, 401)
@@ -158,21 +160,18 @@ def causes(files: LabFiles, dpiv: Dpiv) -> pd.DataFrame:
     clock = start.std_s * _rms(np.gradient(measured, time))
     rows = [_row("pressure", "differs", _rms(measured - nominal), float(np.hypot(std, clock)), part * change)]
 
-    out = coupled_run(files)
-    loads = read_loads(out / "loads.h5")
-    seen = (
-        recorded["seen"].values + registration.law.delay + start.at_s
-    )  # motion.h5 has the registration's clock
+    out, modelled = coupled_run(files), files.of_scene("modelled")
+    loads, registration = read_loads(out / "loads.h5"), read_registration(modelled.registration)
+    shapes = read_kinematics(modelled.stage.required("kinematics.h5", "kinematics"))
+    seen = registration.times + start.at_s
     shown = (seen >= 0) & (seen <= kinematics.time[1])
-    bend, smooth = (
-        recorded["seen_bend"].values,
-        np.interp(recorded["seen"], recorded["time"], recorded["bend"]),
-    )
+    pressures, scatter = registration.pressures[shown], registration.pressures_std[shown]
+    bend = shapes.bend(pressures)
     computed = np.interp(seen[shown], loads["step"], loads["bend"])
     stroke = float(np.ptp(kinematics.bend(nominal)))
     last = float(read_elastic_motion(out.parents[1] / "elastic_motion.h5").attrs["bend_change"])
     sources = [
-        _rms((bend - smooth)[shown]),
+        _rms(0.5 * (shapes.bend(pressures + scatter) - shapes.bend(pressures - scatter))),
         float(np.sqrt(registration.covariance[2, 2])),
         stroke / change * std,
         last if np.isfinite(last) else 0.0,
@@ -181,7 +180,7 @@ def causes(files: LabFiles, dpiv: Dpiv) -> pd.DataFrame:
         turned = _rms(loads["bend"].values - loads["bend_unloaded"].values)
         sources += [fea_band(files, dpiv)[1], turned * _stiffness_band(files, kinematics)]
     rows.append(
-        _row("structure", ERROR, _rms(computed - bend[shown]), float(np.hypot.reduce(sources)), part * stroke)
+        _row("structure", ERROR, _rms(computed - bend), float(np.hypot.reduce(sources)), part * stroke)
     )
     judged = (_flow(of, dpiv) for of in (modelled, files))
     flow = next((word for word in judged if word != NOT_JUDGED), NOT_JUDGED)
@@ -209,7 +208,7 @@ def _flow(files: LabFiles, dpiv: Dpiv) -> str:
     """The verdict of compare-measured where it is of this motion.h5 and of this dpiv.toml."""
     measured = files.of_scene("measured")
     moved, compared = measured.stage.out / "kinematics.h5", measured.comparison
-    if not compared.exists() or compared.stat().st_mtime < moved.stat().st_mtime:
+    if not (compared.exists() and files.motion.exists()) or compared.stat().st_mtime < moved.stat().st_mtime:
         return NOT_JUDGED
     driven_by = read_kinematics(moved).settings["files"].values()
     made = LAB_COMPARISON.read(compared)

@@ -51,12 +51,10 @@ class Truth:
 
 
 LESS = "strokes = [{ pressure_kpa = 18.0, start = 0.005, duration = 0.4 }]\n"
-STIFF = "[structure]\nbending_stiffness = 0.72e-3\n"  # N m²; the shipped finger's is 0.48e-3
+STIFF = "[structure]\nbending_stiffness = 0.6e-3\n"  # N m²; the shipped finger's is 0.48e-3
 TRUTHS = (
-    Truth("same", "the scene's own", "title = 'the same'\n", AGREES, AGREES),
     Truth("less", "18 kPa, not 20", f"[motion]\n{LESS}", "differs", AGREES),
-    Truth("stiff", "half as stiff again", STIFF, AGREES, ERROR),
-    Truth("both", "18 kPa, half as stiff again", f"[motion]\n{LESS}{STIFF}", "differs", ERROR),
+    Truth("stiff", "a quarter as stiff again", STIFF, AGREES, ERROR),
 )
 
 
@@ -122,15 +120,15 @@ def main() -> None:
     parser.add_argument("--level", default="draft", help="(default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="of the first finger's recording (default: 1)")
     args = parser.parse_args()
-    rows = [row(t, args.level, record(t, args.level, args.seed + k)) for k, t in enumerate(TRUTHS)]
-    text = [
+    lines = [
         "| the recording's finger | pressure, kPa apart (RMS) | structure, ° apart (RMS) | both right | change of the tip's place by each run, mm |",
         "|---|---|---|---|---|",
-        *rows,
-        "",
-        f"Level {args.level}, seeds {args.seed} to {args.seed + len(TRUTHS) - 1}. {libraries()}.",
     ]
-    write_between(PAGE, "causes", "\n".join(text))
+    for number, truth in enumerate(TRUTHS):  # the page has what is done
+        seed = args.seed + number
+        lines.append(row(truth, args.level, record(truth, args.level, seed)))
+        done = f"Level {args.level}, seeds {args.seed} to {seed}. {libraries()}."
+        write_between(PAGE, "causes", "\n".join([*lines, "", done]))
 
 
 if __name__ == "__main__":

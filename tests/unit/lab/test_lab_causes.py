@@ -1,7 +1,5 @@
 """Pressure, structure and flow told apart, where the pressure in the chambers was measured."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,6 @@ from fileio.errors import StageError
 from fileio.formats.elastic_motion import write_elastic_motion
 from fileio.formats.finger_loads import write_loads
 from fileio.formats.kinematics import read_kinematics, write_kinematics
-from fileio.formats.recorded_motion import write_recorded_motion
 from fileio.formats.records import LAB_COMPARISON
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
@@ -23,7 +20,6 @@ from postprocess.lab.data.files import (
     LabFiles,
     Law,
     Registration,
-    read_registration,
     write_registration,
 )
 from postprocess.lab.data.pose import Pose
@@ -59,17 +55,7 @@ def lab(tmp_path):
     files = LabFiles(StageFiles(case, "smoke"), dpiv.name)
     modelled = files.of_scene("modelled")
     modelled.folder.mkdir(parents=True)
-    pose, turn = Pose(1.25e-4, 0.0, kinematics.root, (640.0, 950.0)), np.radians(0.05)
-    law = Law(np.array([1.0, DELAY, 1.0]), np.diag([1e-3, 1e-3, 1e-3]) ** 2, 1.0)
-    covariance = np.diag([0.1, 0.1, turn, 1e-3]) ** 2
-    none = np.empty(0)
-    write_registration(
-        Registration(pose, covariance, NO_NUISANCE, law, none, none, none, pose),
-        modelled.registration,
-        dpiv_sha256="0",
-        seed=1,
-        view=pose.view((0.0, 0.0), (1280.0, 1024.0), 0.0),
-    )
+    finger_kinematics(modelled.stage.out)
     return files, dpiv, kinematics
 
 
@@ -81,27 +67,23 @@ def pressure_csv(folder, kinematics, factor, noise=0.0):
     (folder / "p.csv").write_text("t,p\n" + "\n".join(rows) + "\n")
 
 
-def moved(files, kinematics, recorded_by, coupled_by, seen_early=0.0):
-    """The recorded motion, and a coupled run, each so many rad beside the scene's bend; `seen_early` (s): the registration's clock."""
+def moved(files, kinematics, recorded_by, coupled_by, delay=DELAY):
+    """What is registered, and a coupled run, each so many rad beside the scene's bend; `delay` (s): the registration's clock."""
+    modelled = files.of_scene("modelled")
     bend = kinematics.bend(kinematics.law(TIME))
-    still = {name: np.zeros((3, 4)) for name in ("profile_x", "profile_y", "thickness")}
-    write_recorded_motion(
-        files.of_scene("modelled").motion,
-        still
-        | {
-            "time": TIME - seen_early,
-            "pressure": 0 * TIME,
-            "bend": bend + recorded_by,
-            "state_pressure": np.arange(3.0),
-        }
-        | {
-            "seen": TIME - seen_early,
-            "seen_bend": bend + recorded_by,
-            "seen_radius": 1 + TIME,
-            "seen_residual": 0 * TIME,
-        }
-        | {"recording": "r", "dpiv_sha256": "0", "registration": "{}"},
+    pose, turn = Pose(1.25e-4, 0.0, kinematics.root, (640.0, 950.0)), np.radians(0.05)
+    law = Law(np.array([1.0, delay, 1.0]), np.diag([1e-3, 1e-3, 1e-3]) ** 2, 1.0)
+    covariance = np.diag([0.1, 0.1, turn, 1e-3]) ** 2
+    seen = TIME + DELAY, kinematics.pressure_of_bend(bend + recorded_by), np.full(TIME.size, 50.0)
+    write_registration(
+        Registration(pose, covariance, NO_NUISANCE, law, *seen, pose),
+        modelled.registration,
+        dpiv_sha256="0",
+        seed=1,
+        view=pose.view((0.0, 0.0), (1280.0, 1024.0), 0.0),
     )
+    modelled.motion.write_text(f"of a motion {recorded_by} rad off")
+    still = {name: np.zeros((3, 4)) for name in ("profile_x", "profile_y", "thickness")}
     run = files.folder / "pressure" / "out" / "coupled" / "smoke_2"
     (run / "out" / "smoke").mkdir(parents=True, exist_ok=True)
     values = {"step": TIME, "bend": bend + coupled_by, "bend_unloaded": bend, "unknown": ""}
@@ -127,12 +109,8 @@ def test_the_scene_has_the_measured_pressure_on_the_simulations_clock(lab):
 def test_the_clock_is_the_stated_one(lab):
     """The registration, which fits the scene's own motion to a finger that moves otherwise, is 30 ms off it."""
     files, dpiv, kinematics = lab
-    path = files.of_scene("modelled").registration
-    registration = read_registration(path)
-    law = replace(registration.law, values=np.array([1.2, DELAY + 0.03, 1.1]))
-    write_registration(replace(registration, law=law), path, dpiv_sha256="0", seed=1, view=(0, 1, 0, 1))
     write_scene(files, dpiv)
-    moved(files, kinematics, 0.0, 0.0, seen_early=0.03)
+    moved(files, kinematics, 0.0, 0.0, delay=DELAY + 0.03)
     table = causes(files, dpiv).set_index("cause")
     assert list(table.verdict) == ["agrees", "agrees", "not judged"]
     assert table.difference["pressure"] < 50  # Pa
@@ -255,6 +233,10 @@ def test_what_is_missing_is_told(lab):
     (files.folder / "pressure" / "out" / "coupled" / "smoke_2" / "out" / "smoke" / "loads.h5").unlink()
     with pytest.raises(StageError, match="holds no coupled run of level smoke; make compare-coupled"):
         causes(files, dpiv)
+    with pytest.raises(
+        StageError, match="vectors do not show the finger; make compare-coupled takes pictures"
+    ):
+        write_scene(files, dpiv.model_copy(update={"kind": "vectors"}))
     bare = read_dpiv(written(dpiv.folder, WHOLE))
     with pytest.raises(StageError, match=r"says no pressure; give pressure = \{ csv = "):
         write_scene(files, bare)
