@@ -83,7 +83,7 @@ $(foreach v,$(.VARIABLES),$(if $(filter command,$(origin $v)),$(if $(filter $v,$
 WITHOUT := help setup lint unit fea fea-studies scene-reference docs-site clean clean-all
 NEEDED  := $(and $(filter 0,$(MAKELEVEL)),$(wildcard $(PY)),$(filter-out $(WITHOUT),$(MAKECMDGOALS)))
 ifneq ($(and $(WM_PROJECT_DIR),$(NEEDED)),)
-NO_OPENFOAM := $(shell WM_PROJECT_DIR='$(WM_PROJECT_DIR)' $(PY) -m pipeline openfoam 2>&1 >/dev/null)
+NO_OPENFOAM := $(shell said=$$(WM_PROJECT_DIR='$(WM_PROJECT_DIR)' $(PY) -m pipeline openfoam 2>&1) || echo "$$said")
 $(if $(NO_OPENFOAM),$(error $(NO_OPENFOAM)))
 endif
 .SUFFIXES:
