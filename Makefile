@@ -291,10 +291,11 @@ validate: $(STUDY_READY) ## flows of known answer through the project's own stag
 
 # the family of grids, and a whole stroke, whose bend gives the window in which they are compared
 FAMILY := grid_draft,grid_coarse,grid_medium,grid_fine,grid_reference,draft
-convergence: $(STUDY_READY) ## the finger on several grids and time steps: rows of docs/verification.md
+convergence: $(STUDY_READY) ## the finger on several grids and time steps: rows of docs/verification.md, docs/mesh.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/validation/studies/convergence.csv
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/tradeoff.csv only=$(FAMILY)
 	nice $(PY) -m tests.studies.validation finger_2d finger $(FLAGS)
+	nice $(PY) -m tests.studies.circulation
 
 stability: $(STUDY_READY) ## runs and images at the extremes: docs/stability.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/stability.csv

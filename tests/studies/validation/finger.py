@@ -204,20 +204,31 @@ def two_dimensional() -> Result:
     return Result("finger_2d", scene.title, text, tuple(checks), curves, remarks, _provenance(scene))
 
 
-def three_dimensional(folder: Path) -> Result | None:
-    """The family of grids of the study of the scene in `folder`; None where fewer than three have been run."""
+def family(folder: Path) -> tuple[list[Scene], tuple[float, float]] | None:
+    """The family of grids of the study of the scene in `folder`, from coarse to fine, and the window (s) in which they are compared.
+
+    It begins where the middle half of a whole stroke begins. None where fewer than three grids, or no whole stroke, have been run.
+    """
     if not (folder / STUDY).exists():
         return None
     plan = read_plan(folder / STUDY)
     missing = missing_runs(plan)
     there = [row for row in plan["runs"] if row["run"] not in missing]
-    family = [row for row in there if PART_OF_STROKE in row["overrides"]]
+    grids = [row for row in there if PART_OF_STROKE in row["overrides"]]
     whole = [row for row in there if PART_OF_STROKE not in row["overrides"]]
-    if len(family) < 3 or not whole:
+    if len(grids) < 3 or not whole:
         return None
-    scenes = [load_scene(Path(row["folder"]), row["level"]) for row in family]
+    scenes = [load_scene(Path(row["folder"]), row["level"]) for row in grids]
     begin, end = middle_of_stroke(files_of(whole[0]))
-    window = begin, min(end, scenes[0].motion.end_time)
+    return scenes, (begin, min(end, scenes[0].motion.end_time))
+
+
+def three_dimensional(folder: Path) -> Result | None:
+    """The family of grids of the study of the scene in `folder`; None where fewer than three have been run."""
+    found = family(folder)
+    if found is None:
+        return None
+    scenes, window = found
     runs = [read_run(scene, window) for scene in scenes]
     checks = [
         check
@@ -226,7 +237,7 @@ def three_dimensional(folder: Path) -> Result | None:
     ]
     text = (
         f"{folder.name} at its levels {', '.join(r.level for r in runs)}: a family of grids whose sizes all shrink by 2/3, all at"
-        f" {1e3 * runs[0].time_step:g} ms and to {scenes[0].motion.end_time:g} s. Circulation and centre are means from {begin:.3f} s, where the"
+        f" {1e3 * runs[0].time_step:g} ms and to {scenes[0].motion.end_time:g} s. Circulation and centre are means from {window[0]:.3f} s, where the"
         f" middle half of the stroke begins, to {window[1]:.3f} s. Representative cell ∛(volume / cells)."
     )
     remarks = (*(sentence(runs, series(runs, "cell"), r.level) for r in runs), finest_orders(runs))

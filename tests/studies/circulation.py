@@ -1,0 +1,167 @@
+"""The circulation of the finger's tip on its family of grids, counted in several ways: which converges, and why the others do not.
+
+python -m tests.studies.circulation   (make convergence): of the runs that are there, into docs/mesh.md
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import shapely
+import xarray as xr
+from scipy.ndimage import distance_transform_edt, map_coordinates
+
+from fileio.command import guarded
+from fileio.errors import StageError
+from fileio.formats.plane_series import read_plane
+from pipeline.scene.scene import Scene
+from piv.vortices.circulation import distance_to_invalid
+from piv.vortices.criteria import gradients, vorticity
+from postprocess.evidence.fields import frame
+from postprocess.evidence.tip_vortex import dominant_track, read_vortices
+from postprocess.evidence.vortex_integral import CIRCLE, CLEAR, vortex_integrals
+from postprocess.studies.tradeoff import vortex_errors
+from tests.studies.pages import libraries, write_between
+from tests.studies.validation.finger import family
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "mesh.md"
+REACHES = (1.5, 2.0, 2.5)  # tip widths from the tip
+MARGINS = (0.06, CLEAR, 0.2)  # tip widths from the finger: 1, 2.1, 3.3 mm
+POINTS = 1000  # of the arc and of the chord of a region: three to a grid step of 0.5 mm
+
+
+def _instants(plane: xr.Dataset, window: tuple[float, float]) -> np.ndarray:
+    times = plane["time"].values
+    return np.flatnonzero((times >= window[0] - 1e-9) & (times <= window[1] + 1e-9))
+
+
+def beyond_margin(
+    plane: xr.Dataset, window: tuple[float, float], reach: float, margin: float
+) -> pd.DataFrame:
+    """Vorticity of both senses on the dorsal side of the first tip, within `reach` and farther than `margin` tip widths of the body.
+
+    Columns time, circulation (m²/s), x, y (m; centroid), a row per instant of `plane` in the window (s).
+    """
+    x, y, width = plane["x"].values, plane["y"].values, float(plane.attrs["tip_width"])
+    dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
+    rows = []
+    for index in _instants(plane, window):
+        (u, v), valid = frame(plane, int(index))
+        tip, dorsal = plane["tip"].values[index, 0], plane["dorsal_direction"].values[index, 0]
+        off_x, off_y = x - tip[0], (y - tip[1])[:, None]
+        inside = (np.hypot(off_x, off_y) <= reach * width) & (off_x * dorsal[0] + off_y * dorsal[1] > 0)
+        inside &= distance_to_invalid(valid, dx, dy) > margin * width
+        amount = np.where(inside, vorticity(gradients(u, v, valid, dx, dy, "least-squares")), 0.0)
+        total = amount.sum()
+        centroid = (amount.sum(axis=0) @ x, amount.sum(axis=1) @ y) / total
+        rows.append([plane["time"].values[index], total * abs(dx * dy), *centroid])
+    return pd.DataFrame(rows, columns=["time", "circulation", "x", "y"])
+
+
+def of_all_water(plane: xr.Dataset, window: tuple[float, float], reach: float) -> pd.DataFrame:
+    """All vorticity of the water on the dorsal side of the first tip within `reach` tip widths, the wall layers too.
+
+    By Stokes' theorem: velocity along the region's edge in the water, and along the body's outline, which moves as prescribed.
+    Nothing is differentiated. Columns and rows as of `beyond_margin`.
+    """
+    x, y, radius = plane["x"].values, plane["y"].values, reach * float(plane.attrs["tip_width"])
+    step = float(x[1] - x[0])
+    angle, along = (np.arange(POINTS) + 0.5) / POINTS * np.pi, (np.arange(POINTS) + 0.5) / POINTS * 2 - 1
+    rows = []
+    for index in _instants(plane, window):
+        velocity, valid = frame(plane, int(index))
+        nearest = distance_transform_edt(~valid, return_distances=False, return_indices=True)
+        velocity = velocity[:, *nearest]
+        tip, out, dorsal = (
+            plane[name].values[index, 0] for name in ("tip", "tip_direction", "dorsal_direction")
+        )
+        outline, moving = (plane[name].values[index, 0] for name in ("outline", "outline_velocity"))
+        turn = np.sign(out[0] * dorsal[1] - out[1] * dorsal[0])  # +1: out, dorsal, back is counter-clockwise
+        arc = np.outer(np.cos(angle), out) + np.outer(np.sin(angle), dorsal)
+        tangent = np.outer(-np.sin(angle), out) + np.outer(np.cos(angle), dorsal)
+        place = np.vstack([tip + radius * arc, tip + radius * np.outer(along, out)])
+        length = turn * radius * np.vstack([tangent * np.pi, np.tile(2 * out, (POINTS, 1))]) / POINTS
+        at = [(place[:, 1] - y[0]) / step, (place[:, 0] - x[0]) / step]
+        flow = np.stack([map_coordinates(part, at, order=1) for part in velocity], axis=1)
+        wet = ~shapely.contains_xy(shapely.Polygon(outline), *place.T)
+        nodes, ahead = outline, np.roll(outline, -1, axis=0)
+        middle = 0.5 * (nodes + ahead) - tip
+        on_wall = (np.hypot(*middle.T) <= radius) & (middle @ dorsal > 0)
+        area = 0.5 * np.sum(nodes[:, 0] * ahead[:, 1] - ahead[:, 0] * nodes[:, 1])
+        wall = -np.sign(area) * (ahead - nodes)[on_wall]  # the water is on the left
+        of_wall = 0.5 * (moving + np.roll(moving, -1, axis=0))[on_wall]
+        parts = np.concatenate([(flow * length).sum(axis=1)[wet], (of_wall * wall).sum(axis=1)])
+        total = parts.sum()
+        # ∫xω = ∮x u·dl − ∫v and ∫yω = ∮y u·dl + ∫u over the region
+        off_x, off_y = x - tip[0], (y - tip[1])[:, None]
+        to_edge = radius - np.hypot(off_x, off_y), off_x * dorsal[0] + off_y * dorsal[1]
+        share = np.prod([np.clip(0.5 + distance / step, 0.0, 1.0) for distance in to_edge], axis=0)
+        u, v = (velocity * share * valid).sum(axis=(1, 2)) * step**2
+        moment = parts @ np.vstack([place[wet] - tip, middle[on_wall]]) + np.array([-v, u])
+        rows.append([plane["time"].values[index], total, *(tip + moment / total)])
+    return pd.DataFrame(rows, columns=["time", "circulation", "x", "y"])
+
+
+def measures(scenes: list[Scene], window: tuple[float, float]) -> dict[str, list[pd.DataFrame]]:
+    """Every way of counting, and what it finds on each grid, from coarse to fine."""
+    tracks = [dominant_track(read_vortices(s.out / "vortices_cfd.csv"), 0, window, s.level) for s in scenes]
+    found: dict[str, list[pd.DataFrame]] = {}
+    for scene, track in zip(scenes, tracks, strict=True):
+        with read_plane(scene.out / "sheet.h5") as plane:
+            radius = CIRCLE * float(plane.attrs["tip_width"])
+            ways = {
+                f"vortex's sense, {CIRCLE:g} widths round each grid's own fit": vortex_integrals(
+                    plane, track, radius, window
+                ),
+                f"vortex's sense, {CIRCLE:g} widths round the finest grid's fit": vortex_integrals(
+                    plane, tracks[-1], radius, window
+                ),
+            }
+            for reach in REACHES:
+                way = f"dorsal side, {reach:g} widths round the tip, {CLEAR:g} from the finger"
+                ways[way] = beyond_margin(plane, window, reach, CLEAR)
+            for margin in MARGINS:
+                way = f"dorsal side, {REACHES[1]:g} widths round the tip, {margin:g} from the finger"
+                ways[way] = beyond_margin(plane, window, REACHES[1], margin)
+            for reach in REACHES:
+                way = f"dorsal side, {reach:g} widths round the tip, all water"
+                ways[way] = of_all_water(plane, window, reach)
+        for name, rows in ways.items():
+            found.setdefault(name, []).append(rows)
+    return found
+
+
+def table(found: dict[str, list[pd.DataFrame]], scenes: list[Scene], window: tuple[float, float]) -> str:
+    """Markdown: mean circulation on each grid, and how far each is from the finest."""
+    levels = [scene.level for scene in scenes]
+    heads = [f"{level}, cm²/s" for level in levels] + [f"{level}: %; mm" for level in levels[:-1]]
+    lines = ["| vorticity counted | " + " | ".join(heads) + " |", "|" + "---|" * (len(heads) + 1)]
+    for name, grids in found.items():
+        means = [f"{1e4 * abs(rows['circulation'].mean()):.1f}" for rows in grids]
+        apart = [vortex_errors(grids[-1], rows, window, 1.0) for rows in grids[:-1]]
+        errors = [f"{100 * e['error_circulation']:.1f}; {e['error_centre_mm']:.2f}" for e in apart]
+        lines.append("| " + " | ".join([name, *means, *errors]) + " |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Command line."""
+
+    def action() -> None:
+        found = family(ROOT / "cases" / "single_finger")
+        if found is None:
+            raise StageError("circulation: fewer than three grids have been run; make convergence runs them")
+        scenes, window = found
+        text = table(measures(scenes, window), scenes, window)
+        about = f"Means, and RMS differences from the finest of these grids, {window[0]:.3f} to {window[1]:.3f} s; {libraries()}."
+        write_between(PAGE, "circulation", f"{text}\n\n{about}")
+
+    sys.exit(guarded("circulation", action))
+
+
+if __name__ == "__main__":
+    main()
