@@ -99,7 +99,7 @@ help: ## this list
 	@echo "    NP: MPI ranks, now $(NP); HOSTS=hosts.txt: on those machines; COLLATED=1: few files"
 	@echo "make SCENE ACCURACY=12%        the cheapest measured setting within 12 %;"
 	@echo "make SCENE BUDGET=10min        the most accurate within the time"
-	@echo "make SCENE COUPLED=1           the motion that pressure and water make together, by five or so whole runs"
+	@echo "make SCENE COUPLED=1           the motion that pressure and water make together, by three or four whole runs"
 	@echo "make SCENE NP=64 SLURM=1       as batch jobs [NODES=..] [MINUTES=..] [PARTITION=..] [ACCOUNT=..]"
 	@echo "make SCENE.STAGE               up to one stage:"
 	@$(foreach s,$(STAGES),printf '    %-14s %s\n' $(s) "$(ABOUT.$(s))";)
