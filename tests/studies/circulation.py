@@ -17,6 +17,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from fileio.command import guarded
 from fileio.errors import StageError
 from fileio.formats.plane_series import read_plane
+from fileio.formats.records import RUN
 from pipeline.scene.scene import Scene
 from piv.vortices.circulation import distance_to_invalid
 from piv.vortices.criteria import gradients, vorticity
@@ -25,7 +26,8 @@ from postprocess.evidence.tip_vortex import dominant_track, read_vortices
 from postprocess.evidence.vortex_integral import CIRCLE, CLEAR, vortex_integrals
 from postprocess.studies.tradeoff import vortex_errors
 from tests.studies.pages import libraries, write_between
-from tests.studies.validation.finger import family
+from tests.studies.validation.convergence import estimate
+from tests.studies.validation.finger import JUDGED, family
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "mesh.md"
@@ -135,16 +137,23 @@ def measures(scenes: list[Scene], window: tuple[float, float]) -> dict[str, list
     return found
 
 
-def table(found: dict[str, list[pd.DataFrame]], scenes: list[Scene], window: tuple[float, float]) -> str:
-    """Markdown: mean circulation on each grid, and how far each is from the finest."""
+def table(found: dict[str, list[pd.DataFrame]], scenes: list[Scene]) -> str:
+    """Markdown: mean circulation on each grid, how far each is from the finest, and the mean's uncertainty (docs/verification.md)."""
     levels = [scene.level for scene in scenes]
+    cells = [RUN.read(scene.out / "run" / "run.json")["cells"] for scene in scenes]
+    judged = [levels.index(level) for level in JUDGED]
     heads = [f"{level}, cm²/s" for level in levels] + [f"{level}: %; mm" for level in levels[:-1]]
+    heads += ["order", *(f"uncertainty at {level}, %" for level in JUDGED)]
     lines = ["| vorticity counted | " + " | ".join(heads) + " |", "|" + "---|" * (len(heads) + 1)]
     for name, grids in found.items():
-        means = [f"{1e4 * abs(rows['circulation'].mean()):.1f}" for rows in grids]
-        apart = [vortex_errors(grids[-1], rows, window, 1.0) for rows in grids[:-1]]
-        errors = [f"{100 * e['error_circulation']:.1f}; {e['error_centre_mm']:.2f}" for e in apart]
-        lines.append("| " + " | ".join([name, *means, *errors]) + " |")
+        mean = np.array([abs(rows["circulation"].mean()) for rows in grids])
+        apart = [vortex_errors(grids[-1], rows, (-np.inf, np.inf), 1.0) for rows in grids[:-1]]
+        fit = estimate(np.array(cells, float) ** (-1 / 3), mean)
+        row = [name, *(f"{1e4 * m:.1f}" for m in mean)]
+        row += [f"{100 * e['error_circulation']:.1f}; {e['error_centre_mm']:.2f}" for e in apart]
+        row += ["none" if fit.order is None else f"{fit.order:.2g}"]
+        row += [f"{100 * fit.uncertainty[k] / abs(fit.extrapolated):.1f}" for k in judged]
+        lines.append("| " + " | ".join(row) + " |")
     return "\n".join(lines)
 
 
@@ -156,7 +165,7 @@ def main() -> None:
         if found is None:
             raise StageError("circulation: fewer than three grids have been run; make convergence runs them")
         scenes, window = found
-        text = table(measures(scenes, window), scenes, window)
+        text = table(measures(scenes, window), scenes)
         about = f"Means, and RMS differences from the finest of these grids, {window[0]:.3f} to {window[1]:.3f} s; {libraries()}."
         write_between(PAGE, "circulation", f"{text}\n\n{about}")
 
