@@ -77,7 +77,7 @@ virtual-lab: | $(READY) ## a stand-in recording to try compare on, where no labo
 LAB_STUDY = $(LABOUT)/virtual/study
 STUDY_RUN = $(PY) -m tests.studies.laboratory.virtual_lab --case $(CASE) --level $(LEVEL)
 virtual-lab-study: | $(READY) ## registration, faults, verdicts: tables of docs/comparison.md (1 h of CPU)
-	+@$(SUB) $(SCENE).vortices
+	+@$(SUB) $(SCENE).run
 	@$(LAB) runs $(CASE) --level $(LEVEL) --quiet
 	@$(STUDY_RUN) --write
 	+@$(SUB) SCENE=$(SCENE) study-sheets
