@@ -69,7 +69,11 @@ class Case:
     )  # how the recording's finger moves, where runs say what that does
 
     def seen(self) -> np.ndarray:
-        """Vectors (time, y, x) that every side has: what is integrated must be of one region."""
+        """Vectors (time, y, x) that may be integrated. Of vectors without pictures those that every side has: their program leaves out
+        others beside the body than the virtual experiment does. Of pictures all: each side's own body is masked alike.
+        """
+        if self.registration.times.size:
+            return np.ones(self.data["valid"].shape, bool)
         sides = [
             side["valid"].values != 0 for side in (self.data, self.virtual, self.direct) if side is not None
         ]

@@ -117,6 +117,10 @@ def flow_quantities(
         sources = [*run_sources(case, columns), *motion_sources(case, columns), *random]
         sources += registration_sources(case, name, take(base["data"]), rates)
         ours, direct, theirs = (take(base[side]) for side in (simulated, "direct", "data"))
+        if name != "centre":  # a place has no size that a measurement could take a share of
+            share = np.abs(1 - direct / ours) * np.abs(ours - theirs)
+            how = "what PIV takes off the simulation, of S − D: the two flows are measured alike only as far as they are alike"
+            sources.append(Source("unlike flows", "data", share, how))
         scale = case.kinematics.tip_width if name == "centre" else float(abs(theirs[0]))
         explained, each = explained_by_motion(case, columns), at_instant(sources, instant)
         quantity = ValidatedQuantity(name, label, unit, ours, direct, theirs, scale, sources, explained, each)
