@@ -170,9 +170,7 @@ def fit_outline(
             clock[0], clock[1] - clock[0], steps, 0.02 * spread, mean, weight, apart, frames.independent, cold, burn, keep, rng,
         )  # fmt: skip
         done.append((states, places))
-        # of all rounds: a chain that has not yet been through its range would narrow its steps from round to round
-        whole = np.concatenate([states for states, _ in done])
-        steps, cold, burn = np.cov(whole.T) + np.diag((0.02 * spread) ** 2), 1.0, max(burn // 4, 200)
+        steps, cold, burn = np.cov(states.T) + np.diag((0.02 * spread) ** 2), 1.0, max(burn // 4, 200)
     # where it would not settle, the drift of the last rounds is part of the uncertainty
     states, places = (np.concatenate(parts) for parts in zip(*done[-2:], strict=True))
     middle = places.mean(axis=0)
