@@ -171,8 +171,9 @@ def fit_outline(
         )  # fmt: skip
         done.append((states, places))
         steps, cold, burn = np.cov(states.T) + np.diag((0.02 * spread) ** 2), 1.0, max(burn // 4, 200)
-    # where it would not settle, the drift of the last rounds is part of the uncertainty
-    states, places = (np.concatenate(parts) for parts in zip(*done[-2:], strict=True))
+    # where it would not settle, the drift of all rounds but the first is part of the uncertainty
+    last = done[-2:] if settled(done) else done[-max(rounds - 1, 1) :]
+    states, places = (np.concatenate(parts) for parts in zip(*last, strict=True))
     middle = places.mean(axis=0)
     if middle.min() < 1 or middle.max() > TABLE - 2:
         raise ValueError(
