@@ -202,7 +202,9 @@ def _scene_text(scene: Scene, folder: Path) -> str:
 
 def make_run(home: Path, name: str, level: str, target: str, ranks: int, quiet: bool = False) -> None:
     """Make a stage of the scene `name` in the folder `home`. StageError where it fails."""
-    words = ["make", "--no-print-directory", f"CASES={home}", f"LEVEL={level}", f"NP={ranks}", "COUPLED="]
+    words = ["make", "--no-print-directory", f"CASES={home}", f"LEVEL={level}", f"NP={ranks}"]
+    # what the make around this one was given is in the environment
+    words += ["COUPLED=", f"SCENE={name}"]
     words += ["QUIET=1"] if quiet else []
     inner = {
         key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")

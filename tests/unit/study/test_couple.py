@@ -173,3 +173,13 @@ def test_what_cannot_be_coupled_is_refused(tmp_path):
     (tmp_path / "scene.toml").write_text(f'extends = "{CASE}"\n[motion]\nsource = "paper_equations"\n')
     with pytest.raises(StageError, match="COUPLED=1 takes fingers"):
         couple.couple(load_scene(tmp_path, "smoke"), ranks=1, quiet=True)
+
+
+def test_a_run_is_made_whatever_scene_the_make_around_it_was_given(tmp_path, monkeypatch):
+    """make compare-coupled SCENE=… leaves it in the environment of the make of each run, which has no such scene."""
+    (tmp_path / "draft_1").mkdir()
+    (tmp_path / "draft_1" / "scene.toml").write_text(f'extends = "{CASE}"\n')
+    monkeypatch.setenv("SCENE", "single_finger")
+    monkeypatch.setenv("COUPLED", "1")
+    couple.make_run(tmp_path, "draft_1", "smoke", "kinematics", ranks=1, quiet=True)
+    assert (tmp_path / "draft_1" / "out" / "smoke" / "kinematics.h5").exists()
