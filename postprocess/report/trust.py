@@ -20,7 +20,9 @@ TRIAL = 0.5  # a level whose worst error is larger shows that everything works, 
 
 
 def level_errors(folder: Path, level: str) -> dict[str, Any]:
-    """ERRORS of a level against the finest run, with `scene`, `best` and `error`, the largest; empty where not measured.
+    """ERRORS of a level against the finest run, with `scene` and `error`, the largest; empty where not measured.
+
+    `best` is that run's level, `best_error` its own estimated error.
 
     From studies/results/tradeoff.csv of the scene, or of the nearest that it extends.
     """
@@ -28,12 +30,15 @@ def level_errors(folder: Path, level: str) -> dict[str, Any]:
         path = scene / "studies" / "results" / "tradeoff.csv"
         if path.exists():
             table = pd.read_csv(path, comment="#")
-            flow = table[table["kind"] == "flow"]
-            rows = flow[(flow["run"] == level) & flow["error"].notna()]
+            rows = table[(table["run"] == level) & (table["kind"] == "flow") & table["error"].notna()]
             if len(rows):
-                best = str(flow.loc[flow["cells"].idxmax(), "run"])
-                known = {name: float(rows.iloc[0][name]) for name in (*ERRORS, "error")}
-                return known | {"scene": scene.resolve().name, "best": best}
+                best = table.loc[table["cells"].idxmax()]
+                known: dict[str, Any] = {name: float(rows.iloc[0][name]) for name in (*ERRORS, "error")}
+                return known | {
+                    "scene": scene.resolve().name,
+                    "best": best["level"],
+                    "best_error": float(best["error"]),
+                }
     return {}
 
 
@@ -54,7 +59,7 @@ def level_sentence(errors: dict[str, Any], scene: str, level: str) -> str:
     against = (
         "extrapolated from the level below"
         if level == errors["best"]
-        else f"against level {errors['best']}, the finest that was run"
+        else f"against level {errors['best']}, the finest that was run, whose own error is estimated at {per_cent('best_error')}"
     )
     return (
         f"Level {level} errs by {per_cent(worst)} at worst ({ERRORS[worst]}); {rest}: {against},"

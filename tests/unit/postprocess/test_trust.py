@@ -5,11 +5,11 @@ import pytest
 from postprocess.report import trust
 
 TABLE = """# {"format": "tradeoff"}
-run,kind,cells,error,error_circulation,error_centre,error_velocity,error_force
-fine,flow,600000,0.06,0.03,0.06,0.02,0.04
-smoke,flow,3000,1.718,0.88,0.2,0.19,1.718
-draft,flow,30000,0.142,0.142,0.1,0.04,0.08
-piv,piv,30000,0.02,0.02,0.01,0.006,
+run,level,kind,cells,error,error_circulation,error_centre,error_velocity,error_force
+fine,fine,flow,600000,0.06,0.03,0.06,0.02,0.04
+smoke,smoke,flow,3000,1.718,0.88,0.2,0.19,1.718
+draft,draft,flow,30000,0.142,0.142,0.1,0.04,0.08
+piv,draft,piv,30000,0.02,0.02,0.01,0.006,
 """
 
 
@@ -26,12 +26,21 @@ def test_a_level_is_as_wrong_as_the_trade_says(scene):
     told = trust.level_sentence(trust.level_errors(scene, "draft"), "finger", "draft").replace("\u00a0", " ")
     assert "Level draft errs by 14.2 % at worst (circulation of the tip vortex)" in told
     assert "force on the finger 8.0 %" in told
-    assert "against level fine" in told
+    assert "against level fine, the finest that was run, whose own error is estimated at 6.0 %" in told
     assert trust.trial(trust.level_errors(scene, "draft"), "draft") == ""
 
 
 def test_the_finest_level_is_extrapolated(scene):
     assert "extrapolated" in trust.level_sentence(trust.level_errors(scene, "fine"), "finger", "fine")
+
+
+def test_a_run_of_the_family_of_grids_judges_where_it_is_the_finest(scene):
+    table = scene / "studies" / "results" / "tradeoff.csv"
+    table.write_text(TABLE + "grid_reference,reference,grid,1700000,0.04,0.04,0.03,0.02,0.02\n")
+    told = trust.level_sentence(trust.level_errors(scene, "draft"), "finger", "draft")
+    assert (
+        "against level reference, the finest that was run, whose own error is estimated at 4.0\u00a0%" in told
+    )
 
 
 def test_smoke_is_a_trial(scene):
