@@ -32,7 +32,8 @@ from tests.studies.validation.finger import JUDGED, family
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "mesh.md"
 REACHES = (1.5, 2.0, 2.5)  # tip widths from the tip
-MARGINS = (0.06, CLEAR, 0.2)  # tip widths from the finger: 1, 2.1, 3.3 mm
+MARGINS = (0.06, 0.2)  # tip widths from the finger besides CLEAR: 1 and 3.3 mm
+REGIONS = [(reach, CLEAR) for reach in REACHES] + [(REACHES[1], margin) for margin in MARGINS]
 POINTS = 1000  # of the arc and of the chord of a region: three to a grid step of 0.5 mm
 
 
@@ -42,33 +43,35 @@ def _instants(plane: xr.Dataset, window: tuple[float, float]) -> np.ndarray:
 
 
 def beyond_margin(
-    plane: xr.Dataset, window: tuple[float, float], reach: float, margin: float
-) -> pd.DataFrame:
-    """Vorticity of both senses on the dorsal side of the first tip, within `reach` and farther than `margin` tip widths of the body.
+    plane: xr.Dataset, window: tuple[float, float], regions: list[tuple[float, float]]
+) -> list[pd.DataFrame]:
+    """Vorticity of both senses on the dorsal side of the first tip, by region: within its reach, farther than its margin of the body.
 
-    Columns time, circulation (m²/s), x, y (m; centroid), a row per instant of `plane` in the window (s).
+    Reach and margin in tip widths. Columns time, circulation (m²/s), x, y (m; centroid), a row per instant of `plane` in the window (s).
     """
     x, y, width = plane["x"].values, plane["y"].values, float(plane.attrs["tip_width"])
     dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
-    rows = []
+    rows: list[list[list[float]]] = [[] for _ in regions]
     for index in _instants(plane, window):
         (u, v), valid = frame(plane, int(index))
         tip, dorsal = plane["tip"].values[index, 0], plane["dorsal_direction"].values[index, 0]
         off_x, off_y = x - tip[0], (y - tip[1])[:, None]
-        inside = (np.hypot(off_x, off_y) <= reach * width) & (off_x * dorsal[0] + off_y * dorsal[1] > 0)
-        inside &= distance_to_invalid(valid, dx, dy) > margin * width
-        amount = np.where(inside, vorticity(gradients(u, v, valid, dx, dy, "least-squares")), 0.0)
-        total = amount.sum()
-        centroid = (amount.sum(axis=0) @ x, amount.sum(axis=1) @ y) / total
-        rows.append([plane["time"].values[index], total * abs(dx * dy), *centroid])
-    return pd.DataFrame(rows, columns=["time", "circulation", "x", "y"])
+        on_side, off = off_x * dorsal[0] + off_y * dorsal[1] > 0, np.hypot(off_x, off_y)
+        omega = vorticity(gradients(u, v, valid, dx, dy, "least-squares"))
+        away = distance_to_invalid(valid, dx, dy)
+        for (reach, margin), found in zip(regions, rows, strict=True):
+            amount = np.where(on_side & (off <= reach * width) & (away > margin * width), omega, 0.0)
+            total = amount.sum()
+            centroid = (amount.sum(axis=0) @ x / total, amount.sum(axis=1) @ y / total)
+            found.append([plane["time"].values[index], total * abs(dx * dy), *centroid])
+    return [pd.DataFrame(found, columns=["time", "circulation", "x", "y"]) for found in rows]
 
 
 def of_all_water(plane: xr.Dataset, window: tuple[float, float], reach: float) -> pd.DataFrame:
     """All vorticity of the water on the dorsal side of the first tip within `reach` tip widths, the wall layers too.
 
     By Stokes' theorem: velocity along the region's edge in the water, and along the body's outline, which moves as prescribed.
-    Nothing is differentiated. Columns and rows as of `beyond_margin`.
+    Nothing is differentiated. Columns and rows as of a region of `beyond_margin`.
     """
     x, y, radius = plane["x"].values, plane["y"].values, reach * float(plane.attrs["tip_width"])
     step = float(x[1] - x[0])
@@ -123,12 +126,8 @@ def measures(scenes: list[Scene], window: tuple[float, float]) -> dict[str, list
                     plane, tracks[-1], radius, window
                 ),
             }
-            for reach in REACHES:
-                way = f"dorsal side, {reach:g} widths round the tip, {CLEAR:g} from the finger"
-                ways[way] = beyond_margin(plane, window, reach, CLEAR)
-            for margin in MARGINS:
-                way = f"dorsal side, {REACHES[1]:g} widths round the tip, {margin:g} from the finger"
-                ways[way] = beyond_margin(plane, window, REACHES[1], margin)
+            for (reach, margin), rows in zip(REGIONS, beyond_margin(plane, window, REGIONS), strict=True):
+                ways[f"dorsal side, {reach:g} widths round the tip, {margin:g} from the finger"] = rows
             for reach in REACHES:
                 way = f"dorsal side, {reach:g} widths round the tip, all water"
                 ways[way] = of_all_water(plane, window, reach)

@@ -8,7 +8,8 @@ import pytest
 import xarray as xr
 
 from piv.vortices.lamb_oseen_fit import lamb_oseen
-from tests.studies.circulation import beyond_margin, of_all_water
+from tests.studies import circulation
+from tests.studies.circulation import REGIONS, beyond_margin, of_all_water
 
 GAMMA, X0, Y0, WIDTH = -8e-3, 0.011, 0.172, 0.0167
 AXIS = np.arange(-0.06, 0.0601, 0.0005)
@@ -16,7 +17,7 @@ TIP = np.array([X0 + 0.01, Y0])  # its dorsal side is -x: the vortex is 10 mm of
 REACH = 1.5  # tip widths: 25 mm, 15 mm and more from the vortex
 TURN = np.linspace(0.0, 2 * np.pi, 720, endpoint=False)
 WAYS = {
-    "beyond": lambda plane: beyond_margin(plane, (0.15, 0.3), REACH, 0.125),
+    "beyond": lambda plane: beyond_margin(plane, (0.15, 0.3), [(REACH, 0.125)])[0],
     "all": lambda plane: of_all_water(plane, (0.15, 0.3), REACH),
 }
 
@@ -92,3 +93,15 @@ def test_all_water_has_the_layer_of_a_wall_that_no_point_of_the_grid_resolves():
     # a polygon of 720 points in place of the circle: 1e-5
     assert found.circulation == pytest.approx(-2 * np.pi * radius**2 * rate, rel=1e-4)
     np.testing.assert_allclose([found.x, found.y], centre, atol=1e-7)
+
+
+def test_the_regions_are_all_counted_from_one_vorticity_of_each_instant(monkeypatch):
+    plane = plane_of((X0, Y0, GAMMA, 0.0045), body=(X0, Y0 - 0.012))
+    alone = [beyond_margin(plane, (0.0, 0.3), [region])[0] for region in REGIONS]
+    taken = []
+    gradients = circulation.gradients
+    monkeypatch.setattr(circulation, "gradients", lambda *a: taken.append(1) or gradients(*a))
+    for one, together in zip(alone, beyond_margin(plane, (0.0, 0.3), REGIONS), strict=True):
+        pd.testing.assert_frame_equal(one, together)
+    assert len(taken) == plane.sizes["time"]
+    assert len(set(REGIONS)) == len(REGIONS)
