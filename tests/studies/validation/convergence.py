@@ -22,7 +22,7 @@ LEAST_ORDER, LARGEST_ORDER = 1e-3, 40.0
 class Estimate:
     """What a series of grids says: the extrapolated value, the order, and the uncertainty (95 %) of each grid's value.
 
-    `order` is None where the data fit no single power; `kind` says what was fitted.
+    `order` is None where the data fit no single power that the schemes can have; `kind` says what was fitted.
     """
 
     extrapolated: float
@@ -69,27 +69,22 @@ def least_squares(size: np.ndarray, value: np.ndarray) -> Estimate:
     h = h / h.min()
     spread = (f.max() - f.min()) / (len(f) - 1)
     fits = [_power_fit(h, f, weight) for weight in _weights(h)]
-    best = min(fits, key=lambda fit: fit[2])
-    power: float | None = best[1]
-    kind = "power"
+    limit, power, scatter, fitted = min(fits, key=lambda fit: fit[2])
+    kind, order = "power", power
     if power is None or not SOUND[0] <= power <= SOUND[1]:
-        terms = [(1.0,), (2.0,)] + ([(1.0, 2.0)] if len(h) > 3 else [])
-        if power is not None and power > SOUND[1]:
-            terms = [(1.0,), (2.0,)]  # super-convergence is not trusted: first or second order
+        terms = [(1.0,), (2.0,)]
+        if len(h) > 3 and not (power is not None and power > SOUND[1]):  # super-convergence is not trusted
+            terms.append((1.0, 2.0))
         tried = [(*_linear_fit(h, f, weight, powers), powers) for powers in terms for weight in _weights(h)]
         limit, scatter, fitted, powers = min(tried, key=lambda t: t[1])
-        kind = "h" + " + h²" * (len(powers) == 2) if powers[0] == 1.0 else "h²"
-        sound = False
-    else:
-        limit, scatter, fitted = best[0], best[2], best[3]
-        sound = True
+        kind, order = "h" + " + h²" * (len(powers) == 2) if powers[0] == 1.0 else "h²", None
     distance = np.abs(f - limit)
     if scatter < spread:
-        safety = SAFETY if sound else SAFETY_DOUBTFUL
+        safety = SAFETY_DOUBTFUL if order is None else SAFETY
         uncertainty = safety * distance + scatter + np.abs(f - fitted)
     else:
         uncertainty = 3 * scatter / max(spread, 1e-300) * (distance + scatter + np.abs(f - fitted))
-    return Estimate(float(limit), power, uncertainty, float(scatter), kind)
+    return Estimate(float(limit), order, uncertainty, float(scatter), kind)
 
 
 def estimate(size: np.ndarray, value: np.ndarray) -> Estimate:
