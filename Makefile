@@ -94,8 +94,8 @@ endif
 help: ## this list
 	@echo "make SCENE [LEVEL=..] [NP=..]  everything from kinematics to report.html"
 	@echo "    SCENE: $(SCENES)"
-	@echo "    LEVEL: smoke (2-D, 1 minute), draft (3), coarse (default, 6), medium (14), fine (35 minutes of CPU for"
-	@echo "    single_finger, docs/tradeoff.md), reference (the finest: hours); a pinch takes several times as long"
+	@echo "    LEVEL: smoke (2-D, 1 minute), draft (3), coarse (default, 6), medium (14), fine (half an hour"
+	@echo "    and more: make predict), reference (the finest: hours); a pinch takes several times as long"
 	@echo "    NP: MPI ranks, now $(NP); HOSTS=hosts.txt: on those machines; COLLATED=1: few files"
 	@echo "make SCENE ACCURACY=12%        the cheapest measured setting within 12 %;"
 	@echo "make SCENE BUDGET=10min        the most accurate within the time"

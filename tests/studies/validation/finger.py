@@ -79,7 +79,7 @@ def tip_vortex(sheet: xr.Dataset, scene: Scene) -> pd.Series:
 def mean_vortex(sheet: xr.Dataset, scene: Scene, window: tuple[float, float]) -> pd.Series:
     """Circulation and centre of the tip's vortex as means over a window (s), by the same integrals.
 
-    At single instants they differ between grids by when the sheet's vortices pass the circle and pair.
+    At single instants they differ between grids by when the shear layer's vortices pass the circle and pair.
     """
     track = dominant_track(read_vortices(scene.out / "vortices_cfd.csv"), 0, window, scene.level)
     return integrals_of(sheet, scene, track, window).mean()
