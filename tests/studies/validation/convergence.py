@@ -72,7 +72,7 @@ def least_squares(size: np.ndarray, value: np.ndarray) -> Estimate:
     limit, power, scatter, fitted = min(fits, key=lambda fit: fit[2])
     kind, order = "power", power
     if power is None or not SOUND[0] <= power <= SOUND[1]:
-        terms = [(1.0,), (2.0,)]
+        terms: list[tuple[float, ...]] = [(1.0,), (2.0,)]
         if len(h) > 3 and not (power is not None and power > SOUND[1]):  # super-convergence is not trusted
             terms.append((1.0, 2.0))
         tried = [(*_linear_fit(h, f, weight, powers), powers) for powers in terms for weight in _weights(h)]
