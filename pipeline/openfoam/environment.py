@@ -29,6 +29,8 @@ PROJECT_DIRS = ("/usr/share/openfoam",)  # Debian's package sets no WM_PROJECT_D
 def environment() -> dict[str, str]:
     """Environment in which OpenFOAM's programs run. Raises StageError where there is none."""
     env = dict(os.environ)
+    if not env.get("WM_PROJECT_DIR"):  # empty is as good as unset
+        env.pop("WM_PROJECT_DIR", None)
     chosen = Path(env.get("WM_PROJECT_DIR", PROJECT_DIRS[0]))
     if str(chosen) not in PROJECT_DIRS:
         if not (chosen / "etc" / "bashrc").is_file():
