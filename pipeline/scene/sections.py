@@ -208,7 +208,7 @@ class Structure(Section):
     iterations: Annotated[int, Field(ge=1, le=20)] = 8
     """Runs at most, for COUPLED=1 [1]"""
     tolerance: Annotated[Positive, Field(le=1)] = 0.005
-    """Change of the tip's place from run to run that ends COUPLED=1, over the finger's length [1]"""
+    """What ends COUPLED=1: change of the tip's place from run to run, over the finger's length; energy that is open, over four times the pressure's work [1]"""
 
 
 FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled

@@ -43,7 +43,7 @@ FIRST = {
     "added_mass": 0.87,
     "drag": 2.2,
 }  # a fit to the closing stroke of the shipped finger: only where the runs begin
-ENERGY = 0.02  # of the pressure's work: what may be open where a run's own loads stand for those that its motion bears
+OPEN = 4  # times the tolerance, of the pressure's work: what may be open where a run's own loads stand for those its motion bears
 SHAPES = "elastic_motion.h5"
 
 
@@ -117,7 +117,7 @@ def couple(scene: Scene, ranks: int, quiet: bool = False, target: str = "report"
     """Runs until the motion changes no more, the last at the scene's level and up to `target`; returns its folder. StageError."""
     structure = Structure(scene)
     home = scene.folder / "out" / "coupled"
-    limit = scene.structure.tolerance * scene.finger.length
+    limit, open_limit = scene.structure.tolerance * scene.finger.length, OPEN * scene.structure.tolerance
     level = CHEAP if scene.level in FINE_LEVELS else scene.level
     # the content of its files too, but not the number of runs: where that is raised, the runs that are there stay
     one_run = scene.model_copy(update={"structure": scene.structure.model_copy(update={"iterations": 1})})
@@ -147,7 +147,7 @@ def couple(scene: Scene, ranks: int, quiet: bool = False, target: str = "report"
                 flush=True,
             )
         near = check_change(changes, allowed, scene.folder / "scene.toml")
-        if not near or (level == scene.level and left > ENERGY):
+        if not near or (level == scene.level and left > open_limit):
             continue
         if level == scene.level:
             make_run(home, folder.name, level, target, ranks, quiet)
@@ -158,7 +158,7 @@ def couple(scene: Scene, ranks: int, quiet: bool = False, target: str = "report"
     raise StageError(
         f"{scene.folder / 'scene.toml'}: after {scene.structure.iterations} runs the motion of level {scene.level} is not"
         f" reached: the last change was {last * 1e3:.2g} mm, {limit * 1e3:.2g} mm are allowed, and {left:.1%} of the energy was"
-        f" open, {ENERGY:.0%} is allowed; raise structure.iterations"
+        f" open, {open_limit:.2g} is allowed; raise structure.iterations"
     )
 
 

@@ -94,7 +94,7 @@ def test_a_motion_with_open_energy_is_run_again(scene_of, made, monkeypatch):
     couple.couple(scene_of(), ranks=1, quiet=True)
     usual = len(made)
     made.clear()
-    monkeypatch.setattr(couple, "ENERGY", 1e-3)
+    monkeypatch.setattr(couple, "OPEN", 0.2)
     couple.couple(scene_of(), ranks=1, quiet=True)
     assert len(made) > usual
 
