@@ -15,7 +15,6 @@ from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 import cv2
-import numpy as np
 
 from piv.correlation.pair import correlate_pair
 from piv.synthetic.render_recording import render_pair
@@ -24,11 +23,10 @@ from tests.studies.piv.extremes import extremes
 from tests.studies.piv.flows import SHAPE, lamb_oseen, random_field, sine, uniform
 from tests.studies.piv.noise import sampling, smoothing
 from tests.studies.piv.real_pictures import real_pictures
-from tests.studies.piv.scores import HEAD, errors, row, without_count_of_cells
+from tests.studies.piv.scores import HEAD, Errors, inner, judged, row, without_count_of_cells
 from tests.studies.piv.walls import walls
 
 FIRST = 3101
-EDGE = 24
 
 
 @dataclass(frozen=True)
@@ -73,19 +71,13 @@ LIMITS = {
 }
 
 
-def inner(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Vectors (bool) that the tables count."""
-    return (x >= EDGE) & (x <= SHAPE[1] - 1 - EDGE) & (y >= EDGE) & (y <= SHAPE[0] - 1 - EDGE)
-
-
-def measured(limit: Limit) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Errors and standard uncertainties (2, n) of each pair."""
+def measured(limit: Limit) -> list[Errors]:
+    """Those of each pair."""
     parts = []
     for seed in range(FIRST, FIRST + limit.pairs):
         pair = render_pair(limit.flow, SHAPE, seed=seed, **limit.render)
         with nullcontext() if limit.few else without_count_of_cells():
-            x, y, e, std = errors(correlate_pair(*pair, **limit.piv), limit.flow)
-        parts.append((e[:, inner(x, y)], std[:, inner(x, y)]))
+            parts.append(judged(correlate_pair(*pair, **limit.piv), limit.flow, inner(SHAPE)))
     return parts
 
 

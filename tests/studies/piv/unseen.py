@@ -16,10 +16,9 @@ from piv.correlation.pair import correlate_pair
 from piv.synthetic.render_recording import render_pair
 from tests.studies.pages import PIV, libraries, write_between
 from tests.studies.piv.flows import CENTRE, SHAPE, lamb_oseen
-from tests.studies.piv.scores import HEAD, errors, row
+from tests.studies.piv.scores import EDGE, HEAD, Errors, inner, judged, row
 
 SEEDS = (2001, 2002, 2003)
-EDGE = 24
 WALL = 200.0  # px above the bottom row: the body beside which the boundary layer flows
 
 
@@ -54,18 +53,17 @@ FLOWS = {
 }
 
 
-def results(flow, masked: bool, seed: int):
-    """Errors, their standard uncertainties (2, n; NaN where absent)."""
+def results(flow, masked: bool, seed: int) -> Errors:
+    """Of the inner vectors of a pair; of those beside the body also the ones next to it."""
     a, b = render_pair(flow, SHAPE, noise=0.05, background=5.0, seed=seed)
-    mask = None
-    if masked:
-        rows = np.arange(SHAPE[0])[:, None] > SHAPE[0] - 1 - WALL
-        mask = np.broadcast_to(rows, SHAPE)
-        a, b = (np.where(mask, 5, i).astype(i.dtype) for i in (a, b))
-    x, y, e, std = errors(correlate_pair(a, b, mask=mask), flow)
-    inside = (x >= EDGE) & (x <= SHAPE[1] - 1 - EDGE) & (y <= SHAPE[0] - 1 - EDGE)
-    inside &= y > WALL if masked else y >= EDGE
-    return e[:, inside], std[:, inside]
+    if not masked:
+        return judged(correlate_pair(a, b), flow, inner(SHAPE))
+    rows = np.arange(SHAPE[0])[:, None] > SHAPE[0] - 1 - WALL
+    mask = np.broadcast_to(rows, SHAPE)
+    a, b = (np.where(mask, 5, i).astype(i.dtype) for i in (a, b))
+    return judged(
+        correlate_pair(a, b, mask=mask), flow, lambda x, y: inner(SHAPE)(x, np.maximum(y, EDGE)) & (y > WALL)
+    )
 
 
 def table() -> str:
