@@ -69,9 +69,8 @@ def cylinders(data: Path) -> Iterator[Pair]:
         clear = distance_transform_edt(~body) > EDGE
 
         def counts(x, y, clear=clear.astype(np.uint8)):
-            return inner(clear.shape)(x, y) & (
-                map_coordinates(clear, [clear.shape[0] - 1 - y, x], order=0) > 0
-            )
+            rows = clear.shape[0] - 1 - y
+            return inner(clear.shape)(x, y) & (map_coordinates(clear, [rows, x], order=0) > 0)
 
         for kind in sorted(p.name for p in folder.iterdir() if p.is_dir()):
             # the field belongs to the middle of four images
