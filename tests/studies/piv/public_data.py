@@ -66,9 +66,9 @@ def cylinders(data: Path) -> Iterator[Pair]:
         body = (field == BODY).all(axis=2)
         field = scale * np.where(body[..., None], 0, field)
         size = np.hypot(*field[~body].T).mean()
-        clear = distance_transform_edt(~body) > EDGE
+        clear = (distance_transform_edt(~body) > EDGE).astype(np.uint8)
 
-        def counts(x, y, clear=clear.astype(np.uint8)):
+        def counts(x, y, clear=clear):
             rows = clear.shape[0] - 1 - y
             return inner(clear.shape)(x, y) & (map_coordinates(clear, [rows, x], order=0) > 0)
 
