@@ -184,6 +184,7 @@ def overall_verdict(motion: str | None, flow: str) -> str:
 
 
 def _judged(q: ValidatedQuantity, too_uncertain: float, joint: float) -> dict[str, Any]:
+    found = q.detectable(joint)
     return {
         **{name: getattr(q, name) for name in COPIED},
         "explained_by_motion": q.explained,
@@ -195,7 +196,7 @@ def _judged(q: ValidatedQuantity, too_uncertain: float, joint: float) -> dict[st
         "significance": q.significance(),
         "verdict": q.verdict(too_uncertain),
         "joint_verdict": q.verdict(too_uncertain, joint),
-        "detectable": q.detectable(joint),
+        "detectable": found if np.isfinite(found) else None,
         "differs": q.name in MOTION and q.differs(joint),
         "dominant": q.dominant.name,
         "sources": [asdict(s) for s in q.sources],
@@ -247,8 +248,7 @@ def _judged_field(
         "differs": False,
         "dominant": max(parts, key=lambda n: parts[n][1]),
         "sources": [
-            {"name": n, "kind": k, "std": np.array([v]), "how": "RMS over the field"}
-            for n, (k, v) in parts.items()
+            asdict(budget.Source(n, k, np.array([v]), "RMS over the field")) for n, (k, v) in parts.items()
         ],
         "model_error_rms": float(np.sqrt(max(rms**2 - float(u_val[0]) ** 2, 0.0))),
     }

@@ -118,9 +118,9 @@ def flow_quantities(
         sources += registration_sources(case, name, take(base["data"]), rates)
         ours, direct, theirs = (take(base[side]) for side in (simulated, "direct", "data"))
         if name != "centre":  # a place has no size that a measurement could take a share of
-            share = np.abs(1 - direct / ours) * np.abs(ours - theirs)
+            share = abs(1 - float(direct[0] / ours[0]))
             how = "what PIV takes off the simulation, of S − D: the two flows are measured alike only as far as they are alike"
-            sources.append(Source("unlike flows", "data", share, how))
+            sources.append(Source("unlike flows", "data", share * np.abs(ours - theirs), how, share))
         scale = case.kinematics.tip_width if name == "centre" else float(abs(theirs[0]))
         explained, each = explained_by_motion(case, columns), at_instant(sources, instant)
         quantity = ValidatedQuantity(name, label, unit, ours, direct, theirs, scale, sources, explained, each)

@@ -24,12 +24,16 @@ DIFFERS = "differs within the inputs"  # surely, but no more than the inputs' un
 
 @dataclass(frozen=True)
 class Source:
-    """One source of uncertainty: `kind` of `KINDS`, `std` (component,) in the quantity's unit, `how` it was found."""
+    """One source of uncertainty: `kind` of `KINDS`, `std` (component,) in the quantity's unit, `how` it was found.
+
+    `share`: of S − D, where the source is that share of it and so grows with a model error.
+    """
 
     name: str
     kind: str
     std: np.ndarray
     how: str
+    share: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -84,8 +88,16 @@ class ValidatedQuantity:
         return UNCERTAIN if self.detectable(level) > too_uncertain * self.scale else AGREES
 
     def detectable(self, level: float = LEVEL) -> float:
-        """The smallest model error (of the worst component) that the verdict finds with probability `LEVEL`."""
-        return detectable_factor(self.error.size, level) * float(np.max(self.u_val))
+        """The smallest model error (of the worst component) that the verdict finds with probability `LEVEL`; inf where none is.
+
+        u_val is that at this error, not at the one seen: sources that are a share of S − D grow with it.
+        """
+        fixed = float(np.max(np.sqrt(sum(s.std**2 for s in self.sources if not s.share))))
+        share = float(np.sqrt(sum(s.share**2 for s in self.sources)))
+        moved = 0.0 if self.explained is None else float(np.linalg.norm(self.explained))
+        k = coverage_factor(self.error.size, level)
+        limit = beyond(0.0, k, fixed, share, moved)
+        return beyond(limit, detectable_factor(self.error.size, level) - k, fixed, share, moved)
 
     def differs(self, level: float = LEVEL) -> bool:
         """Whether E is beyond what the data leave open, whatever the inputs may be."""
@@ -96,6 +108,16 @@ class ValidatedQuantity:
     def significance(self) -> float:
         """|E|/u_val, over all components."""
         return float(np.sqrt(np.sum((self.error / self.u_val) ** 2)))
+
+
+def beyond(limit: float, k: float, fixed: float, share: float, moved: float) -> float:
+    """The error δ that is k standard uncertainties above a `limit`, δ = limit + k √(fixed² + share² (δ + moved)²); inf where none is."""
+    if k * share >= 1 or not np.isfinite(limit):
+        return float("inf")
+    grows = (k * share) ** 2
+    middle = limit + grows * moved
+    rest = limit**2 - k**2 * (fixed**2 + (share * moved) ** 2)
+    return float((middle + np.sqrt(middle**2 - (1 - grows) * rest)) / (1 - grows))
 
 
 def coverage_factor(components: int, level: float = LEVEL) -> float:

@@ -92,9 +92,15 @@ def unseen(quantities: list[dict[str, Any]]) -> str:
 def hidden(quantities: list[dict[str, Any]]) -> str:
     """Quantities with the error that could hide in them, and where the uncertainty comes from."""
     wide = [q for q in quantities if q["joint_verdict"] == "too uncertain"]
-    return ", ".join(
-        f"{q['label']} (only an error above {relative(q)}, mostly {q['dominant']})" for q in wide
-    )
+    return ", ".join(f"{q['label']} ({_found(q)})" for q in wide)
+
+
+def _found(q: dict[str, Any]) -> str:
+    """What error of a quantity would be found, and what stands before a smaller one."""
+    if q["detectable"] is None:
+        share = max(s["share"] for s in q["sources"])
+        return f"no error, however large: PIV takes {share:.0%} off the simulation's own"
+    return f"only an error above {relative(q)}, mostly {q['dominant']}"
 
 
 def undecided(quantities: list[dict[str, Any]]) -> str:

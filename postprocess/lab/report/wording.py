@@ -56,7 +56,10 @@ def part_of(q: dict[str, Any]) -> str:
 
 
 def relative(q: dict[str, Any]) -> str:
-    """The smallest model error that the verdict finds with 95 %, in per cent of the quantity; a length for a place."""
+    """The smallest model error that the verdict finds with 95 %, in per cent of the quantity; a length for a place.
+
+    It must be known: `detectable` is None where no error is found.
+    """
     if np.size(q["error"]) > 1 or not q["scale"]:
         return size(q["detectable"], q["unit"])
     return f"{100 * q['detectable'] / abs(q['scale']):.0f}{NBSP}%"
@@ -79,7 +82,7 @@ def rows(result: dict[str, Any]) -> list[dict[str, Any]]:
                 "significance": f"{q['significance']:.2f}",
                 "k": f"{q['k']:.2f}",
                 "verdict": q["verdict"],
-                "detectable": f"{size(q['detectable'], unit)} ({relative(q)})",
+                "detectable": "none" if q["detectable"] is None else f"{size(q['detectable'], unit)} ({relative(q)})",
                 "sentence": verdict_sentence(q),
                 "dominant": f"{q['dominant']} ({BLAME[source['kind']]})",
                 "sources": [(s["name"], s["kind"], size(s["std"], unit), s["how"]) for s in q["sources"]],

@@ -23,7 +23,7 @@ def quantity(
         "name": name, "label": name.replace("_", " "), "unit": unit, "simulation": [scale + error], "direct": [scale], "data": [scale],
         "error": [error], "u_val": [u_val], "u_D": [u_val / 10], "k": 1.96, "scale": scale, "verdict": verdict, "joint_verdict": verdict,
         "dominant": "grid", "detectable": detectable * scale, "differs": differs,
-        "sources": [{"name": "grid", "kind": "numerical", "std": [u_val], "how": ""}],
+        "sources": [{"name": "grid", "kind": "numerical", "std": [u_val], "how": "", "share": 0.0}],
         "explained_by_motion": None if explained is None else [explained],
     }  # fmt: skip
 
@@ -59,6 +59,13 @@ def test_a_motion_that_is_to_blame_is_named_with_what_it_does_to_the_flow():
     assert "The motion is to blame" in told
     assert "5.0\u00a0% higher" in told
     assert "this part of the flow's differences, which is taken out: circulation -2\u00a0%" in told
+
+
+def test_where_no_error_is_found_the_answer_says_so():
+    unseen = WIDE | {"detectable": None}
+    unseen["sources"] = [*WIDE["sources"], {"name": "unlike flows", "share": 0.41}]
+    told = answers.answer(result(STRAIGHT, unseen))
+    assert "circulation (no error, however large: PIV takes 41% off the simulation's own)" in told
 
 
 def test_without_runs_nothing_is_said_to_follow_from_the_motion():
