@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from fileio.atomic import write_text
 from fileio.checksum import sha256
@@ -22,7 +24,7 @@ from postprocess.evidence.stage_files import read_json
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv
 from postprocess.lab.data.files import LabFiles, Registration, read_registration
-from postprocess.lab.data.inputs_toml import Inputs, read_inputs, run_folder
+from postprocess.lab.data.inputs_toml import Input, Inputs, Numerics, read_inputs, run_folder
 from postprocess.lab.data.pose import camera_series
 from postprocess.lab.judgement import validation as budget
 from postprocess.lab.judgement.field_uncertainty import field_comparison
@@ -40,21 +42,28 @@ STRENGTH = ("circulation", "velocity_field")  # a flow that is stronger or weake
 COPIED = ("name", "label", "unit", "simulation", "direct", "data", "error", "measurement_part")
 
 
-def effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> list[Effect]:
-    """What each run beside the nominal one changes; runs that were not made are left out."""
+Run = tuple[Input | Numerics, xr.Dataset, Kinematics]  # what it changes, its sheet, its motion
+
+
+def runs_beside(files: LabFiles, inputs: Inputs) -> Iterator[Run]:
+    """The runs beside the nominal one; those that were not made are left out."""
+    for one in inputs.all:
+        if not files.run_sheet(one.name).exists():
+            continue
+        of_run = run_folder(files.stage, one.name) / "out" / files.stage.level
+        with read_plane(files.run_sheet(one.name)) as sheet:
+            yield one, sheet.load(), read_kinematics(of_run / "kinematics.h5")
+
+
+def effects_of_runs(runs: Iterable[Run], case: Case) -> list[Effect]:
+    """What each run beside the nominal one changes, seen as this recording is: through its pose, at its instants."""
     pose = case.registration.pose
     x, y, times = (case.direct[name].values for name in ("x", "y", "time"))
     nominal = measure(case.direct, pose, case.vortices, case.window, "direct", case.seen())
-    effects = []
-    for one in inputs.all:
-        sheet_path = files.run_sheet(one.name)
-        if not sheet_path.exists():
-            continue
-        with read_plane(sheet_path) as sheet:
-            plane = camera_series(sheet.load(), pose, x, y, times)
-        run = read_kinematics(run_folder(files.stage, one.name) / "out" / files.stage.level / "kinematics.h5")
-        effects.append(effect_of(one, plane, run, case, nominal))
-    return effects
+    return [
+        effect_of(one, camera_series(sheet, pose, x, y, times), kinematics, case, nominal)
+        for one, sheet, kinematics in runs
+    ]
 
 
 def run_comparison(
@@ -108,9 +117,9 @@ def make_case(
     fresh = dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4"
     case = Case(
         kinematics, registration, *sides, window, VortexSettings(**settings), window_m, geometry, bend_std,
-        fresh_pairs=fresh, measured_motion=moved_as_recorded(files, dpiv),
+        fresh, measured_motion=moved_as_recorded(files, dpiv),
     )  # fmt: skip
-    case.effects.extend(effects_of_runs(files, inputs, case))
+    case.effects.extend(effects_of_runs(runs_beside(files, inputs), case))
     return case
 
 

@@ -60,8 +60,8 @@ class Case:
     window_m: float
     geometry: bool  # whether the FEA's bands count
     bend_std: float  # rad, of the FEA at the end of the stroke
+    fresh_pairs: bool  # whether every pair of the virtual experiment has particles of its own
     effects: list[Effect] = field(default_factory=list)
-    fresh_pairs: bool = False  # whether every pair of the virtual experiment has particles of its own
     measured_motion: bool = False  # whether the simulation is driven by this recording's own motion
 
     motion: list[MotionPart] = field(

@@ -82,7 +82,9 @@ def rows(result: dict[str, Any]) -> list[dict[str, Any]]:
                 "significance": f"{q['significance']:.2f}",
                 "k": f"{q['k']:.2f}",
                 "verdict": q["verdict"],
-                "detectable": "none" if q["detectable"] is None else f"{size(q['detectable'], unit)} ({relative(q)})",
+                "detectable": "none"
+                if q["detectable"] is None
+                else f"{size(q['detectable'], unit)} ({relative(q)})",
                 "sentence": verdict_sentence(q),
                 "dominant": f"{q['dominant']} ({BLAME[source['kind']]})",
                 "sources": [(s["name"], s["kind"], size(s["std"], unit), s["how"]) for s in q["sources"]],

@@ -77,6 +77,7 @@ def compared(tmp_path_factory):
             24 * pose.scale_m_per_px,
             False,
             0.0,
+            True,
         )
         case.effects.append(_grid_effect(direct))
         out[gain] = compare(case, INPUTS)

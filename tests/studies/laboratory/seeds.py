@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
+from scipy.stats import binomtest
 
 from fileio.formats.kinematics import Kinematics
 from tests.lab_scene import finger_kinematics
@@ -34,4 +35,35 @@ def study(name: str, about: str | None, seeds: int, trial: Callable[[Kinematics,
             print(done.iloc[-1].to_dict(), flush=True)
     print(summary(done))
     if args.docs:
-        write_between(args.docs, name, summary(done))
+        publish(args.docs, name, summary(done), done)
+
+
+def publish(page: Path, mark: str, text: str, trials: pd.DataFrame) -> None:
+    """Write a summary into a page, and beside it the table that it is of, in a folder of the page's name."""
+    table = page.with_suffix("") / f"{mark.replace(' ', '_')}.csv"
+    table.parent.mkdir(exist_ok=True)
+    trials.to_csv(table, index=False, float_format="%.6g")
+    write_between(page, mark, f"{text}\nEvery recording: [{table.name}]({table.parent.name}/{table.name}).")
+
+
+def spans(seeds: pd.Series) -> str:
+    """Seeds in words: 1, 2, 3, 7 as "1–3, 7"."""
+    numbers = sorted(int(seed) for seed in seeds)
+    first = [n for n in numbers if n - 1 not in numbers]
+    last = [n for n in numbers if n + 1 not in numbers]
+    return ", ".join(f"{a}" if a == b else f"{a}–{b}" for a, b in zip(first, last, strict=True))
+
+
+def share_of(right: pd.Series) -> str:
+    """How many of some trials, with the 95 % interval of the share (Clopper and Pearson)."""
+    count, total = int(right.sum()), len(right)
+    if total == 0:
+        return "0 of 0"
+    low, high = binomtest(count, total).proportion_ci(0.95)
+    return f"{count} of {total}, {count / total:.0%} ({100 * low:.0f}–{100 * high:.0f} %)"
+
+
+def below_target(held: dict[str, pd.Series], target: float = 0.9) -> str:
+    """The quantities whose band covers the truth less often than the target, each by itself: a mean over all would hide them."""
+    missed = [f"{label} {share_of(inside)}" for label, inside in held.items() if inside.mean() < target]
+    return f"Coverage below {target:.0%} (95 % interval): {'; '.join(missed) or 'none'}."

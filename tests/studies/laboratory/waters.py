@@ -17,9 +17,12 @@ from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.evidence.strokes import stroke_window
 from postprocess.lab.data.inputs_toml import Inputs, read_inputs
 from postprocess.lab.data.pose import Pose, camera_series
-from postprocess.lab.judgement.inputs_of_budget import Case, Effect
+from postprocess.lab.judgement.inputs_of_budget import Case
 from postprocess.lab.judgement.measures import measure
-from postprocess.lab.judgement.uncertainty_sources import effect_of
+from postprocess.lab.judgement.motion import final_bend, stroke_duration
+from postprocess.lab.judgement.uncertainty_sources import VORTEX, means
+from postprocess.lab.judgement.validation import AGREES, DIFFERS, ERROR, FieldComparison
+from postprocess.lab.registration.register import fit_law
 from postprocess.lab.virtual.virtual_laboratory import SetUp, camera_for
 from tests.lab_renderer import Rendered
 from tests.studies.laboratory.faults import drawn_faults
@@ -51,38 +54,18 @@ class Laboratory:
         times = self.sheet["time"].values
         bend = self.sheet["bend"].values[:, 0]
         self.window = stroke_window(times, bend, (0.25, 0.75))
-        self._effects: list[Effect] = []
-        self._runs = [
-            (
-                one,
-                read_plane(self._folder / f"{one.name}.h5").load(),
-                self.motion_of(one.name),
-            )
-            for one in self.inputs.all
-        ]
+        self.runs = [(one, *self._of(one.name)) for one in self.inputs.all]
 
-    def motion_of(self, name: str) -> Kinematics:
-        """The motion of a run by the name of its sheet."""
+    def _of(self, name: str) -> tuple[xr.Dataset, Kinematics]:
+        """Flow and motion of a run by the name of its sheet."""
         of_run = Path(name) / "out" / self._out.name / "kinematics.h5"
         places = (self._out / "inputs" / of_run, self._out / "virtual" / of_run)
-        return next((read_kinematics(path) for path in places if path.exists()), self.kinematics)
+        moved = next((read_kinematics(path) for path in places if path.exists()), self.kinematics)
+        return read_plane(self._folder / f"{name}.h5").load(), moved
 
     def water(self, kind: str) -> tuple[xr.Dataset, Kinematics]:
         """A water's flow and its finger's motion."""
-        name = SHEETS.get(kind, kind)
-        return read_plane(self._folder / f"{name}.h5").load(), self.motion_of(name)
-
-    def effects(self, case: Case) -> list[Effect]:
-        """Effects of the runs, found at the first trial's pose and instants and used for all: they are differences."""
-        if not self._effects:
-            direct, pose = case.direct, case.registration.pose
-            nominal = measure(direct, pose, self.settings, case.window, "direct", case.seen())
-            for one, sheet, kinematics in self._runs:
-                plane = camera_series(
-                    sheet, pose, direct["x"].values, direct["y"].values, direct["time"].values
-                )
-                self._effects.append(effect_of(one, plane, kinematics, case, nominal))
-        return self._effects
+        return self._of(SHEETS.get(kind, kind))
 
 
 def recorded(
@@ -109,14 +92,59 @@ def recorded(
     return pictures, true, start, faults
 
 
-def rightly_judged(kind: str, result: dict[str, Any], told: str, hidden: bool) -> bool:
-    """Whether motion and flow got the right answers and the right one is blamed; `hidden`: no true difference of a quantity that is
-    said to agree is larger than what the page says it would have shown."""
-    moved = result["motion"] in ("model error", "differs within the inputs")
-    if kind in MOVED:
-        return moved and "the flow model is to blame" not in told
-    if moved or kind == "larger":
+def true_errors(
+    lab: Laboratory, kind: str, case: Case, field: FieldComparison, rows: np.ndarray, true: Pose, start: float
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
+    """S − D of every quantity (SI, as of `compare`) and the model's part of it, without any measurement; the motion's law.
+
+    The water itself at the true instants through the true camera, and the simulation at the same; `rows`: the instants compared;
+    `start`: the water's time (s) at the first picture. Where the finger moves otherwise none of it is the flow model's.
+    """
+    (sheet, motion), kinematics = lab.water(kind), lab.kinematics
+    along = np.linspace(*kinematics.time, 201)
+    law, _, _ = fit_law(kinematics, along, motion.law(along), np.array([1.0, 0.0, 1.0]))
+    of_data = case.data["time"].values + case.registration.law.delay + start
+    values, planes = {}, {}
+    for name, of, at in (("water", sheet, of_data), ("right", lab.sheet, of_data - law[1])):
+        plane = camera_series(of, true, case.data["x"].values, case.data["y"].values, at)
+        window = float(at[0]) - 1e-6, float(at[-1]) + 1e-6
+        table = measure(plane, true, lab.settings, window, name, case.seen())
+        values[name] = means(table, np.isin(np.arange(at.size), rows), window)
+        planes[name] = np.stack([plane[n].values for n in ("u", "v")], axis=1)[rows]
+    apart = np.where(np.isfinite(field.error), planes["right"] - planes["water"], np.nan)
+    difference = {
+        name: (values["right"] - values["water"])[list(columns)].to_numpy(float)
+        for name, (columns, _, _) in VORTEX.items()
+    }
+    difference["velocity_field"] = np.array([np.sqrt(np.nanmean(np.sum(apart**2, axis=1)))])
+    of_model = {name: np.zeros_like(v) if kind in MOVED else v for name, v in difference.items()}
+    moves = {
+        "final_bend": np.array([final_bend(kinematics, 1.0) - final_bend(kinematics, float(law[0]))]),
+        "duration": np.array([stroke_duration(kinematics) * (1 - float(law[2]))]),
+    }
+    return difference | moves, of_model | moves, law
+
+
+def missed(result: dict[str, Any], of_model: dict[str, np.ndarray]) -> list[str]:
+    """Quantities that are said to agree though the model's true error is larger than what the page says it would have shown."""
+    return [
+        q["name"]
+        for q in result["quantities"]
+        if q["joint_verdict"] == AGREES and np.linalg.norm(of_model[q["name"]]) > q["detectable"]
+    ]
+
+
+def rightly_refused(kind: str, faults: list[str], refused: str) -> bool:
+    """Whether a recording had a reason to be refused: a fault, whichever the sentence names, or a finger of another length, named."""
+    return bool(faults) or (kind == "larger" and "the finger's length" in refused)
+
+
+def rightly_judged(kind: str, result: dict[str, Any], told: str, missed: list[str]) -> bool:
+    """Whether an accepted recording's answers are right: the motion differs where it does and nowhere else, the flow model is blamed
+    only where it differs, and nothing is `missed`. That nothing can be said of the flow is not wrong."""
+    if missed or kind == "larger":
         return False
-    if kind == "none":
-        return result["flow"] != "model error"
-    return hidden and (result["flow"] != "model error" or "the flow model is to blame" in told)
+    moves, flow = result["motion"] in (ERROR, DIFFERS), result["flow"]
+    if kind in ("none", *MOVED):
+        return moves == (kind in MOVED) and flow != ERROR
+    return not moves and (flow != ERROR or "the flow model is to blame" in told)

@@ -36,7 +36,7 @@ def case(tmp_path_factory):
         for n, kind, c, b, d in runs
     ]
     return Case(
-        kinematics, registration, None, None, None, (0.0, 1.0), VortexSettings(0.004), 0.006, True, 0.02, effects
+        kinematics, registration, None, None, None, (0.0, 1.0), VortexSettings(0.004), 0.006, True, 0.02, True, effects
     )  # fmt: skip
 
 
