@@ -70,9 +70,10 @@ def judge(finding: Finding, evidence: Evidence) -> dict[str, Any]:
             notes[of] = str(error)
             if isinstance(error, FileNotFoundError):  # what was not run is not judged
                 absent.add(of)
-    judged = {of: is_met(finding, value) for of, value in measured.items() if value is not None}
-    failed = any(of not in absent and measured[of] is None for of in finding.of)
-    met = False if failed or not all(judged.values()) else None if absent else True
+    judged = {
+        of: value is not None and is_met(finding, value) for of, value in measured.items() if of not in absent
+    }
+    met = False if not all(judged.values()) else None if absent else True
     return {
         **{name: getattr(finding, name) for name in COPIED},
         "label": QUANTITIES[finding.quantity].label,

@@ -116,8 +116,6 @@ def measure(files: StageFiles, name: str, change: str) -> list[dict[str, Any]]:
         if finding.kind == "paper" and "cfd" in finding.of:
             check = judge(finding, evidence)
             value, met, note = check["measured"]["cfd"], check["met_by"].get("cfd"), "; ".join(check["notes"])
-            if value is None and "was not run" not in note:
-                met = False
             rows.append(["finding", finding.id, value, check["unit"], met, note])
     numbers = pinch_summary(evidence)
     numbers |= numbers["cfd"]
@@ -166,7 +164,7 @@ def _finding(part: pd.DataFrame) -> list[str]:
     named = [row.run + (f" ({row.note})" if pd.isna(row.value) else "") for row in missed.itertuples()]
     none = (
         "all"
-        if len(missed) > 1 and len(missed) == len(judged) and not any("(" in n for n in named)
+        if len(missed) > 1 and len(missed) == len(judged) and missed["value"].notna().all()
         else ", ".join(named)
     )
     return [" to ".join(ends) or "–", f"{len(judged) - len(missed)} of {len(judged)}", none or "–"]

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.quantities import QUANTITIES
+from postprocess.compare.stage import judge
 from postprocess.draw.quantity_text import measured_text
-from postprocess.evidence.time_windows import Window
+from postprocess.evidence.evidence import Evidence, Quantity
+from postprocess.evidence.time_windows import Clock, Window
 
 ROOT = Path(__file__).parents[3]
+CLOCK = np.array([0.0, 1.0])
 GOOD = """
 format = "findings"
 format_version = 1
@@ -66,6 +70,30 @@ def finding(comparison, value, tolerance=0.0):
 )
 def test_judgement(comparison, value, tolerance, measured, expected):
     assert is_met(finding(comparison, value, tolerance), measured) is expected
+
+
+@pytest.mark.parametrize(
+    "end, met_by, met",
+    [
+        (2.0, {"cfd": True}, True),
+        (0.5, {"cfd": False}, False),
+        (ValueError("so slow a flow was not run before"), {"cfd": False}, False),
+        (FileNotFoundError("the single finger has not been made"), {}, None),
+    ],
+)
+def test_what_cannot_be_measured_is_not_met_and_what_is_not_there_is_not_judged(
+    monkeypatch, end, met_by, met
+):
+    def measure(part):
+        if isinstance(end, Exception):
+            raise end
+        return end
+
+    monkeypatch.setitem(QUANTITIES, "q", Quantity(measure, "1", "a number"))
+    check = judge(finding(">=", 1.0), Evidence({"cfd": None}, {}, 1.0, Clock(CLOCK, CLOCK)))
+    assert check["met_by"] == met_by
+    assert check["met"] is met
+    assert check["notes"] == ([str(end)] if isinstance(end, Exception) else [])
 
 
 @pytest.mark.parametrize(

@@ -201,3 +201,11 @@ def test_what_is_missing_is_said_in_one_sentence():
 def test_names_of_files_are_not_compared():
     """The plan leaves them out; it has what is in the files."""
     assert {f"motion.{key}" for key in FILE_KEYS} == UNASKED
+
+
+def test_a_finding_that_no_run_meets_is_so_in_all_whatever_the_runs_are_called():
+    rows = [["a (1)", 1.0, "1", False, ""], ["a (2)", 2.0, "1", False, ""]]
+    part = pd.DataFrame(rows, columns=["run", "value", "unit", "met", "note"])
+    assert studies._finding(part) == ["1 to 2", "0 of 2", "all"]
+    part.loc[1, ["value", "note"]] = None, "no vortex"
+    assert studies._finding(part)[2] == "a (1), a (2) (no vortex)"
