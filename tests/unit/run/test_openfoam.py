@@ -28,9 +28,11 @@ def fake(folder, banner, mpi="mpirun (Open MPI) 4.1.4"):
         program.chmod(0o755)
 
 
-def test_missing_openfoam_names_the_command(monkeypatch):
-    monkeypatch.setenv("PATH", "/nowhere")
+@pytest.mark.parametrize("environment", [{}, {"WM_PROJECT_DIR": ""}])
+def test_missing_openfoam_names_the_command(monkeypatch, environment):
     monkeypatch.delenv("WM_PROJECT_DIR", raising=False)
+    for name, value in ({"PATH": "/nowhere"} | environment).items():
+        monkeypatch.setenv(name, value)
     with pytest.raises(StageError, match="sudo apt-get install openfoam"):
         openfoam.environment()
 

@@ -183,3 +183,15 @@ def test_a_run_is_made_whatever_scene_the_make_around_it_was_given(tmp_path, mon
     monkeypatch.setenv("COUPLED", "1")
     couple.make_run(tmp_path, "draft_1", "smoke", "kinematics", ranks=1, quiet=True)
     assert (tmp_path / "draft_1" / "out" / "smoke" / "kinematics.h5").exists()
+
+
+def test_a_wider_tolerance_ends_with_fewer_runs(scene_of, made, tmp_path):
+    """Of the tip's place and of the energy alike: a motion may be near where its energy is not."""
+    counts = []
+    for tolerance in (0.005, 0.02):
+        shutil.rmtree(tmp_path / "out", ignore_errors=True)
+        made.clear()
+        more = f'[structure]\nfirst_motion = "prescribed"\ntolerance = {tolerance}\n'
+        couple.couple(scene_of(more), ranks=1, quiet=True)
+        counts.append(len(made))
+    assert counts[1] < counts[0]
