@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from piv.correlation.deform import BORDER, Image, Nodes, cut
+from piv.correlation.deform import Image, Nodes, Part, cut, with_border
 from piv.correlation.interpolate import denser
 from piv.correlation.newton_step import CELL
 from piv.correlation.options import Options
@@ -102,8 +102,8 @@ def measure_adapted(
     images: both at full resolution, filtered.
     """
     smaller = ratio < 1
-    part = _around_all(smaller)
-    dense, crops = cut(nodes, images, part, 2)
+    part = with_border(_least_box(smaller), nodes, options.sigma)
+    dense, crops = cut(nodes, images, part, 2, options.sigma)
     dx, dy = (denser(d[part]) for d in fill_absent(v.dx, v.dy, v.known))
     sides = denser(ratio[part])
     weights = {level: w for level, w in zip(LEVELS, _shares(sides), strict=True) if w.any()}
@@ -130,11 +130,10 @@ def measure_adapted(
     return replace(v.replaced(smaller, replace(v, **every)), ratio=ratio), errors.replaced(smaller, found)
 
 
-def _around_all(where: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns of the least rectangle of nodes that holds all of `where`, and BORDER more on each side."""
-    spans = ((np.flatnonzero(where.any(axis=axis)), where.shape[1 - axis]) for axis in (1, 0))
-    rows, columns = (slice(max(i[0] - BORDER, 0), min(i[-1] + 1 + BORDER, n)) for i, n in spans)
-    return rows, columns
+def _least_box(where: np.ndarray) -> Part:
+    """The least rectangle of nodes that holds all of `where`."""
+    rows, columns = (np.flatnonzero(where.any(axis=axis)) for axis in (1, 0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 def _shares(ratio: np.ndarray) -> list[np.ndarray]:

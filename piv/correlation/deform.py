@@ -10,7 +10,7 @@ import numpy as np
 
 from piv.correlation.buffers import New, fresh
 from piv.correlation.interpolate import PAD, bilinear, bspline_table, dense_field, warp
-from piv.correlation.newton_step import CELL, MOMENTS, window_sums, window_weights
+from piv.correlation.newton_step import CELL, MOMENTS, window_reach, window_sums, window_weights
 from piv.correlation.pair_moments import pair_moments
 from piv.correlation.prefilter import TAPS, Kernel, apply
 
@@ -158,18 +158,30 @@ def spline_value(vectors: np.ndarray) -> np.ndarray:
     )
 
 
-BORDER = 4  # nodes around a region that take part in its measurement
-MARGIN = 32  # px of the images beyond them
+BORDER = 4  # nodes around a region that take part in its measurement, or more where its windows reach farther
+
+Part = tuple[slice, slice]  # rows and columns of nodes
+
+
+def with_border(box: Part, nodes: Nodes, sigma: float) -> Part:
+    """The part that holds a box and the nodes around it that warp the images in its windows (σ in px)."""
+    border = max(BORDER, int(np.ceil(window_reach(sigma) * CELL / (nodes.x[1] - nodes.x[0]))))
+    rows, columns = (
+        slice(max(s.start - border, 0), min(s.stop + border, axis.size))
+        for s, axis in zip(box, (nodes.y, nodes.x), strict=True)
+    )
+    return rows, columns
 
 
 def cut(
-    nodes: Nodes, images: list[Image], part: tuple[slice, slice], density: int
+    nodes: Nodes, images: list[Image], part: Part, density: int, sigma: float
 ) -> tuple[Nodes, list[Image]]:
-    """Nodes (`density` times as dense) of a part (slices of rows and columns of nodes) and images with a margin for its windows."""
+    """Nodes (`density` times as dense) of a part and images with a margin for windows of σ `sigma` (px) on all of them."""
+    margin = (window_reach(sigma) + 1) * CELL
     spans = []
     for axis, s, length in ((nodes.x, part[1], nodes.shape[1]), (nodes.y, part[0], nodes.shape[0])):
-        first = max(int(axis[s.start]) - MARGIN, 0) // CELL * CELL
-        spans.append((first, min(int(axis[s.stop - 1]) + MARGIN, length)))
+        first = max(int(axis[s.start]) - margin, 0) // CELL * CELL
+        spans.append((first, min(int(axis[s.stop - 1]) + margin, length)))
     (c0, c1), (r0, r1) = spans
     near = nodes.x[part[1]], nodes.y[part[0]]
     x, y = (np.linspace(a[0], a[-1], density * (a.size - 1) + 1) for a in near)

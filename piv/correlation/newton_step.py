@@ -111,9 +111,14 @@ def cell_moments(a, b, weight, out):
         cell_row(a, b, weight, j, at, rows, columns, sums, out)
 
 
+def window_reach(sigma: float) -> int:
+    """Cells on each side of a node that have weight in a window of this σ (px)."""
+    return int(np.ceil(3.0 * sigma / CELL)) + 1
+
+
 def window_weights(nodes: np.ndarray, cells: int, sigma: float) -> tuple[np.ndarray, np.ndarray]:
     """Gaussian weights of the cells around each node: (first cell of each node, weights (node, cell))."""
-    reach = int(np.ceil(3.0 * sigma / CELL)) + 1
+    reach = window_reach(sigma)
     centre = (nodes - (CELL - 1) / 2) / CELL
     first = np.floor(centre).astype(np.int64) - reach
     k = first[:, None] + np.arange(2 * reach + 2)

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from piv.correlation.deform import BORDER, Image, Nodes, cut, spline_value
+from piv.correlation.deform import Image, Nodes, cut, spline_value, with_border
 from piv.correlation.interpolate import denser
 from piv.correlation.newton_step import newton_step
 from piv.correlation.options import Options
@@ -63,8 +63,7 @@ def measure_steep_regions(
         if np.count_nonzero(poor[box] & (labels[box] == k)) < FEWEST:
             poor[box] &= labels[box] != k
             continue
-        spans = zip(box, poor.shape, strict=True)
-        part = tuple(slice(max(s.start - BORDER, 0), min(s.stop + BORDER, n)) for s, n in spans)
+        part = with_border(box, nodes, options.sigma)
         if min(poor[part].shape) < 4:
             poor[box] = False
             continue
@@ -82,7 +81,7 @@ def measure_steep_regions(
 
 def _region(nodes, images, vectors, poor, part, target, options, density):
     """Displacements of best correlation in one region (part: slices of nodes) and this correlation."""
-    local, crops = cut(nodes, images, part, density)
+    local, crops = cut(nodes, images, part, density, options.sigma)
     dx, dy = vectors.dx[part], vectors.dy[part]
     masked = vectors.masked[part]
     sigma = (INWARD_WINDOW if density == 1 else SMALL) * options.sigma

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from piv.correlation import prefilter
-from piv.correlation.deform import Image, Nodes
+from piv.correlation.deform import Image, Nodes, cut, with_border
 from piv.correlation.newton_step import CELL, MOMENTS, cell_moments
 from piv.correlation.passes import grid
 
@@ -88,3 +88,37 @@ def test_whole_pixels_are_taken_as_they_are(shift):
     inner = Nodes(x, y, shape, 1).moments(a, b, dx, 0 * dx)[:, 5:-5, 5:-5]
     assert np.abs(inner[0]).max() < 1e-4 * inner[5].max()
     assert inner[7] == pytest.approx(inner[5], rel=1e-4)
+
+
+@pytest.mark.parametrize(("window", "spacing"), [(32, 8), (32, 2), (128, 8), (64, 2)])
+def test_windows_in_a_part_are_those_in_the_whole_images(window, spacing):
+    """Where windows shrink and where gradients are steep only a part is measured: its windows are whole and warped alike."""
+    shape, sigma, rng = (480, 560), window / 4, np.random.default_rng(5)
+    kernel = prefilter.kernel(prefilter.default_response())
+    images = [Image(rng.standard_normal(shape).astype(np.float32), None) for _ in "ab"]
+    for image in images:
+        image.filter(kernel)
+    nodes = Nodes(grid(shape[1], spacing), grid(shape[0], spacing), shape, 1)
+    dx = (3 * np.sin(nodes.y[:, None] / 20) + 2 * np.cos(nodes.x / 15)).astype(np.float32)
+    rows, columns = (slice(n // 2, n // 2 + 3) for n in dx.shape)
+    part = with_border((rows, columns), nodes, sigma)
+    local, crops = cut(nodes, images, part, 1, sigma)
+    assert local.shape != shape
+    whole, full = nodes.window_sums(nodes.moments(*images, dx, dx), sigma)
+    found, _ = local.window_sums(local.moments(*crops, dx[part], dx[part]), sigma)
+    inner = tuple(slice(b.start - p.start, b.stop - p.start) for b, p in zip((rows, columns), part, strict=True))
+    want, got = whole[:, rows, columns], found[(slice(None), *inner)]
+    scale = np.sqrt(want[5] * want[6])  # the images' energy
+    for m in range(MOMENTS):
+        assert (np.abs(got[m] - want[m]) < 2e-3 * (full[rows, columns] if m == MOMENTS - 1 else scale)).all()
+
+
+def test_windows_at_the_border_of_a_part_are_whole():
+    nodes = Nodes(grid(560, 8), grid(480, 8), (480, 560), 1)
+    pixels = np.ones((480, 560), np.float32)
+    for window in (32, 128, 160):
+        part = slice(28, 31), slice(33, 36)
+        local, crops = cut(nodes, [Image(pixels, None)], part, 1, window / 4)
+        weight = local.window_sums(np.ones((1, *local.cell_shape), np.float32), window / 4)
+        np.testing.assert_allclose(CELL**2 * weight[0][0], weight[1].max(), rtol=2e-3)
+        assert crops[0].pixels.shape == local.shape
