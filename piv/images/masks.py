@@ -12,6 +12,7 @@ import xarray as xr
 from piv.images.open_recording import row_to_y_px
 
 MIN_CONTRAST = 1.6  # of particle images to a body: below it a threshold would cut the light sheet's own shade
+MOST = 0.99  # of the picture: a mask of more leaves nothing to correlate, and is a photograph by mistake
 OPENED_PX, CLOSED_PX = 15, 25  # width of bridges and of gaps that are no part of a body's shape
 SUBPIXEL_BITS = 6  # fixed-point digits of polygon corners in OpenCV
 
@@ -46,7 +47,7 @@ def read_polygon(path: str | Path) -> np.ndarray:
 
 
 def read_mask(path: str | Path, shape: tuple[int, int]) -> np.ndarray:
-    """A static mask for frames of `shape` from a polygon (.csv, .txt) or an image (not black = body)."""
+    """A static mask for frames of `shape` from a polygon (.csv, .txt) or an image (not black = body); ValueError where it hides all."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(
@@ -62,9 +63,14 @@ def read_mask(path: str | Path, shape: tuple[int, int]) -> np.ndarray:
             f"{path}: the mask is {image.shape[1]}x{image.shape[0]} px, the frames are {shape[1]}x{shape[0]} px; "
             "make it of one of these frames"
         )
-    if image.all():
-        raise ValueError(f"{path}: masks the whole picture; a mask is black but for the body")
-    return image > 0
+    return not_whole(image > 0, path)
+
+
+def not_whole(mask: np.ndarray, name: object) -> np.ndarray:
+    """The mask; ValueError with its name where it leaves nothing of the picture."""
+    if (share := mask.mean()) > MOST:
+        raise ValueError(f"{name}: masks {share:.4g} of the picture; a mask is black but for the body")
+    return mask
 
 
 def outline_px(outline: np.ndarray, scale_m_per_px: float, origin_px: tuple[float, float]) -> np.ndarray:
@@ -153,12 +159,15 @@ def dark_body(
             "give --threshold, or a lower --min-area"
         )
     body = np.isin(labels, large).astype(np.uint8)
-    if body.all():
-        raise ValueError(f"the whole image is below grey level {threshold:.3g}; give a lower --threshold")
     contours, _ = cv2.findContours(body, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(body, contours, -1, 1, cv2.FILLED)
     # The blur moves the threshold's edge into the body's dark side: growing gives it back, with a margin.
-    return cv2.dilate(body, _disc(grow_px)).astype(bool)
+    body = cv2.dilate(body, _disc(grow_px))
+    if body.mean() > MOST:
+        raise ValueError(
+            f"what is below grey level {threshold:.3g} masks the whole image; give a lower --threshold"
+        )
+    return body.astype(bool)
 
 
 def _disc(radius: int) -> np.ndarray:

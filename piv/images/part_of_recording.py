@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from piv.images.mask_series import Masks, open_masks, roi_px
+from piv.images.masks import not_whole
 from piv.images.open_recording import row_to_y_px
 from piv.images.recording import Recording
 
@@ -62,4 +63,9 @@ def part_of_recording(
     """`recording` with further masks (file, folder or pattern: `open_masks`), within `roi` (x0, y0, x1, y1, y up; px or m)."""
     masks = open_masks(mask, recording) if mask is not None else None
     region = roi_px(roi, roi_unit, recording) if roi is not None else masks.roi if masks else None
-    return recording if masks is None and region is None else PartOfRecording(recording, masks, region)
+    if masks is None and region is None:
+        return recording
+    part = PartOfRecording(recording, masks, region)
+    if masks is not None and (first := part.mask(0)) is not None:
+        not_whole(first, mask if isinstance(mask, (str, Path)) else "the mask")
+    return part

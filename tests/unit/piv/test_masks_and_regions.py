@@ -69,6 +69,27 @@ def test_one_mask_per_frame(frames, tmp_path):
     assert [m.tolist() for m in masked(tmp_path / "b.h5")[0]] == [first.tolist(), second.tolist()]
 
 
+@pytest.mark.parametrize("kind", ["m.tif", "m.png", "folder", "pattern", "drawn.json"])
+def test_a_photograph_for_a_mask_is_refused_before_the_work(kind, frames, tmp_path, capsys):
+    photograph = np.full(SHAPE, 40, np.uint8)
+    photograph[7, 9] = 0
+    mask = tmp_path / kind
+    if kind == "drawn.json":
+        mask.write_text(json.dumps({"bodies": [{"corners": [[0, 0], [200, 0], [200, 200], [0, 200]]}]}))
+    elif kind in ("folder", "pattern"):
+        (tmp_path / kind).mkdir()
+        for k in range(3):
+            cv2.imwrite(str(tmp_path / kind / f"f{k}.png"), photograph)
+        mask = mask if kind == "folder" else mask / "f*.png"
+    else:
+        cv2.imwrite(str(mask), photograph)
+    assert correlate(frames, tmp_path / "a.h5", "--mask", mask) == 2
+    said = capsys.readouterr().err
+    assert str(mask) in said
+    assert "of the picture; a mask is black but for the body" in said
+    assert not (tmp_path / "a.h5").exists()
+
+
 def test_masks_that_do_not_fit_are_refused(frames, tmp_path, capsys):
     cv2.imwrite(str(tmp_path / "m0.png"), np.zeros(SHAPE, np.uint8))
     cv2.imwrite(str(tmp_path / "m1.png"), np.zeros(SHAPE, np.uint8))

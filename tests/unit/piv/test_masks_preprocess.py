@@ -33,10 +33,16 @@ def test_polygon_covers_its_pixels_with_y_up():
 def test_a_photograph_and_a_threshold_that_mask_everything_are_refused(tmp_path):
     picture = np.full((40, 50), 30, np.uint8)
     cv2.imwrite(str(tmp_path / "photo.png"), picture)
-    with pytest.raises(ValueError, match=r"photo.png: masks the whole picture"):
+    with pytest.raises(ValueError, match=r"photo.png: masks 1 of the picture"):
         read_mask(tmp_path / "photo.png", (40, 50))
-    with pytest.raises(ValueError, match="below grey level 900; give a lower --threshold"):
+    with pytest.raises(
+        ValueError, match="below grey level 900 masks the whole image; give a lower --threshold"
+    ):
         dark_body(picture, threshold=900)
+    picture = np.full((80, 100), 30, np.uint8)
+    picture[20:60, 20:80] = 200  # a frame of dark round it: all is masked once the hole in it is filled
+    with pytest.raises(ValueError, match="masks the whole image"):
+        dark_body(picture, threshold=100)
 
 
 def test_read_mask_refuses_other_sizes(tmp_path):

@@ -90,7 +90,7 @@ def test_whole_pixels_are_taken_as_they_are(shift):
     assert inner[7] == pytest.approx(inner[5], rel=1e-4)
 
 
-@pytest.mark.parametrize(("window", "spacing"), [(32, 8), (32, 2), (128, 8), (64, 2)])
+@pytest.mark.parametrize("window, spacing", [(32, 8), (32, 2), (128, 8), (64, 2)])
 def test_windows_in_a_part_are_those_in_the_whole_images(window, spacing):
     """Where windows shrink and where gradients are steep only a part is measured: its windows are whole and warped alike."""
     shape, sigma, rng = (480, 560), window / 4, np.random.default_rng(5)
@@ -106,7 +106,9 @@ def test_windows_in_a_part_are_those_in_the_whole_images(window, spacing):
     assert local.shape != shape
     whole, full = nodes.window_sums(nodes.moments(*images, dx, dx), sigma)
     found, _ = local.window_sums(local.moments(*crops, dx[part], dx[part]), sigma)
-    inner = tuple(slice(b.start - p.start, b.stop - p.start) for b, p in zip((rows, columns), part, strict=True))
+    inner = tuple(
+        slice(b.start - p.start, b.stop - p.start) for b, p in zip((rows, columns), part, strict=True)
+    )
     want, got = whole[:, rows, columns], found[(slice(None), *inner)]
     scale = np.sqrt(want[5] * want[6])  # the images' energy
     for m in range(MOMENTS):
