@@ -108,7 +108,7 @@ help: ## this list
 	    | awk -F'|' '{printf "%-30s %s\n", $$1, $$2}'
 
 setup: $(READY) ## Python environment and OpenFOAM, where missing
-$(READY): requirements.lock pipeline/setup.sh
+$(READY): requirements.lock pipeline/setup.sh pipeline/command.sh
 	@sh pipeline/setup.sh
 	@touch $@
 

@@ -52,11 +52,7 @@ if [ ! -x .venv/bin/python ] || ! cmp -s requirements.lock .venv/requirements.lo
     cp requirements.lock .venv/requirements.lock
 fi
 
-if [ ! -L .venv ]; then # else it is another clone's: the command `piv`, and the packages in Python, from any folder
-    pwd >"$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/softfinger.pth"
-    printf '#!/bin/sh\nexec "%s/.venv/bin/python" -P -m piv "$@"\n' "$(pwd)" >.venv/bin/piv
-    chmod +x .venv/bin/piv
-fi
+sh pipeline/command.sh .venv
 
 if ! .venv/bin/python -c 'import gmsh, vtkmodules.vtkRenderingOpenGL2' 2>.setup.log; then
     echo "setup: libraries that gmsh and VTK load"

@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+import venv
 from pathlib import Path
 
 import pytest
@@ -34,7 +35,6 @@ def run(command: list[str], folder: Path) -> str:
     # as conftest's make: the environment is there
     environment = inner_environment(MAKEFLAGS="READY=Makefile", MPLBACKEND="Agg")
     environment["PATH"] = f"{folder / '.venv' / 'bin'}:{environment['PATH']}"
-    environment["PYTHONPATH"] = str(folder)  # the linked environment belongs to another clone
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}{done.stderr[-3000:]}"
     assert "jobserver" not in done.stderr  # make's own warning, of a make within make
@@ -102,6 +102,29 @@ def test_the_command_piv_works_in_any_folder(tmp_path):
     command = [str(ROOT / ".venv" / "bin" / "piv"), "correlate", *frames, "-o", "pair.h5", "--window", "24"]
     subprocess.run(command, cwd=tmp_path, env=inner_environment(), check=True)
     assert (tmp_path / "pair.h5").is_file()
+
+
+def test_the_command_piv_runs_the_clone_that_it_is_called_in(tmp_path):
+    """In a clone of its own, in one whose environment is linked to it, through a link to the command, and after a move."""
+    one, two = tmp_path / "one", tmp_path / "two"
+    for clone in (one, two):
+        (clone / "piv").mkdir(parents=True)
+        (clone / "piv" / "__init__.py").write_text(f"name = {clone.name!r}")
+        (clone / "piv" / "__main__.py").write_text("import piv; print(piv.name)")
+    venv.create(one / ".venv", symlinks=True)
+    subprocess.run(["sh", ROOT / "pipeline" / "command.sh", one / ".venv"], check=True)
+    (two / ".venv").symlink_to(one / ".venv")
+    (tmp_path / "linked").symlink_to(one / ".venv" / "bin" / "piv")
+
+    def said(*command):
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout.strip()
+
+    assert said(one / ".venv" / "bin" / "piv") == "one"
+    assert said(two / ".venv" / "bin" / "piv") == "two"
+    assert said(two / ".venv" / "bin" / "python", "-c", "import piv; print(piv.name)") == "two"
+    assert said(tmp_path / "linked") == "one"
+    one.rename(tmp_path / "three")
+    assert said(tmp_path / "three" / ".venv" / "bin" / "piv") == "one"
 
 
 @OPENFOAM
