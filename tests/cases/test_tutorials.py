@@ -117,7 +117,9 @@ def test_the_command_piv_runs_the_clone_that_it_is_called_in(tmp_path):
     (tmp_path / "linked").symlink_to(one / ".venv" / "bin" / "piv")
 
     def said(*command):
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout.strip()
+        return subprocess.run(
+            command, cwd=tmp_path, capture_output=True, text=True, check=True
+        ).stdout.strip()
 
     assert said(one / ".venv" / "bin" / "piv") == "one"
     assert said(two / ".venv" / "bin" / "piv") == "two"
