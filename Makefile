@@ -67,7 +67,7 @@ RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(call SAFE,$(MADE)))
 ALL    := $(SCENES) $(RUNS)
 OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS) view))
 # A target that is none is told with the nearest that is one; files by their path are left to make.
-NEAREST = $(shell $(PY) -c 'import difflib, sys; print(*difflib.get_close_matches(sys.argv[1], sys.argv[2:], 1))' \
+NEAREST = $(shell $(PY) -c 'import sys; from fileio.errors import nearest; print(nearest(sys.argv[1], sys.argv[2:]) or "")' \
     '$1' $2 2>/dev/null)
 MEANT   = $(if $(call NEAREST,$1,$2),did you mean $(call NEAREST,$1,$2)? )make help lists what there is
 KNOWN  := $(USER_TARGETS) $(OF_SCENES) $(INNER_TARGETS) $(READY) Makefile

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import io
 import os
-import re
 import signal
 import stat
 import sys
@@ -143,8 +142,8 @@ def command_line(
                     module.add_arguments(sub)
         args, unknown = parser.parse_known_args(given)
         if unknown:
-            options = re.findall(r"--[a-z0-9-]+", chosen.format_help())
-            chosen.error(f"unrecognized arguments: {' '.join(unknown)}{meant(unknown[0], options)}")
+            options = meant(unknown[0], chosen._option_string_actions)
+            chosen.error(f"unrecognized arguments: {' '.join(unknown)}{options}")
         check_inputs(args)
         working()
         with around(args):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from concurrent.futures import as_completed
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -18,7 +19,7 @@ from fileio.hdf5 import open_netcdf
 from piv.commands.settings import add_fields, add_settings, build, merged, report
 from piv.correlation.options import Options
 from piv.images.image_files import COLOURS
-from piv.images.open_recording import JPEG_SUFFIXES, files_of, open_recording
+from piv.images.open_recording import open_recording
 from piv.images.part_of_recording import part_of_recording
 from piv.sequence.chunks import chunk_path, join, parse, parts_of
 from piv.sequence.ensemble import correlate_ensemble_to
@@ -111,8 +112,6 @@ def run(args: argparse.Namespace) -> None:
         path = correlate(args, given, chunk)
     if not args.quiet:
         report(path)
-        if any(file.suffix.lower() in JPEG_SUFFIXES for source in args.source for file in files_of(source)):
-            print(f"{args.source[0]}: JPEG loses detail of the particles; save TIFF or PNG where you can")
 
 
 def share_out(args: argparse.Namespace) -> None:
@@ -145,6 +144,12 @@ def correlate(args: argparse.Namespace, given: dict, chunk: tuple[int, int] | No
     ) as recording:
         if len(recording) < 2:
             raise ValueError(f"{recording.name}: one frame is no pair; give two images or a recording")
+        if recording.lossy and (chunk is None or chunk[0] == 1):
+            print(
+                f"{recording.name}: JPEG loses detail of the particles; save TIFF or PNG where you can",
+                file=sys.stderr,
+                flush=True,
+            )
         recording.attrs |= {
             name: float(given[name]) for name in ("origin_x_px", "origin_y_px") if name in given
         }

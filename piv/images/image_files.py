@@ -11,6 +11,7 @@ import numpy as np
 
 from piv.images.recording import Recording
 
+JPEG_SUFFIXES = (".jpg", ".jpeg")
 COLOURS = ("refuse", "luma", "green")
 
 
@@ -48,6 +49,7 @@ class ImageFiles(Recording):
         super().__init__(_common_name(paths), len(pages), frame_rate_hz)
         self.pages = pages
         self.colour = colour
+        self.lossy = any(p.suffix.lower() in JPEG_SUFFIXES for p in paths)
 
     def _frame_name(self, i: int) -> str:
         path, page = self.pages[i]
@@ -70,7 +72,7 @@ def _page_count(path: Path) -> int:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
     suffix = path.suffix.lower()
-    if suffix in (".jpg", ".jpeg") and b"\xff\xd9" not in path.read_bytes()[-1024:]:
+    if suffix in JPEG_SUFFIXES and b"\xff\xd9" not in path.read_bytes()[-1024:]:
         raise ValueError(
             f"{path}: the JPEG image is cut off; copy it again, or leave it out"
         )  # OpenCV would fill the rest with grey

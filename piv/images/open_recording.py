@@ -15,13 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from fileio.json_text import natural_key
-from piv.images.image_files import ImageFiles
+from piv.images.image_files import JPEG_SUFFIXES, ImageFiles
 from piv.images.photron import Photron
 from piv.images.recording import Recording
 from piv.images.recording_file import RecordingFile
 from piv.images.video import Video
 
-JPEG_SUFFIXES = (".jpg", ".jpeg")
 IMAGE_SUFFIXES = (".tif", ".tiff", ".png", ".bmp", *JPEG_SUFFIXES, ".pgm")
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".wmv", ".m4v", ".webm")
 PHOTRON_SUFFIXES = (".mraw", ".cihx", ".cih")

@@ -28,6 +28,7 @@ class Recording:
         self.count = count
         self.attrs: dict[str, Any] = {}
         self.times: np.ndarray | None = None
+        self.lossy = False  # saved in a format that leaves out detail
         self.corner_px = (0.0, 0.0)  # of the lower left pixel, in the picture that coordinates are of
         self.key: Any = None  # of what is not in the frames: masks, region
         if frame_rate_hz is not None:

@@ -34,8 +34,10 @@ def quantity(value: float | str | None, unit: str) -> str:
     if unit == "rad":
         return f"{math.degrees(value):.1f}°"
     if unit in SHOWN:
-        factor, shown = SHOWN[unit]
-        return f"{value * factor:.{0 if abs(value * factor) >= 1000 else 1}f}{NBSP}{shown}"
+        factor, unit = SHOWN[unit]
+        value *= factor
+        if 10 <= abs(value) < 1000:
+            return f"{value:.1f}{NBSP}{unit}"
     return number(value) + (NBSP + unit.replace(" ", NBSP) if unit not in ("", "1") else "")
 
 

@@ -49,7 +49,9 @@ def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, dpi
 
 def number(value: float) -> str:
     """Three digits, never with an exponent."""
-    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
+    return (
+        f"{value:.0f}" if abs(value) >= 100 else np.format_float_positional(float(f"{value:.3g}"), trim="-")
+    )
 
 
 def label_points(axis: Axes, points: list[tuple[float, float]], names: list[str]) -> None:

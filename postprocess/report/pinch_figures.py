@@ -19,6 +19,7 @@ from postprocess.evidence.pair_integrals import DORSAL, LATE, VENTRAL, pair_of, 
 from postprocess.evidence.time_windows import Clock, gap_reached
 from postprocess.evidence.vortex_pairs import broken, of_finger
 from postprocess.report.picture_index import Album
+from postprocess.report.pinch_wording import OF_GAP, TO
 
 APPROACHING = 0.010  # m: gap at which the dorsal pair is shown
 
@@ -50,7 +51,7 @@ def pinch_figures(
         "By integrals of the vorticity, which hold where cores overlap across the plane between the fingers."
     )
     album.add(draw_pinch.integrals(integrals, halves, met), "integrals.svg", "pinch", alt, caption)
-    alt = "Imbalance of circulation, mirror distance and place of the two tip vortices over time, to 5 mm of gap."
+    alt = f"Imbalance of circulation, mirror distance and place of the two tip vortices over time, to {TO} mm of gap."
     album.add(draw_pinch.pair(pairs), "pair.svg", "pinch", alt, format_pair(numbers))
     tips = plane["tip"].values[..., 1].mean(axis=1)
     alt = "Height of the line between the fingers at which the flow parts into up and down, and the speeds of both streams."
@@ -151,7 +152,7 @@ def format_pair(numbers: dict[str, Any]) -> str:
                 f"{name}: imbalance {rows['imbalance_rms'] * 100:.2g} %, mirror distance"
                 f" {rows['mirror_distance_rms'] * 1e3:.2g} mm"
             )
-    return f"RMS from 20 to 5 mm of gap: {'; '.join(parts)}." if parts else ""
+    return f"RMS from {OF_GAP}: {'; '.join(parts)}." if parts else ""
 
 
 def _with_bend(table: pd.DataFrame, clock: Clock) -> pd.DataFrame:

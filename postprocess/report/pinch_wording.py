@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
+from postprocess.compare.pinch_summary import APPROACH
 from postprocess.draw.quantity_text import PAIRS, quantity
+
+FROM, TO = (f"{gap * 1e3:g}" for gap in APPROACH)
+OF_GAP = f"{FROM} to {TO} mm of gap"
 
 # name of the row, key of pinch_summary.source_numbers, unit, keys of the time and the gap at which it is reached
 ROWS = (
-    ("circulation of each tip vortex at its peak, 20 to 5 mm of gap (fit)", "circulation_peak", "m²/s", ()),
-    ("imbalance of the pair, 20 to 5 mm of gap (RMS)", "imbalance_rms", "fraction", ()),
-    ("mirror distance of the centres, 20 to 5 mm of gap (RMS)", "mirror_distance_rms", "m", ()),
-    ("vortex beyond the tip, 20 to 5 mm of gap", "along_tip_approach", "m", ()),
-    ("vortex to the dorsal side, 20 to 5 mm of gap", "across_tip_approach", "m", ()),
+    (f"circulation of each tip vortex at its peak, {OF_GAP} (fit)", "circulation_peak", "m²/s", ()),
+    (f"imbalance of the pair, {OF_GAP} (RMS)", "imbalance_rms", "fraction", ()),
+    (f"mirror distance of the centres, {OF_GAP} (RMS)", "mirror_distance_rms", "m", ()),
+    (f"vortex beyond the tip, {OF_GAP}", "along_tip_approach", "m", ()),
+    (f"vortex to the dorsal side, {OF_GAP}", "across_tip_approach", "m", ()),
     ("the same from the plane between the fingers, in core radii, at its least", "core_radii_from_plane_approach", "1", ()),
     ("dorsal pair: circulation of each at contact", "dorsal_circulation_at_contact", "m²/s", ()),
     ("dorsal pair: circulation of each, 0.15 s after contact", "dorsal_circulation_after", "m²/s", ()),
@@ -35,7 +39,7 @@ ROWS = (
     ("circulation of half the plane that walls, flow and diffusion do not explain, until contact, over its peak", "circulation_unexplained", "fraction", ()),
     ("the same, after contact", "circulation_unexplained_after", "fraction", ()),
     ("vertical impulse of the plane flow (two dimensions only) against the fingers' forces per width, largest difference over its peak", "impulse_unexplained", "fraction", ()),
-    ("height at which the flow parts, 20 to 5 mm of gap", "stagnation_y_approach", "m", ()),
+    (f"height at which the flow parts, {OF_GAP}", "stagnation_y_approach", "m", ()),
     ("downward jet at its fastest", "jet_peak", "m/s", ("jet_peak_time", "jet_peak_gap")),
     ("upward flow at its fastest", "rise_peak", "m/s", ("rise_peak_time", "rise_peak_gap")),
     ("downward jet within 0.15 s after contact", "jet_peak_after_contact", "m/s", ()),

@@ -10,7 +10,7 @@ import pytest
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.stage import judge
-from postprocess.draw.quantity_text import measured_text
+from postprocess.draw.quantity_text import measured_text, quantity
 from postprocess.evidence.evidence import Evidence, Quantity
 from postprocess.evidence.time_windows import Clock, Window
 
@@ -156,3 +156,20 @@ def test_what_was_measured_is_printed_in_words():
     check = {"unit": "m", "measured": {"cfd": 0.0012345, "piv": None}}
     assert measured_text(check) == "CFD: 1.23\u00a0mm, PIV: –"
     assert measured_text({"unit": "", "measured": {"cfd": "dorsal"}}) == "CFD: dorsal"
+
+
+@pytest.mark.parametrize(
+    "value, unit, text",
+    [
+        (3e-6, "m²/s", "0.03 cm²/s"),
+        (-3.21e-10, "m²/s", "-0.00000321 cm²/s"),
+        (9.09e-3, "m²/s", "90.9 cm²/s"),
+        (0.12345, "m²/s", "1234 cm²/s"),
+        (0.0, "m³/s", "0 cm³/s"),
+        (4.2e-8, "m³/s²", "0.042 cm³/s²"),
+        (2e-5, "m/s", "0.00002 m/s"),
+        (0.5, "s", "0.5 s"),
+    ],
+)
+def test_small_values_keep_their_digits_without_an_exponent(value, unit, text):
+    assert quantity(value, unit).replace("\u00a0", " ") == text
