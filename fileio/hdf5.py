@@ -15,7 +15,7 @@ from fileio.child_process import check_walkable
 from fileio.errors import one_line
 from fileio.hdf5_disk import Disk
 
-# of a file that it cannot open, which has no such attribute yet, it would print a traceback where it is tidied up
+# h5netcdf 1.8.2 sets it once the file is open: of one that it cannot open it would print a traceback where it is tidied up
 h5netcdf.File._writable = False
 
 

@@ -107,7 +107,8 @@ class Prepared:
             seen = self.seen[k]
             if (seen is None or seen.any()) and not cv2.norm(p, cv2.NORM_INF) > 1e-6 * levels[k]:
                 raise ValueError(
-                    f"image {k + 1} is of one grey level where it is not masked; look at it and at its mask"
+                    f"image {k + 1} is of one grey level where it is not masked; give a picture with particles, "
+                    "or a mask that leaves them"
                 )
         self.pixels = [np.multiply(p, np.float32(1 / energy), out=p) if energy > 0 else p for p in pixels]
         self._images: dict[int, list[Image]] = {}

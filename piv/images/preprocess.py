@@ -28,7 +28,8 @@ def background(recording: Recording, kind: str = "min") -> np.ndarray:
         raise ValueError(f"background must be 'min', 'mean' or 'static', got {kind!r}")
     if len(recording) < 3:
         raise ValueError(
-            f"{recording.name}: a background needs at least 3 frames, this has {len(recording)}; leave it out"
+            f"{recording.name}: a background needs at least 3 frames, this has {len(recording)}; "
+            "give --preprocess none, or the other steps only"
         )
     count = min(BACKGROUND_FRAMES, len(recording))
     chosen = np.unique(np.linspace(0, len(recording) - 1, count).astype(int))

@@ -42,7 +42,8 @@ class Video(Recording):
         self._capture = cv2.VideoCapture(str(self.path))
         if not self._capture.isOpened():
             raise ValueError(
-                f"{self.path}: not readable as a video (damaged, or an unknown codec); save its pictures"
+                f"{self.path}: not readable as a video (damaged, or an unknown codec); save its frames as PNG, "
+                f"such as with ffmpeg -i {self.path.name} frame_%05d.png, and give their folder"
             )
         self._next = 0
         self._recent: OrderedDict[int, np.ndarray] = OrderedDict()

@@ -82,7 +82,8 @@ def parts_of(output: str | Path) -> list[Path]:
     if len(divisions) != 1:
         if not parts:
             raise ValueError(
-                f"{path}: there are no {path.stem}.chunk-*-of-*{path.suffix} beside it; make them first"
+                f"{path}: there are no {path.stem}.chunk-*-of-*{path.suffix} beside it; "
+                "make each with the same piv correlate and --chunk 1/N, 2/N …"
             )
         kinds = ", ".join(f"of-{d.removesuffix(path.suffix)}" for d in sorted(divisions))
         raise ValueError(
@@ -92,9 +93,14 @@ def parts_of(output: str | Path) -> list[Path]:
     missing = [k for k in range(1, of + 1) if not chunk_path(path, k, of).exists()]
     if missing:
         raise ValueError(
-            f"{chunk_path(path, missing[0], of)}: missing, with {len(missing)} of {of} chunks; make it first"
+            f"{chunk_path(path, missing[0], of)}: missing, with {len(missing)} of {of} chunks; {made_by(missing[0], of)}"
         )
     return parts
+
+
+def made_by(number: int, of: int) -> str:
+    """What a person does to get a part that is missing or cannot be used."""
+    return f"make it with the same piv correlate and --chunk {number}/{of}"
 
 
 def join(parts: list[Path], output: str | Path) -> Path:
@@ -102,16 +108,17 @@ def join(parts: list[Path], output: str | Path) -> Path:
     first = 0
     heads: list[dict[str, Any]] = []
     times = []
-    for path in parts:
+    for number, path in enumerate(parts, 1):
+        again = f"remove it and {made_by(number, len(parts))}"
         with h5py.File(path, "r") as file:
             if "chunk" not in file.attrs:
-                raise ValueError(f"{path}: not a chunk of a series (attribute 'chunk' is missing)")
-            head = parse_json(file.attrs["chunk"], path, "make it again")
+                raise ValueError(f"{path}: not a chunk of a series (attribute 'chunk' is missing); {again}")
+            head = parse_json(file.attrs["chunk"], path, again)
             times.append(file["time"][...])
         if heads and head["identity"] != heads[0]["identity"]:
-            raise ValueError(f"{path}: of another recording or other settings than {parts[0]}; make it again")
+            raise ValueError(f"{path}: of another recording or other settings than {parts[0]}; {again}")
         if head["first"] != first or len(times[-1]) != head["count"]:
-            raise ValueError(f"{path}: begins with field {head['first']}, expected {first}; make it again")
+            raise ValueError(f"{path}: begins with field {head['first']}, expected {first}; {again}")
         heads.append(head)
         first += head["count"]
     if not heads or first != heads[0]["fields"]:

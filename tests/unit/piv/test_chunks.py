@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 import tracemalloc
 from itertools import pairwise
@@ -124,12 +125,21 @@ def test_a_chunk_with_another_mask_is_made_anew_and_not_joined(recording_file, t
         join(parts_of(out), out)
 
 
-def test_a_missing_chunk_is_named(recording_file, tmp_path, capsys):
+def test_a_chunk_that_is_missing_or_of_no_use_is_named_with_how_it_is_made(recording_file, tmp_path, capsys):
     out = tmp_path / "piv.h5"
     chunked(recording_file, out, 3)
-    chunk_path(out, 2, 3).unlink()
-    assert main(["join", str(out)]) == 2
-    assert "chunk-0002-of-0003" in capsys.readouterr().err
+    part = chunk_path(out, 2, 3)
+    for damage in ("missing", "another file"):
+        part.unlink()
+        if damage == "another file":
+            shutil.copy(recording_file, part)
+        assert main(["join", str(out)]) == 2
+        said = capsys.readouterr().err
+        assert str(part) in said
+        assert "make it with the same piv correlate and --chunk 2/3" in said
+        part.unlink(missing_ok=True)  # as it says
+        assert main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--chunk", "2/3"]) == 0
+    assert main(["join", str(out)]) == 0
 
 
 @pytest.mark.parametrize("extra", [["--chunk", "3"], ["--chunk", "0/2"], ["--chunk", "1/99"], ["--processes", "0"],

@@ -6,6 +6,7 @@ import pytest
 import xarray as xr
 
 from fileio.formats.plane_series import read_plane
+from piv.__main__ import main
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
 from piv.fields.summary import summary
@@ -107,6 +108,17 @@ def test_chain_names_its_steps_and_takes_a_still_background_away(tmp_path):
     assert clean.dtype == np.float32
     assert np.unravel_index(clean.argmax(), clean.shape) == (10, 15)
     assert np.count_nonzero(clean) == 1
+
+
+def test_where_no_background_can_be_the_remedy_can_be_followed(tmp_path, capsys):
+    image = particles((96, 96))[0].astype(np.uint8)
+    names = [str(tmp_path / f"{k}.tif") for k in "ab"]
+    for name in names:
+        cv2.imwrite(name, image)
+    asked = ["correlate", *names, "-o", str(tmp_path / "a.h5"), "--quiet", "--preprocess"]
+    assert main([*asked, "background=min"]) == 2
+    assert "give --preprocess none" in capsys.readouterr().err
+    assert main([*asked, "none"]) == 0
 
 
 def test_static_background_is_taken_off_where_particles_pass_and_particles_at_rest_stay(tmp_path):
