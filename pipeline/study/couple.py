@@ -45,6 +45,7 @@ FIRST = {
 }  # a fit to the closing stroke of the shipped finger: only where the runs begin
 OPEN = 4  # times the tolerance, of the pressure's work: what may be open where a run's own loads stand for those its motion bears
 SHAPES = "elastic_motion.h5"
+AFTER = "after.h5"  # beside it in the last run: the motion that the loads of this one make, and its change
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -150,6 +151,7 @@ def couple(scene: Scene, ranks: int, quiet: bool = False, target: str = "report"
         if not near or (level == scene.level and left > open_limit):
             continue
         if level == scene.level:
+            write_elastic_motion(folder / AFTER, values | {"made_of": made_of})
             make_run(home, folder.name, level, target, ranks, quiet)
             for later in range(number + 1, scene.structure.iterations + 1):  # of a motion that took more runs
                 shutil.rmtree(home / f"{scene.level}_{later}", ignore_errors=True)

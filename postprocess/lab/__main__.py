@@ -15,7 +15,7 @@ from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import Dpiv
 from postprocess.lab.data.files import LabFiles
 from postprocess.lab.data.inputs_toml import read_inputs, write_runs, write_virtual
-from postprocess.lab.data.plan import plan_text
+from postprocess.lab.data.plan import coupled_plan_text, plan_text
 from postprocess.lab.judgement.compare import run_comparison
 from postprocess.lab.judgement.motion import motion_sentence
 from postprocess.lab.registration.check_motion import FEWEST
@@ -58,9 +58,10 @@ def motion(args: argparse.Namespace, say: Callable[[object], None], files: LabFi
 
 
 def pressure(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
-    from postprocess.lab.judgement.causes import write_scene
+    from postprocess.lab.judgement.causes import coupled_home, write_scene
 
     say(write_scene(files, dpiv))
+    say(coupled_plan_text(files.stage, coupled_home(files), args.ranks))
 
 
 def modelled(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
@@ -72,7 +73,7 @@ def modelled(args: argparse.Namespace, say: Callable[[object], None], files: Lab
 def causes(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
     from postprocess.lab.judgement.causes import causes, sentences
 
-    for sentence in sentences(causes(files, dpiv)):
+    for sentence in sentences(causes(files, dpiv), files, dpiv):
         say(sentence)
 
 
@@ -129,7 +130,10 @@ COMMANDS: Commands = {
     "register": ("find the finger in the data: pose, scale, time, motion", Step(register, ("seed", "quick"))),
     "compare": ("judge every quantity", Step(compare, ("seed", "threads"))),
     "report": ("figures and page", Step(report)),
-    "pressure": ("a scene that is driven by the pressure measured with the recording", Step(pressure)),
+    "pressure": (
+        "a scene that is driven by the pressure measured with the recording",
+        Step(pressure, ("ranks",)),
+    ),
     "modelled": ("a scene that is driven by the motion of the coupled run at that pressure", Step(modelled)),
     "causes": ("whether pressure, structure or flow differ from the recording's", Step(causes)),
     "motion": ("the finger's motion as recorded, and a scene that is driven by it", Step(motion)),

@@ -55,7 +55,7 @@ compare-measured: | $(READY) ## the same with the simulation driven by the motio
 # The coupled run comes first: the recording is registered against its motion.
 compare-coupled: | $(READY) ## whether pressure, structure or flow differ, with the pressure measured in the chambers
 	+@$(SUB) $(SCENE).kinematics
-	$(LAB) pressure $(OFLAB)
+	$(LAB) pressure $(OFLAB) --ranks $(NP)
 	+$(PY) -m pipeline couple $(LABHERE)/pressure --level $(LEVEL) --ranks $(NP) --target loads $(FLAGS)
 	$(LAB) modelled $(OFLAB)
 	+@$(SUB) SCENE=$(SCENE)/out/$(LEVEL)/lab/$(LABNAME)/modelled DPIV=$(abspath $(DPIV)) lab-register

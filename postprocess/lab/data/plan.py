@@ -10,6 +10,9 @@ from postprocess.lab.data.inputs_toml import Input, Inputs, Numerics, run_folder
 
 SET_UP = ("kinematics", "mesh", "case")  # stages before the solver
 FIXED = 10.0  # CPU s of a run that neither cells nor steps change: programs that start, shapes, files (half of a run at most)
+COUPLED = (
+    3.0  # cost of a coupled motion's runs over that of the prescribed one (1.7 to 2.9, docs/coupling.md)
+)
 GRADED = 0.5  # of a dimension: a grid finer by r has r^(d - 0.5) times the cells (1.8 at smoke, 2.5 to 2.9 from draft to medium)
 
 
@@ -25,8 +28,7 @@ def solving_time(files: StageFiles, runs: list[Input | Numerics], ranks: int) ->
 
     Before the solver one process works, whatever the ranks.
     """
-    dimensions = 2 if _flat(files) else 3
-    took = {stage: float(COST.read(_cost(files, stage))["cpu_time"]) for stage in (*SET_UP, "run")}
+    dimensions, took = 2 if _flat(files) else 3, _took(files)
     fixed = min(FIXED, 0.5 * took["run"])
     time = 0.0
     for one in runs:
@@ -34,6 +36,25 @@ def solving_time(files: StageFiles, runs: list[Input | Numerics], ranks: int) ->
         time += took["kinematics"] + took["case"] + took["mesh"] * cells
         time += (fixed + (took["run"] - fixed) * cells * steps) / ranks
     return time
+
+
+def _took(files: StageFiles) -> dict[str, float]:
+    """CPU time (s) of each of the nominal run's stages up to the solver."""
+    return {stage: float(COST.read(_cost(files, stage))["cpu_time"]) for stage in (*SET_UP, "run")}
+
+
+def coupled_plan_text(files: StageFiles, home: Path, ranks: int) -> str:
+    """What make compare-coupled has to solve, with its time where the nominal run has left its cost; `home`: of the coupled runs."""
+    made = sorted(path.parents[2].name for path in home.glob(f"{files.level}_*/out/*/loads.h5"))
+    text = f"plan: coupled runs until the motion changes no more (two to four, docs/coupling.md); there already: {', '.join(made) or 'none'}"
+    unknown = [stage for stage in (*SET_UP, "run") if not _cost(files, stage).exists()]
+    if unknown:
+        return f"{text}; all together about three times the nominal run, whose cost is not known yet (make predict says what to expect)"
+    took = _took(files)
+    time = COUPLED * (sum(took[stage] for stage in SET_UP) + took["run"] / ranks)
+    return (
+        f"{text}; from the first on about {_duration(time)} on {ranks} idle cores, by the nominal run's cost"
+    )
 
 
 def _cost(files: StageFiles, stage: str) -> Path:

@@ -28,12 +28,20 @@ from postprocess.lab.data.dpiv_toml import NAME, ChamberPressure, Dpiv, Start
 from postprocess.lab.data.files import LabFiles, read_registration
 from postprocess.lab.data.inputs_toml import read_inputs
 from postprocess.lab.judgement.recorded_motion import write_moved_scene
-from postprocess.lab.judgement.validation import AGREES, ERROR, LEVEL, UNCERTAIN, coverage_factor
+from postprocess.lab.judgement.validation import (
+    AGREES,
+    ERROR,
+    UNCERTAIN,
+    Source,
+    ValidatedQuantity,
+    coverage_factor,
+)
 from postprocess.lab.registration.step import fea_band
 
 PRESSURE_STEP = 2e-3  # s, of the history that drives the coupled run
 NOT_JUDGED = "not judged"
 MODELLED = "modelled.h5"
+AFTER = "after.h5"  # of pipeline couple: the motion that the last run's loads make
 BEND_STEP = np.radians(1.0)  # between two shapes of it, at least
 MARGIN = 0.03  # of its range: shapes beyond the motion, where it swings back or its spline overshoots
 SCENE = """# Written by postprocess.lab: the scene driven by the pressure that was measured with the recording {name}.
@@ -61,9 +69,19 @@ def _measured(dpiv: Dpiv) -> tuple[ChamberPressure, Start]:
     return dpiv.pressure, dpiv.start
 
 
+def coupled_home(files: LabFiles) -> Path:
+    """Folder of the coupled runs at the measured pressure."""
+    return files.folder / "pressure" / "out" / "coupled"
+
+
 def write_scene(files: LabFiles, dpiv: Dpiv) -> Path:
-    """Write the scene `pressure/` with the measured history on the simulation's clock, without its noise; returns its folder."""
+    """Write the scene `pressure/` with the measured history on the simulation's clock, without its noise; returns its folder.
+
+    What the last step needs is asked for here, before anything is solved.
+    """
     pressure, start = _measured(dpiv)
+    kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
+    _scene_knows(files, dpiv, kinematics)
     path = dpiv.folder / pressure.csv
     try:
         table = pd.read_csv(path, comment="#")[["t", "p"]].astype(float)
@@ -71,7 +89,7 @@ def write_scene(files: LabFiles, dpiv: Dpiv) -> Path:
     except (OSError, KeyError, ValueError) as error:
         raise StageError(f"{path}: not a table of t,p in s and Pa: {error}") from None
     begin, end = float(table["t"].iloc[0] + start.at_s), float(table["t"].iloc[-1] + start.at_s)
-    last = read_kinematics(files.stage.required("kinematics.h5", "kinematics")).time[1]
+    last = kinematics.time[1]
     if begin > 0 or end < last:
         raise StageError(
             f"{path}: its times must reach from {-start.at_s:g} s, where the motion begins on the recording's clock (start in"
@@ -90,12 +108,23 @@ def write_scene(files: LabFiles, dpiv: Dpiv) -> Path:
 
 def coupled_run(files: LabFiles) -> Path:
     """Output folder of the last coupled run at the level. StageError where there is none."""
-    home = files.folder / "pressure" / "out" / "coupled"
-    level = files.stage.level
+    home, level = coupled_home(files), files.stage.level
     runs = [path.parent for path in home.glob(f"{level}_*/out/{level}/loads.h5")]
     if not runs:
         raise StageError(f"{home}: holds no coupled run of level {level}; make compare-coupled solves it")
     return max(runs, key=lambda out: int(out.parts[-3].rpartition("_")[2]))
+
+
+def left_to_change(out: Path, times: np.ndarray) -> np.ndarray:
+    """Bend angle (instant,) rad by which the loads of a coupled run still change its motion, at times (s). StageError."""
+    folder = out.parents[1]
+    if not (folder / AFTER).exists():
+        raise StageError(
+            f"{folder}: holds no {AFTER}, so what another run would change is not known; make compare-coupled again"
+        )
+    own, after = (read_elastic_motion(folder / name) for name in ("elastic_motion.h5", AFTER))
+    change = after["delta"].values[:, -1] - own["delta"].values[:, -1]
+    return np.asarray(np.interp(times, own["time"].values, change))
 
 
 def write_modelled(files: LabFiles, dpiv: Dpiv) -> Path:
@@ -137,28 +166,43 @@ def write_modelled(files: LabFiles, dpiv: Dpiv) -> Path:
     return write_moved_scene(files, dpiv, "modelled", words, MODELLED, factor_std, reason)
 
 
-def _row(cause: str, differs: str, value: float, std: float, limit: float) -> dict[str, str | float]:
-    """`differs`: the word where `value` is beyond what `std` explains; `limit`: what must not stay hidden."""
-    band = coverage_factor(1, LEVEL) * std
-    word = differs if value > band else UNCERTAIN if band > limit else AGREES
-    return {"cause": cause, "verdict": word, "difference": value, "band": band}
+def _row(
+    cause: str, differs: str, value: float, sources: dict[str, float], scale: float, part: float
+) -> dict[str, str | float]:
+    """The verdict on a difference (RMS) by its sources of uncertainty; `differs`: the word where it is beyond them.
+
+    An error of a `part` of the `scale` must not stay hidden.
+    """
+    one = lambda v: np.array([v])  # noqa: E731
+    known = [Source(name, "data", one(std), "") for name, std in sources.items()]
+    judged = ValidatedQuantity(cause, cause, "", one(value), one(value), one(0.0), scale, known)
+    word = judged.verdict(part)
+    return {
+        "cause": cause,
+        "verdict": differs if word == ERROR else word,
+        "difference": value,
+        "band": coverage_factor(1) * float(judged.u_val[0]),
+        "detectable": judged.detectable(),
+        "dominant": judged.dominant.name,
+    }
 
 
 def causes(files: LabFiles, dpiv: Dpiv) -> pd.DataFrame:
     """Pressure (Pa), structure (rad) and flow, each with a verdict; also written as causes.csv.
 
     Differences are RMS over the recording. The pressure's band holds its own uncertainty and that of the clock; the structure's the
-    silhouette's scatter and turn, the pressure's uncertainty, the FEA's bands, and the last change of the coupled motion.
+    silhouette's scatter and turn, the pressure's uncertainty, the FEA's bands, and what another coupled run would change.
     """
     pressure, start = _measured(dpiv)
     kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
-    part = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml").too_uncertain
+    part, bands = _scene_knows(files, dpiv, kinematics)
     table = pd.read_csv(files.folder / "pressure" / "pressure.csv")
     time = np.linspace(*kinematics.time, 401)
     nominal, measured = kinematics.law(time), np.interp(time, table["t"], table["p"])
     std, change = 1e3 * pressure.std_kpa, float(np.ptp(nominal))
     clock = start.std_s * _rms(np.gradient(measured, time))
-    rows = [_row("pressure", "differs", _rms(measured - nominal), float(np.hypot(std, clock)), part * change)]
+    known = {"pressure": std, "clock": clock}
+    rows = [_row("pressure", "differs", _rms(measured - nominal), known, change, part)]
 
     out, modelled = coupled_run(files), files.of_scene("modelled")
     loads, registration = read_loads(out / "loads.h5"), read_registration(modelled.registration)
@@ -169,25 +213,35 @@ def causes(files: LabFiles, dpiv: Dpiv) -> pd.DataFrame:
     bend = shapes.bend(pressures)
     computed = np.interp(seen[shown], loads["step"], loads["bend"])
     stroke = float(np.ptp(kinematics.bend(nominal)))
-    last = float(read_elastic_motion(out.parents[1] / "elastic_motion.h5").attrs["bend_change"])
-    sources = [
-        _rms(0.5 * (shapes.bend(pressures + scatter) - shapes.bend(pressures - scatter))),
-        float(np.sqrt(registration.covariance[2, 2])),
-        stroke / change * std,
-        last if np.isfinite(last) else 0.0,
-    ]
-    if dpiv.finger_geometry == "nominal":
+    sources = {
+        "silhouette": _rms(0.5 * (shapes.bend(pressures + scatter) - shapes.bend(pressures - scatter))),
+        "turn": float(np.sqrt(registration.covariance[2, 2])),
+        "pressure": stroke / change * std,
+        "coupling": _rms(left_to_change(out, seen[shown])),
+    }
+    if bands is not None:
         turned = _rms(loads["bend"].values - loads["bend_unloaded"].values)
-        sources += [fea_band(files, dpiv)[1], turned * _stiffness_band(files, kinematics)]
-    rows.append(
-        _row("structure", ERROR, _rms(computed - bend), float(np.hypot.reduce(sources)), part * stroke)
-    )
+        sources |= {"shape": bands[0], "stiffness": turned * bands[1]}
+    rows.append(_row("structure", ERROR, _rms(computed - bend), sources, stroke, part))
     judged = (_flow(of, dpiv) for of in (modelled, files))
     flow = next((word for word in judged if word != NOT_JUDGED), NOT_JUDGED)
-    rows.append({"cause": "flow", "verdict": flow, "difference": np.nan, "band": np.nan})
+    rows.append({"cause": "flow", "verdict": flow})
     result = pd.DataFrame(rows)
     write_text(files.folder / "causes.csv", result.to_csv(index=False))
     return result
+
+
+def _scene_knows(
+    files: LabFiles, dpiv: Dpiv, kinematics: Kinematics
+) -> tuple[float, tuple[float, float] | None]:
+    """What of a quantity must not stay hidden, and where the geometry is nominal the FEA's bands of bend (rad) and stiffness (1).
+
+    FileNotFoundError or StageError where the scene does not say it.
+    """
+    part = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml").too_uncertain
+    if dpiv.finger_geometry != "nominal":
+        return part, None
+    return part, (fea_band(files, dpiv)[1], _stiffness_band(files, kinematics))
 
 
 def _stiffness_band(files: LabFiles, kinematics: Kinematics) -> float:
@@ -220,8 +274,8 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def sentences(table: pd.DataFrame) -> list[str]:
-    """The three verdicts in words."""
+def sentences(table: pd.DataFrame, files: LabFiles, dpiv: Dpiv) -> list[str]:
+    """The three verdicts in words, and what judges the flow where nothing has."""
     rows = table.set_index("cause")
     pressure, structure, flow = (rows.loc[name] for name in ("pressure", "structure", "flow"))
     kpa, deg = 1e-3, float(np.degrees(1.0))
@@ -236,13 +290,23 @@ def sentences(table: pd.DataFrame) -> list[str]:
         UNCERTAIN: "cannot be told from the recording's",
     }
     return [
-        f"pressure: {words[pressure.verdict]}: {kpa * pressure.difference:.2f} kPa apart (RMS), known to ± {kpa * pressure.band:.2f}",
+        f"pressure: {words[pressure.verdict]}: {kpa * pressure.difference:.2f} kPa apart (RMS), known to ± {kpa * pressure.band:.2f};"
+        f" an error above {kpa * pressure.detectable:.2f} would be found",
         f"structure: at the measured pressure the coupled finger {moves[structure.verdict]}: {deg * structure.difference:.1f}° apart"
-        f" (RMS), known to ± {deg * structure.band:.1f}",
+        f" (RMS), known to ± {deg * structure.band:.1f}, mostly by the {structure.dominant}; an error above"
+        f" {deg * structure.detectable:.1f} would be found",
         f"flow: {flow.verdict}"
         + (
-            " (make compare-measured judges it)"
+            f"; to judge it: {judged_by(files, dpiv)}"
             if flow.verdict == NOT_JUDGED
             else ", with the recording's own motion"
         ),
     ]
+
+
+def judged_by(files: LabFiles, dpiv: Dpiv) -> str:
+    """The command that judges the flow at the recording's own motion, whose registration is that against the coupled run's."""
+    home = files.stage.scene_folder.parent
+    scene = files.of_scene("modelled").stage.scene_folder.relative_to(home)
+    cases = "" if home == Path("cases") else f"CASES={home} "
+    return f"make compare-measured {cases}SCENE={scene} LEVEL={files.stage.level} DPIV={dpiv.folder}"

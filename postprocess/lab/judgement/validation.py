@@ -85,7 +85,7 @@ class ValidatedQuantity:
         """One of `AGREES`, `ERROR`, `UNCERTAIN`: the last where a model error of `too_uncertain` times the scale could hide."""
         if self.significance() > coverage_factor(self.error.size, level):
             return ERROR
-        return UNCERTAIN if self.detectable(level) > too_uncertain * self.scale else AGREES
+        return AGREES if self.detectable(level) <= too_uncertain * self.scale else UNCERTAIN
 
     def detectable(self, level: float = LEVEL) -> float:
         """The smallest model error (of the worst component) that the verdict finds with probability `LEVEL`; inf where none is.

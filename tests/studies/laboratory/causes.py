@@ -19,6 +19,7 @@ import pandas as pd
 from fileio.atomic import update_text, write_text
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.plane_series import read_plane
+from fileio.provenance import digest
 from pipeline.scene.scene import load_scene
 from pipeline.sheet import run as write_sheet
 from pipeline.study.couple import Structure, couple
@@ -58,15 +59,21 @@ TRUTHS = (
 )
 
 
+def recording_folder(truth: Truth, level: str, seed: int) -> Path:
+    """Folder of a finger's recording: of another seed, or of a finger that differs otherwise, it is another."""
+    own = f"{truth.name}_{digest(truth.differs)[:8]}"
+    return CASE / "out" / level / "causes" / own / f"{own}_seed{seed}"
+
+
 def record(truth: Truth, level: str, seed: int) -> Path:
     """The coupled run of a finger and its recording; returns the recording's folder."""
     rng = np.random.default_rng([seed, TRUTHS.index(truth)])
-    folder = CASE / "out" / level / "causes" / truth.name
+    output = recording_folder(truth, level, seed)
+    folder = output.parent
     text = f'# Written by tests.studies.laboratory.causes.\nextends = "../../../.."\n{truth.differs}'
     update_text(folder / "scene.toml", text)
     scene = load_scene(folder, level)
     run = couple(scene, ranks=1, target="run")
-    output = folder / truth.name
     if (output / "dpiv.toml").exists():
         return output
     write_sheet(load_scene(run, level), quiet=True, view=VIEW, output=folder / "view.h5")

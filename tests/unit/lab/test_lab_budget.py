@@ -78,6 +78,10 @@ def unlike(error: float, share: float, explained: float = 0.0) -> ValidatedQuant
     return ValidatedQuantity("q", "q", "m", ours, ours, np.array([100.0]), 100.0, sources, moved)
 
 
+def test_what_is_no_number_is_no_agreement():
+    assert quantity(0.0, np.nan).verdict(0.3) == UNCERTAIN
+
+
 def test_what_the_data_know_better_than_the_inputs_differs():
     inside = quantity(1.0, 0.1, 2.0, 0.2)  # numerical, input, data
     assert inside.verdict(too_uncertain=10.0) == AGREES

@@ -1,5 +1,7 @@
 """Pressure, structure and flow told apart, where the pressure in the chambers was measured."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -23,7 +25,8 @@ from postprocess.lab.data.files import (
     write_registration,
 )
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.judgement.causes import causes, sentences, write_modelled, write_scene
+from postprocess.lab.judgement import causes as causes_module
+from postprocess.lab.judgement.causes import causes, coupled_run, sentences, write_modelled, write_scene
 from tests.lab_scene import CASE, finger_kinematics
 from tests.unit.lab.test_lab_dpiv import WHOLE, written
 
@@ -67,8 +70,9 @@ def pressure_csv(folder, kinematics, factor, noise=0.0):
     (folder / "p.csv").write_text("t,p\n" + "\n".join(rows) + "\n")
 
 
-def moved(files, kinematics, recorded_by, coupled_by, delay=DELAY):
-    """What is registered, and a coupled run, each so many rad beside the scene's bend; `delay` (s): the registration's clock."""
+def moved(files, kinematics, recorded_by, coupled_by, delay=DELAY, left=2e-3):
+    """What is registered, and a coupled run, each so many rad beside the scene's bend; `delay` (s): the registration's clock;
+    `left` (rad): what another run would change."""
     modelled = files.of_scene("modelled")
     bend = kinematics.bend(kinematics.law(TIME))
     pose, turn = Pose(1.25e-4, 0.0, kinematics.root, (640.0, 950.0)), np.radians(0.05)
@@ -89,9 +93,10 @@ def moved(files, kinematics, recorded_by, coupled_by, delay=DELAY):
     values = {"step": TIME, "bend": bend + coupled_by, "bend_unloaded": bend, "unknown": ""}
     write_loads(run / "out" / "smoke", values, {})
     motion = {"time": TIME, "pressure": 0 * TIME, "delta": np.zeros((43, 2)), "knot": np.arange(3.0)}
-    write_elastic_motion(
-        run / "elastic_motion.h5", still | motion | {"made_of": "", "tip_change": 1e-4, "bend_change": 2e-3}
-    )
+    # the run before had changed it by far more
+    made = still | {"made_of": "", "tip_change": 1e-2, "bend_change": 0.5}
+    write_elastic_motion(run / "elastic_motion.h5", made | motion)
+    write_elastic_motion(run / "after.h5", made | motion | {"delta": motion["delta"] + [0.0, left]})
 
 
 def test_the_scene_has_the_measured_pressure_on_the_simulations_clock(lab):
@@ -191,6 +196,61 @@ def test_a_large_uncertainty_hides_the_answer(lab):
     assert list(table.verdict) == ["too uncertain", "too uncertain", "not judged"]
 
 
+def test_what_another_coupled_run_would_change_is_not_known_of_the_structure(lab):
+    """0.1 rad (6°) apart: more than 0.02 rad explains, less than 0.1 rad does."""
+    files, dpiv, kinematics = lab
+    write_scene(files, dpiv)
+    for left, word in ((0.02, "model error"), (0.1, "agrees")):
+        moved(files, kinematics, 0.0, 0.1, left=left)
+        row = causes(files, dpiv).iloc[1]
+        assert row.verdict == word
+        assert row.dominant == "coupling"
+        others = 1.96 * np.hypot(np.radians(0.05), 0.0075)  # turn, and 0.1 kPa of 20
+        assert row.band == pytest.approx(np.hypot(1.96 * left, others), rel=0.02)
+    (coupled_run(files).parents[1] / "after.h5").unlink()
+    with pytest.raises(StageError, match=r"holds no after\.h5, .* make compare-coupled again"):
+        causes(files, dpiv)
+
+
+def test_causes_agree_only_where_an_error_would_have_been_found(lab):
+    """The pressure known to 2 kPa: its band of 3.9 kPa is below 30 % of 20 kPa, but only an error of 7.2 would be found."""
+    files, dpiv, kinematics = lab
+    write_scene(files, dpiv)
+    moved(files, kinematics, 0.0, 0.0)
+    text = (dpiv.folder / "dpiv.toml").read_text().replace("std_kpa = 0.1", "std_kpa = 2.0")
+    row = causes(files, read_dpiv(written(dpiv.folder, text))).iloc[0]
+    assert row.verdict == "too uncertain"
+    assert row.band < 6000 < row.detectable
+
+
+def test_the_command_that_judges_the_flow_takes_the_scene_that_is_registered(lab):
+    """Against the scene's own motion a finger that water bends is refused."""
+    files, dpiv, kinematics = lab
+    write_scene(files, dpiv)
+    moved(files, kinematics, 0.0, 0.0)
+    told = sentences(causes(files, dpiv), files, dpiv)[2]
+    home, scene = files.stage.scene_folder.parent, "finger/out/smoke/lab/run7/modelled"
+    assert f"make compare-measured CASES={home} SCENE={scene} LEVEL=smoke DPIV={dpiv.folder}" in told
+
+
+def test_what_the_last_step_needs_is_asked_for_before_anything_is_solved(lab, monkeypatch):
+    files, dpiv, _ = lab
+    text = (dpiv.folder / "dpiv.toml").read_text()
+    nominal = read_dpiv(written(dpiv.folder, text.replace('"measured"', '"nominal"')))
+    known = causes_module.read
+
+    def without_stiffness(path):
+        return replace(known(path), law=None)
+
+    monkeypatch.setattr(causes_module, "read", without_stiffness)
+    with pytest.raises(StageError, match="carries no bending_stiffness_std"):
+        write_scene(files, nominal)
+    write_scene(files, dpiv)  # a finger whose geometry was measured needs no band
+    (files.stage.scene_folder / "reference" / "inputs.toml").unlink()
+    with pytest.raises(FileNotFoundError, match="says how well the simulation's inputs are known"):
+        write_scene(files, dpiv)
+
+
 def test_the_flow_is_that_of_the_measured_motion(lab):
     files, dpiv, kinematics = lab
     write_scene(files, dpiv)
@@ -204,7 +264,7 @@ def test_the_flow_is_that_of_the_measured_motion(lab):
     write_kinematics(run, values, kinematics.settings | {"files": driven_by})
     stated = {"dpiv_sha256": sha256(dpiv.folder / NAME)}
     LAB_COMPARISON.write(judged, {"flow": "model error", "provenance": stated})
-    told = sentences(causes(files, dpiv))
+    told = sentences(causes(files, dpiv), files, dpiv)
     assert told[2] == "flow: model error, with the recording's own motion"
     LAB_COMPARISON.write(judged, {"flow": "model error", "provenance": {"dpiv_sha256": "of another"}})
     assert causes(files, dpiv).verdict[2] == "not judged"
@@ -214,15 +274,17 @@ def test_the_flow_is_that_of_the_measured_motion(lab):
 
 
 def test_bands_of_the_bending_analysis_count_for_a_nominal_finger(lab):
-    """What is not known of stiffness and shape explains 5°, and not 40°."""
+    """What is not known of stiffness and shape explains 5°, and not 40°; an error of 30 % of the stroke (26°) it would hide."""
     files, dpiv, kinematics = lab
     write_scene(files, dpiv)
     text = (dpiv.folder / "dpiv.toml").read_text()
-    for off, measured, nominal in ((5, "model error", "agrees"), (40, "model error", "model error")):
+    for off, measured, nominal in ((5, "model error", "too uncertain"), (40, "model error", "model error")):
         moved(files, kinematics, 0.0, np.radians(off))
         assert causes(files, dpiv).verdict[1] == measured
         other = read_dpiv(written(dpiv.folder, text.replace('"measured"', '"nominal"')))
-        assert causes(files, other).verdict[1] == nominal
+        row = causes(files, other).iloc[1]
+        assert (row.verdict, row.dominant) == (nominal, "shape")
+        assert np.radians(5) < row.band < 0.3 * 1.52 < row.detectable
         written(dpiv.folder, text)
 
 

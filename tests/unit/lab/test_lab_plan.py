@@ -46,6 +46,20 @@ def test_the_nominal_run_tells_the_time_of_the_others(tmp_path, monkeypatch, kin
     assert f"about {minutes:.0f} min on 2 idle cores" in plan.plan_text(files, INPUTS, 2)
 
 
+def test_a_coupled_comparison_says_what_it_solves(tmp_path):
+    """The nominal run took 60 s of set-up and 240 of its solver; three times that, the solver on two ranks."""
+    files, home = StageFiles(tmp_path / "finger", "smoke"), tmp_path / "coupled"
+    assert "there already: none; all together about three times the nominal run" in plan.coupled_plan_text(
+        files, home, 2
+    )
+    for stage, took in {**dict.fromkeys(plan.SET_UP, 20.0), "run": 240.0}.items():
+        COST.write(files.out / "costs" / f"{stage}.json", {"stage": stage, "cpu_time": took})
+    (home / "smoke_1" / "out" / "smoke").mkdir(parents=True)
+    (home / "smoke_1" / "out" / "smoke" / "loads.h5").touch()
+    told = plan.coupled_plan_text(files, home, 2)
+    assert "there already: smoke_1; from the first on about 9 min on 2 idle cores" in told
+
+
 def test_runs_of_an_earlier_comparison_are_shared(tmp_path):
     files = StageFiles(tmp_path / "finger", "smoke")
     solved(files, "", "pressure", "grid", "time_step")

@@ -1,5 +1,6 @@
 """The study of waters with known differences: what it holds each answer against, on flows that are known in closed form."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from postprocess.lab.data.inputs_toml import Input, Numerics, read_inputs
 from postprocess.lab.data.pose import Pose, camera_series
 from postprocess.lab.judgement.motion import final_bend
 from tests.lab_scene import CASE, finger_kinematics, set_up, vortex_series
+from tests.studies.laboratory.causes import TRUTHS, recording_folder
 from tests.studies.laboratory.seeds import below_target, publish, share_of, spans
 from tests.studies.laboratory.virtual_lab import case_of, verdicts
 from tests.studies.laboratory.waters import (
@@ -182,3 +184,16 @@ def test_a_page_has_the_table_that_its_numbers_are_of(tmp_path):
     publish(page, "study at smoke", "new", trials)
     assert "new\nEvery recording: [study_at_smoke.csv](comparison/study_at_smoke.csv).\n" in page.read_text()
     pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "comparison" / "study_at_smoke.csv"), trials)
+
+
+def test_another_seed_or_finger_is_another_recording():
+    less = TRUTHS[0]
+    others = [
+        (less, 1),
+        (less, 2),
+        (replace(less, differs=less.differs.replace("18.0", "17.0")), 1),
+        (TRUTHS[1], 1),
+    ]
+    folders = [recording_folder(truth, "draft", seed) for truth, seed in others]
+    assert len({folder.name for folder in folders}) == 4  # results lie in a folder of the recording's name
+    assert folders[0].parent == folders[1].parent  # one run of the solver for both seeds
