@@ -18,6 +18,12 @@ def write_between(page: Path, mark: str, text: str) -> None:
     page.write_text(f"{head}<!-- {mark} -->\n{text}\n<!-- end of {mark} -->{tail}", encoding="utf-8")
 
 
+def between(page: Path, mark: str) -> str:
+    """The text between the two comments of `write_between`."""
+    _, rest = page.read_text(encoding="utf-8").split(f"<!-- {mark} -->\n")
+    return rest.split(f"<!-- end of {mark} -->")[0]
+
+
 def machine() -> str:
     """Processor, system, versions and date."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()

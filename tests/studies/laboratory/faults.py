@@ -19,7 +19,7 @@ from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.check_fit import check_fit
 from postprocess.lab.registration.register import law_pressure, register
 from tests.lab_renderer import Faults, Rendered
-from tests.studies.laboratory.seeds import study
+from tests.studies.laboratory.seeds import below_target, spans, study
 from tests.studies.pages import libraries
 
 PICTURES, SHAPE, SCALE = 24, (320, 400), 0.4e-3
@@ -121,8 +121,9 @@ def summary(trials: pd.DataFrame) -> str:
         lines.append(
             f"| {label} | {(z[name] <= BAND).mean():.0%} | {z[name].max():.1f} | {ok[f'{name}_std'].mean():.2g} |"
         )
-    lines.append(f"| all | **{(z <= BAND).to_numpy().mean():.0%}** | {z.to_numpy().max():.1f} | |")
     lines += [
+        "",
+        below_target({label: z[name] <= BAND for name, label in ROWS}),
         "",
         f"| recordings with | number | refused | accepted and beyond 3 std | beyond {FAR_OFF:g} std |",
         "|---|---|---|---|---|",
@@ -133,8 +134,7 @@ def summary(trials: pd.DataFrame) -> str:
         lines.append(
             f"| {kind.replace('_', ', light ')} | {has.sum()} | {(refused & has).sum()} | {(worst[has] > 3).sum()} | {(worst[has] > FAR_OFF).sum()} |"
         )
-    first, last = trials["seed"].min(), trials["seed"].max()
-    return "\n".join([*lines, "", f"Seeds {first:.0f} to {last:.0f}; {libraries()}."])
+    return "\n".join([*lines, "", f"Seeds {spans(trials['seed'])}; {libraries()}."])
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from postprocess.lab.data.inputs_toml import Input, Numerics, read_inputs
 from postprocess.lab.data.pose import Pose, camera_series
 from postprocess.lab.judgement.motion import final_bend
 from tests.lab_scene import CASE, finger_kinematics, set_up, vortex_series
+from tests.studies.laboratory import protocol
 from tests.studies.laboratory.causes import TRUTHS, recording_folder
 from tests.studies.laboratory.seeds import below_target, publish, share_of, spans
 from tests.studies.laboratory.virtual_lab import case_of, verdicts
@@ -24,6 +25,7 @@ from tests.studies.laboratory.waters import (
     rightly_refused,
     true_errors,
 )
+from tests.studies.pages import between
 
 TIMES, SPACING = np.linspace(0.09, 0.20, 12), 2e-3
 INSTANTS = np.linspace(0.10, 0.18, 5)
@@ -197,3 +199,26 @@ def test_another_seed_or_finger_is_another_recording():
     folders = [recording_folder(truth, "draft", seed) for truth, seed in others]
     assert len({folder.name for folder in folders}) == 4  # results lie in a folder of the recording's name
     assert folders[0].parent == folders[1].parent  # one run of the solver for both seeds
+
+
+def test_the_protocol_says_what_the_comparisons_tables_say():
+    """A table that is renewed renews it: by python -m tests.studies.laboratory.protocol."""
+    assert (
+        between(protocol.DOCS / "lab_protocol.md", "seen")
+        == f"{protocol.summary(protocol.DOCS / 'comparison.md')}\n"
+    )
+
+
+def test_what_a_verdict_can_see_follows_from_the_tables(tmp_path):
+    page = tmp_path / "comparison.md"
+    found = "\n".join(f"| {name} | {k}% | grid |" for k, name in enumerate(protocol.SEEN))
+    page.write_text(
+        "<!-- study at smoke -->\n| registration (8 recordings) | target | RMS error |\n|---|---|---|\n| pressure factor |  | 0.002 |\n"
+        f"| duration factor |  | 0.004 |\n| circulation, cm²/s | 3.4 | 5 | 100% |\n{found}\n<!-- end of study at smoke -->\n"
+        "<!-- study at draft -->\n<!-- end of study at draft -->\n<!-- study at coarse -->\n<!-- end of study at coarse -->\n"
+    )
+    text = protocol.summary(page)
+    assert "(8 recordings at smoke) | 4.3 times that" in text
+    assert "| pressure by the bend | 0.2 % (RMS error) | 0.9 % |" in text
+    assert "| circulation | 5 cm²/s (mean u_D of five instants) | 22 cm²/s |" in text
+    assert text.endswith("| smoke | 0% | 1% | 2% | 3% | 4% |")

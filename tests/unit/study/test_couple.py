@@ -11,7 +11,7 @@ import pytest
 
 from fileio.errors import StageError
 from fileio.formats.elastic_motion import read_elastic_motion
-from fileio.formats.finger_loads import write_loads
+from fileio.formats.finger_loads import read_loads, write_loads
 from pipeline.scene.scene import load_scene
 from pipeline.structure.coupling import loads_of_model
 from pipeline.study import couple
@@ -110,6 +110,18 @@ def test_a_second_start_keeps_the_motions_that_are_there(scene_of, made):
     assert made == [*runs, *runs]  # make finds them done
     couple.couple(scene_of("start_pressure_kpa = 1.0\n"), ranks=1, quiet=True)
     assert [path.stat().st_mtime_ns for path in motions] != before
+
+
+def test_the_last_run_leaves_what_its_own_loads_would_change(scene_of, made):
+    scene = scene_of()
+    folder = couple.couple(scene, ranks=1, quiet=True)
+    own, after = (read_elastic_motion(folder / name) for name in ("elastic_motion.h5", "after.h5"))
+    loads = read_loads(folder / "out" / "smoke" / "loads.h5")
+    np.testing.assert_allclose(after["delta"], couple.Structure(scene).next(own["delta"].values, loads))
+    assert (
+        after.attrs["tip_change"] <= scene.structure.tolerance * scene.finger.length < own.attrs["tip_change"]
+    )
+    assert not (folder.parent / "smoke_1" / "after.h5").exists()
 
 
 def test_too_few_runs_end_with_a_sentence(scene_of, made):
