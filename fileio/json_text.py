@@ -30,6 +30,11 @@ def flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
     return values
 
 
+def given(table: dict[str, Any]) -> dict[str, Any]:
+    """The values of `flat` without those that are null: a key of today that is not given, and one that there was not yet, are the same."""
+    return {key: value for key, value in flat(table).items() if value is not None}
+
+
 def read_json(path: Path, remedy: str, kind: type = dict) -> Any:
     """What a file holds; StageError as `parse_json`."""
     check_whole(path)

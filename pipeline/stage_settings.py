@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import json
 import os
@@ -17,6 +18,7 @@ from fileio.errors import StageError
 from fileio.formats import vortex_table
 from fileio.formats.__main__ import SCHEMAS
 from fileio.formats.records import RECORDS
+from fileio.json_text import given, parse_json
 from fileio.lock import exclusive, held
 from fileio.stages import BY_NAME, STAGES
 from pipeline.fea.up_to_date import check_states
@@ -65,9 +67,18 @@ def changed_settings(scene: Scene) -> dict[str, str]:
     changes = {}
     for name, text in texts.items():
         path = scene.out / "settings" / name
-        if not path.exists() or path.read_text(encoding="utf-8") != text:
+        if not path.exists() or _said(name, path.read_text(encoding="utf-8")) != _said(name, text):
             changes[name] = text
     return changes
+
+
+def _said(name: str, text: str) -> Any:
+    """What a file of settings says; of sections of the scene without their keys that are null, so that a new key begins nothing anew."""
+    stage, _, kind = name.partition(".")
+    if kind == "json" and stage not in FLAT_SETTINGS:
+        with contextlib.suppress(StageError):  # what is damaged is written anew
+            return given(parse_json(text, name, ""))
+    return text
 
 
 def write_settings(scene: Scene) -> list[str]:

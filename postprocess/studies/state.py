@@ -8,7 +8,7 @@ from typing import Any
 
 import h5py
 
-from fileio.json_text import flat, parse_json
+from fileio.json_text import flat, given, parse_json
 from fileio.stages import STAGES
 from postprocess.evidence.stage_files import StageFiles
 
@@ -81,7 +81,8 @@ def differing(stage: str, wanted: dict[str, Any], recorded: dict[str, Any]) -> s
     """
     if isinstance(recorded.get("files"), dict):  # by name, which differs from folder to folder
         recorded = recorded | {"files": sorted(recorded["files"].values())}
-    had, asked = flat(recorded), flat(wanted)
+    values = given if stage in SECTIONS else flat
+    had, asked = values(recorded), values(wanted)
     if stage == "images":
         had = {key.rsplit(".", 1)[-1]: value for key, value in had.items()}
     for key, value in asked.items():

@@ -1,5 +1,6 @@
 """A scene is refused in one sentence that names file, key and remedy."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -106,6 +107,20 @@ def test_touching_one_number_changes_only_the_stages_that_use_it(tmp_path):
     assert write_settings(after) == ["piv"]
     after = write_scene(folder, more="[fluid]\ndensity = 1000.0")
     assert set(write_settings(after)) == {"case", "piv"}  # piv goes back
+
+
+def test_a_key_that_came_later_and_is_not_given_begins_nothing_anew(tmp_path):
+    scene = write_scene(tmp_path / "s")
+    write_settings(scene)
+    path = scene.out / "settings" / "kinematics.json"
+    before = json.loads(path.read_text())
+    assert before["motion"].pop("path_csv") is None  # of a project that did not know it
+    path.write_text(json.dumps(before))
+    assert write_settings(scene) == []
+    assert json.loads(path.read_text()) == before
+    for damage in (json.dumps(before | {"later": 1}), json.dumps([before]), "{"):
+        path.write_text(damage)
+        assert write_settings(scene) == ["kinematics"]
 
 
 @pytest.mark.parametrize("stage", [stage for stage in STAGES if stage.format], ids=lambda stage: stage.name)

@@ -92,6 +92,12 @@ def test_names_of_files_do_not_count():
     assert differing("kinematics", wanted, made) is None
 
 
+def test_a_key_that_came_later_and_is_not_given_is_no_difference():
+    assert differing("kinematics", {"motion": {"path_csv": None}, "body": None}, {"motion": {}}) is None
+    assert differing("kinematics", {"body": None}, {"body": {"length": 1.0}}) is not None
+    assert differing("kinematics", {"body": {"length": 1.0}}, {"body": None}) is not None
+
+
 def test_groups_of_flags_count_for_images_only():
     wanted = {"background": 8.0, "truth": True}  # what is written beside the images is not recorded in them
     assert differing("images", wanted, {"camera": {"background": 8.0}}) is None
