@@ -67,8 +67,8 @@ RUNS   := $(patsubst $(CASES)/%/scene.toml,%,$(call SAFE,$(MADE)))
 ALL    := $(SCENES) $(RUNS)
 OF_SCENES := $(ALL) $(foreach s,$(ALL),$(addprefix $(s).,$(STAGES) $(TARGETS) view))
 # A target that is none is told with the nearest that is one; files by their path are left to make.
-NEAREST = $(shell $(PY) -c 'import sys; from fileio.errors import nearest; print(nearest(sys.argv[1], sys.argv[2:]) or "")' \
-    '$1' $2 2>/dev/null)
+NEAREST = $(shell $(PY) -c 'import sys; from fileio.errors import nearest; print(nearest(sys.argv[1], sys.argv[2:]) \
+    or "")' '$1' $2 2>/dev/null)
 MEANT   = $(if $(call NEAREST,$1,$2),did you mean $(call NEAREST,$1,$2)? )make help lists what there is
 KNOWN  := $(USER_TARGETS) $(OF_SCENES) $(INNER_TARGETS) $(READY) Makefile
 $(foreach g,$(MAKECMDGOALS),$(if $(or $(findstring /,$g),$(filter $g,$(KNOWN))),,$(error \
@@ -87,7 +87,9 @@ NO_OPENFOAM := $(shell said=$$(WM_PROJECT_DIR='$(WM_PROJECT_DIR)' $(PY) -m pipel
 $(if $(NO_OPENFOAM),$(error $(NO_OPENFOAM)))
 endif
 .SUFFIXES:
-.SECONDARY:
+# Where one of the large files was deleted, what was made of it stands; a small one is made again.
+LARGE := kinematics mesh case run sheet images piv
+.SECONDARY: $(foreach s,$(ALL),$(foreach t,$(LARGE),$(CASES)/$s/out/$(LEVEL)/$(FILE.$t)))
 .DEFAULT_GOAL := help
 .PHONY: $(USER_TARGETS) $(OF_SCENES) $(INNER_TARGETS)
 

@@ -14,8 +14,8 @@ TILE = 64  # px: side of the tiles whose spectra are averaged
 TILES = 50  # so many of them: a radial bin is then known to some per cent
 TAPS = 17  # px: length of the filter kernels
 BOX = 7  # px at half resolution: of the local mean
-# of the square of the share of folded power at each frequency and at 0.25 cycles/px, over that of noise: what is folded
-# biases all cells of a window alike. Halves the bias of particles of 1.2 and 1.6 px, leaves those of 2.5 px as they are
+# penalty on frequencies to which sampling has folded power, over the signal's: times the squares of the folded share there
+# and at 0.25 cycles/px. Set so that the bias of particles of 1.2 and 1.6 px halves and that of 2.5 px stays; no theory gives it
 FOLDED = 2500.0
 LOWPASS = 0.35  # px: of the Gaussian before the spectra are measured
 
@@ -131,7 +131,8 @@ def optimal_response(frequency: np.ndarray, signal: np.ndarray, noise: np.ndarra
 
     The correlation's power weight S/(2SN + N²) is that of the maximum-likelihood delay estimator (Hannan &
     Thomson 1973; Knapp & Carter 1976): white noise leaves it flat until the signal drowns, particles without a
-    partner (N ∝ S) make it whiten the spectrum. Power that sampling has folded back counts as noise too. Each image gets the square root.
+    partner (N ∝ S) make it whiten the spectrum. What sampling has folded back biases all cells of a window alike and is
+    no noise: FOLDED is a penalty on it. Each image gets the square root.
     """
     signal, noise = _aligned(frequency, signal, noise)
     folded = folded_share(frequency, signal)

@@ -1,11 +1,14 @@
 """What make takes into its rules and gives to a shell: names and numbers, nothing that these would execute."""
 
 import os
+import re
 import shutil
 import subprocess
+import time
 
 import pytest
 
+from fileio.stages import STAGES
 from tests.conftest import ROOT
 from tests.inner_make import inner_environment
 
@@ -113,6 +116,32 @@ def test_an_openfoam_that_is_not_there_is_told_before_anything_is_made():
 @pytest.mark.parametrize("words", [["NP=007"], ["RETRIES=0"], ["SCENE=good", "PRESSURE=21.5"]])
 def test_numbers_that_are_some_pass(project, words):
     assert make(project, "good", *words).returncode == 0
+
+
+@pytest.mark.parametrize(
+    "deleted, made",
+    [
+        ("vortices_cfd.csv", "vortices_cfd compare figures report"),
+        ("loads.h5", "loads figures report"),
+        ("comparison.json", "compare figures report"),
+        ("images.h5", ""),
+        ("run/run.json", ""),
+    ],
+)
+def test_a_small_file_that_was_deleted_is_made_again_and_a_large_one_is_not(tmp_path, deleted, made):
+    project = checkout(tmp_path)
+    out = project / "cases" / "good" / "out" / "coarse"
+    needs = [line.split(" := ")[1].split() for line in (ROOT / "fileio" / "stages.mk").read_text().splitlines() if line.startswith("NEEDS.")]  # fmt: skip
+    settings = sorted({name for names in needs for name in names if name.startswith("settings/")})
+    files = ["settings/.stamp", *settings, *(stage.done for stage in STAGES)]
+    for k, name in enumerate(files):  # newer than the checkout, each than the one before
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).touch()
+        os.utime(out / name, (time.time() + k,) * 2)
+    assert "-m pipeline" not in make(project, "READY=Makefile", "good").stdout
+    (out / deleted).unlink()
+    done = make(project, "READY=Makefile", "good")
+    assert re.findall(r"-m pipeline (\w+) cases/good", done.stdout) == made.split()
 
 
 @pytest.mark.parametrize("target", ["compare", "compare-measured", "compare-coupled"])
