@@ -20,6 +20,7 @@ from fileio.formats.records import FORCES, RUN
 from fileio.stages import until
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
+from postprocess.evidence.dorsal_circulation import dorsal_circulation
 from postprocess.evidence.load import FILES
 from postprocess.evidence.stage_files import StageFiles, read_json
 from postprocess.evidence.strokes import peak_tip_speed
@@ -62,6 +63,13 @@ def vortex_errors(
     }
 
 
+def dorsal_error(reference: pd.DataFrame, other: pd.DataFrame) -> float:
+    """RMS of the difference of two dorsal circulations over the RMS of the reference's part that is not prescribed."""
+    wanted = np.interp(other["time"], reference["time"], reference["circulation"])
+    of_water = np.interp(other["time"], reference["time"], reference["of_water"])
+    return float(np.sqrt(((other["circulation"] - wanted) ** 2).mean() / (of_water**2).mean()))
+
+
 def force_error(reference: pd.DataFrame, other: pd.DataFrame, end: float) -> float:
     """RMS of the difference of the force's vector until `end` (s) over the RMS of the reference's."""
     rows = other[other["time"] <= end + 1e-9]
@@ -79,8 +87,8 @@ def errors_against(
     """Errors of a run's flow ("cfd") or PIV ("piv") against the flow of `best` over a window (s), as far as both go: ERRORS
     as parts of the scale of each, and `error`, the largest. The force's error is from the beginning.
 
-    A flow's circulation and centre of the vortex are integrals over CIRCLE, beside them those of the fit, `…_fit`; PIV's
-    are those of the fit, as the comparison takes them.
+    A flow's circulation is that of the dorsal side, its vortex's centre an integral over CIRCLE; beside them the circulation
+    by that integral, `…_circle`, and both by the fit, `…_fit`. PIV's are those of the fit, as the comparison takes them.
     """
     with (
         read_plane(best.required(FILES["cfd"], "sheet")) as wanted,
@@ -108,7 +116,12 @@ def errors_against(
                     vortex_integrals(plane, fit, CIRCLE * width, window)
                     for plane, fit in zip((wanted, got), fits, strict=True)
                 )
-                errors |= vortex_errors(a, b, window, width)
+                of_circle = vortex_errors(a, b, window, width)
+                if of_circle:
+                    of_circle["error_circulation_circle"] = of_circle["error_circulation"]
+                    sides = (dorsal_circulation(plane, window) for plane in (wanted, got))
+                    of_circle["error_circulation"] = dorsal_error(*sides)
+                errors |= of_circle
                 errors |= {f"{name}_fit": value for name, value in of_fit.items()}
     if source == "cfd":
         wanted_force, force = [FORCES.read(of.required("run/forces.csv", "run")) for of in (best, files)]
@@ -138,7 +151,7 @@ def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> di
     if not known or size[0] <= 1:
         return {}
     own = {}
-    for name in (*ERRORS, "error_centre_mm"):
+    for name in (*ERRORS, "error_centre_mm", *table.columns.intersection(["error_circulation_circle"])):
         order = falling_order(size, next_two[name].to_numpy(float)) if len(size) == 2 else ORDERS[1]
         own[name] = float(next_two[name].iloc[0]) / (size[0] ** order - 1)
     return own | worst(own)

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import shapely
 import xarray as xr
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from postprocess.evidence.dorsal_circulation import dorsal_circulation, instants
 
 from fileio.command import guarded
 from fileio.errors import StageError
@@ -34,12 +33,6 @@ PAGE = ROOT / "docs" / "mesh.md"
 REACHES = (1.5, 2.0, 2.5)  # tip widths from the tip
 MARGINS = (0.06, 0.2)  # tip widths from the finger besides CLEAR: 1 and 3.3 mm
 REGIONS = [(reach, CLEAR) for reach in REACHES] + [(REACHES[1], margin) for margin in MARGINS]
-POINTS = 1000  # of the arc and of the chord of a region: three to a grid step of 0.5 mm
-
-
-def _instants(plane: xr.Dataset, window: tuple[float, float]) -> np.ndarray:
-    times = plane["time"].values
-    return np.flatnonzero((times >= window[0] - 1e-9) & (times <= window[1] + 1e-9))
 
 
 def beyond_margin(
@@ -52,7 +45,7 @@ def beyond_margin(
     x, y, width = plane["x"].values, plane["y"].values, float(plane.attrs["tip_width"])
     dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
     rows: list[list[list[float]]] = [[] for _ in regions]
-    for index in _instants(plane, window):
+    for index in instants(plane, window):
         (u, v), valid = frame(plane, int(index))
         tip, dorsal = plane["tip"].values[index, 0], plane["dorsal_direction"].values[index, 0]
         off_x, off_y = x - tip[0], (y - tip[1])[:, None]
@@ -65,50 +58,6 @@ def beyond_margin(
             centroid = (amount.sum(axis=0) @ x / total, amount.sum(axis=1) @ y / total)
             found.append([plane["time"].values[index], total * abs(dx * dy), *centroid])
     return [pd.DataFrame(found, columns=["time", "circulation", "x", "y"]) for found in rows]
-
-
-def of_all_water(plane: xr.Dataset, window: tuple[float, float], reach: float) -> pd.DataFrame:
-    """All vorticity of the water on the dorsal side of the first tip within `reach` tip widths, the wall layers too.
-
-    By Stokes' theorem: velocity along the region's edge in the water, and along the body's outline, which moves as prescribed.
-    Nothing is differentiated. Columns and rows as of a region of `beyond_margin`.
-    """
-    x, y, radius = plane["x"].values, plane["y"].values, reach * float(plane.attrs["tip_width"])
-    step = float(x[1] - x[0])
-    angle, along = (np.arange(POINTS) + 0.5) / POINTS * np.pi, (np.arange(POINTS) + 0.5) / POINTS * 2 - 1
-    rows = []
-    for index in _instants(plane, window):
-        velocity, valid = frame(plane, int(index))
-        nearest = distance_transform_edt(~valid, return_distances=False, return_indices=True)
-        velocity = velocity[:, *nearest]
-        tip, out, dorsal = (
-            plane[name].values[index, 0] for name in ("tip", "tip_direction", "dorsal_direction")
-        )
-        outline, moving = (plane[name].values[index, 0] for name in ("outline", "outline_velocity"))
-        turn = np.sign(out[0] * dorsal[1] - out[1] * dorsal[0])  # +1: out, dorsal, back is counter-clockwise
-        arc = np.outer(np.cos(angle), out) + np.outer(np.sin(angle), dorsal)
-        tangent = np.outer(-np.sin(angle), out) + np.outer(np.cos(angle), dorsal)
-        place = np.vstack([tip + radius * arc, tip + radius * np.outer(along, out)])
-        length = turn * radius * np.vstack([tangent * np.pi, np.tile(2 * out, (POINTS, 1))]) / POINTS
-        at = [(place[:, 1] - y[0]) / step, (place[:, 0] - x[0]) / step]
-        flow = np.stack([map_coordinates(part, at, order=1) for part in velocity], axis=1)
-        wet = ~shapely.contains_xy(shapely.Polygon(outline), *place.T)
-        nodes, ahead = outline, np.roll(outline, -1, axis=0)
-        middle = 0.5 * (nodes + ahead) - tip
-        on_wall = (np.hypot(*middle.T) <= radius) & (middle @ dorsal > 0)
-        area = 0.5 * np.sum(nodes[:, 0] * ahead[:, 1] - ahead[:, 0] * nodes[:, 1])
-        wall = -np.sign(area) * (ahead - nodes)[on_wall]  # the water is on the left
-        of_wall = 0.5 * (moving + np.roll(moving, -1, axis=0))[on_wall]
-        parts = np.concatenate([(flow * length).sum(axis=1)[wet], (of_wall * wall).sum(axis=1)])
-        total = parts.sum()
-        # ∫xω = ∮x u·dl − ∫v and ∫yω = ∮y u·dl + ∫u over the region
-        off_x, off_y = x - tip[0], (y - tip[1])[:, None]
-        to_edge = radius - np.hypot(off_x, off_y), off_x * dorsal[0] + off_y * dorsal[1]
-        share = np.prod([np.clip(0.5 + distance / step, 0.0, 1.0) for distance in to_edge], axis=0)
-        u, v = (velocity * share * valid).sum(axis=(1, 2)) * step**2
-        moment = parts @ np.vstack([place[wet] - tip, middle[on_wall]]) + np.array([-v, u])
-        rows.append([plane["time"].values[index], total, *(tip + moment / total)])
-    return pd.DataFrame(rows, columns=["time", "circulation", "x", "y"])
 
 
 def measures(scenes: list[Scene], window: tuple[float, float]) -> dict[str, list[pd.DataFrame]]:
@@ -130,7 +79,7 @@ def measures(scenes: list[Scene], window: tuple[float, float]) -> dict[str, list
                 ways[f"dorsal side, {reach:g} widths round the tip, {margin:g} from the finger"] = rows
             for reach in REACHES:
                 way = f"dorsal side, {reach:g} widths round the tip, all water"
-                ways[way] = of_all_water(plane, window, reach)
+                ways[way] = dorsal_circulation(plane, window, reach)
         for name, rows in ways.items():
             found.setdefault(name, []).append(rows)
     return found

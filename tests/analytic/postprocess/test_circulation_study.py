@@ -9,7 +9,7 @@ import xarray as xr
 
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from tests.studies import circulation
-from tests.studies.circulation import REGIONS, beyond_margin, of_all_water
+from tests.studies.circulation import REGIONS, beyond_margin
 
 GAMMA, X0, Y0, WIDTH = -8e-3, 0.011, 0.172, 0.0167
 AXIS = np.arange(-0.06, 0.0601, 0.0005)
@@ -18,7 +18,7 @@ REACH = 1.5  # tip widths: 25 mm, 15 mm and more from the vortex
 TURN = np.linspace(0.0, 2 * np.pi, 720, endpoint=False)
 WAYS = {
     "beyond": lambda plane: beyond_margin(plane, (0.15, 0.3), [(REACH, 0.125)])[0],
-    "all": lambda plane: of_all_water(plane, (0.15, 0.3), REACH),
+    "all": lambda plane: dorsal_circulation(plane, (0.15, 0.3), REACH),
 }
 
 

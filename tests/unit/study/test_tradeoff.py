@@ -10,7 +10,15 @@ from fileio.errors import StageError
 from fileio.formats.records import RUN
 from pipeline.study.ask_accuracy import Setting, accuracy, budget, choose, predicted, read_results
 from pipeline.study.plan import Row
-from postprocess.studies.tradeoff import finest, force_error, front, own_errors, vortex_errors, worst
+from postprocess.studies.tradeoff import (
+    dorsal_error,
+    finest,
+    force_error,
+    front,
+    own_errors,
+    vortex_errors,
+    worst,
+)
 from postprocess.studies.tradeoff_page import axis_sentence, draw, page, results_text
 
 SETTINGS = [
@@ -40,6 +48,13 @@ def test_errors_of_known_size():
     assert vortex_errors(table[:0], moved, (0.1, 0.3), 0.02) == {}
     assert vortex_errors(table, moved[:0], (0.1, 0.3), 0.02) == {}
     assert worst({"error_velocity": 0.05}) == {}  # without a vortex nothing is judged
+
+
+def test_the_dorsal_circulation_is_judged_by_what_the_water_decides():
+    """The finger's own surface gives two thirds of it on every grid: that would make any error look a third of what it is."""
+    reference = pd.DataFrame({"time": [0.1, 0.2], "circulation": [-6e-3, -9e-3], "of_water": [-2e-3, -3e-3]})
+    other = pd.DataFrame({"time": [0.1, 0.15, 0.2], "circulation": [-6.2e-3, -7.75e-3, -9.3e-3]})
+    assert dorsal_error(reference, other) == pytest.approx(0.1)
 
 
 def test_the_cheapest_that_is_good_enough_and_the_best_that_is_in_time():
