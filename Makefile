@@ -49,7 +49,7 @@ include fileio/stages.mk
 include postprocess/lab/compare.mk
 
 USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs \
-    compare compare-measured compare-coupled virtual-lab virtual-lab-study validate convergence clean \
+    compare compare-measured compare-coupled virtual-lab virtual-lab-study validate convergence distribution clean \
     clean-all bench-piv piv-limits bench-steps air-and-water closing-plates elastic-benchmarks coupled-docs \
     compare-coupled-study \
     stability faults fuzz scene-reference docs-site openfoam-versions
@@ -298,6 +298,12 @@ convergence: $(STUDY_READY) ## the finger on several grids and time steps: rows 
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/tradeoff.csv only=$(FAMILY)
 	nice $(PY) -m tests.studies.validation finger_2d finger $(FLAGS)
 	nice $(PY) -m tests.studies.circulation
+
+DISTRIBUTION := cases/single_finger/studies/distribution.csv
+distribution: $(STUDY_READY) ## what decides the error at the cost of coarse: docs/mesh.md
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/tradeoff.csv only=$(FAMILY)
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=$(DISTRIBUTION) $(ONLY)
+	nice $(PY) -m tests.studies.distribution
 
 stability: $(STUDY_READY) ## runs and images at the extremes: docs/stability.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/stability.csv

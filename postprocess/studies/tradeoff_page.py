@@ -15,6 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from fileio.atomic import write_text
 from fileio.provenance import versions
 from postprocess.draw.style import CFD, GREY, PIV, label_points, new_figure, number, save
+from postprocess.evidence.dorsal_circulation import REACH
 from postprocess.evidence.vortex_integral import CIRCLE
 
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "numba")
@@ -155,12 +156,14 @@ The others are judged by `{best}` ({int(float(reference["cells"]))} cells, {refe
 {reference["end_time_s"]:g} s, {reference["cpu_run_s"] / 60:.0f} CPU minutes of solver). It is the finest run, not the truth: an error below the
 difference between it and a finer one means nothing (docs/verification.md has the orders). Its own errors are an estimate: those of the next two
 grids of its family, extrapolated at the order at which they fall, held between first and second. Errors are over the middle half of the stroke
-by bend, as far as `{best}` goes (the force: from the beginning): circulation of the tip vortex, RMS over its RMS; distance of its centre, RMS, of which {flow["tip_width_mm"].max():.1f} mm, a tip's width, are 100 %;
-velocity on the sheet, RMS over the largest speed of the tip; force on the finger, RMS over its RMS. Circulation and centre are
-integrals of the vorticity of the vortex's sense within {CIRCLE:g} tip widths of its fitted centre. `worst` is the largest of
-the four and what `ACCURACY=` asks for. The circulation of the fitted Lamb-Oseen vortex is shown beside it: it counts what belongs
-to a round core, which a coarse mesh widens, so it converges more slowly than what the finger has shed. Bold: nothing is both cheaper and more accurate. CPU time is user and system time of
+by bend, as far as `{best}` goes (the force: from the beginning): circulation of all water on the tip's dorsal side within {REACH:g} tip widths, RMS over that of its
+part that is not prescribed (the finger's own surface gives the larger part, the same on every grid); distance of the tip vortex's centre, RMS, of which {flow["tip_width_mm"].max():.1f} mm, a tip's width, are 100 %;
+velocity on the sheet, RMS over the largest speed of the tip; force on the finger, RMS over its RMS. The centre is that of the vorticity of the vortex's sense within
+{CIRCLE:g} tip widths of its fitted centre. `worst` is the largest of the four and what `ACCURACY=` asks for. Bold: nothing is both cheaper and more accurate. CPU time is user and system time of
 kinematics, mesh, case and solver on a machine shared with other work.
+
+Two other circulations are shown beside them. Until 2026-11-23 the one *in a circle*, the same vorticity within {CIRCLE:g} widths and farther than 2 mm from the finger, was judged: it has no order, since a
+coarse mesh keeps more of it within the 2 mm (docs/mesh.md). `worst` with it would be its value, where that is larger. The one *of the fit* counts what belongs to a round core, which a coarse mesh widens.
 
 {markdown_table(flow, flow_columns)}
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import xarray as xr
-from postprocess.evidence.dorsal_circulation import dorsal_circulation, instants
 
 from fileio.command import guarded
 from fileio.errors import StageError
@@ -20,6 +19,7 @@ from fileio.formats.records import RUN
 from pipeline.scene.scene import Scene
 from piv.vortices.circulation import distance_to_invalid
 from piv.vortices.criteria import gradients, vorticity
+from postprocess.evidence.dorsal_circulation import dorsal_circulation, instants
 from postprocess.evidence.fields import frame
 from postprocess.evidence.tip_vortex import dominant_track, read_vortices
 from postprocess.evidence.vortex_integral import CIRCLE, CLEAR, vortex_integrals

@@ -14,10 +14,11 @@ from fileio.atomic import write_text
 from fileio.command import guarded
 from fileio.errors import StageError
 from postprocess.studies.state import files_of, missing_runs
-from postprocess.studies.table import middle_of_stroke, read_plan, study_table
+from postprocess.studies.table import read_plan, study_table
 from postprocess.studies.tradeoff import PART_OF_STROKE, errors_against, finest
 from postprocess.studies.tradeoff_page import percent
 from tests.studies.pages import libraries, write_between
+from tests.studies.validation.finger import family
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "mesh.md"
@@ -29,20 +30,23 @@ SAME = {"numerics.time_step", PART_OF_STROKE, "sheet.rate_hz"}  # of every run: 
 
 def measured() -> tuple[pd.DataFrame, str]:
     """Cells, cost and errors of the study's runs, by run, and the run of the family of grids that judges them."""
+    found = family(SCENE)
+    if found is None:
+        raise StageError("distribution: no grids to judge by; make distribution runs them")
+    _, window = found
     folder = SCENE / "out" / "studies"
     grids, plan = (read_plan(folder / name / "plan.json") for name in ("tradeoff", "distribution"))
     best = finest(grids, missing_runs(grids))
     missing = missing_runs(plan)
     if BASE in missing:
         raise StageError("distribution: the level as it is has not been run; make distribution runs it")
-    whole = next(row for row in grids["runs"] if PART_OF_STROKE not in row["overrides"])
-    window = middle_of_stroke(files_of(whole))
     judge = files_of(next(row for row in grids["runs"] if row["run"] == best))
     rows = [row for row in plan["runs"] if row["run"] not in missing]
     table = study_table(plan | {"runs": rows}, {}).set_index("run")
     table["cpu_flow_s"] = table[FLOW].sum(axis=1)
     table["changed"] = [
-        ", ".join(f"{key} = {value}" for key, value in row["overrides"].items() if key not in SAME) or "nothing"
+        ", ".join(f"{key} = {value}" for key, value in row["overrides"].items() if key not in SAME)
+        or "nothing"
         for row in rows
     ]
     errors = {row["run"]: errors_against(judge, files_of(row), "cfd", window) for row in rows}
@@ -57,7 +61,12 @@ def text_of(table: pd.DataFrame, best: str) -> str:
         "|" + "---|" * 10,
     ]
     for _, row in table.iterrows():
-        parts = [row["changed"], f"{int(row['cells'])}", f"{row['cpu_flow_s']:.0f}", f"{row['error_centre_mm']:.2f}"]
+        parts = [
+            row["changed"],
+            f"{int(row['cells'])}",
+            f"{row['cpu_flow_s']:.0f}",
+            f"{row['error_centre_mm']:.2f}",
+        ]
         parts += [f"{1e3 * row['x_cfd_m']:.2f}, {1e3 * row['y_cfd_m']:.2f}"]
         parts += [percent(row[name]) for name in columns]
         lines.append("| " + " | ".join(parts) + " |")

@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from piv.vortices.lamb_oseen_fit import lamb_oseen
+from postprocess.evidence.dorsal_circulation import dorsal_circulation
 from tests.studies import circulation
 from tests.studies.circulation import REGIONS, beyond_margin
 

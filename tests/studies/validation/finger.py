@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import xarray as xr
-from postprocess.evidence.dorsal_circulation import dorsal_circulation
 
 from fileio.formats.plane_series import read_plane
 from pipeline.scene.scene import Scene, load_scene
 from piv.vortices.find import find_vortices
+from postprocess.evidence.dorsal_circulation import dorsal_circulation
 from postprocess.evidence.tip_vortex import dominant_track, read_vortices
 from postprocess.evidence.vortex_integral import CIRCLE, vortex_integrals
 from postprocess.studies.state import files_of, missing_runs
