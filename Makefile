@@ -49,7 +49,7 @@ include fileio/stages.mk
 include postprocess/lab/compare.mk
 
 USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs \
-    compare compare-measured compare-coupled virtual-lab virtual-lab-study validate convergence distribution clean \
+    compare compare-measured compare-coupled virtual-lab virtual-lab-study validate convergence distribution planforms clean \
     clean-all bench-piv piv-limits bench-steps air-and-water closing-plates elastic-benchmarks coupled-docs \
     compare-coupled-study \
     stability faults fuzz scene-reference docs-site openfoam-versions
@@ -304,6 +304,10 @@ distribution: $(STUDY_READY) ## what decides the error at the cost of coarse: do
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/tradeoff.csv only=$(FAMILY)
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=$(DISTRIBUTION) $(ONLY)
 	nice $(PY) -m tests.studies.distribution
+
+planforms: $(STUDY_READY) ## planforms of motions that are hard to follow: docs/mesh.md
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/planforms.csv
+	nice $(PY) -m tests.studies.planforms
 
 stability: $(STUDY_READY) ## runs and images at the extremes: docs/stability.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/stability.csv
