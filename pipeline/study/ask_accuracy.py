@@ -38,8 +38,8 @@ class Setting:
     seconds: dict[str, float]
 
 
-def read_results(path: Path) -> tuple[list[Setting], dict[str, float]]:
-    """Settings of a table of results, and the probe of the machine that measured them."""
+def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
+    """Settings of a table of results, and its head: `probe` of the machine that measured them, `best` run and its `best_error`."""
     if not path.exists():
         raise StageError(
             f"{path}: no measured settings for this scene; make them with make tradeoff SCENE={path.stem}"
@@ -62,7 +62,7 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, float]]:
         settings.append(Setting(row, float(record["error"]), seconds))
     if "probe" not in head or not settings:
         raise StageError(f"{path}: no probe or no settings in it; {remedy}")
-    return settings, head["probe"]
+    return settings, head
 
 
 def results_of(scene: Path) -> Path:
@@ -123,6 +123,14 @@ def choose(
     return min(good, key=lambda k: settings[k].error)
 
 
+def judges_doubt(head: dict[str, Any], error: float) -> str:
+    """A sentence where an `error` is smaller than the own one of the run that judged it; empty otherwise, or where that is not known."""
+    own = head.get("best_error")
+    if own is None or error >= own:
+        return ""
+    return f"the errors are those against {head['best']}, whose own is estimated at {own:.1%}: below that they are not known"
+
+
 def spent(out: Path) -> tuple[float, float]:
     """CPU and wall seconds of all stages in out/<level>/costs/."""
     costs = [COST.read(path) for path in sorted((out / "costs").glob("*.json"))]
@@ -147,9 +155,9 @@ def run(args: argparse.Namespace) -> None:
     error, time = (
         read(text) if text else None for read, text in ((accuracy, args.accuracy), (budget, args.budget))
     )
-    settings, there = read_results(results_of(args.scene))
+    settings, head = read_results(results_of(args.scene))
     here = probe()
-    times = [predicted(setting, there, here) for setting in settings]
+    times = [predicted(setting, head["probe"], here) for setting in settings]
     index = choose(settings, times, error, time)
     row = settings[index].row
     write_scenes(args.scene, STUDY, [row])
@@ -161,6 +169,8 @@ def run(args: argparse.Namespace) -> None:
         f" about {times[index]:.0f} s of CPU on this machine",
         file=sys.stderr,
     )
+    if doubt := judges_doubt(head, max(error or 0.0, settings[index].error)):
+        print(f"choose: {doubt}", file=sys.stderr)
     if unknown := [stage.name for stage in STAGES if stage.name not in settings[index].seconds]:
         print(f"choose: not counted, as nothing measured it: {', '.join(unknown)}", file=sys.stderr)
     print(row.run, row.level, row.ranks)  # for make

@@ -8,7 +8,15 @@ import pytest
 
 from fileio.errors import StageError
 from fileio.formats.records import RUN
-from pipeline.study.ask_accuracy import Setting, accuracy, budget, choose, predicted, read_results
+from pipeline.study.ask_accuracy import (
+    Setting,
+    accuracy,
+    budget,
+    choose,
+    judges_doubt,
+    predicted,
+    read_results,
+)
 from pipeline.study.plan import Row
 from postprocess.studies.tradeoff import (
     dorsal_error,
@@ -162,8 +170,15 @@ def test_page_figure_and_results_that_can_be_chosen_from(tmp_path):
     ).exists()
     path = tmp_path / "single_finger.csv"
     path.write_text(results_text(table, "medium", {"solver": 0.5, "images": 0.2}))
-    settings, probe = read_results(path)
-    assert probe == {"solver": 0.5, "images": 0.2}
+    settings, head = read_results(path)
+    assert head["probe"] == {"solver": 0.5, "images": 0.2}
+    assert head["best_error"] is None  # of one level alone it cannot be told
+    table.loc[table["run"] == "medium", "error"] = 0.06
+    path.write_text(results_text(table, "medium", {"solver": 0.5, "images": 0.2}))
+    _, head = read_results(path)
+    assert "against medium, whose own is estimated at 6.0%" in judges_doubt(head, 0.05)
+    assert judges_doubt(head, 0.07) == ""
+    assert judges_doubt({"best": "medium"}, 0.01) == ""  # a table of before
     assert [s.row.run for s in settings] == ["draft", "draft_2d"]  # the best has no error, PIV is no flow
     assert settings[1].row.overrides == {"model.kind": "2d"}  # how often the study sampled is no setting
     assert settings[1].seconds == {"run": 9.0}
