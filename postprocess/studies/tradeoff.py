@@ -30,7 +30,8 @@ from postprocess.studies.table import middle_of_stroke, read_plan, stage_costs, 
 
 INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
 OF_THE_REPORT = [stage.name for stage in until("report") if stage not in until("vortices")]
-ERRORS = ("error_circulation", "error_centre", "error_velocity", "error_force")
+ERRORS = ("error_dorsal", "error_centre", "error_velocity", "error_force")
+OF_PIV = ("error_circulation", "error_centre", "error_velocity")
 PART_OF_STROKE = "motion.end_time"  # a run that overrides it shows how grids converge: nobody chooses it
 ORDERS = (1.0, 2.0)  # that an extrapolation takes: schemes are of second order, walls and time of first
 
@@ -87,8 +88,8 @@ def errors_against(
     """Errors of a run's flow ("cfd") or PIV ("piv") against the flow of `best` over a window (s), as far as both go: ERRORS
     as parts of the scale of each, and `error`, the largest. The force's error is from the beginning.
 
-    A flow's circulation is that of the dorsal side, its vortex's centre an integral over CIRCLE; beside them the circulation
-    by that integral, `…_circle`, and both by the fit, `…_fit`. PIV's are those of the fit, as the comparison takes them.
+    A flow's circulation and centre of the vortex are integrals over CIRCLE, beside them those of the fit, `…_fit`, and
+    `error_dorsal`, of all water on the tip's dorsal side; PIV's are those of the fit, as the comparison takes them.
     """
     with (
         read_plane(best.required(FILES["cfd"], "sheet")) as wanted,
@@ -116,12 +117,9 @@ def errors_against(
                     vortex_integrals(plane, fit, CIRCLE * width, window)
                     for plane, fit in zip((wanted, got), fits, strict=True)
                 )
-                of_circle = vortex_errors(a, b, window, width)
-                if of_circle:
-                    of_circle["error_circulation_circle"] = of_circle["error_circulation"]
+                if of_circle := vortex_errors(a, b, window, width):
                     sides = (dorsal_circulation(plane, window) for plane in (wanted, got))
-                    of_circle["error_circulation"] = dorsal_error(*sides)
-                errors |= of_circle
+                    errors |= of_circle | {"error_dorsal": dorsal_error(*sides)}
                 errors |= {f"{name}_fit": value for name, value in of_fit.items()}
     if source == "cfd":
         wanted_force, force = [FORCES.read(of.required("run/forces.csv", "run")) for of in (best, files)]
@@ -130,10 +128,11 @@ def errors_against(
 
 
 def worst(errors: dict[str, float]) -> dict[str, float]:
-    """`error`: the largest of ERRORS that were measured; absent where the vortex was not found."""
-    if "error_circulation" not in errors:
+    """`error`: the largest of ERRORS, or OF_PIV, that were measured; absent where the vortex was not found."""
+    judged = ERRORS if "error_dorsal" in errors else OF_PIV
+    if judged[0] not in errors:
         return {}
-    return {"error": max(errors[name] for name in ERRORS if name in errors)}
+    return {"error": max(errors[name] for name in judged if name in errors)}
 
 
 def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> dict[str, float]:
@@ -151,7 +150,7 @@ def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> di
     if not known or size[0] <= 1:
         return {}
     own = {}
-    for name in (*ERRORS, "error_centre_mm", *table.columns.intersection(["error_circulation_circle"])):
+    for name in table.columns.intersection([*ERRORS, "error_circulation", "error_centre_mm"]):
         order = falling_order(size, next_two[name].to_numpy(float)) if len(size) == 2 else ORDERS[1]
         own[name] = float(next_two[name].iloc[0]) / (size[0] ** order - 1)
     return own | worst(own)

@@ -136,8 +136,8 @@ def page(scene: str, table: pd.DataFrame, best: str, missing: dict[str, str]) ->
     }  # fmt: skip
     flow_columns = {
         "run": "run", "cells": "cells", "time_step_s": "step, s", "cpu_flow_s": "CPU, s", "peak_memory_MB": "memory, MB",
-        "error_circulation": "circulation, %", "error_centre_mm": "centre, mm", "error_velocity": "velocity, %",
-        "error_force": "force, %", "error": "worst, %", "error_circulation_circle": "circulation in a circle, %",
+        "error_dorsal": "dorsal circulation, %", "error_centre_mm": "centre, mm", "error_velocity": "velocity, %",
+        "error_force": "force, %", "error": "worst, %", "error_circulation": "circulation in a circle, %",
         "error_circulation_fit": "circulation of the fit, %",
     }  # fmt: skip
     piv_columns = {

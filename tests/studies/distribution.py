@@ -55,9 +55,9 @@ def measured() -> tuple[pd.DataFrame, str]:
 
 def text_of(table: pd.DataFrame, best: str) -> str:
     """Markdown: what each change costs and does, in the order of the study."""
-    columns = ("error_circulation", "error_circulation_circle", "error_velocity", "error_force", "error")
+    columns = ("error_dorsal", "error_circulation", "error_velocity", "error_force", "error")
     lines = [
-        "| changed | cells | CPU, s | centre, mm | x, y of it, mm | circulation, % | in a circle, % | velocity, % | force, % | worst, % |",
+        "| changed | cells | CPU, s | centre, mm | x, y of it, mm | dorsal circulation, % | in a circle, % | velocity, % | force, % | worst, % |",
         "|" + "---|" * 10,
     ]
     for _, row in table.iterrows():

@@ -26,7 +26,7 @@ CASES = ROOT / "cases" / "single_finger" / "out" / "versions"
 PAGE = ROOT / "docs" / "openfoam_versions.md"
 LEVELS = ROOT / "cases" / "single_finger" / "studies" / "results" / "tradeoff.csv"
 OF_LEVEL = {  # the difference between versions, and the level's own error against the finest run
-    "circulation of the tip vortex, RMS": ("error_circulation_circle", 100, "%"),
+    "circulation of the tip vortex, RMS": ("error_circulation", 100, "%"),
     "its centre, RMS": ("error_centre_mm", 1, "mm"),
     "velocity on the sheet, RMS of the tip's largest speed": ("error_velocity", 100, "%"),
     "force on the finger, RMS": ("error_force", 100, "%"),

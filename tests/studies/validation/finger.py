@@ -31,8 +31,8 @@ STUDY = (
 JUDGED = {"coarse": 0.08, "medium": 0.04}  # levels, and what the uncertainty of the circulation may be there
 NEAR_TIP = 3.0  # tip widths within which the tip's vortex is looked for
 QUANTITIES = {
-    "circulation": ("circulation of the tip's dorsal side, what is not prescribed of it", "m²/s"),
-    "circulation_circle": ("tip-vortex circulation beyond the wall layer", "m²/s"),
+    "dorsal": ("circulation of the tip's dorsal side", "m²/s"),
+    "circulation": ("tip-vortex circulation", "m²/s"),
     "x": ("x of its centre", "m"),
     "y": ("y of its centre", "m"),
     "peak_force": ("peak force", "N"),
@@ -90,8 +90,8 @@ def mean_vortex(sheet: xr.Dataset, scene: Scene, window: tuple[float, float]) ->
 def integrals_of(
     sheet: xr.Dataset, scene: Scene, track: pd.DataFrame, window: tuple[float, float]
 ) -> pd.Series:
-    """Means over a window (s): of the dorsal side's circulation the part that the water decides, and circulation_circle, x, y within
-    the circle round a tracked vortex. ValueError where that holds nothing.
+    """Means over a window (s): circulation, x, y within the circle round a tracked vortex, and `dorsal`, what is not prescribed of the
+    dorsal side's circulation. ValueError where the circle holds nothing.
     """
     integrals = vortex_integrals(sheet, track, CIRCLE * float(sheet.attrs["tip_width"]), window)
     if integrals.empty:
@@ -99,8 +99,7 @@ def integrals_of(
             f"the tip vortex of {scene.name} at level {scene.level} has nothing in its circle from {window[0]:g} to {window[1]:g} s"
         )
     means = integrals.mean()
-    means["circulation_circle"] = means["circulation"]
-    means["circulation"] = dorsal_circulation(sheet, window)["of_water"].mean()
+    means["dorsal"] = dorsal_circulation(sheet, window)["of_water"].mean()
     return means
 
 
@@ -114,8 +113,8 @@ def read_run(scene: Scene, window: tuple[float, float] | None = None) -> Run:
     area = scene.tank.size[0] * scene.tank.water_depth
     volume = area if flat else area * scene.tank.size[2] * (0.5 if scene.model.kind == "half" else 1.0)
     values = {
+        "dorsal": abs(vortex.dorsal),
         "circulation": abs(vortex.circulation),
-        "circulation_circle": abs(vortex.circulation_circle),
         "x": vortex.x,
         "y": vortex.y,
         "peak_force": float(np.hypot(table["fx"], table["fy"]).max()),
@@ -147,7 +146,7 @@ def checks_of(
         else:
             gap, scale, unit = float(e.uncertainty[at]), abs(e.extrapolated), "1"
             tolerance, why = (
-                part if name.startswith("circulation") else 0.1,
+                part if name in ("dorsal", "circulation") else 0.1,
                 "what the comparison with a laboratory needs: of the size of the findings' own limits (reference/findings.toml)",
             )
         order = f", observed order {e.order:.2g}" if e.order is not None else ", no single order"
@@ -186,9 +185,9 @@ def finest_orders(runs: list[Run]) -> str:
     """The observed orders of the three finest grids alone, of runs from coarse to fine."""
     finest = series(runs[-3:], "cell")
     parts = (
-        f"{'no single order' if (order := finest[name].order) is None else f'{order:.2g}'} of the {title.split()[-1]}"
+        f"{'no single order' if (order := finest[name].order) is None else f'{order:.2g}'} of the {' '.join(title.split()[-2:])}"
         for name, (title, _) in QUANTITIES.items()
-        if name in ("circulation", "peak_force")
+        if name in ("dorsal", "circulation", "peak_force")
     )
     return f"Observed orders of the three finest grids alone: {', '.join(parts)}."
 
@@ -246,7 +245,7 @@ def three_dimensional(folder: Path) -> Result | None:
     text = (
         f"{folder.name} at its levels {', '.join(r.level for r in runs)}: a family of grids whose sizes all shrink by 2/3, all at"
         f" {1e3 * runs[0].time_step:g} ms and to {scenes[0].motion.end_time:g} s. Circulation and centre are means from {window[0]:.3f} s, where the"
-        f" middle half of the stroke begins, to {window[1]:.3f} s. Representative cell ∛(volume / cells)."
+        f" middle half of the stroke begins, to {window[1]:.3f} s; of the dorsal side's, the part that is not prescribed. Representative cell ∛(volume / cells)."
     )
     remarks = (*(sentence(runs, series(runs, "cell"), r.level) for r in runs), finest_orders(runs))
     return Result("finger", f"Grid convergence of {folder.name}", text, tuple(checks), {"grid": curves_of(runs, "cell")}, remarks,
