@@ -21,13 +21,14 @@ from fileio.errors import StageError, meant, sentence, system_error
 Commands = Mapping[str, tuple[str, Any]]
 
 PROGRAMS = ("pipeline", "piv", "postprocess")
+DEFAULT_LEVEL = "coarse"
 INTERRUPTED = "interrupted; run it again to go on: what is finished is kept"
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
     """Arguments of every command that works on a scene at one level."""
     parser.add_argument("scene", type=Path, help="folder of the scene, as cases/single_finger")
-    parser.add_argument("--level", default="coarse", help="level of the scene (default: %(default)s)")
+    parser.add_argument("--level", default=DEFAULT_LEVEL, help="level of the scene (default: %(default)s)")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 

@@ -1,4 +1,6 @@
-"""A page of the docs about one scene: what was asked, what was measured, with which versions (docs/<scene>.md).
+"""A page of the docs about one scene: what was asked, what was measured, with which versions.
+
+It is docs/<scene>.md of a run at the default level, docs/<scene>_<level>.md of any other.
 
 Sections written by hand, reference/words.md of the scene, are taken in as they are.
 """
@@ -10,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fileio.atomic import write_bytes, write_text
-from fileio.command import add_scene
+from fileio.command import DEFAULT_LEVEL, add_scene
 from fileio.formats.records import COMPARISON, LOSSES, REGIONS, RUN
 from postprocess.draw.quantity_text import measured_text
 from postprocess.evidence.stage_files import StageFiles
@@ -42,7 +44,7 @@ def page(
     )
     versions = ", ".join(f"{name} {version}" for name, version in sorted(run["versions"].items()))
     pinch = comparison["summary"].get("pinch")
-    part = pinch_part(scene, pinch, run) if pinch else ""
+    part = pinch_part(Path(picture).stem, pinch, run) if pinch else ""
     body = "fingers" if pinch else "finger"
     return f"""# {scene}, level {level}
 
@@ -93,10 +95,10 @@ def sentences_part(comparison: dict[str, Any]) -> str:
 """
 
 
-def pinch_part(scene: str, pinch: dict[str, Any], run: dict[str, Any]) -> str:
-    """The part of the page about two fingers: contact, key numbers, pictures and field mappings."""
+def pinch_part(name: str, pinch: dict[str, Any], run: dict[str, Any]) -> str:
+    """The part of the page about two fingers: contact, key numbers, pictures (of the page `name`) and field mappings."""
     columns, rows = pinch_table(pinch)
-    table = "\n".join(f"| {name} | {' | '.join(values)} |" for name, values in rows)
+    table = "\n".join(f"| {row} | {' | '.join(values)} |" for row, values in rows)
     met = pinch["contact_time"]
     contact = (
         f"The tips stop {pinch['residual_gap'] * 1e3:g} mm before the plane between them (the residual gap; {2e3 * pinch['residual_gap']:g} mm"
@@ -113,9 +115,9 @@ def pinch_part(scene: str, pinch: dict[str, Any], run: dict[str, Any]) -> str:
     )
     formed = pinch["cfd"].get("ventral_forms_time") is not None
     pictures = "\n".join(
-        f"![The {name} pair, CFD]({scene}_pair_{name}.png)"
-        for name in ("dorsal", "ventral")
-        if name == "dorsal" or formed
+        f"![The {pair} pair, CFD]({name}_pair_{pair}.png)"
+        for pair in ("dorsal", "ventral")
+        if pair == "dorsal" or formed
     )
     return f"""
 ## Two fingers
@@ -127,10 +129,10 @@ def pinch_part(scene: str, pinch: dict[str, Any], run: dict[str, Any]) -> str:
 {table}
 
 {pictures}
-![Both pairs, half the plane and the jet, by integrals]({scene}_integrals.svg)
-![The two tip vortices against each other]({scene}_pair.svg)
-![On the plane between the fingers: the parting line, the jet below and the flow above]({scene}_centreline.svg)
-![Closing: gap, speed, pressure and jet]({scene}_closing.svg)
+![Both pairs, half the plane and the jet, by integrals]({name}_integrals.svg)
+![The two tip vortices against each other]({name}_pair.svg)
+![On the plane between the fingers: the parting line, the jet below and the flow above]({name}_centreline.svg)
+![Closing: gap, speed, pressure and jet]({name}_closing.svg)
 
 **Meshes.** {len(run.get("intervals", [0]))} for the stroke.{meshes}
 """
@@ -161,12 +163,13 @@ def run(args: argparse.Namespace) -> None:
     flow = sorted((files.out / "figures").glob("flow_*.png"))
     if not flow:
         raise FileNotFoundError(f"{files.figures}: no flow_*.png; run the stage 'report' first")
-    picture = f"{files.scene}.png"
+    name = files.scene if files.level == DEFAULT_LEVEL else f"{files.scene}_{files.level}"
+    picture = f"{name}.png"
     write_bytes(args.docs / picture, flow[len(flow) // 2].read_bytes())  # half-way; of a pinch about contact
     path = files.scene_folder / "reference" / "words.md"
     words = path.read_text(encoding="utf-8") if path.exists() else ""
     text = page(files.scene, args.level, comparison, record, picture, words)
-    for name in PINCH_PICTURES:
-        if (files.figures / name).exists():
-            write_bytes(args.docs / f"{files.scene}_{name}", (files.figures / name).read_bytes())
-    write_text(args.docs / f"{files.scene}.md", text)
+    for figure in PINCH_PICTURES:
+        if (files.figures / figure).exists():
+            write_bytes(args.docs / f"{name}_{figure}", (files.figures / figure).read_bytes())
+    write_text(args.docs / f"{name}.md", text)

@@ -1,5 +1,6 @@
 """A scene's page of the docs: its sections written by hand outlive `make docs`."""
 
+from argparse import Namespace
 from pathlib import Path
 
 from postprocess.report import docs_page
@@ -19,6 +20,28 @@ def test_sections_written_by_hand_are_taken_in(monkeypatch):
     text = docs_page.page("pinch", "smoke", comparison, RUN, "pinch.png", words)
     assert f"`.\n\n{words}\n**The run.**" in text
     assert text.replace(f"\n{words}", "") == docs_page.page("pinch", "smoke", comparison, RUN, "pinch.png")
+
+
+def test_a_page_of_another_level_does_not_replace_the_default_ones(monkeypatch, tmp_path):
+    monkeypatch.setattr(docs_page, "page", lambda scene, level, *rest: f"{level} {rest[2]}")
+    for level in ("coarse", "medium"):
+        out = tmp_path / "pinch" / "out" / level
+        for folder in ("figures", "run"):
+            (out / folder).mkdir(parents=True)
+        for name in ("flow_0.png", "pair.svg"):
+            (out / "figures" / name).write_text(level)
+        docs_page.COMPARISON.write(out / "comparison.json", {})
+        docs_page.RUN.write(out / "run" / "run.json", {})
+        docs_page.run(Namespace(scene=tmp_path / "pinch", level=level, docs=tmp_path))
+    found = {path.name: path.read_text() for path in tmp_path.iterdir() if path.is_file()}
+    assert found == {
+        "pinch.md": "coarse pinch.png",
+        "pinch.png": "coarse",
+        "pinch_pair.svg": "coarse",
+        "pinch_medium.md": "medium pinch_medium.png",
+        "pinch_medium.png": "medium",
+        "pinch_medium_pair.svg": "medium",
+    }
 
 
 def test_the_page_of_the_pinch_has_them():
