@@ -20,6 +20,7 @@ from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.scene.pinch import Pinch
 
 SCAN = 0.25e3  # Pa: steps in which the pressure of contact is searched, half a degree of bend apart
+SCANS = 50  # at least; for shapes that follow the time
 STOPPED = 1e-4  # m: a gap within this of the residual one is contact; the ramp takes long over the rest
 
 
@@ -124,7 +125,7 @@ def closing_law(
 
 def _reach(gap_at: Callable[[float], float], value: float, start: float, highest: float) -> float | None:
     """The lowest pressure above `start` at which the gap has come down to `value`, exact to 1e-12 Pa; None if none."""
-    at = np.append(np.arange(start, highest, SCAN), highest)
+    at = np.append(np.arange(start, highest, min(SCAN, (highest - start) / SCANS or SCAN)), highest)
     gaps = np.array([gap_at(p) for p in at]) - value
     if gaps[0] <= 0 or gaps.min() > 0:
         return None

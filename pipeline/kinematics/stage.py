@@ -26,10 +26,13 @@ def shape_knots(
     """Pressures (Pa) from `lowest` to `highest` at even steps of at most `step` rad of bend; at least five.
 
     In a pinch a step closes or opens the gap by no more than GAP_STEP of itself either, so that the last shapes lie close
-    together.
+    together. Shapes over time lie no farther apart than they were given.
     """
     fine = np.linspace(lowest, highest, 2001)
     steps = np.abs(np.diff([motion.shapes.bend(p) for p in fine])) / step
+    if motion.over_time:
+        given = motion.states.pressure
+        steps = np.maximum(steps, np.diff(np.interp(fine, given, np.arange(len(given)))))
     if pinch is not None:
         gaps = gap(np.array([motion.outline(p) for p in fine]), pinch)
         steps = np.maximum(
@@ -84,7 +87,8 @@ def finger_values(
     low, high = float(parameter.min()), float(parameter.max())
     if high - low < 1e-9:
         high = low + 1.0
-    knots = motion.states.pressure if motion.over_time else shape_knots(motion, low, high, bend_step, pinch)
+    free = motion.over_time and high >= motion.states.pressure[-1]  # as computed: no contact holds it
+    knots = motion.states.pressure if free else shape_knots(motion, low, high, bend_step, pinch)
     bends = np.array([motion.shapes.bend(p) for p in knots])
     outlines = np.array([motion.outline(p) for p in knots])
     tips = np.array([motion.shapes.tip(p) for p in knots])

@@ -33,6 +33,9 @@ UNKNOWN = (
 )
 RIGID = "The body is rigid: no load bends it."
 COUPLED = "The motion is not prescribed: it is what the pressure and the loads of the run before make of the finger."
+HELD = (
+    "The motion is not prescribed until the tips are slowed down before their contact, which then holds them."
+)
 
 
 def bending_law(states: States, stiffness: float | None) -> BendingLaw | None:
@@ -76,14 +79,20 @@ def elastic_turns(scene: Scene, chain: Chain, time: FloatArray) -> FloatArray:
     return np.asarray(CubicSpline(file["time"].values, file["delta"].values)(time))
 
 
-def measured_loads(scene: Scene, chain: Chain, chambers: CubicSpline, quiet: bool) -> dict[str, Any]:
-    """Variables of loads.h5 from the samples of the run; `chambers`: their pressure (Pa) over time."""
+def measured_loads(
+    scene: Scene, chain: Chain, chambers: CubicSpline, held: CubicSpline | None, quiet: bool
+) -> dict[str, Any]:
+    """Variables of loads.h5 from the samples of the run; `chambers`: their pressure (Pa) over time.
+
+    `held`: over time (s), that of the shape, of a coupled finger that a contact holds.
+    """
     samples = sampled_surfaces(scene.out / "case", read_intervals(scene.out), "finger")
     copies = PER_FINGER[scene.model.kind]
     both = scene.pinch is not None and scene.model.kind in ("half", "full")
     turn, root = axes(scene.finger).T, np.asarray(scene.finger.root)
     time = np.array([time for time, _ in samples])
-    pressure, delta = chambers(time), elastic_turns(scene, chain, time)
+    shape_time = time if held is None else held(time)
+    pressure, delta = chambers(shape_time), elastic_turns(scene, chain, shape_time)
     at = placed(chain.unloaded(pressure), slice(None), delta)
     profile, thickness = chain.profile(pressure, delta), chain.thickness(pressure)
     edge = -0.5j * chain.thickness(np.zeros(1))[0, 0]  # the root's middle from its ventral edge
@@ -158,13 +167,13 @@ def run(scene: Scene, quiet: bool = False) -> None:
         return
     chain, known = finger_chain(scene, kinematics)
     chambers = CubicSpline(kinematics.data["time"].values, kinematics.data["pressure"].values)
-    values = measured_loads(scene, chain, chambers, quiet)
-    if known and (
-        scene.pinch is None or scene.motion.shapes is not None
-    ):  # a prescribed pinch is held by its contact
+    coupled = scene.motion.shapes is not None
+    touches = "contact_time" in kinematics.data.attrs
+    values = measured_loads(scene, chain, chambers, kinematics.law if coupled and touches else None, quiet)
+    if known and (scene.pinch is None or (coupled and not touches)):
         values |= history(scene, chain, chambers, values)
-    if scene.motion.shapes is not None:
-        values["unknown"] = COUPLED
+    if coupled:
+        values["unknown"] = HELD if touches else COUPLED
     elif known:
         around = Surroundings(gravity(scene), scene.fluid.density)
         values |= check(chain, kinematics, chambers, around, values) | {"unknown": ""}

@@ -1,5 +1,8 @@
 """The motion that pressure and water make together, by whole runs: each has the motion that the loads of the one before make.
 
+Fingers that touch are coupled until the contact law slows them down. From there they go on as the modelled water has it,
+slowed down and held by that law like prescribed ones: what a contact does to an elastic finger is not computed.
+
 The runs are scenes of their own below out/coupled, so that one that was cut off resumes like any other, and none is repeated.
 """
 
@@ -91,13 +94,25 @@ class Structure:
     def step(self) -> float:
         return float(self.time[1])
 
+    def modelled(self) -> FloatArray:
+        """Rotations under the modelled water."""
+        nothing = np.zeros((len(self.time), self.chain.slices, 3))
+        return motion(
+            self.chain, self.pressure, self.step, Surroundings(**vars(self.around) | FIRST), nothing
+        )
+
     def first(self) -> FloatArray:
         """Rotations of the first run."""
-        nothing = np.zeros((len(self.time), self.chain.slices, 3))
-        if self.prescribed_first:
-            return nothing[..., 0]
-        around = Surroundings(**vars(self.around) | FIRST)
-        return motion(self.chain, self.pressure, self.step, around, nothing)
+        return np.zeros((len(self.time), self.chain.slices)) if self.prescribed_first else self.modelled()
+
+    def prolonged(self, delta: FloatArray) -> FloatArray:
+        """Rotations over the whole time: `delta` as far as it goes, then as the modelled water has it, from there on."""
+        whole, count = self.modelled(), len(delta)
+        apart = delta - whole[:count]
+        later = np.arange(1, len(whole) - count + 1)[:, None]
+        whole[count:] += apart[-1] + later * (apart[-1] - apart[-2])
+        whole[:count] = delta
+        return whole
 
     def next(self, delta: FloatArray, loads: xr.Dataset) -> FloatArray:
         """Rotations under the loads of the run with the rotations `delta`."""
@@ -115,6 +130,22 @@ class Structure:
 
 
 def couple(scene: Scene, ranks: int, quiet: bool = False, target: str = "report") -> Path:
+    """The coupled run of a scene up to `target`, and those that its motion follows from; returns its folder. StageError."""
+    structure = Structure(scene)
+    end = _end_of_approach(scene, structure)
+    if end is None:
+        return couple_free(scene, ranks, quiet, target)
+    approach = scene.motion.model_copy(update={"end_time": end})
+    last = couple_free(scene.model_copy(update={"motion": approach}), ranks, quiet, "loads") / SHAPES
+    folder = last.parents[1] / f"contact_{scene.level}"
+    delta = structure.prolonged(read_elastic_motion(last)["delta"].values)
+    _kept(structure, folder / SHAPES, delta, None, digest([scene.digest(), sha256(last)]))
+    update_text(folder / "scene.toml", _scene_text(scene, folder))
+    make_run(folder.parent, folder.name, scene.level, target, ranks, quiet)
+    return folder
+
+
+def couple_free(scene: Scene, ranks: int, quiet: bool, target: str) -> Path:
     """Runs until the motion changes no more, the last at the scene's level and up to `target`; returns its folder. StageError."""
     structure = Structure(scene)
     home = scene.folder / "out" / "coupled"
@@ -130,7 +161,6 @@ def couple(scene: Scene, ranks: int, quiet: bool = False, target: str = "report"
         folder = home / f"{scene.level}_{number}"
         delta = _kept(structure, folder / SHAPES, delta, before, made_of)
         update_text(folder / "scene.toml", _scene_text(scene, folder))
-        _check_contact(scene, load_scene(folder, level))
         make_run(home, folder.name, level, "loads", ranks, quiet)
         path = folder / "out" / level / "loads.h5"
         loads = read_loads(path)
@@ -172,34 +202,38 @@ def _kept(
         file = read_elastic_motion(path)
         if file.attrs["made_of"] == made_of:
             return np.asarray(file["delta"].values)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    values = motion_values(structure.chain, structure.time, structure.pressure, delta, before)
-    write_elastic_motion(path, values | {"made_of": made_of})
+    _write(structure, path, delta, before, made_of)
     return delta
 
 
-def _check_contact(scene: Scene, run: Scene) -> None:
-    """StageError where the fingers of a `run` touch: what a contact does to an elastic finger is not computed."""
-    if run.pinch is None:
-        return
-    free = finger_motion(run.motion, run.finger, None, run.folder)
-    time = knots(run.motion.end_time)
-    gaps = gap(np.array([free.outline(float(t)) for t in time]), run.pinch)
-    if gaps.min() > run.pinch.residual_gap:
-        return
-    touch = float(time[np.argmax(gaps <= run.pinch.residual_gap)])
-    # with room for what the water still changes of the motion
-    near = float(time[np.argmax(gaps <= run.pinch.residual_gap + run.pinch.slowing_distance) - 1])
-    raise StageError(
-        f"{scene.folder / 'scene.toml'}: the fingers touch at {touch:.3f} s, and COUPLED=1 computes their motion up to contact"
-        f" only; give motion.end_time = {near:.3f} or less"
-    )
+def _write(
+    structure: Structure, path: Path, delta: FloatArray, before: FloatArray | None, made_of: str
+) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    values = motion_values(structure.chain, structure.time, structure.pressure, delta, before)
+    write_elastic_motion(path, values | {"made_of": made_of})
+
+
+def _end_of_approach(scene: Scene, structure: Structure) -> float | None:
+    """When (s) the contact law begins to slow down the fingers as the modelled water moves them; None where they do not touch."""
+    if scene.pinch is None:
+        return None
+    shapes = Path("out", "coupled", f"modelled_{scene.level}.h5")
+    _write(structure, scene.folder / shapes, structure.modelled(), None, "")
+    motion = scene.motion.model_copy(update={"source": "structure", "shapes": str(shapes)})
+    free = finger_motion(motion, scene.finger, None, scene.folder)
+    time = knots(motion.end_time)
+    gaps = gap(np.array([free.outline(float(t)) for t in time]), scene.pinch)
+    if gaps.min() > scene.pinch.residual_gap:
+        return None
+    return float(time[np.argmax(gaps <= scene.pinch.residual_gap + scene.pinch.slowing_distance) - 1])
 
 
 def _scene_text(scene: Scene, folder: Path) -> str:
     parent = os.path.relpath(scene.folder.resolve(), folder.resolve())
     extends, title, shapes = map(toml_value, (parent, f"{scene.title}, coupled", SHAPES))
-    return f'extends = {extends}\ntitle = {title}\n\n[motion]\nsource = "structure"\nshapes = {shapes}\n'
+    motion = f'source = "structure"\nshapes = {shapes}\nend_time = {scene.motion.end_time!r}\n'
+    return f"extends = {extends}\ntitle = {title}\n\n[motion]\n{motion}"
 
 
 def make_run(home: Path, name: str, level: str, target: str, ranks: int, quiet: bool = False) -> None:

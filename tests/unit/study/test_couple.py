@@ -1,6 +1,5 @@
 """COUPLED=1 with a solver that is a formula: the order of its runs, what is kept, and what is refused."""
 
-import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import pytest
 from fileio.errors import StageError
 from fileio.formats.elastic_motion import read_elastic_motion
 from fileio.formats.finger_loads import read_loads, write_loads
+from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
 from pipeline.structure.coupling import loads_of_model
 from pipeline.study import couple
@@ -169,16 +169,36 @@ def pinch_of(folder, end_time):
     return load_scene(folder, "smoke")
 
 
-def test_a_pinch_is_coupled_up_to_its_contact(tmp_path, made):
-    """The sentence names an end time that serves."""
-    with pytest.raises(
-        StageError, match=r"the fingers touch at 0\.[23]\d* s, .* give motion\.end_time = "
-    ) as refused:
-        couple.couple(pinch_of(tmp_path, 0.64), ranks=1, quiet=True)
-    assert not made  # before anything was solved
-    end_time = float(re.search(r"end_time = ([\d.]+)", str(refused.value))[1])
-    folder = couple.couple(pinch_of(tmp_path, end_time), ranks=1, quiet=True)
+def test_a_pinch_is_coupled_up_to_its_contact_which_holds_it(tmp_path, made):
+    """The motion goes on without a jump from where the tips are slowed down, and ends at the residual gap."""
+    scene = pinch_of(tmp_path, 0.3)
+    folder = couple.couple(scene, ranks=1, quiet=True)
+    assert folder.name == "contact_smoke"
+    assert [target for *_, target in made[:-1]].count("report") == 0
+    assert made[-1] == ("contact_smoke", "smoke", "report")
+    last = read_elastic_motion(tmp_path / "out" / "coupled" / made[-2][0] / "elastic_motion.h5")
+    whole = read_elastic_motion(folder / "elastic_motion.h5")
+    count = last.sizes["time"]
+    assert 0.2 < float(last["time"][-1]) < 0.26
+    assert (whole["delta"][:count].values == last["delta"].values).all()
+    turns = whole["delta"].values[count - 10 : count + 10, -1]
+    bumps = np.abs(np.diff(turns, 2))
+    assert bumps[8:10].max() < 2 * np.median(bumps)  # across the border as beside it
+    run = load_scene(folder, "smoke")
+    values = kinematics_values(run)
+    assert values["contact_time"] > float(last["time"][-1])
+    assert values["gap"].min() == pytest.approx(run.pinch.residual_gap, abs=1e-6)
+    shapes = values["shape_gap"][values["shape_gap"] < 3e-3]
+    assert (
+        np.abs(np.diff(np.log(shapes))).max() < 0.25
+    )  # of the mesh between the tips, a fifth from shape to shape
+    assert couple.couple(scene, ranks=1, quiet=True) == folder
+
+
+def test_a_pinch_that_ends_before_its_contact_is_coupled_as_a_whole(tmp_path, made):
+    folder = couple.couple(pinch_of(tmp_path, 0.2), ranks=1, quiet=True)
     assert made[-1] == (folder.name, "smoke", "report")
+    assert not list(folder.parent.glob("contact_*"))
 
 
 def test_what_cannot_be_coupled_is_refused(tmp_path):
