@@ -95,11 +95,12 @@ def integral_numbers(
         out["ventral_forms_gap"] = float(clock.gap_at(np.array([at]))[0])
         since = ventral[ventral["time"] >= at]
         k = int(since["circulation"].idxmax())
-        out["ventral_circulation_peak"] = float(since["circulation"][k])
-        out["ventral_circulation_peak_time"] = float(since["time"][k])
-        out["ventral_circulation_peak_gap"] = float(clock.gap_at(since["time"][[k]].to_numpy())[0])
-        then = _at(dorsal["time"], dorsal["circulation"], since["time"][k])
-        out["ventral_part"] = None if then is None else float(since["circulation"][k]) / then
+        if k < since.index[-1]:  # what still grows where the window ends has no peak in it
+            out["ventral_circulation_peak"] = float(since["circulation"][k])
+            out["ventral_circulation_peak_time"] = float(since["time"][k])
+            out["ventral_circulation_peak_gap"] = float(clock.gap_at(since["time"][[k]].to_numpy())[0])
+            then = _at(dorsal["time"], dorsal["circulation"], since["time"][k])
+            out["ventral_part"] = None if then is None else float(since["circulation"][k]) / then
         out["ventral_rise_peak"] = _number(since["between"].max())
     for name, when in (("at_contact", 0.0), ("after", AFTER)):
         out[f"dorsal_circulation_{name}"] = _late(dorsal, "circulation", met, when)

@@ -24,7 +24,7 @@ ROWS = (
     ("dorsal pair: height, 0.15 s after contact", "dorsal_y_after", "m", ()),
     ("ventral pair: forms at", "ventral_forms_time", "s", ()),
     ("ventral pair: gap at which it forms", "ventral_forms_gap", "m", ()),
-    ("ventral pair: circulation of each at its peak", "ventral_circulation_peak", "m²/s", ("ventral_circulation_peak_time", "ventral_circulation_peak_gap")),
+    ("ventral pair: circulation of each at its peak (–: still growing 0.3 s after contact)", "ventral_circulation_peak", "m²/s", ("ventral_circulation_peak_time", "ventral_circulation_peak_gap")),
     ("ventral pair: that against the dorsal pair's at the same instant", "ventral_part", "fraction", ()),
     ("ventral pair: circulation of each, 0.15 s after contact", "ventral_circulation_after", "m²/s", ()),
     ("ventral pair: upward flow between, at its fastest", "ventral_rise_peak", "m/s", ()),

@@ -163,7 +163,7 @@ def with_numbers(words: str, table: pd.DataFrame) -> str:
         than = values.get((other, name), (None, ""))[0]
         return "–" if pd.isna(than) else f"{value / than - 1:+.0%}".replace("%", "\u00a0%")
 
-    return re.sub(r"\{(\w+):(\w+)(?:/(\w+))?\}", number, words)
+    return re.sub(r"\{(\w+):([\w-]+)(?:/(\w+))?\}", number, words)
 
 
 def page(words: str, table: pd.DataFrame, missing: dict[str, str], name: str) -> str:

@@ -149,11 +149,12 @@ def test_a_pinch_closes_to_its_residual_gap_without_touching(pinch):
 
 
 def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
-    checks = {c["id"]: c for c in json.loads((pinch / "comparison.json").read_text())["checks"]}
+    comparison = json.loads((pinch / "comparison.json").read_text())
+    checks, by_cfd = {c["id"]: c for c in comparison["checks"]}, comparison["summary"]["pinch"]["cfd"]
     for name in ("pair-opposite", "boundary-line", "above-upward", "downward-jet"):
         assert checks[name]["met"], (name, checks[name]["measured"], checks[name]["notes"])
     assert checks["pair-tracked"]["measured"]["cfd"] == 1.0
-    assert checks["pair-equal"]["measured"]["cfd"] < 1e-6
+    assert by_cfd["imbalance_rms"] < 1e-6
     # the finding's own RMS is of two to four young instants here, each with a standard error of 12 to 21 %: it scatters from 1 to 10 %
     assert checks["pair-equal"]["measured"]["piv"] < 0.20
     # PIV of two separately seeded halves over all instants: 0.1 to 1.6 % over six seeds
@@ -161,12 +162,8 @@ def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
     left, right = pairs["circulation_0"], pairs["circulation_1"]
     assert len(pairs) > 5
     assert abs((left + right).mean()) < 0.05 * 0.5 * (np.abs(left) + np.abs(right)).mean()
-    assert checks["pair-mirrored"]["measured"]["cfd"] < 1e-9
+    assert by_cfd["mirror_distance_rms"] < 1e-9
     assert checks["pair-mirrored"]["measured"]["piv"] < 1e-3
-    # the fit of each half stops where a step gains less than 1e-7 of its cost, some 3e-4 of the place's standard error (0.1 mm)
-    assert checks["contact-descent-left"]["measured"]["cfd"] == pytest.approx(
-        checks["contact-descent-right"]["measured"]["cfd"], abs=1e-7
-    )
     run = json.loads((pinch / "run" / "run.json").read_text())
     # 0.55 % here, at twice the speed and 8 ms of overlap; 0.2 % is asked of the levels that are judged (medium: 0.09 %)
     assert all(abs(mapping["jump_fraction"]) < 0.01 for mapping in run["field_mappings"])

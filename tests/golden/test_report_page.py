@@ -250,9 +250,9 @@ def test_the_view_in_space_is_drawn_without_gl_too(made, tmp_path, monkeypatch):
 
 def test_a_made_up_pinch_is_judged_by_its_pair(pinched):
     checks = {c["id"]: c for c in result(pinched)["checks"]}
-    assert checks["pair-opposite"]["measured"] == {"cfd": "opposite", "piv": "opposite"}
+    # of PIV alone: a symmetry plane makes the CFD's so
+    assert checks["pair-opposite"]["measured"] == {"piv": "opposite"}
     imbalance = checks["pair-equal"]["measured"]
-    assert imbalance["cfd"] == pytest.approx(0.0, abs=1e-9)
     assert imbalance["piv"] == pytest.approx(2 * (1 - GAIN) / (1 + GAIN), rel=1e-3)
     assert checks["pair-mirrored"]["measured"]["piv"] == pytest.approx(SHIFT, rel=1e-3)
     assert checks["pair-ventral"]["met"] is False  # made on the dorsal side

@@ -17,22 +17,22 @@ MET = 0.6  # s
 RESIDUAL = 0.002  # m
 
 
-def pair_at(times):
+def pair_at(times, circulation):
     rows = [
-        [time, "ventral", "upward", finger, sign * 1e-3, -0.001, 0.2, 0.002, 0.1]
-        for time in times
+        [time, "ventral", "upward", finger, sign * size, -0.001, 0.2, 0.002, 0.1]
+        for time, size in zip(times, np.broadcast_to(circulation, times.shape), strict=True)
         for finger, sign in ((0, 1), (1, -1))
     ]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def numbers(there):
+def numbers(there, circulation=1e-3):
     gap = np.maximum(RESIDUAL + 0.1 * (MET - TIMES), RESIDUAL)
     clock = Clock(TIMES, TIMES, TIMES, gap, RESIDUAL)
     names = [name for depth in BELOW for name in names_at(depth)]
     columns = ["circulation_0", "circulation_1", "impulse_0", "impulse_1", *names]
     halves = pd.DataFrame({"time": TIMES} | dict.fromkeys(columns, 0.0))
-    return integral_numbers(pair_at(TIMES[there]), halves, clock, MET, 0.0167)
+    return integral_numbers(pair_at(TIMES[there], circulation), halves, clock, MET, 0.0167)
 
 
 def test_a_pair_of_the_opening_stroke_is_not_that_of_closing():
@@ -63,3 +63,14 @@ def test_the_words_name_the_gaps_that_the_numbers_are_of(monkeypatch):
     of_approach = [name for name, key, *_ in rows if key.endswith("_approach") or "of gap" in name]
     assert len(of_approach) == 7
     assert sum("15 to 6.5 mm of gap" in name for name in of_approach) == 6
+
+
+def test_a_pair_that_still_grows_where_the_window_ends_has_no_peak():
+    since = TIMES[TIMES >= 0.65]
+    growing = numbers(TIMES >= 0.65, since)
+    assert growing["ventral_forms_time"] == pytest.approx(0.656)
+    assert growing["ventral_circulation_peak"] is None
+    assert growing["ventral_part"] is None
+    fading = numbers(TIMES >= 0.65, np.where(since < 0.88, since, 0.5))
+    assert fading["ventral_circulation_peak_time"] == pytest.approx(0.872)
+    assert fading["ventral_circulation_peak"] == pytest.approx(0.872)
