@@ -55,9 +55,14 @@ def read_in_child(read: Callable[..., T], *args: Any, cpu_limit: int = READ_LIMI
 
 
 @contextmanager
-def worker_pool(processes: int) -> Iterator[ProcessPoolExecutor]:
-    """Worker processes that Ctrl-C ends without a word, from their first import on: their parent says what there is to say."""
-    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=_end_at_interrupt) as pool:
+def worker_pool(processes: int, *, forked: bool = False) -> Iterator[ProcessPoolExecutor]:
+    """Worker processes that Ctrl-C ends without a word, from their first import on: their parent says what there is to say.
+
+    `forked`, where the system can: they begin with all that this process has imported and compiled. Not where a library
+    has threads of its own by then (OpenCV, Numba's parallel loops): these are not forked along, and are waited for.
+    """
+    kind = "fork" if forked and hasattr(os, "fork") else "spawn"
+    with ProcessPoolExecutor(processes, get_context(kind), initializer=_end_at_interrupt) as pool:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which they inherit
         try:
             for _ in range(processes):  # each starts one

@@ -114,6 +114,22 @@ def check_plane(plane: xr.Dataset, path: Path | None = None) -> None:
     check_vectors(plane)
 
 
+class Planes:
+    """The planes of a series by their number, in memory a few at a time: to read one of them costs little less than many."""
+
+    def __init__(self, series: xr.Dataset) -> None:
+        self.series = series
+        self.step = max(1, BLOCK // max(1, series["u"].size // max(1, series.sizes["time"])))
+        self._first, self._block = -1, series
+
+    def __getitem__(self, i: int) -> xr.Dataset:
+        first = i - i % self.step
+        if first != self._first:
+            self._block = self.series.isel(time=slice(first, first + self.step)).load()
+            self._first = first
+        return self._block.isel(time=i - first)
+
+
 def check_vectors(plane: xr.Dataset) -> None:
     """ValueError where a vector marked valid is no number; a series that is not in memory is read a block at a time."""
     u, v, valid = (plane[name].variable for name in ("u", "v", "valid"))

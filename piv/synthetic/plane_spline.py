@@ -11,8 +11,9 @@ import xarray as xr
 from scipy import ndimage
 from scipy.spatial import KDTree
 
-from fileio.formats.plane_series import check_vectors
+from fileio.formats.plane_series import Planes, check_vectors
 
+USED = ("u", "v", "valid", "w", "dwdz", "outline", "outline_velocity")
 CACHED_PLANES = 6
 CACHED_INSTANTS = (
     3  # a step's end is the next one's beginning, and both its truth and its speed are asked for
@@ -35,7 +36,7 @@ class PlaneField:
             raise ValueError(
                 "a recording is rendered from a plane series with at least two instants of 'time'"
             )
-        self.series = series
+        self._planes = Planes(series[[name for name in USED if name in series]])
         self.time = series["time"].values.astype(float)
         self.x, self.y = series["x"].values, series["y"].values
         self.dx, self.dy = float(np.mean(np.diff(self.x))), float(np.mean(np.diff(self.y)))
@@ -45,7 +46,7 @@ class PlaneField:
     def plane(self, i: int) -> np.ndarray:
         """Spline coefficients (y, x, component u v w dwdz) of instant `i`, with one mirrored node more on every side."""
         if i not in self._cache:
-            now = self.series.isel(time=i)
+            now = self._planes[i]
             check_vectors(now)
             valid = now["valid"].values != 0
             if not valid.any():

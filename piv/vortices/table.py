@@ -6,13 +6,14 @@ from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import asdict
+from itertools import islice
 
 import pandas as pd
 import xarray as xr
 from tqdm import tqdm
 
 from fileio.child_process import worker_pool
-from fileio.formats.plane_series import FINGER_VARIABLES, check_vectors
+from fileio.formats.plane_series import Planes, check_vectors
 from fileio.formats.vortex_table import COLUMNS
 from piv.vortices.find import VortexSettings, find_vortices
 from piv.vortices.tip_frame import place_at_tip
@@ -62,20 +63,18 @@ def _planes_with_vortices(
 ) -> Iterator[tuple[xr.Dataset, list[Vortex]]]:
     """Each plane of the series, in order, with its vortices."""
     series = series[[name for name in USED if name in series]]
-    # read once: opening a variable costs more than finding the vortices of a small plane
-    series = series.assign({n: series[n].load() for n in FINGER_VARIABLES if n in series})
     single = "time" not in series["u"].dims
-    steps: list[int | None] = [None] if single else list(range(series.sizes["time"]))
-    bar = tqdm(steps, unit="plane", desc="vortices", disable=quiet or None)
-    if processes <= 1 or single:
-        for i in bar:
-            plane = _plane(series, i)
-            yield plane, find_vortices(plane, settings)
+    planes = iter([series.load()]) if single else map(Planes(series).__getitem__, range(series.sizes["time"]))
+    count = 1 if single else series.sizes["time"]
+    bar = iter(tqdm(_checked(planes), total=count, unit="plane", desc="vortices", disable=quiet or None))
+    # the first in this process: what it loads, its workers have
+    for plane in bar if processes <= 1 else islice(bar, 1):
+        yield plane, find_vortices(plane, settings)
+    if processes <= 1 or count <= 1:
         return
-    with worker_pool(processes) as pool:
+    with worker_pool(processes, forked=True) as pool:
         waiting: deque[tuple[xr.Dataset, Future[list[Vortex]]]] = deque()
-        for i in bar:
-            plane = _plane(series, i)
+        for plane in bar:
             waiting.append((plane, pool.submit(find_vortices, plane, settings)))
             if len(waiting) > 2 * processes:  # enough to keep all busy, few enough to keep memory flat
                 plane, future = waiting.popleft()
@@ -84,7 +83,7 @@ def _planes_with_vortices(
             yield plane, future.result()
 
 
-def _plane(series: xr.Dataset, i: int | None) -> xr.Dataset:
-    plane = (series if i is None else series.isel(time=i)).load()
-    check_vectors(plane)
-    return plane
+def _checked(planes: Iterator[xr.Dataset]) -> Iterator[xr.Dataset]:
+    for plane in planes:
+        check_vectors(plane)
+        yield plane
