@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import h5netcdf
+import h5py
 import numpy as np
 import xarray as xr
 
@@ -21,19 +22,21 @@ DEFLATE = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 class PlaneWriter:
     """Instants of a plane series in an open file; what the first holds, all of them hold."""
 
-    def __init__(self, file: h5netcdf.File, x: np.ndarray, y: np.ndarray, count: int) -> None:
-        self._file = file
+    def __init__(self, disk: h5py.File, file: h5netcdf.File, x: np.ndarray, y: np.ndarray, count: int) -> None:
+        self._disk, self._file = disk, file
+        self._made: dict[str, h5py.Dataset] = {}  # to look one up costs more than to write an instant of it
         for name, values in (("time", np.zeros(count)), ("y", y), ("x", x)):
             file.dimensions[name] = len(values)
-            self._variable(name, (name,), np.float64)[...] = values
+            self._variable(name, (name,), np.float64)
+            self._made[name][...] = values
 
     def write(self, index: int, time: float, fields: Mapping[str, np.ndarray]) -> None:
         """The variables of one instant (s) by their names in the schema."""
-        self._file.variables["time"][index] = time
+        self._made["time"][index] = time
         for name, values in fields.items():
-            if name not in self._file.variables:
+            if name not in self._made:
                 self._create(name, values)
-            self._file.variables[name][index] = values
+            self._made[name][index] = values
 
     def _create(self, name: str, values: np.ndarray) -> None:
         axes = AXES[name]
@@ -45,10 +48,9 @@ class PlaneWriter:
             return
         self._variable(name, axes, values.dtype.type, chunks=(1, *values.shape), **DEFLATE)
 
-    def _variable(self, name: str, axes: tuple[str, ...], kind: type, **more: Any) -> h5netcdf.Variable:
-        variable = self._file.create_variable(name, axes, kind, **more)
-        variable.attrs["units"] = UNITS[name]
-        return variable
+    def _variable(self, name: str, axes: tuple[str, ...], kind: type, **more: Any) -> None:
+        self._file.create_variable(name, axes, kind, **more).attrs["units"] = UNITS[name]
+        self._made[name] = self._disk[name]
 
 
 @contextmanager
@@ -56,8 +58,8 @@ def writing_planes(
     path: Path, x: np.ndarray, y: np.ndarray, count: int, attributes: Mapping[str, Any]
 ) -> Iterator[PlaneWriter]:
     """A new plane series of `count` instants on the grid `x`, `y` (m), in its place when the block has ended well."""
-    with _new_file(path, attributes) as file:
-        yield PlaneWriter(file, x, y, count)
+    with _new_file(path, attributes) as (disk, file):
+        yield PlaneWriter(disk, file, x, y, count)
 
 
 def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset) -> None:
@@ -66,7 +68,7 @@ def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset
     `like` without time: the one instant becomes a single plane. ValueError where the parts are not as many instants as `like`.
     """
     dims, count = like["u"].dims, like.sizes.get("time", 1)
-    with _new_file(path, like.attrs) as file:
+    with _new_file(path, like.attrs) as (_, file):
         file.dimensions = {d: like.sizes[d] for d in like.dims}
         begin = 0
         for part in parts:
@@ -88,7 +90,13 @@ def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset
 
 
 @contextmanager
-def _new_file(path: str | Path, attributes: Mapping[str, Any]) -> Iterator[h5netcdf.File]:
-    with whole(path) as part, Disk(part, "w") as disk, h5netcdf.File(disk, "w") as file:
-        yield file
+def _new_file(path: str | Path, attributes: Mapping[str, Any]) -> Iterator[tuple[h5py.File, h5netcdf.File]]:
+    """The file as HDF5 and as netCDF."""
+    with (
+        whole(path) as part,
+        Disk(part, "w") as room,
+        h5py.File(room, "w", track_order=True) as disk,
+        h5netcdf.File(disk, "w") as file,
+    ):
+        yield disk, file
         file.attrs.update({**attributes, **SCHEMA.label})
