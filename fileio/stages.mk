@@ -42,6 +42,7 @@ NEEDS.loads := run/run.json settings/loads.json settings/loads.format
 ABOUT.loads := the water's loads on the finger, and what they would bend
 FILE.figures := figures/figures.json
 NEEDS.figures := comparison.json loads.h5 settings/figures.format
+OPTIONS.figures = $(THREADS)
 ABOUT.figures := pictures of the report
 FILE.report := report.html
 NEEDS.report := figures/figures.json settings/report.json

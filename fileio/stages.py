@@ -87,7 +87,7 @@ STAGES = (
     Stage("loads", "pipeline.structure.stage", "the water's loads on the finger, and what they would bend", ("run",),
           ("loads.h5",), {"structure": {"bending_stiffness", "damping"}}, "finger-loads", cost=(14, 500)),
     Stage("figures", "postprocess.report.figures", "pictures of the report", ("compare", "loads"),
-          ("figures/figures.json",), format="figures", cost=(60, 900), shared=False),
+          ("figures/figures.json",), format="figures", cost=(60, 900), threads=True, shared=False),
     Stage("report", "postprocess.report.stage", "report.html", ("figures",), ("report.html",), {"title": True},
           cost=(30, 900), shared=False),
 )  # fmt: skip

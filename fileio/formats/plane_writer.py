@@ -22,7 +22,9 @@ DEFLATE = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 class PlaneWriter:
     """Instants of a plane series in an open file; what the first holds, all of them hold."""
 
-    def __init__(self, disk: h5py.File, file: h5netcdf.File, x: np.ndarray, y: np.ndarray, count: int) -> None:
+    def __init__(
+        self, disk: h5py.File, file: h5netcdf.File, x: np.ndarray, y: np.ndarray, count: int
+    ) -> None:
         self._disk, self._file = disk, file
         self._made: dict[str, h5py.Dataset] = {}  # to look one up costs more than to write an instant of it
         for name, values in (("time", np.zeros(count)), ("y", y), ("x", x)):

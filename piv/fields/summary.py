@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from fileio.formats.plane_series import Planes
+
 INSTANTS = 50  # of a longer series, evenly chosen: the line is to be there at once
 
 
@@ -13,9 +15,11 @@ def summary(plane: xr.Dataset) -> str:
     series = "time" in plane["u"].dims
     count = plane.sizes["time"] if series else 1
     chosen = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int))
+    used = plane[[name for name in ("u", "v", "valid", "u_std", "v_std") if name in plane]]
+    planes = Planes(used) if series else [used]
     valid, speeds, stds = [], [], []
     for k in chosen:
-        one = plane.isel(time=int(k)) if series else plane
+        one = planes[int(k)]
         ok = one["valid"].values != 0
         valid.append(ok.mean())
         speeds.append(np.hypot(one["u"].values, one["v"].values)[ok])

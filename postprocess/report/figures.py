@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, nullcontext
+from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from fileio.child_process import worker_pool
 from fileio.formats.mesh_intervals import read_planforms
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import COMPARISON, FIGURES
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.load import read_clock, single_finger
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
-from postprocess.report.flow_figures import flow_figures, tip_vortices, vortex_figures
+from postprocess.report.flow_figures import (
+    Flow,
+    film,
+    film_frames,
+    instant_figures,
+    tip_vortices,
+    vortex_figures,
+)
 from postprocess.report.motion_figures import bending_figure, motion_figure, study_figures, water_figure
 from postprocess.report.picture_index import Album
 from postprocess.report.pinch_figures import pinch_figures
@@ -36,50 +48,91 @@ REQUIRED = (
     ("run/history.csv", "run"),
 )
 
+Job = Callable[[], list]
 
-def make_figures(files: StageFiles) -> list[dict[str, Any]]:
-    """Draw everything for one scene and level; returns the index that figures.json holds."""
+
+def make_figures(files: StageFiles, threads: int = 1) -> list[dict[str, Any]]:
+    """Draw everything for one scene and level, by `threads` processes; returns the index that figures.json holds."""
     for name, stage in REQUIRED:  # before minutes of drawing, not after
         files.required(name, stage)
-    out, scene = files.out, scene_numbers(files)
-    comparison = COMPARISON.read(out / "comparison.json")
-    scale = comparison["scale"]["value"]
-    start, end = comparison["middle_of_stroke_s"]
-    middle = (float(start), float(end))
-    planes = {"cfd": read_plane(out / "sheet.h5")}
-    tables = {"cfd": tracks.read_vortices(out / "vortices_cfd.csv")}
-    if files.optional("piv.h5") is not None:
-        planes["piv"] = read_plane(out / "piv.h5")
-        tables["piv"] = tracks.read_vortices(files.required("vortices_piv.csv", "vortices"))
-    clock = read_clock(out / "kinematics.h5", planes["cfd"])
-    dominant = tip_vortices(planes["cfd"], tables, middle)
     album = Album(files.figures)
-    flow_figures(album, planes, tables, dominant, scale, clock)
-    vortex_figures(album, pd.read_csv(out / "comparison.csv"), planes["cfd"], dominant, middle, scale)
-    if planes["cfd"].sizes["finger"] > 1:
-        single, absent = single_finger(files.scene_folder, files.level)
-        pinch_figures(album, out, planes["cfd"], clock, comparison["summary"]["pinch"], single, absent, scale)
-    rigid = scene.get("body") is not None
-    motion_figure(album, out / "kinematics.h5", planes["cfd"], rigid)
-    if not rigid:
-        bending_figure(album, out / "kinematics.h5", scene["finger"]["length"])
-        if (out / "loads.h5").exists():
-            water_figure(album, out / "loads.h5")
-        study_figures(album, files.scene_folder, scene["motion"])
-    solver_figures(album, out)
-    width, tank = scene["finger"]["width"], scene["tank"]["size"]
-    mesh_figures(album, read_planforms(out / "planform.h5"), planes["cfd"], width, tank)
-    if (out / "images.h5").exists():
-        camera_picture(album, out / "images.h5", float(np.mean(middle)))
-    for plane in planes.values():
-        plane.close()
-    FIGURES.write(files.figures / "figures.json", {"entries": album.entries})
+    with _evidence(files) as (flow, _):
+        chunks = np.array_split(flow.film_times(), threads)
+        film_jobs = [partial(_film_frames, files, times) for times in chunks]
+        jobs: list[Job] = [partial(_other_figures, files), *film_jobs, partial(_instant_figures, files)]
+        with worker_pool(threads, forked=True) if threads > 1 else nullcontext() as pool:
+            results = (pool.map if pool else map)(_result, jobs)
+            others = next(results)
+            film(album, flow, chain.from_iterable(islice(results, threads)))
+            entries = [*next(results), *album.entries, *others]
+    FIGURES.write(files.figures / "figures.json", {"entries": entries})
+    return entries
+
+
+def _result(job: Job) -> list:
+    return job()
+
+
+@contextmanager
+def _evidence(files: StageFiles) -> Iterator[tuple[Flow, dict[str, Any]]]:
+    """What the flow is drawn of, and the comparison: each process reads it by itself."""
+    out = files.out
+    comparison = COMPARISON.read(out / "comparison.json")
+    with ExitStack() as opened:
+        planes = {"cfd": opened.enter_context(read_plane(out / "sheet.h5"))}
+        tables = {"cfd": tracks.read_vortices(out / "vortices_cfd.csv")}
+        if files.optional("piv.h5") is not None:
+            planes["piv"] = opened.enter_context(read_plane(out / "piv.h5"))
+            tables["piv"] = tracks.read_vortices(files.required("vortices_piv.csv", "vortices"))
+        clock = read_clock(out / "kinematics.h5", planes["cfd"])
+        dominant = tip_vortices(planes["cfd"], tables, _middle(comparison))
+        yield Flow(planes, tables, dominant, comparison["scale"]["value"], clock), comparison
+
+
+def _middle(comparison: dict[str, Any]) -> tuple[float, float]:
+    start, end = comparison["middle_of_stroke_s"]
+    return float(start), float(end)
+
+
+def _instant_figures(files: StageFiles) -> list[dict[str, Any]]:
+    album = Album(files.figures)
+    with _evidence(files) as (flow, _):
+        instant_figures(album, flow)
     return album.entries
 
 
-def run(scene_folder: Path, level: str, quiet: bool = False) -> None:
+def _film_frames(files: StageFiles, times: np.ndarray) -> list[np.ndarray]:
+    with _evidence(files) as (flow, _):
+        return film_frames(flow, times)
+
+
+def _other_figures(files: StageFiles) -> list[dict[str, Any]]:
+    out, scene, album = files.out, scene_numbers(files), Album(files.figures)
+    with _evidence(files) as (flow, comparison):
+        plane, scale, middle = flow.planes["cfd"], flow.scale, _middle(comparison)
+        vortex_figures(album, pd.read_csv(out / "comparison.csv"), plane, flow.dominant, middle, scale)
+        if plane.sizes["finger"] > 1:
+            single, absent = single_finger(files.scene_folder, files.level)
+            pair = comparison["summary"]["pinch"]
+            pinch_figures(album, out, plane, flow.clock, pair, single, absent, scale)
+        rigid = scene.get("body") is not None
+        motion_figure(album, out / "kinematics.h5", plane, rigid)
+        if not rigid:
+            bending_figure(album, out / "kinematics.h5", scene["finger"]["length"])
+            if (out / "loads.h5").exists():
+                water_figure(album, out / "loads.h5")
+            study_figures(album, files.scene_folder, scene["motion"])
+        solver_figures(album, out)
+        width, tank = scene["finger"]["width"], scene["tank"]["size"]
+        mesh_figures(album, read_planforms(out / "planform.h5"), plane, width, tank)
+        if (out / "images.h5").exists():
+            camera_picture(album, out / "images.h5", float(np.mean(middle)))
+    return album.entries
+
+
+def run(scene_folder: Path, level: str, quiet: bool = False, threads: int = 1) -> None:
     """Stage figures."""
     files = StageFiles(scene_folder, level)
-    entries = make_figures(files)
+    entries = make_figures(files, threads)
     if not quiet:
         print(f"{len(entries)} pictures in {files.figures}")

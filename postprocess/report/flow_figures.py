@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
 import numpy as np
 import pandas as pd
 import xarray as xr
+from matplotlib.figure import Figure
 
 from piv.plots.film import write_film
 from postprocess.draw import animation
@@ -41,40 +45,67 @@ def _instants(clock: Clock, last: float) -> np.ndarray:
     return np.array([*at, last])
 
 
-def flow_figures(
-    album: Album,
-    planes: dict[str, xr.Dataset],
-    tables: dict[str, pd.DataFrame],
-    dominant: Tracks,
-    scale: float,
-    clock: Clock,
-) -> None:
-    """Vectors at some instants as pictures, and the whole stroke as a film and as the frames of the slider."""
-    last = min(float(p["time"][-1]) for p in planes.values())
-    first = max(float(p["time"][0]) for p in planes.values())
-    instants = _instants(clock, last)
-    body = "finger" if len(next(iter(dominant.values()), [0])) == 1 else "fingers"
-    limit = draw_flow.vorticity_limit(planes["cfd"], instants)
-    sources = " and ".join(NAMES[source] for source in planes)
-    figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, tables=tables, dpi=170, panel=3.5)
-    for number, time in enumerate(instants):
+class Flow(NamedTuple):
+    """What the pictures of the flow are drawn of: by source its plane series, all its vortices and the one that is judged."""
+
+    planes: dict[str, xr.Dataset]
+    tables: dict[str, pd.DataFrame]
+    dominant: Tracks
+    scale: float  # m/s
+    clock: Clock
+
+    def instants(self) -> np.ndarray:
+        """Those of the pictures, s."""
+        return _instants(self.clock, min(float(p["time"][-1]) for p in self.planes.values()))
+
+    def film_times(self) -> np.ndarray:
+        """Those of film and slider, s: more frames than there are fields would repeat them."""
+        first = max(float(p["time"][0]) for p in self.planes.values())
+        last = min(float(p["time"][-1]) for p in self.planes.values())
+        return np.linspace(first, last, min(FRAMES, *(p.sizes["time"] for p in self.planes.values())))
+
+    def words(self) -> tuple[str, str]:
+        """Of the alternative texts: the body, and the sources."""
+        body = "finger" if len(next(iter(self.dominant.values()), [0])) == 1 else "fingers"
+        return body, " and ".join(NAMES[source] for source in self.planes)
+
+    def figure(self, **more: float) -> tuple[Figure, Callable[[float], None]]:
+        """As `flow_figure`."""
+        limit = draw_flow.vorticity_limit(self.planes["cfd"], self.instants())
+        return draw_flow.flow_figure(
+            self.planes, self.dominant, self.scale, limit, tables=self.tables, **more
+        )
+
+
+def instant_figures(album: Album, flow: Flow) -> None:
+    """Vectors at some instants as pictures."""
+    planes, (body, sources) = flow.planes, flow.words()
+    figure, show = flow.figure(dpi=170, panel=3.5)
+    for number, time in enumerate(flow.instants()):
         show(time)
         instant = draw_flow.format_instant(planes["cfd"], time)
-        vortices = [format_vortices(source, fingers, time) for source, fingers in dominant.items()]
+        vortices = [format_vortices(source, fingers, time) for source, fingers in flow.dominant.items()]
         alt = f"Velocity vectors around the black {body} at {instant}, {sources}. {' '.join(vortices)}"
         # not `save`, which would lay the figure out anew
         animation.write_picture(animation.pixels(figure), album.folder / f"flow_{number}.png")
         album.add(None, f"flow_{number}.png", "flow", alt, instant)
-    figure, show = draw_flow.flow_figure(planes, dominant, scale, limit, tables=tables, dpi=88)
-    # more frames than there are fields would repeat them
-    times = np.linspace(first, last, min(FRAMES, *(p.sizes["time"] for p in planes.values())))
 
-    def images():
-        for time in times:
-            show(time)
-            yield animation.pixels(figure)
 
-    frames = animation.write_frames(images(), album.folder / "frames")
+def film_frames(flow: Flow, times: np.ndarray) -> list[np.ndarray]:
+    """Frames of film and slider at some instants (s)."""
+    figure, show = flow.figure(dpi=88)
+    images = []
+    for time in times:
+        show(time)
+        images.append(animation.pixels(figure))
+    return images
+
+
+def film(album: Album, flow: Flow, images: Iterable[np.ndarray]) -> None:
+    """The whole stroke as a film and as the frames of the slider, from the frames at `film_times`."""
+    times, (body, sources) = flow.film_times(), flow.words()
+    first, last = times[0], times[-1]
+    frames = animation.write_frames(images, album.folder / "frames")
     write_film(frames, album.folder / "stroke.mp4", FILM_HZ)
     caption = f"One instant, {first:g} s: there is a single field."
     if last > first:
