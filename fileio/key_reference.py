@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
 import re
+import textwrap
 import types
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -43,21 +47,35 @@ def keys_of(
     model: type[BaseModel], above: str = "", without: frozenset[str] = frozenset(), optional: bool = False
 ) -> Iterator[Key]:
     """All keys of a model and of the tables in it, but for the names in `without`; `optional`: the table may be absent."""
+    said = _strings_below(model)
     for name, field in model.model_fields.items():
         if name in without:
             continue
         dotted = f"{above}{name}"
         inner, listed = _model_of(field.annotation)
         if inner is None or type_of(field) != "table" or (field.is_required() and not optional):
-            yield _key(dotted, field, optional)
+            yield _key(dotted, field, optional, said.get(name, ""))
         if inner is not None:
             absent = optional or not field.is_required()
             yield from keys_of(inner, f"{dotted}[]." if listed else f"{dotted}.", optional=absent)
 
 
-def _key(name: str, field: FieldInfo, optional: bool) -> Key:
+def _strings_below(model: type[BaseModel]) -> dict[str, str]:
+    """The string below each key of a model. pydantic would read the sources of all models whenever they are imported."""
+    known = {}
+    for kind in reversed(model.__mro__[: model.__mro__.index(BaseModel)]):
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
+        assert isinstance(tree, ast.ClassDef)
+        for key, text in pairwise(tree.body):
+            match key, text:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(words))):
+                    known[name] = inspect.cleandoc(words)
+    return known
+
+
+def _key(name: str, field: FieldInfo, optional: bool, said: str) -> Key:
     inner, _ = _model_of(field.annotation)
-    about = field.description or (inner.__doc__ or "" if inner else "").partition("\n")[0]
+    about = said or (inner.__doc__ or "" if inner else "").partition("\n")[0]
     meaning, unit = re.fullmatch(r"(.*?)(?: \[([^][]+)\])?", about.strip()).groups("")  # type: ignore[union-attr]
     default = WITH_TABLE if optional else MISSING
     if not field.is_required():

@@ -20,7 +20,7 @@ Pair = tuple[Number, Number]
 class Section(BaseModel):
     """A frozen table of numbers that refuses keys it does not know."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 def validation_sentence(error: ValidationError, model: type[BaseModel], section: str = "") -> str:

@@ -78,12 +78,15 @@ def fill_polygon(mask: np.ndarray, column: np.ndarray, row: np.ndarray) -> None:
                 mask[j, i] = 1
 
 
+@numba.njit(cache=True)
 def in_mask(mask: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
     """Which points (px, row 0 at the top) fall on a set pixel of `mask`; False outside the picture."""
-    j, i = np.rint(row).astype(int), np.rint(column).astype(int)
-    inside = (j >= 0) & (j < mask.shape[0]) & (i >= 0) & (i < mask.shape[1])
-    out = np.zeros(column.shape, bool)
-    out[inside] = mask[j[inside], i[inside]] != 0
+    rows, columns = mask.shape
+    out = np.zeros(column.size, np.bool_)
+    for n in range(column.size):
+        j, i = np.rint(row[n]), np.rint(column[n])
+        if 0 <= j < rows and 0 <= i < columns:
+            out[n] = mask[int(j), int(i)] != 0
     return out
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from postprocess.draw.style import number
+import numpy as np
 
 PAIRS = {
     "cfd": "CFD",
@@ -19,6 +19,13 @@ SHOWN = {
     "m³/s²": (1e6, "cm³/s²"),
 }  # factor and unit for a person
 NBSP = "\u00a0"  # keeps a number and its unit on one line
+
+
+def number(value: float) -> str:
+    """Three digits, never with an exponent."""
+    return (
+        f"{value:.0f}" if abs(value) >= 100 else np.format_float_positional(float(f"{value:.3g}"), trim="-")
+    )
 
 
 def quantity(value: float | str | None, unit: str) -> str:

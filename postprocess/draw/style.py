@@ -47,13 +47,6 @@ def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, dpi
     return figure, figure.subplots(rows, columns, **more)
 
 
-def number(value: float) -> str:
-    """Three digits, never with an exponent."""
-    return (
-        f"{value:.0f}" if abs(value) >= 100 else np.format_float_positional(float(f"{value:.3g}"), trim="-")
-    )
-
-
 def label_points(axis: Axes, points: list[tuple[float, float]], names: list[str]) -> None:
     """Name points (data coordinates) where the names cover neither each other nor a point; call it when limits are set."""
     figure = axis.figure

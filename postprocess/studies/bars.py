@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from postprocess.draw.style import CFD, GREY, MM, PIV, THIRD, new_figure, number
+from postprocess.draw.quantity_text import number
+from postprocess.draw.style import CFD, GREY, MM, PIV, THIRD, new_figure
 
 PANELS = (
     ("across_tip_approach", MM, "vortex to the dorsal side\nwhile approaching, mm"),

@@ -15,7 +15,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from fileio.atomic import write_text
 from fileio.provenance import versions
-from postprocess.draw.style import CFD, GREY, PIV, label_points, new_figure, number, save
+from postprocess.draw.quantity_text import number
+from postprocess.draw.style import CFD, GREY, PIV, label_points, new_figure, save
 from postprocess.evidence.dorsal_circulation import REACH
 from postprocess.evidence.vortex_integral import CIRCLE
 

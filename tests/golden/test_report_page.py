@@ -298,6 +298,23 @@ def test_the_page_of_a_pinch_shows_both_fingers(pinched):
         assert len(lines) > 10
 
 
+def test_processes_change_no_picture(made, tmp_path):
+    shutil.copytree(made.scene_folder.parent, tmp_path / "cases")
+    files = StageFiles(tmp_path / "cases" / made.scene, "coarse")
+    pictures = [f.relative_to(made.figures) for f in made.figures.rglob("*") if f.is_file()]
+    drawn = [
+        f for f in pictures if f.name != "costs.svg" and f.name[0] != "."
+    ]  # the report draws what all has cost
+    for name in drawn:
+        (files.figures / name).unlink()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(flow_figures, "FRAMES", 3)
+        words = ["figures", str(files.scene_folder), "--level", "coarse", "--quiet"]
+        assert main([*words, "--threads", "2"]) == 0
+    assert {"stroke.mp4", "figures.json", "flow_0.png"} < {f.name for f in drawn}
+    assert [f for f in drawn if (files.figures / f).read_bytes() != (made.figures / f).read_bytes()] == []
+
+
 def test_the_single_finger_beside_is_compared_at_equal_bend(pinched, tmp_path):
     """The made-up single finger is the left finger itself: no shift but that of the PIV's errors."""
     shutil.copytree(pinched.scene_folder.parent, tmp_path / "cases")

@@ -41,6 +41,14 @@ def test_vortices_of_a_series_are_one_track_in_the_tip_frame(tmp_path):
     assert json.loads(first[2:])["format"] == "vortices"
 
 
+def test_processes_change_no_bit(tmp_path):
+    write_series(tmp_path / "piv.h5")
+    for count in ("1", "2"):
+        words = ["vortices", str(tmp_path / "piv.h5"), "-o", str(tmp_path / f"{count}.csv"), "--quiet"]
+        assert main([*words, "--threads", count]) == 0
+    assert (tmp_path / "1.csv").read_bytes() == (tmp_path / "2.csv").read_bytes()
+
+
 def test_single_plane_in_pixels_needs_no_other_option(tmp_path):
     write_series(tmp_path / "pair.h5", time=False)
     assert main(["vortices", str(tmp_path / "pair.h5"), "-o", str(tmp_path / "v.csv"), "--quiet"]) == 0

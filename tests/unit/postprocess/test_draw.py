@@ -7,7 +7,8 @@ import pytest
 from fileio.formats.plane_series import make_plane
 from postprocess.draw import pinch
 from postprocess.draw.flow import flow_figure, format_instant, others, view_limits
-from postprocess.draw.style import label_points, new_figure, number
+from postprocess.draw.quantity_text import number
+from postprocess.draw.style import label_points, new_figure
 from postprocess.report.motion_figures import study_figures
 from postprocess.report.picture_index import Album
 from tests.synthetic_stroke import finger_series
