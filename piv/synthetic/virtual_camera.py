@@ -214,13 +214,13 @@ def _centred(field: PlaneField, camera: Camera) -> tuple[float, float]:
 
 
 def finger_at(series: xr.Dataset, name: str, t: float) -> np.ndarray:
-    """A finger variable (finger, ...) at instant `t`, linear between instants (equal material points); held at the ends."""
-    time = series["time"].values
+    """A finger variable (finger, ...) in memory, at instant `t`, linear between instants (equal material points); held at the ends."""
+    time, values = series["time"].values, series[name].values
     i = int(np.clip(np.searchsorted(time, t, side="right") - 1, 0, max(time.size - 2, 0)))
-    a = series[name].isel(time=i).values
+    a = values[i]
     if time.size == 1:
         return a
     s = min(max((t - time[i]) / (time[i + 1] - time[i]), 0.0), 1.0)
     if s <= 1e-9 or s >= 1 - 1e-9:
-        return a if s <= 0.5 else series[name].isel(time=i + 1).values
-    return (1 - s) * a + s * series[name].isel(time=i + 1).values
+        return a if s <= 0.5 else values[i + 1]
+    return (1 - s) * a + s * values[i + 1]
