@@ -15,16 +15,17 @@ from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 import cv2
+import numpy as np
 
 from piv.correlation.pair import correlate_pair
 from piv.synthetic.render_recording import render_pair
+from tests.shared_data import shared_data
 from tests.studies.pages import PIV, libraries, write_between
-from tests.studies.piv.extremes import extremes
 from tests.studies.piv.flows import SHAPE, lamb_oseen, random_field, sine, uniform
 from tests.studies.piv.noise import sampling, smoothing
-from tests.studies.piv.real_pictures import real_pictures
 from tests.studies.piv.scores import HEAD, Errors, inner, judged, row, without_count_of_cells
 from tests.studies.piv.walls import walls
+from tests.studies.stability import images
 
 FIRST = 3101
 
@@ -69,6 +70,20 @@ LIMITS = {
     "random field with divergence": Limit(GENERAL, 4, NOISY),
     "random field with divergence, `--no-smoothing`": Limit(GENERAL, 4, NOISY, {"smoothing": False}),
 }
+EXTREMES = 20  # pairs of each
+CHOSEN = (
+    ("seeding (ppp)", "0.001", "balanced"),
+    ("seeding (ppp)", "0.001", "accurate"),
+    ("exposure (peak over full scale)", "0.02", "accurate"),
+    ("diameter (px)", "0.5", "balanced"),
+    ("special", "other particles in the second picture", "balanced"),
+)
+REAL = {
+    "convection fingers (jruebsam/pypiv)": "pypiv_finger/real_ana_finger_{}.tif 0 1",
+    "Kármán street (Shrediquette/PIVlab)": "pivlab_karman/PIVlab_Karman_{}.bmp 01 02",
+    "16-bit pair (lento234/pivuq)": "pivuq_particledisparity/B000{}.tif 10 11",
+}
+ANY = 100.0  # px: no vector is less sure
 
 
 def measured(limit: Limit) -> list[Errors]:
@@ -86,6 +101,54 @@ def table() -> str:
     lines = [f"| pictures | pairs | {HEAD.replace('|---|', '|---|---|', 1)}"]
     lines += [f"| {label} | {limit.pairs} | {row(measured(limit))}" for label, limit in LIMITS.items()]
     return "\n".join(lines)
+
+
+def extremes(first: int) -> str:
+    """Markdown table of pictures of docs/stability.md that a limit of uncertainty decides on; seeds from `first`."""
+    rows, columns = images.SHAPE
+    lines = [
+        f"| pictures of {columns} × {rows} px (docs/stability.md) | preset | pairs | called valid | of those wrong by over {images.WRONG_PX} px "
+        f"| in the worst pair | pairs over {images.MAX_UNFLAGGED:.0%} |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for axis, value, preset in CHOSEN:
+        case = next(c for c in images.cases() if (c.axis, c.value) == (axis, value))
+        scores = [images.run_case(case, preset, seed) for seed in range(first, first + EXTREMES)]
+        valid, wrong = (np.array([r[name] for r in scores]) for name in ("valid", "wrong_unflagged"))
+        label = value if axis == "special" else f"{axis} {value}"
+        # of other particles all that are valid are wrong, and counted as a share of all vectors
+        mean = wrong.mean() if case.unlike else np.sum(valid * wrong) / max(np.sum(valid), 1e-9)
+        lines.append(
+            f"| {label} | {preset} | {EXTREMES} | {valid.mean():.1%} | {mean:.1%} | {wrong.max():.1%} "
+            f"| {np.sum(wrong > images.MAX_UNFLAGGED)} |"
+        )
+    return "\n".join(lines)
+
+
+def valid_share(a, b, limited: bool) -> float:
+    """Share of the vectors called valid, with the limit on uncertainty and the count of cells or without both."""
+    if limited:
+        return float(correlate_pair(a, b)["valid"].mean())
+    with without_count_of_cells():
+        return float(correlate_pair(a, b, max_std=ANY)["valid"].mean())
+
+
+def real_pictures() -> str:
+    """A line of Markdown: public pairs of real pictures, what share is called valid, and what it costs not to call wrong ones so."""
+    data, shares = shared_data(), []
+    for label, files in REAL.items():
+        name, *numbers = files.split()
+        if data is None or not (data / name.format(numbers[0])).exists():
+            shares.append(f"{label} not at hand")
+            continue
+        pictures = [cv2.imread(str(data / name.format(n)), cv2.IMREAD_UNCHANGED) for n in numbers]
+        a, b = (i[..., 0] if i.ndim == 3 else i for i in pictures)
+        shares.append(f"{label} {valid_share(a, b, True):.1%} ({valid_share(a, b, False):.1%})")
+    return (
+        "- Real pictures, vectors called valid (without `max_std` and the count of cells): "
+        + ", ".join(shares)
+        + "."
+    )
 
 
 def main() -> None:
