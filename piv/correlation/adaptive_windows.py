@@ -99,7 +99,7 @@ def measure_adapted(
 ) -> tuple[Displacements, Errors]:
     """Vectors and errors at the nodes, measured in windows of `ratio` on nodes twice as dense where it is below one.
 
-    images: both at full resolution, filtered.
+    images: both at full resolution, filtered; measured is one rectangle around all of them.
     """
     smaller = ratio < 1
     part = with_border(_least_box(smaller), nodes, options.sigma)
@@ -122,12 +122,12 @@ def measure_adapted(
 
     def with_new(old: np.ndarray, found: np.ndarray) -> np.ndarray:
         out = old.copy()
-        out[part] = found[::2, ::2]
+        out[part] = np.where(smaller[part], found[::2, ::2], old[part])
         return out
 
-    every: dict[str, Any] = {n: with_new(getattr(v, n), getattr(new, n)) for n in Displacements.TESTED}
-    found = Errors(*(with_new(*e) for e in zip(errors, new_errors, strict=True)))
-    return replace(v.replaced(smaller, replace(v, **every)), ratio=ratio), errors.replaced(smaller, found)
+    tested: dict[str, Any] = {n: with_new(getattr(v, n), getattr(new, n)) for n in Displacements.TESTED}
+    errors = Errors(*(with_new(*e) for e in zip(errors, new_errors, strict=True)))
+    return replace(v, **tested, second=v.second & ~smaller, ratio=ratio), errors
 
 
 def _least_box(where: np.ndarray) -> Part:

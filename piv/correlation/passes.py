@@ -51,11 +51,6 @@ class Displacements:
         """Vectors (bool) of small windows, to be tested against the nearest neighbours only."""
         return None if self.ratio is None else self.ratio < NEAR
 
-    def replaced(self, where: np.ndarray, other: Displacements) -> Displacements:
-        """These displacements and tests, with those of `other` at `where`; cells and sums are kept."""
-        chosen = {n: np.where(where, getattr(other, n), getattr(self, n)) for n in self.TESTED}
-        return replace(self, **chosen, second=self.second & ~where)
-
 
 def grid(length: int, spacing: float) -> np.ndarray:
     """Positions `spacing` px apart, as many as fit into `length`, centred."""

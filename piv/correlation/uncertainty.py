@@ -33,14 +33,10 @@ class Errors(NamedTuple):
     missed_x: np.ndarray
     missed_y: np.ndarray
 
-    def replaced(self, where: np.ndarray, other: Errors) -> Errors:
-        """These, with those of `other` at `where`."""
-        return Errors(*(np.where(where, b, a) for a, b in zip(self, other, strict=True)))
-
     def in_small_window(self, where: np.ndarray) -> Errors:
         """With those of the small window at `where`, whose noise variance is larger by the ratio of the areas."""
-        x, y = self.var_x / SMALL**2, self.var_y / SMALL**2
-        return self.replaced(where, Errors(x, y, self.missed_x, self.missed_y))
+        x, y = (np.where(where, var / SMALL**2, var) for var in (self.var_x, self.var_y))
+        return self._replace(var_x=x, var_y=y)
 
 
 def errors_of(nodes: Nodes, v: Displacements, options: Options) -> Errors:
