@@ -1,15 +1,21 @@
-"""Pixels that tell nothing of the finger: what a holder hides at its root, and what lies in its shadow where light comes from one side.
+"""Pixels that tell nothing of the finger: what a holder hides at its root, what lies in its shadow where light comes from one side, and
+a side of it that reflects.
 
 Of the shaded side nothing can be fitted; the lit side and the finger's known thickness place it.
 """
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from fileio.formats.kinematics import Kinematics
 from postprocess.lab.data.pose import Pose
+from postprocess.lab.registration.fit_outline import outline_table
+from postprocess.lab.registration.outline_profile import OutlineProfile, bright_side, outline_profile
+from postprocess.lab.registration.silhouette import WaterLikelihood
 
+BRIGHT_PX = 6  # to either side of an edge that reflects: its light moves particles' places, and adds some
 UNSEEN_SIDE = 0.5  # of the finger's depth along the light: what is deeper is as dark as the shadow behind it
 
 
@@ -48,6 +54,39 @@ def shaded_parts(outlines: np.ndarray, light_from: float, shape: tuple[int, int]
         lit[met] += UNSEEN_SIDE * (behind - lit)[met]
         out[frame] = depth > lit[ray]
     return out
+
+
+def bright_band(outlines: np.ndarray, on_side: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Pixels (frame, rows, columns; row 0 at the top) along one side of outlines (frame, point, 2; px, y up): `on_side` (point,)."""
+    out = np.zeros((len(outlines), *shape), np.uint8)
+    ends = np.flatnonzero(on_side & np.roll(on_side, -1))
+    for image, outline in zip(out, outlines, strict=True):
+        corners = np.column_stack([outline[:, 0], shape[0] - 1 - outline[:, 1]])
+        corners = np.round(corners * 16).astype(np.int32)
+        for k in ends:
+            one, other = corners[k], corners[(k + 1) % len(corners)]
+            cv2.line(image, one.tolist(), other.tolist(), 1, 2 * BRIGHT_PX + 1, cv2.LINE_8, 4)
+    return out.astype(bool)
+
+
+def seen_profile(
+    images: list[np.ndarray],
+    evidence: WaterLikelihood,
+    kinematics: Kinematics,
+    pose: Pose,
+    pressures: np.ndarray,
+    nuisance: np.ndarray,
+    blind: np.ndarray | None,
+) -> tuple[OutlineProfile, np.ndarray | None]:
+    """`outline_profile` without a side that reflects, and `blind` with the pixels along that."""
+    seen = images, evidence, kinematics, pose, pressures, nuisance
+    profile = outline_profile(*seen, blind)
+    side = bright_side(profile)
+    if side == 0:
+        return profile, blind
+    band = bright_band(profile.outlines, outline_table(kinematics)[2][0, :, 2] == side, images[0].shape)
+    blind = band if blind is None else blind | band
+    return outline_profile(*seen, blind), blind
 
 
 def blind_parts(

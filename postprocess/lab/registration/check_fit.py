@@ -14,7 +14,7 @@ import numpy as np
 from fileio.formats.kinematics import Kinematics
 from piv.images.recording import Recording
 from postprocess.lab.data.files import Registration
-from postprocess.lab.registration.blind import blind_parts
+from postprocess.lab.registration.blind import blind_parts, seen_profile
 from postprocess.lab.registration.check_motion import check_motion
 from postprocess.lab.registration.fit_outline import NUISANCE_STD
 from postprocess.lab.registration.outline_profile import (
@@ -24,25 +24,21 @@ from postprocess.lab.registration.outline_profile import (
     NAMES,
     NEAR,
     NEXT,
+    ON_EDGE,
     SIDES,
+    SURE,
     OutlineProfile,
     independent_share,
-    outline_profile,
     seen_outlines,
 )
-from postprocess.lab.registration.register import LEARN_FROM, chosen_frames
+from postprocess.lab.registration.register import LEARN_FROM, ROOT_STD, TURN_STD, chosen_frames
 from postprocess.lab.registration.silhouette import learn
 
-SURE = 4.5  # standard deviations of a count: parts and bands make sixty of them
 GROWN = 1.5  # px, of the outline at most: particles are seen up to its edge, so that a sound fit is a little smaller than the finger
 FAR_OFF = 3.0  # standard deviations of what is known beforehand
 HARMLESS = 1.0  # %, change of the magnification over the finger that the fit takes up and no later step suffers from much
-TURN_STD, ROOT_STD = (
-    np.radians(1.5),
-    1.5e-3,
-)  # rad, m: how well a laboratory states its camera, where it does not say
-# of the water's own particles per area: at least beside the outline, at most within it and on it
-MISSING, WITHIN, ON_EDGE = 0.8, 0.08, 1.3
+# of the water's own particles per area: at least beside the outline; at most within it
+MISSING, WITHIN = 0.8, 0.08
 BAD_PICTURES = 0.2  # share of the pictures that may fit worse than that
 SHADOW = "particles are missing beside it, as in a shadow"
 BRIGHT = "it is brighter than the water, as by a reflection"
@@ -79,10 +75,9 @@ def check_fit(
     images = [recording.frame(int(i)) for i in chosen]
     evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
     seen = kinematics, registration.pose, registration.pressures, registration.nuisance.values
-    blind = blind_parts(
-        seen_outlines(*seen), registration.pose, kinematics, recording.shape, hidden, light_from
-    )
-    profile = outline_profile(images, evidence, *seen, blind)
+    drawn = np.empty((len(images), 0, 2)) if light_from is None else seen_outlines(*seen)
+    blind = blind_parts(drawn, registration.pose, kinematics, recording.shape, hidden, light_from)
+    profile, _ = seen_profile(images, evidence, *seen, blind)
     parts = wrong_parts(profile)
     motion = check_motion(kinematics, registration, np.diff(times).max())
     # a motion that is not explained reads as perspective
@@ -180,6 +175,7 @@ def wrong_parts(profile: OutlineProfile) -> dict[int, str]:
         (INSIDE, 1, WITHIN, WITHIN, "particles lie within it"),
         (EDGE, 1, ON_EDGE, ON_EDGE, BRIGHT),
         (EDGE, -1, on_edge, 0.5 * on_edge, SHADOW),
+        (NEAR, 1, 1.0, ON_EDGE, BRIGHT),
         (NEAR, -1, 1.0, MISSING, SHADOW),
         (NEXT, -1, 1.0, MISSING, SHADOW),
     )

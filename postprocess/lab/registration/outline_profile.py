@@ -25,6 +25,8 @@ LENGTHS = 4  # parts that a side is cut in from root to tip
 ENDS = 0.04  # of the finger's length: how far root and tip reach
 SIDES = ("ventral", "dorsal")
 NAMES = ("root", "tip", *(f"{side} side" for side in SIDES for _ in range(LENGTHS)))
+SURE = 4.5  # standard deviations of a count: parts and bands make sixty of them
+ON_EDGE = 1.25  # of the water's own particles per area on and beside the outline: more are a reflection's
 GRID_PX = 2  # pixels in each direction that a point of the area stands for
 
 
@@ -131,6 +133,20 @@ def independent_share(profile: OutlineProfile) -> float:
     near = float(np.sum(z[1:] * z[:-1]) / max(np.sum(z**2), 1e-9)) if len(z) > 2 else 0.0
     near = float(np.clip(near, 0.0, 0.95))
     return (1 - near) / (1 + near)
+
+
+def bright_side(profile: OutlineProfile) -> int:
+    """The side along which a reflection adds particles: 1 dorsal, -1 ventral, 0 none; where both do, none can be left out."""
+    share, rate = independent_share(profile), profile.rate()
+    found = []
+    for side, name in ((-1, "ventral"), (1, "dorsal")):
+        parts = [k for k, other in enumerate(NAMES) if other.startswith(name)]
+        count = profile.count[:, parts][..., [EDGE, NEAR]].sum(axis=(0, 1))
+        water = rate * profile.area[:, parts][..., [EDGE, NEAR]].sum(axis=(0, 1))
+        sure = count - water > SURE * np.sqrt(np.maximum(water, 1.0) / share)
+        if (sure & (count > ON_EDGE * water)).any():
+            found.append(side)
+    return found[0] if len(found) == 1 else 0
 
 
 class _Nearest:

@@ -7,8 +7,8 @@ import numpy as np
 
 from postprocess.lab.registration.silhouette import left_of
 
-# first size of a joint step; shares of steps taken that are aimed at
-STEP, TAKEN, TAKEN_ALONE = 0.6, 0.25, 0.4
+TAKEN, TAKEN_ALONE = 0.25, 0.4  # shares of steps taken that are aimed at
+ADAPT = 0.02  # of a step's size, by each step
 LAW_STEPS = 4  # of the law alone, in each sweep
 
 
@@ -53,6 +53,15 @@ def all_scores(integrals, mean, outlines, normals, anchor, seat, places):
 
 
 @numba.njit(cache=True)
+def frame_scores(integral, mean, outlines, normals, anchor, seat, places):
+    """`frame_score` of one frame at several `places`, (place,)."""
+    out = np.empty(places.size)
+    for k in range(places.size):
+        out[k] = frame_score(integral, mean, outlines, normals, anchor, seat, places[k])
+    return out
+
+
+@numba.njit(cache=True)
 def seat_of(first, change):
     """The `seat` of `frame_score` that `first` (11,) becomes by a change (11,) of the chain."""
     to = first + change
@@ -72,82 +81,73 @@ def law_places(times, values, law, begin, step):
 
 
 @numba.njit(cache=True)
-def sample(
-    integrals, mean_evidence, outlines, normals, anchor, first, change, off, times, law, begin, step, second, least, mean_prior,
-    weight_prior, apart, temper, cold, burn, keep, rng,
+def walk(
+    integrals, mean_evidence, outlines, normals, anchor, first, changes, offs, times, law, begin, step, factor, sizes, alone, adapt,
+    mean_prior, weight_prior, apart, heat, out, out_places, rng,
 ):  # fmt: skip
-    """Samples of (x, y, angle, ln magnification, 4 of `files.NUISANCE`, factor, delay, stretch), as changes of `first`, and of the
-    places (sample, frame).
+    """Sweeps of several chains through (x, y, angle, ln magnification, 4 of `files.NUISANCE`, factor, delay, stretch) and the frames' places.
 
-    `first` (11,): the same with scale_m_per_px in the magnification's place. A place is that of the law plus a deviation of
-    standard size `apart` (frame,). Besides steps of all together the law takes steps under places that stay, which only the deviations
-    have to follow (interweaving, Yu and Meng 2011): where deviations may be large, it would else hardly move. The chain begins at `change` (11,) and deviations `off` (frame,), which it moves on, with steps
-    of covariance `second` (11, 11), later its own and `least` (11,). Priors of the changes: `mean_prior`, `weight_prior` (one over
-    their variance). `cold`: share of the evidence that counts at the beginning.
+    `first` (11,): the same with scale_m_per_px in the magnification's place; a chain is at a change (11,) of it, `changes` (chain, 11),
+    and at deviations `offs` (chain, frame) of the places from the law's, of standard size `apart` (frame,); both are moved on. Besides
+    steps of all together the law takes steps under places that stay, which only the deviations have to follow (interweaving, Yu and
+    Meng 2011): where deviations may be large, it would else hardly move. `factor` (11, 11): Cholesky factor of the steps' covariance;
+    `sizes` (2,), `alone` (frame,): sizes of joint steps, of the law's and of each frame's, adapted by `adapt`. Priors of the changes: `mean_prior`, `weight_prior` (one
+    over their variance). `heat`: share of the evidence that counts. States go to `out` (chain, sweep, 11), `out_places` (chain, sweep,
+    frame). Returns the evidence (chain,) at the end.
     """
-    frames, size = times.size, change.size
+    chains, sweeps, size = out.shape
+    frames = times.size
     largest = outlines.shape[0] - 1.0
-    places = law_places(times, first[8:] + change[8:], law, begin, step) + off
-    scores = all_scores(integrals, mean_evidence, outlines, normals, anchor, seat_of(first, change), places)
-    out, out_places = np.empty((keep, size)), np.empty((keep, frames))
-    mean, second = change.copy(), second.copy()
-    factor = np.linalg.cholesky(second)
-    alone = np.minimum(apart, 0.3)
-    joint, law_joint, taken = STEP, STEP, 0
-    change, off = change.copy(), off.copy()
-    for sweep in range(burn + keep):
-        heat = temper * min(1.0, cold + (1 - cold) * sweep / (0.5 * burn))
-        new = change + joint * factor @ rng.standard_normal(size)
-        new_law = first[8:] + new[8:]
-        accept = new_law[0] > 0.05 and new_law[2] > 0.05
-        if accept:
-            new_places = law_places(times, new_law, law, begin, step) + off
-            accept = new_places.min() >= 0 and new_places.max() <= largest
-        if accept:
-            seat = seat_of(first, new)
-            tried = all_scores(integrals, mean_evidence, outlines, normals, anchor, seat, new_places)
-            gain = heat * (tried.sum() - scores.sum())
-            gain -= 0.5 * np.sum(weight_prior * ((new - mean_prior) ** 2 - (change - mean_prior) ** 2))
-            accept = np.log(rng.random()) < gain
+    evidence = np.empty(chains)
+    for c in range(chains):
+        change, off = changes[c].copy(), offs[c].copy()
+        places = law_places(times, first[8:] + change[8:], law, begin, step) + off
+        scores = all_scores(
+            integrals, mean_evidence, outlines, normals, anchor, seat_of(first, change), places
+        )
+        for sweep in range(sweeps):
+            new = change + sizes[0] * factor @ rng.standard_normal(size)
+            new_law = first[8:] + new[8:]
+            accept = new_law[0] > 0.05 and new_law[2] > 0.05
             if accept:
-                change, scores, places = new, tried, new_places
-        for _ in range(LAW_STEPS):
-            step_law = law_joint * factor[8:] @ rng.standard_normal(size)
-            new_law = change[8:] + step_law
-            values = first[8:] + new_law
-            if values[0] <= 0.05 or values[2] <= 0.05:
-                continue
-            new_off = places - law_places(times, values, law, begin, step)
-            gain = -0.5 * np.sum((new_off**2 - off**2) / apart**2)
-            gain -= 0.5 * np.sum(
-                weight_prior[8:] * ((new_law - mean_prior[8:]) ** 2 - (change[8:] - mean_prior[8:]) ** 2)
-            )
-            better = np.log(rng.random()) < gain
-            if better:
-                change[8:], off = new_law, new_off
-            if sweep < burn:
-                law_joint *= np.exp(0.02 * ((1.0 if better else 0.0) - TAKEN))
-        seat = seat_of(first, change)
-        for f in range(frames):
-            move = alone[f] * rng.standard_normal()
-            if places[f] + move < 0 or places[f] + move > largest:
-                continue
-            s = frame_score(integrals[f], mean_evidence, outlines, normals, anchor, seat, places[f] + move)
-            gain = heat * (s - scores[f]) - 0.5 * ((off[f] + move) ** 2 - off[f] ** 2) / apart[f] ** 2
-            better = np.log(rng.random()) < gain
-            if better:
-                places[f], off[f], scores[f] = places[f] + move, off[f] + move, s
-            if sweep < burn:
-                alone[f] *= np.exp(0.05 * ((1.0 if better else 0.0) - TAKEN_ALONE))
-        if sweep < burn:
-            joint *= np.exp(0.02 * ((1.0 if accept else 0.0) - TAKEN))
-            share = max(1.0 / (sweep + 20), 0.004)
-            away = change - mean
-            mean += share * away
-            second = (1 - share) * second + share * np.outer(away, away)
-            if sweep % 100 == 99:
-                factor[:] = np.linalg.cholesky(second + np.diag(least**2))
-        else:
-            taken += accept
-            out[sweep - burn], out_places[sweep - burn] = change, places
-    return out, out_places, change, off, taken / keep
+                new_places = law_places(times, new_law, law, begin, step) + off
+                accept = new_places.min() >= 0 and new_places.max() <= largest
+            if accept:
+                seat = seat_of(first, new)
+                tried = all_scores(integrals, mean_evidence, outlines, normals, anchor, seat, new_places)
+                gain = heat * (tried.sum() - scores.sum())
+                gain -= 0.5 * np.sum(weight_prior * ((new - mean_prior) ** 2 - (change - mean_prior) ** 2))
+                accept = np.log(rng.random()) < gain
+                if accept:
+                    change, scores, places = new, tried, new_places
+            sizes[0] *= np.exp(adapt * ((1.0 if accept else 0.0) - TAKEN))
+            for _ in range(LAW_STEPS):
+                new_law = change[8:] + sizes[1] * factor[8:] @ rng.standard_normal(size)
+                values = first[8:] + new_law
+                if values[0] <= 0.05 or values[2] <= 0.05:
+                    continue
+                new_off = places - law_places(times, values, law, begin, step)
+                gain = -0.5 * np.sum((new_off**2 - off**2) / apart**2)
+                gain -= 0.5 * np.sum(
+                    weight_prior[8:] * ((new_law - mean_prior[8:]) ** 2 - (change[8:] - mean_prior[8:]) ** 2)
+                )
+                better = np.log(rng.random()) < gain
+                if better:
+                    change[8:], off = new_law, new_off
+                sizes[1] *= np.exp(adapt * ((1.0 if better else 0.0) - TAKEN))
+            seat = seat_of(first, change)
+            for f in range(frames):
+                move = alone[f] * rng.standard_normal()
+                if places[f] + move < 0 or places[f] + move > largest:
+                    continue
+                s = frame_score(
+                    integrals[f], mean_evidence, outlines, normals, anchor, seat, places[f] + move
+                )
+                gain = heat * (s - scores[f]) - 0.5 * ((off[f] + move) ** 2 - off[f] ** 2) / apart[f] ** 2
+                better = np.log(rng.random()) < gain
+                if better:
+                    places[f], off[f], scores[f] = places[f] + move, off[f] + move, s
+                alone[f] *= np.exp(adapt * ((1.0 if better else 0.0) - TAKEN_ALONE))
+            out[c, sweep], out_places[c, sweep] = change, places
+        changes[c], offs[c], evidence[c] = change, off, scores.sum()
+    return evidence

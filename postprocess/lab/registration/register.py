@@ -21,8 +21,8 @@ from piv.images.recording import Recording
 from postprocess.lab.data.files import Law, Nuisance, Registration
 from postprocess.lab.data.pictures import thinned
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.registration.blind import blind_parts
-from postprocess.lab.registration.check_stated import best_delay, check_stated
+from postprocess.lab.registration.blind import blind_parts, seen_profile
+from postprocess.lab.registration.check_stated import CLEARLY, GROWN_PX, best_delay, stated_wrongly
 from postprocess.lab.registration.fit_outline import (
     ROUGH_NUISANCE_STD,
     Frames,
@@ -30,21 +30,29 @@ from postprocess.lab.registration.fit_outline import (
     fit_outline,
     outline_table,
     prepare,
+    single_pressures,
 )
-from postprocess.lab.registration.outline_profile import independent_share, outline_profile, seen_outlines
+from postprocess.lab.registration.outline_profile import independent_share, seen_outlines
 from postprocess.lab.registration.silhouette import ROUGH_PX, WaterLikelihood, inside_sum, learn
 
 MAX_FRAMES = 60
 LEARN_FROM = 4
 REST = 0.003  # of the range of pressure: nearer to its start the finger is at rest
 REST_STD = 0.002  # of the range: how well the shape at rest is that of the simulation, at most
-# of the range: how far a frame may be off the law in the rough fit; at least, in the final one
-FREE, TIED = 0.05, 0.001
+# of the range: how far a frame may be off the law where it is fitted by itself, in the rough fit; at least, in the final one
+FREE, LOOSE, TIED = 0.05, 0.01, 0.001
+ROOT_STD, TURN_STD, SCALE_STD = (
+    1.5e-3,
+    np.radians(1.5),
+    0.02,
+)  # m, rad: how well a laboratory states its camera, where it does not say
+FINER = 4.0  # that over what the rough fit leaves
+ROUNDS = 6  # of the final fit, at most
+ROUGH_POINTS = 3  # of the outline's points the rough fit uses one
 # m from the root, away from the tip: where water must be seen, by the fitted and by the stated pose
 BEYOND, BEYOND_STATED = (0.001, 0.003), (0.003, 0.005)
-ROUNDS = 6  # of the final fit, at most
 SHADE_ROUNDS = 2  # of the rough fit, in which the shaded side is found from the lit one
-SWEEPS = (1500, 800, 2500, 3000)
+SWEEPS = (15, 20, 25, 60)
 
 
 def law_pressure(kinematics: Kinematics, times: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -124,7 +132,7 @@ def register(
     clock's, with its standard uncertainty (s); None: from the motion alone. `paired`: frames 1-2, 3-4 … are taken close
     together, so only the first of each is used. `hidden`: length (m) of the finger that is hidden, from its root on. `light_from`:
     direction (rad from the picture's x axis) of light that comes from one side. `length_std`: standard uncertainty of the finger's
-    length over it. `sweeps`: of the sampler, to be dropped and kept, in the rough and in the final fit. ValueError where the root is not seen though `hidden` is 0.
+    length over it. `sweeps`: as of `fit_outline`, of the rough and of the final fit. ValueError where the root is not seen though `hidden` is 0.
     """
     chosen = chosen_frames(recording, paired)
     images = [recording.frame(int(i)) for i in chosen]
@@ -135,38 +143,50 @@ def register(
     frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
     if not hidden and stated:  # without its root a fit may go anywhere
         check_root(frames, kinematics, stated, evidence, BEYOND_STATED)
-    prior = None if scale_std is None else float(np.hypot(scale_std, length_std))
-    check_stated(frames, kinematics, pose, scale_known=stated is not None)
+    prior = None if scale_std is None else (pose.scale_m_per_px, float(np.hypot(scale_std, length_std)))
+    wrong, shown = stated_wrongly(frames, kinematics, pose, scale_known=stated is not None)
     first = np.array([1.0, search_delay(frames, kinematics, pose, *(stated_delay or (None,))), 1.0])
-    free = np.full(frames.times.size, FREE * (kinematics.high - kinematics.low))
-    known: dict[str, Any] = {"scale_std": prior, "stated_delay": stated_delay}
-    roughly: dict[str, Any] = {"nuisance_std": ROUGH_NUISANCE_STD, "sweeps": sweeps[:2], "seed": seed} | known
-    rough = fit_outline(frames, kinematics, pose, first, deviation=free, **roughly)
+    span = kinematics.high - kinematics.low
+    known: dict[str, Any] = {"scale": prior, "stated_delay": stated_delay}
+    first_std = np.array([ROOT_STD / pose.scale_m_per_px] * 2 + [TURN_STD, prior[1] if prior else SCALE_STD])
+    roughly = known | {
+        "about": first_std,
+        "nuisance_std": ROUGH_NUISANCE_STD,
+        "deviation": np.full(frames.times.size, LOOSE * span),
+    }
+    roughly |= {"sweeps": sweeps[:2], "seed": seed, "every": ROUGH_POINTS}
+    try:
+        rough = fit_outline(frames, kinematics, pose, first, **roughly)
+    except ValueError as error:
+        raise ValueError(wrong or str(error)) from error
+    if shown > CLEARLY * rough.evidence(frames, kinematics, GROWN_PX):
+        raise ValueError(wrong)
     for _ in range(SHADE_ROUNDS if light_from is not None else 0):
         blind = blind_parts(seen_outlines(kinematics, *rough.means()), pose, *alike, light_from)
         frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
-        rough = fit_outline(frames, kinematics, pose, first, deviation=free, **roughly)
-    _, bent, taken_up = rough.means()
+        rough = fit_outline(frames, kinematics, pose, first, **roughly)
+    begin, bent, taken_up = rough.means()
     values, _, _ = fit_law(kinematics, frames.times, bent, first)
     # particles that go along with the finger stay beside it: pictures are then less independent than they look
-    profile = outline_profile(images, evidence, kinematics, *rough.means(), blind)
+    profile, blind = seen_profile(images, evidence, kinematics, *rough.means(), blind)
     frames = prepare(images, times[chosen], evidence, blind)
     frames = replace(frames, independent=min(frames.independent, independent_share(profile)))
-    begin = replace(rough.mean_pose(), scale_m_per_px=pose.scale_m_per_px)
     tied = deviation_from_law(kinematics, rough, values)
-    known |= {"nuisance": taken_up, "rounds": ROUNDS}
+    known |= {"nuisance": taken_up, "about": first_std / FINER}
     fine = fit_outline(
-        frames, kinematics, begin, values, deviation=tied, seed=seed + 1, sweeps=sweeps[2:], **known
-    )
-    spread = np.concatenate([fine.pose.std(axis=0), fine.nuisance.std(axis=0)])
-    known = {"scale_std": None, "nuisance": fine.nuisance.mean(axis=0), "known_std": spread}
-    at, law = fine.mean_pose(), fine.law.mean(axis=0)
-    single = fit_outline(
-        frames, kinematics, at, law, deviation=free, seed=seed + 2, sweeps=sweeps[:2], **known
+        frames,
+        kinematics,
+        begin,
+        values,
+        deviation=tied,
+        seed=seed + 1,
+        sweeps=sweeps[2:],
+        rounds=ROUNDS,
+        **known,
     )
     if not hidden:
         check_root(frames, kinematics, fine.mean_pose(), evidence, BEYOND)
-    return with_length(_registration(kinematics, single, fine, stated), scale_std, length_std)
+    return with_length(_registration(frames, kinematics, fine, stated), scale_std, length_std)
 
 
 def check_root(
@@ -223,17 +243,18 @@ def with_length(registration: Registration, scale_std: float | None, length_std:
 
 
 def _registration(
-    kinematics: Kinematics, single: OutlineFit, fine: OutlineFit, stated: Pose | None
+    frames: Frames, kinematics: Kinematics, fine: OutlineFit, stated: Pose | None
 ) -> Registration:
-    values, seen = fine.law.mean(axis=0), single.parameter.mean(axis=0)
-    misfit = float(np.sqrt(np.mean((seen - law_pressure(kinematics, single.times, values)) ** 2)))
+    values = fine.law.mean(axis=0)
+    law = law_pressure(kinematics, frames.times, values)
+    seen, std = single_pressures(frames, kinematics, fine, law, FREE * (kinematics.high - kinematics.low))
     return Registration(
         fine.mean_pose(),
         np.cov(fine.pose.T),
         Nuisance(fine.nuisance.mean(axis=0), fine.nuisance.std(axis=0)),
-        Law(values, np.cov(fine.law.T), misfit),
-        single.times,
+        Law(values, np.cov(fine.law.T), float(np.sqrt(np.mean((seen - law) ** 2)))),
+        frames.times,
         seen,
-        single.parameter.std(axis=0),
+        std,
         stated,
     )

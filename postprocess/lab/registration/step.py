@@ -21,7 +21,7 @@ from postprocess.lab.data.vectors import vectors_view
 from postprocess.lab.registration.check_fit import FitCheck, check_fit, draw_fit
 from postprocess.lab.registration.register import SWEEPS, register
 
-QUICK_SWEEPS = (600, 200, 600, 600)
+QUICK_SWEEPS = (8, 10, 12, 30)
 VIEW_MARGIN = 0.008  # m of the sheet beyond the picture
 
 

@@ -53,9 +53,7 @@ def registered_lab(kinematics):
     return (
         lab,
         stills,
-        register(
-            stills, stills.times, kinematics, stated, None, scale_std=0.01, sweeps=(800, 300, 1200, 1200)
-        ),
+        register(stills, stills.times, kinematics, stated, None, scale_std=0.01),
     )
 
 
@@ -121,7 +119,7 @@ class Held(Stills):
 def test_a_hidden_root_is_told_and_left_out(kinematics):
     lab = set_up(kinematics, scale_error=0.002)
     held, stated = Held(kinematics, lab), stated_pose(kinematics, lab.camera)
-    options = {"scale_std": 0.003, "sweeps": (600, 200, 600, 600)}
+    options = {"scale_std": 0.003}
     with pytest.raises(ValueError, match="else give root_hidden_mm"):
         register(held, held.times, kinematics, stated, None, **options)
     registration = register(held, held.times, kinematics, stated, None, hidden=0.011, **options)
@@ -138,7 +136,7 @@ def test_a_motion_of_another_shape_is_followed_frame_by_frame(kinematics):
     lag = 0.03 * 20e3 * np.sin(np.pi * np.clip(stills.times / 0.4, 0, 1)) ** 2
     stills.pressures = stills.pressures - lag
     registration = register(
-        stills, stills.times, kinematics, stated_pose(kinematics, lab.camera), None, scale_std=0.01, sweeps=(800, 300, 1200, 1200)
+        stills, stills.times, kinematics, stated_pose(kinematics, lab.camera), None, scale_std=0.01
     )  # fmt: skip
     error = registration.pressures - stills.pressures
     assert np.sqrt(np.mean(error**2)) < 0.02 * 20e3  # single frames of a small picture

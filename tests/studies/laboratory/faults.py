@@ -23,7 +23,6 @@ from tests.studies.laboratory.seeds import below_target, spans, study
 from tests.studies.pages import libraries
 
 PICTURES, SHAPE, SCALE = 24, (320, 400), 0.4e-3
-SWEEPS = (600, 200, 800, 800)
 BAND, FAR_OFF = 1.96, 5.0
 KINDS = ("shadow", "reflection", "holder", "dropped", "perspective")
 CHANCE = 0.25  # of each
@@ -92,7 +91,6 @@ def trial(kinematics: Kinematics, seed: int) -> dict[str, object]:
             kinematics,
             stated,
             None,
-            sweeps=SWEEPS,
             seed=seed,
             **known,
         )

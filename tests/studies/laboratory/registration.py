@@ -20,7 +20,6 @@ from tests.lab_scene import stated_pose, still_picture
 from tests.studies.laboratory.seeds import below_target, study
 
 PICTURES = 42
-SWEEPS = (1200, 500, 2000, 2000)
 BAND = 1.96
 ROWS = (
     ("root_x_mm", "root x, mm", 0.3), ("root_y_mm", "root y, mm", 0.3), ("turn_deg", "turn, °", 0.5),
@@ -58,7 +57,6 @@ def trial(kinematics: Kinematics, seed: int) -> dict[str, float]:
         stated_pose(kinematics, camera),
         None,
         scale_std=0.01,
-        sweeps=SWEEPS,
         seed=seed,
     )
     true, pose, law = lab.pose(kinematics.root), registration.pose, registration.law

@@ -58,7 +58,6 @@ from tests.studies.pages import libraries
 
 WINDOW, SPACING = 24, 8
 BAND = 1.96
-SWEEPS = (800, 300, 1200, 1200)
 MEASURED = (
     ("circulation", "cm²/s", 1e4), ("x", "mm", 1e3), ("y", "mm", 1e3), ("core_radius", "mm", 1e3), ("jet_speed", "mm/s", 1e3)
 )  # fmt: skip
@@ -94,9 +93,7 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
     hidden = 0.012 if "holder" in faults else 0.0
     known: dict[str, Any] = {"scale_std": SCALE_STD, "paired": True, "hidden": hidden}
     try:
-        registration = register(
-            recording, times, kinematics, lab.stated, None, sweeps=SWEEPS, seed=seed, **known
-        )
+        registration = register(recording, times, kinematics, lab.stated, None, seed=seed, **known)
         check = check_fit(recording, times, registration, kinematics, **known)
         refused = "; ".join(check.refusals)
     except ValueError as error:
