@@ -17,6 +17,7 @@ from postprocess.lab.registration.outline_sampler import all_scores
 
 RATES, SCALES = (0.1, 0.2, 0.5, 2.0, 5.0, 10.0), (0.5, 2.0)
 CLEARLY = 1.3  # times the evidence of what is stated: an alternative that fits as much better is the truth
+STRETCHED = 1.5  # duration, either way, up to which a fit is one of the stated rate
 COARSE_S = 0.012  # s between delays that are tried
 # px by which the outline grows: it is smaller than the finger, so that neither a first guess nor a reflection at its edge counts
 GROWN_PX = -3.0
