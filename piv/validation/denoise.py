@@ -18,6 +18,9 @@ LARGEST = 25.0  # variance counted as noise, in medians of the field
 NOISE_ONLY, SIGNAL = 1.7, 8.0  # mean square over that of noise: damped wholly below, kept above
 REGION = 6.0  # of L: where mean squares tell whether the flow fills the band
 CALM, FILLED = 1.4, 2.2  # their geometric mean over noise: dead band as above, no dead band
+# typical ratios of the divergence-free and the curl-free part between which the finest band is taken for turbulence, where
+# the filter of least error would take most off a divergence as weak as noise; and the share of both that is kept there
+TURBULENT, LEAST = ((2.2, 3.6), (1.2, 1.45)), 0.8
 LEVEL = 2.5  # vectors: where variances of small windows are averaged
 SHARED = 0.5  # how far the noise of a part that is damped is taken to stay in the one that is kept
 
@@ -52,7 +55,9 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
     remains = np.ones_like(weight)  # share of the noise in it
     gain, lost = np.zeros_like(weight), np.zeros_like(weight)
     shares_of = _local_shares(sigma, spacing, passes, ratio)
-    for (width, coarser), (fine, left) in zip(scales(sigma, spacing), shares_of, strict=True):
+    for band, ((width, coarser), (fine, left)) in enumerate(
+        zip(scales(sigma, spacing), shares_of, strict=True)
+    ):
         noise = variance * remains * weight * (fine / 2)
         parts, share = [f * weight for f in low], weight
         if coarser > 1:
@@ -60,7 +65,7 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
             known_fields = (share, noise, *parts)
             share, noise, *parts = (cv2.resize(a, few, interpolation=cv2.INTER_AREA) for a in known_fields)
             parts = [p / np.maximum(share, 1e-6) for p in parts]
-        cut, settled, shares = _damped(parts, share, noise, width / coarser)
+        cut, settled, shares = _damped(parts, share, noise, width / coarser, band == 0)
         if coarser > 1:
             cut, settled = (
                 [cv2.resize(c, size, interpolation=cv2.INTER_CUBIC) for c in p] for p in (cut, settled)
@@ -93,7 +98,9 @@ def _quadratic(field: np.ndarray, weight: np.ndarray) -> np.ndarray:
     return (factors @ powers).reshape(field.shape)
 
 
-def _damped(fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, width: float) -> tuple:
+def _damped(
+    fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, width: float, finest: bool
+) -> tuple:
     """What to take off both fields, what of them is settled, and shares: of the fine noise that stays, and that is passed
     on to the coarser bands, what signal is lost (px²), how much of the low-pass' weight is known.
 
@@ -110,15 +117,20 @@ def _damped(fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, wid
     total = np.maximum(total, 1e-6)
     noise = np.maximum(noise / total, 1e-12)
     region = np.maximum(_gauss(weight, REGION * width), 1e-6)
+    ratios = [np.maximum((inner + sign * cross) / (4 * total) / noise, 1e-6) for sign in (-1, 1)]
+    # the typical ratio: a strong vortex in calm water does not fill the region
+    typical = [np.exp(_gauss(np.log(r) * weight, REGION * width) / region) for r in ratios]
+    filled = [np.clip((t - CALM) / (FILLED - CALM), 0, 1) for t in typical]
+    spared = np.float32(0)
+    if finest:
+        certain = [np.clip((t - a) / (b - a), 0, 1) for t, (a, b) in zip(typical, TURBULENT, strict=True)]
+        spared = LEAST * certain[0] * certain[1]
     keep, again, lost = [], [], 0
-    for sign in (-1, 1):
-        ratio = np.maximum((inner + sign * cross) / (4 * total) / noise, 1e-6)
-        # the typical ratio: a strong vortex in calm water does not fill the region
-        typical = np.exp(_gauss(np.log(ratio) * weight, REGION * width) / region)
-        filled = np.clip((typical - CALM) / (FILLED - CALM), 0, 1)
-        only = NOISE_ONLY - (NOISE_ONLY - 1) * filled
-        keep.append(np.clip((1 - only / ratio) / (1 - only / SIGNAL), 0, 1))
-        again.append(keep[-1] * (1 - filled))
+    for ratio, fills in zip(ratios, filled, strict=True):
+        only = NOISE_ONLY - (NOISE_ONLY - 1) * fills
+        share = np.clip((1 - only / ratio) / (1 - only / SIGNAL), 0, 1)
+        keep.append(np.maximum(share, spared))
+        again.append(keep[-1] * (1 - fills))
         lost = lost + (1 - keep[-1]) ** 2 * noise * np.maximum(ratio - only, 0) / 2
     cuts, shares = [], []
     for free, curl in (keep, again):  # shares of the divergence-free and the curl-free part

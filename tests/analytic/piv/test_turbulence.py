@@ -9,6 +9,7 @@ import pytest
 
 from piv.correlation.pair import correlate_pair
 from tests.studies.piv.particles import render
+from tests.studies.piv.turbulence import derivatives
 from tests.studies.piv.turbulence_field import TurbulentPlane
 
 SHAPE = (512, 640)
@@ -59,6 +60,19 @@ def test_smoothing_does_no_harm_and_the_uncertainty_holds(rms, noise):
     assert 0.58 < cover < 0.80  # 60-76 % asked; one picture scatters by ±2 %
 
 
+def test_a_divergence_as_weak_as_the_noise_is_kept():
+    ds = correlate_pair(*pair(0.3, 0.05))
+    true = (0.3 * f for f in plane()(*np.meshgrid(ds["x"], ds["y"])))
+    seen, exact = (derivatives(*f, 8) for f in ((ds["u"].values, ds["v"].values), true))
+    near = np.s_[3:-3, 3:-3]
+    divergence, vorticity = (
+        np.sum(a[near] * b[near]) / np.sum(b[near] ** 2) for a, b in zip(seen, exact, strict=True)
+    )
+    # asked of whole planes: 0.80, and within 0.1 of vorticity's; the filter of least error keeps 0.68 of this one
+    assert divergence > 0.75
+    assert abs(divergence - vorticity) < 0.1
+
+
 @pytest.mark.parametrize("noise, gain", [(0.05, 1.25), (0.01, 2.0)])
 def test_smaller_windows_err_less(noise, gain):
     adapted, fixed = (size(errors(0.8, noise, least_window=side)[0]) for side in (12, 32))
@@ -71,4 +85,4 @@ def test_strong_turbulence_is_not_emptied():
         np.mean(np.isnan(e[0])) < 0.05
     )  # asked of the whole; 68-75 % with one window and without uncertain vectors
     assert size(e) < 0.3  # 0.45 px is what peers reach
-    assert np.mean(np.hypot(*e)[flag == 0] > 0.5) < 0.04  # in 0.5 px at 0.3 px allowed uncertainty
+    assert np.mean(np.hypot(*e)[flag == 0] > 0.5) < 0.02  # asked; 2.5 % with 0.3 px of uncertainty allowed
