@@ -18,9 +18,9 @@ LARGEST = 25.0  # variance counted as noise, in medians of the field
 NOISE_ONLY, SIGNAL = 1.7, 8.0  # mean square over that of noise: damped wholly below, kept above
 REGION = 6.0  # of L: where mean squares tell whether the flow fills the band
 CALM, FILLED = 1.4, 2.2  # their geometric mean over noise: dead band as above, no dead band
-# typical ratios of the divergence-free and the curl-free part between which the finest band is taken for turbulence, where
-# the filter of least error would take most off a divergence as weak as noise; and the share of both that is kept there
-TURBULENT, LEAST = ((2.2, 3.6), (1.2, 1.45)), 0.8
+# typical ratios of the divergence-free and of the curl-free part: between the middle two the finest band is taken for turbulence whose
+# divergence is as weak as noise, beyond the outer two it is not; the filter of least error takes off most of it, so this share is kept
+TURBULENT, LEAST = ((2.2, 3.2, 5.5, 7.0), (1.3, 1.5, 2.5, 3.5)), 0.8
 LEVEL = 2.5  # vectors: where variances of small windows are averaged
 SHARED = 0.5  # how far the noise of a part that is damped is taken to stay in the one that is kept
 
@@ -123,8 +123,8 @@ def _damped(
     filled = [np.clip((t - CALM) / (FILLED - CALM), 0, 1) for t in typical]
     spared = np.float32(0)
     if finest:
-        certain = [np.clip((t - a) / (b - a), 0, 1) for t, (a, b) in zip(typical, TURBULENT, strict=True)]
-        spared = LEAST * certain[0] * certain[1]
+        certain = [np.interp(t, limits, (0, 1, 1, 0)) for t, limits in zip(typical, TURBULENT, strict=True)]
+        spared = np.float32(LEAST) * np.prod(certain, axis=0, dtype=np.float32)
     keep, again, lost = [], [], 0
     for ratio, fills in zip(ratios, filled, strict=True):
         only = NOISE_ONLY - (NOISE_ONLY - 1) * fills

@@ -1,7 +1,7 @@
-"""Planes of three-dimensional turbulence against the peers: python -m tests.studies.piv.turbulence [--seeds N] [--docs].
+"""Planes of three-dimensional turbulence against the peers: python -m tests.studies.piv.turbulence [--seeds N] [--docs | --alone].
 
 Seeds 4201 and up, which served no tuning. The peers' configurations are those of the benchmark, in the same environment.
---docs writes the tables into docs/piv_benchmarks.md.
+--docs writes the tables into docs/piv_benchmarks.md; --alone leaves the peers out and prints only.
 """
 
 from __future__ import annotations
@@ -65,11 +65,11 @@ def pairs(seeds: list[int]) -> Iterator[Pair]:
             yield Pair(f"{rms}_{noise}_{seed}", tuple(images), {case: (flow, inner(SHAPE))}, runs)
 
 
-def run(seeds: list[int], keep: Path | None = None) -> tuple[dict, dict]:
+def run(seeds: list[int], keep: Path | None = None, alone: bool = False) -> tuple[dict, dict]:
     """Errors by method and case, and gains of our own runs likewise."""
     results: dict = {}
     slopes: dict = {}
-    for pair, found in with_peers(keep, pairs(seeds)):
+    for pair, found in with_peers(keep, pairs(seeds), alone):
         add(results, pair, found)
         for case, (flow, _) in pair.rows.items():
             for name in pair.runs:
@@ -79,27 +79,34 @@ def run(seeds: list[int], keep: Path | None = None) -> tuple[dict, dict]:
 
 def tables(results: dict, slopes: dict, seeds: list[int]) -> str:
     """Markdown: errors beside the best peers, and what is told of our own vectors."""
+    peers = [p for p in ("OpenPIV", "PIVtools") if any(m.startswith(p) for m in results)]
+    head = [OURS, PLAIN, *(f"best {p}" for p in peers), *(f"against {p}" for p in peers)]
     lines = [
-        f"| u', noise | {OURS} | {PLAIN} | best OpenPIV | best PIVtools | against OpenPIV | against PIVtools | gain of divergence, vorticity (without smoothing) |",
-        "|---|---|---|---|---|---|---|---|",
+        f"| u', noise | {' | '.join(head)} | gain of divergence, vorticity (without smoothing) |",
+        "|---" * (len(head) + 2) + "|",
     ]
     own = [f"| u', noise | {TOLD} vectors/s |", "|---" * 6 + "|"]
     for case in CASES:
         root = {m: rms_of(results[m][case]) for m in results}
-        best = [min((root[m], m) for m in results if m.startswith(peer)) for peer in ("OpenPIV", "PIVtools")]
+        best = [min((root[m], m) for m in results if m.startswith(peer)) for peer in peers]
         gain = ["{:.2f}, {:.2f}".format(*np.mean(slopes[m][case], axis=0)) for m in (OURS, PLAIN)]
-        lines.append(f"| {case} | {root[OURS]:.4f} px | {root[PLAIN]:.4f} | " + " | ".join(f"{e:.4f} ({m.split(' ', 1)[1]})" for e, m in best)
-                     + " | " + " | ".join(f"{e / root[OURS]:.2f}×" for e, _ in best) + f" | {gain[0]} ({gain[1]}) |")  # fmt: skip
+        cells = [
+            f"{root[OURS]:.4f} px",
+            f"{root[PLAIN]:.4f}",
+            *(f"{e:.4f} ({m.split(' ', 1)[1]})" for e, m in best),
+        ]
+        cells += [*(f"{e / root[OURS]:.2f}×" for e, _ in best), f"{gain[0]} ({gain[1]})"]
+        lines.append(f"| {case} | {' | '.join(cells)} |")
         own.append(f"| {case} | {told(results[OURS][case])} {speed(results[OURS][case]):,.0f} |")
     return "\n".join([*lines, "", *own, "", f"Seeds {seeds[0]}-{seeds[-1]}; {libraries()}."])
 
 
 def main() -> None:
     """Run, print, and write to the docs where asked."""
-    args = arguments(__doc__, seeds=2)
+    args = arguments(__doc__, seeds=2, alone=True)
     cv2.setNumThreads(1)
     seeds = list(range(FIRST, FIRST + args.seeds))
-    text = tables(*run(seeds, args.folder), seeds)
+    text = tables(*run(seeds, args.folder, args.alone), seeds)
     print(text)
     if args.docs:
         write_between(PIV, "turbulence", text)

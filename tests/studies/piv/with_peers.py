@@ -43,15 +43,18 @@ class Pair:
     runs: dict[str, dict[str, Any]] = field(default_factory=lambda: {OURS: {}})  # options of our own runs
 
 
-def arguments(text: str | None, seeds: int | None = None) -> argparse.Namespace:
-    """Switches of a comparison: --folder, --docs and, where there are seeds, --seeds."""
+def arguments(text: str | None, seeds: int | None = None, alone: bool = False) -> argparse.Namespace:
+    """Switches of a comparison: --folder, --docs and, where there are seeds, --seeds; where it can be `alone`, --alone."""
     parser = argparse.ArgumentParser(description=text)
     if seeds is not None:
         parser.add_argument("--seeds", type=int, default=seeds, help="pairs per row")
     parser.add_argument(
         "--folder", type=Path, help="keep pairs and peers' results there; a stopped run goes on"
     )
-    parser.add_argument("--docs", action="store_true", help="write the tables into docs/piv_benchmarks.md")
+    end = parser.add_mutually_exclusive_group()
+    end.add_argument("--docs", action="store_true", help="write the tables into docs/piv_benchmarks.md")
+    if alone:
+        end.add_argument("--alone", action="store_true", help="our own part without the peers, only printed")
     return parser.parse_args()
 
 
@@ -80,8 +83,10 @@ def kept_or_temporary(asked: Path | None) -> Iterator[Path]:
         yield asked.resolve()
 
 
-def with_peers(keep: Path | None, pairs: Iterable[Pair]) -> Iterator[tuple[Pair, dict[str, xr.Dataset]]]:
-    """Each pair with the vectors (px; attribute `cpu_s`) of our own runs and of every peer.
+def with_peers(
+    keep: Path | None, pairs: Iterable[Pair], alone: bool = False
+) -> Iterator[tuple[Pair, dict[str, xr.Dataset]]]:
+    """Each pair with the vectors (px; attribute `cpu_s`) of our own runs and, unless `alone`, of every peer.
 
     `keep`: folder for pairs and peers' results. What the peers say of errors goes to this command's own stderr.
     """
@@ -92,7 +97,13 @@ def with_peers(keep: Path | None, pairs: Iterable[Pair]) -> Iterator[tuple[Pair,
             np.savez(folder / f"{pair.name}.pair.npz", a=a, b=b)
             if not jobs:
                 correlate_pair(a, b)  # compiles
-            jobs.append((pair, {label: timed(a, b, **options) for label, options in pair.runs.items()}))
+            found = {label: timed(a, b, **options) for label, options in pair.runs.items()}
+            if alone:
+                yield pair, found
+            else:
+                jobs.append((pair, found))
+        if alone:
+            return
         script = Path(__file__).with_name("peers.py")
         subprocess.run([peer_python(), script, folder], cwd=folder, check=True, stdout=subprocess.DEVNULL)
         for pair, found in jobs:
