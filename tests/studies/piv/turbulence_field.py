@@ -19,7 +19,7 @@ DOMAIN = (
 DEPTHS = 400  # points of the integral over k_z
 
 
-def _plane_spectra(wavenumber: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def plane_spectra(wavenumber: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Spectral densities (any common unit) of the solenoidal part, the curl-free part and the normal velocity."""
     low, high = 2 * np.pi / LONGEST, 2 * np.pi / SHORTEST
     own, index = np.unique(np.rint(wavenumber / high * 4000).astype(int), return_inverse=True)
@@ -46,7 +46,7 @@ class TurbulentPlane:
         kx, ky = np.meshgrid(kx, ky)
         kappa = np.hypot(kx, ky)
         solenoidal, free, normal = (
-            np.sqrt(p) * np.fft.fft2(rng.normal(size=DOMAIN)) for p in _plane_spectra(kappa)
+            np.sqrt(p) * np.fft.fft2(rng.normal(size=DOMAIN)) for p in plane_spectra(kappa)
         )
         cos, sin = (np.divide(k, kappa, out=np.zeros_like(k), where=kappa > 0) for k in (kx, ky))
         u, v = 1j * (cos * free - sin * solenoidal), 1j * (sin * free + cos * solenoidal)
