@@ -3,8 +3,8 @@
 The likelihood of `silhouette` is sampled by a population of chains (`outline_sampler`: Metropolis steps for pose and law together, one
 per frame for its deviation). It has a bump per particle and long narrow ridges, on which a single chain stays where it came down: the
 chains begin far apart and are cooled into it, those that fare worse on the way are given up for copies of better ones (population
-annealing, Hukushima and Iba 2003), and what they still differ by in the end is part of the uncertainty. The mean of the samples is the estimate: an edge lies, on average, not at the first particle that it meets but
-half-way to where it could be; and their scatter is the uncertainty. Pose, clock and bend are not told apart by one frame but by
+annealing, Hukushima and Iba 2003), and what they still differ by in the end is part of the uncertainty. The mean of the samples is the
+estimate: an edge lies, on average, not at the first particle that it meets but half-way to where it could be. Pose, clock and bend are not told apart by one frame but by
 all: fitting the law to the frames' silhouettes themselves uses every particle near an edge, where a law fitted afterwards to
 one bend per frame uses a mean over each frame's.
 """
@@ -35,17 +35,14 @@ CHAINS, EFFECTIVE = 12, 0.5  # and the share of them that a step of the heat lea
 STEP = 0.6  # first size of a joint step
 ALIKE = 0.4  # variance between the chains over that within, where they need not go on
 NUISANCE_ABOUT = np.array([0.5, 0.2, 0.03, 0.03])  # how far apart the chains begin, (px, px, 1/m, 1/m)
-FAR_OFF, FINE_STEP = (
-    4.0,
-    0.1,
-)  # of a single frame: how far it is looked for, in standard deviations; steps, of the table's
 LAW_ABOUT = np.array([0.02, 3e-3, 0.02])  # likewise: factor, delay (s), stretch
-# priors of `files.NUISANCE` about 0: edge takes in blur and the mould's tolerance (px), lateral what light or a reflection does to
+# of a single frame: how far it is looked for, in standard deviations, and in what steps, of the table's
+FAR_OFF, FINE_STEP = 4.0, 0.1
+# priors of `files.NUISANCE` about 0: edge takes in blur and the mould's tolerance (px), lateral what light does to
 # one side (px), perspective a camera that looks at the sheet with 5° at half a metre (1/m)
 NUISANCE_STD = np.array([1.5, 0.5, 0.2, 0.2])
-ROUGH_NUISANCE_STD = np.array(
-    [1.5, 0.05, 0.01, 0.01]
-)  # while frames are free to be off the law, they would take up the motion
+# while frames are loosely bound to the law, the last three would take up the motion
+ROUGH_NUISANCE_STD = np.array([1.5, 0.05, 0.01, 0.01])
 LAW_STD = 0.3  # prior of factor and stretch about 1: weak, for recordings that show only a part of the motion
 
 
@@ -166,7 +163,8 @@ def fit_outline(
     `deviation` (frame,) Pa: standard size of what a frame may be off the law. `about` (4,): how far off the first pose may be, (px, px,
     rad, ln magnification). `scale`: stated, m per px, and its relative standard uncertainty, a prior; None where nothing is known of it.
     `stated_delay`: value and standard uncertainty (s), likewise. `nuisance` (4,): first guess, `nuisance_std`: of its prior about 0.
-    `sweeps`: of each chain, at each heat and in each of at most so many `rounds`, of which the second half is kept; `every`: of how many points of the outline one is used.
+    `sweeps`: of each chain, at each heat and in each of at most so many `rounds`, of which the second half is kept.
+    `every`: of how many points of the outline one is used.
     ValueError where the recording's finger bends further than the simulation's shapes reach.
     """
     table, outlines, normals = outline_table(kinematics)

@@ -2,8 +2,8 @@
 
 Space: one pose for all frames, with the stated scale as a prior. Time: the law of the simulation,
 start + a (p((t - delay)/d) - start); a and d say how far and how fast the recording's finger moves beside the simulation's.
-Both are fitted together to all silhouettes (`fit_outline`), first roughly, each frame nearly free to be off the law; then with
-the frames as far off it as the first fit found them. What each frame shows by itself is fitted last, at the pose so found.
+Both are fitted together to all silhouettes (`fit_outline`), first roughly, each frame loosely bound to the law; then with
+the frames as far off it as the first fit found them. What each frame shows by itself is found last, at the pose so found.
 """
 
 from __future__ import annotations
@@ -41,11 +41,8 @@ REST = 0.003  # of the range of pressure: nearer to its start the finger is at r
 REST_STD = 0.002  # of the range: how well the shape at rest is that of the simulation, at most
 # of the range: how far a frame may be off the law where it is fitted by itself, in the rough fit; at least, in the final one
 FREE, LOOSE, TIED = 0.05, 0.01, 0.001
-ROOT_STD, TURN_STD, SCALE_STD = (
-    1.5e-3,
-    np.radians(1.5),
-    0.02,
-)  # m, rad: how well a laboratory states its camera, where it does not say
+# m, rad: how well a laboratory states its camera, where it does not say
+ROOT_STD, TURN_STD, SCALE_STD = 1.5e-3, np.radians(1.5), 0.02
 FINER = 4.0  # that over what the rough fit leaves
 ROUNDS = 6  # of the final fit, at most
 ROUGH_POINTS = 3  # of the outline's points the rough fit uses one
