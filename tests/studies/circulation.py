@@ -91,9 +91,10 @@ def table(found: dict[str, list[pd.DataFrame]], scenes: list[Scene]) -> str:
     """Markdown: mean circulation on each grid, how far each is from the finest, and the mean's uncertainty (docs/verification.md)."""
     levels = [scene.level for scene in scenes]
     cells = [RUN.read(scene.out / "run" / "run.json")["cells"] for scene in scenes]
-    judged = [levels.index(level) for level in JUDGED]
+    known = [level for level in JUDGED if level in levels]
+    judged = [levels.index(level) for level in known]
     heads = [f"{level}, cm²/s" for level in levels] + [f"{level}: %; mm" for level in levels[:-1]]
-    heads += ["order", *(f"uncertainty at {level}, %" for level in JUDGED)]
+    heads += ["order", *(f"uncertainty at {level}, %" for level in known)]
     lines = ["| vorticity counted | " + " | ".join(heads) + " |", "|" + "---|" * (len(heads) + 1)]
     for name, grids in found.items():
         mean = np.array([abs(rows["circulation"].mean()) for rows in grids])

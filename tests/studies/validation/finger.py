@@ -214,7 +214,7 @@ def two_dimensional() -> Result:
 def family(folder: Path) -> tuple[list[Scene], tuple[float, float]] | None:
     """The family of grids of the study of the scene in `folder`, from coarse to fine, and the window (s) in which they are compared.
 
-    It begins where the middle half of a whole stroke begins. None where fewer than three grids, or no whole stroke, have been run.
+    It begins where the middle half of a whole stroke begins. None where fewer than three grids have been run, or no whole stroke's kinematics.
     """
     if not (folder / STUDY).exists():
         return None
@@ -222,7 +222,12 @@ def family(folder: Path) -> tuple[list[Scene], tuple[float, float]] | None:
     missing = missing_runs(plan)
     there = [row for row in plan["runs"] if row["run"] not in missing]
     grids = [row for row in there if PART_OF_STROKE in row["overrides"]]
-    whole = [row for row in there if PART_OF_STROKE not in row["overrides"]]
+    # of a whole stroke its motion is enough
+    whole = [
+        row
+        for row in plan["runs"]
+        if PART_OF_STROKE not in row["overrides"] and files_of(row).optional("kinematics.h5") is not None
+    ]
     if len(grids) < 3 or not whole:
         return None
     scenes = [load_scene(Path(row["folder"]), row["level"]) for row in grids]
@@ -240,6 +245,7 @@ def three_dimensional(folder: Path) -> Result | None:
     checks = [
         check
         for level, part in JUDGED.items()
+        if level in {r.level for r in runs}
         for check in checks_of(runs, "cell", level, f"finger.{level}", "(grid)", part)
     ]
     text = (
