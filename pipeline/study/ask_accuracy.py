@@ -39,7 +39,7 @@ class Setting:
 
 
 def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
-    """Settings of a table of results, and its head: `probe` of the machine that measured them, `best` run and its `best_error`."""
+    """Settings of a table of results, and its head: `probe` of the machine that measured them, `best` run, and that run's own `best_error` where it was estimated."""
     if not path.exists():
         raise StageError(
             f"{path}: no measured settings for this scene; make them with make tradeoff SCENE={path.stem}"
@@ -54,6 +54,8 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
         raise StageError(str(error)) from None
     settings = []
     for record in csv.DictReader(line for line in lines if not line.startswith("#")):
+        if record["run"] == head.get("best") and record["error"]:
+            head["best_error"] = float(record["error"])
         seconds = {k[8:-2]: float(v) for k, v in record.items() if k.startswith("predict_") and v}
         if not record["error"] or record["kind"] != "flow" or not seconds:
             continue

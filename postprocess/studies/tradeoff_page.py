@@ -8,7 +8,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -56,12 +55,10 @@ def percent(value: Any) -> str:
 
 def results_text(table: pd.DataFrame, best: str, probe: dict[str, float]) -> str:
     """The table as CSV under one line of provenance."""
-    own = float(table.loc[table["run"] == best, "error"].iloc[0])
     head = {
         "format": "tradeoff",
         "format_version": 1,
         "best": best,
-        "best_error": round(own, 4) if np.isfinite(own) else None,
         "made": datetime.now(UTC).date().isoformat(),
         "probe": probe,
         "versions": {"python": platform.python_version()} | versions(*LIBRARIES),
