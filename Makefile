@@ -48,11 +48,10 @@ FLAGS  := $(if $(QUIET),--quiet)
 include fileio/stages.mk
 include postprocess/lab/compare.mk
 
-USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs \
-    compare compare-measured compare-coupled virtual-lab virtual-lab-study validate convergence distribution planforms clean \
-    clean-all bench-piv piv-limits bench-steps air-and-water closing-plates elastic-benchmarks coupled-docs \
-    compare-coupled-study \
-    stability faults fuzz scene-reference docs-site openfoam-versions
+USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare \
+    compare-measured compare-coupled virtual-lab virtual-lab-study validate convergence distribution planforms \
+    clean clean-all bench-piv piv-limits bench-steps air-and-water closing-plates elastic-benchmarks \
+    coupled-docs compare-coupled-study stability faults fuzz scene-reference docs-site openfoam-versions
 INNER_TARGETS := lab-register lab-motion lab-compare lab-sheets study-sheets
 
 # Files of a pattern whose names make and a shell read as they are; a scene's name is no target's either.

@@ -63,7 +63,14 @@ def project(tmp_path):
     """The makefiles, a scene, and the table with a new stage."""
     for name in ("fileio", "pipeline", "postprocess/lab", "cases/small"):
         (tmp_path / name).mkdir(parents=True)
-    for name in ("Makefile", "pipeline/names.sh", "postprocess/lab/compare.mk"):
+    for name in (
+        "Makefile",
+        "pipeline/names.sh",
+        "pipeline/setup.sh",
+        "pipeline/command.sh",
+        "postprocess/lab/compare.mk",
+        "requirements.lock",
+    ):
         shutil.copy2(ROOT / name, tmp_path / name)
     (tmp_path / "fileio" / "stages.mk").write_text(make_variables(with_new()), encoding="utf-8")
     (tmp_path / "cases" / "small" / "scene.toml").touch()
