@@ -12,7 +12,7 @@ from postprocess.draw.style import CFD, GREY, MM, PIV, THIRD, new_figure
 PANELS = (
     ("across_tip_approach", MM, "vortex to the dorsal side\nwhile approaching, mm"),
     ("dorsal_circulation_at_contact", 1e4, "circulation of a dorsal vortex\nat contact, cm²/s"),
-    ("ventral_circulation_peak", 1e4, "circulation of a ventral vortex\nat its peak, cm²/s"),
+    ("ventral_circulation_after", 1e4, "circulation of a ventral vortex\n0.15 s after contact, cm²/s"),
     ("jet_peak", 1.0, "peak of the downward\njet, m/s"),
     ("pressure_gap_peak", 1.0, "extreme pressure between\nthe tips, Pa"),
 )
