@@ -280,6 +280,7 @@ def test_what_needs_the_single_finger_is_not_judged_without_it(pinched):
 
 def test_the_page_of_a_pinch_shows_both_fingers(pinched):
     text = (pinched.out / "report.html").read_text()
+    assert "RMS over the instants of |Γ0 + Γ1|" in text  # a symbol stays as it is
     page = Page(text)
     assert page.errors == []
     assert "pinch" in {attrs.get("id") for tag, attrs in page.elements if tag == "section"}
