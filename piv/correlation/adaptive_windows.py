@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from piv.correlation.deform import Image, Nodes, Part, cut, with_border
+from piv.correlation.deform import Image, Nodes, Box, cut, with_border
 from piv.correlation.interpolate import denser
 from piv.correlation.newton_step import CELL
 from piv.correlation.options import Options
@@ -130,7 +130,7 @@ def measure_adapted(
     return replace(v, **tested, second=v.second & ~smaller, ratio=ratio), errors
 
 
-def _least_box(where: np.ndarray) -> Part:
+def _least_box(where: np.ndarray) -> Box:
     """The least rectangle of nodes that holds all of `where`."""
     rows, columns = (np.flatnonzero(where.any(axis=axis)) for axis in (1, 0))
     return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)

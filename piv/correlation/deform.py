@@ -160,10 +160,10 @@ def spline_value(vectors: np.ndarray) -> np.ndarray:
 
 BORDER = 4  # nodes around a region that take part in its measurement, or more where its windows reach farther
 
-Part = tuple[slice, slice]  # rows and columns of nodes
+Box = tuple[slice, slice]  # rows and columns of nodes
 
 
-def with_border(box: Part, nodes: Nodes, sigma: float) -> Part:
+def with_border(box: Box, nodes: Nodes, sigma: float) -> Box:
     """The part that holds a box and the nodes around it that warp the images in its windows (σ in px)."""
     border = max(BORDER, int(np.ceil(window_reach(sigma) * CELL / (nodes.x[1] - nodes.x[0]))))
     rows, columns = (
@@ -174,7 +174,7 @@ def with_border(box: Part, nodes: Nodes, sigma: float) -> Part:
 
 
 def cut(
-    nodes: Nodes, images: list[Image], part: Part, density: int, sigma: float
+    nodes: Nodes, images: list[Image], part: Box, density: int, sigma: float
 ) -> tuple[Nodes, list[Image]]:
     """Nodes (`density` times as dense) of a part and images with a margin for windows of σ `sigma` (px) on all of them."""
     margin = (window_reach(sigma) + 1) * CELL
