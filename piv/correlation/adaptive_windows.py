@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from piv.correlation.deform import Image, Nodes, Box, cut, with_border
+from piv.correlation.deform import Box, Image, Nodes, cut, with_border
 from piv.correlation.interpolate import denser
 from piv.correlation.newton_step import CELL
 from piv.correlation.options import Options
