@@ -12,8 +12,7 @@ import numpy as np
 from fileio.formats.kinematics import Kinematics
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.fit_outline import outline_table
-from postprocess.lab.registration.outline_profile import OutlineProfile, bright_side, outline_profile
-from postprocess.lab.registration.silhouette import WaterLikelihood
+from postprocess.lab.registration.outline_profile import OutlineProfile, Seen, bright_side, outline_profile
 
 BRIGHT_PX = 6  # to either side of an edge that reflects: its light moves particles' places, and adds some
 UNSEEN_SIDE = 0.5  # of the finger's depth along the light: what is deeper is as dark as the shadow behind it
@@ -69,17 +68,9 @@ def bright_band(outlines: np.ndarray, on_side: np.ndarray, shape: tuple[int, int
     return out.astype(bool)
 
 
-def seen_profile(
-    images: list[np.ndarray],
-    evidence: WaterLikelihood,
-    kinematics: Kinematics,
-    pose: Pose,
-    pressures: np.ndarray,
-    nuisance: np.ndarray,
-    blind: np.ndarray | None,
-) -> tuple[OutlineProfile, np.ndarray | None]:
-    """`outline_profile` without a side that reflects, and `blind` with the pixels along that."""
-    seen = images, evidence, kinematics, pose, pressures, nuisance
+def seen_profile(seen: Seen, blind: np.ndarray | None) -> tuple[OutlineProfile, np.ndarray | None]:
+    """`outline_profile` of its first arguments without a side that reflects, and `blind` with the pixels along that."""
+    images, _, kinematics, *_ = seen
     profile = outline_profile(*seen, blind)
     side = bright_side(profile)
     if side == 0:

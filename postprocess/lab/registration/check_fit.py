@@ -77,7 +77,7 @@ def check_fit(
     seen = kinematics, registration.pose, registration.pressures, registration.nuisance.values
     drawn = np.empty((len(images), 0, 2)) if light_from is None else seen_outlines(*seen)
     blind = blind_parts(drawn, registration.pose, kinematics, recording.shape, hidden, light_from)
-    profile, _ = seen_profile(images, evidence, *seen, blind)
+    profile, _ = seen_profile((images, evidence, *seen), blind)
     parts = wrong_parts(profile)
     motion = check_motion(kinematics, registration, np.diff(times).max())
     # a motion that is not explained reads as perspective

@@ -59,6 +59,10 @@ def parts_of(kinematics: Kinematics, outline: np.ndarray) -> np.ndarray:
     return np.where(reached < ENDS, 0, np.where(reached > 1 - ENDS, 1, part))
 
 
+# frames, their evidence, and where the finger is in them: the first arguments of `outline_profile`
+Seen = tuple[list[np.ndarray], WaterLikelihood, Kinematics, Pose, np.ndarray, np.ndarray]
+
+
 def outline_profile(
     images: list[np.ndarray],
     evidence: WaterLikelihood,

@@ -166,7 +166,7 @@ def register(
     begin, bent, taken_up = rough.means()
     values, _, _ = fit_law(kinematics, frames.times, bent, first)
     # particles that go along with the finger stay beside it: pictures are then less independent than they look
-    profile, blind = seen_profile(images, evidence, kinematics, *rough.means(), blind)
+    profile, blind = seen_profile((images, evidence, kinematics, *rough.means()), blind)
     frames = prepare(images, times[chosen], evidence, blind)
     frames = replace(frames, independent=min(frames.independent, independent_share(profile)))
     tied = deviation_from_law(kinematics, rough, values)
