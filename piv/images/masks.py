@@ -69,7 +69,7 @@ def read_mask(path: str | Path, shape: tuple[int, int]) -> np.ndarray:
 def not_whole(mask: np.ndarray, name: object) -> np.ndarray:
     """The mask; ValueError with its name where it leaves nothing of the picture."""
     if (share := mask.mean()) > MOST:
-        raise ValueError(f"{name}: masks {share:.4g} of the picture; a mask is black but for the body")
+        raise ValueError(f"{name}: masks {share:.1%} of the picture; a mask is black but for the body")
     return mask
 
 
