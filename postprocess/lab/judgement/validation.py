@@ -2,8 +2,9 @@
 
 The flow's S is that at the recording's own motion, linear in what the runs of pressure and duration change.
 
-E estimates the model's error within ± k u_val, u_val² = Σ u²: numerical, of the inputs, of the data. Where |E| > k u_val the
-model errs by about E; else simulation and data agree, unless even a large model error would not have been seen: `detectable`.
+E estimates the model's error within ± k u_val, u_val² = Σ u²: numerical, of the inputs, of the data. Where |E| is beyond k times
+what u_val is without a model error, the model errs by about E; else simulation and data agree, unless even a large model error would
+not have been seen: `detectable`.
 """
 
 from __future__ import annotations
@@ -71,6 +72,12 @@ class ValidatedQuantity:
         """Standard validation uncertainty, (component,)."""
         return np.sqrt(sum(s.std**2 for s in self.sources))
 
+    def u_with(self, model_error: float) -> np.ndarray:
+        """Standard uncertainty of E, (component,), if the model errs by so much: sources that are a share of S − D grow with it."""
+        moved = 0.0 if self.explained is None else np.abs(self.explained)
+        parts = [s.share * (model_error + moved) if s.share else s.std for s in self.sources]
+        return np.sqrt(sum(part**2 for part in parts))
+
     def u_kind(self, kind: str) -> np.ndarray:
         """Standard uncertainty of one kind of source, (component,)."""
         parts = [s.std**2 for s in self.sources if s.kind == kind]
@@ -88,16 +95,18 @@ class ValidatedQuantity:
         return AGREES if self.detectable(level) <= too_uncertain * self.scale else UNCERTAIN
 
     def detectable(self, level: float = LEVEL) -> float:
-        """The smallest model error (of the worst component) that the verdict finds with probability `LEVEL`; inf where none is.
+        """The smallest model error δ (of the worst component) that the verdict finds with probability `LEVEL`; inf where none is.
 
-        u_val is that at this error, not at the one seen: sources that are a share of S − D grow with it.
+        It exceeds the limit k u(0) by as many u(δ) as let it fall below in 5 %: δ = k u(0) + z u(δ).
         """
-        fixed = float(np.max(np.sqrt(sum(s.std**2 for s in self.sources if not s.share))))
-        share = float(np.sqrt(sum(s.share**2 for s in self.sources)))
-        moved = 0.0 if self.explained is None else float(np.linalg.norm(self.explained))
         k = coverage_factor(self.error.size, level)
-        limit = beyond(0.0, k, fixed, share, moved)
-        return beyond(limit, detectable_factor(self.error.size, level) - k, fixed, share, moved)
+        z = detectable_factor(self.error.size, level) - k
+        u = lambda delta: float(np.max(self.u_with(delta)))  # noqa: E731
+        grows = z * float(np.sqrt(sum(s.share**2 for s in self.sources)))
+        if grows >= 1 or not np.isfinite(u(0.0)):
+            return float("inf")
+        most = 2 * (k + z) * u(0.0) / (1 - grows)  # u(δ) is at most u(0) + share δ
+        return float(brentq(lambda delta: delta - k * u(0.0) - z * u(delta), 0.0, most))
 
     def differs(self, level: float = LEVEL) -> bool:
         """Whether E is beyond what the data leave open, whatever the inputs may be."""
@@ -106,18 +115,8 @@ class ValidatedQuantity:
         return size > coverage_factor(self.error.size, level)
 
     def significance(self) -> float:
-        """|E|/u_val, over all components."""
-        return float(np.sqrt(np.sum((self.error / self.u_val) ** 2)))
-
-
-def beyond(limit: float, k: float, fixed: float, share: float, moved: float) -> float:
-    """The error δ that is k standard uncertainties above a `limit`, δ = limit + k √(fixed² + share² (δ + moved)²); inf where none is."""
-    if k * share >= 1 or not np.isfinite(limit):
-        return float("inf")
-    grows = (k * share) ** 2
-    middle = limit + grows * moved
-    rest = limit**2 - k**2 * (fixed**2 + (share * moved) ** 2)
-    return float((middle + np.sqrt(middle**2 - (1 - grows) * rest)) / (1 - grows))
+        """|E| over its standard uncertainty without a model error, over all components."""
+        return float(np.sqrt(np.sum((self.error / self.u_with(0.0)) ** 2)))
 
 
 def coverage_factor(components: int, level: float = LEVEL) -> float:

@@ -99,7 +99,7 @@ def _found(q: dict[str, Any]) -> str:
     """What error of a quantity would be found, and what stands before a smaller one."""
     if q["detectable"] is None:
         share = max(s["share"] for s in q["sources"])
-        return f"no error, however large: PIV takes {share:.0%} off the simulation's own"
+        return f"no error for sure, however large: PIV takes {share:.0%} off the simulation's own"
     return f"only an error above {relative(q)}, mostly {q['dominant']}"
 
 

@@ -180,7 +180,7 @@ def _label_rows(ax, quantities: list[dict[str, Any]]) -> None:
 
 
 def verdicts(quantities: list[dict[str, Any]]) -> Figure:
-    """|E| of every quantity in units of its u_val, with the limit k: what is right of the tick is a model error."""
+    """|E| of every quantity over its u_val without a model error, with the limit k: what is right of the tick is a model error."""
     figure, ax = new_figure(9.2, 0.9 + 0.45 * len(quantities))
     for row, q in enumerate(quantities):
         colour = {"agrees": THIRD, "model error": PIV, "too uncertain": GREY}[q["verdict"]]
@@ -189,7 +189,10 @@ def verdicts(quantities: list[dict[str, Any]]) -> Figure:
         ax.text(q["significance"], row, f"  {q['verdict']}", va="center", fontsize=9)
     _label_rows(ax, quantities)
     ax.margins(x=0.25)
-    ax.set(xlabel="|E| / u_val (black tick: limit at 95 %)", title="Difference against its uncertainty")
+    ax.set(
+        xlabel="|E| / u_val without a model error (black tick: limit at 95 %)",
+        title="Difference against its uncertainty",
+    )
     return figure
 
 

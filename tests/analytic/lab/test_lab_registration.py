@@ -84,11 +84,13 @@ def test_inside_sum_does_not_see_what_lies_outside(mean):
 def test_pose_scale_and_time_are_found(registered_lab, kinematics):
     lab, _, registration = registered_lab
     true, mm = lab.pose(kinematics.root), 0.4
-    # a camera of 400 px, 0.4 mm/px: what the target asks of a larger one, doubled; of the scale, three times the 0.4 % that a
-    # perspective which the silhouette does not show leaves of it
+    # a camera of 400 px, 0.4 mm/px: what the target asks of a larger one, doubled
     assert np.abs(np.array(registration.pose.at_px) - true.at_px).max() * mm < 0.6
     assert abs(np.degrees(registration.pose.angle - true.angle)) < 1.0
-    assert abs(registration.pose.scale_m_per_px / true.scale_m_per_px - 1) < 0.012
+    # the scale is only as sure as perspectives that the silhouette does not show leave it; it must add to the 1 % that is stated
+    std = np.sqrt(registration.covariance[3, 3])
+    assert abs(np.log(registration.pose.scale_m_per_px / true.scale_m_per_px)) < 3 * std
+    assert std < 0.005  # half of what is stated; 0.42, 0.40 and 0.42 % with three seeds of the sampler
     assert registration.law.delay == pytest.approx(DELAY, abs=0.003)
     assert registration.law.values[0] == pytest.approx(FACTOR, abs=0.02)
 

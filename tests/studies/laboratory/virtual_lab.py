@@ -31,7 +31,7 @@ from postprocess.lab.data.seeding import seeding_like
 from postprocess.lab.judgement.compare import compare, effects_of_runs
 from postprocess.lab.judgement.inputs_of_budget import Case
 from postprocess.lab.judgement.uncertainty_sources import VORTEX
-from postprocess.lab.judgement.validation import AGREES, DIFFERS, ERROR, LEVEL
+from postprocess.lab.judgement.validation import DIFFERS, ERROR, LEVEL, UNCERTAIN
 from postprocess.lab.registration.check_fit import check_fit
 from postprocess.lab.registration.register import law_pressure, register
 from postprocess.lab.report.answers import answer
@@ -42,6 +42,7 @@ from tests.studies.laboratory.registration import summary as registration_summar
 from tests.studies.laboratory.seeds import below_target, publish, share_of, spans
 from tests.studies.laboratory.waters import (
     INTERVAL,
+    MOVED,
     PAIRS_HZ,
     SCALE_MM_PER_PX,
     SCALE_STD,
@@ -195,28 +196,34 @@ def summary(trials: pd.DataFrame) -> str:
 
 
 def verdicts(trials: pd.DataFrame, refused: pd.Series) -> list[str]:
-    """The waters and what was said of each. A refusal is no judgement: those without a fault are counted beside it."""
+    """The waters and what was said of each. A refusal is no judgement: those without a fault are counted beside it. Undecided is what
+    is not wrong and of which motion or flow cannot be said."""
     lines = [
-        "| water | recordings | refused, of these without a fault | motion | flow | accepted, of these rightly judged |",
-        "|---|---|---|---|---|---|",
+        "| water | recordings | refused, of these without a fault | motion | flow | right | undecided | wrong |",
+        "|---|---|---|---|---|---|---|---|",
     ]
-    right, sound = trials["right"].astype(bool), trials["faults"] == "none"
+    sound, accepted = trials["faults"] == "none", ~refused
+    wrong = accepted & ~trials["right"].astype(bool)
+    undecided = accepted & ~wrong & (trials[["motion", "flow"]] == UNCERTAIN).any(axis=1)
+    right = accepted & ~wrong & ~undecided
     for kind, group in trials.groupby("set", sort=False):
-        no = refused[group.index]
+        of = group.index
         said = [
-            ", ".join(f"{word} {n}" for word, n in group.loc[~no, name].value_counts().items()) or "–"
+            ", ".join(f"{word} {n}" for word, n in group.loc[accepted[of], name].value_counts().items())
+            or "–"
             for name in ("motion", "flow")
         ]
+        counts = " | ".join(str(found[of].sum()) for found in (right, undecided, wrong))
         lines.append(
-            f"| {kind} | {len(group)} | {no.sum()}, {(no & sound).sum()} | {said[0]} | {said[1]} | {(~no).sum()}, {(right & ~no).sum()} |"
+            f"| {kind} | {len(group)} | {refused[of].sum()}, {(refused & sound)[of].sum()} | {said[0]} | {said[1]} | {counts} |"
         )
-    judged = trials[~refused]
-    decided = judged["flow"].isin([AGREES, ERROR])
+    judged = trials[accepted]
+    moves = judged["motion"].isin([ERROR, DIFFERS]) == judged["set"].isin(MOVED)
     lines += [
         "",
-        f"Of accepted recordings rightly judged: **{share_of(right[~refused])}** (target 90 %); of those whose flow is decided, agrees or"
-        f" model error: {share_of(right[judged.index[decided]])}. With refusals that had a reason (a fault drawn, or of `larger` its length"
-        f" named) as right: {share_of(right)}.",
+        f"Of accepted recordings right, in motion and flow: {share_of(right[accepted])}; right or said to be undecided:"
+        f" **{share_of(~wrong[accepted])}** (target 90 %); wrong: {share_of(wrong[accepted])}. Motion by itself right: {share_of(moves)}.",
+        f"Of those refused {share_of(trials['right'].astype(bool)[refused])} had a reason: a fault drawn, or of `larger` its length named.",
     ]
     unseen = judged.loc[judged["missed"].fillna("") != "", ["set", "seed", "missed"]]
     if len(unseen):

@@ -48,25 +48,29 @@ def test_a_model_error_of_the_detectable_size_is_found_as_often_as_it_says():
     assert quantity(0.0, 0.6, 0.8).detectable() == pytest.approx(3.605, abs=1e-3)
 
 
-@pytest.mark.parametrize("share, explained", [(0.1, 0.0), (0.3, 0.0), (0.3, 0.6), (0.3, -0.6)])
-def test_a_source_that_grows_with_the_error_counts_as_it_is_at_the_error_found(share, explained):
-    """u_val taken where nothing differs would promise 4.3 of it; a share of 0.3 of S − D leaves a third to be found at that."""
-    level = joint_level(7)
+@pytest.mark.parametrize("share, explained", [(0.1, 0.0), (0.3, 0.0), (0.3, 6.0), (0.3, -6.0)])
+def test_a_share_of_the_difference_raises_no_false_alarm_and_grows_with_the_error_to_be_found(
+    share, explained
+):
+    """Without a model error S − D is what the motion makes of it, and the share counts of that alone; with one it grows by it."""
+    level, rng = joint_level(7), np.random.default_rng(6)
+    same = rng.normal(0.0, np.hypot(1.0, share * explained), 20_000)
+    far = np.array([unlike(e, share, explained).significance() for e in same])
+    alarms = np.mean(far > coverage_factor(1, level))
+    assert alarms == pytest.approx(1 - level, abs=0.0018)  # three standard errors of 20000 draws
     size = unlike(0.0, share, explained).detectable(level)
     assert size > detectable_factor(1, level)
-    rng = np.random.default_rng(6)
     worst = size if explained >= 0 else -size  # the side to which the motion moves S − D as well
     drawn = rng.normal(worst, np.hypot(1.0, share * (worst + explained)), 4000)
     found = np.mean([unlike(e, share, explained).verdict(0.3, level) == ERROR for e in drawn])
     assert found == pytest.approx(0.95, abs=0.011)  # three standard errors of 4000 draws
 
 
-def test_a_share_beyond_the_limit_lets_no_error_be_found():
-    """|E|/u_val is never above 1/0.4, and its limit at seven quantities is 2.68: a small difference is no agreement either."""
-    for error in (0.0, 1.0, 1e6):
-        q = unlike(error, 0.4)
-        assert q.detectable(joint_level(7)) == np.inf
-        assert q.verdict(0.3, joint_level(7)) == UNCERTAIN
+def test_a_share_beyond_the_limit_lets_no_error_be_found_for_sure():
+    """What is measured of an error is 1 ± 0.61 of it: in 5 % nothing is left, at 1.645 standard uncertainties."""
+    assert unlike(0.0, 0.61).detectable(joint_level(7)) == np.inf
+    assert unlike(0.0, 0.61).verdict(0.3, joint_level(7)) == UNCERTAIN
+    assert unlike(1e3, 0.61).verdict(0.3, joint_level(7)) == ERROR
     assert unlike(0.0, 0.3).verdict(0.3, joint_level(7)) == AGREES
 
 

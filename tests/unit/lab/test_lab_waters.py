@@ -159,19 +159,20 @@ def test_waters_are_not_the_runs_that_the_correction_is_made_of():
 def test_refusals_are_not_counted_as_judged():
     trials = pd.DataFrame(
         {
-            "set": ["none"] * 4, "seed": [1, 2, 3, 7], "faults": ["none", "holder", "none", "none"], "refused": ["so", "so", "", ""],
-            "motion": ["", "", "agrees", "agrees"], "flow": ["", "", "agrees", "too uncertain"], "missed": ["", "", "", "circulation"],
-            "right": [False, True, True, False],
+            "set": ["none"] * 5, "seed": [1, 2, 3, 4, 7], "faults": ["none", "holder", *["none"] * 3], "refused": ["so", "so", "", "", ""],
+            "motion": ["", "", *["agrees"] * 3], "flow": ["", "", "agrees", *["too uncertain"] * 2], "missed": [*[""] * 4, "circulation"],
+            "right": [False, True, True, True, False],
         }
     )  # fmt: skip
     text = "\n".join(verdicts(trials, trials["refused"] != ""))
-    assert "| none | 4 | 2, 1 | agrees 2 | agrees 1, too uncertain 1 | 2, 1 |" in text
-    assert "rightly judged: **1 of 2, 50% (1–99 %)**" in text
-    assert "flow is decided, agrees or model error: 1 of 1," in text
-    assert "as right: 2 of 4, 50%" in text
+    assert "| none | 5 | 2, 1 | agrees 3 | too uncertain 2, agrees 1 | 1 | 1 | 1 |" in text
+    assert "right, in motion and flow: 1 of 3, 33%" in text
+    assert "undecided: **2 of 3, 67% (9–99 %)** (target 90 %); wrong: 1 of 3," in text
+    assert "Motion by itself right: 3 of 3, 100%" in text
+    assert "Of those refused 1 of 2, 50%" in text
     assert "what would have been found: none 7: circulation." in text
-    assert "0 of 2 (target 5 %; with 95 % not above 78%)" in text
-    assert spans(trials["seed"]) == "1–3, 7"
+    assert "0 of 3 (target 5 %; with 95 % not above 63%)" in text
+    assert spans(trials["seed"]) == "1–4, 7"
 
 
 def test_what_misses_its_target_is_named():

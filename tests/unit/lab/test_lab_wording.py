@@ -65,7 +65,7 @@ def test_where_no_error_is_found_the_answer_says_so():
     unseen = WIDE | {"detectable": None}
     unseen["sources"] = [*WIDE["sources"], {"name": "unlike flows", "share": 0.41}]
     told = answers.answer(result(STRAIGHT, unseen))
-    assert "circulation (no error, however large: PIV takes 41% off the simulation's own)" in told
+    assert "circulation (no error for sure, however large: PIV takes 41% off the simulation's own)" in told
 
 
 def test_without_runs_nothing_is_said_to_follow_from_the_motion():
