@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from fileio.errors import StageError
 from fileio.schema import Schema, Variable
@@ -202,6 +201,8 @@ def _read_csv(path: Path, thickness: float) -> States:
             f"{path}: row {int(np.argmin(np.isfinite(table).all(1))) + 2} holds NaN; remove or mend it"
         )
     pressures = np.unique(table[:, 0])
+    from scipy.interpolate import CubicSpline  # slow to import; states.h5 needs none
+
     fraction = np.linspace(0, 1, 141)
     profile, height = [], []
     for pressure in pressures:

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from fileio.errors import StageError, one_line
 from fileio.provenance import recorded, settings_in
 from fileio.schema import RECORDED, Schema, Variable
+
+if TYPE_CHECKING:  # slow to import: who reads no motion needs none
+    from scipy.interpolate import CubicSpline
 
 SHAPES = ("outline", "tip", "tip_direction", "dorsal_direction", "bend")
 SHAPE = "shape_parameter"
@@ -161,6 +163,8 @@ class Kinematics:
 
     def pressure_of_bend(self, bend: np.ndarray) -> np.ndarray:
         """Pressures (Pa) at which the finger has these bend angles (rad); inverse of `bend`."""
+        from scipy.interpolate import PchipInterpolator
+
         reach = 0.25 * (self.high - self.low)
         fine = np.linspace(self.low - reach, self.high + reach, 601)
         angle = self.bend(fine)
@@ -182,6 +186,8 @@ def write_kinematics(
 
 def read_kinematics(path: Path) -> Kinematics:
     """The motion in a kinematics.h5. StageError in one sentence where the file is of no use."""
+    from scipy.interpolate import CubicSpline
+
     data = SCHEMA.read(path)
     try:
         parameter = data[SHAPE_OF_TIME if SHAPE_OF_TIME in data else "pressure"].values

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.mesh_intervals import read_planform
+
+if TYPE_CHECKING:  # slow to import: who reads no motion needs none
+    from scipy.interpolate import CubicSpline
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,8 @@ class NodeMotion:
 
 def read_motion(out: Path, mesh: int = 0) -> NodeMotion:
     """Motion of the nodes of one mesh of planform.h5, from `kinematics.h5` and `planform.h5` of a level's folder."""
+    from scipy.interpolate import CubicSpline
+
     law = read_kinematics(out / "kinematics.h5").law
     planform = read_planform(out, mesh)
     return NodeMotion(law, CubicSpline(planform["shape_parameter"].values, planform["points"].values))

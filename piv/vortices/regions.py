@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 from scipy import ndimage
 
-from piv.vortices.criteria import Gradients, gamma2, q_criterion, swirling_strength, vorticity
+from piv.vortices.criteria import Gradients, q_criterion, swirling_strength, vorticity
+from piv.vortices.gamma2 import gamma2
 from piv.vortices.settings import VortexSettings
 
 # Of a Lamb-Oseen vortex, |Gamma2| > 2/pi, swirling strength > 0 and Q > 0 all bound r < 1.12 core radii, which holds

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from piv.vortices.criteria import gamma2, gradients, q_criterion, swirling_strength, vorticity
+from piv.vortices.criteria import gradients, q_criterion, swirling_strength, vorticity
+from piv.vortices.gamma2 import gamma2
 from piv.vortices.lamb_oseen_fit import PEAK_RADIUS, lamb_oseen
 
 X, Y = np.meshgrid(np.arange(41.0), np.arange(31.0))

@@ -6,8 +6,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from piv.plots.vectors import COLOUR_MAP
-from piv.vortices.criteria import gamma2, gradients, vorticity
+from piv.vortices.criteria import gradients, vorticity
 from piv.vortices.find import find_vortices
+from piv.vortices.gamma2 import gamma2
 from tests.analytic.piv.tip_scene import tip_scene
 
 
