@@ -10,6 +10,7 @@ from fileio import __version__
 
 if TYPE_CHECKING:
     from fileio.formats.plane_series import read_plane as read_plane
+    from fileio.formats.plane_series import usable as usable
     from fileio.formats.plane_series import write_plane as write_plane
     from piv.correlation.options import Options as Options
     from piv.correlation.pair import correlate_pair as correlate_pair
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from piv.vortices.table import tabulate_vortices as tabulate_vortices
 
 _MODULES = {
-    "fileio.formats.plane_series": ("read_plane", "write_plane"),
+    "fileio.formats.plane_series": ("read_plane", "usable", "write_plane"),
     "piv.correlation.options": ("Options",),
     "piv.correlation.pair": ("correlate_pair",),
     "piv.fields.derived": ("derived",),

@@ -16,6 +16,8 @@ from fileio.provenance import versions
 from fileio.schema import Schema, Variable
 
 FIELD, FINGER = "time?, y, x", "time?, finger"
+FLAGS = ("valid", "outlier", "masked", "second peak taken", "replaced on request", "uncertain")
+VALID, OUTLIER, MASKED, SECOND_PEAK, REPLACED, UNCERTAIN = range(len(FLAGS))
 REMEDY = "make it again with this version of the program"
 FINGERS = (
     Variable("outline", f"{FINGER}, point, axis", "m", "closed polygon of the body in the sheet (last point ≠ first)", True, finite=False),
@@ -42,8 +44,8 @@ SCHEMA = Schema(
         Variable("u", FIELD, "m/s", "velocity along x; absent (NaN) where `valid` is 0 and `flag` not 5", finite=False),
         Variable("v", FIELD, "m/s", "velocity along y, likewise", finite=False),
         Variable("valid", FIELD, "1", "uint8: 1 = measured; 0 = inside a body, masked, or rejected", finite=False),
-        Variable("flag", FIELD, "1", "uint8: 0 valid, 1 outlier, 2 masked, 3 second peak taken, 4 replaced on request, "
-                 "5 uncertain (`u`, `v` and `u_std` are given, `valid` is 0)", True, finite=False),
+        Variable("flag", FIELD, "1", "uint8: " + ", ".join(f"{k} {name}" for k, name in enumerate(FLAGS))
+                 + " (`u`, `v` and `u_std` are given, `valid` is 0)", True, finite=False),
         Variable("u_std", FIELD, "m/s", "standard uncertainty of u", True, finite=False),
         Variable("v_std", FIELD, "m/s", "standard uncertainty of v", True, finite=False),
         Variable("correlation", FIELD, "1", "of PIV: height of the peak, 1 = the two windows are alike", True, finite=False),
@@ -58,6 +60,7 @@ AXES = {v.name: v.axes for v in SCHEMA.root}  # dimensions of a series, by varia
 UNITS = {v.name: v.units for v in SCHEMA.root if v.dims != "-"}
 BLOCK = 2**18  # vectors looked at at once
 FINGER_VARIABLES = tuple(v.name for v in FINGERS)
+VECTORS = ("u", "v", "valid", "flag", "u_std", "v_std")  # what a vector is, as far as a series has it
 LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "numba", "xarray", "h5py")
 
 
@@ -128,6 +131,20 @@ class Planes:
             self._block = self.series.isel(time=slice(first, first + self.step)).load()
             self._first = first
         return self._block.isel(time=i - first)
+
+
+def vectors_of(plane: xr.Dataset) -> xr.Dataset:
+    """A plane (series) with `VECTORS` alone."""
+    return plane[[name for name in VECTORS if name in plane]]
+
+
+def usable(plane: xr.Dataset) -> xr.DataArray:
+    """Which vectors enter what is computed from a plane (series), bool with the axes of `valid`: see the glossary's usable vector."""
+    ok = plane["valid"] != 0
+    if {"flag", "u_std", "v_std"} <= set(plane.variables):
+        known = np.logical_and.reduce([np.isfinite(plane[n]) for n in ("u", "v", "u_std", "v_std")])
+        ok = ok | ((plane["flag"] == UNCERTAIN) & known)
+    return ok
 
 
 def check_vectors(plane: xr.Dataset) -> None:

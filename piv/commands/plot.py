@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fileio.atomic import write_bytes
-from fileio.formats.plane_series import checked
+from fileio.formats.plane_series import checked, usable
 from fileio.formats.vortex_table import read_vortices
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> None:
             if args.time is None:
                 speed = [
                     float(np.nanmean(np.abs(planes["u"][k].values)))
-                    if planes["valid"][k].values.any()
+                    if usable(planes.isel(time=k)).any()
                     else 0.0
                     for k in range(times.size)
                 ]

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help="plane (series) of the statistics, .h5"
     )
-    parser.add_argument("--least", type=int, default=2, help="valid vectors that a mean needs (default 2)")
+    parser.add_argument("--least", type=int, default=2, help="usable vectors that a mean needs (default 2)")
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument("--period", type=float, help="phase average: the period, in the series' unit of time")
     kind.add_argument(

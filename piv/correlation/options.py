@@ -32,10 +32,10 @@ class Options:
     threshold: Annotated[float, "normalised median test: largest residual"] = 3.0
     # below twice as much a vector is an outlier where most of its neighbours are
     min_correlation: Annotated[float, "least correlation coefficient of a valid vector"] = 0.2
-    # a smaller one takes the vectors of steep vortex cores
+    # in turbulence of 2.5 px one in fifty of the others is then wrong by over half a pixel
     max_std: Annotated[
         float, "largest standard uncertainty of a valid vector, px; up to 1 px kept, flagged 5"
-    ] = 0.3
+    ] = 0.2
     max_masked: Annotated[float, "largest masked share of a window's weight"] = 0.5
     replace: Annotated[bool, "put the neighbours' mean in place of outliers, flagged 4"] = False
     method: Annotated[str, "correlation or optical_flow (fast, coarse, without uncertainty)"] = "correlation"

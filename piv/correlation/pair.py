@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from fileio.formats.plane_series import FLAGS, MASKED, OUTLIER, REPLACED, SECOND_PEAK, UNCERTAIN, VALID
 from piv.correlation import passes, prefilter
 from piv.correlation.adaptive_windows import measure_adapted, separated, window_ratio
 from piv.correlation.buffers import image_buffers
@@ -32,8 +33,6 @@ from piv.validation.outliers import RARE, fill_absent, supported
 
 __all__ = ["FLAGS", "Options", "correlate_pair"]
 
-VALID, OUTLIER, MASKED, SECOND_PEAK, REPLACED, UNCERTAIN = range(6)
-FLAGS = ("valid", "outlier", "masked", "second peak taken", "replaced on request", "uncertain")
 VAGUE = 1.0  # px: with a larger standard uncertainty a vector is not known at all
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
+from fileio.formats.plane_series import usable
 from piv.fields.blocks import blocks
 from piv.vortices.criteria import (
     Gradients,
@@ -94,7 +95,7 @@ def window_of(plane: xr.Dataset) -> float:
 def _of_instant(
     plane: xr.Dataset, quantities: tuple[str, ...], dx: float, dy: float, scheme: str, length: float
 ) -> dict[str, np.ndarray]:
-    u, v, ok = plane["u"].values, plane["v"].values, plane["valid"].values != 0
+    u, v, ok = plane["u"].values, plane["v"].values, usable(plane).values
     g = gradients(u, v, ok, dx, dy, scheme)
     normal, shear = (g.dudx - g.dvdy) / 2, (g.dudy + g.dvdx) / 2
     strain, swirl = np.hypot(normal, shear), swirling_strength(g)

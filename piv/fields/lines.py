@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
 
+from fileio.formats.plane_series import usable
 from piv.fields.blocks import blocks, fields_of
 
 SKIPPED = ("valid", "flag", "n")  # no quantities to interpolate
@@ -37,8 +38,8 @@ def along_line(
     s = np.linspace(0, length, count)
     x, y = x0 + s / length * (x1 - x0), y0 + s / length * (y1 - y0)
     names = [n for n in fields_of(plane) if n not in SKIPPED]
-    for part in blocks(plane, [*names, "valid"]):
-        ok = part["valid"] != 0
+    for part in blocks(plane):
+        ok = usable(part)
         samples = {n: _bilinear(part[n].where(ok), x, y) for n in names}
         table = {"s": s, "x": x, "y": y} | samples
         ux, uy = (x1 - x0) / length, (y1 - y0) / length

@@ -11,9 +11,10 @@ import pandas as pd
 import xarray as xr
 from scipy.signal import lombscargle
 
+from fileio.formats.plane_series import usable, vectors_of
 from piv.fields.blocks import blocks
 
-LEAST_PART = 0.5  # of a line or a segment that must be valid
+LEAST_PART = 0.5  # of a line or a segment that must hold usable vectors
 
 
 def density(positions: np.ndarray, values: np.ndarray, frequencies: np.ndarray, step: float) -> np.ndarray:
@@ -59,8 +60,9 @@ def time_spectrum(series: xr.Dataset, points: list[tuple[float, float]], segment
         "x": xr.DataArray([p[0] for p in points], dims="point"),
         "y": xr.DataArray([p[1] for p in points], dims="point"),
     }
-    chosen = [part.sel(where, method="nearest") for part in blocks(series, ["u", "v", "valid"])]
+    chosen = [part.sel(where, method="nearest") for part in blocks(vectors_of(series))]
     at = xr.concat(chosen, "time").transpose("point", "time")
+    at = at.where(usable(at))
     time = series["time"].values
     step = _step(time, "time")
     size = time.size // segments
@@ -69,7 +71,7 @@ def time_spectrum(series: xr.Dataset, points: list[tuple[float, float]], segment
     records = [
         (
             time[:size],
-            np.where(at["valid"].values[p] != 0, at[n].values[p], np.nan)[k * size : (k + 1) * size],
+            at[n].values[p, k * size : (k + 1) * size],
             n,
         )
         for p in range(len(points))
@@ -88,11 +90,9 @@ def space_spectrum(plane: xr.Dataset, axis: str) -> pd.DataFrame:
     frequencies = frequencies_of(positions.size, step)
 
     def records():
-        for part in blocks(plane, ["u", "v", "valid"]):
+        for part in blocks(vectors_of(plane)):
             for n in ("u", "v"):
-                lines = (
-                    part[n].where(part["valid"] != 0).transpose(..., axis).values.reshape(-1, positions.size)
-                )
+                lines = part[n].where(usable(part)).transpose(..., axis).values.reshape(-1, positions.size)
                 yield from ((positions, line, n) for line in lines)
 
     return _mean(records(), frequencies, step)
@@ -106,6 +106,6 @@ def _mean(records, frequencies: np.ndarray, step: float) -> pd.DataFrame:
             total[n] += density(positions, values, frequencies, step)
             used[n] += 1
     if not used["u"]:
-        raise ValueError("no record has half of its vectors valid")
+        raise ValueError("no record has half of its vectors")
     columns = {f"psd_{n}": total[n] / used[n] for n in total}
     return pd.DataFrame({"frequency": frequencies} | columns | {"averaged": used["u"]})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from fileio.formats.plane_series import make_plane
+from fileio.formats.plane_series import make_plane, usable, vectors_of
 from piv.fields.blocks import blocks
 
 SAMPLED = 2500  # grid points, evenly chosen, that the correlation of samples in time is estimated from
@@ -47,7 +47,7 @@ class Batches:
         self.made: list[int] = []
 
     def add(self, values: np.ndarray, ok: np.ndarray, level: int = 0) -> None:
-        """The next sum of 2^level instants and the number of valid ones in it."""
+        """The next sum of 2^level instants and the number of usable ones in it."""
         if level == len(self.levels):
             self.levels.append([np.zeros(self.shape), np.zeros(self.shape), np.zeros(self.shape)])
             self.open.append(None)
@@ -95,7 +95,7 @@ def statistics(
 
     Variables: u, v the means, u_std, v_std their standard errors, with the correlation of successive samples (`Batches`);
     u_rms, v_rms, uu, vv, uv (Reynolds stresses, n - 1), uu_noise, vv_noise (mean square of the vectors' own uncertainty, a part of uu, vv) where
-    it is known; n valid vectors. `least`: of them that a mean needs. convergence_u, convergence_v (over `instants`): RMS over
+    it is known; n usable vectors. `least`: of them that a mean needs. convergence_u, convergence_v (over `instants`): RMS over
     the field of the mean so far less the final one. The series is read once, block by block.
     """
     if "time" not in series["u"].dims:
@@ -119,11 +119,10 @@ def statistics(
     batches = [[Batches(part_shape) for _ in range(2)] for _ in range(number)]
     stops = np.unique(np.geomspace(1, count, SNAPSHOTS).astype(int))
     snapshots: list[np.ndarray] = []
-    names = [n for n in ("u", "v", "valid", "u_std", "v_std") if n in series]
-    noisy = {"u_std", "v_std"} <= set(names)
+    noisy = {"u_std", "v_std"} <= set(series)
     done = 0
-    for part in blocks(series, names):
-        a, b, good = part["u"].values.astype(float), part["v"].values.astype(float), part["valid"].values != 0
+    for part in blocks(vectors_of(series)):
+        a, b, good = part["u"].values.astype(float), part["v"].values.astype(float), usable(part).values
         for k in range(len(a)):
             g = labels[done]
             done += 1
@@ -167,7 +166,7 @@ def _dataset(series, fields, centres, centre_units, stops, snapshots, batches) -
         plane = make_plane(x, y, **stacked)
         final = np.where(fields[0]["valid"], [fields[0]["u"], fields[0]["v"]], np.nan)
         off = np.array(snapshots) - final
-        some = np.isfinite(off).any(axis=(1, 2, 3))  # before the first valid vector there is no mean
+        some = np.isfinite(off).any(axis=(1, 2, 3))  # before the first usable vector there is no mean
         apart = np.sqrt(np.nanmean(off[some] ** 2, axis=(2, 3)))
         for k, name in enumerate(("convergence_u", "convergence_v")):
             plane[name] = ("instants", apart[:, k])

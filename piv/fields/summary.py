@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from fileio.formats.plane_series import Planes
+from fileio.formats.plane_series import Planes, usable, vectors_of
 
 INSTANTS = 50  # of a longer series, evenly chosen: the line is to be there at once
 
@@ -15,13 +15,14 @@ def summary(plane: xr.Dataset) -> str:
     series = "time" in plane["u"].dims
     count = plane.sizes["time"] if series else 1
     chosen = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int))
-    used = plane[[name for name in ("u", "v", "valid", "u_std", "v_std") if name in plane]]
+    used = vectors_of(plane)
     planes = Planes(used) if series else [used]
-    valid, speeds, stds = [], [], []
+    valid, uncertain, speeds, stds = [], [], [], []
     for k in chosen:
         one = planes[int(k)]
-        ok = one["valid"].values != 0
-        valid.append(ok.mean())
+        ok = usable(one).values
+        valid.append((one["valid"].values != 0).mean())
+        uncertain.append(ok.mean() - valid[-1])
         speeds.append(np.hypot(one["u"].values, one["v"].values)[ok])
         if "u_std" in one and "v_std" in one:
             std = np.concatenate([one[n].values[ok] for n in ("u_std", "v_std")])
@@ -31,6 +32,8 @@ def summary(plane: xr.Dataset) -> str:
     unit = str(plane["u"].attrs.get("units", "m/s"))
     text = f"{count} field{'s' * (count != 1)} of {plane.sizes['x']} x {plane.sizes['y']} vectors, "
     text += f"{np.mean(valid):.1%} valid"
+    if any(uncertain):
+        text += f", {np.mean(uncertain):.1%} uncertain"
     if speed.size:
         name = "displacement" if unit == "px" else "speed"
         text += f"; {name} median {np.median(speed):.3g}, largest {speed.max():.3g} {unit}"

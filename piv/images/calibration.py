@@ -19,7 +19,7 @@ from scipy import ndimage
 from scipy.interpolate import RegularGridInterpolator
 
 from fileio.atomic import write_text
-from fileio.formats.plane_series import make_plane
+from fileio.formats.plane_series import OUTLIER, UNCERTAIN, make_plane, usable
 from piv.images.open_recording import row_to_y_px
 
 DISTORTION_COUNTS = (4, 5, 8, 12, 14)  # that OpenCV knows
@@ -190,7 +190,7 @@ def calibrate_plane(plane_px: xr.Dataset, calibration: Calibration, interval_s: 
     """A plane (series) in px per frame interval to m and m/s.
 
     Without a lens the grid is scaled. With one, the field is sampled (linearly) on a regular grid in the sheet: a
-    vector is absent where one of the four around it is. `interval_s`: time between the exposures of a pair.
+    vector is absent where one of the four around it is, and uncertain where one of them is. `interval_s`: time between the exposures of a pair.
     """
     if not interval_s > 0:
         raise ValueError(f"interval_s must be positive, got {interval_s}")
@@ -210,19 +210,23 @@ def calibrate_plane(plane_px: xr.Dataset, calibration: Calibration, interval_s: 
     else:
         x_m, y_m = _sheet_grid(calibration, x, y)
         at = calibration.to_px(np.stack(np.meshgrid(x_m, y_m), axis=-1))
-        ok = (_sample(valid.astype(float), x, y, at) > 1 - 1e-9) & _same(calibration, at, x_m, y_m)
-        shift = [_sample(np.where(valid, fields[n], 0.0), x, y, at) for n in ("u", "v")]
+        known = usable(plane_px).transpose(*order).values
+        ok, sure = (_sample(whole.astype(float), x, y, at) > 1 - 1e-9 for whole in (known, valid))
+        ok &= _same(calibration, at, x_m, y_m)
+        shift = [_sample(np.where(known, fields[n], 0.0), x, y, at) for n in ("u", "v")]
         moved = calibration.displacement_m(at, np.stack(shift, axis=-1)) / interval_s
         ok &= np.isfinite(moved).all(axis=-1)
         u, v = (np.where(ok, moved[..., k], np.nan) for k in range(2))
         if len(spread) == 2:
-            var = [_sample(np.where(valid, spread[n], 0.0), x, y, at) ** 2 for n in ("u_std", "v_std")]
+            var = [_sample(np.where(known, spread[n], 0.0), x, y, at) ** 2 for n in ("u_std", "v_std")]
             j2 = (calibration.jacobian(at) / interval_s) ** 2
             for k, n in enumerate(("u_std", "v_std")):
                 more[n] = np.where(ok, np.sqrt(j2[..., k, 0] * var[0] + j2[..., k, 1] * var[1]), np.nan)
-        valid = ok
+        valid = ok & sure
         if flag is not None:
             flag = _sample(flag, x, y, at, method="nearest").astype(np.uint8)
+            flag[flag == UNCERTAIN] = OUTLIER
+            flag[ok & ~sure] = UNCERTAIN
     if flag is not None:
         more["flag"] = flag
     time = plane_px["time"].values if "time" in plane_px.dims else None

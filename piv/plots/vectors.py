@@ -14,6 +14,8 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
+from fileio.formats.plane_series import usable
+
 logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)  # warns of fonts that nothing here uses
 
 # Blue-white-orange, told apart by every kind of colour vision (ColorBrewer's PuOr, reversed so that blue is negative).
@@ -38,18 +40,18 @@ class Style:
 def vorticity(plane: xr.Dataset) -> np.ndarray:
     """dv/dx - du/dy (..., y, x) by central differences (one-sided at edges), NaN next to absent vectors."""
     x, y = plane["x"].values, plane["y"].values
-    ok = plane["valid"].values != 0
+    ok = usable(plane).values
     u, v = (np.where(ok, plane[n].values, np.nan) for n in ("u", "v"))
     return np.gradient(v, x, axis=-1) - np.gradient(u, y, axis=-2)
 
 
 def speed_scale(planes: xr.Dataset) -> float:
     """99th percentile of speed: the length of the key arrow and of arrows in animations."""
-    ok = planes["valid"].values != 0
+    ok = usable(planes).values
     speed = np.hypot(planes["u"].values, planes["v"].values)[ok]
     if speed.size == 0:
         raise ValueError(
-            "the plane has no valid vector to plot; choose another instant, or correlate with larger windows"
+            "the plane has no usable vector to plot; choose another instant, or correlate with larger windows"
         )
     return max(float(np.percentile(speed, 99)), 1e-12)
 
@@ -99,11 +101,12 @@ def draw(
         picture.set_clim(0 if never_negative else -limit, limit)
         step = style.arrow_every or max(1, round(max(x.size, y.size) / ARROWS_ACROSS))
         cut = (slice(step // 2, None, step), slice(step // 2, None, step))
-        ok = plane["valid"].values[cut] != 0
+        known = usable(plane).values
+        ok = known[cut]
         xx, yy = np.meshgrid(x[cut[1]], y[cut[0]])
         u, v = plane["u"].values[cut][ok], plane["v"].values[cut][ok]
         if style.streamlines:
-            along, up = (np.where(plane["valid"].values != 0, plane[n].values, np.nan) for n in ("u", "v"))
+            along, up = (np.where(known, plane[n].values, np.nan) for n in ("u", "v"))
             axes.streamplot(x, y, along, up, color="0.1", linewidth=0.6, arrowsize=0.7, density=1.6)
         else:
             scale = {"angles": "xy", "scale_units": "xy", "scale": speed / (1.6 * step * (x[1] - x[0]))}

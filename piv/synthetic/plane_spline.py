@@ -11,9 +11,9 @@ import xarray as xr
 from scipy import ndimage
 from scipy.spatial import KDTree
 
-from fileio.formats.plane_series import Planes, check_vectors
+from fileio.formats.plane_series import VECTORS, Planes, check_vectors, usable
 
-USED = ("u", "v", "valid", "w", "dwdz", "outline", "outline_velocity")
+USED = (*VECTORS, "w", "dwdz", "outline", "outline_velocity")
 CACHED_PLANES = 6
 CACHED_INSTANTS = (
     3  # a step's end is the next one's beginning, and both its truth and its speed are asked for
@@ -48,23 +48,23 @@ class PlaneField:
         if i not in self._cache:
             now = self._planes[i]
             check_vectors(now)
-            valid = now["valid"].values != 0
-            if not valid.any():
-                raise ValueError(f"the plane at time {self.time[i]:g} s has no valid vector")
-            body = self._body_velocity(now, ~valid)
-            out = np.zeros((valid.shape[0] + 2, valid.shape[1] + 2, 4))
-            plane = "w" in now and not np.any(now["w"].values[valid])
+            given = usable(now).values
+            if not given.any():
+                raise ValueError(f"the plane at time {self.time[i]:g} s has no usable vector")
+            body = self._body_velocity(now, ~given)
+            out = np.zeros((given.shape[0] + 2, given.shape[1] + 2, 4))
+            plane = "w" in now and not np.any(now["w"].values[given])
             for k, name in enumerate(("u", "v") if plane else ("u", "v", "w", "dwdz")):
                 if name in now:
                     values = now[name].values.astype(float)
-                    known = valid & np.isfinite(values)
+                    known = given & np.isfinite(values)
                     if body is not None and name in body:
-                        values = np.where(valid, values, body[name])
+                        values = np.where(given, values, body[name])
                         known |= np.isfinite(body[name])
                     filled = extend(values, known)
                     out[..., k] = _coefficients(filled)
             if plane:
-                outward = np.where(valid, divergence(out[..., 0], out[..., 1], self.dx, self.dy), 0.0)
+                outward = np.where(given, divergence(out[..., 0], out[..., 1], self.dx, self.dy), 0.0)
                 out[..., 3] = _coefficients(-outward)
             self._cache[i] = out
             if len(self._cache) > CACHED_PLANES:

@@ -13,7 +13,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from fileio.atomic import write_bytes
-from fileio.formats.plane_series import FINGER_VARIABLES, UNITS, provenance
+from fileio.formats.plane_series import FINGER_VARIABLES, UNITS, provenance, usable
 from fileio.formats.recording import RecordingWriter
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.particle_images import SLAB_HALF_WIDTH, add_particles, expose, in_mask, sheet_light
@@ -102,7 +102,7 @@ def render_recording(
     attrs = recorder.attributes() | provenance(**recorder.attributes())
     attrs |= {k: series.attrs[k] for k in ("scene_hash", "tip_width", "source") if k in series.attrs}
     attrs["field_digest"] = _digest(series)
-    masked = "outline" in series or bool((series["valid"].isel(time=0) == 0).any())
+    masked = "outline" in series or not usable(series.isel(time=0)).all()
     dtype = np.uint8 if c.bits <= 8 else np.uint16
     shape, times = (c.height_px, c.width_px), recorder.time[recorder.taken]
     with RecordingWriter(path, shape, dtype, len(times), attrs, times=times, mask=masked) as writer:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from fileio.formats.plane_series import FINGER_VARIABLES
+from fileio.formats.plane_series import FINGER_VARIABLES, usable
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.particle_images import (
     SLAB_HALF_WIDTH,
@@ -100,7 +100,7 @@ class Recorder:
                 fill_polygon(mask, *polygons[-1])
             return Body(mask, tuple(polygons))
         f, scale = self.field, self.camera.scale_m_per_px
-        absent = self.series["valid"].isel(time=int(np.argmin(np.abs(f.time - t)))).values == 0
+        absent = ~usable(self.series.isel(time=int(np.argmin(np.abs(f.time - t))))).values
         if absent.any():
             x = (np.arange(mask.shape[1]) - rim - self.origin_px[0]) * scale
             y = (self.camera.height_px - 1 - (np.arange(mask.shape[0]) - rim) - self.origin_px[1]) * scale
@@ -181,8 +181,8 @@ class Recorder:
         every = self.truth_stride
         x, y = np.meshgrid(self.field.x[::every], self.field.y[::every])
         dx, dy = exact_displacement(self.field, x, y, t0, t1, self.motion(index).substeps)
-        near = self.series["valid"].isel(time=sorted({self._plane_before(t0), self._plane_after(t1)})).values
-        valid = (near != 0).all(axis=0)[::every, ::every]
+        near = self.series.isel(time=sorted({self._plane_before(t0), self._plane_after(t1)}))
+        valid = usable(near).all("time").values[::every, ::every]
         u, v = (np.where(valid, d / (t1 - t0), np.nan) for d in (dx, dy))
         return u, v, valid.astype(np.uint8)
 

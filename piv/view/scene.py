@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from fileio.child_process import check_walkable
-from fileio.formats.plane_series import check_vectors
+from fileio.formats.plane_series import check_vectors, usable
 from piv.foreign.read import open_vectors
 from piv.images.open_recording import open_recording
 from piv.images.recording import Recording
@@ -101,7 +101,7 @@ class Scene:
             return {"x": np.empty(0), "y": np.empty(0), "u": np.empty(0), "v": np.empty(0)}
         plane = (self.series.isel(time=step) if "time" in self.series.dims else self.series).load()
         check_vectors(plane)
-        ok = plane["valid"].values != 0
+        ok = usable(plane).values
         xx, yy = np.meshgrid(plane["x"].values, plane["y"].values)
         return {"x": xx[ok], "y": yy[ok]} | {
             n: plane[n].values[ok].astype(float) for n in SHOWN if n in plane

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import xarray as xr
 
+from fileio.formats.plane_series import usable
 from piv.vortices.circulation import area_circulation, clear_radius, contour_circulation, distance_to_invalid
 from piv.vortices.criteria import gradients, vorticity
 from piv.vortices.joint_fit import fit_regions
@@ -72,7 +73,7 @@ def plane_of(plane: xr.Dataset, weighting: str) -> Plane:
     x, y = plane["x"].values.astype(float), plane["y"].values.astype(float)
     valid = np.isfinite(u) & np.isfinite(v)
     if "valid" in plane:
-        valid &= plane["valid"].transpose("y", "x").values != 0
+        valid &= usable(plane).transpose("y", "x").values
     weights = []
     for name in ("u_std", "v_std"):
         if name in plane and weighting == "uncertainty":

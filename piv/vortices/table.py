@@ -13,14 +13,14 @@ import xarray as xr
 from tqdm import tqdm
 
 from fileio.child_process import worker_pool
-from fileio.formats.plane_series import Planes, check_vectors
+from fileio.formats.plane_series import VECTORS, Planes, check_vectors, usable
 from fileio.formats.vortex_table import COLUMNS
 from piv.vortices.find import VortexSettings, find_vortices
 from piv.vortices.tip_frame import place_at_tip
 from piv.vortices.tracking import Tracker, TrackingSettings
 from piv.vortices.vortex import Vortex
 
-USED = ("u", "v", "valid", "u_std", "v_std", "outline", "tip", "tip_direction", "dorsal_direction", "bend")
+USED = (*VECTORS, "outline", "tip", "tip_direction", "dorsal_direction", "bend")
 
 
 def tabulate_vortices(
@@ -42,7 +42,7 @@ def tabulate_vortices(
     rows = []
     empty = True
     for plane, vortices in _planes_with_vortices(series, settings, processes, quiet):
-        empty &= not plane["valid"].values.any()
+        empty &= not usable(plane).any()
         time = float(plane["time"]) if "time" in plane.coords else None
         for vortex, track in zip(
             vortices, tracker.update(0.0 if time is None else time, vortices), strict=True
@@ -50,7 +50,7 @@ def tabulate_vortices(
             place = place_at_tip(vortex.x, vortex.y, plane)
             rows.append({"time": time, "track": track} | asdict(vortex) | (place._asdict() if place else {}))
     if empty:
-        raise ValueError("there is no valid vector to find vortices in")
+        raise ValueError("there is no usable vector to find vortices in")
     table = pd.DataFrame(rows, columns=[c for c in COLUMNS if c != "lifetime"])
     span = table.groupby("track")["time"].agg(lambda t: t.max() - t.min()) if len(table) else None
     table["lifetime"] = table["track"].map(span) if span is not None else []

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from fileio.formats.plane_series import VECTORS, usable
 from postprocess.evidence.fields import frame
 
 REST = 0.02  # of the velocity scale: slower than this is no stream, so no line parts two of them
@@ -63,8 +64,8 @@ def centreline(plane: xr.Dataset, scale: float) -> pd.DataFrame:
     """
     columns, share = beside_middle(plane["x"].values)
     names = [name for name in ("v", "p") if name in plane]
-    beside = plane[[*names, "valid"]].isel(x=columns).load()
-    middle = {n: on_middle(beside[n].where(beside["valid"] != 0).values, share) for n in names}
+    beside = plane[[n for n in (*VECTORS, "p") if n in plane]].isel(x=columns).load()
+    middle = {n: on_middle(beside[n].where(usable(beside)).values, share) for n in names}
     y, times = plane["y"].values, plane["time"].values
     tips = plane["tip"].values[..., 1].mean(axis=1)
     rows = []

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fileio.formats.plane_series import Planes, check_vectors
+from fileio.formats.plane_series import Planes, check_vectors, vectors_of
 
 
 def check_finger(plane: xr.Dataset, names: Iterable[str], path: Path) -> None:
@@ -37,14 +37,14 @@ def check_table(table: pd.DataFrame, names: Iterable[str], path: Path) -> None:
 
 @xr.register_dataset_accessor("vectors")
 class Vectors(Planes):
-    """Of a plane series u, v and valid by the instant's number."""
+    """Of a plane series the vectors alone, by the instant's number."""
 
     def __init__(self, series: xr.Dataset) -> None:
-        super().__init__(series[["u", "v", "valid"]])
+        super().__init__(vectors_of(series))
 
 
 def checked_frame(plane: xr.Dataset, index: int) -> xr.Dataset:
-    """u, v and valid of one instant, in memory; ValueError with the file and the instant where a valid vector is none."""
+    """The vectors of one instant, in memory; ValueError with the file and the instant where a valid vector is none."""
     now = plane.vectors[index]
     try:
         check_vectors(now)

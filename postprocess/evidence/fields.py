@@ -1,4 +1,4 @@
-"""Velocity fields against each other: two plane series on the common valid region, frame by frame."""
+"""Velocity fields against each other: two plane series on the common region, frame by frame."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pandas as pd
 import xarray as xr
 from scipy.ndimage import map_coordinates
 
+from fileio.formats.plane_series import usable
 from postprocess.evidence.check_finite import checked_frame
 
 ROUNDING = 1e-9  # a weight or time below this is rounding, not information
@@ -31,9 +32,9 @@ def onto_grid(
 
 
 def frame(plane: xr.Dataset, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """One instant: velocity (2, y, x) and its validity (y, x). ValueError where a valid vector is no number."""
+    """One instant: velocity (2, y, x) and which vectors are usable (y, x). ValueError where a valid vector is no number."""
     now = checked_frame(plane, index)
-    return np.stack([now["u"].values, now["v"].values]), now["valid"].values.astype(bool)
+    return np.stack([now["u"].values, now["v"].values]), usable(now).values
 
 
 def at_time(plane: xr.Dataset, time: float) -> tuple[np.ndarray, np.ndarray]:

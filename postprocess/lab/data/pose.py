@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 import xarray as xr
 
-from fileio.formats.plane_series import make_plane
+from fileio.formats.plane_series import make_plane, usable
 from piv.synthetic.plane_spline import PlaneField
 from piv.synthetic.virtual_camera import finger_at
 
@@ -85,7 +85,7 @@ def camera_planes(
         for outline in finger.get("outline", ()):
             valid &= ~shapely.contains_xy(shapely.Polygon(outline), gx, gy)
         if "outline" not in finger:
-            valid &= _near_valid(series, float(time), field, at)
+            valid &= _near_known(series, float(time), field, at)
         c, s = np.cos(pose.angle), np.sin(pose.angle)
         turned = {"u": c * u - s * v, "v": s * u + c * v}
         turned = {name: np.where(valid, values, np.nan) for name, values in turned.items()}
@@ -115,9 +115,9 @@ def camera_series(
     return out.assign(valid=out["valid"].astype(np.uint8)).assign_attrs(series.attrs)
 
 
-def _near_valid(series: xr.Dataset, time: float, field: PlaneField, at: np.ndarray) -> np.ndarray:
-    """Which points lie nearest to a valid vector of the nearest instant."""
-    valid = series["valid"].isel(time=int(np.argmin(np.abs(field.time - time)))).values != 0
+def _near_known(series: xr.Dataset, time: float, field: PlaneField, at: np.ndarray) -> np.ndarray:
+    """Which points lie nearest to a usable vector of the nearest instant."""
+    known = usable(series.isel(time=int(np.argmin(np.abs(field.time - time))))).values
     i = np.clip(np.rint((at[..., 0] - field.x[0]) / field.dx).astype(int), 0, field.x.size - 1)
     j = np.clip(np.rint((at[..., 1] - field.y[0]) / field.dy).astype(int), 0, field.y.size - 1)
-    return valid[j, i]
+    return known[j, i]

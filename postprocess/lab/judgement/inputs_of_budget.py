@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from fileio.formats.kinematics import Kinematics
+from fileio.formats.plane_series import usable
 from piv.vortices.find import VortexSettings
 from postprocess.lab.data.files import Registration
 
@@ -74,9 +75,7 @@ class Case:
         """
         if self.registration.times.size:
             return np.ones(self.data["valid"].shape, bool)
-        sides = [
-            side["valid"].values != 0 for side in (self.data, self.virtual, self.direct) if side is not None
-        ]
+        sides = [usable(side).values for side in (self.data, self.virtual, self.direct) if side is not None]
         return np.asarray(np.logical_and.reduce(sides))
 
     def effect(self, name: str) -> Effect | None:

@@ -7,6 +7,7 @@ import pandas as pd
 import xarray as xr
 from scipy.ndimage import gaussian_filter
 
+from fileio.formats.plane_series import usable, vectors_of
 from piv.vortices.find import VortexSettings, find_vortices
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
@@ -42,7 +43,7 @@ def measure(
     out = pd.DataFrame({"time": times})
     out["core_radius"] = track["core_radius"].reindex(times).to_numpy(float)
     width = float(plane.attrs["tip_width"])
-    counted = plane.assign(valid=(plane["valid"].dims, seen & (plane["valid"].values != 0)))
+    counted = plane.drop_vars("flag", errors="ignore").assign(valid=usable(plane) & seen)
     integral = vortex_integrals(
         counted, track.reset_index(), CIRCLE * width, (times[0], times[-1])
     ).set_index("time")
@@ -93,8 +94,8 @@ def scatter(
         row = table.iloc[k]
         at = pose.to_camera(np.array([row["x"], row["y"]]))
         reach = max(BOX * row["core_radius"], radius) + 2 * (x[1] - x[0])
-        now = plane[["u", "v", "valid", "u_std", "v_std"]].isel(time=k, drop=True)
-        now = now.assign(seen=(now["valid"].dims, seen[k] & (now["valid"].values != 0)))
+        now = vectors_of(plane).isel(time=k, drop=True)
+        now = now.assign(seen=usable(now) & seen[k])
         box = now.sel(x=slice(at[0] - reach, at[0] + reach), y=slice(at[1] - reach, at[1] + reach))
         fits = []
         for replica in range(REPLICAS + 1):

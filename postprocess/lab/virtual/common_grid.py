@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 from fileio.formats.kinematics import Kinematics
-from fileio.formats.plane_series import make_plane, read_plane, write_plane
+from fileio.formats.plane_series import OUTLIER, UNCERTAIN, VALID, make_plane, read_plane, write_plane
 from piv.synthetic.camera import Camera
-from postprocess.evidence.fields import on_grid
+from postprocess.evidence.fields import ROUNDING, on_grid
 from postprocess.lab.data.dpiv_toml import Dpiv, LabCamera
 from postprocess.lab.data.files import LabFiles, Registration
 from postprocess.lab.data.pictures import LabRecording, outline_mask, thinned
@@ -174,12 +174,14 @@ def _of_vectors(files, dpiv, kinematics, registration, sheet, seed, threads, qui
     )  # fmt: skip
     virtual = virtual.assign_coords(x=virtual["x"] + corner[0], y=virtual["y"] + corner[1])
     velocity, whole = on_grid(virtual, data["x"].values, data["y"].values)
-    spread = {}
-    for name in ("u_std", "v_std"):
+    more = {}
+    for name in ("u_std", "v_std", "valid"):
         filled = virtual.assign(u=virtual[name], v=virtual[name])
-        spread[name] = np.where(whole, on_grid(filled, data["x"].values, data["y"].values)[0][:, 0], np.nan)
+        more[name] = np.where(whole, on_grid(filled, data["x"].values, data["y"].values)[0][:, 0], np.nan)
+    sure = more.pop("valid") > 1 - ROUNDING
+    more["flag"] = np.where(sure, VALID, np.where(whole, UNCERTAIN, OUTLIER)).astype(np.uint8)
     velocity = np.where(whole[:, None], velocity, np.nan)
     virtual = make_plane(
-        data["x"].values, data["y"].values, velocity[:, 0], velocity[:, 1], time=times, valid=whole, **spread
+        data["x"].values, data["y"].values, velocity[:, 0], velocity[:, 1], time=times, valid=sure, **more
     )
     return data, with_finger(virtual, kinematics, pose, kinematics.law(times)), None, asdict(seen)

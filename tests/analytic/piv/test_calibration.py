@@ -10,6 +10,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fileio.formats.plane_series import UNCERTAIN, VALID, usable
 from piv.images.calibration import (
     Calibration,
     calibrate_plane,
@@ -125,6 +126,15 @@ def test_rotation_field_keeps_its_vorticity_through_the_lens(calibrated):
     peak = rate * np.hypot(xx - centre[0], yy - centre[1])[ok].max()
     assert np.abs(plane["u"].values + rate * (yy - centre[1]))[ok].max() < 5e-3 * peak
     assert np.abs(plane["v"].values - rate * (xx - centre[0]))[ok].max() < 5e-3 * peak
+    unsure = np.hypot(at[..., 0] - 320, at[..., 1] - 240) < 40
+    flags = {"valid": (grid, (~unsure).astype(np.uint8)), "flag": (grid, np.where(unsure, UNCERTAIN, VALID))}
+    seen = calibrate_plane(pixels.assign(flags), calibration, interval)
+    assert (usable(seen).values == ok).all()
+    assert ((seen["flag"].values == UNCERTAIN) == ok & (seen["valid"].values == 0)).all()
+    assert np.abs(seen["u"] - plane["u"]).max() == 0
+    assert (
+        60 < (seen["flag"] == UNCERTAIN).sum() < 150
+    )  # 78 vectors, and those that are interpolated from one of them
     middle = plane["u_std"].values[plane.sizes["y"] // 2, plane.sizes["x"] // 2]
     assert middle == pytest.approx(
         0.05 * calibration.scale_m_per_px / interval, rel=0.05

@@ -167,7 +167,7 @@ def test_an_empty_plane_has_no_vortices(tmp_path, capsys):
     plane["valid"][:] = 0
     write_plane(plane, tmp_path / "a.h5")
     assert main(["vortices", str(tmp_path / "a.h5"), "-o", str(tmp_path / "v.csv")]) == 2
-    assert "no valid vector" in capsys.readouterr().err
+    assert "no usable vector" in capsys.readouterr().err
 
 
 def test_a_redirected_log_holds_no_bar(series, tmp_path):
