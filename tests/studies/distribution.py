@@ -15,7 +15,7 @@ from fileio.command import guarded
 from fileio.errors import StageError
 from postprocess.studies.state import files_of, missing_runs
 from postprocess.studies.table import read_plan, study_table
-from postprocess.studies.tradeoff import PART_OF_STROKE, errors_against, finest
+from postprocess.studies.tradeoff import errors_against, finest
 from postprocess.studies.tradeoff_page import percent
 from tests.studies.pages import libraries, write_between
 from tests.studies.validation.finger import family
@@ -25,7 +25,6 @@ PAGE = ROOT / "docs" / "mesh.md"
 SCENE = ROOT / "cases" / "single_finger"
 BASE = "as_it_is"
 FLOW = [f"cpu_{stage}_s" for stage in ("kinematics", "mesh", "case", "run")]
-SAME = {"numerics.time_step", PART_OF_STROKE, "sheet.rate_hz"}  # of every run: not what is changed
 
 
 def measured() -> tuple[pd.DataFrame, str]:
@@ -44,8 +43,9 @@ def measured() -> tuple[pd.DataFrame, str]:
     rows = [row for row in plan["runs"] if row["run"] not in missing]
     table = study_table(plan | {"runs": rows}, {}).set_index("run")
     table["cpu_flow_s"] = table[FLOW].sum(axis=1)
+    base = next(row for row in rows if row["run"] == BASE)["overrides"]
     table["changed"] = [
-        ", ".join(f"{key} = {value}" for key, value in row["overrides"].items() if key not in SAME)
+        ", ".join(f"{key} = {value}" for key, value in row["overrides"].items() if base.get(key) != value)
         or "nothing"
         for row in rows
     ]
