@@ -51,7 +51,7 @@ def costs(files: StageFiles) -> dict[str, float]:
 
 
 def solver(files: StageFiles) -> dict[str, Any]:
-    """What run/ says: size, steps, power balance, the largest force and the impulse until the end."""
+    """What run/ says: size, steps, the largest force, the impulse until the end, and what parts the work has gone into."""
     path = files.optional("run/run.json")
     if path is None:
         return {}
@@ -59,6 +59,9 @@ def solver(files: StageFiles) -> dict[str, Any]:
     force = FORCES.read(files.required("run/forces.csv", "run"))
     size = np.hypot(force["fx"], force["fy"])
     keys = ("scene_hash", "model", "ranks", "cells", "steps", "courant_max")
+    balance = run["power_balance"]
+    parts = {"kinetic": balance["kinetic_energy"], "unexplained": balance["unexplained"]}
+    parts |= {name: balance["taken"][name] for name in ("viscous", "convection", "coupling")}
     return {key: run[key] for key in keys} | {
         "time_step_s": run["time_step"],
         "end_time_s": run["end_time"],
@@ -66,10 +69,9 @@ def solver(files: StageFiles) -> dict[str, Any]:
         "peak_force_N": float(size.max()),
         "impulse_x_Ns": float(np.trapezoid(force["fx"], force["time"])),
         "impulse_y_Ns": float(np.trapezoid(force["fy"], force["time"])),
-        "work_J": run["power_balance"]["work"],
-        "closure_fraction": run["power_balance"]["closure_fraction"],
+        "work_J": balance["work"],
         "openfoam": run["versions"].get("OpenFOAM", ""),
-    }
+    } | {f"{name}_part": value / (abs(balance["work"]) or 1.0) for name, value in parts.items()}
 
 
 def middle_of_stroke(files: StageFiles) -> tuple[float, float]:

@@ -95,7 +95,7 @@ def axis_sentence(table: pd.DataFrame, run: str, base: str, title: str) -> str |
 
 
 def markdown_table(rows: pd.DataFrame, columns: dict[str, str]) -> str:
-    """A Markdown table of some columns; errors in per cent."""
+    """A Markdown table of some columns; errors and parts in per cent."""
     lines = ["| " + " | ".join(columns.values()) + " |", "|" + "---|" * len(columns)]
     for _, row in rows.iterrows():
         cells = []
@@ -103,7 +103,7 @@ def markdown_table(rows: pd.DataFrame, columns: dict[str, str]) -> str:
             value = row.get(name)
             if name == "run":
                 cells.append(f"**{value}**" if row["front"] else str(value))
-            elif name.startswith("error") and not name.endswith("_mm"):
+            elif name.endswith("_part") or (name.startswith("error") and not name.endswith("_mm")):
                 cells.append(percent(value))
             elif isinstance(value, float):
                 cells.append("–" if pd.isna(value) else number(value))
@@ -138,6 +138,10 @@ def page(scene: str, table: pd.DataFrame, best: str, missing: dict[str, str]) ->
         "error_force": "force, %", "error": "worst, %", "error_circulation": "circulation in a circle, %",
         "error_circulation_fit": "circulation of the fit, %",
     }  # fmt: skip
+    work_columns = {
+        "run": "run", "end_time_s": "until, s", "work_J": "work, J", "kinetic_part": "kinetic energy, %", "viscous_part": "viscosity, %",
+        "convection_part": "convection scheme, %", "coupling_part": "coupling, %", "unexplained_part": "unexplained, %",
+    }  # fmt: skip
     piv_columns = {
         "run": "run", "vectors": "vectors", "cpu_piv_per_field_s": "CPU a field, s", "error_circulation": "circulation, %",
         "error_centre_mm": "centre, mm", "error_velocity": "velocity, %", "error": "worst, %",
@@ -171,6 +175,13 @@ coarse mesh keeps more of it within the 2 mm (docs/mesh.md). `worst` with it wou
 {chr(10).join("- " + s for s in sentences["flow"])}
 
 {GRIDS + markdown_table(grids, flow_columns) + chr(10) if len(grids) else ""}
+## Where the finger's work on the water goes
+
+Parts of the work ([schemes](schemes.md) says how they are told). What the convection scheme and the coupling of pressure and velocity take,
+the water would not.
+
+{markdown_table(table[table["kind"] != "piv"], work_columns)}
+
 ## PIV
 
 A quarter of the camera's picture round the tip, rendered from the `draft` run's flow, against that flow.
