@@ -197,6 +197,7 @@ bench-piv: piv-limits ## PIV against its peers, and its limits: docs/piv_benchma
 	$(PY) -m tests.studies.piv.benchmark --docs --folder .venv-bench/benchmark
 	$(PY) -m tests.studies.piv.turbulence --docs --folder .venv-bench/turbulence
 	$(PY) -m tests.studies.piv.public_data --docs --folder .venv-bench/public
+	$(PY) -m tests.studies.piv.costs --docs
 
 piv-limits: $(READY) ## PIV where it becomes worse, and on flows that served no tuning: docs/piv_benchmarks.md
 	$(PY) -m tests.studies.piv.limits --docs

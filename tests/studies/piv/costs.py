@@ -1,0 +1,92 @@
+"""What a large pair and a plane of many vortices cost: python -m tests.studies.piv.costs [--docs]   (make bench-piv).
+
+CPU time, which other programs on the machine hardly change. --docs writes the figures into docs/piv_benchmarks.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+import cv2
+import numpy as np
+
+from piv.correlation.pair import correlate_pair
+from piv.vortices.find import find_vortices
+from tests.studies.pages import PIV, machine, write_between
+from tests.studies.piv.flows import uniform
+from tests.studies.piv.particles import render
+from tests.studies.piv.turbulence_field import TurbulentPlane
+
+LARGE = (5000, 5000)  # px: 25 Mpx
+SIDE = 808  # px: 100 vectors, 8 px apart
+STRENGTHS = (0.8, 2.5)  # px RMS
+SEEDS = range(4301, 4311)
+
+
+def large_pair() -> str:
+    """Memory and time of `piv correlate` of a pair of 25 Mpx."""
+    with tempfile.TemporaryDirectory() as name:
+        paths = [str(Path(name) / f"{k}.tif") for k in "ab"]
+        for path, image in zip(
+            paths, render(uniform(3.1, 1.3), shape=LARGE, seed=4300, noise=0.05), strict=True
+        ):
+            cv2.imwrite(path, image)
+        command = [
+            sys.executable,
+            "-m",
+            "piv",
+            "correlate",
+            *paths,
+            "-o",
+            str(Path(name) / "out.h5"),
+            "--quiet",
+        ]
+        subprocess.run(command, check=True)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return (
+        f"- `piv correlate` of a pair of {np.prod(LARGE) / 1e6:.0f} Mpx, one thread: {used.ru_maxrss / 2**20:.2f} GB at most "
+        f"(2 allowed), {used.ru_utime + used.ru_stime:.0f} CPU s."
+    )
+
+
+def turbulent_vortices() -> str:
+    """Time of finding and fitting the vortices of a plane of 100 x 100 vectors of turbulence, as PIV gives them."""
+    seconds, found = [], []
+    for seed in SEEDS:
+        plane = TurbulentPlane(1.0, seed)
+        for rms in STRENGTHS:
+            flow = lambda x, y, rms=rms, plane=plane: tuple(rms * d for d in plane(x, y, 3))  # noqa: E731
+            field = correlate_pair(*render(flow, shape=(SIDE, SIDE), seed=seed, noise=0.05))
+            if not seconds:
+                find_vortices(field)  # compiled by then
+            start = time.process_time()
+            found.append(len(find_vortices(field)))
+            seconds.append(time.process_time() - start)
+    return (
+        f"- Vortices of {field.sizes['x']} × {field.sizes['y']} vectors of turbulence of {STRENGTHS[0]} and {STRENGTHS[1]} px, 5 % noise, {min(found)} to {max(found)} in a plane: "
+        f"{np.percentile(seconds, 95):.2f} CPU s at the 95th percentile of {len(seconds)} planes (2 allowed), median {np.median(seconds):.2f}."
+    )
+
+
+def main() -> None:
+    """Print the figures, and write them to the docs where asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--docs", action="store_true", help="write them into docs/piv_benchmarks.md")
+    args = parser.parse_args()
+    cv2.setNumThreads(1)
+    text = f"{large_pair()}\n{turbulent_vortices()}\n\nSeeds {SEEDS[0] - 1}-{SEEDS[-1]}; {machine()}."
+    print(text)
+    if args.docs:
+        write_between(PIV, "costs", text)
+
+
+if __name__ == "__main__":
+    main()
