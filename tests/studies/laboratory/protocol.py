@@ -13,7 +13,7 @@ from tests.studies.pages import between, write_between
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 QUANTITIES = 7  # that a comparison of pictures judges
-LEVELS = ("smoke", "draft", "coarse")
+LEVELS = ("smoke", "coarse")
 SEEN = ("circulation", "jet speed", "velocity field", "core radius", "centre")
 
 

@@ -28,7 +28,7 @@ from postprocess.lab.data.inputs_toml import read_inputs, write_runs
 from postprocess.lab.data.pictures import outline_mask
 from postprocess.lab.data.pose import camera_series
 from postprocess.lab.data.seeding import seeding_like
-from postprocess.lab.judgement.compare import compare, effects_of_runs
+from postprocess.lab.judgement.compare import STRENGTH, compare, effects_of_runs
 from postprocess.lab.judgement.inputs_of_budget import Case
 from postprocess.lab.judgement.uncertainty_sources import VORTEX
 from postprocess.lab.judgement.validation import DIFFERS, ERROR, LEVEL, UNCERTAIN
@@ -225,6 +225,14 @@ def verdicts(trials: pd.DataFrame, refused: pd.Series) -> list[str]:
         f" **{share_of(~wrong[accepted])}** (target 90 %); wrong: {share_of(wrong[accepted])}. Motion by itself right: {share_of(moves)}.",
         f"Of those refused {share_of(trials['right'].astype(bool)[refused])} had a reason: a fault drawn, or of `larger` its length named.",
     ]
+    model = judged[~judged["set"].isin(["none", *MOVED])]
+    parts = "; ".join(
+        f"{kind} {name.replace('_', ' ')} {group[f'{name}_true_part'].median():.0%}"
+        for kind, group in model.groupby("set", sort=False)
+        for name in STRENGTH
+    )
+    if parts:
+        lines.append(f"What of the flow model truly differs (medians): {parts}.")
     unseen = judged.loc[judged["missed"].fillna("") != "", ["set", "seed", "missed"]]
     if len(unseen):
         of = "; ".join(f"{kind} {seed}: {names}" for kind, seed, names in unseen.itertuples(index=False))

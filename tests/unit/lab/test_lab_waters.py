@@ -216,7 +216,7 @@ def test_what_a_verdict_can_see_follows_from_the_tables(tmp_path):
     page.write_text(
         "<!-- study at smoke -->\n| registration (8 recordings) | target | RMS error |\n|---|---|---|\n| pressure factor |  | 0.002 |\n"
         f"| duration factor |  | 0.004 |\n| circulation, cm²/s | 3.4 | 5 | 100% |\n{found}\n<!-- end of study at smoke -->\n"
-        "<!-- study at draft -->\n<!-- end of study at draft -->\n<!-- study at coarse -->\n<!-- end of study at coarse -->\n"
+        "<!-- study at coarse -->\n<!-- end of study at coarse -->\n"
     )
     text = protocol.summary(page)
     assert "(8 recordings at smoke) | 4.3 times that" in text
