@@ -191,6 +191,13 @@ def summary(trials: pd.DataFrame) -> str:
         size, by = judged[f"{name}_detectable"].median(), judged[f"{name}_dominant"].mode()[0]
         found = f"{size:.0%}" if np.isfinite(size) else "none"
         lines.append(f"| {name.replace('_', ' ')} | {found} | {by.replace('_', ' ')} |")
+    runs = np.sqrt(judged["circulation_u_val"] ** 2 - judged["circulation_u_D"] ** 2)[judged["set"] == "none"]
+    if len(runs):
+        least, most = 1e4 * runs.min(), 1e4 * runs.max()
+        lines += [
+            "",
+            f"What the runs leave open of the circulation of `none` (u_num, u_input): {least:.1f} to {most:.1f} cm²/s.",
+        ]
     seeds = "; ".join(f"{kind} {spans(group['seed'])}" for kind, group in trials.groupby("set", sort=False))
     return "\n".join([*lines, "", f"Seeds: {seeds}. {libraries()}."])
 
