@@ -240,7 +240,7 @@ def verdicts(trials: pd.DataFrame, refused: pd.Series) -> list[str]:
     )
     if parts:
         lines.append(f"What of the flow model truly differs (medians): {parts}.")
-    unseen = judged.loc[judged["missed"].fillna("") != "", ["set", "seed", "missed"]]
+    unseen = judged.loc[judged["missed"].astype(object).fillna("") != "", ["set", "seed", "missed"]]
     if len(unseen):
         of = "; ".join(f"{kind} {seed}: {names}" for kind, seed, names in unseen.itertuples(index=False))
         lines.append(f"Said to agree though the true error is larger than what would have been found: {of}.")
