@@ -70,6 +70,10 @@ def effect_of(
         kind, per_std = "numerical", one.per_difference
         how = f"run finer by {one.ratio:g}, grid-convergence index"
     change = means(table, rows, case.window) - means(nominal, rows, case.window)
+    if (
+        kind == "numerical"
+    ):  # a difference that is small by chance is no small error: as large as its scatter lets it be
+        change = np.hypot(change, mean_std((table - nominal)[rows], nominal["time"][rows], case.window))
     field = np.stack([plane[n].values - case.direct[n].values for n in ("u", "v")], axis=1).astype(float)
     return Effect(one.name, kind, how, float(per_std), change, field, *motion_of_run(case.kinematics, run))
 
@@ -91,6 +95,13 @@ def mean_factor(times: np.ndarray, window: tuple[float, float]) -> float:
     """How much less sure `means` is than a plain mean over the instants (s), where these do not lie about the window's middle."""
     off = 0.5 * (window[0] + window[1]) - times.mean()
     return float(np.sqrt(1 + off**2 / max(float(times.var()), 1e-12)))
+
+
+def mean_std(differences: pd.DataFrame, times: pd.Series, window: tuple[float, float]) -> pd.Series:
+    """Standard uncertainty of `means` of some differences at their times (s), by their scatter about its straight line."""
+    at, chosen = times.to_numpy(), differences.drop(columns="time")
+    scatter = excess_scatter(at, chosen.to_numpy(float), np.zeros(chosen.shape[1]))
+    return pd.Series(scatter * mean_factor(at, window) / np.sqrt(at.size), index=chosen.columns)
 
 
 def flow_quantities(

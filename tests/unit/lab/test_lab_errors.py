@@ -12,6 +12,7 @@ from postprocess.lab.judgement.uncertainty_sources import (
     excess_scatter,
     independent_instants,
     mean_factor,
+    mean_std,
     means,
     place_jacobian,
 )
@@ -117,6 +118,22 @@ def test_a_mean_does_not_hang_on_which_instants_show_the_vortex(seen):
     rows[seen] = True
     assert means(table, rows, (0.1, 0.2))["circulation"] == pytest.approx(-0.0125)
     assert mean_factor(times[rows], (0.1, 0.2)) >= 1.0
+
+
+def test_a_mean_of_differences_is_as_uncertain_as_they_scatter():
+    """The line's middle value over many draws scatters by what each of them says on average; a line by itself is no scatter."""
+    rng, times, window = np.random.default_rng(8), np.linspace(0.1, 0.2, 6), (0.1, 0.2)
+    said, middle = [], []
+    for _ in range(1500):
+        table = pd.DataFrame({"time": times, "circulation": 3.0 + 20 * times + rng.normal(0, 2.0, 6)})
+        said.append(mean_std(table, table["time"], window)["circulation"])
+        middle.append(means(table, np.ones(6, bool), window)["circulation"])
+    rms = np.sqrt(np.mean(np.square(said)))
+    assert rms == pytest.approx(
+        np.std(middle), rel=0.08
+    )  # three standard errors of 1500 draws each way, 1.8 and 1.8 %
+    straight = pd.DataFrame({"time": times, "circulation": 3.0 + 20 * times})
+    assert mean_std(straight, straight["time"], window)["circulation"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_vortex_that_is_not_seen_in_the_middle_of_the_window_is_refused():
