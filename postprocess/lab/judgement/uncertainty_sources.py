@@ -64,15 +64,13 @@ def effect_of(
     """The effect of a run: its `plane` against the nominal `case.direct` (measured: `nominal`), its motion against the nominal one."""
     table = measure(plane, case.registration.pose, case.vortices, case.window, one.name, case.seen())
     rows = common_rows({"nominal": nominal, one.name: table}, case.window)
+    change = means(table, rows, case.window) - means(nominal, rows, case.window)
     if isinstance(one, Input):
         kind, per_std, how = "input", one.std / abs(one.step), f"run with {one.key} {one.step:+g}"
     else:
         kind, per_std = "numerical", one.per_difference
         how = f"run finer by {one.ratio:g}, grid-convergence index"
-    change = means(table, rows, case.window) - means(nominal, rows, case.window)
-    if (
-        kind == "numerical"
-    ):  # a difference that is small by chance is no small error: as large as its scatter lets it be
+        # a difference that is small by chance is no small error: as large as its scatter lets it be
         change = np.hypot(change, mean_std((table - nominal)[rows], nominal["time"][rows], case.window))
     field = np.stack([plane[n].values - case.direct[n].values for n in ("u", "v")], axis=1).astype(float)
     return Effect(one.name, kind, how, float(per_std), change, field, *motion_of_run(case.kinematics, run))

@@ -129,9 +129,8 @@ def test_a_mean_of_differences_is_as_uncertain_as_they_scatter():
         said.append(mean_std(table, table["time"], window)["circulation"])
         middle.append(means(table, np.ones(6, bool), window)["circulation"])
     rms = np.sqrt(np.mean(np.square(said)))
-    assert rms == pytest.approx(
-        np.std(middle), rel=0.08
-    )  # three standard errors of 1500 draws each way, 1.8 and 1.8 %
+    # three standard errors of 1500 draws each way, 1.8 and 1.8 %
+    assert rms == pytest.approx(np.std(middle), rel=0.08)
     straight = pd.DataFrame({"time": times, "circulation": 3.0 + 20 * times})
     assert mean_std(straight, straight["time"], window)["circulation"] == pytest.approx(0.0, abs=1e-12)
 
