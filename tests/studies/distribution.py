@@ -50,7 +50,8 @@ def measured() -> tuple[pd.DataFrame, str]:
         for row in rows
     ]
     errors = {row["run"]: errors_against(judge, files_of(row), "cfd", window) for row in rows}
-    return table.join(pd.DataFrame.from_dict(errors, orient="index"), rsuffix="_"), best
+    errors_of = pd.DataFrame.from_dict(errors, orient="index")
+    return table.join(errors_of[errors_of.columns.difference(table.columns)]), best
 
 
 def text_of(table: pd.DataFrame, best: str) -> str:
