@@ -87,8 +87,8 @@ def axis_sentence(table: pd.DataFrame, run: str, base: str, title: str) -> str |
     force = a["peak_force_N"] / b["peak_force_N"] - 1
     return (
         f"**{title}** (`{run}` against `{base}`): {cost:.2f} × the CPU time; tip circulation {circulation:+.1%},"
-        f" largest force {force:+.1%}; error against the best run: circulation"
-        f" {percent(b['error_circulation'])} → {percent(a['error_circulation'])} %, velocity {percent(b['error_velocity'])}"
+        f" largest force {force:+.1%}; error against the best run: dorsal circulation"
+        f" {percent(b['error_dorsal'])} → {percent(a['error_dorsal'])} %, velocity {percent(b['error_velocity'])}"
         f" → {percent(a['error_velocity'])} %, force {percent(b['error_force'])} → {percent(a['error_force'])} %,"
         f" centre {b['error_centre_mm']:.2f} → {a['error_centre_mm']:.2f} mm."
     )
@@ -167,8 +167,8 @@ velocity on the sheet, RMS over the largest speed of the tip; force on the finge
 {CIRCLE:g} tip widths of its fitted centre. `worst` is the largest of the four and what `ACCURACY=` asks for. Bold: nothing is both cheaper and more accurate. CPU time is user and system time of
 kinematics, mesh, case and solver on a machine shared with other work.
 
-Two other circulations are shown beside them. Until 2026-11-23 the one *in a circle*, the same vorticity within {CIRCLE:g} widths and farther than 2 mm from the finger, was judged: it has no order, since a
-coarse mesh keeps more of it within the 2 mm (docs/mesh.md). `worst` with it would be its value, where that is larger. The one *of the fit* counts what belongs to a round core, which a coarse mesh widens.
+Two other circulations are shown beside them. Until 2026-11-23 the one *in a circle*, the same vorticity within {CIRCLE:g} widths and farther than 2 mm from the finger, was judged: it converges slowly or not at all,
+since the wall's layers, which a coarse mesh widens, reach beyond the 2 mm (docs/mesh.md). `worst` with it would be its value, where that is larger. The one *of the fit* counts what belongs to a round core, which a coarse mesh widens.
 
 {markdown_table(flow, flow_columns)}
 

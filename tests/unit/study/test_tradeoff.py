@@ -116,7 +116,7 @@ def results() -> pd.DataFrame:
             "run": ["draft", "draft_2d", "medium"], "level": ["draft", "draft", "medium"], "kind": "flow", "ranks": 1,
             "model.kind": [np.nan, "2d", np.nan], "sheet.rate_hz": [100, 100, np.nan], "cells": [29800, 2846, 259300],
             "time_step_s": [1e-3, 1e-3, 2.5e-4], "end_time_s": 0.42, "cpu_flow_s": [50.0, 15.0, 2500.0], "peak_memory_MB": 300.0,
-            "error_circulation": [0.1, 0.86, np.nan], "error_centre_mm": [0.5, 2.7, np.nan], "error_velocity": [0.02, 0.1, np.nan],
+            "error_circulation": [0.1, 0.86, np.nan], "error_dorsal": [0.05, 0.9, np.nan], "error_centre_mm": [0.5, 2.7, np.nan], "error_velocity": [0.02, 0.1, np.nan],
             "error_force": [0.05, 1.7, np.nan], "error": [0.1, 1.7, np.nan], "tip_width_mm": 16.7, "openfoam": "v1912",
             "cpu_run_s": [45.0, 9.0, 2500.0], "circulation_cfd_m2_per_s": [-0.0075, -0.0135, -0.0072], "peak_force_N": [0.07, 0.19, 0.07],
             "predict_run_s": [45.0, 9.0, 2500.0], "front": [True, True, False],
