@@ -219,7 +219,7 @@ scene-reference: $(READY) ## every key of scene.toml and dpiv.toml, in docs/ (--
 	$(PY) -m postprocess dpiv-reference
 
 # scene:level of each page, and the scene it is compared with, run first. One after the other: each takes all ranks.
-DOCS ?= single_finger:coarse single_deflate:coarse cycle:coarse pinch:coarse:single_finger
+DOCS ?= single_finger:coarse single_deflate:coarse cycle:coarse pinch:coarse:single_finger pinch:medium:single_finger
 docs: | $(READY) ## pages and pictures of the docs that come from runs (hours; one page: DOCS=cycle:coarse)
 	+set -e; IFS=:; for page in $(DOCS); do set -- $$page; run() { $(MAKE) --no-print-directory LEVEL=$$2 $$1; }; \
 	[ -z "$$3" ] || run $$3.vortices $$2; run $$1.report $$2; $(PY) -m postprocess docs-page cases/$$1 --level $$2; done
