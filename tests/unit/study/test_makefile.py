@@ -5,6 +5,7 @@ import subprocess
 
 import pytest
 
+from fileio.command import DEFAULT_LEVEL
 from pipeline.openfoam.base_case import template_files
 from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT
@@ -13,8 +14,8 @@ from tests.inner_make import inner_environment
 MAKEFILES = [ROOT / "Makefile", ROOT / "postprocess" / "lab" / "compare.mk", ROOT / "fileio" / "stages.mk"]
 TEXT = "\n".join(path.read_text(encoding="utf-8") for path in MAKEFILES)
 LISTED = [page.split(":")[:2] for page in re.search(r"(?m)^DOCS \?= (.*)$", TEXT).group(1).split()]
-# a page is named by its scene, at coarse, or by scene and level
-DOCUMENTED = {scene if level == "coarse" else f"{scene}_{level}": (scene, level) for scene, level in LISTED}
+# a page is named by its scene, at the default level, or by scene and level
+DOCUMENTED = {scene if level == DEFAULT_LEVEL else f"{scene}_{level}": (scene, level) for scene, level in LISTED}
 
 
 @pytest.fixture(scope="module")
