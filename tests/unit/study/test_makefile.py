@@ -15,7 +15,9 @@ MAKEFILES = [ROOT / "Makefile", ROOT / "postprocess" / "lab" / "compare.mk", ROO
 TEXT = "\n".join(path.read_text(encoding="utf-8") for path in MAKEFILES)
 LISTED = [page.split(":")[:2] for page in re.search(r"(?m)^DOCS \?= (.*)$", TEXT).group(1).split()]
 # a page is named by its scene, at the default level, or by scene and level
-DOCUMENTED = {scene if level == DEFAULT_LEVEL else f"{scene}_{level}": (scene, level) for scene, level in LISTED}
+DOCUMENTED = {
+    scene if level == DEFAULT_LEVEL else f"{scene}_{level}": (scene, level) for scene, level in LISTED
+}
 
 
 @pytest.fixture(scope="module")
