@@ -91,8 +91,9 @@ def space_spectrum(plane: xr.Dataset, axis: str) -> pd.DataFrame:
 
     def records():
         for part in blocks(vectors_of(plane)):
+            known = part.where(usable(part)).transpose(..., axis)
             for n in ("u", "v"):
-                lines = part[n].where(usable(part)).transpose(..., axis).values.reshape(-1, positions.size)
+                lines = known[n].values.reshape(-1, positions.size)
                 yield from ((positions, line, n) for line in lines)
 
     return _mean(records(), frequencies, step)

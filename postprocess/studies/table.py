@@ -62,20 +62,18 @@ def solver(files: StageFiles) -> dict[str, Any]:
     balance = run["power_balance"]
     parts = {"kinetic": balance["kinetic_energy"], "unexplained": balance["unexplained"]}
     parts |= {name: balance["taken"][name] for name in ("viscous", "convection", "coupling")}
-    return (
-        {key: run[key] for key in keys}
-        | {
-            "time_step_s": run["time_step"],
-            "end_time_s": run["end_time"],
-            "wall_run_s": run["wall_time"],
-            "peak_force_N": float(size.max()),
-            "impulse_x_Ns": float(np.trapezoid(force["fx"], force["time"])),
-            "impulse_y_Ns": float(np.trapezoid(force["fy"], force["time"])),
-            "work_J": balance["work"],
-            "openfoam": run["versions"].get("OpenFOAM", ""),
-        }
-        | {f"{name}_part": value / (abs(balance["work"]) or 1.0) for name, value in parts.items()}
-    )
+    work = abs(balance["work"]) or 1.0  # a finger at rest does none
+    return {key: run[key] for key in keys} | {
+        "time_step_s": run["time_step"],
+        "end_time_s": run["end_time"],
+        "wall_run_s": run["wall_time"],
+        "peak_force_N": float(size.max()),
+        "impulse_x_Ns": float(np.trapezoid(force["fx"], force["time"])),
+        "impulse_y_Ns": float(np.trapezoid(force["fy"], force["time"])),
+        "work_J": balance["work"],
+        **{f"{name}_part": value / work for name, value in parts.items()},
+        "openfoam": run["versions"].get("OpenFOAM", ""),
+    }
 
 
 def middle_of_stroke(files: StageFiles) -> tuple[float, float]:

@@ -26,6 +26,12 @@ def test_every_shipped_scene_is_valid_at_every_level(folder, level):
     assert load_scene(folder, level).level == level
 
 
+@pytest.mark.parametrize("folder", SCENES, ids=lambda p: p.name)
+def test_the_levels_that_are_refined_together_share_one_convection_scheme(folder):
+    levels = ["draft", "coarse", "medium", "fine", "reference"]
+    assert len({load_scene(folder, level).numerics.convection for level in levels}) == 1
+
+
 @pytest.mark.parametrize(
     "more, words",
     [
