@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 MEMORY_PER_CELL = 2e3  # bytes: of pimpleFoam with GAMG
-SECONDS_PER_CELL = 2.4e-6  # of a time step and pressure corrector (pipeline/study/steps.csv)
+SECONDS_PER_CELL = 2.4e-6  # a run, kinematics to solver, over cells, time steps and pressure correctors (docs/tradeoff.md: 2.1 to 2.5e-6)
 CHECKPOINT_PER_CELL = 400.0  # bytes: fields, fluxes and points with their old times
 SHEET_PER_POINT = 21.0  # bytes: five fields and a mark
 
