@@ -6,7 +6,6 @@ Command: python -m pipeline predict cases/pinch --level fine (make predict SCENE
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import replace
 
 from fileio.command import add_scene
@@ -25,9 +24,7 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
     """The prediction as text, with its assumptions."""
     one, two, network = read_data()
     solver = fit(one, two, network)
-    steps = round(predicted(scene).steps)
-    correctors = scene.numerics.pressure_correctors * (1 + scene.numerics.non_orthogonal_correctors)
-    factor = correctors / one.get("correctors", correctors)
+    steps, factor = round(predicted(scene).steps), pressure_solves(scene) / one["correctors"]
 
     def seconds(n: int, network: Network = network) -> float:
         return factor * steps * step_time(cells, n, columns, solver, network)
@@ -66,6 +63,18 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
     return "\n".join(lines)
 
 
+def pressure_solves(scene: Scene) -> int:
+    """Pressure solves of a time step."""
+    return scene.numerics.pressure_correctors * (1 + scene.numerics.non_orthogonal_correctors)
+
+
+def solver_time(scene: Scene, cells: int) -> float:
+    """The solver's time on one rank, s."""
+    one, two, network = read_data()
+    step = step_time(cells, 1, cells, fit(one, two, network), network)
+    return pressure_solves(scene) / one["correctors"] * predicted(scene).steps * step
+
+
 def duration(seconds: float) -> str:
     """A time in the unit in which it is read most easily."""
     if seconds < 90:
@@ -77,7 +86,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command `predict`."""
     add_scene(parser)
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 4, 8, 16, 32, 64, 128, 256])
-    parser.add_argument("--json", action="store_true", help="seconds of a step by ranks, for programs")
+    parser.add_argument(
+        "--seconds", action="store_true", help="print the solver's time on one rank alone, s, for programs"
+    )
     parser.add_argument(
         "--measure",
         action="store_true",
@@ -91,18 +102,14 @@ def run(args: argparse.Namespace) -> None:
         raise StageError(f"--ranks {min(args.ranks)}: give 1 or more")
     scene = load_scene(args.scene, args.level)
     cells, columns = size(scene)
-    numerics = scene.numerics
     if args.measure:
         step = measured(
             scene.out / "case" / read_intervals(scene.out)[0].name,
-            numerics.sampling_steps(scene.sheet.rate_hz),
+            scene.numerics.sampling_steps(scene.sheet.rate_hz),
         )
-        correctors = numerics.pressure_correctors * (1 + numerics.non_orthogonal_correctors)
-        print(f"cells = {cells}\ncolumns = {columns}\ncorrectors = {correctors}")
+        print(f"cells = {cells}\ncolumns = {columns}\ncorrectors = {pressure_solves(scene)}")
         print("\n".join(f"{key} = {value:.5g}" for key, value in step.items()))
-    elif args.json:
-        one, two, network = read_data()
-        solver = fit(one, two, network)
-        print(json.dumps({n: step_time(cells, n, columns, solver, network) for n in args.ranks}))
+    elif args.seconds:
+        print(f"{solver_time(scene, cells):.3g}")
     else:
         print(report(scene, cells, columns, args.ranks))

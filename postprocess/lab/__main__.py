@@ -30,7 +30,8 @@ def runs(args: argparse.Namespace, say: Callable[[object], None]) -> None:
 
 def plan(args: argparse.Namespace, say: Callable[[object], None]) -> None:
     files = StageFiles(args.scene, args.level)
-    say(plan_text(files, read_inputs(args.scene / "reference" / "inputs.toml"), args.ranks))
+    inputs = read_inputs(args.scene / "reference" / "inputs.toml")
+    say(plan_text(files, inputs, args.ranks, args.solver))
 
 
 def virtual(args: argparse.Namespace, say: Callable[[object], None]) -> None:
@@ -91,6 +92,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "pressure-kpa": {"type": float, "required": True, "help": "of the last stroke"},
     "seed": {"type": int, "default": 1, "help": "of all random numbers (default 1)"},
     "ranks": {"type": int, "default": 1, "help": "that each run is solved on (default 1)"},
+    "solver": {
+        "type": float,
+        "help": "s: what the nominal run's solver is predicted to take on one rank (make predict)",
+    },
     "threads": {"type": int, "default": 1, "help": "vector fields at a time (default 1)"},
 }
 
@@ -124,7 +129,10 @@ class Step:
 
 COMMANDS: Commands = {
     "runs": ("scenes of the runs beside the nominal one (reference/inputs.toml)", Step(runs, (), False)),
-    "plan": ("runs that a comparison needs, and how long they will take", Step(plan, ("ranks",), False)),
+    "plan": (
+        "runs that a comparison needs, and how long they will take",
+        Step(plan, ("ranks", "solver"), False),
+    ),
     "virtual": ("scene of a virtual laboratory: another pressure", Step(virtual, ("pressure-kpa",), False)),
     "recording": ("what a virtual laboratory records", "postprocess.lab.virtual.virtual_laboratory"),
     "register": ("find the finger in the data: pose, scale, time, motion", Step(register, ("seed", "quick"))),

@@ -13,7 +13,8 @@ LABHERE = $(LABOUT)/lab/$(LABNAME)
 # a sheet over another view than the camera's: of the scene $(1), x0 x1 y0 y1 (m)
 VIEW    = $(PY) -m pipeline sheet $(1) --level $(LEVEL) --view $(2) -o $@ $(FLAGS)
 OFLAB   = $(CASE) --level $(LEVEL) --dpiv $(DPIV) $(FLAGS)
-PLAN    = $(LAB) plan $(CASE) --level $(LEVEL) --ranks $(NP) $(FLAGS)
+PREDICT = $(PY) -m pipeline predict $(CASE) --level $(LEVEL) --seconds
+PLAN    = $(LAB) plan $(CASE) --level $(LEVEL) --ranks $(NP) --solver $$($(PREDICT)) $(FLAGS)
 
 ifneq ($(filter compare compare-measured compare-coupled,$(MAKECMDGOALS)),)
 $(if $(filter 1,$(words $(DPIV))),,$(error give DPIV=folder of dpiv.toml, a path without spaces: docs/comparison.md))
@@ -23,7 +24,7 @@ $(if $(QUICK),$(if $(filter compare-measured compare-coupled,$(MAKECMDGOALS)),$(
 endif
 compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=.. DPIV=folder [QUICK=1: motion alone]
 	$(if $(QUICK),+@$(SUB) $(SCENE).kinematics,+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register)
-	$(if $(QUICK),@$(LAB) register $(OFLAB) --quick,$(if $(INPUTS),@$(PLAN)))
+	$(if $(QUICK),@$(LAB) register $(OFLAB) --quick,$(if $(INPUTS),+@$(SUB) $(SCENE).case && $(PLAN)))
 	$(if $(QUICK),,+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS=$(INPUTS) lab-compare)
 lab-compare:
 	+@$(SUB) $(SCENE).run

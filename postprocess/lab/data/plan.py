@@ -23,46 +23,41 @@ def work(one: Input | Numerics, dimensions: int) -> tuple[float, float]:
     return (one.ratio ** (dimensions - GRADED), 1.0) if one.name == "grid" else (1.0, one.ratio)
 
 
-def solving_time(files: StageFiles, runs: list[Input | Numerics], ranks: int) -> float:
-    """Time (s) of some runs on idle cores by what the nominal one's stages took.
+def solving_time(took: dict[str, float], works: list[tuple[float, float]], ranks: int) -> float:
+    """Time (s) of runs of so many cells and steps (of the nominal run's) on idle cores, by what its stages take (CPU s).
 
     Before the solver one process works, whatever the ranks.
     """
-    dimensions, took = 2 if _flat(files) else 3, _took(files)
     fixed = min(FIXED, 0.5 * took["run"])
     time = 0.0
-    for one in runs:
-        cells, steps = work(one, dimensions)
+    for cells, steps in works:
         time += took["kinematics"] + took["case"] + took["mesh"] * cells
         time += (fixed + (took["run"] - fixed) * cells * steps) / ranks
     return time
 
 
 def _took(files: StageFiles) -> dict[str, float]:
-    """CPU time (s) of each of the nominal run's stages up to the solver."""
-    return {stage: float(COST.read(_cost(files, stage))["cpu_time"]) for stage in (*SET_UP, "run")}
+    """CPU time (s) of the nominal run's stages up to the solver, of those that have left it."""
+    costs = {stage: files.out / "costs" / f"{stage}.json" for stage in (*SET_UP, "run")}
+    return {stage: float(COST.read(path)["cpu_time"]) for stage, path in costs.items() if path.exists()}
 
 
 def coupled_plan_text(files: StageFiles, home: Path, ranks: int) -> str:
     """What make compare-coupled has to solve, with its time where the nominal run has left its cost; `home`: of the coupled runs."""
     made = sorted(path.parents[2].name for path in home.glob(f"{files.level}_*/out/*/loads.h5"))
     text = f"plan: coupled runs until the motion changes no more (two to four, docs/coupling.md); there already: {', '.join(made) or 'none'}"
-    unknown = [stage for stage in (*SET_UP, "run") if not _cost(files, stage).exists()]
-    if unknown:
-        return f"{text}; all together about three times the nominal run, whose cost is not known yet (make predict says what to expect)"
     took = _took(files)
+    if len(took) <= len(SET_UP):
+        return f"{text}; all together about three times the nominal run, whose cost is not known yet (make predict says what to expect)"
     time = COUPLED * (sum(took[stage] for stage in SET_UP) + took["run"] / ranks)
     return (
         f"{text}; from the first on about {_duration(time)} on {ranks} idle cores, by the nominal run's cost"
     )
 
 
-def _cost(files: StageFiles, stage: str) -> Path:
-    return files.out / "costs" / f"{stage}.json"
-
-
-def plan_text(files: StageFiles, inputs: Inputs, ranks: int) -> str:
-    """The runs that are there and those to be made, with their time where the nominal run has left its cost.
+def plan_text(files: StageFiles, inputs: Inputs, ranks: int, solver: float | None = None) -> str:
+    """The runs that are there and those to be made, with their time by the nominal run's cost; `solver`: what its solver is predicted
+    to take on one rank (s), until it is there.
 
     It is shared by the comparisons of a scene at a level: what one has solved the next one finds.
     """
@@ -75,11 +70,14 @@ def plan_text(files: StageFiles, inputs: Inputs, ranks: int) -> str:
         return f"{text}nothing is left to solve"
     wanted = ([] if nominal else ["the nominal run"]) + [one.name for one in missing]
     text += f"to be solved: {', '.join(wanted)}"
-    unknown = [stage for stage in (*SET_UP, "run") if not _cost(files, stage).exists()]
-    if not nominal or unknown:
-        what = f" of {', '.join(unknown)}" if nominal else ""
-        return f"{text}; the nominal run's cost{what} is not known yet (make predict says what to expect)"
-    return f"{text}, about {_duration(solving_time(files, missing, ranks))} on {ranks} idle cores, by the nominal run's cost"
+    took, by = _took(files), "by the nominal run's cost"
+    if solver is not None and not nominal:
+        took, by = took | {"run": solver}, "by the time that is predicted for the nominal run"
+    unknown = [stage for stage in (*SET_UP, "run") if stage not in took]
+    if unknown:
+        return f"{text}; the nominal run's cost of {', '.join(unknown)} is not known yet (make predict says what to expect)"
+    works = [work(one, 2 if _flat(files) else 3) for one in missing] + ([] if nominal else [(1.0, 1.0)])
+    return f"{text}, about {_duration(solving_time(took, works, ranks))} on {ranks} idle cores, {by}"
 
 
 def _run(files: StageFiles, name: str) -> Path:

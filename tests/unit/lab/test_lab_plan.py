@@ -43,7 +43,22 @@ def test_the_nominal_run_tells_the_time_of_the_others(tmp_path, monkeypatch, kin
         COST.write(files.out / "costs" / f"{stage}.json", {"stage": stage, "cpu_time": took})
     cells = 1.5**1.5 if kind == "2d" else 1.5**2.5
     minutes = 2 * minutes + 3 * 5 / 60 + 0.4 * (1 + cells + 1)  # one process makes the mesh
-    assert f"about {minutes:.0f} min on 2 idle cores" in plan.plan_text(files, INPUTS, 2)
+    told = plan.plan_text(files, INPUTS, 2, solver=1e6)
+    assert f"about {minutes:.0f} min on 2 idle cores, by the nominal run's cost" in told
+
+
+def test_the_time_is_said_before_the_nominal_run_by_what_its_solver_is_predicted_to_take(
+    tmp_path, monkeypatch
+):
+    """A solver of 250 CPU s, of which 10 are the same for all: 2 minutes of steps on two ranks, four runs, three of one grid."""
+    files = StageFiles(tmp_path / "finger", "smoke")
+    monkeypatch.setattr(plan, "scene_numbers", lambda files: {"model": {"kind": "2d"}})
+    for stage in plan.SET_UP:
+        COST.write(files.out / "costs" / f"{stage}.json", {"stage": stage, "cpu_time": 0.0})
+    assert "cost of run is not known yet" in plan.plan_text(files, INPUTS, 2)
+    minutes = 2 * (1 + 1 + 1.5**1.5 + 2) + 4 * 5 / 60
+    told = plan.plan_text(files, INPUTS, 2, solver=250.0)
+    assert f"about {minutes:.0f} min on 2 idle cores, by the time that is predicted" in told
 
 
 def test_a_coupled_comparison_says_what_it_solves(tmp_path):
