@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import cv2
 import numba
 import numpy as np
 
 from piv.synthetic.plane_spline import PlaneField, extremes, sample_point
 
+# Its threads sleep while they wait, and take no core from a stage beside; libgomp reads it when numba first loads it.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 TILES = (64, 128)  # across and up: a tile's part of the field fits the first cache
+MARGIN = 1.5  # times how far the flow goes from frame to frame: where fresh particles are drawn
 PRECISION = 1e-4  # of the displacement: 0.0006 px of 6 px
 
 
@@ -144,6 +149,42 @@ def motion(field: PlaneField, start: float, end: float, half_width: float) -> Mo
     needed = (max(turn**4 / 120, turn * passed**3 / 2880) / PRECISION) ** 0.25
     most = max(2, math.ceil(along / min(field.dx, field.dy)))
     return Motion(along, (w + dwdz * half_width) * time, min(max(1, math.ceil(needed)), most))
+
+
+def arriving(
+    field: PlaneField, p: np.ndarray, box: Box, start: float, end: float, along: float, slack: float
+) -> np.ndarray:
+    """Which particles (rows x, y, z, ...) the flow round about may carry into the box, if they are not in it.
+
+    `along`: how far any goes from `start` to `end`, m; `slack`, m, is granted in the plane besides.
+    """
+    nodes = (
+        math.ceil(MARGIN * along / min(field.dx, field.dy)) + 3
+    )  # of the path, and of a spline at its ends
+    bound = cv2.dilate(np.abs(field.at(_between(start, end, 0.5))), np.ones((2 * nodes + 1,) * 2, np.uint8))
+    limits = np.array([box.x0, box.x1, box.y0, box.y1, box.half_width])
+    origin_and_step = np.array([field.x[0], field.y[0], field.dx, field.dy])
+    return _arriving(bound * (MARGIN * (end - start)), p, limits, origin_and_step, slack)
+
+
+@numba.njit(cache=True)
+def _arriving(
+    bound: np.ndarray, p: np.ndarray, limits: np.ndarray, origin_and_step: np.ndarray, slack: float
+) -> np.ndarray:
+    out = np.empty(p.shape[1], np.bool_)
+    ny, nx, _ = bound.shape
+    x0, y0, dx, dy = origin_and_step
+    for n in range(p.shape[1]):
+        x, y, z = p[0, n], p[1, n], p[2, n]
+        i = min(max(int((x - x0) / dx + 1.5), 0), nx - 1)
+        j = min(max(int((y - y0) / dy + 1.5), 0), ny - 1)
+        u, v, w, dwdz = bound[j, i]
+        out[n] = (
+            max(limits[0] - x, x - limits[1]) <= u + slack
+            and max(limits[2] - y, y - limits[3]) <= v + slack
+            and abs(z) - limits[4] <= w + dwdz * limits[4]
+        )
+    return out
 
 
 def exact_displacement(

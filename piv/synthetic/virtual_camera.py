@@ -22,7 +22,17 @@ from piv.synthetic.particle_images import (
     shadow_of,
     sheet_light,
 )
-from piv.synthetic.particles import Box, Motion, advance, by_tiles, exact_displacement, motion, seed_particles
+from piv.synthetic.particles import (
+    MARGIN,
+    Box,
+    Motion,
+    advance,
+    arriving,
+    by_tiles,
+    exact_displacement,
+    motion,
+    seed_particles,
+)
 from piv.synthetic.plane_spline import PlaneField
 
 TRUTH_SPACING_PX = 8.0
@@ -123,8 +133,11 @@ class Recorder:
         """Particles of frame `index` + 1 from those of frame `index`."""
         t0, t1 = self.time[index], self.time[index + 1]
         most = self.motion(index)
-        margin = 1.5 * most.along + self.camera.scale_m_per_px
-        fresh = self._draw(index + 1, margin, min(1.5 * most.across, self.box.half_width))
+        slack = self.camera.scale_m_per_px
+        fresh = self._draw(
+            index + 1, MARGIN * most.along + slack, min(MARGIN * most.across, self.box.half_width)
+        )
+        fresh = fresh[:, arriving(self.field, fresh, self.box, t0, t1, most.along, slack)]
         fresh = fresh[:, ~self.box.holds(fresh) | self._in_body(body, fresh)]
         carried = by_tiles(np.concatenate([particles, fresh], axis=1), self.box)
         moved = advance(self.field, carried, t0, t1, most.substeps)
