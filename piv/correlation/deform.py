@@ -42,6 +42,11 @@ class Nodes:
         along_x = bspline_table(np.arange(columns), self.column[0], step_x, self.x.size)
         return along_y[0], along_y[1], along_x[0], along_x[1]
 
+    @cached_property
+    def _windows(self) -> dict[float, tuple]:
+        """Weights of the cells around the nodes, and their sums, of the σ asked for so far."""
+        return {}
+
     def _knots(self, vectors: np.ndarray, share: float) -> np.ndarray:
         """B-spline coefficients of `share` of the vectors in px of this level, padded by two on every side."""
         padded = np.empty((vectors.shape[0] + 4, vectors.shape[1] + 4), np.float32)
@@ -50,11 +55,19 @@ class Nodes:
         padded[:, :2], padded[:, -2:] = padded[:, 2:3], padded[:, -3:-2]
         return padded
 
-    def moments(self, a: Image, b: Image, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:
-        """Products (MOMENTS, *cell_shape) of both images, warped half-way along (dx, dy), summed over cells."""
-        cells = np.empty((MOMENTS, *self.cell_shape), np.float32)
+    def moments(
+        self, a: Image, b: Image, dx: np.ndarray, dy: np.ndarray, wanted: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Products (MOMENTS, *cell_shape) of both images, warped half-way along (dx, dy), summed over cells.
+
+        wanted: cells (uint8) that are measured, None for all; the others are zero.
+        """
+        if wanted is None:
+            wanted = np.ones(self.cell_shape, np.uint8)
+        cells = np.zeros((MOMENTS, *self.cell_shape), np.float32)
         x, y = self._knots(dx, -0.5), self._knots(dy, -0.5)
-        pair_moments(a.samples, a.usable, b.samples, b.usable, x, y, *self._tables, cells)
+        around = cv2.dilate(wanted, np.ones((3, 3), np.uint8))
+        pair_moments(a.samples, a.usable, b.samples, b.usable, x, y, *self._tables, wanted, around, cells)
         return cells
 
     def dense(self, vectors: np.ndarray, out: np.ndarray, first: int = 0) -> None:
@@ -73,11 +86,28 @@ class Nodes:
 
     def window_sums(self, cells: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
         """Gaussian-weighted sums of the cells around each node (σ in full px), and the sum of the weights in px²."""
-        first_x, weight_x = window_weights(self.column, cells.shape[2], sigma / self.factor)
-        first_y, weight_y = window_weights(self.row, cells.shape[1], sigma / self.factor)
+        if sigma not in self._windows:
+            rows, columns = self.cell_shape
+            first_x, weight_x = window_weights(self.column, columns, sigma / self.factor)
+            first_y, weight_y = window_weights(self.row, rows, sigma / self.factor)
+            total = np.outer(weight_y.sum(axis=1), weight_x.sum(axis=1)) * CELL**2
+            self._windows[sigma] = (first_y, weight_y, first_x, weight_x), total
+        (first_y, weight_y, first_x, weight_x), total = self._windows[sigma]
         sums = np.empty((cells.shape[0], self.y.size, self.x.size), np.float32)
         window_sums(cells, first_y, weight_y, first_x, weight_x, sums)
-        return sums, np.outer(weight_y.sum(axis=1), weight_x.sum(axis=1)) * CELL**2
+        return sums, total
+
+    def cells_around(self, where: np.ndarray, sigma: float) -> np.ndarray:
+        """Cells (uint8) in the windows (σ in full px) of the nodes `where` (bool)."""
+        seen = np.zeros(self.cell_shape, np.uint8)
+        rows, columns = (
+            np.clip(np.rint((at - (CELL - 1) / 2) / CELL).astype(int), 0, n - 1)
+            for at, n in zip((self.row, self.column), self.cell_shape, strict=True)
+        )
+        j, i = np.nonzero(where)
+        seen[rows[j], columns[i]] = 1
+        across = 2 * window_reach(sigma / self.factor) + 1
+        return cv2.dilate(seen, np.ones((across, across), np.uint8))
 
     def at_cells(self, field: np.ndarray) -> np.ndarray:
         """Bilinear values of a field on the nodes at the centres of the cells."""

@@ -63,14 +63,14 @@ def _along(sums, out):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def cell_row(a, b, weight, j, at, rows, columns, sums, out):
-    """The j-th row of cells of images of (rows, columns) px: out[:, j], see `cell_moments`.
+def cell_row(a, b, weight, j, first, last, at, rows, columns, sums, out):
+    """Cells `first` to `last` of the j-th row of images of (rows, columns) px: out[:, j], see `cell_moments`.
 
     at: which rows of a, b and weight hold the eight rows from two above the cells to two below; sums: MOMENTS * BLOCK.
     """
     none = np.zeros(columns, np.float32)
-    for left in range(0, out.shape[2] * CELL, BLOCK):
-        width = min(BLOCK, out.shape[2] * CELL - left)
+    for left in range(first * CELL, last * CELL, BLOCK):
+        width = min(BLOCK, last * CELL - left)
         c0, c1 = max(left, 2), min(left + width, columns - 2)  # nearer the edge derivatives are not known
         for m in range(MOMENTS):
             sums[m * BLOCK : m * BLOCK + c0 - left] = 0
@@ -108,7 +108,7 @@ def cell_moments(a, b, weight, out):
     for j in range(out.shape[1]):
         for k in range(8):
             at[k] = min(max(CELL * j - 2 + k, 0), rows - 1)
-        cell_row(a, b, weight, j, at, rows, columns, sums, out)
+        cell_row(a, b, weight, j, 0, out.shape[2], at, rows, columns, sums, out)
 
 
 def window_reach(sigma: float) -> int:

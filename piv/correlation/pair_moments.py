@@ -13,6 +13,7 @@ from piv.correlation.interpolate import LANES, PAD, run_end, snapped, spline_row
 from piv.correlation.newton_step import BLOCK, CELL, MOMENTS, cell_row
 
 ROWS = 8  # held of the warped images: those of a row of cells and two on either side
+SHORT = 6  # px: of shorter runs each pixel is sampled by itself, as a run costs as much as so many
 MARGIN = PAD - 3  # px: farther outside the image no sample is taken
 
 
@@ -69,11 +70,49 @@ def _weigh(usable_a, p, usable_b, q, c, n, weight):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def _sample_each(
+    a, b, usable_a, usable_b, first, stride, offset, frac_x, frac_y, c, end, out_a, out_b, weight
+):
+    """Samples of both images (flat) and their weight at the pixels `c` to `end`, each of which has its own offset."""
+    one, two, three, s = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(stride)
+    for i in range(c, end):
+        x0, x1, x2, x3 = taps(frac_x[i])
+        y0, y1, y2, y3 = taps(frac_y[i])
+        p0 = np.uint64(first + i + offset[i] - stride - 1)
+        q0 = np.uint64(first + i - offset[i] - 2 * stride - 2)
+        p1 = p0 + s
+        p2 = p1 + s
+        p3 = p2 + s
+        q1 = q0 + s
+        q2 = q1 + s
+        q3 = q2 + s
+        out_a[i] = (
+            y0 * (x0 * a[p0] + x1 * a[p0 + one] + x2 * a[p0 + two] + x3 * a[p0 + three])
+            + y1 * (x0 * a[p1] + x1 * a[p1 + one] + x2 * a[p1 + two] + x3 * a[p1 + three])
+            + y2 * (x0 * a[p2] + x1 * a[p2 + one] + x2 * a[p2 + two] + x3 * a[p2 + three])
+            + y3 * (x0 * a[p3] + x1 * a[p3 + one] + x2 * a[p3 + two] + x3 * a[p3 + three])
+        )
+        out_b[i] = (
+            y3 * (x3 * b[q0] + x2 * b[q0 + one] + x1 * b[q0 + two] + x0 * b[q0 + three])
+            + y2 * (x3 * b[q1] + x2 * b[q1 + one] + x1 * b[q1 + two] + x0 * b[q1 + three])
+            + y1 * (x3 * b[q2] + x2 * b[q2 + one] + x1 * b[q2 + two] + x0 * b[q2 + three])
+            + y0 * (x3 * b[q3] + x2 * b[q3 + one] + x1 * b[q3 + two] + x0 * b[q3 + three])
+        )
+        weight[i] = np.float32(usable_a[p1 + one] & usable_b[q2 + two])
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def _warp_row(first, stride, a, b, usable_a, usable_b, offset, frac_x, frac_y, out_a, out_b, weight):
     """Both images (flat) along one row, whose first pixel is the `first`-th; the outputs are LANES longer than the row."""
     c = 0
     while c < offset.size:
         end = run_end(offset, c)
+        if end - c < SHORT:
+            _sample_each(
+                a, b, usable_a, usable_b, first, stride, offset, frac_x, frac_y, c, end, out_a, out_b, weight
+            )
+            c = end
+            continue
         # pixels written beyond the run are overwritten by the next one
         n = (end - c + LANES - 1) // LANES * LANES
         p = first + c + offset[c] - stride - 1
@@ -86,12 +125,28 @@ def _warp_row(first, stride, a, b, usable_a, usable_b, offset, frac_x, frac_y, o
         c = end
 
 
+@njit(cache=True, nogil=True)
+def _runs(row, out):
+    """Number of the runs of what is not zero; out[k]: the k-th one's first and the one past its last."""
+    count = 0
+    for i in range(row.size):
+        if row[i] and (i == 0 or not row[i - 1]):
+            out[count, 0] = i
+            count += 1
+        if row[i]:
+            out[count - 1, 1] = i + 1
+    return count
+
+
 @njit(cache=True, nogil=True, fastmath=True)
-def pair_moments(a, usable_a, b, usable_b, knots_x, knots_y, first_y, weights_y, first_x, weights_x, out):
+def pair_moments(
+    a, usable_a, b, usable_b, knots_x, knots_y, first_y, weights_y, first_x, weights_x, wanted, around, out
+):
     """Products of image `a` moved by the B-spline of the knots and `b` moved against it: see newton_step.cell_moments.
 
     a, b: images padded by PAD px, float32; usable: the same shape, uint8, 0 where masked; knots
-    (ny+4, nx+4) with the tables of interpolate.bspline_table for every row and column; out: (MOMENTS, cells).
+    (ny+4, nx+4) with the tables of interpolate.bspline_table for every row and column; wanted: cells (uint8) to
+    measure, around: these and those next to them; out: (MOMENTS, cells), not written where not wanted.
     """
     stride = a.shape[1]
     rows, columns = a.shape[0] - 2 * PAD, stride - 2 * PAD
@@ -111,7 +166,9 @@ def pair_moments(a, usable_a, b, usable_b, knots_x, knots_y, first_y, weights_y,
     held = np.empty(ROWS, np.int64)
     w = np.empty(4, np.float32)
     knot, done = first_y[0], 0
+    runs = np.empty((out.shape[2] // 2 + 1, 2), np.int64)
     for j in range(out.shape[1]):
+        count = _runs(around[j], runs)
         for r in range(done, min(CELL * (j + 1) + 2, rows)):
             while knot < first_y[r] + 4:
                 spline_row(knots_x[knot], first_x, weights_x, along_x[knot % 4])
@@ -120,16 +177,26 @@ def pair_moments(a, usable_a, b, usable_b, knots_x, knots_y, first_y, weights_y,
             k = first_y[r]
             k0, k1, k2, k3 = k % 4, (k + 1) % 4, (k + 2) % 4, (k + 3) % 4
             w[:] = weights_y[:, r]
-            _split(
-                w, along_x[k0], along_x[k1], along_x[k2], along_x[k3],
-                along_y[k0], along_y[k1], along_y[k2], along_y[k3],
-                reach_x, np.float32(min(r, rows - 1 - r) + MARGIN), np.int32(stride), offset, frac_x, frac_y,
-            )  # fmt: skip
-            _warp_row(
-                (r + PAD) * stride + PAD, stride, flat_a, flat_b, flat_usable_a, flat_usable_b,
-                offset, frac_x, frac_y, warped_a[r % ROWS], warped_b[r % ROWS], weight[r % ROWS],
-            )  # fmt: skip
+            reach_y = np.float32(min(r, rows - 1 - r) + MARGIN)
+            for run in range(count):
+                first, last = CELL * runs[run, 0], CELL * runs[run, 1]
+                last = columns if last > columns - CELL else last
+                s = slice(first, last)
+                _split(
+                    w, along_x[k0, s], along_x[k1, s], along_x[k2, s], along_x[k3, s],
+                    along_y[k0, s], along_y[k1, s], along_y[k2, s], along_y[k3, s],
+                    reach_x[s], reach_y, np.int32(stride), offset[s], frac_x[s], frac_y[s],
+                )  # fmt: skip
+                s = slice(first, last + LANES)
+                _warp_row(
+                    (r + PAD) * stride + PAD + first, stride, flat_a, flat_b, flat_usable_a, flat_usable_b,
+                    offset[first:last], frac_x[s], frac_y[s],
+                    warped_a[r % ROWS, s], warped_b[r % ROWS, s], weight[r % ROWS, s],
+                )  # fmt: skip
             done = r + 1
         for k in range(ROWS):
             held[k] = (CELL * j - 2 + k) % ROWS
-        cell_row(warped_a, warped_b, weight, j, held, rows, columns, sums, out)
+        for run in range(_runs(wanted[j], runs)):
+            cell_row(
+                warped_a, warped_b, weight, j, runs[run, 0], runs[run, 1], held, rows, columns, sums, out
+            )

@@ -26,7 +26,8 @@ POOR, SPREADS = 0.8, 8.0
 MOST = 0.25  # of all vectors: more poor ones mean poor images, not a region
 FEWEST = 3  # vectors of a region: fewer are noise or outliers, which the median test finds
 ROUNDS = 10  # of extrapolation and Newton steps
-IDLE = 2  # rounds in succession that find no further vector end the search
+IDLE = 2  # rounds in succession that leave more than LEFT of the vectors still poor end the search
+LEFT = 0.95
 INWARD_WINDOW = 0.75  # of the window during the passes: it holds fewer wrong vectors
 LOST = 0.7  # of the median correlation: a vector below it is an outlier in the end
 WHOLE = 0.9  # unmasked share of a window's weight: below it the small window is used in the end
@@ -86,37 +87,41 @@ def _region(nodes, images, vectors, poor, part, target, options, density):
     masked = vectors.masked[part]
     sigma = (INWARD_WINDOW if density == 1 else SMALL) * options.sigma
 
-    def step_from(dx, dy):
-        cells = local.moments(crops[0], crops[1], dx, dy)
-        sums, full = local.window_sums(cells, sigma)
-        step_x, step_y, correlation = newton_step(sums, 1.0)
-        hidden = sums[8] < (1 - options.max_masked) * full
-        return spline_value(dx) + step_x, spline_value(dy) + step_y, correlation, hidden
-
     dx, dy = continue_linearly(dx, dy, ~masked)
     if density > 1:
         dx, dy = denser(dx), denser(dy)
-        poor = denser(poor.astype(np.float32)) > 0
+        poor, masked = denser(poor.astype(np.float32)) > 0, denser(masked.astype(np.float32)) > 0.5
+    wanted = local.cells_around(poor, sigma)
+    correlation = np.zeros(poor.shape, np.float32)
+
+    def step():
+        """One Newton step of the poor vectors, whose windows alone are measured."""
+        cells = local.moments(crops[0], crops[1], dx, dy, wanted)
+        sums, full = local.window_sums(cells, sigma)
+        step_x, step_y, found = newton_step(sums, 1.0)
+        hidden = sums[8] < (1 - options.max_masked) * full
+        new = spline_value(dx) + step_x, spline_value(dy) + step_y, found, hidden
+        return (np.where(poor, *f) for f in zip(new, (dx, dy, correlation, masked), strict=True))
+
     best_x, best_y = dx, dy
-    new_x, new_y, best, masked = step_from(dx, dy)
-    correlation = best
+    dx, dy, correlation, masked = step()
+    best = correlation
     if density > 1:
-        best_x, best_y = np.where(poor, new_x, dx), np.where(poor, new_y, dy)
+        best_x, best_y = dx, dy
     fewest, idle = poor.size, 0
     for k in range(ROUNDS):
         low = poor & (correlation < target)
         count = np.count_nonzero(low)
-        idle = idle + 1 if count >= fewest else 0
+        idle = idle + 1 if count >= LEFT * fewest else 0
         if idle == IDLE or (not count and (density == 1 or k > 1)):
             break
         fewest = min(fewest, count)
-        dx, dy = continue_linearly(np.where(poor, new_x, dx), np.where(poor, new_y, dy), ~low & ~masked)
+        dx, dy = continue_linearly(dx, dy, ~low & ~masked)
         for _ in range(2):
-            new_x, new_y, correlation, masked = step_from(dx, dy)
-            better = poor & (correlation > best)
+            dx, dy, correlation, masked = step()
+            better = correlation > best
             best = np.where(better, correlation, best)
-            best_x, best_y = np.where(better, new_x, best_x), np.where(better, new_y, best_y)
-            dx, dy = np.where(poor, new_x, dx), np.where(poor, new_y, dy)
+            best_x, best_y = np.where(better, dx, best_x), np.where(better, dy, best_y)
             dx, dy = continue_linearly(dx, dy, ~masked)
     return best_x[::density, ::density], best_y[::density, ::density], best[::density, ::density]
 

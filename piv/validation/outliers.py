@@ -226,32 +226,34 @@ def fill_absent(u, v, usable):
     u, v, known = u.astype(np.float32), v.astype(np.float32), usable.copy()
     if not known.any():
         return np.zeros_like(u), np.zeros_like(v)
-    missing = np.argwhere(~known)
-    while missing.size:
-        _fill_ring(u, v, known, missing)
-        missing = missing[~known[missing[:, 0], missing[:, 1]]]
+    _fill_rings(u, v, known, np.argwhere(~known))
     return u, v
 
 
 @njit(cache=True, nogil=True)
-def _fill_ring(u, v, known, missing):
+def _fill_rings(u, v, known, missing):
     ny, nx = u.shape
-    n = missing.shape[0]
-    new = np.zeros(n, np.int64)
-    for k in range(n):
-        j, i = missing[k]
-        su = sv = 0.0
-        count = 0
-        for r in range(max(j - 1, 0), min(j + 2, ny)):
-            for c in range(max(i - 1, 0), min(i + 2, nx)):
-                if known[r, c]:
-                    su += u[r, c]
-                    sv += v[r, c]
-                    count += 1
-        if count:
-            u[j, i] = su / count
-            v[j, i] = sv / count
-            new[k] = 1
-    for k in range(n):
-        if new[k]:
-            known[missing[k, 0], missing[k, 1]] = True
+    left = missing.shape[0]
+    ring = np.empty_like(missing)
+    while left:
+        count, left, filled = left, 0, 0
+        for k in range(count):
+            j, i = missing[k]
+            su = sv = 0.0
+            neighbours = 0
+            for r in range(max(j - 1, 0), min(j + 2, ny)):
+                for c in range(max(i - 1, 0), min(i + 2, nx)):
+                    if known[r, c]:
+                        su += u[r, c]
+                        sv += v[r, c]
+                        neighbours += 1
+            if neighbours:
+                u[j, i] = su / neighbours
+                v[j, i] = sv / neighbours
+                ring[filled] = j, i
+                filled += 1
+            else:
+                missing[left] = j, i
+                left += 1
+        for k in range(filled):
+            known[ring[k, 0], ring[k, 1]] = True

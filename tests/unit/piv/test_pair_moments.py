@@ -52,6 +52,29 @@ def test_row_by_row_as_whole_images(shape, masked):
         assert np.abs(got[m] - want[m]).max() < 2e-3 * np.abs(want[m]).max()
 
 
+@pytest.mark.parametrize("shape", [(61, 83), (40, 1090)])
+def test_of_some_cells_as_of_all(shape):
+    """What is measured of some cells only is what it is among all; the others are zero."""
+    rng = np.random.default_rng(9)
+    images = [Image(rng.standard_normal(shape).astype(np.float32), None) for _ in "ab"]
+    for image in images:
+        image.filter(prefilter.kernel(prefilter.default_response()))
+    nodes = Nodes(grid(shape[1], 8), grid(shape[0], 8), shape, 1)
+    dx = rng.normal(0, 3, (nodes.y.size, nodes.x.size)).astype(np.float32)
+    wanted = (rng.uniform(size=nodes.cell_shape) < 0.3).astype(np.uint8)
+    wanted[:, -1] = 1
+    every, some = nodes.moments(*images, dx, dx), nodes.moments(*images, dx, dx, wanted)
+    # sums of 512 columns from another start round otherwise
+    assert some == pytest.approx(np.where(wanted, every, 0), abs=float(1e-4 * np.abs(every).max()))
+    where = np.zeros(dx.shape, bool)
+    where[3, 4] = True
+    near = nodes.window_sums(nodes.moments(*images, dx, dx, nodes.cells_around(where, 2.0)), 2.0)[0]
+    # beyond the cells around it a window has 1e-3 of its weight
+    assert near[:, 3, 4] == pytest.approx(
+        nodes.window_sums(every, 2.0)[0][:, 3, 4], abs=float(2e-3 * near.max())
+    )
+
+
 def test_products_are_those_of_their_definition():
     """One cell against sums written out in double precision."""
     rng = np.random.default_rng(6)
