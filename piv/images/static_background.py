@@ -30,21 +30,25 @@ def static_background(recording: Recording) -> tuple[np.ndarray, np.ndarray] | N
     if len(recording) < LEAST_FRAMES or min(recording.shape) < CELL:
         return None
     chosen = np.unique(np.linspace(0, len(recording) - 1, min(FRAMES, len(recording))).astype(int))
-    least = recording.frame(int(chosen[0])).astype(np.float32)
-    top = float(least.max())
-    for i in chosen[1:]:
+    held = set(chosen[:: max(1, len(chosen) // 4)])
+    few = []
+    smallest, top = recording.frame(int(chosen[0])).copy(), -np.inf
+    for i in chosen:
         image = recording.frame(int(i))
         top = max(top, float(image.max()))
-        np.minimum(least, image, out=least)
+        np.minimum(smallest, image, out=smallest)
+        few += [image] if i in held else []
+    least = smallest.astype(np.float32)
+    still = _texture(least)
     total, moving = [], []
-    for i in chosen[:: max(1, len(chosen) // 4)]:
-        image = recording.frame(int(i)).astype(np.float32)
-        total.append(_variance(image))
-        moving.append(_variance(image - least))
+    for image in few:
+        texture = _texture(image)
+        total.append(_variance(texture))
+        moving.append(_variance(texture - still))
     particles = float(np.median(np.median(total, axis=0)))
     if not particles > 0:
         return None
-    unchanging, changing = _variance(least), np.median(moving, axis=0)
+    unchanging, changing = _variance(still), np.median(moving, axis=0)
     cells = (unchanging > STATIC * particles) & (changing > MOVING * particles) | (
         unchanging > BRIGHT * particles
     )
@@ -63,9 +67,14 @@ def static_background(recording: Recording) -> tuple[np.ndarray, np.ndarray] | N
     return np.maximum(least - level, 0) * where, (least >= SATURATED * top) & (where > 0)
 
 
-def _variance(image: np.ndarray) -> np.ndarray:
-    """Of the texture in each whole cell; slow changes across the picture are none."""
-    texture = image - cv2.GaussianBlur(image, (0, 0), CELL / 4)
-    rows, columns = (n // CELL for n in image.shape)
+def _texture(image: np.ndarray) -> np.ndarray:
+    """The image (float32) without slow changes across it."""
+    image = image.astype(np.float32)
+    return image - cv2.GaussianBlur(image, (0, 0), CELL / 4)
+
+
+def _variance(texture: np.ndarray) -> np.ndarray:
+    """Of the texture in each whole cell."""
+    rows, columns = (n // CELL for n in texture.shape)
     blocks = texture[: rows * CELL, : columns * CELL].reshape(rows, CELL, columns, CELL)
     return blocks.var(axis=(1, 3))
