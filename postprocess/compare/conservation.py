@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import xarray as xr
-from scipy.integrate import cumulative_trapezoid
 
 from fileio.formats.records import FORCES
-from postprocess.evidence.conservation import half_circulation, vertical_impulse
+from postprocess.evidence.conservation import half_circulation, running_integral, vertical_impulse
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 
 NEEDED = {"p", "outline_velocity"}
@@ -20,7 +19,7 @@ def conservation(files: StageFiles, plane: xr.Dataset) -> pd.DataFrame:
     density, viscosity = scene["fluid"]["density"], scene["fluid"]["kinematic_viscosity"]
     forces = FORCES.read(files.required("run/forces.csv", "run"))
     time, width = forces["time"].to_numpy(), scene["finger"]["width"]
-    given = -2 * cumulative_trapezoid(forces["fy"], time, initial=0.0) / (density * width)
+    given = -2 * running_integral(forces["fy"].to_numpy(), time) / (density * width)
     table = half_circulation(plane, density, viscosity)
     return table.assign(impulse=vertical_impulse(plane), given=np.interp(table["time"], time, given))
 

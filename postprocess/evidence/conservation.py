@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import xarray as xr
-from scipy.integrate import cumulative_trapezoid
 
 from piv.vortices.criteria import derivative, gradients, vorticity
 from postprocess.evidence.centreline import beside_middle
@@ -48,11 +47,16 @@ def half_circulation(plane: xr.Dataset, density: float, viscosity: float) -> pd.
         rows.append([time, left + above + wall, wall, *rates])
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     for name in ("pressure", "carried", "diffused"):
-        table[name] = cumulative_trapezoid(table[name], table["time"], initial=0.0)
+        table[name] = running_integral(table[name].to_numpy(), times)
     table["pressure"] += (
         table["circulation"].iloc[0] - table["walls"].iloc[0]
     )  # what is there at the first instant
     return table
+
+
+def running_integral(values: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Integral over `time` from its first instant to each, by trapezes (scipy's takes a quarter of a second to import)."""
+    return np.concatenate([[0.0], np.cumsum(np.diff(time) * (values[1:] + values[:-1]) / 2)])
 
 
 def sides(valid: np.ndarray, outline: np.ndarray, x: np.ndarray, height: float) -> tuple[int, int]:
