@@ -50,7 +50,7 @@ include postprocess/lab/compare.mk
 
 USER_TARGETS := help setup study tradeoff predict test-slurm test lint unit fea fea-studies pinch-studies docs compare \
     compare-measured compare-coupled virtual-lab virtual-lab-study validate convergence distribution planforms \
-    clean clean-all bench-piv piv-limits bench-steps air-and-water closing-plates elastic-benchmarks \
+    pinch-jet clean clean-all bench-piv piv-limits bench-steps air-and-water closing-plates elastic-benchmarks \
     coupled-docs compare-coupled-study stability faults fuzz scene-reference docs-site openfoam-versions
 INNER_TARGETS := lab-register lab-motion lab-compare lab-sheets study-sheets
 
@@ -308,6 +308,10 @@ distribution: $(STUDY_READY) ## what decides the error at the cost of coarse: do
 planforms: $(STUDY_READY) ## planforms of motions that are hard to follow: docs/mesh.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/planforms.csv
 	nice $(PY) -m tests.studies.planforms
+
+pinch-jet: $(STUDY_READY) ## what of the pinch's jet depends on the grid: docs/mesh.md
+	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/pinch/studies/jet.csv $(ONLY)
+	nice $(PY) -m tests.studies.pinch_jet
 
 stability: $(STUDY_READY) ## runs and images at the extremes: docs/stability.md
 	+$(SNAKEMAKE) $(EXECUTOR) --config study=cases/single_finger/studies/stability.csv
