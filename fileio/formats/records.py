@@ -7,7 +7,7 @@ from fileio.schema import JsonFormat, Table
 AGAIN = "delete it and run make again"
 RUN = JsonFormat("run", 4, AGAIN)
 COMPARISON = JsonFormat("comparison", 1, AGAIN)
-LAB_COMPARISON = JsonFormat("lab-comparison", 5, "run make compare again")
+LAB_COMPARISON = JsonFormat("lab-comparison", 6, "run make compare again")
 REGISTRATION = JsonFormat("registration", 3, "run python -m postprocess.lab register again")
 STUDY_PLAN = JsonFormat("study-plan", 4, "run the study again")
 OUTCOME = JsonFormat("outcome", 1, "delete it and run the study again")

@@ -88,8 +88,8 @@ virtual-lab-study: | $(READY) ## registration, faults, verdicts: tables of docs/
 	$(PY) -m tests.studies.laboratory.registration --seeds 20 -o $(LAB_STUDY)/registration.csv \
 	    --docs docs/comparison.md
 	$(PY) -m tests.studies.laboratory.faults --first 501 --seeds 72 -o $(LAB_STUDY)/faults.csv --docs docs/comparison.md
-	$(STUDY_RUN) $(STUDY_NEW) --first 301 --seeds 5
-	$(STUDY_RUN) $(STUDY_NEW) --first 306 --seeds 15 --sets none --docs docs/comparison.md
+	$(STUDY_RUN) $(STUDY_NEW) --first 401 --seeds 5
+	$(STUDY_RUN) $(STUDY_NEW) --first 406 --seeds 15 --sets none --docs docs/comparison.md
 WATERS = $(notdir $(patsubst %/scene.toml,%,$(wildcard $(LABOUT)/virtual/*/scene.toml)))
 study-sheets: $(patsubst %,$(LAB_STUDY)/%.h5,nominal $(WATERS) $(VARIATIONS))
 LAB_STUDY_SHEET = $(call VIEW,$(patsubst %/out/$(LEVEL)/run/run.json,%,$<),-0.08 0.12 0.10 0.28)

@@ -46,7 +46,7 @@ class Input(Table):
 
 
 class Numerics(Table):
-    """One kind of resolution: a run finer by `ratio`, and Roache's grid-convergence index of the nominal run from the two."""
+    """One kind of resolution: a run finer by `ratio`, and Roache's grid-convergence index of that run from the two."""
 
     name: Literal["grid", "time_step"]
     ratio: Annotated[float, Field(gt=1)]
@@ -57,10 +57,9 @@ class Numerics(Table):
     def per_difference(self) -> float:
         """Standard uncertainty over the difference of the two runs: half the index, which is a 95 % band.
 
-        The nominal run is the coarser of the two: its index is r^p times that of the finer (Roache 1994, eq. 5 and 6).
+        What the finer run changes is added to the simulation: what is left is the finer run's error (Roache 1994, eq. 5).
         """
-        gain = self.ratio**self.order
-        return 0.5 * self.safety * gain / (gain - 1)
+        return 0.5 * self.safety / (self.ratio**self.order - 1)
 
 
 class Inputs(Table):

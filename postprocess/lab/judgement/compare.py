@@ -39,7 +39,7 @@ from postprocess.lab.virtual.common_grid import CommonGrid, on_common_grid
 
 MOTION = ("final_bend", "duration")  # what the silhouette shows
 STRENGTH = ("circulation", "velocity_field")  # a flow that is stronger or weaker as a whole shows in these
-COPIED = ("name", "label", "unit", "simulation", "direct", "data", "error", "measurement_part")
+COPIED = ("name", "label", "unit", "simulation", "direct", "data", "error", "measurement_part", "finer")
 
 
 Run = tuple[Input | Numerics, xr.Dataset, Kinematics]  # what it changes, its sheet, its motion
@@ -133,7 +133,8 @@ def moved_as_recorded(files: LabFiles, dpiv: Dpiv) -> bool:
 
 
 def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, FieldComparison]:
-    """Verdicts, series over time, and the field; the flow is judged at the recording's own motion where it is known what that does."""
+    """Verdicts, series over time, and the field; the flow is judged as the finer runs have it, at the recording's own motion where it is
+    known what that does."""
     case = replace(case, motion=recorded_motion_parts(case))
     measured = tables(case)
     rows = common_rows(measured, case.window)
@@ -218,16 +219,15 @@ def _judged_field(
     parts = field.parts()
     rms = field.rms()
 
-    def size(plane):
-        return float(np.sqrt(np.nanmean(plane["u"].values[rows] ** 2 + plane["v"].values[rows] ** 2)))
-
     planes = {"data": case.data, "direct": case.direct}
     planes["simulation"] = case.direct if case.virtual is None else case.virtual
-    values = {name: np.array([size(plane)]) for name, plane in planes.items()}
+    velocity = {name: np.stack([p["u"].values, p["v"].values], axis=1)[rows] for name, p in planes.items()}
+    finer = sum(e.field[rows] for e in case.finer)
+    for name in ("direct", "simulation"):
+        velocity[name] = velocity[name] + finer
     moved = sum(part.share * part.effect.field[rows] for part in case.motion)
-    explained = float(np.sqrt(np.nanmean(np.sum(moved**2, axis=1)))) if case.motion else 0.0
+    values = {name: np.array([_rms(v)]) for name, v in velocity.items()}
     squares = {kind: sum(v**2 for k, v in parts.values() if k == kind) for kind in budget.KINDS}
-    direct, measured = (np.stack([p["u"].values, p["v"].values], 1)[rows] for p in (case.direct, case.data))
     allowed = {level: field.allowed_rms(level) for level in (budget.LEVEL, joint)}
 
     def word(level: float) -> str:
@@ -243,9 +243,10 @@ def _judged_field(
         "unit": "m/s",
         **values,
         "error": np.array([rms]),
-        "direct_error": float(np.sqrt(np.nanmean(np.sum((direct - measured) ** 2, axis=1)))),
+        "direct_error": _rms(velocity["direct"] - velocity["data"]),
         "measurement_part": None,
-        "explained_by_motion": np.array([explained]) if case.motion else None,
+        "finer": np.array([_rms(finer)]) if case.finer else None,
+        "explained_by_motion": np.array([_rms(moved)]) if case.motion else None,
         "scale": values["data"][0],
         "u_val": u_val,
         "k": allowed[budget.LEVEL] / float(u_val[0]),
@@ -261,6 +262,11 @@ def _judged_field(
         ],
         "model_error_rms": float(np.sqrt(max(rms**2 - float(u_val[0]) ** 2, 0.0))),
     }
+
+
+def _rms(velocity: np.ndarray) -> float:
+    """RMS speed (m/s) of vectors (time, 2, y, x), of those that are known."""
+    return float(np.sqrt(np.nanmean(np.sum(velocity**2, axis=1))))
 
 
 def _provenance(files: LabFiles, dpiv: Dpiv, seed: int) -> dict[str, Any]:

@@ -9,14 +9,15 @@ from postprocess.lab.judgement.validation import FieldComparison
 
 
 def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
-    """The velocity field over the chosen instants: E of every vector, at the recording's motion, and what moves it."""
+    """The velocity field over the chosen instants: E of every vector, of the finer runs at the recording's motion, and what moves it."""
     velocity = {
         name: np.stack([p["u"].values, p["v"].values], axis=1)[rows].astype(float)
         for name, p in (("data", case.data), ("virtual", case.virtual), ("direct", case.direct))
         if p is not None
     }
     simulation = velocity.get("virtual", velocity["direct"])
-    error = simulation - velocity["data"] + sum(part.share * part.effect.field[rows] for part in case.motion)
+    error = simulation - velocity["data"] + sum(e.field[rows] for e in case.finer)
+    error = error + sum(part.share * part.effect.field[rows] for part in case.motion)
     error = np.where(np.isfinite(error).all(axis=1, keepdims=True), error, np.nan)
     direct = velocity["direct"]
     modes: dict[str, tuple[str, np.ndarray]] = {}

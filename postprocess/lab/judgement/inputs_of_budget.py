@@ -19,7 +19,8 @@ class Effect:
     """What one run beside the nominal one changes: means of `measures` over the window, the field (time, 2, y, x; of all
     instants), final bend (rad) and duration (s).
 
-    `per_std`: its part that counts as one standard uncertainty (of the step for inputs, of the difference for numerics).
+    `per_std`: its part that counts as one standard uncertainty (of the step for inputs, of the difference for numerics); `scatter`:
+    standard uncertainty of `change`, from instant to instant.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Effect:
     how: str
     per_std: float
     change: pd.Series
+    scatter: pd.Series
     field: np.ndarray
     bend: float
     duration: float
@@ -34,6 +36,14 @@ class Effect:
     def moves(self, columns: tuple[str, ...]) -> np.ndarray:
         """Its change of the quantity that `columns` of `measures` hold, (component,)."""
         return self.change[list(columns)].to_numpy(float)
+
+    def std(self, columns: tuple[str, ...]) -> np.ndarray:
+        """Standard uncertainty of that quantity, (component,): of what is unknown the part `per_std`, and what the change scatters.
+
+        A difference that is small by chance is no small error: it counts as large as its scatter lets it be.
+        """
+        scatter = self.scatter[list(columns)].to_numpy(float)
+        return np.hypot(self.per_std * np.hypot(self.moves(columns), scatter), scatter)
 
 
 @dataclass(frozen=True)
@@ -77,6 +87,11 @@ class Case:
             return np.ones(self.data["valid"].shape, bool)
         sides = [usable(side).values for side in (self.data, self.virtual, self.direct) if side is not None]
         return np.asarray(np.logical_and.reduce(sides))
+
+    @property
+    def finer(self) -> list[Effect]:
+        """The runs of finer numerics: what they change is added to the simulation."""
+        return [e for e in self.effects if e.kind == "numerical"]
 
     def effect(self, name: str) -> Effect | None:
         """The effect of one run; None where it was not made."""

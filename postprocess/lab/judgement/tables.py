@@ -26,6 +26,7 @@ COMPONENTS = (
     "simulation",
     "direct",
     "data",
+    "finer",
     "explained_by_motion",
     "error",
     "u_num",

@@ -1,6 +1,7 @@
 """Validation in the manner of ASME V&V 20: comparison error E = S − D against its uncertainty u_val, source by source.
 
-The flow's S is that at the recording's own motion, linear in what the runs of pressure and duration change.
+The flow's S is that of the finer runs, the nominal one plus what they change, at the recording's own motion, linear in what the runs
+of pressure and duration change.
 
 E estimates the model's error within ± k u_val, u_val² = Σ u²: numerical, of the inputs, of the data. Where |E| is beyond k times
 what u_val is without a model error, the model errs by about E; else simulation and data agree, unless even a large model error would
@@ -27,7 +28,7 @@ DIFFERS = "differs within the inputs"  # surely, but no more than the inputs' un
 class Source:
     """One source of uncertainty: `kind` of `KINDS`, `std` (component,) in the quantity's unit, `how` it was found.
 
-    `share`: of S − D, where the source is that share of it and so grows with a model error.
+    `share`: of E, where the source is that share of it and so grows with a model error.
     """
 
     name: str
@@ -42,7 +43,8 @@ class ValidatedQuantity:
     """One quantity: simulation (like with like and direct) and data, (component,), in SI, and its sources of uncertainty.
 
     `scale`: what too wide a band is measured by (SI). `explained`: part of S − D that comes from the recording's finger moving
-    otherwise, which E does not hold; None where that is not known. `instant`: standard uncertainty of each side's value at one instant, where the quantity is a mean over several.
+    otherwise, which E does not hold; None where that is not known. `instant`: standard uncertainty of each side's value at one instant, where
+    the quantity is a mean over several. `finer`: part of the simulation that runs finer than the nominal one have added; None where numerics do not matter.
     """
 
     name: str
@@ -55,6 +57,7 @@ class ValidatedQuantity:
     sources: list[Source] = field(default_factory=list)
     explained: np.ndarray | None = None
     instant: dict[str, np.ndarray] = field(default_factory=dict)
+    finer: np.ndarray | None = None
 
     @property
     def error(self) -> np.ndarray:
@@ -73,9 +76,8 @@ class ValidatedQuantity:
         return np.sqrt(sum(s.std**2 for s in self.sources))
 
     def u_with(self, model_error: float) -> np.ndarray:
-        """Standard uncertainty of E, (component,), if the model errs by so much: sources that are a share of S − D grow with it."""
-        moved = 0.0 if self.explained is None else np.abs(self.explained)
-        parts = [s.share * (model_error + moved) if s.share else s.std for s in self.sources]
+        """Standard uncertainty of E, (component,), if the model errs by so much: sources that are a share of E grow with it."""
+        parts = [s.share * np.full_like(s.std, model_error) if s.share else s.std for s in self.sources]
         return np.sqrt(sum(part**2 for part in parts))
 
     def u_kind(self, kind: str) -> np.ndarray:

@@ -78,6 +78,7 @@ def rows(result: dict[str, Any]) -> list[dict[str, Any]]:
                 **{name: shown(name) for name in ("simulation", "direct", "data", "error")},
                 "measurement": shown("measurement_part"),
                 "explained": shown("explained_by_motion"),
+                "finer": shown("finer"),
                 **{name: size(q[name], unit) for name in ("u_num", "u_input", "u_D", "u_val")},
                 "significance": f"{q['significance']:.2f}",
                 "k": f"{q['k']:.2f}",

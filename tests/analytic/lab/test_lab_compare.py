@@ -1,5 +1,7 @@
 """Both sides through the same virtual experiment: equal waters agree, a stronger vortex is a model error of the right size."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -81,14 +83,23 @@ def compared(tmp_path_factory):
         )
         case.effects.append(_grid_effect(direct))
         out[gain] = compare(case, INPUTS)
+    # a run of finer numerics that has the stronger vortex of the last recording
+    lacks = {
+        q["name"]: float(q["data"][0] - (q["direct"] - q["finer"])[0]) for q in out[1.25][0]["quantities"][:4]
+    }
+    strong = SMALL | {"x": 0.0, "y": 0.0} | {n: lacks[n] for n in ("circulation", "core_radius", "jet_speed")}
+    out["finer"] = compare(replace(case, effects=[_grid_effect(direct, 0.25, strong, 0.1)]), INPUTS)
     return out
 
 
-def _grid_effect(direct) -> Effect:
-    """A numerical error of one per cent of everything."""
-    field = 0.01 * np.nan_to_num(np.stack([direct["u"].values, direct["v"].values], axis=1).astype(float))
-    change = pd.Series({"circulation": 5e-5, "x": 1e-4, "y": 1e-4, "core_radius": 6e-5, "jet_speed": 3e-3})
-    return Effect("grid", "numerical", "stated", 1.0, change, field, 0.0, 0.0)
+SMALL = {"circulation": 5e-5, "x": 1e-4, "y": 1e-4, "core_radius": 6e-5, "jet_speed": 3e-3}
+
+
+def _grid_effect(direct, part=0.01, change=SMALL, per_std=1.0) -> Effect:
+    """A run of finer numerics: its field is stronger by a part of everything."""
+    field = part * np.nan_to_num(np.stack([direct["u"].values, direct["v"].values], axis=1).astype(float))
+    change = pd.Series(change)
+    return Effect("grid", "numerical", "stated", per_std, change, 0.0 * change, field, 0.0, 0.0)
 
 
 def by_name(result):
@@ -112,6 +123,18 @@ def test_stronger_vortex_is_a_model_error_of_its_size(compared):
     assert abs(circulation["error"][0] - expected) < circulation["k"] * circulation["u_val"][0]
     assert compared[1.25][0]["verdict"] == ERROR
     assert quantities["velocity_field"]["verdict"] == ERROR
+
+
+def test_what_a_finer_run_changes_is_no_model_error(compared):
+    """The same recording and simulation, but a run of finer numerics has the vortex of the recording: S is that run's."""
+    coarse, finer = by_name(compared[1.25]), by_name(compared["finer"])
+    for name in ("circulation", "velocity_field"):
+        assert coarse[name]["verdict"] == ERROR
+        assert finer[name]["verdict"] != ERROR
+    # all that E was but what PIV takes off the stronger vortex, within its own 95 % band
+    circulation = finer["circulation"]
+    assert abs(circulation["error"][0]) < circulation["k"] * circulation["u_val"][0]
+    assert circulation["u_num"][0] == pytest.approx(0.1 * abs(circulation["finer"][0]))
 
 
 def test_difference_splits_into_measurement_and_model(compared):

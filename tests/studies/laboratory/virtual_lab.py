@@ -44,6 +44,7 @@ from tests.studies.laboratory.waters import (
     INTERVAL,
     MOVED,
     PAIRS_HZ,
+    SAME_MODEL,
     SCALE_MM_PER_PX,
     SCALE_STD,
     SETS,
@@ -232,7 +233,7 @@ def verdicts(trials: pd.DataFrame, refused: pd.Series) -> list[str]:
         f" **{share_of(~wrong[accepted])}** (target 90 %); wrong: {share_of(wrong[accepted])}. Motion by itself right: {share_of(moves)}.",
         f"Of those refused {share_of(trials['right'].astype(bool)[refused])} had a reason: a fault drawn, or of `larger` its length named.",
     ]
-    model = judged[~judged["set"].isin(["none", *MOVED])]
+    model = judged[~judged["set"].isin(SAME_MODEL)]
     parts = "; ".join(
         f"{kind} {name.replace('_', ' ')} {group[f'{name}_true_part'].median():.0%}"
         for kind, group in model.groupby("set", sort=False)

@@ -31,6 +31,7 @@ PAIRS_HZ, INTERVAL = 50.0, 0.002
 COLUMNS, SCALE_MM_PER_PX, SCALE_STD = 640, 0.25, 0.003
 WATERS = Path(__file__).with_name("waters.toml")
 MOVED = ("higher", "lower", "slower", "faster")  # waters whose finger moves otherwise
+SAME_MODEL = ("none", "finer", *MOVED)  # waters of the simulation's own equations and fluid
 # runs whose sheets they are taken from; else of the water's own name
 SHEETS = {"none": "nominal", "larger": "nominal", "slower": "duration", "finer": "grid"}
 SETS = ("none", *MOVED, "viscous", "finer", "larger")
@@ -98,7 +99,8 @@ def true_errors(
     """S − D of every quantity (SI, as of `compare`) and the model's part of it, without any measurement; the motion's law.
 
     The water itself at the true instants through the true camera, and the simulation at the same; `rows`: the instants compared;
-    `start`: the water's time (s) at the first picture. Where the finger moves otherwise none of it is the flow model's.
+    `start`: the water's time (s) at the first picture. Where the finger moves otherwise, or the water has finer cells, none
+    of it is the flow model's. The finer runs' change is in S − D, and no part of the model's.
     """
     (sheet, motion), kinematics = lab.water(kind), lab.kinematics
     along = np.linspace(*kinematics.time, 201)
@@ -112,12 +114,13 @@ def true_errors(
         values[name] = means(table, np.isin(np.arange(at.size), rows), window)
         planes[name] = np.stack([plane[n].values for n in ("u", "v")], axis=1)[rows]
     apart = np.where(np.isfinite(field.error), planes["right"] - planes["water"], np.nan)
-    difference = {
+    model = {
         name: (values["right"] - values["water"])[list(columns)].to_numpy(float)
         for name, (columns, _, _) in VORTEX.items()
     }
-    difference["velocity_field"] = np.array([np.sqrt(np.nanmean(np.sum(apart**2, axis=1)))])
-    of_model = {name: np.zeros_like(v) if kind in MOVED else v for name, v in difference.items()}
+    difference = {name: v + sum(e.moves(VORTEX[name][0]) for e in case.finer) for name, v in model.items()}
+    model["velocity_field"] = np.array([np.sqrt(np.nanmean(np.sum(apart**2, axis=1)))])
+    of_model = {name: np.zeros_like(v) if kind in SAME_MODEL else v for name, v in model.items()}
     moves = {
         "final_bend": np.array([final_bend(kinematics, 1.0) - final_bend(kinematics, float(law[0]))]),
         "duration": np.array([stroke_duration(kinematics) * (1 - float(law[2]))]),
@@ -145,6 +148,6 @@ def rightly_judged(kind: str, result: dict[str, Any], told: str, missed: list[st
     if missed or kind == "larger":
         return False
     moves, flow = result["motion"] in (ERROR, DIFFERS), result["flow"]
-    if kind in ("none", *MOVED):
+    if kind in SAME_MODEL:
         return moves == (kind in MOVED) and flow != ERROR
     return not moves and (flow != ERROR or "the flow model is to blame" in told)

@@ -11,11 +11,17 @@ from postprocess.lab.data.files import NO_NUISANCE, Law, Registration
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.judgement.inputs_of_budget import Case, Effect
 from postprocess.lab.judgement.motion import final_bend, recorded_motion_parts, stroke_duration
-from postprocess.lab.judgement.uncertainty_sources import explained_by_motion, motion_sources, run_sources
+from postprocess.lab.judgement.uncertainty_sources import (
+    explained_by_motion,
+    gain_of_growth,
+    motion_sources,
+    run_sources,
+)
 from tests.lab_scene import finger_kinematics
 
 FACTOR, STRETCH = 1.05, 0.9
 COLUMNS = ("circulation",)
+NOT_SCATTERED = pd.Series({"circulation": 0.0})
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +38,7 @@ def case(tmp_path_factory):
         ("grid", "numerical", 2e-5, 0.0, 0.0),
     )
     effects = [
-        Effect(n, kind, "", 0.5, pd.Series({"circulation": c}), np.zeros(0), b, d)
+        Effect(n, kind, "", 0.5, pd.Series({"circulation": c}), NOT_SCATTERED, np.zeros(0), b, d)
         for n, kind, c, b, d in runs
     ]
     return Case(
@@ -65,6 +71,16 @@ def test_it_takes_the_place_of_the_inputs_bands(case):
     # 1/(1 + x) at x = −0.1 is 1.111; the line through x = 0.1 has 1.091
     line = 1 + (1 / 1.1 - 1) / 0.1 * -0.1
     assert std["duration, linear"] / 10e-5 == pytest.approx((1 / 0.9 - line) / (1 - 1 / 1.1), rel=0.15)
+
+
+@pytest.mark.parametrize("growth, gain, spread", [(1.0, 1.0, 0.0), (2.0, 1.5, 0.192), (9.0, 2.0, 0.289)])
+def test_what_piv_makes_of_the_motions_part_lies_between_it_and_the_growth(growth, gain, spread):
+    """Half-way, and the standard deviation of a uniform distribution over it: (growth − 1)/√12; growth counts to 3 at most."""
+    times = np.linspace(0.1, 0.2, 6)
+    direct = pd.DataFrame({"time": times, "circulation": -5e-3 - 0.05 * times})
+    measured = direct.assign(circulation=-2e-3 - growth * 0.05 * times)
+    found = gain_of_growth(measured, direct, np.ones(6, bool))
+    assert found == pytest.approx((gain, spread), abs=1e-3)
 
 
 @pytest.mark.parametrize("without", ["pressure", "duration", "silhouette", "motion of its own"])
