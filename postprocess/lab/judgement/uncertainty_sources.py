@@ -156,8 +156,8 @@ def gain_of_growth(measured: pd.DataFrame, direct: pd.DataFrame, rows: np.ndarra
     otherwise sheds a vortex of another age and of another strength; the change that PIV shows lies between the change itself and as
     much as it makes of that growth, uniformly. Beyond a factor of three the instants show no growth that could tell.
     """
-    rates = (_mean_rate(table, "circulation", rows) for table in (measured, direct))
-    growth = float(np.clip(np.divide(*rates), 1 / 3, 3.0))
+    of_piv, own = (_mean_rate(table, "circulation", rows) for table in (measured, direct))
+    growth = float(np.clip(of_piv / own, 1 / 3, 3.0))
     gain = 0.5 * (1 + growth)
     return gain, abs(growth - 1) / 12**0.5 / abs(gain)
 
