@@ -32,13 +32,12 @@ def static_background(recording: Recording) -> tuple[np.ndarray, np.ndarray] | N
     chosen = np.unique(np.linspace(0, len(recording) - 1, min(FRAMES, len(recording))).astype(int))
     held = set(chosen[:: max(1, len(chosen) // 4)])
     few = []
-    smallest, top = recording.frame(int(chosen[0])).copy(), -np.inf
+    least, top = np.full(recording.shape, np.inf, np.float32), -np.inf
     for i in chosen:
         image = recording.frame(int(i))
         top = max(top, float(image.max()))
-        np.minimum(smallest, image, out=smallest)
+        np.minimum(least, image, out=least)
         few += [image] if i in held else []
-    least = smallest.astype(np.float32)
     still = _texture(least)
     total, moving = [], []
     for image in few:

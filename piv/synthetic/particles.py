@@ -13,7 +13,8 @@ import numpy as np
 
 from piv.synthetic.plane_spline import PlaneField, extremes, sample_point
 
-# Its threads sleep while they wait, and take no core from a stage beside; libgomp reads it when numba first loads it.
+# numba's threads sleep while they wait, and take no core from a stage beside. It holds for the whole process, and has no
+# effect where libgomp, which reads it once, was loaded before.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 TILES = (64, 128)  # across and up: a tile's part of the field fits the first cache
 MARGIN = 1.5  # times how far the flow goes from frame to frame: where fresh particles are drawn
@@ -158,9 +159,8 @@ def arriving(
 
     `along`: how far any goes from `start` to `end`, m; `slack`, m, is granted in the plane besides.
     """
-    nodes = (
-        math.ceil(MARGIN * along / min(field.dx, field.dy)) + 3
-    )  # of the path, and of a spline at its ends
+    # of the path, and of a spline at its ends
+    nodes = math.ceil(MARGIN * along / min(field.dx, field.dy)) + 3
     bound = cv2.dilate(np.abs(field.at(_between(start, end, 0.5))), np.ones((2 * nodes + 1,) * 2, np.uint8))
     limits = np.array([box.x0, box.x1, box.y0, box.y1, box.half_width])
     origin_and_step = np.array([field.x[0], field.y[0], field.dx, field.dy])

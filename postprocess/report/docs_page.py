@@ -145,7 +145,6 @@ PINCH_PICTURES = (
     "pair.svg",
     "centreline.svg",
     "closing.svg",
-    "beside_single.svg",
 )
 
 

@@ -54,15 +54,28 @@ JUDGED = [name for name in COLUMNS if name not in ("time", "width_in_cells")]  #
 
 
 def stream(down: np.ndarray, x: np.ndarray) -> tuple[float, float, float, float]:
-    """Of the downward speed (m/s) over x (m): that on x = 0, the width (m), ∫v dx and ∫v² dx of the stream round it; zeros where it is up."""
-    middle, step = int(np.argmin(np.abs(x))), float(x[1] - x[0])
+    """Of the downward speed (m/s) over x (m): that on x = 0, the width (m), ∫v dx and ∫v² dx of the stream round it; zeros where it is up.
+
+    It ends where the speed, linear between samples, is zero; beside NaN (a body, the field's edge) half a step beyond its last sample.
+    """
+    down = np.pad(down, 1, constant_values=np.nan)
+    middle, step = int(np.argmin(np.abs(x))) + 1, float(x[1] - x[0])
     stops = np.flatnonzero(~(down > 0))
     if middle in stops:
         return 0.0, 0.0, 0.0, 0.0
-    first = max(stops[stops < middle], default=-1) + 1
-    last = min(stops[stops > middle], default=x.size)
-    inside = down[first:last]
-    return float(down[middle]), inside.size * step, inside.sum() * step, (inside**2).sum() * step
+    before, after = stops[stops < middle].max(), stops[stops > middle].min()
+    inside = down[before + 1 : after]
+    last, beyond = inside[[0, -1]], down[[before, after]]
+    ends = np.where(np.isnan(beyond), 0.5, last / (last - beyond))
+    width = (inside.size - 1 + ends.sum()) * step
+    return float(down[middle]), float(width), inside.sum() * step, (inside**2).sum() * step
+
+
+def summit(values: np.ndarray, k: int) -> float:
+    """Place, in samples from the largest, `k`, of the maximum of the parabola through it and its neighbours; 0 where it is no maximum."""
+    before, at, after = values[k - 1 : k + 2]
+    curvature = before - 2 * at + after
+    return float((before - after) / (2 * curvature)) if max(before, after) <= at and curvature < 0 else 0.0
 
 
 def dorsal_vortex(plane: xr.Dataset, index: int, top: float) -> tuple[float, float, float]:
@@ -79,7 +92,10 @@ def dorsal_vortex(plane: xr.Dataset, index: int, top: float) -> tuple[float, flo
 
 
 def measured(plane: xr.Dataset, met: float, cell: float) -> dict[str, float]:
-    """`COLUMNS` of a plane series whose tips meet at `met` (s), in SI; `cell`: of the water about the jet, m."""
+    """`COLUMNS` of a plane series whose tips meet at `met` (s); `cell`: of the water about the jet, m.
+
+    Besides `until`, ms after contact until which the fastest was looked for, and `at_end`, whether it was found at the last instant.
+    """
     x, y, times, tips = (plane[name].values for name in ("x", "y", "time", "tip"))
     width = float(plane.attrs["tip_width"])
     met_at = int(np.argmin(np.abs(times - met)))
@@ -88,13 +104,15 @@ def measured(plane: xr.Dataset, met: float, cell: float) -> dict[str, float]:
     row = int(np.argmin(np.abs(y - (tip - DEPTH * width))))
     fastest: tuple[float, ...] = (0.0,) * 6
     means = []
-    for index in np.flatnonzero((times >= times[met_at]) & (times <= met + LATE)):
+    looked = np.flatnonzero((times >= times[met_at]) & (times <= met + LATE))
+    for index in looked:
         (_, v), valid = frame(plane, int(index))
         down = -np.where(valid, v, np.nan)
-        k = below[int(np.nanargmax(down[below, int(np.argmin(np.abs(x)))]))]
+        on_middle = down[:, int(np.argmin(np.abs(x)))]
+        k = below[int(np.nanargmax(on_middle[below]))]
         now = stream(down[k], x)
         if now[0] > fastest[0]:
-            fastest = (*now, times[index] - met, tip - y[k])
+            fastest = (*now, times[index] - met, tip - y[k] - summit(on_middle, k) * float(y[1] - y[0]))
         if times[index] <= met + AFTER:
             means.append([*stream(down[row], x), *dorsal_vortex(plane, int(index), tip - width / 2)])
     speed, _, flux, momentum, circulation, from_plane, height = np.mean(means, axis=0)
@@ -102,7 +120,8 @@ def measured(plane: xr.Dataset, met: float, cell: float) -> dict[str, float]:
         "fastest": fastest[0], "time": 1e3 * fastest[4], "depth": 1e3 * fastest[5], "width": 1e3 * fastest[1],
         "width_in_cells": fastest[1] / cell, "flux": 1e4 * fastest[2], "mean_speed": speed, "mean_flux": 1e4 * flux,
         "mean_momentum": 1e6 * momentum, "circulation": 1e4 * circulation, "from_plane": 1e3 * from_plane,
-        "below": 1e3 * (tip - height),
+        "below": 1e3 * (tip - height), "until": 1e3 * min(LATE, times[-1] - met),
+        "at_end": fastest[4] == times[looked[-1]] - met,
     }  # fmt: skip
 
 
@@ -125,7 +144,9 @@ def text_of(rows: dict[str, dict[str, float]], runs: dict[str, dict[str, Any]]) 
     ]
     for name, row in rows.items():
         parts = [name.replace("_", " "), f"{runs[name]['cells']}", f"{1e3 * runs[name]['cell']:.2f}"]
-        parts += [f"{row[key]:.{digits}f}" for key, (_, digits) in COLUMNS.items()]
+        figures = {key: f"{row[key]:.{digits}f}" for key, (_, digits) in COLUMNS.items()}
+        figures["time"] += " (last)" if row["at_end"] else ""
+        parts += figures.values()
         lines.append("| " + " | ".join(parts) + " |")
         for family in FAMILIES:
             if name == family[-1] and set(family) <= set(rows):
@@ -151,10 +172,20 @@ def main() -> None:
                 met = read_clock(files.out / "kinematics.h5", plane).met()
                 if met is None:
                     raise StageError(f"{run['run']}: the tips do not meet; give a longer motion.end_time")
+                if plane["time"].values[-1] < met + AFTER:
+                    raise StageError(
+                        f"{run['run']}: sheet.h5 ends earlier than {AFTER * 1e3:.0f} ms after contact; give a longer motion.end_time"
+                    )
                 rows[run["run"]] = measured(plane, met, cell)
         if not rows:
             raise StageError("pinch_jet: no run is there; make pinch-jet runs them")
-        about = f"Fastest within {LATE * 1e3:.0f} ms of contact; means over {AFTER * 1e3:.0f} ms, those of the stream {DEPTH:g} tip widths below the tips; {libraries()}."
+        short = ", ".join(
+            f"{name.replace('_', ' ')} to its end at {row['until']:.0f} ms"
+            for name, row in rows.items()
+            if row["until"] < LATE * 1e3
+        )
+        within = f"Fastest within {LATE * 1e3:.0f} ms of contact{f' ({short})' if short else ''}; last: at the last instant of it, no peak;"
+        about = f"{within} means over {AFTER * 1e3:.0f} ms, those of the stream {DEPTH:g} tip widths below the tips; {libraries()}."
         write_between(PAGE, "jet", f"{text_of(rows, runs)}\n\n{about}")
 
     sys.exit(guarded("pinch_jet", action))

@@ -37,8 +37,9 @@ def row_of(run: dict[str, Any]) -> str:
     cells = [len(build_mesh(read_planform(files.out, mesh)).cell_layer) for mesh in meshes]
     span = f"{min(cells)}" if min(cells) == max(cells) else f"{min(cells)}–{max(cells)}"
     cpu = stage_costs(files, ["mesh"])[0]["cpu_mesh_s"]
+    name, level = run["run"].replace("_", " "), run["level"]
     return (
-        f"| {run['run'].replace('_', ' ')}, {run['level']} | {len(meshes)} | {', '.join(f'{worst[k]:.0f}' for k in meshes)}"
+        f"| {name if name == level else f'{name}, {level}'} | {len(meshes)} | {', '.join(f'{worst[k]:.0f}' for k in meshes)}"
         f" | {f'{100 * above:.1f} % of the time' if worst.max() > usual else 'never'} | {span} | {cpu:.0f} |"
     )
 

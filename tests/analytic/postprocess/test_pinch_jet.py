@@ -4,21 +4,34 @@ import numpy as np
 import pytest
 
 from fileio.formats.plane_series import make_plane
-from tests.studies.pinch_jet import dorsal_vortex, order, stream
+from tests.studies.pinch_jet import dorsal_vortex, order, stream, summit
 
 STEP = 0.5e-3
 X = np.arange(-80, 81) * STEP
 
 
 def test_stream_is_that_round_the_middle():
-    """Of a cosine's half wave 20 mm wide, beside which water rises and sinks again: 2 L v / π and L v² / 2."""
-    down = 0.3 * np.cos(np.pi * X / 0.02)
+    """Of a cosine's half wave L = 20.3 mm wide, which ends between samples, and beside which water rises and sinks again: 2 L v / π and L v² / 2."""
+    length = 0.0203
+    down = 0.3 * np.cos(np.pi * X / length)
     speed, width, flux, momentum = stream(down, X)
-    # the sums are trapezes over 40 cells of a sine's arch: (π/40)²/12 = 5e-4 and less
+    # the sums end half a step beyond the last sample, 0.175/0.5 of a step too far at 2 % of the speed: 6e-4 and less;
+    # beside its zero a sine is straight to (π/40)²/6 = 1e-3 of a step
     assert speed == pytest.approx(0.3)
-    assert width == pytest.approx(0.02, abs=2 * STEP)
-    assert flux == pytest.approx(2 * 0.02 * 0.3 / np.pi, rel=1e-3)
-    assert momentum == pytest.approx(0.02 * 0.3**2 / 2, rel=1e-3)
+    assert width == pytest.approx(length, abs=2e-3 * STEP)
+    assert flux == pytest.approx(2 * length * 0.3 / np.pi, rel=1e-3)
+    assert momentum == pytest.approx(length * 0.3**2 / 2, rel=1e-3)
+
+
+def test_stream_reaches_half_a_step_towards_a_body():
+    down = np.where(np.abs(X) < 4.2 * STEP, 0.1, np.nan)
+    assert stream(down, X)[1] == pytest.approx(9 * STEP)
+
+
+def test_summit_is_that_of_the_parabola():
+    values = 1 - (np.arange(5) - 2.3) ** 2
+    assert summit(values, 2) == pytest.approx(0.3)
+    assert summit(values, 1) == 0  # a larger one beside it
 
 
 def test_no_stream_where_water_rises_on_the_middle():
