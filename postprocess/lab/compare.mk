@@ -14,7 +14,7 @@ LABHERE = $(LABOUT)/lab/$(LABNAME)
 VIEW    = $(PY) -m pipeline sheet $(1) --level $(LEVEL) --view $(2) -o $@ $(FLAGS)
 OFLAB   = $(CASE) --level $(LEVEL) --dpiv $(DPIV) $(FLAGS)
 PREDICT = $(PY) -m pipeline predict $(CASE) --level $(LEVEL) --seconds
-PLAN    = $(LAB) plan $(CASE) --level $(LEVEL) --ranks $(NP) --solver $$($(PREDICT)) $(FLAGS)
+PLAN    = seconds=$$($(PREDICT)) && $(LAB) plan $(CASE) --level $(LEVEL) --ranks $(NP) --solver $$seconds $(FLAGS)
 
 ifneq ($(filter compare compare-measured compare-coupled,$(MAKECMDGOALS)),)
 $(if $(filter 1,$(words $(DPIV))),,$(error give DPIV=folder of dpiv.toml, a path without spaces: docs/comparison.md))
@@ -24,7 +24,8 @@ $(if $(QUICK),$(if $(filter compare-measured compare-coupled,$(MAKECMDGOALS)),$(
 endif
 compare: | $(READY) ## SCENE against laboratory data: make compare SCENE=.. DPIV=folder [QUICK=1: motion alone]
 	$(if $(QUICK),+@$(SUB) $(SCENE).kinematics,+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) lab-register)
-	$(if $(QUICK),@$(LAB) register $(OFLAB) --quick,$(if $(INPUTS),+@$(SUB) $(SCENE).case && $(PLAN)))
+	$(if $(QUICK),,$(if $(INPUTS),+@$(SUB) $(SCENE).case))
+	$(if $(QUICK),@$(LAB) register $(OFLAB) --quick,$(if $(INPUTS),@$(PLAN)))
 	$(if $(QUICK),,+@$(SUB) SCENE=$(SCENE) DPIV=$(DPIV) INPUTS=$(INPUTS) lab-compare)
 lab-compare:
 	+@$(SUB) $(SCENE).run
@@ -88,8 +89,8 @@ virtual-lab-study: | $(READY) ## registration, faults, verdicts: tables of docs/
 	$(PY) -m tests.studies.laboratory.registration --seeds 20 -o $(LAB_STUDY)/registration.csv \
 	    --docs docs/comparison.md
 	$(PY) -m tests.studies.laboratory.faults --first 501 --seeds 72 -o $(LAB_STUDY)/faults.csv --docs docs/comparison.md
-	$(STUDY_RUN) $(STUDY_NEW) --first 401 --seeds 5
-	$(STUDY_RUN) $(STUDY_NEW) --first 406 --seeds 15 --sets none --docs docs/comparison.md
+	$(STUDY_RUN) $(STUDY_NEW) --first 421 --seeds 5
+	$(STUDY_RUN) $(STUDY_NEW) --first 426 --seeds 15 --sets none --docs docs/comparison.md
 WATERS = $(notdir $(patsubst %/scene.toml,%,$(wildcard $(LABOUT)/virtual/*/scene.toml)))
 study-sheets: $(patsubst %,$(LAB_STUDY)/%.h5,nominal $(WATERS) $(VARIATIONS))
 LAB_STUDY_SHEET = $(call VIEW,$(patsubst %/out/$(LEVEL)/run/run.json,%,$<),-0.08 0.12 0.10 0.28)

@@ -72,7 +72,7 @@ def plan_text(files: StageFiles, inputs: Inputs, ranks: int, solver: float | Non
     text += f"to be solved: {', '.join(wanted)}"
     took, by = _took(files), "by the nominal run's cost"
     if solver is not None and not nominal:
-        took, by = took | {"run": solver}, "by the time that is predicted for the nominal run"
+        took, by = took | {"run": solver + FIXED}, "by the time that is predicted for the nominal run"
     unknown = [stage for stage in (*SET_UP, "run") if stage not in took]
     if unknown:
         return f"{text}; the nominal run's cost of {', '.join(unknown)} is not known yet (make predict says what to expect)"

@@ -16,8 +16,9 @@ def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
         if p is not None
     }
     simulation = velocity.get("virtual", velocity["direct"])
-    error = simulation - velocity["data"] + sum(e.field[rows] for e in case.finer)
-    error = error + sum(part.share * part.effect.field[rows] for part in case.motion)
+    finer = sum((e.field[rows] for e in case.finer), np.zeros_like(simulation))
+    moved = sum((part.share * part.effect.field[rows] for part in case.motion), np.zeros_like(simulation))
+    error = simulation - velocity["data"] + finer + moved
     error = np.where(np.isfinite(error).all(axis=1, keepdims=True), error, np.nan)
     direct = velocity["direct"]
     modes: dict[str, tuple[str, np.ndarray]] = {}
@@ -32,6 +33,12 @@ def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
     pressure = case.effect("pressure")
     if case.geometry and pressure is not None and not seen:
         modes["geometry and material"] = "input", pressure.field[rows] * case.bend_std / abs(pressure.bend)
+    share = np.sqrt(np.nanmean((simulation - direct) ** 2) / np.nanmean(simulation**2))
+    parts = {
+        "finer by PIV": finer,
+        "motion by PIV": moved,
+    }  # of the flow itself: what PIV takes off them is open
+    modes |= {name: ("data", share * part) for name, part in parts.items() if np.any(part)}
     modes |= registration_modes(case, rows, direct)
     noise2 = np.zeros_like(error)
     for plane in (case.data, case.virtual):

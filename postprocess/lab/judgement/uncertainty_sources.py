@@ -21,6 +21,8 @@ VORTEX = {  # quantity: columns, unit, label
     "jet_speed": (("jet_speed",), "m/s", "jet speed at the tip"),
 }
 RANDOM = ("vectors", "virtual vectors", "scatter")  # sources that a mean over instants makes smaller
+MOTION_BY_PIV = "what PIV makes of the motion's part; of a circulation between the part itself and as much as it makes of the growth between the instants"
+GROWTH = 3.0  # by PIV over that of the flow: beyond it the instants show no growth that could tell (1.5 to 2.6 were seen)
 SWIRL = 0.638  # largest speed of a Lamb-Oseen vortex over circulation/(2π core radius)
 
 
@@ -125,21 +127,31 @@ def flow_quantities(
         random, instant = vector_sources(
             case, base["data"], rows, error, {n: take(s) for n, s in own.items()}
         )
-        sources = [*run_sources(case, columns), *motion_sources(case, columns), *random]
-        sources += registration_sources(case, name, take(base["data"]), rates)
         ours, direct, theirs = (take(base[side]) for side in (simulated, "direct", "data"))
-        finer = sum((e.moves(columns) for e in case.finer), np.zeros(len(columns)))
-        values, explained = (ours + finer, direct + finer, theirs), explained_by_motion(case, columns)
-        if name != "centre":  # a place has no size that a measurement could take a share of
-            share = abs(1 - float(direct[0] / ours[0]))
-            if explained is not None:
-                gain, spread = 1.0, share
-                if name == "circulation":
-                    gain, spread = gain_of_growth(measured[simulated], measured["direct"], rows)
-                explained = gain * explained
-                how = "what PIV makes of the motion's part: between the part itself and as much as it makes of the growth between the instants"
-                sources.append(Source("motion by PIV", "data", spread * np.abs(explained), how))
-            rest = ours + finer - theirs - (0.0 if explained is None else explained)
+        # a place has no size that a measurement could take a share of
+        share = 0.0 if name == "centre" else abs(1 - float(direct[0] / ours[0]))
+        gain, spread = 1.0, share
+        if name == "circulation":
+            gain, spread = gain_of_growth(measured[simulated], measured["direct"], rows)
+        sources = [*run_sources(case, columns), *motion_sources(case, columns, gain), *random]
+        sources += registration_sources(case, name, take(base["data"]), rates)
+        added = sum((e.moves(columns) for e in case.finer), np.zeros(len(columns)))
+        moved = explained_by_motion(case, columns)
+        explained, finer = None if moved is None else gain * moved, added if case.finer else None
+        values = ours + added, direct + added, theirs
+        if share:
+            rest = values[0] - theirs - (0.0 if explained is None else explained)
+            for what, part, of, how in (
+                (
+                    "finer by PIV",
+                    added,
+                    share,
+                    "what PIV takes off the simulation, of what the finer runs add",
+                ),
+                ("motion by PIV", np.zeros(1) if explained is None else explained, spread, MOTION_BY_PIV),
+            ):
+                if np.any(part):
+                    sources.append(Source(what, "data", of * np.abs(part), how))
             how = "what PIV takes off the simulation, of E: the two flows are measured alike only as far as they are alike"
             sources.append(Source("unlike flows", "data", share * np.abs(rest), how, share))
         scale = case.kinematics.tip_width if name == "centre" else float(abs(theirs[0]))
@@ -154,12 +166,14 @@ def gain_of_growth(measured: pd.DataFrame, direct: pd.DataFrame, rows: np.ndarra
 
     PIV takes more off a young vortex: between the instants the `measured` one grows faster than the `direct` one. A finger that moves
     otherwise sheds a vortex of another age and of another strength; the change that PIV shows lies between the change itself and as
-    much as it makes of that growth, uniformly. Beyond a factor of three the instants show no growth that could tell.
+    much as it makes of that growth, uniformly. Where the instants show no growth that could tell (`GROWTH`), it is the change itself,
+    as uncertain as at that limit.
     """
     of_piv, own = (_mean_rate(table, "circulation", rows) for table in (measured, direct))
-    growth = float(np.clip(of_piv / own, 1 / 3, 3.0))
-    gain = 0.5 * (1 + growth)
-    return gain, abs(growth - 1) / 12**0.5 / abs(gain)
+    if not abs(own) / GROWTH <= of_piv * np.sign(own) <= abs(own) * GROWTH:
+        return 1.0, (GROWTH - 1) / 12**0.5
+    gain = 0.5 * (1 + of_piv / own)
+    return gain, abs(of_piv / own - 1) / 12**0.5 / gain
 
 
 def vector_sources(
@@ -268,15 +282,15 @@ def run_sources(case: Case, columns: tuple[str, ...]) -> list[Source]:
     return [*sources, Source("geometry and material", "input", std, how)]
 
 
-def motion_sources(case: Case, columns: tuple[str, ...]) -> list[Source]:
-    """How well the recording's motion is known, and that its effect is taken for linear.
+def motion_sources(case: Case, columns: tuple[str, ...], gain: float = 1.0) -> list[Source]:
+    """How well the recording's motion is known, and that its effect is taken for linear; `gain`: how much of it PIV shows.
 
     Flow goes with the inverse of the time, 1/(1 + x) for a motion x slower: a line through the run's x₀ is off by x(x − x₀), the
     part x − x₀ of what the motion explains.
     """
     sources = []
     for part in case.motion:
-        moves, name = np.abs(part.effect.moves(columns)), part.effect.name
+        moves, name = gain * np.abs(part.effect.moves(columns)), part.effect.name
         sources.append(
             Source(f"{name} as recorded", "data", moves * part.std, "posterior of the registration")
         )

@@ -44,7 +44,7 @@ class ValidatedQuantity:
 
     `scale`: what too wide a band is measured by (SI). `explained`: part of S − D that comes from the recording's finger moving
     otherwise, which E does not hold; None where that is not known. `instant`: standard uncertainty of each side's value at one instant, where
-    the quantity is a mean over several. `finer`: part of the simulation that runs finer than the nominal one have added; None where numerics do not matter.
+    the quantity is a mean over several. `finer`: part of the simulation that runs finer than the nominal one have added; None where there is none.
     """
 
     name: str

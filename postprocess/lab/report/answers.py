@@ -134,7 +134,9 @@ def incomplete(result: dict[str, Any]) -> str:
     missing = result["missing_runs"]
     if not missing:
         return ""
-    return f"Not in u_val, because these runs were not made: {', '.join(missing)}; differences are judged too strictly."
+    lacks = [name for name in missing if name in NUMERICS]
+    added = f", and S lacks what {' and '.join(lacks)} would change" if lacks else ""
+    return f"Not in u_val, because these runs were not made: {', '.join(missing)}{added}; differences are judged too strictly."
 
 
 def blame(result: dict[str, Any]) -> str:
@@ -180,7 +182,7 @@ def motion_effect(result: dict[str, Any]) -> str:
             " motion (make compare-measured)."
         )
     parts = ", ".join(f"{q['label']} {_share(q['explained_by_motion'], q)}" for q in explained)
-    return f"By the runs of pressure and duration that motion makes this part of the flow's differences, which is taken out: {parts}."
+    return f"By the runs of pressure and duration that motion makes this part of the flow's differences, as PIV shows them, which is taken out: {parts}."
 
 
 def _share(values: Any, q: dict[str, Any]) -> str:

@@ -63,7 +63,7 @@ def fields(
     shade = axes[1, 0].imshow(size, cmap="magma_r", vmin=0, vmax=top, **style)
     arrows = np.ma.masked_invalid(error)
     axes[1, 0].quiver(gx[cut], gy[cut], arrows[0][cut], arrows[1][cut], scale=scale / 4, **THIN)
-    axes[1, 0].set_title("difference E = S − D (arrows 4 × longer)")
+    axes[1, 0].set_title("E: S of the finer runs at the recording's motion, less D (arrows 4 × longer)")
     figure.colorbar(shade, ax=axes[1, 0], shrink=0.85, label="|E|, mm/s")
     shade = axes[1, 1].imshow(significance, cmap="cividis_r", vmin=0, vmax=2 * k, **style)
     axes[1, 1].contour(x * MM, y * MM, np.nan_to_num(significance), [k], colors="black", linewidths=0.8)
@@ -116,7 +116,7 @@ def series(table: pd.DataFrame, quantities: dict[str, dict[str, Any]], window: t
                 ax.fill_between(table["time"], low, high, color=COLOUR[side], alpha=0.2, lw=0)
         ax.axvspan(*window, color="#f0e9d8", zorder=0)
         ax.set_ylabel(label)
-    axes[0].set_title("Tip vortex and jet over time; bands hold 95 % of each instant")
+    axes[0].set_title("Tip vortex and jet over time, of the nominal run; bands hold 95 % of each instant")
     axes[0].legend(loc="best")
     axes[2].set_xlabel("time of the simulation, s")
     return figure
@@ -144,7 +144,9 @@ def paths(
     half = K95 * np.hypot(*(np.asarray(centre["u_instant"][side]) for side in ("data", "simulation"))) * MM
     x, y, label = some["x_data"] * MM, some["y_data"] * MM, "95 % of E at an instant"
     ax.errorbar(x, y, half[1], half[0], fmt="none", ecolor=GREY, label=label)
-    ax.set(aspect="equal", xlabel="x, mm", ylabel="y, mm", title="Paths of the vortex centre")
+    ax.set(
+        aspect="equal", xlabel="x, mm", ylabel="y, mm", title="Paths of the vortex centre, of the nominal run"
+    )
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 

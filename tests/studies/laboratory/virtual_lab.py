@@ -183,7 +183,9 @@ def summary(trials: pd.DataFrame) -> str:
     for name, unit, factor in MEASURED:
         e = (judged[f"{name}_difference"] - judged[f"{name}_difference_true"]).astype(float)
         held[label := f"{name.replace('_', ' ')}, {unit}"] = inside = e.abs() <= BAND * judged[f"{name}_u_D"]
-        wide = (judged[f"{name}_E"] - judged[f"{name}_true"]).abs() <= BAND * judged[f"{name}_u_val"]
+        held[f"{label}, of E"] = wide = (judged[f"{name}_E"] - judged[f"{name}_true"]).abs() <= BAND * judged[
+            f"{name}_u_val"
+        ]
         rms, mean = factor * np.sqrt((e**2).mean()), factor * judged[f"{name}_u_D"].mean()
         lines.append(f"| {label} | {rms:.2g} | {mean:.2g} | {inside.mean():.0%} | {wide.mean():.0%} |")
     lines += ["", below_target(held), "", *verdicts(trials, refused), ""]

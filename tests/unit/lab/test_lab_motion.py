@@ -73,9 +73,11 @@ def test_it_takes_the_place_of_the_inputs_bands(case):
     assert std["duration, linear"] / 10e-5 == pytest.approx((1 / 0.9 - line) / (1 - 1 / 1.1), rel=0.15)
 
 
-@pytest.mark.parametrize("growth, gain, spread", [(1.0, 1.0, 0.0), (2.0, 1.5, 0.192), (9.0, 2.0, 0.289)])
+@pytest.mark.parametrize(
+    "growth, gain, spread", [(1.0, 1.0, 0.0), (2.0, 1.5, 0.192), (9.0, 1.0, 0.577), (-1.0, 1.0, 0.577)]
+)
 def test_what_piv_makes_of_the_motions_part_lies_between_it_and_the_growth(growth, gain, spread):
-    """Half-way, and the standard deviation of a uniform distribution over it: (growth − 1)/√12; growth counts to 3 at most."""
+    """Half-way, and the standard deviation of a uniform distribution over it: (growth − 1)/√12; beyond 3 as at 3, about the part itself."""
     times = np.linspace(0.1, 0.2, 6)
     direct = pd.DataFrame({"time": times, "circulation": -5e-3 - 0.05 * times})
     measured = direct.assign(circulation=-2e-3 - growth * 0.05 * times)
