@@ -58,7 +58,10 @@ def test_a_motion_that_is_to_blame_is_named_with_what_it_does_to_the_flow():
     assert told.startswith("Motion: no. Flow: yes. Final bend: the motion differs by about -4.47\u00a0° (5%)")
     assert "The motion is to blame" in told
     assert "5.0\u00a0% higher" in told
-    assert "this part of the flow's differences, which is taken out: circulation -2\u00a0%" in told
+    assert (
+        "this part of the flow's differences, as PIV shows them, which is taken out: circulation -2\u00a0%"
+        in told
+    )
 
 
 def test_where_no_error_is_found_the_answer_says_so():
