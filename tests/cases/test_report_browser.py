@@ -54,6 +54,7 @@ def judged():
         "u_D": [3.45e-4],
         "significance": 12.34,
         "measurement_part": [4e-4],
+        "finer": [1e-4],
     }
     source = {
         "name": "geometry and material",
