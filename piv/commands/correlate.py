@@ -32,14 +32,18 @@ CHUNKS_PER_PROCESS = 4  # so that no process waits long for the last
 class RecordingCamera:
     """What is given in place of what the recording says."""
 
-    scale_mm_per_px: Annotated[float | None, "mm per pixel, in place of the recording's"] = None
-    origin_x_px: Annotated[float | None, "x of the origin, px from the left, in place of the recording's"] = (
+    scale_mm_per_px: Annotated[float | None, "mm per pixel (default the recording's, else results in px)"] = (
         None
     )
-    origin_y_px: Annotated[
-        float | None, "y of the origin, px up from the bottom, in place of the recording's"
+    origin_x_px: Annotated[
+        float | None, "x of the origin, px from the left (default the recording's, else 0)"
     ] = None
-    frame_rate_hz: Annotated[float | None, "frames per second, in place of the recording's"] = None
+    origin_y_px: Annotated[
+        float | None, "y of the origin, px up from the bottom (default the recording's, else 0)"
+    ] = None
+    frame_rate_hz: Annotated[
+        float | None, "frames per second (default the recording's, else times in frames)"
+    ] = None
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

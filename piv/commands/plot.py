@@ -13,7 +13,7 @@ from fileio.formats.plane_series import checked, usable
 from fileio.formats.vortex_table import read_vortices
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
-from piv.plots.vectors import Style, draw, vortices_at
+from piv.plots.vectors import Style, draw, shaded, unit_of, vortices_at
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,7 +85,9 @@ def run(args: argparse.Namespace) -> None:
         style = style_of(args, args.vorticity_limit)
         table = read_vortices(args.vortices) if args.vortices else None
         figure = draw(plane, vortices_at(table, time), style=style)
-        description = summary(plane)
+        colours = shaded(plane, style.colour_by)
+        coloured = f"{style.colour_by} {np.nanmin(colours):.3g} to {np.nanmax(colours):.3g} {unit_of(plane, style.colour_by)}"
+        description = f"{coloured.rstrip()}; {summary(plane)}"
     content = io.BytesIO()
     figure.savefig(content, format=args.output.suffix[1:])
     plt.close(figure)

@@ -25,7 +25,7 @@ def add_fields(parser: argparse.ArgumentParser, kind: Any) -> None:
         if get_origin(hints[field.name]) is not Annotated:
             continue
         value, about = get_args(hints[field.name])
-        text = f"{about} (default {'automatic' if field.default is None else field.default})"
+        text = about if field.default is None else f"{about} (default {field.default})"
         options: dict[str, Any] = {"type": next(iter(get_args(value)), value)}
         if value is bool:
             options = {"action": argparse.BooleanOptionalAction}

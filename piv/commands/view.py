@@ -26,7 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Serve the page until Ctrl-C."""
     if find_spec("bokeh") is None:
-        raise ValueError("the page needs the library bokeh: pip install 'softfinger-piv[view]' (or bokeh)")
+        raise ValueError(
+            "the page needs the library bokeh: pip install --require-hashes -r requirements-view.lock in the clone, or pip install bokeh"
+        )
     if not 1 <= args.port <= 65535:
         raise ValueError(f"--port is from 1 to 65535, got {args.port}")
     from piv.view.page import serve

@@ -73,6 +73,13 @@ def shaded(plane: xr.Dataset, name: str) -> np.ndarray:
     return plane[name].values.astype(float)
 
 
+def unit_of(plane: xr.Dataset, name: str) -> str:
+    """Unit of what `shaded` gives, as the file says it."""
+    if name not in plane:
+        return "1/s" if plane["x"].attrs.get("units", "m") == "m" else "1/frame"
+    return str(plane[name].attrs.get("units", ""))
+
+
 def draw(
     plane: xr.Dataset, vortices: pd.DataFrame | None = None, *, style: Style, speed: float | None = None
 ) -> Figure:
@@ -80,13 +87,11 @@ def draw(
     length = str(plane["x"].attrs.get("units", "m"))
     velocity = str(plane["u"].attrs.get("units", "m/s"))
     factor, shown = (1e3, "mm") if style.mm and length == "m" else (1.0, length)
-    rate = "1/s" if length == "m" else "1/frame"
     x, y = plane["x"].values * factor, plane["y"].values * factor
     omega = shaded(plane, style.colour_by)
     limit = style.vorticity_limit or vorticity_scale(plane, style.colour_by)
-    label = rf"vorticity $\omega_z$ ({rate})"
-    if style.colour_by != "vorticity":
-        label = f"{style.colour_by} ({plane[style.colour_by].attrs.get('units', '')})"
+    name = r"vorticity $\omega_z$" if style.colour_by == "vorticity" else style.colour_by
+    label = f"{name} ({unit_of(plane, style.colour_by)})"
     speed = speed or speed_scale(plane)
     aspect = float(np.ptp(y) / np.ptp(x))
     with plt.rc_context({"font.size": 9, "font.family": "DejaVu Sans", "axes.linewidth": 0.8}):

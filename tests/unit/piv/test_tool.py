@@ -53,9 +53,9 @@ def test_pictures_and_vortices_of_every_own_format(tmp_path, suffix, capsys):
     write_vectors(series_px(), tmp_path / f"a{suffix}")
     source = str(tmp_path / f"a{suffix}")
     assert main(["plot", source, "-o", str(tmp_path / "a.png")]) == 0
-    assert (
-        "0.5 frame, 1 field of 40 x 30 vectors, 99.8% valid; displacement median" in capsys.readouterr().out
-    )
+    told = capsys.readouterr().out
+    assert "0.5 frame, vorticity " in told
+    assert " 1/frame; 1 field of 40 x 30 vectors, 99.8% valid; displacement median" in told
     assert main(["animate", source, "-o", str(tmp_path / "a.gif")]) == 0
     assert main(["vortices", source, "-o", str(tmp_path / "v.csv")]) == 0
     assert (

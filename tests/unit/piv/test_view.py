@@ -87,11 +87,11 @@ def test_a_region_is_cut_at_the_picture():
 def test_without_the_library_one_sentence(folder, monkeypatch, capsys):
     monkeypatch.setattr(view, "find_spec", lambda name: None)
     assert main(["view", str(folder / "piv.h5")]) == 2
-    assert "pip install 'softfinger-piv[view]'" in capsys.readouterr().err
+    assert "requirements-view.lock" in capsys.readouterr().err
 
 
 def test_polygons_moved_after_they_were_kept_are_said_not_to_be_saved(folder, tmp_path):
-    pytest.importorskip("bokeh", reason="the page needs bokeh: pip install 'softfinger-piv[view]'")
+    pytest.importorskip("bokeh", reason="the page needs bokeh: requirements-view.lock")
     from piv.view.page import Page
 
     page = Page(open_scene(str(folder / "piv.h5")), tmp_path / "r.json")
@@ -111,7 +111,7 @@ def test_polygons_moved_after_they_were_kept_are_said_not_to_be_saved(folder, tm
 @pytest.fixture(scope="module")
 def served(folder, tmp_path_factory):
     """A browser, and the address of the page, which is made anew for each visit."""
-    pytest.importorskip("bokeh", reason="the page needs bokeh: pip install 'softfinger-piv[view]'")
+    pytest.importorskip("bokeh", reason="the page needs bokeh: requirements-view.lock")
     if not (CHROMIUM and CHROMEDRIVER):
         pytest.skip("needs chromium and chromedriver (apt: chromium chromium-driver)")
     with socket.socket() as free:
