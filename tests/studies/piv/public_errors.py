@@ -1,12 +1,15 @@
-"""What pictures made by interpolation of another one bias: python -m tests.studies.piv.interpolated.
+"""Where errors of the public pairs come from: python -m tests.studies.piv.public_errors.
 
-Moved by half the displacement d in opposite directions, linearly interpolated pictures lose and shift the same in both, with a
-period of two pixels of d. Prints the amplitude a of a sin(πd) in the errors of such pictures, and of the public pairs of
-cylinders without noise (tests/studies/piv/public_data.py) the share of the errors' mean square that it explains, and the coverage before and without it.
+Pictures made by interpolation of another one: moved by half the displacement d in opposite directions, linearly interpolated
+pictures lose and shift the same in both, with a period of two pixels of d. Printed is the amplitude a of a sin(πd) in the
+errors of such pictures, and of the public pairs of cylinders without noise (tests/studies/piv/public_data.py) the share of
+the errors' mean square that it explains, and the coverage before and without it.
+Waves that no window follows: of the simulated flows, what of the published field is shorter than SHORT beside the error.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -16,10 +19,11 @@ from scipy.ndimage import shift
 from piv.correlation.pair import correlate_pair
 from tests.shared_data import shared_data
 from tests.studies.piv.particles import render
-from tests.studies.piv.public_data import MASKED, QUENOT, cylinders
-from tests.studies.piv.scores import FAR, UNCERTAIN, errors
+from tests.studies.piv.public_data import CAI, MASKED, QUENOT, cylinders, simulated
+from tests.studies.piv.scores import FAR, UNCERTAIN, errors, judged
 
 SHIFTS = np.arange(0, 2, 0.25)  # px
+SHORT = 16  # px: two vectors, which is the shortest wave that they can show
 
 
 def amplitude(d: np.ndarray, e: np.ndarray) -> float:
@@ -61,6 +65,29 @@ def of_public_pairs(data: Path) -> list[str]:
     return lines
 
 
+def short_waves(flow: Callable, shape: tuple[int, int]) -> float:
+    """RMS per component (px) of what of the flow in a picture of `shape` is shorter than SHORT."""
+    rows, columns = shape
+    field = np.stack(flow(*np.meshgrid(np.arange(columns), np.arange(rows))))
+    field -= field.mean(axis=(1, 2), keepdims=True)
+    # the edges are no waves
+    power = np.abs(np.fft.fft2(field * np.hanning(rows)[:, None] * np.hanning(columns))) ** 2
+    waves = np.hypot(*np.meshgrid(np.fft.fftfreq(columns), np.fft.fftfreq(rows)))
+    return float(np.sqrt((field**2).mean() * power[:, waves > 1 / SHORT].sum() / power.sum()))
+
+
+def of_simulated_flows(data: Path) -> list[str]:
+    """A line for each pair."""
+    lines = []
+    for pair in simulated(data):
+        flow, counts = next(iter(pair.rows.values()))
+        error = judged(correlate_pair(*pair.images), flow, counts)
+        short = short_waves(flow, pair.images[0].shape)
+        rms = np.sqrt(np.mean(error.e[:, error.common] ** 2))
+        lines.append(f"{pair.name}: {short:.3f} px of the field shorter than {SHORT} px, error {rms:.3f} px")
+    return lines
+
+
 def main() -> None:
     """Print."""
     cv2.setNumThreads(1)
@@ -69,6 +96,8 @@ def main() -> None:
     data = shared_data()
     if data and (data / QUENOT).is_dir():
         print("\n".join(of_public_pairs(data)))
+    if data and all((data / folder).is_dir() for folder in CAI):
+        print("\n".join(of_simulated_flows(data)))
 
 
 if __name__ == "__main__":
