@@ -30,6 +30,9 @@ class ResumableFile:
         self.path = Path(path)
         self.part = self.path.with_name(self.path.name + ".part")
         self.count = count
+        self._open: dict[
+            str, h5py.Dataset
+        ] = {}  # as they were opened: to look them up takes as long as to write
         text = json.dumps(identity, sort_keys=True, default=_plain)
         self._identity = hashlib.sha256(text.encode()).hexdigest()
         self.resumed = self._continue()
@@ -97,10 +100,15 @@ class ResumableFile:
     def store(self, index: int, values: Mapping[str, Any]) -> None:
         """Write an item of the variables in `values`; on disk when this returns."""
         for name, value in values.items():
-            self._file[name][index] = value
+            self._variable(name)[index] = value
         self._file.flush()
-        self._file["_done"][index] = 1
+        self._variable("_done")[index] = 1
         self._file.flush()
+
+    def _variable(self, name: str) -> h5py.Dataset:
+        if name not in self._open:
+            self._open[name] = self._file[name]
+        return self._open[name]
 
     def finish(self) -> Path:
         """Give the file its name, without what tells how far it is; ValueError where items are missing."""

@@ -24,12 +24,12 @@ class Nodes:
     shape: tuple[int, int]
     factor: int
 
-    @property
+    @cached_property
     def column(self) -> np.ndarray:
         """Column of every node in px of this level."""
         return (self.x + 0.5) / self.factor - 0.5
 
-    @property
+    @cached_property
     def row(self) -> np.ndarray:
         """Row of every node in px of this level."""
         return (self.y + 0.5) / self.factor - 0.5

@@ -48,7 +48,8 @@ _TAPS = tuple(np.float32(c) for c in _polynomials().ravel())
 
 def bilinear(field: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
     """Values of a grid at every pair of a row and a column, which may lie between its own; held constant outside."""
-    at = np.meshgrid(column.astype(np.float32), row.astype(np.float32))
+    at = np.empty((2, row.size, column.size), np.float32)
+    at[0], at[1] = column, row[:, None]
     return cv2.remap(field.astype(np.float32), *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -64,10 +64,10 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
         vectors = passes.reseed(nodes, images.pixels, vectors, settings)
         return measure_steep_regions(nodes, full, vectors, settings)
 
-    x, y, keep = node_axes(images.shape, settings)
+    half, nodes, keep = nodes_of(images.shape, settings)
     maps_of, cells_of = partial(pair_maps, images), partial(pair_cells, images)
     seen = both_seen(images.half[1])
-    vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
+    vectors = run_passes(half, nodes, seen, settings, maps_of, cells_of, spectra_of, reseed)
     errors = errors_of(nodes, vectors, settings)
     errors = separated(nodes, vectors, errors, settings.sigma, settings.full_steps)
     ratio = window_ratio(vectors, errors, settings)
@@ -110,10 +110,12 @@ def vector_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, n
     return passes.grid(shape[1], options.spacing), shape[0] - 1 - passes.grid(shape[0], options.spacing)[::-1]
 
 
-def node_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, np.ndarray, tuple[slice, slice]]:
-    """Columns and rows (px) of the nodes, and the slices (rows, columns) that select the requested vectors.
+@lru_cache(4)
+def nodes_of(shape: tuple[int, int], options: Options) -> tuple[Nodes, Nodes, tuple[slice, slice]]:
+    """The nodes at half and at full resolution, and the slices (rows, columns) that select the requested vectors.
 
     Nodes lie at most a quarter of the window apart, because they deform the images; the requested spacing may be larger.
+    All pairs of a recording share them and the weights that they hold.
     """
     k = int(np.ceil(options.spacing / max(options.window / 4, 1)))
     axes, keep = [], []
@@ -128,32 +130,29 @@ def node_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, np.
         else:
             axes.append(asked)
             keep.append(slice(None))
-    return axes[0], axes[1], (keep[1], keep[0])
+    x, y = axes
+    return Nodes(x, y, (shape[0] // 2, shape[1] // 2), 2), Nodes(x, y, shape, 1), (keep[1], keep[0])
 
 
 def run_passes(
-    shape: tuple[int, int],
-    x: np.ndarray,
-    y: np.ndarray,
+    half: Nodes,
+    nodes: Nodes,
     seen: np.ndarray | None,
     options: Options,
     maps_of: Callable[..., np.ndarray],
     cells_of: Callable[..., np.ndarray],
     spectra_of: Callable[..., tuple | None],
     reseed: Callable[[Nodes, Displacements], Displacements],
-) -> tuple[Displacements, Nodes]:
-    """All passes; the callbacks hold the images. Displacements are in image axes at the nodes (x, y)."""
-    half_shape = (shape[0] // 2, shape[1] // 2)
-    dx, dy = passes.first_passes(maps_of, half_shape, seen, options.search, x, y)
+) -> Displacements:
+    """All passes; the callbacks hold the images. Displacements are in image axes at the `nodes`; `half`: those at half resolution."""
+    dx, dy = passes.first_passes(maps_of, half.shape, seen, options.search, half.x, half.y)
     response = prefilter.default_response()
     kernel = prefilter.kernel(response)
-    nodes = Nodes(x, y, half_shape, 2)
     for _ in range(options.half_steps):
-        cells = cells_of(nodes, kernel, dx, dy)
-        sums = nodes.window_sums(cells, 1.2 * options.sigma)
-        vectors = passes.measure(nodes, cells, sums, dx, dy, options, max(options.epsilon, 0.5))
+        cells = cells_of(half, kernel, dx, dy)
+        sums = half.window_sums(cells, 1.2 * options.sigma)
+        vectors = passes.measure(half, cells, sums, dx, dy, options, max(options.epsilon, 0.5))
         dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
-    nodes = Nodes(x, y, shape, 1)
     second = np.zeros(dx.shape, bool)
     cell_noise = Displacements.cell_noise
     for step in range(options.full_steps):
@@ -171,7 +170,7 @@ def run_passes(
         second |= vectors.second
         dx, dy = vectors.dx, vectors.dy
     vectors.second[:] = second & vectors.known
-    return replace(vectors, cell_noise=cell_noise), nodes
+    return replace(vectors, cell_noise=cell_noise)
 
 
 def to_dataset(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 import scipy.fft
@@ -68,6 +70,7 @@ def apply(image: np.ndarray, separable: Kernel, out: np.ndarray | None = None) -
     return cv2.sepFilter2D(image, cv2.CV_32F, *separable, dst=out, borderType=cv2.BORDER_REFLECT_101)
 
 
+@lru_cache
 def radial_frequency() -> np.ndarray:
     """|f| (cycles/px) on the rfft2 frequencies of a tile."""
     return np.hypot(np.fft.fftfreq(TILE)[:, None], np.fft.rfftfreq(TILE)[None, :])
@@ -172,6 +175,7 @@ def cell_noise(spectra: tuple, response: np.ndarray, cell: int) -> float:
     return float((lags[0, 0] + 2 * lags[0, 1] + 2 * lags[1, 0] + 4 * lags[1, 1]) / lags[0, 0])
 
 
+@lru_cache
 def _taper() -> np.ndarray:
     """Response that takes off frequencies next to the sampling limit, which cannot be interpolated."""
     one = np.cos(np.clip((np.abs(np.fft.fftfreq(TILE)) - 0.36) / 0.14, 0, 1) * np.pi / 2) ** 2

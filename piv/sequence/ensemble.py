@@ -20,7 +20,7 @@ from piv.correlation.deform import Nodes
 from piv.correlation.options import Options
 from piv.correlation.pair import (
     both_seen,
-    node_axes,
+    nodes_of,
     pair_cells,
     pair_maps,
     pair_powers,
@@ -52,7 +52,7 @@ def correlate_ensemble(
         raise ValueError("the ensemble correlates; method must be 'correlation'")
     first = prepared(load, 0, settings)
     shape = first.shape
-    x, y, keep = node_axes(shape, settings)
+    half, nodes, keep = nodes_of(shape, settings)
     steps = 2 + settings.half_steps + settings.full_steps + settings.spectra
     bar = tqdm(total=steps * count, unit="pair", desc="ensemble", disable=quiet or None)
 
@@ -77,7 +77,7 @@ def correlate_ensemble(
         return passes.reseed(nodes, first.pixels, vectors, settings)
 
     seen = both_seen(first.half[1])
-    vectors, nodes = run_passes(shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
+    vectors = run_passes(half, nodes, seen, settings, maps_of, cells_of, spectra_of, reseed)
     bar.close()
     # the share of usable pixels is that of all pairs together
     return to_dataset(vectors, errors_of(nodes, vectors, settings), nodes, keep, settings)

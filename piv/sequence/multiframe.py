@@ -13,7 +13,7 @@ from piv.correlation.deform import Nodes
 from piv.correlation.fft_pass import window_maps
 from piv.correlation.newton_step import MOMENTS, cell_moments
 from piv.correlation.options import Options
-from piv.correlation.pair import both_seen, node_axes, run_passes, to_dataset
+from piv.correlation.pair import both_seen, nodes_of, run_passes, to_dataset
 from piv.correlation.pair_images import Prepared, check_images, check_masks
 from piv.correlation.uncertainty import errors_of
 from piv.sequence.camera_shake import frame_shifts, shifted
@@ -51,7 +51,8 @@ def correlate_frames(
     both = both_seen(images.seen)
     reach = len(frames) // 2
     instants = np.arange(-reach, reach + 1)
-    x, y, keep = node_axes(images.shape, settings)
+    half, nodes, keep = nodes_of(images.shape, settings)
+    x, y = nodes.x, nodes.y
     acceleration = np.zeros((2, y.size, x.size), np.float32)
     work = {f: np.empty((2, images.shape[0] // f, images.shape[1] // f), np.float32) for f in (1, 2)}
     calls = {1: 0, 2: 0}
@@ -118,7 +119,7 @@ def correlate_frames(
         return passes.reseed(nodes, pair, vectors, settings)
 
     seen = both_seen(images.half[1])
-    vectors, nodes = run_passes(images.shape, x, y, seen, settings, maps_of, cells_of, spectra_of, reseed)
+    vectors = run_passes(half, nodes, seen, settings, maps_of, cells_of, spectra_of, reseed)
     field = to_dataset(vectors, errors_of(nodes, vectors, settings), nodes, keep, settings)
     return field.assign_attrs(shake_unknown=int(shake_unknown))
 
