@@ -234,7 +234,7 @@ class SeriesUnits:
     def fields(self, plane: xr.Dataset, index: int) -> dict[str, np.ndarray]:
         """Variables of one field in the file's units."""
         factor = dict.fromkeys(("u", "v", "u_std", "v_std"), self.scale / self.interval[index])
-        return {str(n): plane[n].values * factor.get(str(n), 1) for n in plane.data_vars}
+        return {str(n): plane.variables[n].values * factor.get(str(n), 1) for n in plane.data_vars}
 
 
 def carried(recording: Recording, finger: xr.Dataset | None) -> dict[str, Any]:
