@@ -74,6 +74,7 @@ def project(tmp_path):
         shutil.copy2(ROOT / name, tmp_path / name)
     (tmp_path / "fileio" / "stages.mk").write_text(make_variables(with_new()), encoding="utf-8")
     (tmp_path / "cases" / "small" / "scene.toml").touch()
+    (tmp_path / "Makefile").touch()  # stands for what is set up: newer than what that is made of
     return tmp_path
 
 
