@@ -64,7 +64,10 @@ def vector_dataset(fields: dict[str, np.ndarray], x, y, height: int, options: Op
     units = {"valid": "1", "flag": "1", "correlation": "1"}
     return xr.Dataset(
         {n: (("y", "x"), f[::-1].copy(), {"units": units.get(n, "px")}) for n, f in fields.items()},
-        coords={"x": ("x", x.copy(), {"units": "px"}), "y": ("y", (height - 1 - y)[::-1].copy(), {"units": "px"})},
+        coords={
+            "x": ("x", x.copy(), {"units": "px"}),
+            "y": ("y", (height - 1 - y)[::-1].copy(), {"units": "px"}),
+        },
         attrs={"source": "piv", **provenance(**asdict(options))},
     )
 
