@@ -181,8 +181,12 @@ def normalised_median(u, v, usable, *, epsilon: float = 0.2, radius: int = 1, th
     components joined as a vector length.
     """
     residual, median_u, median_v = (np.empty(u.shape, np.float32) for _ in range(3))
-    around = (*[radius] * 4, cv2.BORDER_CONSTANT)
-    u, v, usable = (cv2.copyMakeBorder(np.asarray(f, np.float32), *around, value=0) for f in (u, v, usable))
+    u, v, usable = (
+        cv2.copyMakeBorder(
+            np.asarray(f, np.float32), radius, radius, radius, radius, cv2.BORDER_CONSTANT, value=(0,)
+        )
+        for f in (u, v, usable)
+    )
     network = median_network((2 * radius + 1) ** 2 - 1)
     _normalised_median(
         u,
