@@ -50,7 +50,9 @@ def bilinear(field: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarr
     """Values of a grid at every pair of a row and a column, which may lie between its own; held constant outside."""
     at = np.empty((2, row.size, column.size), np.float32)
     at[0], at[1] = column, row[:, None]
-    return cv2.remap(field.astype(np.float32), at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return cv2.remap(
+        field.astype(np.float32), at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
 
 
 def denser(field: np.ndarray) -> np.ndarray:
