@@ -86,6 +86,13 @@ def groups_of(
         return *bins(quantity(args, series), args.bins), "1"
     if args.period is not None:
         turned = phases(times, args.period, args.start or 0.0)
+        between, whole = float(np.min(np.diff(times), initial=np.inf)), float(np.ptp(times))
+        if not 2 * between <= args.period <= whole + between:
+            unit = series["time"].attrs.get("units", "s")
+            raise ValueError(
+                f"{args.series}: --period {args.period:g} makes no phases: its instants are {between:g} {unit} apart, "
+                f"over {whole:g} {unit}; give a period from twice the one to the other"
+            )
     elif args.triggers is not None:
         path, column = args.triggers
         turned = trigger_phases(times, read_columns(path, column)[0])
