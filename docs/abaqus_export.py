@@ -40,7 +40,9 @@ def main(path, step_name, top_kpa, target):
             for frame in step.frames:
                 pressure = top_kpa * frame.frameValue / step.timePeriod
                 for name, label, u1, u2, u3 in displacements(frame):
-                    writer.writerow(["%.9g" % pressure, name, label, "%.9g" % u1, "%.9g" % u2, "%.9g" % u3])
+                    writer.writerow(
+                        ["%.9g" % pressure, name, label, "%.9g" % u1, "%.9g" % u2, "%.9g" % u3]
+                    )
                 print("%s: frame at %.4g kPa" % (target, pressure))
         finally:
             out.close()

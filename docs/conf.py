@@ -54,7 +54,9 @@ def fill_page(app, page, source):
     """Fill a page of TAKEN or the list of public names; lead links to files that are pages of the site there."""
     text, folder = source[0], (DOCS / page).parent
     if page.startswith("api/"):  # reStructuredText, not Markdown
-        source[0] = PAGE_NAME.sub(lambda name: f":doc:`/{name[1]}`" if is_page(name[1]) else name[0], text)
+        source[0] = PAGE_NAME.sub(
+            lambda name: f":doc:`/{name[1]}`" if is_page(name[1]) else name[0], text
+        )
         return
     if page in TAKEN:
         head, file, pattern = TAKEN[page]
@@ -89,7 +91,11 @@ def name_pages(text, of):
     """`text` of folder `of` with links in place of the plain names of pages, `docs/mesh.md`."""
 
     def link(name):
-        return f"[{name[1]}]({os.path.relpath(DOCS, of)}/{name[1]}.md)" if is_page(name[1]) else name[0]
+        return (
+            f"[{name[1]}]({os.path.relpath(DOCS, of)}/{name[1]}.md)"
+            if is_page(name[1])
+            else name[0]
+        )
 
     return PAGE_NAME.sub(link, text)
 
@@ -115,7 +121,9 @@ def public_names():
     """Table of the public names of `piv`, each with a link to its module's page."""
     tree = ast.parse((ROOT / "piv" / "__init__.py").read_text(encoding="utf-8"))
     value = next(
-        node.value for node in tree.body if isinstance(node, ast.Assign) and node.targets[0].id == "_MODULES"
+        node.value
+        for node in tree.body
+        if isinstance(node, ast.Assign) and node.targets[0].id == "_MODULES"
     )
     rows = [
         f"| {{py:obj}}`{name} <{module}.{name}>` | `{module}` |"

@@ -36,7 +36,9 @@ def settle(path: Path) -> None:
 def check_output(path: Path) -> None:
     """StageError where `path` is a folder or a device: a file of that name would take its place."""
     if path.exists() and not path.is_file():
-        raise StageError(f"{path}: is no file but a folder or a device; give the output another name")
+        raise StageError(
+            f"{path}: is no file but a folder or a device; give the output another name"
+        )
 
 
 def checksum_file(path: Path) -> Path:

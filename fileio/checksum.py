@@ -26,7 +26,9 @@ def check_whole(path: str | Path, remedy: str = REMEDY) -> None:
         _of(path, state.st_mtime_ns, state.st_size, state.st_ino).encode()
         != beside.read_bytes().split(b" ")[0]
     ):
-        raise StageError(f"{path}: damaged or changed since it was written (its checksum differs); {remedy}")
+        raise StageError(
+            f"{path}: damaged or changed since it was written (its checksum differs); {remedy}"
+        )
 
 
 @lru_cache(maxsize=256)

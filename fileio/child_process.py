@@ -77,7 +77,9 @@ def _end_at_interrupt() -> None:
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
-def _read_and_exit(sender: Connection, read: Callable[..., Any], args: tuple, cpu_limit: int) -> None:
+def _read_and_exit(
+    sender: Connection, read: Callable[..., Any], args: tuple, cpu_limit: int
+) -> None:
     try:
         for kind in (signal.SIGXCPU, signal.SIGSEGV, signal.SIGABRT):
             signal.signal(kind, signal.SIG_DFL)
@@ -104,7 +106,9 @@ def check_walkable(path: str | Path) -> None:
     try:
         _walk_once(str(path), state.st_mtime_ns, state.st_size, state.st_ino)
     except ChildProcessError:
-        raise ValueError(f"{path}: damaged: the HDF5 library cannot get through its structure") from None
+        raise ValueError(
+            f"{path}: damaged: the HDF5 library cannot get through its structure"
+        ) from None
 
 
 @lru_cache(maxsize=256)

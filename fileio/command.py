@@ -28,7 +28,9 @@ INTERRUPTED = "interrupted; run it again to go on: what is finished is kept"
 def add_scene(parser: argparse.ArgumentParser) -> None:
     """Arguments of every command that works on a scene at one level."""
     parser.add_argument("scene", type=Path, help="folder of the scene, as cases/single_finger")
-    parser.add_argument("--level", default=DEFAULT_LEVEL, help="level of the scene (default: %(default)s)")
+    parser.add_argument(
+        "--level", default=DEFAULT_LEVEL, help="level of the scene (default: %(default)s)"
+    )
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
@@ -57,7 +59,10 @@ def ends_in_interrupt(error: BaseException | None) -> bool:
     return error is not None
 
 
-if getattr(getattr(sys.modules["__main__"], "__spec__", None), "name", "").partition(".")[0] in PROGRAMS:
+if (
+    getattr(getattr(sys.modules["__main__"], "__spec__", None), "name", "").partition(".")[0]
+    in PROGRAMS
+):
     importing()  # the rest of what `python -m` of one of them needs
 
 
@@ -89,7 +94,9 @@ def guarded(name: str, action: Callable[[], int | None], strict: bool = False) -
 def check_inputs(args: argparse.Namespace) -> None:
     """StageError where an argument names a pipe or a device: who reads it may wait for ever, who writes it replaces it."""
     values = [
-        v for value in vars(args).values() for v in (value if isinstance(value, list | tuple) else [value])
+        v
+        for value in vars(args).values()
+        for v in (value if isinstance(value, list | tuple) else [value])
     ]
     for path in (Path(value) for value in values if isinstance(value, str | Path)):
         with suppress(OSError, ValueError):  # no path at all
@@ -114,7 +121,9 @@ def command_line(
     doc: str | None,
     commands: Commands,
     argv: list[str] | None = None,
-    around: Callable[[argparse.Namespace], AbstractContextManager[Any]] = lambda args: nullcontext(),
+    around: Callable[[argparse.Namespace], AbstractContextManager[Any]] = lambda args: (
+        nullcontext()
+    ),
     prefix: str = "",
     strict: bool = False,
 ) -> int:

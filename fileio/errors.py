@@ -50,8 +50,12 @@ def sentence(error: BaseException) -> str | None:
         )
         return f"{file}: {text}{advice}" if file else f"{text}{advice}"
     if isinstance(error, MemoryError):
-        return f"not enough memory ({one_line(error)}); close other programs or work in smaller parts"
-    if isinstance(error, ValueError | OSError):  # a KeyError that no reader has explained is a defect
+        return (
+            f"not enough memory ({one_line(error)}); close other programs or work in smaller parts"
+        )
+    if isinstance(
+        error, ValueError | OSError
+    ):  # a KeyError that no reader has explained is a defect
         return one_line(error, 2000)
     return None
 

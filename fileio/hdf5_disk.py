@@ -36,7 +36,9 @@ class Disk(io.RawIOBase):
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
         """As of any file."""
-        self._position = offset + {os.SEEK_CUR: self._position, os.SEEK_END: self._end}.get(whence, 0)
+        self._position = offset + {os.SEEK_CUR: self._position, os.SEEK_END: self._end}.get(
+            whence, 0
+        )
         return self._position
 
     def tell(self) -> int:
@@ -98,7 +100,9 @@ class Disk(io.RawIOBase):
     def check(self) -> None:
         """Raise what befell a write."""
         if isinstance(self._failure, OSError):
-            raise OSError(self._failure.errno, self._failure.strerror, str(self._path)) from self._failure
+            raise OSError(
+                self._failure.errno, self._failure.strerror, str(self._path)
+            ) from self._failure
         if self._failure is not None:
             raise self._failure
 

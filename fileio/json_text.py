@@ -18,7 +18,9 @@ def parse_json(text: str | bytes, place: str | Path, remedy: str, kind: type = d
     except (TypeError, ValueError, RecursionError) as error:
         raise StageError(f"{place}: not valid JSON ({error}); {remedy}") from error
     if not isinstance(value, kind):
-        raise StageError(f"{place}: holds a {type(value).__name__}, not a {kind.__name__}; {remedy}")
+        raise StageError(
+            f"{place}: holds a {type(value).__name__}, not a {kind.__name__}; {remedy}"
+        )
     return value
 
 
@@ -26,7 +28,9 @@ def flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
     """The values of a table and of the tables in it, by their keys joined with dots."""
     values: dict[str, Any] = {}
     for key, value in table.items():
-        values |= flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
+        values |= (
+            flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
+        )
     return values
 
 

@@ -44,7 +44,10 @@ class Key:
 
 
 def keys_of(
-    model: type[BaseModel], above: str = "", without: frozenset[str] = frozenset(), optional: bool = False
+    model: type[BaseModel],
+    above: str = "",
+    without: frozenset[str] = frozenset(),
+    optional: bool = False,
 ) -> Iterator[Key]:
     """All keys of a model and of the tables in it, but for the names in `without`; `optional`: the table may be absent."""
     said = _strings_below(model)
@@ -68,7 +71,9 @@ def _strings_below(model: type[BaseModel]) -> dict[str, str]:
         assert isinstance(tree, ast.ClassDef)
         for key, text in pairwise(tree.body):
             match key, text:
-                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(words))):
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(
+                    value=ast.Constant(value=str(words))
+                ):
                     known[name] = inspect.cleandoc(words)
     return known
 
@@ -104,7 +109,9 @@ def _type_text(annotation: Any, metadata: tuple[Any, ...] = ()) -> str:
     if origin is Annotated:
         return _type_text(parts[0], (*metadata, *parts[1:]))
     if origin in (Union, types.UnionType):
-        return " or ".join(dict.fromkeys(_type_text(p, metadata) for p in parts if p is not type(None)))
+        return " or ".join(
+            dict.fromkeys(_type_text(p, metadata) for p in parts if p is not type(None))
+        )
     if origin is Literal:
         return ", ".join(map(toml_value, parts))
     if origin in (tuple, list):
@@ -119,7 +126,9 @@ def _type_text(annotation: Any, metadata: tuple[Any, ...] = ()) -> str:
         for kind, sign in BOUNDS.items()
         if getattr(m, kind, None) is not None
     ]
-    return " ".join([NAMES.get(origin or annotation, "text"), ", ".join(dict.fromkeys(bounds))]).strip()
+    return " ".join(
+        [NAMES.get(origin or annotation, "text"), ", ".join(dict.fromkeys(bounds))]
+    ).strip()
 
 
 def _flat(metadata: tuple[Any, ...]) -> Iterator[Any]:
@@ -141,7 +150,14 @@ def _model_of(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
 
 def markdown(keys: list[Key], levels: Mapping[str, str] | None = None) -> str:
     """The keys as a table for each section; `levels`: a last column of what overrides a key, by its name."""
-    columns = ("key", "type", "unit", "default", "meaning", *(("levels",) if levels is not None else ()))
+    columns = (
+        "key",
+        "type",
+        "unit",
+        "default",
+        "meaning",
+        *(("levels",) if levels is not None else ()),
+    )
     text, section = "", None
     for key in keys:
         head, _, name = key.name.rpartition(".")
@@ -149,9 +165,14 @@ def markdown(keys: list[Key], levels: Mapping[str, str] | None = None) -> str:
             title = f"`[{head}]`" if head else "Outside of tables"
             text += f"\n## {title}\n\n| {' | '.join(columns)} |\n{'|---' * len(columns)}|\n"
             section = head
-        cells = (f"`{name}`", key.type, key.unit, key.default, key.meaning, (levels or {}).get(key.name, ""))[
-            : len(columns)
-        ]
+        cells = (
+            f"`{name}`",
+            key.type,
+            key.unit,
+            key.default,
+            key.meaning,
+            (levels or {}).get(key.name, ""),
+        )[: len(columns)]
         text += "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
     return text
 
@@ -178,9 +199,13 @@ def template(keys: list[Key], known: Mapping[str, str] | None = None) -> str:
         unit = f", {key.unit}" if key.unit else ""
         about = f"# {key.meaning}{unit}; {key.type}" + (f" of {inner}" if inner else "")
         if key.name in known:
-            text += f"{name} = {known[key.name]}  # read from the data, check it: {key.meaning}{unit}\n"
+            text += (
+                f"{name} = {known[key.name]}  # read from the data, check it: {key.meaning}{unit}\n"
+            )
             continue
-        given = f"{name} = " + (key.default if key.default not in ("", MISSING, WITH_TABLE) else "…")
+        given = f"{name} = " + (
+            key.default if key.default not in ("", MISSING, WITH_TABLE) else "…"
+        )
         text += f"{given}  {about}\n" if key.default == MISSING else f"# {given}  {about}\n"
     return text
 

@@ -17,7 +17,9 @@ def exclusive(target: Path, *, wait: bool = False) -> Iterator[None]:
     Where another process holds it: BlockingIOError, or with `wait` its end is waited for. FileNotFoundError where there is no folder for it.
     """
     if not target.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "its folder does not exist; make it first", str(target))
+        raise FileNotFoundError(
+            errno.ENOENT, "its folder does not exist; make it first", str(target)
+        )
     path = target.with_name(f".{target.name}.lock")
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)

@@ -26,7 +26,9 @@ class ResumableFile:
 
     ITEM = "item"
 
-    def __init__(self, path: str | Path, count: int, identity: Any, attrs: Mapping[str, Any]) -> None:
+    def __init__(
+        self, path: str | Path, count: int, identity: Any, attrs: Mapping[str, Any]
+    ) -> None:
         self.path = Path(path)
         self.part = self.path.with_name(self.path.name + ".part")
         self.count = count
@@ -89,7 +91,9 @@ class ResumableFile:
         early.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
         early.set_obj_track_times(False)  # equal items give equal files
         space = h5py.h5s.create_simple(size)
-        h5py.h5d.create(self._file.id, name.encode(), h5py.h5t.py_create(np.dtype(dtype)), space, early)
+        h5py.h5d.create(
+            self._file.id, name.encode(), h5py.h5t.py_create(np.dtype(dtype)), space, early
+        )
 
     def label(self, name: str, dims: Sequence[str], units: str) -> None:
         """Say over which coordinates a variable is, and its units."""

@@ -54,7 +54,9 @@ class Variable:
             return None
         variable = dataset[self.name]
         if variable.dims not in (self.axes, self.least_axes):
-            return f"{self.name!r} is over ({', '.join(map(str, variable.dims))}), not ({self.dims})"
+            return (
+                f"{self.name!r} is over ({', '.join(map(str, variable.dims))}), not ({self.dims})"
+            )
         if self.finite and variable.dtype.kind == "f" and not np.isfinite(variable.values).all():
             return f"{self.name!r} holds NaN or infinite values"
         return None
@@ -62,7 +64,10 @@ class Variable:
 
 RECORDED = (
     Variable(
-        "settings", "-", "", "JSON: the scene's sections that the stage depends on, and digests of its files"
+        "settings",
+        "-",
+        "",
+        "JSON: the scene's sections that the stage depends on, and digests of its files",
     ),
     Variable("settings_digest", "-", "", "digest of `settings`"),
 )
@@ -130,7 +135,9 @@ class Schema:
         root.attrs = {"versions": json.dumps(versions())} | root.attrs
         root.attrs |= self.label
         self.check(root, path)
-        parts = {name: _dataset(self.group, part, units or {}) for name, part in (groups or {}).items()}
+        parts = {
+            name: _dataset(self.group, part, units or {}) for name, part in (groups or {}).items()
+        }
         for part in parts.values():
             self.check(part.assign_attrs(root.attrs | part.attrs), path, group=True)
         whole_netcdf(root, path, parts)
@@ -145,7 +152,9 @@ def _dataset(
         for name, value in values.items()
         if (v := known[name]).dims != "-"
     }
-    return xr.Dataset(variables, attrs={n: value for n, value in values.items() if known[n].dims == "-"})
+    return xr.Dataset(
+        variables, attrs={n: value for n, value in values.items() if known[n].dims == "-"}
+    )
 
 
 @dataclass(frozen=True)
@@ -183,7 +192,10 @@ class Table:
 
     def write(self, path: Path, rows: Iterable[Iterable[float]]) -> None:
         """Write a file, whole or not at all."""
-        lines = [",".join(self.columns), *(",".join(f"{v:.{self.digits}g}" for v in row) for row in rows)]
+        lines = [
+            ",".join(self.columns),
+            *(",".join(f"{v:.{self.digits}g}" for v in row) for row in rows),
+        ]
         write_text(path, "\n".join(lines) + "\n")
 
     def read(self, path: Path) -> pd.DataFrame:
@@ -194,7 +206,9 @@ class Table:
         try:
             table = pd.read_csv(path)
         except ValueError as error:  # an empty file among them
-            raise StageError(f"{path}: not a readable table ({one_line(error)}); {self.remedy}") from None
+            raise StageError(
+                f"{path}: not a readable table ({one_line(error)}); {self.remedy}"
+            ) from None
         missing = [name for name in self.columns if name not in table]
         if missing:
             raise StageError(f"{path}: column {missing[0]!r} is missing; {self.remedy}")

@@ -55,7 +55,12 @@ class Stage:
         return self.outputs[0]
 
 
-SHEET_GRID = {"columns", "rows", "scale_mm_per_px", "centre"}  # of the camera: the sheet covers its view
+SHEET_GRID = {
+    "columns",
+    "rows",
+    "scale_mm_per_px",
+    "centre",
+}  # of the camera: the sheet covers its view
 STAGES = (
     Stage("kinematics", "pipeline.kinematics.stage", "pressure law and shapes of the finger", (),
           ("kinematics.h5",), dict.fromkeys(("tank", "finger", "body", "pinch", "support", "motion"), True),
@@ -116,11 +121,16 @@ def make_variables(stages: tuple[Stage, ...] = STAGES) -> str:
         f"TARGETS := {' '.join(dict.fromkeys(stage.target for stage in stages))}",
     ]
     for name in sorted(groups):
-        lines += [f"GROUPS += {name}", f"OF.{name} := {' '.join(s.name for s in stages if s.group == name)}"]
+        lines += [
+            f"GROUPS += {name}",
+            f"OF.{name} := {' '.join(s.name for s in stages if s.group == name)}",
+        ]
     for stage in stages:
         needs = [files[name] for name in stage.inputs]
         needs += stage.settings
-        given = " ".join(f"$({word.upper()})" for word in ("ranks", "threads") if getattr(stage, word))
+        given = " ".join(
+            f"$({word.upper()})" for word in ("ranks", "threads") if getattr(stage, word)
+        )
         lines += [f"FILE.{stage.name} := {stage.done}", f"NEEDS.{stage.name} := {' '.join(needs)}"]
         lines += [f"OPTIONS.{stage.name} = {given}"] if given else []
         lines += [f"ABOUT.{stage.name} := {stage.about}"]

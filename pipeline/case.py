@@ -15,7 +15,14 @@ from fileio.formats.node_motion import read_motion
 from fileio.formats.sweep import write_sweep
 from fileio.lock import exclusive
 from pipeline.geometry.quality import planform_edges
-from pipeline.geometry.sweep import BODY_PATCHES, OUTER_PATCHES, PolyMesh, Sweep, sweep_mesh, write_polymesh
+from pipeline.geometry.sweep import (
+    BODY_PATCHES,
+    OUTER_PATCHES,
+    PolyMesh,
+    Sweep,
+    sweep_mesh,
+    write_polymesh,
+)
 from pipeline.openfoam.base_case import BASE, template_files
 from pipeline.openfoam.covering_columns import covering_cells
 from pipeline.openfoam.displacement_files import checkpoint_steps, steps_of, time_name
@@ -138,7 +145,9 @@ def patch_types(kind: str) -> dict[str, str]:
     }
 
 
-def zones(mesh: PolyMesh, planform: xr.Dataset) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+def zones(
+    mesh: PolyMesh, planform: xr.Dataset
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Face zones that drive the motion, and the columns of cells along which the points follow each.
 
     v1912 searches the points and edges of these cells in every time step: the zone holds only the cells needed to touch all.
@@ -152,7 +161,10 @@ def zones(mesh: PolyMesh, planform: xr.Dataset) -> tuple[dict[str, np.ndarray], 
     if kind != "full":
         return faces, {"behindSheet": cells}
     behind = 0.5 * (levels[1:] + levels[:-1])[mesh.cell_layer[cells]] < 0
-    return faces | {"frontZone": span["front"]}, {"behindSheet": cells[behind], "beforeSheet": cells[~behind]}
+    return faces | {"frontZone": span["front"]}, {
+        "behindSheet": cells[behind],
+        "beforeSheet": cells[~behind],
+    }
 
 
 def write_case(folder: Path, entries: dict[str, str], first: bool, planform: xr.Dataset, mesh: PolyMesh,
@@ -165,12 +177,16 @@ def write_case(folder: Path, entries: dict[str, str], first: bool, planform: xr.
     for path in template_files():
         write_bytes(folder / path.relative_to(BASE), path.read_bytes())
     if not first:
-        (folder / "0").rename(folder / "0.orig")  # the templates into which the run stage maps the fields
+        (folder / "0").rename(
+            folder / "0.orig"
+        )  # the templates into which the run stage maps the fields
     write_text(folder / "system" / "numbers", numbers_text(entries))
     write_text(folder / "system" / "regions", regions_text(kind))
     faces, cells = zones(mesh, planform)
     with checksums_of([folder / "constant" / "polyMesh"]):
-        write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
+        write_polymesh(
+            mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells
+        )
     write_text(folder / "case.foam", "")
     names = ("node", "level", "cell_column", "cell_layer")
     return {name: getattr(mesh, name) for name in names}
@@ -194,11 +210,14 @@ def run(scene: Scene, quiet: bool = False) -> None:
     intervals = read_intervals(scene.out)
     check_intervals(intervals, scene.numerics.time_step, scene.out / "planform.h5")
     planforms = {
-        number: read_planform(scene.out, number) for number in {interval.mesh for interval in intervals}
+        number: read_planform(scene.out, number)
+        for number in {interval.mesh for interval in intervals}
     }
     meshes = {number: build_mesh(planform) for number, planform in planforms.items()}
     unlink_folders(scene.out)  # of a study's run that was equal to another one and no longer is
-    (scene.out / "run" / "run.json").unlink(missing_ok=True)  # it was of the case that is now deleted
+    (scene.out / "run" / "run.json").unlink(
+        missing_ok=True
+    )  # it was of the case that is now deleted
     folder.mkdir(exist_ok=True)
     with exclusive(folder.resolve().with_name("solver")):  # no run may be using it
         for old in folder.iterdir():
@@ -208,7 +227,9 @@ def run(scene: Scene, quiet: bool = False) -> None:
         for interval, handover in zip(intervals, handovers, strict=True):
             planform, mesh = planforms[interval.mesh], meshes[interval.mesh]
             levels = planform["levels"].values
-            points = mesh.points(read_motion(scene.out, interval.mesh).nodes(interval.begin), levels)
+            points = mesh.points(
+                read_motion(scene.out, interval.mesh).nodes(interval.begin), levels
+            )
             entries = numbers(scene, interval, handover, float(levels[0]))
             columns[interval.name] = write_case(
                 folder / interval.name, entries, not interval.index, planform, mesh, points

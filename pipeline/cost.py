@@ -26,13 +26,17 @@ def record_cost(path: Path, stage: str, wall_time: float, earlier: Spent = NOTHI
     """Write wall time (s), CPU time (s) and peak memory (bytes) of this process and its children; with `earlier`, what a
     run that this one resumed had spent.
     """
-    from fileio.formats.records import COST  # slow to load, and not needed before the stage has ended
+    from fileio.formats.records import (
+        COST,
+    )  # slow to load, and not needed before the stage has ended
 
     usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     cost = {
         "stage": stage,
         "wall_time": round(earlier.wall_time + wall_time, 3),
-        "cpu_time": round(earlier.cpu_time + sum(usage.ru_utime + usage.ru_stime for usage in usages), 3),
+        "cpu_time": round(
+            earlier.cpu_time + sum(usage.ru_utime + usage.ru_stime for usage in usages), 3
+        ),
         "peak_memory": max(usage.ru_maxrss for usage in usages) * 1024,
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
     }

@@ -22,8 +22,20 @@ A list of tables has its keys under `[name[]]`. *levels*: those of `cases/single
 """
 OWN = [
     Key("title", "text", "", MISSING, "Of the scene, for people"),
-    Key("extends", "text", "", "", "Folder of another scene, of which this one says only what differs"),
-    Key("levels", "table", "", MISSING, "Tables of what differs at each level, as [levels.coarse.mesh]"),
+    Key(
+        "extends",
+        "text",
+        "",
+        "",
+        "Folder of another scene, of which this one says only what differs",
+    ),
+    Key(
+        "levels",
+        "table",
+        "",
+        MISSING,
+        "Tables of what differs at each level, as [levels.coarse.mesh]",
+    ),
 ]
 
 

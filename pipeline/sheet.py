@@ -67,10 +67,14 @@ def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[s
         "u": velocity[..., 0],
         "v": velocity[..., 1],
         "w": np.zeros(shape) if flat else velocity[..., 2],
-        "dwdz": np.zeros(shape) if flat else np.asarray(sampled["gradU"]).reshape(*shape, 9)[..., 8],
+        "dwdz": np.zeros(shape)
+        if flat
+        else np.asarray(sampled["gradU"]).reshape(*shape, 9)[..., 8],
         "p": np.asarray(sampled["p"]).reshape(shape),
     }
-    return {name: np.where(outside, np.nan, field).astype(np.float32) for name, field in fields.items()}
+    return {
+        name: np.where(outside, np.nan, field).astype(np.float32) for name, field in fields.items()
+    }
 
 
 def sample_mirrored(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
@@ -113,17 +117,23 @@ View = tuple[float, float, float, float]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the stage: another view, for a laboratory's camera."""
-    parser.add_argument("--view", nargs=4, type=float, metavar=("X0", "X1", "Y0", "Y1"), help="m; needs -o")
+    parser.add_argument(
+        "--view", nargs=4, type=float, metavar=("X0", "X1", "Y0", "Y1"), help="m; needs -o"
+    )
     parser.add_argument("-o", "--output", type=Path, help="file to write in place of sheet.h5")
 
 
-def run(scene: Scene, quiet: bool = False, view: View | None = None, output: Path | None = None) -> None:
+def run(
+    scene: Scene, quiet: bool = False, view: View | None = None, output: Path | None = None
+) -> None:
     """Write sheet.h5 frame by frame; `view` (x0, x1, y0, y1 in m) in place of the camera's, to another file `output`."""
     if (view is None) != (output is None):
         raise StageError("--view and --output belong together: another view goes to another file")
     kinematics = read_kinematics(scene.out / "kinematics.h5")
     if view is None:
-        x, y = sheet_axes(scene.camera, scene.sheet.spacing, scene.sheet.margin, symmetric=kinematics.mirror)
+        x, y = sheet_axes(
+            scene.camera, scene.sheet.spacing, scene.sheet.margin, symmetric=kinematics.mirror
+        )
     else:
         reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet has as much on either side
         x, y = view_axes((-reach, reach, *view[2:]) if kinematics.mirror else view, scene)

@@ -63,7 +63,9 @@ def changed_settings(scene: Scene) -> dict[str, str]:
         f"{stage}.json": json.dumps(settings_of(scene, stage), indent=1, sort_keys=True) + "\n"
         for stage in STAGE_SECTIONS
     }
-    texts |= {f"{s.target}.format": f"{s.format} {VERSIONS[s.format]}\n" for s in STAGES if s.format}
+    texts |= {
+        f"{s.target}.format": f"{s.format} {VERSIONS[s.format]}\n" for s in STAGES if s.format
+    }
     changes = {}
     for name, text in texts.items():
         path = scene.out / "settings" / name

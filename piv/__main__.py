@@ -61,7 +61,9 @@ def check_output(output: Path, args: argparse.Namespace) -> None:
             inputs = [Path(source), *map(Path, glob.glob(source))]
             lost = any(path.is_file() and output.samefile(path) for path in inputs)
         if lost:
-            raise ValueError(f"{output}: is an input of this command and would be lost; give -o another name")
+            raise ValueError(
+                f"{output}: is an input of this command and would be lost; give -o another name"
+            )
 
 
 @contextmanager
@@ -72,7 +74,9 @@ def output_locked(args: argparse.Namespace) -> Iterator[None]:
         check_output(Path(output), args)
         endings = WRITTEN.get(args.command, ())
         if endings and Path(output).suffix.lower() not in endings:
-            raise ValueError(f"{output}: piv {args.command} writes {' or '.join(endings)}; name it so")
+            raise ValueError(
+                f"{output}: piv {args.command} writes {' or '.join(endings)}; name it so"
+            )
     with exclusive(Path(output)) if output else nullcontext():
         yield
 

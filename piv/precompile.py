@@ -26,7 +26,8 @@ def precompile(folder: Path) -> None:
     axis = SPACING * np.arange(-25, 26)
     x, y = np.meshgrid(axis, axis)
     plane = [
-        np.stack([a] * len(TIMES)).astype(np.float32) for a in lamb_oseen(x, y, 0.0, 0.0, CIRCULATION, CORE)
+        np.stack([a] * len(TIMES)).astype(np.float32)
+        for a in lamb_oseen(x, y, 0.0, 0.0, CIRCULATION, CORE)
     ]
     outline = np.stack([BODY[None]] * len(TIMES))
     sheet, images, vectors = (folder / f"{name}.h5" for name in ("sheet", "images", "vectors"))

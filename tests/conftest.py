@@ -30,7 +30,11 @@ numerics = {{ time_step = 1e-3, write_interval = 0.01{numerics} }}
 
 
 def write_scene(
-    folder: Path, kind: str = "2d", more: str = "", numerics: str = "", parent: str = "single_finger"
+    folder: Path,
+    kind: str = "2d",
+    more: str = "",
+    numerics: str = "",
+    parent: str = "single_finger",
 ) -> Scene:
     """A scene of a few hundred cells in `folder` that differs from a shipped one only as said."""
     folder.mkdir(parents=True, exist_ok=True)

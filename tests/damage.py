@@ -30,7 +30,9 @@ def _noise(content: bytes) -> bytes:
 BYTES: dict[str, Callable[[bytes], bytes]] = {
     "empty": lambda content: b"",
     "cut in half": lambda content: content[: len(content) // 2],
-    "its first line or 20 bytes": lambda content: content[: min(20, content.find(b"\n") % 2**31 + 1)],
+    "its first line or 20 bytes": lambda content: content[
+        : min(20, content.find(b"\n") % 2**31 + 1)
+    ],
     "last byte missing": lambda content: content[:-1],
     "a bit flipped": _flipped,
     "a block of zeros": _zeroed,
@@ -62,7 +64,9 @@ def _in_hdf5(file: h5py.File, way: str) -> None:
         file.attrs["format_version"] = 99
         return
     datasets: list[h5py.Dataset] = []
-    file.visititems(lambda _, item: datasets.append(item) if isinstance(item, h5py.Dataset) else None)
+    file.visititems(
+        lambda _, item: datasets.append(item) if isinstance(item, h5py.Dataset) else None
+    )
     number = [item for item in datasets if item.dtype.kind == "f" and item.size]
     best = max(number or datasets, key=lambda item: item.size)
     if way == "a part taken out":
@@ -93,7 +97,9 @@ def _in_values(content: bytes, way: str) -> bytes:
     if way == "version 99":
         return content.replace(b"version     2.0", b"version     99 ", 1) + b"\n"
     middle = len(content) // 2
-    value = b"" if way == "a part taken out" else np.float64(np.nan if way == "NaN" else 1e30).tobytes()
+    value = (
+        b"" if way == "a part taken out" else np.float64(np.nan if way == "NaN" else 1e30).tobytes()
+    )
     return content[:middle] + value + content[middle + 8 :]
 
 
@@ -105,7 +111,11 @@ def _in_text(text: str, way: str) -> str:
     if way == "version 99":
         return (
             "\n".join(
-                [*(line.replace('"format_version": 1', '"format_version": 99') for line in head), *rows, "99"]
+                [
+                    *(line.replace('"format_version": 1', '"format_version": 99') for line in head),
+                    *rows,
+                    "99",
+                ]
             )
             + "\n"
         )

@@ -51,7 +51,9 @@ def davis(plane, folder: Path) -> None:
         values = np.zeros((y.size, x.size), dtype=lv.vec2c)
         values["u"], down = (np.nan_to_num(plane[n].values[k][::-1]) for n in ("u", "v"))
         values["v"] = -down  # DaVis counts v along its rows
-        buffer = lv.arrays_to_buffer([np.ma.array(values, mask=plane["valid"].values[k][::-1] == 0)])
+        buffer = lv.arrays_to_buffer(
+            [np.ma.array(values, mask=plane["valid"].values[k][::-1] == 0)]
+        )
         frame = buffer[0]
         frame.scales.x = lv.Scale(step / 8, x[0] - step / 2, "mm", "x")
         frame.scales.y = lv.Scale(-step / 8, y[-1] + step / 2, "mm", "y")
@@ -69,7 +71,14 @@ def pivlab_text(plane, folder: Path) -> None:
         rows = np.column_stack([a.T.ravel() for a in (xx, yy, u, -v, kind)])
         titles = "x [px],y [px],u [px/frame],v [px/frame],Vector type [-]"
         head = f"PIVlab, ASCII chart output\nFRAME: {k + 1}, filenames: A & B\n{titles}"
-        np.savetxt(folder / f"PIVlab_{k + 1}.txt", rows, fmt="%.9g", delimiter=",", header=head, comments="")
+        np.savetxt(
+            folder / f"PIVlab_{k + 1}.txt",
+            rows,
+            fmt="%.9g",
+            delimiter=",",
+            header=head,
+            comments="",
+        )
 
 
 def microvec(plane, folder: Path) -> None:
@@ -77,7 +86,9 @@ def microvec(plane, folder: Path) -> None:
     xx, yy = np.meshgrid(plane["x"].values * 1e3, plane["y"].values * 1e3)
     for k in range(plane.sizes["time"]):
         u, v = (np.nan_to_num(plane[n].values[k]) for n in ("u", "v"))
-        rows = np.column_stack([a.ravel() for a in (xx, yy, u, v, plane["valid"].values[k].astype(float))])
+        rows = np.column_stack(
+            [a.ravel() for a in (xx, yy, u, v, plane["valid"].values[k].astype(float))]
+        )
         head = 'TITLE="MicroVec"\nVARIABLES="X(mm)","Y(mm)","U(m/s)","V(m/s)","CHC"\n'
         head += f"ZONE I={plane.sizes['x']}, J={plane.sizes['y']}, F=POINT"
         np.savetxt(folder / f"v{k}.dat", rows, fmt="%.9g", header=head, comments="")
@@ -97,7 +108,12 @@ KINDS = {
     "openpiv": ("v*.txt", "up", 'kind = "openpiv", length_unit = "m", velocity_unit = "m/s"', None),
     "tecplot": ("v*.dat", "up", "", None),
     "microvec": ("v*.dat", "up", "", microvec),
-    "pivlab mat": ("s.mat", "down", f"image_rows = {ROWS}", lambda p, f: pivlab_mat(p, f / "s.mat")),
+    "pivlab mat": (
+        "s.mat",
+        "down",
+        f"image_rows = {ROWS}",
+        lambda p, f: pivlab_mat(p, f / "s.mat"),
+    ),
     "pivlab text": ("PIVlab_*.txt", "down", f"image_rows = {ROWS}", pivlab_text),
     "davis": ("*.vc7", "up", "", davis),
     "plane": ("v.h5", "up", "", None),
@@ -106,7 +122,9 @@ KINDS = {
 }
 
 
-def exported(plane: xr.Dataset, kind: str, folder: Path, root: tuple[float, float] = (20.0, 15.0)) -> Path:
+def exported(
+    plane: xr.Dataset, kind: str, folder: Path, root: tuple[float, float] = (20.0, 15.0)
+) -> Path:
     """A folder of vectors of a kind with its dpiv.toml; `root` (mm): the finger's, in the plane's axes."""
     files, y, vectors, write = KINDS[kind]
     folder.mkdir(parents=True, exist_ok=True)
@@ -120,7 +138,11 @@ def exported(plane: xr.Dataset, kind: str, folder: Path, root: tuple[float, floa
 
 
 def stated(
-    folder: Path, files: str, y: str = "up", vectors: str = "", root: tuple[float, float] = (20.0, 15.0)
+    folder: Path,
+    files: str,
+    y: str = "up",
+    vectors: str = "",
+    root: tuple[float, float] = (20.0, 15.0),
 ) -> Path:
     """The folder with a dpiv.toml."""
     more = f", {vectors}" if vectors else ""

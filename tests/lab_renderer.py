@@ -79,7 +79,11 @@ class Rendered(Recording):
         seed: int = 1,
     ) -> None:
         super().__init__("rendered", len(pressures), None)
-        self._kinematics, self._pose, self._pressures = kinematics, pose, np.asarray(pressures, float)
+        self._kinematics, self._pose, self._pressures = (
+            kinematics,
+            pose,
+            np.asarray(pressures, float),
+        )
         self._flow, self._times = flow, times
         self._size, self._faults, self._fresh, self._seed = shape, faults or Faults(), fresh, seed
         rows, columns = shape
@@ -91,12 +95,16 @@ class Rendered(Recording):
             rng = np.random.default_rng(seed)
             self._history = [self._strewn(rng)]
             for before, after in zip(self._pressures, self._pressures[1:], strict=False):
-                self._history.append(self._moved(self._history[-1], float(before), float(after), rng))
+                self._history.append(
+                    self._moved(self._history[-1], float(before), float(after), rng)
+                )
 
     def _strewn(self, rng: np.random.Generator) -> np.ndarray:
         """Particles (n, 3): x, y (m) and z in standard deviations of the sheet's light."""
         count = rng.poisson(self._expected)
-        return np.column_stack([rng.uniform(self._low, self._high, (count, 2)), rng.uniform(-2, 2, count)])
+        return np.column_stack(
+            [rng.uniform(self._low, self._high, (count, 2)), rng.uniform(-2, 2, count)]
+        )
 
     def _moved(
         self, particles: np.ndarray, before: float, after: float, rng: np.random.Generator
@@ -131,7 +139,9 @@ class Rendered(Recording):
         assert self._flow
         begin, step = self._times[i - 1], self._times[i] - self._times[i - 1]
         at = particles[:, :2]
-        particles[:, :2] = at + step * self._flow(at + 0.5 * step * self._flow(at, begin), begin + 0.5 * step)
+        particles[:, :2] = at + step * self._flow(
+            at + 0.5 * step * self._flow(at, begin), begin + 0.5 * step
+        )
         return particles
 
     def _read(self, i: int) -> np.ndarray:
@@ -153,7 +163,9 @@ class Rendered(Recording):
         if faults.reflection:
             line = self._dorsal_line(outline, float(self._pressures[i]))
             places = np.vstack([places, line])
-            light = np.concatenate([light, faults.reflection * 170 * rng.uniform(0.5, 1.5, len(line))])
+            light = np.concatenate(
+                [light, faults.reflection * 170 * rng.uniform(0.5, 1.5, len(line))]
+            )
             size = np.concatenate([size, np.full(len(line), 0.8)])
         image = self._spots(self.to_px(places), light, size)
         image += 8 + rng.normal(0, 2, self._size)
@@ -168,7 +180,9 @@ class Rendered(Recording):
         rays = shapely.linestrings(np.stack([places, places - reach], axis=1))
         behind = shapely.intersects(body, rays)
         return np.where(
-            behind, self._faults.shadow * np.clip(2 - 2 * away / self._faults.shadow_width, 0, 1), 0.0
+            behind,
+            self._faults.shadow * np.clip(2 - 2 * away / self._faults.shadow_width, 0, 1),
+            0.0,
         )
 
     def _dorsal_line(self, outline: np.ndarray, pressure: float) -> np.ndarray:
@@ -188,7 +202,9 @@ class Rendered(Recording):
         rows, columns = self._size
         x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
         along = self._kinematics.shape("tip_direction", self._kinematics.low)
-        from_root = self._pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(self._kinematics.root)
+        from_root = self._pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(
+            self._kinematics.root
+        )
         return np.asarray(from_root @ along < self._faults.holder)
 
     def _spots(self, at: np.ndarray, light: np.ndarray, size: np.ndarray) -> np.ndarray:
@@ -203,6 +219,8 @@ class Rendered(Recording):
             for di in range(-SPOT, SPOT + 1):
                 far2 = (i + di - x) ** 2 + (j + dj - y) ** 2
                 np.add.at(
-                    image, (j + dj + SPOT + 1, i + di + SPOT + 1), light * np.exp(-0.5 * far2 / size**2)
+                    image,
+                    (j + dj + SPOT + 1, i + di + SPOT + 1),
+                    light * np.exp(-0.5 * far2 / size**2),
                 )
         return image[SPOT + 1 : -SPOT - 1, SPOT + 1 : -SPOT - 1]

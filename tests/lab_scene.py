@@ -25,7 +25,9 @@ def finger_kinematics(folder: Path) -> Kinematics:
     """The motion of single_finger."""
     path = folder / "kinematics.h5"
     write_kinematics(
-        path, kinematics_values(scene := load_scene(CASE, "smoke")), settings_of(scene, "kinematics")
+        path,
+        kinematics_values(scene := load_scene(CASE, "smoke")),
+        settings_of(scene, "kinematics"),
     )
     return read_kinematics(path)
 

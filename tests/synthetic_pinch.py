@@ -52,7 +52,11 @@ def mirrored_vortices(table: pd.DataFrame, at: float, gain: float, shift: float)
     """The tip vortex (track 3) and its mirror image (track 4) with a known error."""
     left = table[table["track"] == 3].assign(x=lambda t: t["x"] - at, finger=0)
     right = left.assign(
-        x=-left["x"], y=left["y"] + shift, circulation=-gain * left["circulation"], finger=1, track=4
+        x=-left["x"],
+        y=left["y"] + shift,
+        circulation=-gain * left["circulation"],
+        finger=1,
+        track=4,
     )
     return pd.concat([left, right]).sort_values(["time", "track"], ignore_index=True)
 

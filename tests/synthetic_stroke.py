@@ -22,12 +22,24 @@ from fileio.formats.sweep import write_sweep
 
 ROOT = np.array([0.0, 0.24])
 LENGTH, THICKNESS, WIDTH = 0.070, 0.0145, 0.028
-FIT = ("time", "track", "x", "y", "circulation", "core_radius", "peak_swirl_velocity", "x_std", "y_std")
+FIT = (
+    "time",
+    "track",
+    "x",
+    "y",
+    "circulation",
+    "core_radius",
+    "peak_swirl_velocity",
+    "x_std",
+    "y_std",
+)
 STD = ("circulation_std", "core_radius_std", "circulation_area", "circulation_contour")
 FILE_COLUMNS = [*FIT, *STD, "finger", "side", "tip_distance", "along_tip", "across_tip"]
 
 
-def bend_law(time: np.ndarray, end: float, start: float = 0.02, duration: float = 0.3) -> np.ndarray:
+def bend_law(
+    time: np.ndarray, end: float, start: float = 0.02, duration: float = 0.3
+) -> np.ndarray:
     """Bend angle (rad) over time (s): three equal poles, 2 % settled after `duration`."""
     q = np.clip(time - start, 0, None) / (duration / 7.52)
     return end * (1 - (1 + q + q**2 / 2) * np.exp(-q))
@@ -43,7 +55,9 @@ def finger_shape(bend: float, points: int = 60) -> dict[str, np.ndarray]:
     y = ROOT[1] - np.concatenate([[0.0], np.cumsum(np.cos(middle)) * step])
     ventral = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     line = np.stack([x, y], axis=-1)
-    outline = np.concatenate([line + ventral * THICKNESS / 2, (line - ventral * THICKNESS / 2)[::-1]])
+    outline = np.concatenate(
+        [line + ventral * THICKNESS / 2, (line - ventral * THICKNESS / 2)[::-1]]
+    )
     return {
         "outline": outline,
         "tip": line[-1],
@@ -91,9 +105,13 @@ def stroke_plane(
         dx, dy = gx - vortex["x"][i], gy - vortex["y"][i]
         r2 = np.maximum(dx**2 + dy**2, 1e-12)
         swirl = (
-            vortex["circulation"][i] / (2 * np.pi * r2) * (1 - np.exp(-r2 / vortex["core_radius"][i] ** 2))
+            vortex["circulation"][i]
+            / (2 * np.pi * r2)
+            * (1 - np.exp(-r2 / vortex["core_radius"][i] ** 2))
         )
-        near = np.exp(-((gx - finger["tip"][i, 0, 0]) ** 2 + (gy - finger["tip"][i, 0, 1]) ** 2) / 0.03**2)
+        near = np.exp(
+            -((gx - finger["tip"][i, 0, 0]) ** 2 + (gy - finger["tip"][i, 0, 1]) ** 2) / 0.03**2
+        )
         pull = 0.02 * np.abs(rate[i]) * near
         u[i] = -swirl * dy + pull * np.sign(bend_end) + noise * rng.standard_normal(gx.shape)
         v[i] = swirl * dx + pull + noise * rng.standard_normal(gx.shape)
@@ -123,7 +141,9 @@ def vortex_table(
     for i, t in enumerate(time):
         if abs(true["circulation"][i]) < 2e-4:
             continue
-        centre = np.array([true["x"][i] + shift, true["y"][i]]) + noise * 1e-2 * rng.standard_normal(2)
+        centre = np.array(
+            [true["x"][i] + shift, true["y"][i]]
+        ) + noise * 1e-2 * rng.standard_normal(2)
         strength = gain * true["circulation"][i] * (1 + noise * rng.standard_normal())
         arm = centre - finger["tip"][i, 0]
         along = float(arm @ finger["tip_direction"][i, 0])
@@ -155,7 +175,9 @@ def write_case(
     out = case / "out" / level
     (out / "run").mkdir(parents=True, exist_ok=True)
     (out / "costs").mkdir(exist_ok=True)
-    (case / "scene.toml").write_text(f'name = "{scene}"\ntitle = "A single finger bends in the tank"\n')
+    (case / "scene.toml").write_text(
+        f'name = "{scene}"\ntitle = "A single finger bends in the tank"\n'
+    )
     time = np.linspace(0.0, 0.4, frames)
     middle = 0.5 * (time[1:] + time[:-1])
     more = {
@@ -167,8 +189,17 @@ def write_case(
     _write_vortices(vortex_table(time, bend_end), out / "vortices_cfd.csv")
     if with_piv:
         piv = stroke_plane(middle, bend_end, 2 * spacing, noise=0.002)
-        write_plane(piv, out / "piv.h5", source="piv", seed=2017, settings=json.dumps({"window": 32}), **more)
-        _write_vortices(vortex_table(middle, bend_end, gain, shift, 0.005), out / "vortices_piv.csv")
+        write_plane(
+            piv,
+            out / "piv.h5",
+            source="piv",
+            seed=2017,
+            settings=json.dumps({"window": 32}),
+            **more,
+        )
+        _write_vortices(
+            vortex_table(middle, bend_end, gain, shift, 0.005), out / "vortices_piv.csv"
+        )
     _write_kinematics(time, bend_end, out / "kinematics.h5")
     _write_planform(bend_end, out)
     _write_run(time, bend_end, out, scene, level)
@@ -210,7 +241,12 @@ def _write_kinematics(time: np.ndarray, bend_end: float, path: Path) -> None:
     knots = np.linspace(pressure.min(), pressure.max(), 9)
     shapes = finger_series(knots / 2e4 * abs(bend_end))
     scene = {"tank": {"size": [0.6, 0.33, 0.3], "water_depth": 0.3}}
-    scene["finger"] = {"root": ROOT.tolist(), "length": LENGTH, "thickness": THICKNESS, "width": WIDTH}
+    scene["finger"] = {
+        "root": ROOT.tolist(),
+        "length": LENGTH,
+        "thickness": THICKNESS,
+        "width": WIDTH,
+    }
     scene["motion"] = {"source": "fea", "states": "kinematics/states.h5", "strokes": []}
     states = np.linspace(-2e4, 2e4, 21)
     values = {"time": time, "pressure": pressure, "shape_parameter": knots, "source": "fea"}
@@ -234,13 +270,21 @@ def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
         for j in range(n):
             a, b = k * n + j, k * n + (j + 1) % n
             quads.append([a, b, b + n, a + n])
-    mesh = {"shape_parameter": bends, "points": np.stack(points), "bend": bends, "quads": np.array(quads)}
+    mesh = {
+        "shape_parameter": bends,
+        "points": np.stack(points),
+        "bend": bends,
+        "quads": np.array(quads),
+    }
     mesh |= {
         "triangles": np.array([[0, 1, n - 1]]),
         "body": np.array([1], np.uint8),
         "levels": np.arange(2.0),
     }
-    mesh |= {"body_name": np.array(["water", "finger"], object), "body_half_width": np.array([0, WIDTH / 2])}
+    mesh |= {
+        "body_name": np.array(["water", "finger"], object),
+        "body_half_width": np.array([0, WIDTH / 2]),
+    }
     mesh |= {
         "wall": np.arange(n),
         "material": np.arange(float(n)),
@@ -248,7 +292,9 @@ def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
         "corners": np.zeros(4),
     }
     attributes, settings = {"model": "half", "mirror": 0}, {"model": {"kind": "half"}}
-    write_planform(out / "planform.h5", [Interval(0, 0.0, 0.0, 0.4, 0)], attributes, [mesh], settings)
+    write_planform(
+        out / "planform.h5", [Interval(0, 0.0, 0.0, 0.4, 0)], attributes, [mesh], settings
+    )
     fluid = {"density": 998.2, "kinematic_viscosity": 1.004e-6, "turbulence": "laminar"}
     write_sweep(out, {}, {"fluid": fluid})
 
@@ -295,7 +341,11 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
             "courant_max": 0.1 + 0.02 * np.abs(rate),
             "continuity_local": 1e-8,
         }
-        | {"continuity_global": 1e-10, "pressure_iterations": 9, "wall_time": np.arange(t.size) * 0.2}
+        | {
+            "continuity_global": 1e-10,
+            "pressure_iterations": 9,
+            "wall_time": np.arange(t.size) * 0.2,
+        }
     ).to_csv(out / "run/history.csv", index=False)
     bend = np.linspace(0, np.degrees(bend_end), 20)
     pd.DataFrame(
@@ -319,7 +369,12 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
         "unexplained": 1e-6,
         "unexplained_fraction": 0.004,
     }
-    run = {"format": "run", "format_version": 4, "versions": {"openfoam": "v1912"}, "scene_hash": "0123abcd"}
+    run = {
+        "format": "run",
+        "format_version": 4,
+        "versions": {"openfoam": "v1912"},
+        "scene_hash": "0123abcd",
+    }
     run |= {"scene": scene}
     run |= {
         "level": level,

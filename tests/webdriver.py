@@ -12,7 +12,9 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMIUM = (
+    shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+)
 CHROMEDRIVER = shutil.which("chromedriver")
 FLAGS = [
     "--headless",
@@ -37,7 +39,9 @@ class Browser:
             port = free.getsockname()[1]
         self.base = f"http://127.0.0.1:{port}"
         self.process = subprocess.Popen(
-            [str(CHROMEDRIVER), f"--port={port}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            [str(CHROMEDRIVER), f"--port={port}"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
         )
         options = {
             "binary": CHROMIUM,
@@ -90,7 +94,9 @@ class Browser:
         return self._call("POST", f"{self.session}/execute/sync", {"script": script, "args": []})
 
     def element(self, css: str) -> str:
-        answer = self._call("POST", f"{self.session}/element", {"using": "css selector", "value": css})
+        answer = self._call(
+            "POST", f"{self.session}/element", {"using": "css selector", "value": css}
+        )
         return f"{self.session}/element/{answer[ELEMENT]}"
 
     def keys(self, css: str, text: str) -> None:
@@ -103,7 +109,9 @@ class Browser:
         return self._call("POST", f"{self.session}/se/log", {"type": kind})
 
     def devtools(self, command: str, **parameters) -> dict:
-        return self._call("POST", f"{self.session}/goog/cdp/execute", {"cmd": command, "params": parameters})
+        return self._call(
+            "POST", f"{self.session}/goog/cdp/execute", {"cmd": command, "params": parameters}
+        )
 
     def screenshot(self, path: Path) -> None:
         path.write_bytes(base64.b64decode(self._call("GET", f"{self.session}/screenshot")))

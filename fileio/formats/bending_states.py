@@ -60,7 +60,9 @@ class States:
     """Lower-layer profiles of a finger at ascending pressures, in the actuator's frame (docs/formats.md), SI."""
 
     pressure: FloatArray  # (state)
-    profile: FloatArray  # (state, point, 2); the same material points from root to tip in each state
+    profile: (
+        FloatArray  # (state, point, 2); the same material points from root to tip in each state
+    )
     thickness: FloatArray  # (state, point)
     curvature_std: FloatArray | None = None  # (state), 1/m: what is not known of the actuator
 
@@ -107,7 +109,9 @@ class BendingStates(States):
     wall_gap: FloatArray | None = None  # (state); not known of imported states
     radius_std: FloatArray | None = None  # (state)
     law: BendingLaw | None = None  # not known of imported states
-    about: dict[str, Any] = field(default_factory=dict)  # geometry, material, solver, versions, settings
+    about: dict[str, Any] = field(
+        default_factory=dict
+    )  # geometry, material, solver, versions, settings
 
 
 OWN = ("pressure", "thickness", "bend_angle", "radius", "fit_residual", "converged")
@@ -117,9 +121,16 @@ ABOUT = {v.name for v in SCHEMA.root if v.dims == "-" and not v.units} - {"frame
 def write(path: Path, states: BendingStates) -> None:
     """Write `states.h5`, whole or not at all."""
     values = {name: getattr(states, name) for name in (*OWN, "wall_gap", "radius_std", "width")}
-    values |= {"profile_x": states.profile[..., 0], "profile_y": states.profile[..., 1], "frame": "actuator"}
+    values |= {
+        "profile_x": states.profile[..., 0],
+        "profile_y": states.profile[..., 1],
+        "frame": "actuator",
+    }
     values |= {name: getattr(states.law, field) for name, field in LAW.items() if states.law}
-    values |= {k: v if isinstance(v, str) else json.dumps(v, sort_keys=True) for k, v in states.about.items()}
+    values |= {
+        k: v if isinstance(v, str) else json.dumps(v, sort_keys=True)
+        for k, v in states.about.items()
+    }
     SCHEMA.write(path, {name: value for name, value in values.items() if value is not None})
 
 
@@ -131,7 +142,9 @@ def read(path: Path) -> BendingStates:
     try:
         about = {name: json.loads(v) if v[:1] in "{[" else v for name, v in about.items()}
     except ValueError as error:
-        raise StageError(f"{path}: an attribute is not valid JSON ({error}); {SCHEMA.remedy}") from None
+        raise StageError(
+            f"{path}: an attribute is not valid JSON ({error}); {SCHEMA.remedy}"
+        ) from None
     return BendingStates(
         **{name: file[name].values for name in OWN},
         profile=np.stack([file["profile_x"].values, file["profile_y"].values], -1),
@@ -149,7 +162,9 @@ def read(path: Path) -> BendingStates:
 def _law(file: xr.Dataset) -> BendingLaw | None:
     if "bending_stiffness" not in file:
         return None
-    values: dict[str, Any] = {f: float(file.attrs[name]) for name, f in LAW.items() if name in file.attrs}
+    values: dict[str, Any] = {
+        f: float(file.attrs[name]) for name, f in LAW.items() if name in file.attrs
+    }
     return BendingLaw(**values | {f: file[name].values for name, f in LAW.items() if name in file})
 
 
@@ -180,7 +195,9 @@ def read_states(path: Path, thickness: float) -> States:
 def _read_csv(path: Path, thickness: float) -> States:
     try:
         lines = [
-            line for line in path.read_text(encoding="utf-8").splitlines() if line.strip() and line[0] != "#"
+            line
+            for line in path.read_text(encoding="utf-8").splitlines()
+            if line.strip() and line[0] != "#"
         ]
     except (OSError, UnicodeDecodeError) as error:
         raise StageError(f"{path}: not a readable text file ({error})") from None
@@ -216,7 +233,9 @@ def _read_csv(path: Path, thickness: float) -> States:
         profile.append(
             CubicSpline(s, rows[:, 2:4])(fraction)
         )  # straight pieces would lose the ends' tangents
-        height.append(np.interp(fraction, s, rows[:, 4]) if len(header) == 5 else np.full(141, thickness))
+        height.append(
+            np.interp(fraction, s, rows[:, 4]) if len(header) == 5 else np.full(141, thickness)
+        )
     return States(pressures * 1000.0, np.array(profile), np.array(height))
 
 
@@ -231,7 +250,9 @@ def shapes_of(motion: xr.Dataset, over: str, path: Path) -> States:
 def check_states(states: States, path: Path) -> None:
     """StageError where a table of states cannot be a finger: too few, unsorted, NaN, or in mm."""
     if len(states.pressure) < 3:
-        raise StageError(f"{path}: {len(states.pressure)} states; at least three are needed to interpolate")
+        raise StageError(
+            f"{path}: {len(states.pressure)} states; at least three are needed to interpolate"
+        )
     if not np.all(np.diff(states.pressure) > 0):
         raise StageError(f"{path}: pressures must increase from state to state; sort them")
     for name in ("pressure", "profile", "thickness"):
@@ -239,8 +260,12 @@ def check_states(states: States, path: Path) -> None:
             raise StageError(f"{path}: {name} holds NaN; remove the unfinished states")
     size = np.abs(states.profile).max()
     if size > 1.0:
-        raise StageError(f"{path}: the profile reaches {size:.3g} m, which looks like mm; give metres")
+        raise StageError(
+            f"{path}: the profile reaches {size:.3g} m, which looks like mm; give metres"
+        )
     if (states.thickness <= 0).any():
         raise StageError(f"{path}: thickness must be > 0 everywhere; mend the envelope")
     if (np.hypot(*np.moveaxis(np.diff(states.profile, axis=1), -1, 0)) <= 0).any():
-        raise StageError(f"{path}: two neighbouring points of a profile coincide; remove one in every state")
+        raise StageError(
+            f"{path}: two neighbouring points of a profile coincide; remove one in every state"
+        )

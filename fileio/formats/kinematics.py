@@ -28,7 +28,10 @@ SCHEMA = Schema(
     (
         Variable("time", "time", "s", "instants of the law"),
         Variable(
-            "pressure", "time", "Pa", "of the shape; of a rigid body the distance travelled (m, or rad)"
+            "pressure",
+            "time",
+            "Pa",
+            "of the shape; of a rigid body the distance travelled (m, or rad)",
         ),
         Variable(
             SHAPE_OF_TIME,
@@ -38,36 +41,80 @@ SCHEMA = Schema(
             True,
         ),
         Variable(
-            "free_pressure", "time", "Pa", "pinch: in the chambers; goes on when the fingers are held", True
+            "free_pressure",
+            "time",
+            "Pa",
+            "pinch: in the chambers; goes on when the fingers are held",
+            True,
         ),
-        Variable("gap", "time", "m", "pinch: least distance of the outline to x = 0 or to the object", True),
+        Variable(
+            "gap",
+            "time",
+            "m",
+            "pinch: least distance of the outline to x = 0 or to the object",
+            True,
+        ),
         Variable(SHAPE, SHAPE, "Pa", "of each shape, ascending: its pressure, or the time"),
         Variable("shape_outline", f"{SHAPE}, point, axis", "m", "closed outline"),
-        Variable("shape_tip", f"{SHAPE}, axis", "m", "middle of the tip; of a rigid body its centre"),
         Variable(
-            "shape_tip_direction", f"{SHAPE}, axis", "1", "unit vector out of the tip, along the finger"
+            "shape_tip", f"{SHAPE}, axis", "m", "middle of the tip; of a rigid body its centre"
         ),
         Variable(
-            "shape_dorsal_direction", f"{SHAPE}, axis", "1", "unit vector to the dorsal side at the tip"
+            "shape_tip_direction",
+            f"{SHAPE}, axis",
+            "1",
+            "unit vector out of the tip, along the finger",
+        ),
+        Variable(
+            "shape_dorsal_direction",
+            f"{SHAPE}, axis",
+            "1",
+            "unit vector to the dorsal side at the tip",
         ),
         Variable("shape_bend", SHAPE, "rad", "bend angle; of a rigid body its turn"),
         Variable("shape_gap", SHAPE, "m", "pinch: `gap` of each shape", True),
-        Variable("shape_edges", f"{SHAPE}, edge, axis", "m", "rigid body: where the mesh is fine", True),
+        Variable(
+            "shape_edges", f"{SHAPE}, edge, axis", "m", "rigid body: where the mesh is fine", True
+        ),
         Variable("state_pressure", "state", "Pa", "finger: pressure of each bending state", True),
         Variable("state_bend", "state", "rad", "finger: bend angle of each state", True),
-        Variable("paper_bend", "state", "rad", "finger: bend angle by the paper's equations (1)–(6)", True),
-        Variable("state_bend_std", "state", "rad", "standard uncertainty of `state_bend`, where known", True),
+        Variable(
+            "paper_bend",
+            "state",
+            "rad",
+            "finger: bend angle by the paper's equations (1)–(6)",
+            True,
+        ),
+        Variable(
+            "state_bend_std",
+            "state",
+            "rad",
+            "standard uncertainty of `state_bend`, where known",
+            True,
+        ),
         Variable("source", "-", "", "`motion.source` of the scene"),
-        Variable("tip_thickness", "-", "m", "of the finger's end at rest; of a rigid body its size"),
+        Variable(
+            "tip_thickness", "-", "m", "of the finger's end at rest; of a rigid body its size"
+        ),
         Variable("peak_tip_speed", "-", "m/s", "finger: largest speed of the tip", True),
-        Variable("mirror", "-", "1", "pinch: 1, a second finger is the mirror image in x = 0", True),
+        Variable(
+            "mirror", "-", "1", "pinch: 1, a second finger is the mirror image in x = 0", True
+        ),
         Variable("residual_gap", "-", "m", "pinch: gap at which a finger is held", True),
         Variable("least_gap", "-", "m", "pinch: smallest value of `gap`", True),
         Variable(
-            "peak_closing_speed", "-", "m/s", "pinch: largest rate at which one finger's gap falls", True
+            "peak_closing_speed",
+            "-",
+            "m/s",
+            "pinch: largest rate at which one finger's gap falls",
+            True,
         ),
         Variable(
-            "contact_time", "-", "s", "pinch: first instant within 0.1 mm of the residual gap, if any", True
+            "contact_time",
+            "-",
+            "s",
+            "pinch: first instant within 0.1 mm of the residual gap, if any",
+            True,
         ),
         *RECORDED,
     ),
@@ -124,7 +171,9 @@ class Kinematics:
     @property
     def starts(self) -> tuple[float, ...]:
         """When the strokes of the motion start, s."""
-        return tuple(float(stroke["start"]) for stroke in self.settings["motion"].get("strokes", []))
+        return tuple(
+            float(stroke["start"]) for stroke in self.settings["motion"].get("strokes", [])
+        )
 
     def values(self, name: str) -> np.ndarray | None:
         """A variable of SCHEMA; None where the file has none."""
@@ -155,7 +204,10 @@ class Kinematics:
             shapes[name] = shapes[name] / np.hypot(*shapes[name])
         if not self.mirror:
             return {name: values[None] for name, values in shapes.items()}
-        return {name: np.stack([values, mirrored_finger(name, values)]) for name, values in shapes.items()}
+        return {
+            name: np.stack([values, mirrored_finger(name, values)])
+            for name, values in shapes.items()
+        }
 
     def bend(self, pressure: np.ndarray) -> np.ndarray:
         """Bend angles (rad) at pressures (n,)."""
@@ -178,7 +230,10 @@ class Kinematics:
 
 
 def write_kinematics(
-    path: Path, values: Mapping[str, Any], settings: dict[str, Any], units: Mapping[str, str] | None = None
+    path: Path,
+    values: Mapping[str, Any],
+    settings: dict[str, Any],
+    units: Mapping[str, str] | None = None,
 ) -> None:
     """Write a kinematics.h5 from SCHEMA's variables and attributes by name, but for its settings; `units` of some by name."""
     SCHEMA.write(path, dict(values) | recorded(settings), units=units)
@@ -192,10 +247,14 @@ def read_kinematics(path: Path) -> Kinematics:
     try:
         parameter = data[SHAPE_OF_TIME if SHAPE_OF_TIME in data else "pressure"].values
         law = CubicSpline(data["time"].values, parameter)
-        splines = {name: CubicSpline(data[SHAPE].values, data[f"shape_{name}"].values) for name in SHAPES}
+        splines = {
+            name: CubicSpline(data[SHAPE].values, data[f"shape_{name}"].values) for name in SHAPES
+        }
     except ValueError as error:
         raise StageError(f"{path}: damaged ({one_line(error)}); {SCHEMA.remedy}") from None
-    return Kinematics(data, settings_in(data.attrs, path), law, splines, bool(data.attrs.get("mirror", 0)))
+    return Kinematics(
+        data, settings_in(data.attrs, path), law, splines, bool(data.attrs.get("mirror", 0))
+    )
 
 
 def mirrored_finger(name: str, values: np.ndarray) -> np.ndarray:

@@ -42,10 +42,16 @@ SCHEMA = Schema(
     "delete it and run make again",
     (
         Variable(
-            "interval_begin", "interval", "s", "when its solver starts: before interval_start by the overlap"
+            "interval_begin",
+            "interval",
+            "s",
+            "when its solver starts: before interval_start by the overlap",
         ),
         Variable(
-            "interval_start", "interval", "s", "where it begins: a whole number of time steps, without a gap"
+            "interval_start",
+            "interval",
+            "s",
+            "where it begins: a whole number of time steps, without a gap",
         ),
         Variable("interval_end", "interval", "s", "where it ends"),
         Variable("interval_mesh", "interval", "1", "number of the mesh that serves"),
@@ -60,8 +66,15 @@ SCHEMA = Schema(
         *RECORDED,
     ),
     (
-        Variable("shape_parameter", "shape_parameter", "Pa", "of the shapes that the mesh's intervals take"),
-        Variable("points", "shape_parameter, node, axis", "m", "nodes of the planform in each shape"),
+        Variable(
+            "shape_parameter",
+            "shape_parameter",
+            "Pa",
+            "of the shapes that the mesh's intervals take",
+        ),
+        Variable(
+            "points", "shape_parameter, node, axis", "m", "nodes of the planform in each shape"
+        ),
         Variable("bend", "shape_parameter", "rad", "bend angle of each shape"),
         Variable("triangles", "triangle, corner3", "1", "nodes of each"),
         Variable(
@@ -70,7 +83,9 @@ SCHEMA = Schema(
             "1",
             "nodes of each; with both fingers the second half of the cells mirrors the first",
         ),
-        Variable("body", "triangle", "1", "number of the body in whose footprint it lies, 0 in the water"),
+        Variable(
+            "body", "triangle", "1", "number of the body in whose footprint it lies, 0 in the water"
+        ),
         Variable(
             "body_name",
             "number",
@@ -81,7 +96,10 @@ SCHEMA = Schema(
         Variable("wall", "wall_node", "1", "nodes of finger 0's outline, counter-clockwise"),
         Variable("material", "wall_node", "1", "their positions along the outline, point index"),
         Variable(
-            "outer", "outer_node", "1", "nodes of the tank's outline, counter-clockwise from the lower left"
+            "outer",
+            "outer_node",
+            "1",
+            "nodes of the tank's outline, counter-clockwise from the lower left",
         ),
         Variable("levels", "level", "m", "z of the sweep; the same in all meshes"),
         Variable("corners", "-", "m", "x, y of the tank's lower left and upper right corner"),
@@ -107,7 +125,8 @@ def read_intervals(out: Path) -> tuple[Interval, ...]:
     """The intervals of `planform.h5`, in order."""
     file = SCHEMA.read(out / "planform.h5")
     columns = [
-        file[f"interval_{name}"].values.tolist() for name in ("begin", "start", "end", "mesh", "moving")
+        file[f"interval_{name}"].values.tolist()
+        for name in ("begin", "start", "end", "mesh", "moving")
     ]
     return tuple(
         Interval(k, begin, start, end, mesh, bool(moving))
@@ -124,4 +143,6 @@ def read_planforms(path: Path) -> list[dict[str, np.ndarray]]:
     """The variables of all planforms of a planform.h5, in order."""
     count = int(SCHEMA.read(path)["interval_mesh"].max()) + 1
     planforms = [SCHEMA.read(path, f"mesh_{mesh}") for mesh in range(count)]
-    return [{str(name): v.values for name, v in planform.variables.items()} for planform in planforms]
+    return [
+        {str(name): v.values for name, v in planform.variables.items()} for planform in planforms
+    ]

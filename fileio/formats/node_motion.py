@@ -39,4 +39,6 @@ def read_motion(out: Path, mesh: int = 0) -> NodeMotion:
 
     law = read_kinematics(out / "kinematics.h5").law
     planform = read_planform(out, mesh)
-    return NodeMotion(law, CubicSpline(planform["shape_parameter"].values, planform["points"].values))
+    return NodeMotion(
+        law, CubicSpline(planform["shape_parameter"].values, planform["points"].values)
+    )

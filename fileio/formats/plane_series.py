@@ -60,7 +60,14 @@ AXES = {v.name: v.axes for v in SCHEMA.root}  # dimensions of a series, by varia
 UNITS = {v.name: v.units for v in SCHEMA.root if v.dims != "-"}
 BLOCK = 2**18  # vectors looked at at once
 FINGER_VARIABLES = tuple(v.name for v in FINGERS)
-VECTORS = ("u", "v", "valid", "flag", "u_std", "v_std")  # what a vector is, as far as a series has it
+VECTORS = (
+    "u",
+    "v",
+    "valid",
+    "flag",
+    "u_std",
+    "v_std",
+)  # what a vector is, as far as a series has it
 LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "numba", "xarray", "h5py")
 
 
@@ -169,7 +176,9 @@ def write_plane(plane: xr.Dataset, path: str | Path, **attrs: Any) -> None:
     """Write a plane series to HDF5, whole or not at all; `attrs` become root attributes."""
     check_plane(plane)
     out = plane.assign_attrs(plane.attrs | SCHEMA.label | attrs)
-    deflate = {str(n): {"zlib": True, "complevel": 1} for n, d in out.data_vars.items() if d.ndim >= 2}
+    deflate = {
+        str(n): {"zlib": True, "complevel": 1} for n, d in out.data_vars.items() if d.ndim >= 2
+    }
     whole_netcdf(out, path, encoding=deflate)
 
 

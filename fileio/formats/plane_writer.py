@@ -26,7 +26,9 @@ class PlaneWriter:
         self, disk: h5py.File, file: h5netcdf.File, x: np.ndarray, y: np.ndarray, count: int
     ) -> None:
         self._disk, self._file = disk, file
-        self._made: dict[str, h5py.Dataset] = {}  # to look one up costs more than to write an instant of it
+        self._made: dict[
+            str, h5py.Dataset
+        ] = {}  # to look one up costs more than to write an instant of it
         for name, values in (("time", np.zeros(count)), ("y", y), ("x", x)):
             file.dimensions[name] = len(values)
             self._variable(name, (name,), np.float64)
@@ -78,8 +80,12 @@ def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset
                 values = field.values if "time" in dims else field.values[0]
                 if name not in file.variables:
                     chunks = (1, *values.shape)[-len(dims) :]
-                    variable = file.create_variable(name, dims, values.dtype, chunks=chunks, **DEFLATE)
-                    variable.attrs.update({k: v for k, v in field.attrs.items() if k != "_FillValue"})
+                    variable = file.create_variable(
+                        name, dims, values.dtype, chunks=chunks, **DEFLATE
+                    )
+                    variable.attrs.update(
+                        {k: v for k, v in field.attrs.items() if k != "_FillValue"}
+                    )
                 place = slice(begin, begin + len(values)) if "time" in dims else ...
                 file.variables[name][place] = values
             begin += part.sizes["time"]
@@ -87,12 +93,16 @@ def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset
             raise ValueError(f"{path}: {begin} of {count} instants were made")
         for name, other in like.variables.items():
             if other.dims[-2:] != ("y", "x"):
-                variable = file.create_variable(name, other.dims, other.dtype, data=np.asarray(other.values))
+                variable = file.create_variable(
+                    name, other.dims, other.dtype, data=np.asarray(other.values)
+                )
                 variable.attrs.update(other.attrs)
 
 
 @contextmanager
-def _new_file(path: str | Path, attributes: Mapping[str, Any]) -> Iterator[tuple[h5py.File, h5netcdf.File]]:
+def _new_file(
+    path: str | Path, attributes: Mapping[str, Any]
+) -> Iterator[tuple[h5py.File, h5netcdf.File]]:
     """The file as HDF5 and as netCDF."""
     with (
         whole(path) as part,

@@ -19,12 +19,16 @@ SCHEMA = Schema(
         Variable("pressure", "time", "Pa", "at which the scene's own finger bends as much"),
         Variable("bend", "time", "rad", "bend angle"),
         Variable("state_pressure", "state", "Pa", "pressure of each shape, ascending"),
-        Variable("profile_x", "state, point", "m", "lower layer of each shape, in the actuator frame"),
+        Variable(
+            "profile_x", "state, point", "m", "lower layer of each shape, in the actuator frame"
+        ),
         Variable("profile_y", "state, point", "m", "of the same points"),
         Variable("thickness", "state, point", "m", "thickness of each shape"),
         Variable("seen", "seen", "s", "of single frames"),
         Variable("seen_bend", "seen", "rad", "bend angle that each frame shows"),
-        Variable("seen_radius", "seen", "m", "radius of its least-squares circle, signed", finite=False),
+        Variable(
+            "seen_radius", "seen", "m", "radius of its least-squares circle, signed", finite=False
+        ),
         Variable("seen_residual", "seen", "m", "rms distance from that circle"),
         Variable("recording", "-", "", "title of the recording"),
         Variable("dpiv_sha256", "-", "", "digest of its dpiv.toml"),

@@ -106,9 +106,18 @@ class RecordingWriter(ResumableFile):
             times = np.arange(self.n_frames) / float(attrs["frame_rate_hz"])
         self.times = np.asarray(times, float)
         if self.times.shape != (self.n_frames,):
-            raise ValueError(f"{path}: times have shape {self.times.shape}, expected ({self.n_frames},)")
+            raise ValueError(
+                f"{path}: times have shape {self.times.shape}, expected ({self.n_frames},)"
+            )
         self._masked = mask
-        identity = [self.shape, str(self.dtype), self.n_frames, self.times.tolist(), mask, dict(attrs)]
+        identity = [
+            self.shape,
+            str(self.dtype),
+            self.n_frames,
+            self.times.tolist(),
+            mask,
+            dict(attrs),
+        ]
         super().__init__(path, self.n_frames, identity, {**attrs, **SCHEMA.label})
 
     def _create(self) -> None:
@@ -121,7 +130,12 @@ class RecordingWriter(ResumableFile):
         self.label("frames", ("time", "row", "column"), UNITS["frames"])
         if self._masked:
             self._file.create_dataset(
-                "mask", size, np.uint8, chunks=(1, rows, columns), compression="gzip", compression_opts=1
+                "mask",
+                size,
+                np.uint8,
+                chunks=(1, rows, columns),
+                compression="gzip",
+                compression_opts=1,
             )
             self.label("mask", ("time", "row", "column"), UNITS["mask"])
 
@@ -134,11 +148,15 @@ class RecordingWriter(ResumableFile):
         if (mask is not None) != ("mask" in self._file):
             raise ValueError(f"{self.path}: give a mask with every frame or with none (frame {i})")
         if not 0 <= i < self.n_frames:
-            raise ValueError(f"{self.path}: frame {i} is outside the recording's {self.n_frames} frames")
+            raise ValueError(
+                f"{self.path}: frame {i} is outside the recording's {self.n_frames} frames"
+            )
         masks = {} if mask is None else {"mask": np.asarray(mask).astype(bool).astype(np.uint8)}
         self.store(i, {"frames": frame, **masks})
 
-    def add(self, name: str, dims: Sequence[str], values: np.ndarray, units: str, **attrs: Any) -> None:
+    def add(
+        self, name: str, dims: Sequence[str], values: np.ndarray, units: str, **attrs: Any
+    ) -> None:
         """Store a further variable, e.g. "outline" or "truth/u"; new dimensions are made from its shape.
 
         `dims` names one dimension per axis of `values`; a 1-D variable named like its only dimension is a
@@ -146,7 +164,9 @@ class RecordingWriter(ResumableFile):
         """
         values = np.asarray(values)
         if values.ndim != len(dims):
-            raise ValueError(f"{self.path}: {name} has {values.ndim} axes but {len(dims)} dimensions")
+            raise ValueError(
+                f"{self.path}: {name} has {values.ndim} axes but {len(dims)} dimensions"
+            )
         if name in self._file:
             if tuple(dims) == (name,):
                 self._file[name][...] = values

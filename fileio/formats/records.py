@@ -15,11 +15,15 @@ COST = JsonFormat("cost", 1, "delete it: it is written when the stage is made ag
 FIGURES = JsonFormat("figures", 1, "run the stage 'figures' again")
 RECORDS = (RUN, COMPARISON, LAB_COMPARISON, REGISTRATION, STUDY_PLAN, OUTCOME, COST, FIGURES)
 
-FORCES = Table(("time", "fx", "fy", "fz", "fx_pressure", "fy_pressure", "fx_viscous", "fy_viscous"), AGAIN)
+FORCES = Table(
+    ("time", "fx", "fy", "fz", "fx_pressure", "fy_pressure", "fx_viscous", "fy_viscous"), AGAIN
+)
 POWER = Table(("time", "finger_power", "kinetic_energy", "dissipation"), AGAIN)
 LOSSES = ("viscous", "convection", "coupling")  # what takes energy from the flow
 REGIONS = ("wall", "edge", "wake")
-POWER_TERMS = Table(("time", *LOSSES, *(f"{loss}_{region}" for loss in LOSSES for region in REGIONS)), AGAIN)
+POWER_TERMS = Table(
+    ("time", *LOSSES, *(f"{loss}_{region}" for loss in LOSSES for region in REGIONS)), AGAIN
+)
 HISTORY = Table(
     ("time", "courant_mean", "courant_max", "continuity_local", "continuity_global", "pressure_iterations", "wall_time"),
     AGAIN,

@@ -32,9 +32,20 @@ class SeriesWriter(ResumableFile):
     ITEM = "field"
 
     def __init__(
-        self, path: str | Path, x, y, time, units: dict[str, str], attrs: dict[str, Any], identity: Any
+        self,
+        path: str | Path,
+        x,
+        y,
+        time,
+        units: dict[str, str],
+        attrs: dict[str, Any],
+        identity: Any,
     ):
-        self._axes = {"x": np.asarray(x, float), "y": np.asarray(y, float), "time": np.asarray(time, float)}
+        self._axes = {
+            "x": np.asarray(x, float),
+            "y": np.asarray(y, float),
+            "time": np.asarray(time, float),
+        }
         self._units = units
         key = [identity, *(values.tolist() for values in self._axes.values())]
         super().__init__(path, len(time), key, {**attrs, **SCHEMA.label})

@@ -26,7 +26,9 @@ SCHEMA = Schema(
 )
 
 
-def write_sweep(out: Path, cases: Mapping[str, Mapping[str, np.ndarray]], settings: dict[str, Any]) -> None:
+def write_sweep(
+    out: Path, cases: Mapping[str, Mapping[str, np.ndarray]], settings: dict[str, Any]
+) -> None:
     """Write sweep.h5 of a level's folder: SCHEMA's variables of the mesh of each case by its name."""
     SCHEMA.write(out / "sweep.h5", recorded(settings), cases)
 

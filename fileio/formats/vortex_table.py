@@ -70,5 +70,7 @@ def read_vortices(path: str | Path, needed: tuple[str, ...] = NEEDED) -> pd.Data
         raise ValueError(f"{path}: not a table of vortices ({one_line(error)}); {REMEDY}") from None
     missing = [name for name in needed if name not in table]
     if missing:
-        raise ValueError(f"{path}: not a table of vortices, it has no column {missing[0]!r}; {REMEDY}")
+        raise ValueError(
+            f"{path}: not a table of vortices, it has no column {missing[0]!r}; {REMEDY}"
+        )
     return table

@@ -30,7 +30,9 @@ def wall_gap(cell: UnitCell, state: State) -> float:
     """Least distance (m) between the outer walls of neighbouring chambers; 0 where they touch."""
     points = cell.walls[0][0]
     placed = (cell.points + cell.displacement(state))[points]
-    distance = plane.gap(placed[:, 0], placed[:, 1], state.plane_shift, state.plane_angle, cell.x_plane)
+    distance = plane.gap(
+        placed[:, 0], placed[:, 1], state.plane_shift, state.plane_angle, cell.x_plane
+    )
     return 2 * max(float(distance.min()), 0.0)
 
 
@@ -38,7 +40,9 @@ def profile(cell: UnitCell, state: State, actuator: Actuator) -> FloatArray:
     """Lower surface (point, 2) of the whole finger (m)."""
     rest = cell.points[cell.grid.ventral]
     half = (rest + cell.displacement(state)[cell.grid.ventral])[:, :2]
-    return chain(half, state.plane_angle, rest[:, 0], actuator.chambers, actuator.l2 / 2 + actuator.l1)
+    return chain(
+        half, state.plane_angle, rest[:, 0], actuator.chambers, actuator.l2 / 2 + actuator.l1
+    )
 
 
 def bend(

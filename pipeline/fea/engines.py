@@ -30,7 +30,10 @@ def bending_states(
 ) -> BendingStates:
     """States with their provenance; `folder` is the case. Raises StageError, ValueError or RuntimeError."""
     if fea.engine == "import" and fea.results is not None:
-        states, solver = imported(folder, fea.results, actuator.width), f"imported from {fea.results.file}"
+        states, solver = (
+            imported(folder, fea.results, actuator.width),
+            f"imported from {fea.results.file}",
+        )
     elif fea.engine == "calculix":
         states = solid(folder / "out" / "calculix", actuator, fea)
         solver = f"CalculiX {calculix.release()}, C3D20R"
@@ -46,7 +49,8 @@ def bending_states(
         "geometry": actuator.model_dump(exclude={"materials"}),
         "material": actuator.materials.model_dump(),
         "solver": solver,
-        "versions": {name: version(name) for name in LIBRARIES} | {"python": platform.python_version()},
+        "versions": {name: version(name) for name in LIBRARIES}
+        | {"python": platform.python_version()},
         "settings": fea.model_dump(mode="json"),
     }
     return replace(states, about=about)
@@ -82,7 +86,9 @@ def imported(folder: Path, given: Import, width: float) -> BendingStates:
         raise StageError(f"{path}: no such file: correct file in [fea.results]")
     if path.suffix == ".csv":
         return states_of(path, read_profiles(path, given), width, given.pitch)
-    return states_of(path, profiles_of(path, _fields(folder, path, given), given), width, given.pitch)
+    return states_of(
+        path, profiles_of(path, _fields(folder, path, given), given), width, given.pitch
+    )
 
 
 def _fields(folder: Path, path: Path, given: Import) -> Fields:

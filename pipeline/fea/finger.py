@@ -10,7 +10,9 @@ from scipy.optimize import least_squares
 FloatArray = NDArray[np.float64]
 
 
-def chain(half: FloatArray, angle: float, rest: FloatArray, chambers: int, end: float) -> FloatArray:
+def chain(
+    half: FloatArray, angle: float, rest: FloatArray, chambers: int, end: float
+) -> FloatArray:
     """Profile (point, 2) of a finger of unit cells, from the root's ventral edge, in the actuator's frame.
 
     `half` (m, 2) is the deformed profile from the middle of a chamber to the middle of a gap, in the frame of the unit
@@ -45,13 +47,19 @@ def fit_circle(profile: FloatArray) -> tuple[float, float]:
     steps = np.diff(profile, axis=0)
     direction = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     turn = direction[-1] - direction[0]
-    return _flat_circle(profile) if abs(turn) < np.pi / 2 else _round_circle(profile, float(np.sign(turn)))
+    return (
+        _flat_circle(profile)
+        if abs(turn) < np.pi / 2
+        else _round_circle(profile, float(np.sign(turn)))
+    )
 
 
 def _round_circle(profile: FloatArray, sign: float) -> tuple[float, float]:
     """By centre and radius, from the algebraic fit."""
     x, y = profile.T
-    a, b, c = np.linalg.lstsq(np.stack([2 * x, 2 * y, np.ones(len(x))], -1), x**2 + y**2, rcond=None)[0]
+    a, b, c = np.linalg.lstsq(
+        np.stack([2 * x, 2 * y, np.ones(len(x))], -1), x**2 + y**2, rcond=None
+    )[0]
     start = [a, b, np.sqrt(c + a**2 + b**2)]
     fit = least_squares(
         lambda q: np.hypot(x - q[0], y - q[1]) - q[2], start, xtol=1e-14, ftol=1e-14, gtol=1e-14
@@ -73,7 +81,9 @@ def _flat_circle(profile: FloatArray) -> tuple[float, float]:
         c, d = np.cos(direction), np.sin(direction)
         x, y = c * s + d * (h - offset), -d * s + c * (h - offset)
         # |x − centre| − R, without dividing by the curvature
-        return (curvature * (x**2 + y**2) - 2 * y) / (1 + np.hypot(curvature * x, 1 - curvature * y))
+        return (curvature * (x**2 + y**2) - 2 * y) / (
+            1 + np.hypot(curvature * x, 1 - curvature * y)
+        )
 
     start = np.polyfit(s, h, 2)
     fit = least_squares(distance, [2 * start[0], start[2], 0.0], xtol=1e-14, ftol=1e-14, gtol=1e-14)

@@ -26,7 +26,9 @@ def hexahedra(kept: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.int
     """Nodes (element, 20) of the `kept` elements (x, y, z), and where each node (node, 3) is on the lattice of half elements."""
     shape = tuple(2 * size + 1 for size in kept.shape)
     number = np.arange(np.prod(shape)).reshape(shape)
-    ends = [[slice(c, c + 2 * s, 2) for c, s in zip(node, kept.shape, strict=True)] for node in NODES]
+    ends = [
+        [slice(c, c + 2 * s, 2) for c, s in zip(node, kept.shape, strict=True)] for node in NODES
+    ]
     cells = np.stack([number[tuple(end)] for end in ends], -1)[kept]
     used, numbers = np.unique(cells, return_inverse=True)
     return numbers.reshape(cells.shape), np.stack(np.unravel_index(used, shape), -1)

@@ -8,7 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 CHAMBERS = 8
 # m, as the paper names them: heights of the cavity and of its rectangular part, side wall, length of the cavity
 H1, H2, B1, L2 = 0.012, 0.007, 0.002, 0.003
-LOWEST_VALID_PRESSURE = -25e3  # Pa; below it the walls of the default chamber would pass through each other
+LOWEST_VALID_PRESSURE = (
+    -25e3
+)  # Pa; below it the walls of the default chamber would pass through each other
 
 
 def wall_stress(pressure_pa: ArrayLike, width: float, wedge_deg: float) -> NDArray[np.float64]:

@@ -31,10 +31,16 @@ def variations(actuator: Actuator, fea: Fea) -> list[Variation]:
     """Roof and channel ± 0.5 mm, split of C10 and C01 (Mooney–Rivlin layers only), one and a half times finer mesh."""
 
     def resized(step: float) -> Actuator:
-        return actuator.model_copy(update={"roof": actuator.roof + step, "channel": actuator.channel + step})
+        return actuator.model_copy(
+            update={"roof": actuator.roof + step, "channel": actuator.channel + step}
+        )
 
     step = min(5e-4, actuator.roof / 2, actuator.channel / 2)
-    result = [Variation(f"roof and channel ± {step * 1e3:g} mm", (resized(-step), fea), (resized(step), fea))]
+    result = [
+        Variation(
+            f"roof and channel ± {step * 1e3:g} mm", (resized(-step), fea), (resized(step), fea)
+        )
+    ]
     split = [_split(actuator, share) for share in (0.0, 0.4)]
     if split[0] != actuator:
         result.append(Variation("C01 = 0 or 0.4 of C10 + C01", (split[0], fea), (split[1], fea)))
@@ -49,7 +55,9 @@ def _split(actuator: Actuator, share: float) -> Actuator:
         if material.law != "mooney_rivlin":
             return material
         total = material.number("C10") + material.number("C01")
-        return material.model_copy(update={"parameters": {"C10": (1 - share) * total, "C01": share * total}})
+        return material.model_copy(
+            update={"parameters": {"C10": (1 - share) * total, "C01": share * total}}
+        )
 
     materials = actuator.materials
     return actuator.model_copy(
@@ -90,7 +98,9 @@ def shares(
         jobs = [pool.submit(bending, a, f, pressures) for a, f in ends]
         for number, case in enumerate(cases):
             low, high = jobs[2 * number].result(), jobs[2 * number + 1].result()
-            result[case.name] = np.abs(high - low) / (2 if case.low[1] == case.high[1] else 1) / np.sqrt(3)
+            result[case.name] = (
+                np.abs(high - low) / (2 if case.low[1] == case.high[1] else 1) / np.sqrt(3)
+            )
             done()
     return result
 
@@ -135,4 +145,6 @@ def with_uncertainty(
         variance = np.sum([share**2 for share in stiffness.values()], axis=0)
         law = replace(law, stiffness_std=np.interp(states.pressure, inside, np.sqrt(variance)))
         note["bending_stiffness_std"] = {k: v.tolist() for k, v in stiffness.items()}
-    return replace(states, radius_std=radius_std, law=law, about=states.about | {"uncertainty": note})
+    return replace(
+        states, radius_std=radius_std, law=law, about=states.about | {"uncertainty": note}
+    )

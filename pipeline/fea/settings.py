@@ -37,7 +37,9 @@ class Material(_Frozen):
         """A parameter that is one number; raises ValueError."""
         value = self.parameters.get(key)
         if not isinstance(value, float):
-            raise ValueError(f"law = {self.law!r} needs the number parameters.{key}, got {value!r}: add it")
+            raise ValueError(
+                f"law = {self.law!r} needs the number parameters.{key}, got {value!r}: add it"
+            )
         return value
 
 
@@ -131,7 +133,9 @@ class UnitCellMesh(_Frozen):
 
     def refined(self, factor: float) -> UnitCellMesh:
         """The same with every number of elements multiplied."""
-        return self.model_copy(update={k: max(1, round(v * factor)) for k, v in self.model_dump().items()})
+        return self.model_copy(
+            update={k: max(1, round(v * factor)) for k, v in self.model_dump().items()}
+        )
 
 
 class SolidMesh(UnitCellMesh):

@@ -21,7 +21,9 @@ USED_BY = ("fea", "structure")  # of motion.source
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the stage."""
-    parser.add_argument("--processes", type=int, default=2, help="for the variations (default: %(default)s)")
+    parser.add_argument(
+        "--processes", type=int, default=2, help="for the variations (default: %(default)s)"
+    )
 
 
 def run(scene: Scene, quiet: bool = False, processes: int = 2) -> None:

@@ -14,7 +14,11 @@ from pipeline.fea.sections import sections
 from pipeline.scene.read_toml import merge, read_layers
 from pipeline.scene.scene import Scene
 
-SAME_STATES = {"uncertainty", "partial", "under_load"}  # of [fea]: what is said of the states, not the states
+SAME_STATES = {
+    "uncertainty",
+    "partial",
+    "under_load",
+}  # of [fea]: what is said of the states, not the states
 
 
 def check_states(scene: Scene) -> None:

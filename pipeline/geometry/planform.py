@@ -17,7 +17,9 @@ class Planform:
     nodes: np.ndarray
     triangles: np.ndarray
     quads: np.ndarray
-    body: np.ndarray  # per triangle: the body in whose footprint it lies; 0 in the water, 1 in the finger
+    body: (
+        np.ndarray
+    )  # per triangle: the body in whose footprint it lies; 0 in the water, 1 in the finger
     wall: np.ndarray  # nodes of the finger's outline, counter-clockwise
     material: np.ndarray
     outer: np.ndarray  # nodes of the tank's outline, counter-clockwise from the lower left

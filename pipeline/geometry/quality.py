@@ -23,7 +23,10 @@ def planform_edges(triangles: np.ndarray, quads: np.ndarray) -> Edges:
     pairs = [np.stack([c, np.roll(c, -1, axis=1)], -1).reshape(-1, 2) for c in (triangles, quads)]
     directed = np.vstack(pairs)
     owner = np.concatenate(
-        [np.repeat(np.arange(len(triangles)), 3), len(triangles) + np.repeat(np.arange(len(quads)), 4)]
+        [
+            np.repeat(np.arange(len(triangles)), 3),
+            len(triangles) + np.repeat(np.arange(len(quads)), 4),
+        ]
     )
     key = np.sort(directed, axis=1)
     order = np.lexsort((owner, key[:, 1], key[:, 0]))
@@ -70,7 +73,9 @@ def cell_areas(nodes: np.ndarray, triangles: np.ndarray, quads: np.ndarray) -> n
     )
 
 
-def face_measures(nodes: np.ndarray, planform: Planform, edges: Edges) -> tuple[np.ndarray, np.ndarray]:
+def face_measures(
+    nodes: np.ndarray, planform: Planform, edges: Edges
+) -> tuple[np.ndarray, np.ndarray]:
     """Non-orthogonality (deg) and skewness of the inner faces, as OpenFOAM's checkMesh defines them."""
     centre = cell_centres(nodes, planform.triangles, planform.quads)
     inner = edges.right >= 0
@@ -102,4 +107,6 @@ def shape_quality(planform: Planform, nodes: np.ndarray) -> Quality:
     angle, skewness = face_measures(nodes, planform, edges)
     cells = planform.triangles, planform.quads
     ratio = cell_areas(nodes, *cells) / cell_areas(planform.nodes, *cells)
-    return Quality(float(angle.max()), float(angle.mean()), float(skewness.max()), float(ratio.min()))
+    return Quality(
+        float(angle.max()), float(angle.mean()), float(skewness.max()), float(ratio.min())
+    )

@@ -117,7 +117,9 @@ BODY_PATCHES = ("finger", "mirrored_finger", "object", "support")
 PATCHES = (*BODY_PATCHES, *OUTER_PATCHES, "back", "sheet", "front")
 
 
-def _cell_numbers(exists: np.ndarray, left: np.ndarray, right: np.ndarray, columns: int) -> np.ndarray:
+def _cell_numbers(
+    exists: np.ndarray, left: np.ndarray, right: np.ndarray, columns: int
+) -> np.ndarray:
     """Number cells column by column in an order of small bandwidth, so that the linear solver finds neighbours near."""
     pair = right >= 0
     a, b = left[pair], right[pair]
@@ -195,7 +197,10 @@ def write_polymesh(mesh: PolyMesh, points: np.ndarray, folder: Path, patch_types
         for name, start, count in mesh.patches
     )
     body = f"{len(mesh.patches)}\n(\n{patches})\n".encode()
-    write_bytes(folder / "boundary", header("polyBoundaryMesh", place, "boundary", binary=False) + body + END)
+    write_bytes(
+        folder / "boundary",
+        header("polyBoundaryMesh", place, "boundary", binary=False) + body + END,
+    )
     _write_zones(folder / "faceZones", "faceZone", "faceLabels", face_zones)
     _write_zones(folder / "cellZones", "cellZone", "cellLabels", cell_zones)
 
@@ -204,9 +209,13 @@ def _write_zones(path: Path, kind: str, labels: str, zones: dict[str, np.ndarray
     text = f"{len(zones)}\n(\n"
     for name, members in zones.items():
         listed = " ".join(map(str, members.tolist()))
-        text += f"{name}\n{{\n    type {kind};\n    {labels} List<label> {len(members)} ({listed});\n"
+        text += (
+            f"{name}\n{{\n    type {kind};\n    {labels} List<label> {len(members)} ({listed});\n"
+        )
         if kind == "faceZone":
             text += f"    flipMap List<bool> {len(members)} ({' '.join('0' * len(members))});\n"
         text += "}\n"
     place = "constant/polyMesh"
-    write_bytes(path, header("regIOobject", place, path.name, binary=False) + text.encode() + b")\n" + END)
+    write_bytes(
+        path, header("regIOobject", place, path.name, binary=False) + text.encode() + b")\n" + END
+    )

@@ -109,14 +109,20 @@ def carry(source: SweptCells, target: SweptCells, overlap: Overlap, values: np.n
         weight = overlap.area[part]
         total = np.bincount(part_cell, weight, len(averaged))[cells]
         share = weight[:, None] * continued(overlap.source[part], overlap.centre[part])
-        summed = np.stack([np.bincount(part_cell, column, len(averaged))[cells] for column in share.T], 1)
-        covered = total > 0.1 * target.area[columns]  # less: a sliver at a wall, whose chords differ
+        summed = np.stack(
+            [np.bincount(part_cell, column, len(averaged))[cells] for column in share.T], 1
+        )
+        covered = (
+            total > 0.1 * target.area[columns]
+        )  # less: a sliver at a wall, whose chords differ
         averaged[cells] = sampled[cells]
         averaged[cells[covered]] = summed[covered] / total[covered, None]
     return averaged, sampled
 
 
-def gradients(cells: SweptCells, values: np.ndarray, number: np.ndarray, no_slip: bool) -> np.ndarray:
+def gradients(
+    cells: SweptCells, values: np.ndarray, number: np.ndarray, no_slip: bool
+) -> np.ndarray:
     """Gradients (column, axis, n) in one layer by least squares over the neighbours, weighted by inverse distance squared."""
     left, right = cells.edges.left, cells.edges.right
     inner = right >= 0

@@ -21,7 +21,9 @@ from pipeline.scene.pinch import Pinch
 
 SCAN = 0.25e3  # Pa: steps in which the pressure of contact is searched, half a degree of bend apart
 SCANS = 50  # at least; for shapes that follow the time
-STOPPED = 1e-4  # m: a gap within this of the residual one is contact; the ramp takes long over the rest
+STOPPED = (
+    1e-4  # m: a gap within this of the residual one is contact; the ramp takes long over the rest
+)
 
 
 def gap(outlines: np.ndarray, pinch: Pinch) -> np.ndarray:
@@ -106,7 +108,9 @@ def closing_law(
     `start` pressure.
     """
     if gap_at(start) <= pinch.residual_gap:
-        what = "the plane between the fingers" if pinch.object is None else "the plane or the object"
+        what = (
+            "the plane between the fingers" if pinch.object is None else "the plane or the object"
+        )
         raise StageError(
             f"{where}: pinch: the finger starts with a gap of {gap_at(start) * 1e3:.2f} mm to {what}, not more than"
             f" pinch.residual_gap = {pinch.residual_gap:g} m; raise pinch.half_distance or start more open"
@@ -123,14 +127,18 @@ def closing_law(
     return ClosingLaw(free, hold, hold - near, CLOSING_LAWS[pinch.closing_law])
 
 
-def _reach(gap_at: Callable[[float], float], value: float, start: float, highest: float) -> float | None:
+def _reach(
+    gap_at: Callable[[float], float], value: float, start: float, highest: float
+) -> float | None:
     """The lowest pressure above `start` at which the gap has come down to `value`, exact to 1e-12 Pa; None if none."""
     at = np.append(np.arange(start, highest, min(SCAN, (highest - start) / SCANS or SCAN)), highest)
     gaps = np.array([gap_at(p) for p in at]) - value
     if gaps[0] <= 0 or gaps.min() > 0:
         return None
     first = int(np.argmax(gaps <= 0))
-    return float(brentq(lambda p: gap_at(p) - value, at[first - 1], at[first], xtol=1e-9, rtol=1e-14))
+    return float(
+        brentq(lambda p: gap_at(p) - value, at[first - 1], at[first], xtol=1e-9, rtol=1e-14)
+    )
 
 
 def closing_summary(time: np.ndarray, gaps: np.ndarray, pinch: Pinch) -> dict[str, float]:
@@ -148,9 +156,7 @@ def closing_summary(time: np.ndarray, gaps: np.ndarray, pinch: Pinch) -> dict[st
 
 def closing_sentence(summary: dict[str, float]) -> str:
     """The summary in a sentence."""
-    least = (
-        f"least gap {summary['least_gap'] * 1e3:.3f} mm, closing ≤ {summary['peak_closing_speed']:.3f} m/s"
-    )
+    least = f"least gap {summary['least_gap'] * 1e3:.3f} mm, closing ≤ {summary['peak_closing_speed']:.3f} m/s"
     if "contact_time" not in summary:
         return f"{least}; the tips do not come to the residual gap of {summary['residual_gap'] * 1e3:g} mm"
     return f"{least}, in contact from {summary['contact_time']:.4f} s on"

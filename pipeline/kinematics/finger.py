@@ -15,13 +15,21 @@ from pipeline.fea import paper_equations as paper_model
 from pipeline.kinematics.contact import closing_law, gap
 from pipeline.kinematics.pressure_law import PressureLaw, measured_law, stroke_law
 from pipeline.kinematics.recorded_motion import recorded_law
-from pipeline.kinematics.shapes import FingerShapes, add_tip, circular_states, rounded_strip, with_chambers
+from pipeline.kinematics.shapes import (
+    FingerShapes,
+    add_tip,
+    circular_states,
+    rounded_strip,
+    with_chambers,
+)
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.sections import Finger, Motion
 
 PAPER_LOWEST_PRESSURE = paper_model.LOWEST_VALID_PRESSURE
 LAW_SAMPLES_PER_SECOND = 4000
-LENGTH_TOLERANCE = 0.02  # of finger.length against that of its states: digitised profiles are no better
+LENGTH_TOLERANCE = (
+    0.02  # of finger.length against that of its states: digitised profiles are no better
+)
 
 
 @dataclass(frozen=True)
@@ -59,7 +67,9 @@ def axes(finger: Finger) -> np.ndarray:
     return np.array([[0.0, -1.0], [side, 0.0]]) @ np.array([[c, s], [-s, c]])
 
 
-def finger_motion(motion: Motion, finger: Finger, pinch: Pinch | None, folder: Path) -> FingerMotion:
+def finger_motion(
+    motion: Motion, finger: Finger, pinch: Pinch | None, folder: Path
+) -> FingerMotion:
     """The motion that a scene in `folder` asks for. Raises StageError where it cannot be."""
     where = folder / "scene.toml"
     law = free_law = _pressure_law(motion, folder)
@@ -134,7 +144,9 @@ def _pressure_law(motion: Motion, folder: Path) -> PressureLaw:
     return stroke_law(motion.start_pressure_kpa * 1e3, strokes)
 
 
-def finger_states(motion: Motion, finger: Finger, folder: Path, lowest: float, highest: float) -> States:
+def finger_states(
+    motion: Motion, finger: Finger, folder: Path, lowest: float, highest: float
+) -> States:
     """Shapes without a passive tip, over pressures that hold `lowest` and `highest` (Pa). StageError where they cannot be."""
     if motion.source == "recording":
         assert motion.recording is not None  # the scene's own check

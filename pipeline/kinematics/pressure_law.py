@@ -51,14 +51,18 @@ def measured_law(path: Path) -> PressureLaw:
     """Cubic spline through a CSV with columns `t, p` (s, Pa), held constant before and after."""
     times, pressure = measured_table(path, "t,p", "s and Pa")
     if np.ptp(pressure) < 200:
-        raise StageError(f"{path}: pressures span {np.ptp(pressure):.3g}, which looks like kPa; give Pa")
+        raise StageError(
+            f"{path}: pressures span {np.ptp(pressure):.3g}, which looks like kPa; give Pa"
+        )
     return history_law(times, pressure)
 
 
 def measured_table(path: Path, header: str, units: str) -> tuple[np.ndarray, np.ndarray]:
     """Increasing times and values of a CSV with two columns. StageError, which names the `units` wanted."""
     try:
-        table = np.array([row.split(",") for row in _data_rows(path, header, units)], float, ndmin=2)
+        table = np.array(
+            [row.split(",") for row in _data_rows(path, header, units)], float, ndmin=2
+        )
     except FileNotFoundError:
         raise StageError(f"{path}: no such file; give a table of {header} in {units}") from None
     except StageError:
@@ -109,5 +113,7 @@ def _data_rows(path: Path, header: str, units: str) -> list[str]:
     if not re.match(r"[A-Za-z]", named) or named.lower().startswith(("nan", "inf")):
         return lines
     if named.lower() != header:
-        raise StageError(f"{path}: its first line is {lines[0]!r}; name the columns {header}, in {units}")
+        raise StageError(
+            f"{path}: its first line is {lines[0]!r}; name the columns {header}, in {units}"
+        )
     return lines[1:]

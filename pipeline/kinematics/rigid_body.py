@@ -46,7 +46,9 @@ def travelled(law: Law, end_time: float) -> Distance:
         turn = 2 * np.pi * since / law.period
         distance = law.amplitude * begun * np.sin(turn)
         begins = smooth_step(since / law.smoothing, 1) / law.smoothing
-        rate = law.amplitude * (begins * np.sin(turn) + begun * 2 * np.pi / law.period * np.cos(turn))
+        rate = law.amplitude * (
+            begins * np.sin(turn) + begun * 2 * np.pi / law.period * np.cos(turn)
+        )
         return Distance(time, distance, np.where(since > 0, rate, 0.0))
     assert law.rate is not None
     assert law.exponent is not None
@@ -105,7 +107,9 @@ def rigid_values(body: RigidBody, motion: Motion, where: Path) -> dict[str, Any]
     distance = unit * path.distance
     low, high = float(distance.min()), float(distance.max())
     if high - low < 1e-12:
-        raise StageError(f"{where}: the body never moves; motion.end_time must exceed the law's start")
+        raise StageError(
+            f"{where}: the body never moves; motion.end_time must exceed the law's start"
+        )
     step = motion.path_step or (np.radians(5.0) if motion.rotation else 0.1 * body.size)
     knots = np.linspace(low, high, max(5, int(np.ceil((high - low) / step)) + 1))
     outline, centre = rest_outline(body), np.asarray(body.centre)
@@ -119,7 +123,9 @@ def rigid_values(body: RigidBody, motion: Motion, where: Path) -> dict[str, Any]
     shapes = placed(knots)
     turn = knots if motion.rotation else np.zeros_like(knots)
     middle = (
-        centre + np.zeros_like(knots)[:, None] if motion.rotation else centre + knots[:, None] * direction
+        centre + np.zeros_like(knots)[:, None]
+        if motion.rotation
+        else centre + knots[:, None] * direction
     )
     return {
         "time": path.time,

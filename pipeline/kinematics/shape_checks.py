@@ -55,7 +55,11 @@ def check_shapes(
 
 def _check_gap(gap_now: float, bend: float, pinch: Pinch, where: Path) -> None:
     if gap_now < pinch.residual_gap - GAP_TOLERANCE:
-        what = "crosses the plane between the fingers" if pinch.object is None else "crosses plane or object"
+        what = (
+            "crosses the plane between the fingers"
+            if pinch.object is None
+            else "crosses plane or object"
+        )
         raise StageError(
             f"{where}: the finger {what}, or comes nearer than pinch.residual_gap = {pinch.residual_gap:g} m, at"
             f" {bend:.1f}° of bend (gap {gap_now * 1e3:.3f} mm); raise pinch.half_distance or begin more open"

@@ -78,7 +78,9 @@ def with_chambers(
     side = [(half, chambers.floor), (half, chambers.wedge_from), (wide, top)]
     gap = np.array([(-x, y) for x, y in side] + side[::-1])
     middles = pitch * np.arange(1, chambers.count) - half
-    solid = shapely.Polygon(np.column_stack([strip.s, strip.eta * np.interp(strip.s, s, thickness)]))
+    solid = shapely.Polygon(
+        np.column_stack([strip.s, strip.eta * np.interp(strip.s, s, thickness)])
+    )
     solid -= shapely.union_all([shapely.Polygon(gap + np.array([x, 0.0])) for x in middles])
     r = ROUNDING * chambers.gap
     ring = shapely.orient_polygons(solid.buffer(-r).buffer(2 * r).buffer(-r)).exterior
@@ -127,7 +129,9 @@ class FingerShapes:
         """Tangent angle at the profile's points, from those of its pieces."""
         angle = self._angle(pressure, derivative)
         inner = 0.5 * (angle[1:] + angle[:-1])
-        return np.concatenate([[1.5 * angle[0] - 0.5 * angle[1]], inner, [1.5 * angle[-1] - 0.5 * angle[-2]]])
+        return np.concatenate(
+            [[1.5 * angle[0] - 0.5 * angle[1]], inner, [1.5 * angle[-1] - 0.5 * angle[-2]]]
+        )
 
     def _place(self, s: np.ndarray, eta: np.ndarray, pressure: float) -> np.ndarray:
         angle, length = self._angle(pressure), self._length(pressure)

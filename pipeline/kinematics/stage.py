@@ -58,7 +58,11 @@ def input_uncertainty(motion: FingerMotion) -> dict[str, np.ndarray]:
 
 
 def contact_values(
-    motion: FingerMotion, time: np.ndarray, knots: np.ndarray, outlines: np.ndarray, pinch: Pinch | None
+    motion: FingerMotion,
+    time: np.ndarray,
+    knots: np.ndarray,
+    outlines: np.ndarray,
+    pinch: Pinch | None,
 ) -> dict[str, Any]:
     """What a pinch adds to the file: the gap over time and over the shapes, the chambers' own pressure, and attributes.
 
@@ -87,7 +91,9 @@ def finger_values(
     low, high = float(parameter.min()), float(parameter.max())
     if high - low < 1e-9:
         high = low + 1.0
-    free = motion.over_time and high >= motion.states.pressure[-1]  # as computed: no contact holds it
+    free = (
+        motion.over_time and high >= motion.states.pressure[-1]
+    )  # as computed: no contact holds it
     knots = motion.states.pressure if free else shape_knots(motion, low, high, bend_step, pinch)
     bends = np.array([motion.shapes.bend(p) for p in knots])
     outlines = np.array([motion.outline(p) for p in knots])
@@ -122,7 +128,9 @@ def kinematics_values(scene: Scene) -> dict[str, Any]:
         check_body(values["shape_outline"], scene.tank, where)
     else:
         finger = finger_motion(motion, scene.finger, scene.pinch, scene.folder)
-        values = finger_values(finger, motion.end_time, np.radians(motion.max_bend_step_deg) / 2, scene.pinch)
+        values = finger_values(
+            finger, motion.end_time, np.radians(motion.max_bend_step_deg) / 2, scene.pinch
+        )
         outlines, bends = values["shape_outline"], values["shape_bend"]
         check_shapes(outlines, bends, scene.tank, scene.pinch, scene.support, where)
     return values | {"source": motion.source}
@@ -133,7 +141,9 @@ def run(scene: Scene, quiet: bool = False) -> None:
     values = kinematics_values(scene)
     units = {}
     if scene.body is not None:
-        units = dict.fromkeys(("pressure", SHAPE), "rad" if scene.motion.rotation else "m")  # its distance
+        units = dict.fromkeys(
+            ("pressure", SHAPE), "rad" if scene.motion.rotation else "m"
+        )  # its distance
     elif SHAPE_OF_TIME in values:
         units = {SHAPE: "s"}
     write_kinematics(scene.out / "kinematics.h5", values, settings_of(scene, "kinematics"), units)

@@ -44,7 +44,9 @@ def fixed_bodies(support: Support | None, pinch: Pinch | None, cylinder_length: 
     if support is not None:
         width, height, depth = support.size
         low = support.bottom
-        bodies.append(FixedBody("support", _block(0.5 * width, low, low + height, mirror), 0.5 * depth))
+        bodies.append(
+            FixedBody("support", _block(0.5 * width, low, low + height, mirror), 0.5 * depth)
+        )
     thing = pinch.object if pinch is not None else None
     if thing is not None:
         radius, middle = 0.5 * thing.diameter, thing.centre_height

@@ -9,7 +9,9 @@ import numpy as np
 # About what takes a good planform to 70° of non-orthogonality: measured on the pinch at level coarse (docs/mesh.md)
 GAP_FACTOR = 3.0  # change of a gap
 BEND_SCALE = np.radians(110.0)
-HYSTERESIS = 0.1  # of a part: a motion must turn back by as much before an earlier planform is taken again
+HYSTERESIS = (
+    0.1  # of a part: a motion must turn back by as much before an earlier planform is taken again
+)
 # Both of two consecutive intervals are solved in their overlap, until the later one no longer depends on its start: the larger of
 OVERLAP_TIME = 4e-3  # s
 OVERLAP_STEPS = 8
@@ -62,13 +64,18 @@ def divide(deformation: np.ndarray, count: int, sampling: int, overlap: int) -> 
             intervals.append((here, step))
     intervals = _without_short_ones(intervals, steps, 2 * overlap + 1)
     rest = -(-(last_move(deformation) + overlap + 1) // sampling) * sampling
-    if steps - rest >= max(2 * overlap + 1, LEAST_REST * steps) and rest - intervals[-1][1] > 2 * overlap:
+    if (
+        steps - rest >= max(2 * overlap + 1, LEAST_REST * steps)
+        and rest - intervals[-1][1] > 2 * overlap
+    ):
         intervals.append((intervals[-1][0], rest))
     ends = [first for _, first in intervals[1:]] + [steps]
     parts = []
     for part in sorted({part for part, _ in intervals}):
         mine = tuple(
-            (first, end) for (number, first), end in zip(intervals, ends, strict=True) if number == part
+            (first, end)
+            for (number, first), end in zip(intervals, ends, strict=True)
+            if number == part
         )
         reached = np.concatenate(
             [deformation[max(0, first - overlap) : end + PADDING + 1] for first, end in mine]
@@ -83,10 +90,14 @@ def last_move(deformation: np.ndarray) -> int:
     return int(moving[-1]) + 1 if len(moving) else 0
 
 
-def _without_short_ones(intervals: list[tuple[int, int]], steps: int, least: int) -> list[tuple[int, int]]:
+def _without_short_ones(
+    intervals: list[tuple[int, int]], steps: int, least: int
+) -> list[tuple[int, int]]:
     """Mesh intervals (part, first step) of at least `least` steps; time of shorter ones goes to the interval before, or else to the next."""
     kept: list[tuple[int, int]] = []
-    for (part, first), end in zip(intervals, [first for _, first in intervals[1:]] + [steps], strict=True):
+    for (part, first), end in zip(
+        intervals, [first for _, first in intervals[1:]] + [steps], strict=True
+    ):
         if kept and (kept[-1][0] == part or end - first < least):
             continue
         if kept and first - kept[-1][1] < least:  # only the first can be left short

@@ -81,7 +81,9 @@ class Morph:
         square = (deformation**2).sum((1, 2))
         return float((self.weight * 0.5 * square * (1 + 1 / det**2)).sum())
 
-    def derivatives(self, nodes: np.ndarray, exact: bool = False) -> tuple[np.ndarray, sp.csc_matrix]:
+    def derivatives(
+        self, nodes: np.ndarray, exact: bool = False
+    ) -> tuple[np.ndarray, sp.csc_matrix]:
         """Gradient (2·node,) and Hessian of the energy: the `exact` one, or made positive semi-definite."""
         u, s, v = _svd(self.deformation(nodes))
         s1, s2 = s[:, 0], s[:, 1]
@@ -97,14 +99,21 @@ class Morph:
         flip = 1 + (s1**2 + s1 * s2 + s2**2) / product
         value = self.weight[:, None] * np.column_stack([stretch[:, 0], stretch[:, 1], twist, flip])
         along = np.matmul(self.gradient, v)  # (triangle, corner, singular direction)
-        mode = np.empty((len(s), 4, 3, 2))  # dF of unit size in each eigenmode, as a change of the corners
+        mode = np.empty(
+            (len(s), 4, 3, 2)
+        )  # dF of unit size in each eigenmode, as a change of the corners
         mode[:, 0], mode[:, 1] = (along[:, :, None, k] * u[:, None, :, k] for k in (0, 1))
-        one, other = along[:, :, None, 0] * u[:, None, :, 1], along[:, :, None, 1] * u[:, None, :, 0]
+        one, other = (
+            along[:, :, None, 0] * u[:, None, :, 1],
+            along[:, :, None, 1] * u[:, None, :, 0],
+        )
         mode[:, 2], mode[:, 3] = (one - other) / np.sqrt(2), (one + other) / np.sqrt(2)
         flat = mode.reshape(len(s), 4, 6)
         local = np.matmul((flat * value[:, :, None]).transpose(0, 2, 1), flat)
         entries = np.bincount(self._place, local.ravel())
-        return gradient, sp.csc_matrix((entries, self._rows, self._start), shape=(self.size, self.size))
+        return gradient, sp.csc_matrix(
+            (entries, self._rows, self._start), shape=(self.size, self.size)
+        )
 
     def _solve(self, hessian: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
         """Free coordinates x of H x = right, the prescribed ones being 0."""
@@ -113,7 +122,10 @@ class Morph:
             (hessian.data[self._of_free], self._free_rows, self._free_start), shape=(count, count)
         )
         return splu(
-            matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0
+            matrix,
+            permc_spec="MMD_AT_PLUS_A",
+            options={"SymmetricMode": True},
+            diag_pivot_thresh=0.0,
         ).solve(right)
 
     def relax(self, nodes: np.ndarray) -> np.ndarray:

@@ -49,14 +49,20 @@ def build_planform(outline: np.ndarray, tip: np.ndarray, half_width: float, dept
     to_finger = distance_to([shapely.LinearRing(outline)])
     lines = _body_lines(bodies, to_finger, mesh)
     crowded = np.vstack([layers[0], layers[-1], *lines])
-    size = GAP_CELL * np.concatenate([np.tile(clearance(layers[0]), 2), *(to_finger(line) for line in lines)])
+    size = GAP_CELL * np.concatenate(
+        [np.tile(clearance(layers[0]), 2), *(to_finger(line) for line in lines)]
+    )
     narrow = size < mesh.tip_cell
     if mesh.wall_grading:
         rim = layers[-1]
         crowded = np.vstack([crowded, rim])
-        size = np.append(size, np.hypot(*(np.roll(rim, -1, axis=0) - np.roll(rim, 1, axis=0)).T) / 2)
+        size = np.append(
+            size, np.hypot(*(np.roll(rim, -1, axis=0) - np.roll(rim, 1, axis=0)).T) / 2
+        )
         narrow = np.append(narrow, np.ones(len(rim), bool))
-    mesh_2d = triangulate(layers[0], layers[-1], box, mesh, path, lines, (crowded[narrow], size[narrow]))
+    mesh_2d = triangulate(
+        layers[0], layers[-1], box, mesh, path, lines, (crowded[narrow], size[narrow])
+    )
     # gmsh numbers: outer rim first, then the wall, then its own; put the ring's inner polygons behind them
     middle = np.vstack(layers[1:-1]) if len(layers) > 2 else np.empty((0, 2))
     first_middle = len(mesh_2d.nodes)
@@ -129,7 +135,9 @@ def distance_to(things: list[shapely.Geometry]) -> Clearance:
     return lambda points: shapely.distance(together, shapely.points(points))
 
 
-def _body_lines(bodies: tuple[FixedBody, ...], to_finger: Clearance, mesh: Mesh) -> list[np.ndarray]:
+def _body_lines(
+    bodies: tuple[FixedBody, ...], to_finger: Clearance, mesh: Mesh
+) -> list[np.ndarray]:
     """Nodes (node, 2) along the outline of each body; a closed one ends where it starts."""
 
     def size(points: np.ndarray) -> np.ndarray:
@@ -161,7 +169,9 @@ def mirrored(planform: Planform, mirrored_finger: int) -> Planform:
     (x0, _), (_, depth) = planform.corners
     low = int(np.flatnonzero((planform.nodes[left] == [0.0, 0.0]).all(1))[0])
     high = int(np.flatnonzero((planform.nodes[left] == [0.0, depth]).all(1))[0])
-    outer = np.concatenate([left[: low + 1], right[:low][::-1], right[high + 1 :][::-1], left[high:]])
+    outer = np.concatenate(
+        [left[: low + 1], right[:low][::-1], right[high + 1 :][::-1], left[high:]]
+    )
     other = np.where(planform.body == 1, mirrored_finger, planform.body)
     fixed = np.vstack([planform.fixed, planform.fixed[off]])
     return Planform(

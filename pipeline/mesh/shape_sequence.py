@@ -28,7 +28,10 @@ class ShapeSequence:
         """The shapes at other parameters, by cubic splines."""
         return ShapeSequence(
             parameter,
-            *(CubicSpline(self.parameter, v)(parameter) for v in (self.outline, self.tip, self.bend)),
+            *(
+                CubicSpline(self.parameter, v)(parameter)
+                for v in (self.outline, self.tip, self.bend)
+            ),
         )
 
     def within(self, low: float, high: float) -> ShapeSequence:
@@ -43,7 +46,9 @@ class ShapeSequence:
         return self.at(np.concatenate([[low], inner, [high]]) if len(inner) >= 3 else few)
 
 
-def between(shapes: ShapeSequence, frames: np.ndarray, parts: int = 3) -> tuple[ShapeSequence, np.ndarray]:
+def between(
+    shapes: ShapeSequence, frames: np.ndarray, parts: int = 3
+) -> tuple[ShapeSequence, np.ndarray]:
     """The shapes as the motion runs through them: `parts` to each interval between knots, by the same cubic spline."""
     index = np.arange(len(shapes.parameter), dtype=float)
     fine = np.linspace(0, index[-1], parts * (len(index) - 1) + 1)
@@ -61,7 +66,9 @@ def morph_shapes(
 
     `accept(knot, nodes)` is called with each shape as it is found, outwards from `built`. Raises MorphError.
     """
-    morph = Morph(planform.nodes, corner_triangles(planform.triangles, planform.quads), planform.fixed)
+    morph = Morph(
+        planform.nodes, corner_triangles(planform.triangles, planform.quads), planform.fixed
+    )
     count = len(shapes.parameter)
 
     def boundary(knot: float) -> np.ndarray:

@@ -35,7 +35,9 @@ from pipeline.stage_settings import settings_of
 
 MOST_MESHES = 6
 USUAL_SHARE = 0.95  # of the time in which mesh.usual_non_orthogonality_deg is not exceeded
-LEAST_CLEARANCE = 0.06  # of the finger's thickness, between it and the support: 1 mm of the shipped finger
+LEAST_CLEARANCE = (
+    0.06  # of the finger's thickness, between it and the support: 1 mm of the shipped finger
+)
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,9 @@ def surroundings(kinematics: Kinematics, time_step: float, tank: Tank, mesh: Mes
     gap, path = np.full(len(shapes.bend), np.inf), shapes.tip.reshape(-1, 2)
     if kinematics.mirror:
         plane = shapely.LineString([(0.0, 0.0), (0.0, tank.water_depth)])
-        facing = shapely.union_all([plane, *(body.polygon for body in bodies if body.name == "object")])
+        facing = shapely.union_all(
+            [plane, *(body.polygon for body in bodies if body.name == "object")]
+        )
         gap = shapely.distance(outlines, facing)
         nearest = shapely.shortest_line(facing, outlines[int(np.argmin(gap))])
         height = shapely.get_coordinates(nearest)[0, 1]
@@ -90,13 +94,17 @@ def surroundings(kinematics: Kinematics, time_step: float, tank: Tank, mesh: Mes
     # a body that is only moved does not bend: the distance is the measure
     moved_only = "shape_edges" in file
     deformation = (
-        shapes.parameter - shapes.parameter[0] if moved_only else cumulative_deformation(shapes.bend, gap)
+        shapes.parameter - shapes.parameter[0]
+        if moved_only
+        else cumulative_deformation(shapes.bend, gap)
     )
     half_width, depth = 0.5 * tank.size[0], tank.water_depth
     return Setting(shapes, deformation, path, bodies, motion, half_width, depth, kinematics.mirror)
 
 
-def check_clearance(outlines: np.ndarray, bodies: tuple[FixedBody, ...], least: float, where: Path) -> None:
+def check_clearance(
+    outlines: np.ndarray, bodies: tuple[FixedBody, ...], least: float, where: Path
+) -> None:
     """StageError where a shape (knot, point, 2) is nearer to the support than `least` (m)."""
     rings = shapely.linearrings(outlines)
     for body in bodies:
@@ -111,7 +119,9 @@ def check_clearance(outlines: np.ndarray, bodies: tuple[FixedBody, ...], least: 
 def build_mesh(setting: Setting, mesh: Mesh, part: Part, bar: tqdm) -> MorphedPlanform:
     """The planform of a part of the motion and all its shapes; MorphError where one of them is of no use."""
     shapes = setting.shapes
-    low, high, middle = np.interp([part.low, part.high, part.middle], setting.deformation, shapes.parameter)
+    low, high, middle = np.interp(
+        [part.low, part.high, part.middle], setting.deformation, shapes.parameter
+    )
     shapes = shapes.within(low, high)
     built = int(np.argmin(np.abs(shapes.parameter - middle)))
     planform = build_planform(shapes.outline[built], shapes.tip[built], setting.half_width, setting.depth, mesh,
@@ -128,7 +138,9 @@ def build_mesh(setting: Setting, mesh: Mesh, part: Part, bar: tqdm) -> MorphedPl
         bar.update()
         quality = shape_quality(planform, nodes)
         check_quality(quality, shapes.bend[knot], mesh)
-        unusual += share[knot] * (quality.max_non_orthogonality_deg > mesh.usual_non_orthogonality_deg)
+        unusual += share[knot] * (
+            quality.max_non_orthogonality_deg > mesh.usual_non_orthogonality_deg
+        )
         check_share(unusual, mesh)
 
     return MorphedPlanform(part, planform, shapes, morph_shapes(planform, shapes, built, accept))
@@ -168,7 +180,9 @@ def choose_meshes(setting: Setting, mesh: Mesh, sampling: int, overlap: int,
                 parts = divide(deformation, count, sampling, overlap)
                 meshes = [build_mesh(setting, mesh, part, bar) for part in parts]
             rows = quality_rows(meshes, setting.motion, overlap, mesh)
-            check_share(sum(row[2] for row in rows if row[5] > mesh.usual_non_orthogonality_deg), mesh)
+            check_share(
+                sum(row[2] for row in rows if row[5] > mesh.usual_non_orthogonality_deg), mesh
+            )
         except MorphError as error:
             reason = str(error)
         else:
@@ -190,7 +204,8 @@ def quality_rows(
     )
     fine = [between(morphed.shapes, morphed.frames) for morphed in meshes]
     quality = [
-        [shape_quality(s.planform, x) for x in frames] for s, (_, frames) in zip(meshes, fine, strict=True)
+        [shape_quality(s.planform, x) for x in frames]
+        for s, (_, frames) in zip(meshes, fine, strict=True)
     ]
     rows = []
     for number, ((first, last), k) in enumerate(intervals):
@@ -215,10 +230,16 @@ def run(scene: Scene, quiet: bool = False) -> None:
     kinematics = read_kinematics(scene.out / "kinematics.h5")
     where = scene.folder / "scene.toml"
     check_clearance(
-        kinematics.data["shape_outline"].values, bodies, LEAST_CLEARANCE * kinematics.tip_width, where
+        kinematics.data["shape_outline"].values,
+        bodies,
+        LEAST_CLEARANCE * kinematics.tip_width,
+        where,
     )
     setting = surroundings(kinematics, numerics.time_step, scene.tank, mesh, bodies)
-    sampling, overlap = numerics.sampling_steps(scene.sheet.rate_hz), overlap_steps(numerics.time_step)
+    sampling, overlap = (
+        numerics.sampling_steps(scene.sheet.rate_hz),
+        overlap_steps(numerics.time_step),
+    )
     meshes, rows = choose_meshes(setting, mesh, sampling, overlap, quiet)
     MESH_QUALITY.write(scene.out / "mesh_quality.csv", rows)
     both = scene.pinch is not None and scene.model.kind in ("half", "full")  # fingers in the mesh

@@ -29,7 +29,9 @@ def graded_layers(
         wanted = first + slope * np.abs(z - edge)
         return np.where(z < edge, np.minimum(wanted, mesh.sheet_layer), wanted)
 
-    ends = {0.0, edge, 0.5 * tank_width} | ({0.5 * support.size[2]} if support is not None else set())
+    ends = {0.0, edge, 0.5 * tank_width} | (
+        {0.5 * support.size[2]} if support is not None else set()
+    )
     parts = [divided(a, b, thickness) for a, b in pairwise(sorted(ends))]
     back = -np.concatenate([[0.0], *parts])[::-1]
     return back if kind in ("half", "quarter") else np.concatenate([back, -back[-2::-1]])
@@ -38,6 +40,8 @@ def graded_layers(
 def divided(start: float, end: float, thickness: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Ends (n,) of the fewest intervals that divide start…end, none longer than `thickness` at its place; same units."""
     fine = np.linspace(start, end, 4001)
-    walk = np.concatenate([[0.0], np.cumsum(np.diff(fine) / thickness(0.5 * (fine[1:] + fine[:-1])))])
+    walk = np.concatenate(
+        [[0.0], np.cumsum(np.diff(fine) / thickness(0.5 * (fine[1:] + fine[:-1])))]
+    )
     count = max(1, int(np.ceil(walk[-1] - 1e-6)))
     return np.interp(walk[-1] * np.arange(1, count + 1) / count, walk, fine)

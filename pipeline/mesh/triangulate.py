@@ -12,7 +12,9 @@ from fileio.errors import StageError
 from pipeline.scene.sections import Mesh
 
 GROWTH = 0.3  # of the cell size with the distance from a gap, where mesh.wall_grading says nothing
-LEAST_SINE = 0.45  # of a corner of a quadrilateral; those with a sharper or flatter one are split in two
+LEAST_SINE = (
+    0.45  # of a corner of a quadrilateral; those with a sharper or flatter one are split in two
+)
 BIN = 1.25  # points in gaps are taken together where their sizes differ by less than this factor
 
 
@@ -45,7 +47,9 @@ def triangulate(wall: np.ndarray, rim: np.ndarray, box: tuple[float, float, floa
         rim_lines, wall_lines = _polygon(rim), _polygon(wall)
         box_lines, body_lines = _outer_lines(box, bodies)
         geo = gmsh.model.geo
-        rim_loop, wall_loop, box_loop = (geo.addCurveLoop(x) for x in (rim_lines, wall_lines, box_lines))
+        rim_loop, wall_loop, box_loop = (
+            geo.addCurveLoop(x) for x in (rim_lines, wall_lines, box_lines)
+        )
         water = geo.addPlaneSurface([box_loop, rim_loop])
         footprint = geo.addPlaneSurface([wall_loop])
         track, narrow = ([geo.addPoint(x, y, 0) for x, y in points] for points in (path, gaps[0]))
@@ -68,13 +72,21 @@ def _polygon(points: np.ndarray) -> list[int]:
     return [gmsh.model.geo.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1], strict=True)]
 
 
-def _outer_lines(box: tuple[float, float, float], bodies: list[np.ndarray]) -> tuple[list[int], list[int]]:
+def _outer_lines(
+    box: tuple[float, float, float], bodies: list[np.ndarray]
+) -> tuple[list[int], list[int]]:
     """Lines of the tank, split where bodies end on its right side, and of the bodies."""
     left, right, depth = box
     geo = gmsh.model.geo
     ends = [line[k] for line in bodies if not (line[0] == line[-1]).all() for k in (0, -1)]
     heights = sorted(float(y) for _, y in ends)
-    corners = [(left, 0.0), (right, 0.0), *((right, y) for y in heights), (right, depth), (left, depth)]
+    corners = [
+        (left, 0.0),
+        (right, 0.0),
+        *((right, y) for y in heights),
+        (right, depth),
+        (left, depth),
+    ]
     tags = [geo.addPoint(x, y, 0) for x, y in corners]
     outer = [geo.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1], strict=True)]
     on_side = dict(zip(heights, tags[2:], strict=False))
@@ -119,7 +131,9 @@ def _collect(
     triangles = np.vstack([new[water_cells[0]], split, new[footprint_cells[0]]])
     inside = np.repeat([0, 1], [len(water_cells[0]) + len(split), len(footprint_cells[0])])
     on_bodies = np.unique([n for line in body_lines for n in ends(line)]).astype(int)
-    return Triangles(nodes, _turned(nodes, triangles), quads, inside, new[np.array(outer)], new[on_bodies])
+    return Triangles(
+        nodes, _turned(nodes, triangles), quads, inside, new[np.array(outer)], new[on_bodies]
+    )
 
 
 def _cells(surface: int, position: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -130,7 +144,9 @@ def _cells(surface: int, position: dict[int, int]) -> tuple[np.ndarray, np.ndarr
         for kind, tags in zip(kinds, members, strict=True)
     }
     if not elements or not elements.keys() <= {2, 3}:
-        raise StageError("the planform could not be meshed; make mesh.wall_cell or mesh.near_cell smaller")
+        raise StageError(
+            "the planform could not be meshed; make mesh.wall_cell or mesh.near_cell smaller"
+        )
     empty = np.empty(0, int)
     return elements.get(2, empty).reshape(-1, 3), elements.get(3, empty).reshape(-1, 4)
 
@@ -166,7 +182,9 @@ def _corners(nodes: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return area, np.linalg.norm(ahead, axis=-1), np.linalg.norm(behind, axis=-1)
 
 
-def _size_field(walls: list[int], track: list[int], narrow: list[int], size: np.ndarray, mesh: Mesh) -> None:
+def _size_field(
+    walls: list[int], track: list[int], narrow: list[int], size: np.ndarray, mesh: Mesh
+) -> None:
     """Cell size growing from the walls, and from the tip's path, to that of the far water; `size` at points `narrow`."""
     fields = gmsh.model.mesh.field
 

@@ -13,7 +13,9 @@ from pipeline.scene.sections import Mesh
 GAP_CELL = 0.3
 GAP_RING = 0.5
 
-Clearance = Callable[[np.ndarray], np.ndarray]  # points (n, 2) -> distance to what is near the finger (n,), m
+Clearance = Callable[
+    [np.ndarray], np.ndarray
+]  # points (n, 2) -> distance to what is near the finger (n,), m
 
 
 def outline_at(outline: np.ndarray, material: np.ndarray) -> np.ndarray:
@@ -39,7 +41,9 @@ def spread(line: np.ndarray, size: Callable[[np.ndarray], np.ndarray], least: in
     return np.interp(at, walk, np.arange(len(walk)))
 
 
-def wall_nodes(outline: np.ndarray, tip: np.ndarray, mesh: Mesh, clearance: Clearance) -> np.ndarray:
+def wall_nodes(
+    outline: np.ndarray, tip: np.ndarray, mesh: Mesh, clearance: Clearance
+) -> np.ndarray:
     """Fractional point indices along a closed outline: `tip_cell` apart near the tip (or tips), `wall_cell` elsewhere, less in gaps."""
 
     def size(points: np.ndarray) -> np.ndarray:

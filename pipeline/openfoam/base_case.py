@@ -14,9 +14,15 @@ if not BASE.is_dir():  # installed from a wheel
 
 def template_files(base: Path = BASE) -> list[Path]:
     """Every file of the base case but what editors leave, in the order of its name relative to `base`. StageError where there is none."""
-    files = [p for p in base.rglob("*") if p.is_file() and not p.name.startswith(".") and p.name[-1] != "~"]
+    files = [
+        p
+        for p in base.rglob("*")
+        if p.is_file() and not p.name.startswith(".") and p.name[-1] != "~"
+    ]
     if not files:
-        raise StageError(f"{base}: the base case is missing; restore it with git checkout cases/_base")
+        raise StageError(
+            f"{base}: the base case is missing; restore it with git checkout cases/_base"
+        )
     return sorted(files, key=lambda path: path.relative_to(base).as_posix())
 
 

@@ -25,7 +25,9 @@ def covering_columns(corners: np.ndarray, columns: np.ndarray) -> np.ndarray:
 def covering_cells(corners: np.ndarray, column: np.ndarray, layer: np.ndarray) -> np.ndarray:
     """Cells (indices) that touch every upright edge of a swept mesh; `column` and `layer` (cell,) are those of each cell."""
     chosen = np.zeros(len(column), bool)
-    known: dict[bytes, np.ndarray] = {}  # layers beside the finger have the same columns, those beyond it too
+    known: dict[
+        bytes, np.ndarray
+    ] = {}  # layers beside the finger have the same columns, those beyond it too
     for number in np.unique(layer):
         here = np.flatnonzero(layer == number)
         columns = np.sort(column[here])

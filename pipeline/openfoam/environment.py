@@ -18,7 +18,9 @@ from fileio.atomic import check_room, naming
 from fileio.errors import StageError
 
 INSTALL = "apt-get install openfoam"
-NEEDED = "openfoam.com v1912 or later is needed, openfoam.org's will not do (docs/openfoam_versions.md)"
+NEEDED = (
+    "openfoam.com v1912 or later is needed, openfoam.org's will not do (docs/openfoam_versions.md)"
+)
 COLLATED = ("-fileHandler", "collated")
 # What OpenFOAM's programs need of their environment.
 FORWARDED = ("WM_", "FOAM_", "PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
@@ -44,15 +46,21 @@ def environment() -> dict[str, str]:
         if shutil.which("pimpleFoam", path=env.get("PATH")) is None:
             raise StageError(f"WM_PROJECT_DIR = {chosen}: it has no pimpleFoam; {NEEDED}")
     if shutil.which("pimpleFoam", path=env.get("PATH")) is None:
-        raise StageError(f"OpenFOAM is not installed (no pimpleFoam on the path); run: sudo {INSTALL}")
+        raise StageError(
+            f"OpenFOAM is not installed (no pimpleFoam on the path); run: sudo {INSTALL}"
+        )
     if "WM_PROJECT_DIR" not in env:
         installed = next((folder for folder in PROJECT_DIRS if Path(folder, "etc").is_dir()), None)
         if installed is None:
             raise StageError("WM_PROJECT_DIR is not set; source OpenFOAM's etc/bashrc first")
         env["WM_PROJECT_DIR"] = installed
-    env.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")  # one more busy process would stall spinning ranks
+    env.setdefault(
+        "OMPI_MCA_mpi_yield_when_idle", "1"
+    )  # one more busy process would stall spinning ranks
     env["OMP_NUM_THREADS"] = "1"
-    return env if in_whole_job(env) else {k: v for k, v in env.items() if not k.startswith("SLURM_")}
+    return (
+        env if in_whole_job(env) else {k: v for k, v in env.items() if not k.startswith("SLURM_")}
+    )
 
 
 def in_whole_job(env: Mapping[str, str]) -> bool:
@@ -63,7 +71,13 @@ def in_whole_job(env: Mapping[str, str]) -> bool:
 def sourced(bashrc: Path) -> dict[str, str]:
     """The environment after `source <bashrc>`: for an OpenFOAM whose WM_PROJECT_DIR alone is set."""
     # OpenFOAM's bashrc sources files among the shell's arguments: with its own name there it would source itself without end
-    command = ["bash", "-c", 'f=$1; shift; source "$f" >/dev/null 2>&1; env -0', "bash", str(bashrc)]
+    command = [
+        "bash",
+        "-c",
+        'f=$1; shift; source "$f" >/dev/null 2>&1; env -0',
+        "bash",
+        str(bashrc),
+    ]
     text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     return dict(entry.split("=", 1) for entry in text.split("\0") if "=" in entry)
 
@@ -90,7 +104,9 @@ def die_with_parent() -> None:
 @cache
 def foam_version() -> str:
     """OpenFOAM's version, as v1912; StageError where it is older than v1912 or not openfoam.com's."""
-    done = subprocess.run(["pimpleFoam", "-help"], env=environment(), capture_output=True, text=True)
+    done = subprocess.run(
+        ["pimpleFoam", "-help"], env=environment(), capture_output=True, text=True
+    )
     # "OpenFOAM-v2306 (2306)"; what stands before the brackets is free, as is "com" in a development version
     match = re.search(r"OpenFOAM-\S*\s*\((\d{4})\)|OpenFOAM-v(\d{4})\b", done.stdout)
     number = (match[1] or match[2]) if match else None
@@ -137,14 +153,24 @@ def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False
     names = sorted(name for name in environment() if name.startswith(FORWARDED)) if hosts else []
     alone = hosts is not None or not in_whole_job(os.environ)
     flags = open_mpi_flags(alone, hosts, names) if is_open_mpi() else hydra_flags(hosts, names)
-    return ["mpirun", "-np", str(ranks), *flags, "pimpleFoam", "-parallel", *(COLLATED if collated else ())]
+    return [
+        "mpirun",
+        "-np",
+        str(ranks),
+        *flags,
+        "pimpleFoam",
+        "-parallel",
+        *(COLLATED if collated else ()),
+    ]
 
 
 @cache
 def is_open_mpi() -> bool:
     """Whether mpirun is Open MPI's; else it is Hydra, of MPICH or Intel MPI. StageError where it is neither."""
     try:
-        said = subprocess.run(["mpirun", "--version"], env=environment(), capture_output=True, text=True)
+        said = subprocess.run(
+            ["mpirun", "--version"], env=environment(), capture_output=True, text=True
+        )
     except FileNotFoundError:
         raise StageError(
             "mpirun is not on the path, so OpenFOAM runs on one rank only; install Open MPI or MPICH, or give NP=1"
@@ -162,7 +188,9 @@ def is_open_mpi() -> bool:
 def open_mpi_flags(alone: bool, hosts: Path | None, names: list[str]) -> list[str]:
     """Open MPI's options; `alone`: not on the cores that a Slurm job was given; `names`: variables to hand on to `hosts`."""
     flags = ["--allow-run-as-root"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
-    if alone:  # a machine that is shared with others: ranks yield, move, and may be more than its cores
+    if (
+        alone
+    ):  # a machine that is shared with others: ranks yield, move, and may be more than its cores
         flags += ["--mca", "mpi_yield_when_idle", "1", "--bind-to", "none", "--oversubscribe"]
     flags += ["--hostfile", str(hosts)] if hosts else []
     return flags + [word for name in names for word in ("-x", name)]

@@ -18,7 +18,12 @@ END = b"\n\n// *****************************************************************
 
 def header(foam_class: str, location: str, name: str, *, binary: bool, note: str = "") -> bytes:
     """The FoamFile dictionary at the top of a file."""
-    lines = ["FoamFile", "{", "    version     2.0;", f"    format      {'binary' if binary else 'ascii'};"]
+    lines = [
+        "FoamFile",
+        "{",
+        "    version     2.0;",
+        f"    format      {'binary' if binary else 'ascii'};",
+    ]
     if binary:
         lines.append(f'    arch        "{ARCH}";')
     lines.append(f"    class       {foam_class};")
@@ -37,11 +42,16 @@ def binary_list(values: np.ndarray) -> bytes:
 def write_bytes(path: Path, content: bytes, compress: bool = False, sync: bool = True) -> None:
     """Write a file whole or not at all, on the disk first unless `sync` is False; gzipped as `<path>.gz` where asked."""
     if compress:
-        path, content = path.with_name(path.name + ".gz"), gzip.compress(content, compresslevel=1, mtime=0)
+        path, content = (
+            path.with_name(path.name + ".gz"),
+            gzip.compress(content, compresslevel=1, mtime=0),
+        )
     whole_file.write_bytes(path, content, sync=sync)
 
 
-def write_list(path: Path, foam_class: str, location: str, *lists: np.ndarray, note: str = "") -> None:
+def write_list(
+    path: Path, foam_class: str, location: str, *lists: np.ndarray, note: str = ""
+) -> None:
     """Write a binary list file (points, owner, faces, …)."""
     body = b"\n".join(binary_list(v) for v in lists)
     write_bytes(path, header(foam_class, location, path.name, binary=True, note=note) + body + END)
@@ -75,10 +85,13 @@ def read_field(path: Path, cells: int) -> np.ndarray:
 def field_of(content: bytes, cells: int, path: Path) -> np.ndarray:
     """The same from a field's bytes; `path` is where they are from."""
     match = re.search(
-        rb"\ninternalField\s+(uniform ([^;]+);|nonuniform List<(scalar|vector)>\s*(\d+)\s*\()", content
+        rb"\ninternalField\s+(uniform ([^;]+);|nonuniform List<(scalar|vector)>\s*(\d+)\s*\()",
+        content,
     )
     if match is None:
-        raise StageError(f"{path}: not an OpenFOAM field; delete the case folder and run make again")
+        raise StageError(
+            f"{path}: not an OpenFOAM field; delete the case folder and run make again"
+        )
     if match.group(2):
         value = np.array(match.group(2).replace(b"(", b" ").replace(b")", b" ").split(), float)
         return np.tile(value, (cells, 1)) if len(value) > 1 else np.full(cells, value[0])

@@ -47,7 +47,9 @@ class Ranks:
         them it would go on as if the mesh had stood still. Empty files stand there until `withdraw`.
         """
         if self.collated:
-            for name in (name for name in MESH_PAST if (self.folders(case)[0] / time / name).exists()):
+            for name in (
+                name for name in MESH_PAST if (self.folders(case)[0] / time / name).exists()
+            ):
                 for rank in range(self.count):
                     write_bytes(case / f"processor{rank}" / time / name, b"")
 
@@ -95,7 +97,8 @@ def read_blocks(content: bytes) -> list[bytes]:
 def collated_content(name: str, blocks: list[bytes]) -> bytes:
     """A collated file of one block per rank, the first with the header of what is in them."""
     parts = [
-        b"\n// Processor%d\n\n%d\n(%b)\n" % (rank, len(block), block) for rank, block in enumerate(blocks)
+        b"\n// Processor%d\n\n%d\n(%b)\n" % (rank, len(block), block)
+        for rank, block in enumerate(blocks)
     ]
     return header(COLLATED.decode(), "", name, binary=True) + b"".join(parts)
 

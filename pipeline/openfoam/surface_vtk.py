@@ -68,12 +68,18 @@ def _arrays(line: list[bytes], file: BinaryIO) -> Iterator[tuple[int, str]]:
         raise ValueError(line[0])
 
 
-def sampled_surfaces(case: Path, intervals: tuple[Interval, ...], name: str) -> list[tuple[float, Path]]:
+def sampled_surfaces(
+    case: Path, intervals: tuple[Interval, ...], name: str
+) -> list[tuple[float, Path]]:
     """Times and files of the surface `name` over all intervals, ascending; StageError where there is none."""
     surfaces = []
     for interval in intervals:
         folder = case / interval.name / "postProcessing" / f"{name}Surface"
-        files = [(float(f.name), f / f"{name}.vtk") for f in folder.glob("*") if (f / f"{name}.vtk").exists()]
+        files = [
+            (float(f.name), f / f"{name}.vtk")
+            for f in folder.glob("*")
+            if (f / f"{name}.vtk").exists()
+        ]
         if not files:
             raise StageError(f"{folder}: the solver wrote no {name}; run the stage 'run' first")
         # the overlap belongs to the interval before

@@ -27,7 +27,11 @@ def saved_times(folder: Path, ranks: Ranks, wanted: tuple[str, ...]) -> list[tup
         if time is None or time <= 0 or not all((place / name).exists() for name in wanted):
             continue
         # the old-time fields of the second-order scheme count as well, whatever their names; frames of the motion do not
-        if all(is_whole(path, ranks) for path in place.rglob("*") if path.is_file() and path.suffix != ".gz"):
+        if all(
+            is_whole(path, ranks)
+            for path in place.rglob("*")
+            if path.is_file() and path.suffix != ".gz"
+        ):
             saved.append((time, place.name))
     return sorted(saved)
 
@@ -52,7 +56,9 @@ def reached_time(case: Path, ranks: Ranks, name: str) -> str:
     path = ranks.folders(case)[0] / name / "uniform" / "time"
     value = re.search(r"(?m)^value\s+(\S+);", path.read_text(errors="replace"))
     if value is None:
-        raise StageError(f"{path}: no value of the time; delete {path.parents[1]} and run make again")
+        raise StageError(
+            f"{path}: no value of the time; delete {path.parents[1]} and run make again"
+        )
     return value[1]
 
 
@@ -64,9 +70,13 @@ def first_damaged(case: Path) -> float:
     surfaces_whole: list[dict[float, bool]] = []
     for surfaces in (case / "postProcessing").glob("*Surface"):
         folders = [
-            (time, folder) for folder in surfaces.iterdir() if (time := _number(folder.name)) is not None
+            (time, folder)
+            for folder in surfaces.iterdir()
+            if (time := _number(folder.name)) is not None
         ]
-        surfaces_whole.append({t: any(map(is_whole_vtk, folder.glob("*.vtk"))) for t, folder in folders})
+        surfaces_whole.append(
+            {t: any(map(is_whole_vtk, folder.glob("*.vtk"))) for t, folder in folders}
+        )
     last = max((time for whole in surfaces_whole for time in whole), default=0.0)
     damaged = [time for whole in surfaces_whole for time, good in whole.items() if not good]
     for whole in surfaces_whole:
@@ -87,7 +97,9 @@ def force_times(case: Path) -> list[float]:
     start, folder = parts[-1]
     return [
         start,
-        *sorted(float(time) for path in folder.glob("force*.dat") for time in table_rows(path)[:, 0]),
+        *sorted(
+            float(time) for path in folder.glob("force*.dat") for time in table_rows(path)[:, 0]
+        ),
     ]
 
 

@@ -101,7 +101,9 @@ def face_terms(mesh: FaceGeometry, velocity: np.ndarray, pressure: np.ndarray, o
     real = edge > 0
     away = _dot(outside, mesh.centre[n:] - mesh.cell_centre[rim]) / np.where(real, edge, 1.0)
     jump = on_boundary - velocity[rim]
-    rim_viscous = np.where(real, viscosity[rim] * edge / np.where(real, away, 1.0) * _dot(jump, jump), 0.0)
+    rim_viscous = np.where(
+        real, viscosity[rim] * edge / np.where(real, away, 1.0) * _dot(jump, jump), 0.0
+    )
 
     # pressure: its gradient's work on the cells' velocity beyond that on the walls', which moves no energy if both fluxes agree
     coupled = -at_faces(pressure) * _dot(inside, change)

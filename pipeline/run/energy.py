@@ -17,7 +17,9 @@ from pipeline.openfoam.surface_vtk import area_vectors, read_surface
 ENERGY_TOLERANCE = 0.05
 # of the energy that the finger's volume of water has at its peak speed: below it nothing is judged
 FLOOR = 1e-3
-HALVE = "halve numerics.time_step, and again where it stops again"  # finer cells would make it worse
+HALVE = (
+    "halve numerics.time_step, and again where it stops again"  # finer cells would make it worse
+)
 # part of the peak speed by which a wall may change within one time step for its work to be sampled
 UNRESOLVED = 0.2
 
@@ -66,7 +68,9 @@ class Budget:
         return excess if excess > ENERGY_TOLERANCE * self.largest + self.floor else None
 
 
-def resolved_dissipation(density: float, viscosity: float, gradient: Any, half_vorticity: Any) -> Any:
+def resolved_dissipation(
+    density: float, viscosity: float, gradient: Any, half_vorticity: Any
+) -> Any:
     """Power (W) that viscosity takes from the resolved flow, of the volume integrals of |grad u|^2 and half of |curl u|^2.
 
     2 S:S = 2 |grad u|^2 - |curl u|^2, and OpenFOAM's enstrophy is half of |curl u|^2.
@@ -108,7 +112,9 @@ class EnergyGuard:
     viscosity: float
     budget: Budget
     from_rest: bool = True
-    work_rate: Callable[[Path, float], float] = finger_power  # W, of a sampled surface and the density
+    work_rate: Callable[[Path, float], float] = (
+        finger_power  # W, of a sampled surface and the density
+    )
     rows: int = 0
 
     def check(self, ended: bool = False) -> str | None:

@@ -54,7 +54,9 @@ class Guard:
             local = float(re.split(r"[=,]", line)[1])
             if not local < MAX_CONTINUITY:
                 return f"continuity error {local:.3g}"
-        elif line.startswith("Unknown function type"):  # OpenFOAM would only warn, and record nothing
+        elif line.startswith(
+            "Unknown function type"
+        ):  # OpenFOAM would only warn, and record nothing
             self.remedy = "install the whole of that OpenFOAM, then run make again"
             return f"OpenFOAM has no function object {line.split()[-1]}"
         elif "Solving for" in line:
@@ -88,7 +90,9 @@ def guard_of(out: Path, interval: Interval, steps: Steps, max_courant: float, de
     """
     times = steps.times[:-PADDING]
     motion, wall = read_motion(out, interval.mesh), read_planform(out, interval.mesh)["wall"].values
-    positions = PPoly(motion.shape.c[:, :, wall], motion.shape.x)(motion.pressure(np.maximum(times, 0.0)))
+    positions = PPoly(motion.shape.c[:, :, wall], motion.shape.x)(
+        motion.pressure(np.maximum(times, 0.0))
+    )
     check_courant(positions, times, max_courant)
     budget = energy_budget(positions, times, depth, density)
     samples = out / "case" / interval.name / "postProcessing"
@@ -126,7 +130,9 @@ class Watchdog:
     def longest_step(self) -> float:
         """How long (s) this time step may take."""
         least, factor = LONG_STEP
-        return max(least, factor * float(np.median(list(self._steps)))) if self._steps else FIRST_STEP
+        return (
+            max(least, factor * float(np.median(list(self._steps)))) if self._steps else FIRST_STEP
+        )
 
     def check(self, passed: float) -> str | None:
         """What is wrong once another `passed` s have gone by, else None."""

@@ -16,10 +16,20 @@ from fileio.formats.sweep import read_sweep
 from fileio.json_text import read_json
 from pipeline.geometry.swept_cells import SweptCells, carry, overlap_of, swept_cells
 from pipeline.openfoam.displacement_files import time_name
-from pipeline.openfoam.foamfile import END, field_of, header, labels_of, read_field, write_bytes, write_field
+from pipeline.openfoam.foamfile import (
+    END,
+    field_of,
+    header,
+    labels_of,
+    read_field,
+    write_bytes,
+    write_field,
+)
 from pipeline.openfoam.ranks import Ranks
 
-SETTLED = 0.02  # of the peak force of the run: the forces of two intervals that differ by less agree
+SETTLED = (
+    0.02  # of the peak force of the run: the forces of two intervals that differ by less agree
+)
 FIELD_MAPPING = "field_mapping.json"  # in an interval's folder: the change of energy by the mapping
 
 
@@ -27,7 +37,9 @@ def cells_of(out: Path, interval: Interval, time: float) -> SweptCells:
     """The mesh of an interval in its shape at `time` s."""
     planform = read_planform(out, interval.mesh)
     motion = read_motion(out, interval.mesh)
-    return swept_cells(planform, read_sweep(out, interval.name), motion.nodes(time), motion.velocity(time))
+    return swept_cells(
+        planform, read_sweep(out, interval.name), motion.nodes(time), motion.velocity(time)
+    )
 
 
 def read_cells(case: Path, time: str, name: str, ranks: Ranks, cells: int) -> np.ndarray:
@@ -74,10 +86,14 @@ def map_fields(out: Path, before: Interval, interval: Interval, ranks: Ranks, st
     old, new = out / "case" / before.name, out / "case" / interval.name
     name = time_name(interval.begin)
     source, target = (cells_of(out, of, interval.begin) for of in (before, interval))
-    velocity, pressure = (read_cells(old, name, field, ranks, len(source.column)) for field in ("U", "p"))
+    velocity, pressure = (
+        read_cells(old, name, field, ranks, len(source.column)) for field in ("U", "p")
+    )
     overlap = overlap_of(source, target)
     averaged, sampled = carry(source, target, overlap, velocity, no_slip=True)
-    mapped = averaged + energy_share(source, target, velocity, averaged, sampled) * (sampled - averaged)
+    mapped = averaged + energy_share(source, target, velocity, averaged, sampled) * (
+        sampled - averaged
+    )
     write_field(new / name / "U", new / "0.orig" / "U", mapped)
     first_guess = carry(source, target, overlap, pressure[:, None], no_slip=False)[0][:, 0]
     write_field(new / name / "p", new / "0.orig" / "p", first_guess)
@@ -88,9 +104,14 @@ def map_fields(out: Path, before: Interval, interval: Interval, ranks: Ranks, st
     index = b"index %d;\n" % step
     time_header = header("dictionary", f"{name}/uniform", "time", binary=False)
     write_bytes(new / name / "uniform" / "time", time_header + index + END)
-    squares = [square_sum(*pair) for pair in ((source, velocity, velocity), (target, mapped, mapped))]
+    squares = [
+        square_sum(*pair) for pair in ((source, velocity, velocity), (target, mapped, mapped))
+    ]
     jump = squares[1] / squares[0] - 1 if squares[0] else 0.0
-    write_text(new / FIELD_MAPPING, json.dumps({"mapped_at": interval.begin, "mapping_jump_fraction": jump}))
+    write_text(
+        new / FIELD_MAPPING,
+        json.dumps({"mapped_at": interval.begin, "mapping_jump_fraction": jump}),
+    )
 
 
 def common(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -100,7 +121,9 @@ def common(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return before[first], after[second]
 
 
-def settling_time(before: np.ndarray, after: np.ndarray, mapped_at: float, peak: float) -> float | None:
+def settling_time(
+    before: np.ndarray, after: np.ndarray, mapped_at: float, peak: float
+) -> float | None:
     """Time (s) after `mapped_at` until the forces (time, component …) of two intervals agree to SETTLED of `peak`.
 
     None where they still differ by more at the end of the overlap.

@@ -77,7 +77,9 @@ def _bisect(centres: np.ndarray, load: np.ndarray, members: np.ndarray, first: i
         return
     lower = ranks // 2
     # Across the direction in which the cells, not the tank, spread more: short cuts, few shared faces.
-    axis = int(np.argmax(np.average((centres[members] - np.median(centres[members], 0)) ** 2, axis=0)))
+    axis = int(
+        np.argmax(np.average((centres[members] - np.median(centres[members], 0)) ** 2, axis=0))
+    )
     ordered = members[np.argsort(centres[members, axis], kind="stable")]
     share = np.cumsum(load[ordered])
     cut = int(np.searchsorted(share, share[-1] * lower / ranks))
@@ -93,14 +95,18 @@ def scotch_program() -> str | None:
     return next((path for name in PROGRAMS if (path := shutil.which(name))), None)
 
 
-def partition_scotch(load: np.ndarray, pairs: np.ndarray, faces: np.ndarray, ranks: int) -> np.ndarray:
+def partition_scotch(
+    load: np.ndarray, pairs: np.ndarray, faces: np.ndarray, ranks: int
+) -> np.ndarray:
     """Rank (column,) of equal `load` (column,) and few shared `faces` (edge,) of neighbouring `pairs` (edge, 2).
 
     Columns without cells are left to rank 0. Raises StageError where scotch is missing or fails.
     """
     program = scotch_program()
     if program is None:
-        raise StageError("scotch is not installed (no gpart on the path); run: sudo apt-get install scotch")
+        raise StageError(
+            "scotch is not installed (no gpart on the path); run: sudo apt-get install scotch"
+        )
     columns = np.flatnonzero(load > 0)
     number = np.full(len(load), -1)
     number[columns] = np.arange(len(columns))
@@ -109,7 +115,9 @@ def partition_scotch(load: np.ndarray, pairs: np.ndarray, faces: np.ndarray, ran
     env = os.environ | {"SCOTCH_PTHREAD_NUMBER": "1", "SCOTCH_DETERMINISTIC": "1"}
     with tempfile.TemporaryDirectory() as folder:
         graph, mapping = Path(folder) / "columns.grf", Path(folder) / "columns.map"
-        text = graph_text(load[columns].astype(int), number[pairs[shared]], faces[shared].astype(int))
+        text = graph_text(
+            load[columns].astype(int), number[pairs[shared]], faces[shared].astype(int)
+        )
         graph.write_text(text)
         command = [program, str(ranks), str(graph), str(mapping), "/dev/null"]
         done = subprocess.run(command, env=env, capture_output=True, text=True)

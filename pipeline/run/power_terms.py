@@ -58,7 +58,9 @@ def term_rows(out: Path, interval: Interval, ranks: Ranks, density: float, visco
         region = regions(
             columns, column, mesh.cell_centre[:, 2], nodes[planform["wall"].values], reach, mirrored
         )
-        parts = density * np.array([np.bincount(region, terms[name], len(REGIONS)) for name in LOSSES])
+        parts = density * np.array(
+            [np.bincount(region, terms[name], len(REGIONS)) for name in LOSSES]
+        )
         rows.append([time, *parts.sum(axis=1), *parts.ravel()])
     return np.array(rows).reshape(-1, len(POWER_TERMS.columns))
 
@@ -67,7 +69,10 @@ def geometry_at(
     faces: Faces, planform: xr.Dataset, sweep: xr.Dataset, nodes: np.ndarray, flat: bool
 ) -> FaceGeometry:
     """Geometry of a mesh interval's mesh with its planform's nodes at `nodes` (node, 2), m."""
-    levels, cells = planform["levels"].values, (planform["triangles"].values, planform["quads"].values)
+    levels, cells = (
+        planform["levels"].values,
+        (planform["triangles"].values, planform["quads"].values),
+    )
     column, layer = sweep["cell_column"].values, sweep["cell_layer"].values
     points = np.column_stack([nodes[sweep["node"].values], levels[sweep["level"].values]])
     middle = 0.5 * (levels[1:] + levels[:-1])
@@ -96,7 +101,9 @@ def boundary_velocity(mesh: FaceGeometry, velocity: np.ndarray, moving: np.ndarr
         elif name in FREE:
             area = mesh.area[faces]
             size = np.maximum(np.einsum("fi,fi->f", area, area), 1e-300)
-            patch_velocity[rows] = inside - (np.einsum("fi,fi->f", inside, area) / size)[:, None] * area
+            patch_velocity[rows] = (
+                inside - (np.einsum("fi,fi->f", inside, area) / size)[:, None] * area
+            )
     return patch_velocity
 
 

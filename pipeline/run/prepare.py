@@ -89,7 +89,9 @@ def prepare(out: Path, intervals: tuple[Interval, ...], interval: Interval, rank
     if ranks.count > 1:
         _decompose(case, sweep, planform, ranks)
     if interval.moving:
-        _write_motion(case, read_motion(out, interval.mesh), sweep, planform, ranks, steps.times, quiet)
+        _write_motion(
+            case, read_motion(out, interval.mesh), sweep, planform, ranks, steps.times, quiet
+        )
     write_text(case / STATE, json.dumps(wanted))
 
 
@@ -99,7 +101,10 @@ def _write_motion(case: Path, motion: NodeMotion, sweep: xr.Dataset, planform: x
     driving = (level == 0) | ((level == planform.sizes["level"] - 1) & (kind == "full"))
     points = [np.arange(len(node))]
     if ranks.count > 1:
-        points = [labels_of(block) for block in ranks.contents(case, "constant/polyMesh/pointProcAddressing")]
+        points = [
+            labels_of(block)
+            for block in ranks.contents(case, "constant/polyMesh/pointProcAddressing")
+        ]
     done = write_frames(
         ranks.folders(case), motion, [node[p] for p in points], [driving[p] for p in points],
         times, flat=kind == "2d", collated=ranks.collated,
@@ -113,7 +118,9 @@ def _decompose(case: Path, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks
     triangles, quads = planform["triangles"].values, planform["quads"].values
     centres = cell_centres(planform["points"].values[0], triangles, quads)
     load = np.bincount(column, minlength=len(centres)).astype(float)
-    rank = partition_columns(centres, load, ranks.count, neighbours(planform_edges(triangles, quads)))[column]
+    rank = partition_columns(
+        centres, load, ranks.count, neighbours(planform_edges(triangles, quads))
+    )[column]
     write_list(case / "constant" / "cellDecomposition", "labelList", "constant", rank)
     set_number(case, "numberOfSubdomains", str(ranks.count), "decomposeParDict")
     files = COLLATED if ranks.collated else ()

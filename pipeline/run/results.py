@@ -89,7 +89,10 @@ def history(log: Path) -> np.ndarray:
         clock = float(seconds)
         continuity = CONTINUITY.findall(solution)[-1]
         iterations = sum(map(int, PRESSURE.findall(solution)))
-        rows[float(time)] = [*map(float, (time, mean, largest, *continuity, iterations)), earlier + clock]
+        rows[float(time)] = [
+            *map(float, (time, mean, largest, *continuity, iterations)),
+            earlier + clock,
+        ]
     return np.array([rows[time] for time in sorted(rows)])
 
 
@@ -145,5 +148,7 @@ def collect_results(out: Path, intervals: tuple[Interval, ...], cells: list[int]
             {"start": i.start, "end": i.end, "mesh": i.mesh, "moving": i.moving, "cells": count}
             for i, count in zip(intervals, cells, strict=True)
         ],
-        "field_mappings": field_mappings(intervals, cases, force, [part[:, [0, 2]] for part in parts]),
+        "field_mappings": field_mappings(
+            intervals, cases, force, [part[:, [0, 2]] for part in parts]
+        ),
     }

@@ -18,7 +18,12 @@ from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval
 from fileio.json_text import read_json
 from pipeline.openfoam.displacement_files import time_name
-from pipeline.openfoam.environment import die_with_parent, environment_in, last_lines, solver_command
+from pipeline.openfoam.environment import (
+    die_with_parent,
+    environment_in,
+    last_lines,
+    solver_command,
+)
 from pipeline.openfoam.foamfile import END, write_bytes
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.checkpoint import (
@@ -98,7 +103,10 @@ def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar:
         )
 
     # line by line: what a kill leaves in the log is whole lines
-    with naming(log), open(log, "a" if checkpoint else "w", buffering=1, encoding="utf-8") as output:
+    with (
+        naming(log),
+        open(log, "a" if checkpoint else "w", buffering=1, encoding="utf-8") as output,
+    ):
         output.write("\n")  # the run before may have ended within a line
         process = subprocess.Popen(
             solver_command(ranks.count, hosts, ranks.collated),
@@ -181,7 +189,9 @@ def failed(case: Path, guard: Guard, code: int) -> StageError:
         return StageError(
             f"pimpleFoam was killed at {guard.time:g} s by {kind.name}{memory}; run make again: it resumes from its last checkpoint"
         )
-    return StageError(f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{tail}")
+    return StageError(
+        f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{tail}"
+    )
 
 
 def reset_displacement(folders: list[Path], first: str, resumed: str, whole: bool = False) -> None:

@@ -57,7 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the stage."""
     parser.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
     parser.add_argument("--hosts", type=Path, help="MPI host file")
-    parser.add_argument("--collated", action="store_true", help="one file for all ranks, not one for each")
+    parser.add_argument(
+        "--collated", action="store_true", help="one file for all ranks, not one for each"
+    )
 
 
 def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
@@ -80,7 +82,9 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     fluid = scene.fluid.density, scene.fluid.kinematic_viscosity
     try:
         limit = scene.numerics.max_courant
-        guards = [guard_of(out, i, s, limit, depth, *fluid) for i, s in zip(intervals, steps, strict=True)]
+        guards = [
+            guard_of(out, i, s, limit, depth, *fluid) for i, s in zip(intervals, steps, strict=True)
+        ]
     except StageError:
         raise
     except ValueError as error:
@@ -91,7 +95,9 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         useful = max(1, min(ranks, min(cells) // LEAST_CELLS))
         if useful < ranks and not quiet:
             print(f"run: {min(cells)} cells are too few for {ranks} ranks; {useful} used")
-        layout = resumable_ranks(cases[0], intervals[0].moving, Ranks(useful, collated and useful > 1), quiet)
+        layout = resumable_ranks(
+            cases[0], intervals[0].moving, Ranks(useful, collated and useful > 1), quiet
+        )
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver", bar_format=BAR) as bar:
             for interval, case, guard, its in zip(intervals, cases, guards, steps, strict=True):
                 prepare(out, intervals, interval, layout, its, quiet)
@@ -104,7 +110,9 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                     hosts,
                     bar,
                     guard,
-                    resumes_rightly(version, scene.model.kind, scene.pinch is not None, interval.moving),
+                    resumes_rightly(
+                        version, scene.model.kind, scene.pinch is not None, interval.moving
+                    ),
                 )
                 for folder in layout.folders(case):
                     remove_frames(folder)
@@ -115,12 +123,16 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
             "resumed": [at for s in spent for at in s["resumed"]],
         }
         convection = scene.numerics.convection
-        terms = np.vstack([term_rows(out, interval, layout, *fluid, convection) for interval in intervals])
+        terms = np.vstack(
+            [term_rows(out, interval, layout, *fluid, convection) for interval in intervals]
+        )
         summary = collect_results(out, intervals, cells, *fluid, terms)
         power = POWER.read(out / "run" / "power.csv").to_numpy()
         copies = copies_of(read_planform(out, intervals[0].mesh))
         budgets = [guard.energy.budget for guard in guards if guard.energy]
-        summary["power_balance"]["from_nothing_fraction"] = energy_from_nothing(power, budgets, copies)
+        summary["power_balance"]["from_nothing_fraction"] = energy_from_nothing(
+            power, budgets, copies
+        )
     about = {
         "versions": {"OpenFOAM": version} | versions(),
         "scene_hash": scene.digest(),

@@ -74,7 +74,9 @@ def _check_places(scene: Any) -> None:
     if abs(scene.sheet.z) >= tank.size[2] / 2:
         raise ValueError(f"sheet.z = {scene.sheet.z} m lies outside the tank")
     if scene.model.kind != "full" and scene.sheet.z != 0:
-        raise ValueError("sheet.z must be 0 unless model.kind = 'full': the sheet is the symmetry plane")
+        raise ValueError(
+            "sheet.z must be 0 unless model.kind = 'full': the sheet is the symmetry plane"
+        )
 
 
 def _within(key: str, value: float, low: float, high: float, unit: str, why: str) -> None:
@@ -89,7 +91,14 @@ def _check_finger(scene: Any) -> None:
             "no finger's, against its length")  # fmt: skip
     _within("finger.width", finger.width, 0.05 * finger.thickness, 20 * finger.thickness, " m",
             "no finger's, against its thickness")  # fmt: skip
-    _within("finger.tip.length", finger.tip.length, 0, finger.length, " m", "more than the finger's length")
+    _within(
+        "finger.tip.length",
+        finger.tip.length,
+        0,
+        finger.length,
+        " m",
+        "more than the finger's length",
+    )
     thin = min(finger.thickness, finger.tip.thickness or finger.thickness)
     for name, table, key in (
         ("finger", finger, "root_corner_radius"),
@@ -97,7 +106,12 @@ def _check_finger(scene: Any) -> None:
     ):
         if key in table.model_fields_set:  # a default is fitted to a thin finger
             _within(
-                f"{name}.{key}", getattr(table, key), 0, 0.49 * thin, " m", "more than half the thickness"
+                f"{name}.{key}",
+                getattr(table, key),
+                0,
+                0.49 * thin,
+                " m",
+                "more than half the thickness",
             )
 
 
@@ -190,7 +204,13 @@ def _check_pictures(scene: Any) -> None:
             f"too much of the {levels} levels to see particles",
         ),
         ("piv.window", piv.window, side / 2, " px", "more than half the picture"),
-        ("piv.spacing", piv.spacing, side / 8, " px", "too much to put eight vectors into the picture"),
+        (
+            "piv.spacing",
+            piv.spacing,
+            side / 8,
+            " px",
+            "too much to put eight vectors into the picture",
+        ),
         (
             "vortices.stencil_radius",
             scene.vortices.stencil_radius,

@@ -62,7 +62,9 @@ def check_pinch(pinch: Pinch, finger: Finger, tank: Tank, start_pressure_kpa: fl
             " -half_distance and +half_distance; give pinch.half_distance only"
         )
     if finger.ventral != "+x":
-        raise ValueError("finger.ventral must be '+x' beside [pinch]: the fingers close towards each other")
+        raise ValueError(
+            "finger.ventral must be '+x' beside [pinch]: the fingers close towards each other"
+        )
     if pinch.half_distance + 0.5 * finger.thickness >= 0.5 * tank.size[0]:
         raise ValueError(
             f"pinch.half_distance = {pinch.half_distance:g} m puts the fingers into the walls of the tank;"
@@ -78,7 +80,9 @@ def check_pinch(pinch: Pinch, finger: Finger, tank: Tank, start_pressure_kpa: fl
         _check_object(pinch.object, opening - pinch.residual_gap, finger, tank, start_pressure_kpa)
 
 
-def _check_object(thing: Object, free: float, finger: Finger, tank: Tank, start_pressure_kpa: float) -> None:
+def _check_object(
+    thing: Object, free: float, finger: Finger, tank: Tank, start_pressure_kpa: float
+) -> None:
     radius = 0.5 * thing.diameter
     if not radius < thing.centre_height < tank.water_depth - radius:
         raise ValueError(
@@ -112,4 +116,6 @@ def check_support(support: Support, finger: Finger, tank: Tank) -> None:
             f" give less than {tank.water_depth - support.bottom:g}"
         )
     if support.size[0] >= tank.size[0] or support.size[2] >= tank.size[2]:
-        raise ValueError(f"support.size = {list(support.size)} m does not fit into the tank; make it smaller")
+        raise ValueError(
+            f"support.size = {list(support.size)} m does not fit into the tank; make it smaller"
+        )

@@ -38,13 +38,20 @@ def predicted(scene: Any) -> Size:
     rate = camera.frame_rate_hz or scene.sheet.rate_hz
     frames = end * rate * (min(1.0, 2 / camera.pairs_every))
     solutions = (
-        numerics.outer_correctors * numerics.pressure_correctors * (1 + numerics.non_orthogonal_correctors)
+        numerics.outer_correctors
+        * numerics.pressure_correctors
+        * (1 + numerics.non_orthogonal_correctors)
     )
     disk = checkpoints(scene) * cells * CHECKPOINT_PER_CELL
     disk += end * scene.sheet.rate_hz * sheet_points(scene) * SHEET_PER_POINT
     disk += frames * camera.columns * camera.rows * (1 if camera.bits == 8 else 2)
     return Size(
-        cells, steps, frames, cells * MEMORY_PER_CELL, disk, cells * steps * solutions * SECONDS_PER_CELL
+        cells,
+        steps,
+        frames,
+        cells * MEMORY_PER_CELL,
+        disk,
+        cells * steps * solutions * SECONDS_PER_CELL,
     )
 
 
@@ -70,7 +77,9 @@ def estimated_cells(scene: Any) -> float:
     mesh, finger, body = scene.mesh, scene.finger, scene.body
     length = body.size if body else finger.length + finger.tip.length
     perimeter = 2 * (length + (body.thickness or body.size if body else finger.thickness))
-    around = 2 * length * 2 * mesh.near_distance + np.pi * mesh.near_distance**2  # of the path of the tip
+    around = (
+        2 * length * 2 * mesh.near_distance + np.pi * mesh.near_distance**2
+    )  # of the path of the tip
     triangles = 2.3 * (
         around / mesh.near_cell**2
         + scene.tank.size[0] * scene.tank.water_depth / mesh.far_cell**2

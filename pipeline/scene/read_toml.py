@@ -55,13 +55,17 @@ def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
         ) from None
     parent = table.pop("extends", None)
     levels = table.pop("levels", {})
-    if not isinstance(levels, dict) or not all(isinstance(level, dict) for level in levels.values()):
+    if not isinstance(levels, dict) or not all(
+        isinstance(level, dict) for level in levels.values()
+    ):
         raise StageError(f"{path}: levels: give tables, as [levels.coarse]")
     layers = [Layer(path, table, levels)]
     if parent is None:
         return layers
     if not isinstance(parent, str):
-        raise StageError(f"{path}: extends: give the folder of another scene as text (got {parent!r})")
+        raise StageError(
+            f"{path}: extends: give the folder of another scene as text (got {parent!r})"
+        )
     chain = (*children, path.resolve())
     base = path.parent / parent / "scene.toml"
     if base.resolve() in chain:

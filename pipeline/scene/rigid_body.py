@@ -37,7 +37,9 @@ class RigidBody(Section):
         if (self.shape == "plate") != plate or (not plate and (self.chord or self.thickness)):
             raise ValueError("give chord and thickness to a plate, and to a plate only")
         if self.chord and self.thickness and self.thickness >= self.chord:
-            raise ValueError(f"thickness = {self.thickness} m is not less than the chord, {self.chord} m")
+            raise ValueError(
+                f"thickness = {self.thickness} m is not less than the chord, {self.chord} m"
+            )
         return self
 
     @property

@@ -78,7 +78,9 @@ class Scene(Section):
         size = given.get("diameter", given.get("chord", given.get("length", FINGER_LENGTH)))
         for name, section, keys in (("mesh", Mesh, SCALED), ("sheet", Sheet, ("margin",))):
             own = table.get(name, {})
-            if isinstance(own, dict) and isinstance(size, int | float):  # else the section's own check tells
+            if isinstance(own, dict) and isinstance(
+                size, int | float
+            ):  # else the section's own check tells
                 scale = size / FINGER_LENGTH
                 table[name] = {key: section.model_fields[key].default * scale for key in keys} | own
         return table
@@ -86,7 +88,9 @@ class Scene(Section):
     @model_validator(mode="after")
     def _one_body(self) -> Scene:
         if (self.body is None) == (self.motion.source == "rigid"):
-            raise ValueError("body and motion.source = 'rigid' belong together; give both or neither")
+            raise ValueError(
+                "body and motion.source = 'rigid' belong together; give both or neither"
+            )
         if self.body is not None and self.pinch is not None:
             raise ValueError("pinch: a rigid body has no second finger; remove it")
         return self
@@ -100,7 +104,9 @@ class Scene(Section):
         """The scene with the fingers of a pinch where it hangs them; itself without a pinch."""
         if self.pinch is None:
             return self
-        finger = self.finger.model_copy(update={"root": (-self.pinch.half_distance, self.finger.root[1])})
+        finger = self.finger.model_copy(
+            update={"root": (-self.pinch.half_distance, self.finger.root[1])}
+        )
         return self.model_copy(update={"finger": finger})
 
     def remarks(self) -> list[str]:
@@ -129,11 +135,17 @@ class Scene(Section):
             if stroke.start >= self.motion.end_time
         ]
         size = predicted(self)
-        room = next(shutil.disk_usage(p).free for p in (self.out, *self.out.absolute().parents) if p.exists())
+        room = next(
+            shutil.disk_usage(p).free
+            for p in (self.out, *self.out.absolute().parents)
+            if p.exists()
+        )
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
         for kind, wanted, there in (("memory", size.memory, memory), ("disk", size.disk, room)):
             if wanted > there:
-                said.append(f"warning: this takes {size}, but there are {there / 1e9:.3g} GB of {kind} here")
+                said.append(
+                    f"warning: this takes {size}, but there are {there / 1e9:.3g} GB of {kind} here"
+                )
         return said
 
     @property
@@ -156,7 +168,9 @@ def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
     table, _ = resolve(path, level)
     for key in ("name", "level", "folder"):
         if key in table:
-            raise StageError(f"{path}: {key}: this key is not known; check its spelling or remove it")
+            raise StageError(
+                f"{path}: {key}: this key is not known; check its spelling or remove it"
+            )
     try:
         return Scene(**table, name=folder.name, level=level, folder=folder).placed()
     except ValidationError as error:

@@ -44,7 +44,9 @@ class Tip(Section):
     @model_validator(mode="after")
     def _taper_has_length(self) -> Tip:
         if self.thickness is not None and self.length == 0:
-            raise ValueError("a thickness is given but no length to taper over; give finger.tip.length")
+            raise ValueError(
+                "a thickness is given but no length to taper over; give finger.tip.length"
+            )
         return self
 
 
@@ -146,18 +148,30 @@ class Motion(Section):
 
     @model_validator(mode="after")
     def _one_history(self) -> Motion:
-        rigid = sum(given is not None for given in (self.displacement, self.rotation, self.path_csv))
+        rigid = sum(
+            given is not None for given in (self.displacement, self.rotation, self.path_csv)
+        )
         if rigid != (self.source == "rigid") or (rigid and (self.strokes or self.pressure_csv)):
             raise ValueError(
                 "motion.source = 'rigid' takes one of motion.displacement, rotation and path_csv, and no strokes"
             )
         if rigid:
-            unused = {"states", "recording", "recording_factor", "start_pressure_kpa", "max_bend_step_deg"}
+            unused = {
+                "states",
+                "recording",
+                "recording_factor",
+                "start_pressure_kpa",
+                "max_bend_step_deg",
+            }
             if given := sorted(unused & self.model_fields_set):
-                raise ValueError(f"motion.{given[0]} is a finger's; remove it beside motion.source = 'rigid'")
+                raise ValueError(
+                    f"motion.{given[0]} is a finger's; remove it beside motion.source = 'rigid'"
+                )
             return self
         if self.path_step:
-            raise ValueError("motion.path_step is a rigid body's; give motion.max_bend_step_deg for a finger")
+            raise ValueError(
+                "motion.path_step is a rigid body's; give motion.max_bend_step_deg for a finger"
+            )
         if self.source == "recording":
             if not self.recording or self.strokes or self.pressure_csv:
                 raise ValueError(
@@ -170,7 +184,9 @@ class Motion(Section):
                 "motion.recording and recording_factor belong to motion.source = 'recording'; remove them"
             )
         if bool(self.strokes) == bool(self.pressure_csv):
-            raise ValueError("give either motion.strokes or motion.pressure_csv, not both and not neither")
+            raise ValueError(
+                "give either motion.strokes or motion.pressure_csv, not both and not neither"
+            )
         if self.pressure_csv and self.start_pressure_kpa != 0:
             raise ValueError(
                 "motion.start_pressure_kpa belongs to motion.strokes; remove it beside motion.pressure_csv"
@@ -212,7 +228,13 @@ class Structure(Section):
 
 
 FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled
-SCALED = ("near_distance", "tip_distance", "tip_transition", "wall_distance", "jet_reach")  # of [mesh]
+SCALED = (
+    "near_distance",
+    "tip_distance",
+    "tip_transition",
+    "wall_distance",
+    "jet_reach",
+)  # of [mesh]
 
 
 class Mesh(Section):

@@ -54,7 +54,9 @@ class Chain:
         self.pressure, self.law, self.width = states.pressure, law, width
         piece = np.diff(states.profile, axis=1)
         angle = np.unwrap(np.arctan2(piece[..., 1], piece[..., 0]), axis=1)
-        self._angle = CubicSpline(states.pressure, angle - 2 * np.pi * np.round(angle[:, :1] / (2 * np.pi)))
+        self._angle = CubicSpline(
+            states.pressure, angle - 2 * np.pi * np.round(angle[:, :1] / (2 * np.pi))
+        )
         self._length = CubicSpline(states.pressure, np.hypot(piece[..., 0], piece[..., 1]))
         self._thickness = CubicSpline(states.pressure, states.thickness)
         self._axis = CubicSpline(states.pressure, law.neutral_axis)
@@ -76,7 +78,9 @@ class Chain:
             section - law.rubber_section - float(self._air_section(states.pressure[rest])), 0.0
         )
         moment = 0.5 * height * section - law.rubber_height * law.rubber_section
-        moment -= float(self._air_height(states.pressure[rest]) * self._air_section(states.pressure[rest]))
+        moment -= float(
+            self._air_height(states.pressure[rest]) * self._air_section(states.pressure[rest])
+        )
         self._gap_height = moment / self.gap_section if self.gap_section > 0 else 0.5 * height
 
     @property
@@ -112,7 +116,9 @@ class Chain:
 
         def mean(values: ComplexArray) -> ComplexArray:
             """Over the length of each slice, by the trapezoidal rule."""
-            parts = [np.trapezoid(values[:, a : b + 1], self.arc[a : b + 1], axis=1) for a, b in spans]
+            parts = [
+                np.trapezoid(values[:, a : b + 1], self.arc[a : b + 1], axis=1) for a, b in spans
+            ]
             return np.asarray(np.stack(parts, axis=1) / self.lengths, dtype=complex)
 
         def carried(height: FloatArray | float) -> ComplexArray:
@@ -138,7 +144,9 @@ class Chain:
         points, angle = self._profile(pressure)
         height = self._axis(pressure)[:, None]
         axis = points - 1j * height * np.exp(1j * angle)
-        knots = np.concatenate([[self.arc[self.joints[0]]], self.arc[self.joints[:-1]] + 0.5 * self.lengths])
+        knots = np.concatenate(
+            [[self.arc[self.joints[0]]], self.arc[self.joints[:-1]] + 0.5 * self.lengths]
+        )
         turned = np.concatenate([np.zeros((len(delta), 1)), delta], axis=1)
         turn = np.array([np.interp(self.arc, knots, row) for row in turned])
         middle = 0.5 * (turn[:, 1:] + turn[:, :-1])
@@ -157,7 +165,8 @@ def placed(unloaded: Unloaded, at: int | slice | NDArray[np.intp], delta: FloatA
     joint = np.concatenate([np.broadcast_to(root, (*steps.shape[:-1], 1)), root + steps], axis=-1)
     start = joint[..., :-1]
     carried = {
-        name: start + getattr(unloaded, name)[at] * turn for name in ("middle", "rubber", "gap", "air")
+        name: start + getattr(unloaded, name)[at] * turn
+        for name in ("middle", "rubber", "gap", "air")
     }
     return Placed(joint, unloaded.heading[at] * turn, **carried)
 

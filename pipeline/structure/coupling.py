@@ -31,7 +31,9 @@ def loads_of_model(
     """The modelled water's loads (time, slice, 3) on a motion, as `forces` takes them."""
     at = placed(chain.unloaded(pressure), slice(None), delta)
     rates = rates_of(at, step)
-    force = modelled_water(chain, around, at.heading, rates.velocity, rates.middle) * np.conj(at.heading)
+    force = modelled_water(chain, around, at.heading, rates.velocity, rates.middle) * np.conj(
+        at.heading
+    )
     return np.stack([force.real, force.imag, np.zeros(force.shape)], axis=-1)
 
 
@@ -54,7 +56,9 @@ def next_delta(chain: Chain, pressure: FloatArray, step: float, around: Surround
 def knots(end: float) -> FloatArray:
     """Times (s) of the shapes of a motion."""
     return np.unique(
-        np.concatenate([np.arange(0, min(EARLY, end), FIRST_KNOTS), np.arange(EARLY, end, KNOT), [end]])
+        np.concatenate(
+            [np.arange(0, min(EARLY, end), FIRST_KNOTS), np.arange(EARLY, end, KNOT), [end]]
+        )
     )
 
 
@@ -67,7 +71,9 @@ def motion_values(chain: Chain, time: FloatArray, pressure: FloatArray, delta: F
     tip, bend = np.inf, np.inf
     if before is not None:
         tip = float(
-            np.hypot(*(chain.profile(pressure, delta) - chain.profile(pressure, before))[:, -1].T).max()
+            np.hypot(
+                *(chain.profile(pressure, delta) - chain.profile(pressure, before))[:, -1].T
+            ).max()
         )
         bend = float(np.abs(delta[:, -1] - before[:, -1]).max())
     return {

@@ -28,18 +28,26 @@ def energies(chain: Chain, pressure: FloatArray, delta: FloatArray, step: float,
     at = placed(unloaded, slice(None), delta)
     air = chain.air_section(pressure)[:, None]
     acting = forces(chain, around, at, rates_of(at, step), air, loads)
-    still = forces(chain, around, at, at_standstill(at), air, 0 * loads)  # weight and buoyancy alone
+    still = forces(
+        chain, around, at, at_standstill(at), air, 0 * loads
+    )  # weight and buoyancy alone
     velocity = {name: np.gradient(getattr(at, name), step, axis=0) for name in CARRIED}
     turning = np.gradient(np.unwrap(np.angle(at.heading), axis=0), step, axis=0)
-    ahead, behind = (placed(unloaded, np.clip(np.arange(count) + k, 0, count - 1), delta) for k in (1, -1))
+    ahead, behind = (
+        placed(unloaded, np.clip(np.arange(count) + k, 0, count - 1), delta) for k in (1, -1)
+    )
     own = {name: (getattr(ahead, name) - getattr(behind, name)) / (2 * step) for name in CARRIED}
     own_turning = turning - np.gradient(delta, step, axis=0)
 
     def work(power: FloatArray) -> FloatArray:
         return np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1])) * step])
 
-    def of(parts: list[tuple[ComplexArray, ComplexArray]], rates: dict[str, ComplexArray]) -> FloatArray:
-        each = [(np.conj(f) * rates[n]).real.sum(-1) for n, (_, f) in zip(CARRIED, parts, strict=True)]
+    def of(
+        parts: list[tuple[ComplexArray, ComplexArray]], rates: dict[str, ComplexArray]
+    ) -> FloatArray:
+        each = [
+            (np.conj(f) * rates[n]).real.sum(-1) for n, (_, f) in zip(CARRIED, parts, strict=True)
+        ]
         return np.asarray(np.sum(each, axis=0))
 
     on_middle = (np.conj(acting[-1][1]) * velocity["middle"]).real.sum(-1)
@@ -50,7 +58,9 @@ def energies(chain: Chain, pressure: FloatArray, delta: FloatArray, step: float,
     moment = np.array([law.moment(b / chain.springs) for law, b in zip(laws, bend, strict=True)])
     stiffness = np.interp(pressure, chain.pressure, chain.law.stiffness)[:, None]
     masses = (("rubber", chain.law.rubber_mass), ("gap", around.fluid * chain.gap_section))
-    kinetic = sum(0.5 * mass * (chain.lengths * np.abs(velocity[n]) ** 2).sum(-1) for n, mass in masses)
+    kinetic = sum(
+        0.5 * mass * (chain.lengths * np.abs(velocity[n]) ** 2).sum(-1) for n, mass in masses
+    )
     return {
         "pressure_work": -work(of(acting, own) + (torque * own_turning).sum(-1)),
         "water_work": work(on_middle + (torque * turning).sum(-1)),

@@ -53,7 +53,9 @@ def slice_loads(chain: Chain, at: Placed, profile: FloatArray, thickness: FloatA
     """
     line = middle_line(profile, thickness)
     pieces = 0.5 * (line[1:] + line[:-1])
-    slice_of_piece = np.searchsorted(chain.joints, np.arange(len(pieces)), side="right")  # 0: clamped
+    slice_of_piece = np.searchsorted(
+        chain.joints, np.arange(len(pieces)), side="right"
+    )  # 0: clamped
     _, piece = cKDTree(np.column_stack([pieces.real, pieces.imag])).query(
         np.column_stack([place.real, place.imag])
     )

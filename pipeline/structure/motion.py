@@ -76,7 +76,10 @@ def forces(chain: Chain, around: Surroundings, at: Placed, rates: Rates, air: Fl
     middle = (loads[..., 0] + 1j * loads[..., 1]) * at.heading
     middle = middle + modelled_water(chain, around, at.heading, rates.velocity, rates.middle)
     return [
-        (at.rubber, mass * (gravity - rates.rubber) - fluid * law.rubber_section * lengths * gravity),
+        (
+            at.rubber,
+            mass * (gravity - rates.rubber) - fluid * law.rubber_section * lengths * gravity,
+        ),
         (at.gap, -fluid * chain.gap_section * lengths * rates.gap),
         (at.air, -fluid * air * lengths * gravity + 0 * at.air),
         (at.middle, middle),
@@ -89,7 +92,9 @@ def at_standstill(at: Placed) -> Rates:
     return Rates(nothing, nothing, nothing, nothing)
 
 
-def _newton(residual: Callable[[FloatArray], FloatArray], delta: FloatArray, where: str) -> FloatArray:
+def _newton(
+    residual: Callable[[FloatArray], FloatArray], delta: FloatArray, where: str
+) -> FloatArray:
     """The root of `residual` (batch, n) → (batch, n), from `delta` (n,). StageError, naming `where`."""
     count = len(delta)
     nudges = np.concatenate([np.zeros((1, count)), NUDGE * np.eye(count)])
@@ -127,7 +132,9 @@ def at_rest(
             at = placed(unloaded, 0, turned)
             given = Surroundings(part * around.gravity, around.fluid)
             moment = joint_moments(
-                at, forces(chain, given, at, at_standstill(at), air, part * loads), part * loads[:, 2]
+                at,
+                forces(chain, given, at, at_standstill(at), air, part * loads),
+                part * loads[:, 2],
             )
             return law.moment(np.diff(turned, axis=-1, prepend=0.0) / chain.springs) - moment
 
@@ -176,7 +183,8 @@ def motion(chain: Chain, pressure: FloatArray, step: float, around: Surroundings
             )
         at = placed(unloaded, m, delta[m])
         before = {
-            name: np.concatenate([getattr(at, name)[None], values[:2]]) for name, values in before.items()
+            name: np.concatenate([getattr(at, name)[None], values[:2]])
+            for name, values in before.items()
         }
         bends = np.concatenate([bent[None], bends[:2]])
     return delta

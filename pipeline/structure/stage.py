@@ -33,9 +33,7 @@ UNKNOWN = (
 )
 RIGID = "The body is rigid: no load bends it."
 COUPLED = "The motion is not prescribed: it is what the pressure and the loads of the run before make of the finger."
-HELD = (
-    "The motion is not prescribed until the tips are slowed down before their contact, which then holds them."
-)
+HELD = "The motion is not prescribed until the tips are slowed down before their contact, which then holds them."
 
 
 def bending_law(states: States, stiffness: float | None) -> BendingLaw | None:
@@ -46,7 +44,9 @@ def bending_law(states: States, stiffness: float | None) -> BendingLaw | None:
     constant = constant_law(stiffness, 0.0, len(states.pressure))
     if law is None:
         return constant
-    return replace(law, stiffness=constant.stiffness, moment=constant.moment, curvature=constant.curvature)
+    return replace(
+        law, stiffness=constant.stiffness, moment=constant.moment, curvature=constant.curvature
+    )
 
 
 def finger_chain(scene: Scene, kinematics: Kinematics) -> tuple[Chain, bool]:
@@ -116,7 +116,11 @@ def measured_loads(
 
 
 def check(
-    chain: Chain, kinematics: Kinematics, chambers: CubicSpline, around: Surroundings, values: dict[str, Any]
+    chain: Chain,
+    kinematics: Kinematics,
+    chambers: CubicSpline,
+    around: Surroundings,
+    values: dict[str, Any],
 ) -> dict[str, Any]:
     """Variables and attributes of loads.h5 that say what the loads would bend; of a pinch before its contact."""
     time, pressure = values["time"], values["pressure"]
@@ -137,7 +141,9 @@ def check(
     }
 
 
-def history(scene: Scene, chain: Chain, chambers: CubicSpline, values: dict[str, Any]) -> dict[str, Any]:
+def history(
+    scene: Scene, chain: Chain, chambers: CubicSpline, values: dict[str, Any]
+) -> dict[str, Any]:
     """Variables of loads.h5 over the finger's own time steps: its motion beside those without load and without water, and energies."""
     end = scene.motion.end_time
     time = np.linspace(0.0, end, round(end / STEP) + 1)
@@ -145,7 +151,11 @@ def history(scene: Scene, chain: Chain, chambers: CubicSpline, values: dict[str,
     rubber = scene.structure.damping
     here, air = gravity(scene), Surroundings(gravity(scene), damping=rubber)
     none = np.zeros((len(time), chain.slices, 3))
-    turns = {"": delta, "_unloaded": 0 * delta, "_in_air": motion(chain, pressure, time[1], air, none)}
+    turns = {
+        "": delta,
+        "_unloaded": 0 * delta,
+        "_in_air": motion(chain, pressure, time[1], air, none),
+    }
     frame, root = axes(scene.finger), np.asarray(scene.finger.root)
     found: dict[str, Any] = {"step": time}
     for name, turn in turns.items():
@@ -169,7 +179,9 @@ def run(scene: Scene, quiet: bool = False) -> None:
     chambers = CubicSpline(kinematics.data["time"].values, kinematics.data["pressure"].values)
     coupled = scene.motion.shapes is not None
     touches = "contact_time" in kinematics.data.attrs
-    values = measured_loads(scene, chain, chambers, kinematics.law if coupled and touches else None, quiet)
+    values = measured_loads(
+        scene, chain, chambers, kinematics.law if coupled and touches else None, quiet
+    )
     if known and (scene.pinch is None or (coupled and not touches)):
         values |= history(scene, chain, chambers, values)
     if coupled:

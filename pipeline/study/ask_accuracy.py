@@ -59,7 +59,9 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
         seconds = {k[8:-2]: float(v) for k, v in record.items() if k.startswith("predict_") and v}
         if not record["error"] or record["kind"] != "flow" or not seconds:
             continue
-        overrides = {k: parse_cell(v) for k, v in record.items() if "." in k and v and k not in OF_THE_STUDY}
+        overrides = {
+            k: parse_cell(v) for k, v in record.items() if "." in k and v and k not in OF_THE_STUDY
+        }
         row = Row(record["run"], record["level"], int(float(record["ranks"])), overrides=overrides)
         settings.append(Setting(row, float(record["error"]), seconds))
     if "probe" not in head or not settings:
@@ -145,7 +147,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--accuracy", help="largest error, as 5%%")
     what.add_argument("--budget", help="longest time, as 10min")
-    what.add_argument("--after", action="store_true", help="compare the time that it took with the predicted")
+    what.add_argument(
+        "--after", action="store_true", help="compare the time that it took with the predicted"
+    )
 
 
 def run(args: argparse.Namespace) -> None:
@@ -155,7 +159,8 @@ def run(args: argparse.Namespace) -> None:
         _say_what_it_took(args.scene.name, noted)
         return
     error, time = (
-        read(text) if text else None for read, text in ((accuracy, args.accuracy), (budget, args.budget))
+        read(text) if text else None
+        for read, text in ((accuracy, args.accuracy), (budget, args.budget))
     )
     settings, head = read_results(results_of(args.scene))
     here = probe()

@@ -39,9 +39,7 @@ from pipeline.structure.stage import bending_law, gravity
 
 CHEAP = "draft"  # level of the runs before the last ones
 FINE_LEVELS = ("coarse", "medium", "fine", "reference")  # that are worth it
-CHEAP_FACTOR = (
-    5  # on the tolerance: a finer level moves the tip by as much itself, so that more cheap runs buy nothing
-)
+CHEAP_FACTOR = 5  # on the tolerance: a finer level moves the tip by as much itself, so that more cheap runs buy nothing
 FIRST = {
     "added_mass": 0.87,
     "drag": 2.2,
@@ -56,7 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scene(parser)
     parser.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
     parser.add_argument(
-        "--target", default="report", help="stage up to which the last run goes (default: %(default)s)"
+        "--target",
+        default="report",
+        help="stage up to which the last run goes (default: %(default)s)",
     )
 
 
@@ -76,7 +76,9 @@ class Structure:
             )
         end = scene.motion.end_time
         self.time: FloatArray = np.linspace(0.0, end, round(end / STEP) + 1)
-        self.pressure = finger_motion(scene.motion, scene.finger, None, scene.folder).free_law(self.time)
+        self.pressure = finger_motion(scene.motion, scene.finger, None, scene.folder).free_law(
+            self.time
+        )
         lowest, highest = float(self.pressure.min()), float(self.pressure.max())
         states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
         law = bending_law(states, scene.structure.bending_stiffness)
@@ -103,7 +105,11 @@ class Structure:
 
     def first(self) -> FloatArray:
         """Rotations of the first run."""
-        return np.zeros((len(self.time), self.chain.slices)) if self.prescribed_first else self.modelled()
+        return (
+            np.zeros((len(self.time), self.chain.slices))
+            if self.prescribed_first
+            else self.modelled()
+        )
 
     def prolonged(self, delta: FloatArray) -> FloatArray:
         """Rotations over the whole time: `delta` as far as it goes, then as the modelled water has it, from there on."""
@@ -136,7 +142,9 @@ def couple(scene: Scene, ranks: int, quiet: bool = False, target: str = "report"
     if end is None:
         return couple_free(scene, ranks, quiet, target)
     approach = scene.motion.model_copy(update={"end_time": end})
-    last = couple_free(scene.model_copy(update={"motion": approach}), ranks, quiet, "loads") / SHAPES
+    last = (
+        couple_free(scene.model_copy(update={"motion": approach}), ranks, quiet, "loads") / SHAPES
+    )
     folder = last.parents[1] / f"contact_{scene.level}"
     delta = structure.prolonged(read_elastic_motion(last)["delta"].values)
     _kept(structure, folder / SHAPES, delta, None, digest([scene.digest(), sha256(last)]))
@@ -149,10 +157,15 @@ def couple_free(scene: Scene, ranks: int, quiet: bool, target: str) -> Path:
     """Runs until the motion changes no more, the last at the scene's level and up to `target`; returns its folder. StageError."""
     structure = Structure(scene)
     home = scene.folder / "out" / "coupled"
-    limit, open_limit = scene.structure.tolerance * scene.finger.length, OPEN * scene.structure.tolerance
+    limit, open_limit = (
+        scene.structure.tolerance * scene.finger.length,
+        OPEN * scene.structure.tolerance,
+    )
     level = CHEAP if scene.level in FINE_LEVELS else scene.level
     # the content of its files too, but not the number of runs: where that is raised, the runs that are there stay
-    one_run = scene.model_copy(update={"structure": scene.structure.model_copy(update={"iterations": 1})})
+    one_run = scene.model_copy(
+        update={"structure": scene.structure.model_copy(update={"iterations": 1})}
+    )
     asked = digest([one_run.digest(), settings_of(scene, "kinematics")])
     delta, before, made_of = structure.first(), None, digest([asked, "first"])
     changes: list[float] = []
@@ -183,7 +196,9 @@ def couple_free(scene: Scene, ranks: int, quiet: bool, target: str) -> Path:
         if level == scene.level:
             write_elastic_motion(folder / AFTER, values | {"made_of": made_of})
             make_run(home, folder.name, level, target, ranks, quiet)
-            for later in range(number + 1, scene.structure.iterations + 1):  # of a motion that took more runs
+            for later in range(
+                number + 1, scene.structure.iterations + 1
+            ):  # of a motion that took more runs
                 shutil.rmtree(home / f"{scene.level}_{later}", ignore_errors=True)
             return folder
         level, changes = scene.level, []
@@ -226,7 +241,9 @@ def _end_of_approach(scene: Scene, structure: Structure) -> float | None:
     gaps = gap(np.array([free.outline(float(t)) for t in time]), scene.pinch)
     if gaps.min() > scene.pinch.residual_gap:
         return None
-    return float(time[np.argmax(gaps <= scene.pinch.residual_gap + scene.pinch.slowing_distance) - 1])
+    return float(
+        time[np.argmax(gaps <= scene.pinch.residual_gap + scene.pinch.slowing_distance) - 1]
+    )
 
 
 def _scene_text(scene: Scene, folder: Path) -> str:
@@ -236,14 +253,18 @@ def _scene_text(scene: Scene, folder: Path) -> str:
     return f"extends = {extends}\ntitle = {title}\n\n[motion]\n{motion}"
 
 
-def make_run(home: Path, name: str, level: str, target: str, ranks: int, quiet: bool = False) -> None:
+def make_run(
+    home: Path, name: str, level: str, target: str, ranks: int, quiet: bool = False
+) -> None:
     """Make a stage of the scene `name` in the folder `home`. StageError where it fails."""
     words = ["make", "--no-print-directory", f"CASES={home}", f"LEVEL={level}", f"NP={ranks}"]
     # what the make around this one was given is in the environment
     words += ["COUPLED=", f"SCENE={name}"]
     words += ["QUIET=1"] if quiet else []
     inner = {
-        key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
+        key: value
+        for key, value in os.environ.items()
+        if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
     }
     done = subprocess.run([*words, f"{name}.{target}"], env=inner, check=False)
     if done.returncode:

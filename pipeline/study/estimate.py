@@ -9,7 +9,12 @@ from fileio.formats.records import COST
 from fileio.stages import BY_NAME, Stage
 from pipeline.scene.scene import Scene
 
-LEVELS = {"smoke": 0.15, "coarse": 1.0, "medium": 10.0, "fine": 80.0}  # of the cost of a run at coarse
+LEVELS = {
+    "smoke": 0.15,
+    "coarse": 1.0,
+    "medium": 10.0,
+    "fine": 80.0,
+}  # of the cost of a run at coarse
 MARGIN = 2.0  # of time and memory, over what is expected
 LEAST_MINUTES, LEAST_MB = 5, 500
 
@@ -38,7 +43,11 @@ def _estimate(scene: Scene, stage: Stage, ranks: int, parent: Path) -> dict[str,
         source = "guess"
     cores = ranks if stage.ranks else 1
     minutes = max(LEAST_MINUTES, round(MARGIN * seconds / cores / 60))
-    return {"minutes": minutes, "memory_mb": max(LEAST_MB, round(MARGIN * memory)), "source": source}
+    return {
+        "minutes": minutes,
+        "memory_mb": max(LEAST_MB, round(MARGIN * memory)),
+        "source": source,
+    }
 
 
 def _read(path: Path) -> dict[str, Any] | None:

@@ -36,13 +36,20 @@ def outcome_of(code: int, said: str) -> dict[str, Any]:
     stopped = re.search(r"stopped at ([-+\d.e]+) s", text)
     if stopped:
         return {"ended": "stopped", "stopped_at_s": float(stopped.group(1)), "reason": text}
-    return {"ended": "failed" if re.search(r"failed (at|in)\b", text) else "refused", "reason": text}
+    return {
+        "ended": "failed" if re.search(r"failed (at|in)\b", text) else "refused",
+        "reason": text,
+    }
 
 
 def run_stage(command: list[str], longest: float = LONGEST) -> tuple[int, str] | None:
     """Exit code and standard error of a stage; None where it was not over after `longest` seconds."""
     process = subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=die_with_parent
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=die_with_parent,
     )
     try:
         _, said = process.communicate(timeout=longest)
@@ -57,10 +64,23 @@ def outcome(folder: Path, level: str, until: str, ranks: int) -> dict[str, Any]:
     """Run the stages up to `until`; how it ended, at which stage, why, and the CPU seconds it took."""
     result: dict[str, Any] = {"ended": "completed", "stage": until, "reason": ""}
     for stage in MAY_FAIL_UNTIL[: MAY_FAIL_UNTIL.index(until) + 1]:
-        command = [sys.executable, "-m", "pipeline", stage, str(folder), "--level", level, "--quiet"]
+        command = [
+            sys.executable,
+            "-m",
+            "pipeline",
+            stage,
+            str(folder),
+            "--level",
+            level,
+            "--quiet",
+        ]
         done = run_stage(command + ["--ranks", str(ranks)] * BY_NAME[stage].ranks)
         if done is None:
-            result = {"ended": "hung", "stage": stage, "reason": f"not over after {LONGEST / 60:g} minutes"}
+            result = {
+                "ended": "hung",
+                "stage": stage,
+                "reason": f"not over after {LONGEST / 60:g} minutes",
+            }
             break
         if done[0] != 0:
             result = {"stage": stage} | outcome_of(*done)

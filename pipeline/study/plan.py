@@ -66,7 +66,9 @@ def toml(value: Any) -> str:
 
 def needs_fea(row: Row) -> bool:
     """Whether the run bends another finger than its scene's, so that its states must be computed first."""
-    return row.until == "fea" or any(key.split(".")[0] in ("actuator", "fea") for key in row.overrides)
+    return row.until == "fea" or any(
+        key.split(".")[0] in ("actuator", "fea") for key in row.overrides
+    )
 
 
 def write_scene(scene: Path, study: str, row: Row) -> Path:
@@ -146,7 +148,9 @@ def wanted_of(row: Row) -> list[str]:
     if row.until == "fea":
         return [STATES]
     return [
-        f"{out}/{stage.done}" for stage in until(row.until) if not stage.temporary or stage.name == row.until
+        f"{out}/{stage.done}"
+        for stage in until(row.until)
+        if not stage.temporary or stage.name == row.until
     ]
 
 
@@ -231,7 +235,9 @@ def _one_place_each(runs: list[dict[str, Any]]) -> None:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command `plan`."""
     parser.add_argument("table", type=Path, nargs="?", help="study table (.csv)")
-    parser.add_argument("--scene", type=Path, help="folder of the scene (default: that of the table)")
+    parser.add_argument(
+        "--scene", type=Path, help="folder of the scene (default: that of the table)"
+    )
     parser.add_argument(
         "--run", type=Path, metavar="SCENE", help="one scene to its report, in place of a table"
     )

@@ -33,7 +33,9 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
     spread, plural = "", "" if pays == 1 else "s"
     if network.saturated_range and pays > 2:
         ends = [seconds(pays, replace(network, saturated=end)) for end in network.saturated_range]
-        spread = f" ({' to '.join(map(duration, ends))}, by how well a node's memory feeds its ranks)"
+        spread = (
+            f" ({' to '.join(map(duration, ends))}, by how well a node's memory feeds its ranks)"
+        )
     lines = [
         f"{scene.level} {scene.name}: {cells} cells in {columns} columns, {steps} steps",
         "",
@@ -87,7 +89,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scene(parser)
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 4, 8, 16, 32, 64, 128, 256])
     parser.add_argument(
-        "--seconds", action="store_true", help="print the solver's time on one rank alone, s, for programs"
+        "--seconds",
+        action="store_true",
+        help="print the solver's time on one rank alone, s, for programs",
     )
     parser.add_argument(
         "--measure",

@@ -42,7 +42,9 @@ def reuse(source: Path, target: Path, stage: str) -> None:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command `reuse`."""
-    parser.add_argument("source", type=Path, help="out/<level> of the run that has computed the stage")
+    parser.add_argument(
+        "source", type=Path, help="out/<level> of the run that has computed the stage"
+    )
     parser.add_argument("target", type=Path, help="out/<level> of the run that takes it over")
     parser.add_argument("stage", choices=[stage.name for stage in STAGES if stage.shared])
 

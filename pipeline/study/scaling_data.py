@@ -28,9 +28,9 @@ def read_steps(
         return None
     table = pd.read_csv(path, comment="#")
     try:
-        rows = table[(table["mesh"] == "moving") & (table["samples"].astype(str) == "True")].set_index(
-            "ranks"
-        )
+        rows = table[
+            (table["mesh"] == "moving") & (table["samples"].astype(str) == "True")
+        ].set_index("ranks")
         one, two = (rows.loc[n, sorted(MEASURED)].astype(float).to_dict() for n in (1, 2))
         mesh = {key: one[key] for key in ("cells", "columns")}
         serial = serial_seconds_per_cell * one["cells"]
@@ -40,7 +40,9 @@ def read_steps(
             {**mesh, "alone_s": one["step_s"], "step_s": two["step_s"]},
         )  # fmt: skip
     except (KeyError, ValueError) as error:
-        raise StageError(f"{path}: {error} is missing or no number; run make bench-steps again") from None
+        raise StageError(
+            f"{path}: {error} is missing or no number; run make bench-steps again"
+        ) from None
 
 
 def read_data(
@@ -53,7 +55,9 @@ def read_data(
         network["saturated_range"] = tuple(network["saturated_range"])
     two = {key: value for key, value in table.get("two_ranks", {}).items() if key != "source"}
     one = table["one_rank"]
-    measured_here = read_steps(steps, one.get("serial_s", 0.0) / one["cells"], one.get("fixed_s", 0.0))
+    measured_here = read_steps(
+        steps, one.get("serial_s", 0.0) / one["cells"], one.get("fixed_s", 0.0)
+    )
     return (*(measured_here or (one, two or None)), Network(**network))
 
 

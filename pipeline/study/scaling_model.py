@@ -39,7 +39,9 @@ class Solver:
     serial_seconds_per_cell: float  # s
     pressure_cycles: float  # GAMG cycles of a step, all correctors
     momentum_sweeps: float = 6.0  # three components, about two sweeps each
-    halos_per_level: float = 6.0  # smoothing twice, residual, prolongation, interpolation and scaling
+    halos_per_level: float = (
+        6.0  # smoothing twice, residual, prolongation, interpolation and scaling
+    )
     coarsest_iterations: float = 10.0  # of the solver of the coarsest level, two sums each
     coarsest_cells: float = 100.0  # of a rank, where agglomeration ends
     bytes_per_face: float = 8.0
@@ -70,7 +72,12 @@ def imbalance(cells: float, ranks: int, columns: float) -> float:
 def step_time(cells: float, ranks: int, columns: float, solver: Solver, network: Network) -> float:
     """Seconds of one step."""
     own = cells / ranks
-    work = solver.seconds_per_cell * own * slowdown(ranks, solver, network) * imbalance(cells, ranks, columns)
+    work = (
+        solver.seconds_per_cell
+        * own
+        * slowdown(ranks, solver, network)
+        * imbalance(cells, ranks, columns)
+    )
     serial = solver.serial_seconds_per_cell * cells + solver.seconds_per_step
     if ranks == 1:
         return work + serial
@@ -81,13 +88,22 @@ def step_time(cells: float, ranks: int, columns: float, solver: Solver, network:
     halos = solver.pressure_cycles * depth * solver.halos_per_level + solver.momentum_sweeps
     neighbours = min(6, ranks - 1)
     # coarse levels have a quarter of the faces of the finer one or so: 4/3 of the finest in all
-    carried = solver.pressure_cycles * solver.halos_per_level * faces * solver.bytes_per_face * 4 / 3
+    carried = (
+        solver.pressure_cycles * solver.halos_per_level * faces * solver.bytes_per_face * 4 / 3
+    )
     messages = halos * neighbours * network.latency + carried / network.bandwidth
-    sums = solver.pressure_cycles * (2 + 2 * solver.coarsest_iterations) * network.latency * math.log2(ranks)
+    sums = (
+        solver.pressure_cycles
+        * (2 + 2 * solver.coarsest_iterations)
+        * network.latency
+        * math.log2(ranks)
+    )
     return work + serial + messages + sums
 
 
-def useful_ranks(cells: float, columns: float, solver: Solver, network: Network, gain: float = 0.25) -> int:
+def useful_ranks(
+    cells: float, columns: float, solver: Solver, network: Network, gain: float = 0.25
+) -> int:
     """Most ranks (a power of two) that still pay: twice as many would save less than `gain` of the time, or be refused.
 
     The run stage gives no rank fewer than LEAST_CELLS.

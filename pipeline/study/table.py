@@ -12,7 +12,9 @@ from typing import Any
 from fileio.errors import StageError
 from fileio.stages import STAGES
 
-LAST = tuple(dict.fromkeys(["fea", *(name for stage in STAGES for name in (stage.name, stage.target))]))
+LAST = tuple(
+    dict.fromkeys(["fea", *(name for stage in STAGES for name in (stage.name, stage.target))])
+)
 # what pipeline.study.outcome runs
 MAY_FAIL_UNTIL = tuple(stage.name for stage in STAGES if stage.module.startswith("pipeline."))
 OWN_COLUMNS = {"run", "scene", "level", "ranks", "until", "piv_chunks", "may_fail"}
@@ -59,7 +61,8 @@ def read_study(path: Path) -> list[Row]:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice or not rows:
         raise StageError(
-            f"{path}: " + (f"run {twice!r} occurs twice; rename one" if twice else "no rows; add runs")
+            f"{path}: "
+            + (f"run {twice!r} occurs twice; rename one" if twice else "no rows; add runs")
         )
     return rows
 
@@ -67,14 +70,20 @@ def read_study(path: Path) -> list[Row]:
 def _row(path: Path, record: dict[str | None, Any]) -> Row:
     name = (record.get("run") or "").strip()
     if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", name):
-        raise StageError(f"{path}: run = {name!r}: give a name of letters, digits, '_', '-' and '.'")
+        raise StageError(
+            f"{path}: run = {name!r}: give a name of letters, digits, '_', '-' and '.'"
+        )
     if record.get(None):
-        raise StageError(f"{path}: run {name}: more cells than columns; put a cell with a comma in quotes")
+        raise StageError(
+            f"{path}: run {name}: more cells than columns; put a cell with a comma in quotes"
+        )
     given = {key: value.strip() for key, value in record.items() if key and value and value.strip()}
     counts = {}
     for key in ("ranks", "piv_chunks"):
         if not given.get(key, "1").isdecimal() or int(given.get(key, "1")) < 1:
-            raise StageError(f"{path}: run {name}: {key} = {given[key]!r}: give a whole number, 1 or more")
+            raise StageError(
+                f"{path}: run {name}: {key} = {given[key]!r}: give a whole number, 1 or more"
+            )
         counts[key] = int(given.get(key, "1"))
     until, may_fail = given.get("until", "vortices"), given.get("may_fail", "no")
     if until not in LAST:

@@ -77,8 +77,13 @@ def grids(
     z = planform["levels"].values[sweep["level"].values]
     for _, ranks, time, name in members:
         points = np.column_stack([motion.nodes(time)[sweep["node"].values], z])
-        velocity, pressure = (read_cells(case, name, field, ranks, len(mesh.types)) for field in ("U", "p"))
-        yield water(mesh, points, velocity, density * pressure), walls(mesh, points, density * pressure)
+        velocity, pressure = (
+            read_cells(case, name, field, ranks, len(mesh.types)) for field in ("U", "p")
+        )
+        yield (
+            water(mesh, points, velocity, density * pressure),
+            walls(mesh, points, density * pressure),
+        )
 
 
 def up_to_date(paths: list[Path], source: Path) -> bool:
@@ -89,7 +94,9 @@ def up_to_date(paths: list[Path], source: Path) -> bool:
 
 def collection(times: list[float], names: list[str]) -> str:
     """A ParaView collection: a file for each time (s)."""
-    sets = "".join(f'<DataSet timestep="{t!r}" file="{n}"/>\n' for t, n in zip(times, names, strict=True))
+    sets = "".join(
+        f'<DataSet timestep="{t!r}" file="{n}"/>\n' for t, n in zip(times, names, strict=True)
+    )
     return f'<VTKFile type="Collection" version="0.1">\n<Collection>\n{sets}</Collection>\n</VTKFile>\n'
 
 
@@ -112,7 +119,10 @@ def write_series(scene: Scene, target: Path, planes: tuple[int, ...], quiet: boo
         raise StageError(
             f"{out}: no run has written its fields there yet; make {scene.folder.name}.view LEVEL={scene.level} runs it first"
         )
-    files = {instant: [target / f"{part}_{k:05d}.vtu" for part in PARTS] for k, instant in enumerate(shown)}
+    files = {
+        instant: [target / f"{part}_{k:05d}.vtu" for part in PARTS]
+        for k, instant in enumerate(shown)
+    }
     with tqdm(total=len(shown), desc="view", disable=quiet or None) as bar:
         for interval, members in groupby(shown, lambda instant: instant[0]):
             case = out / "case" / interval.name
@@ -133,7 +143,9 @@ def write_series(scene: Scene, target: Path, planes: tuple[int, ...], quiet: boo
     for part, names in zip(PARTS, zip(*files.values(), strict=True), strict=True):
         for stale in set(target.glob(f"{part}_*.vtu")) - set(names):
             stale.unlink()
-        write_text(target / f"{part}.pvd", collection([t for _, _, t, _ in shown], [n.name for n in names]))
+        write_text(
+            target / f"{part}.pvd", collection([t for _, _, t, _ in shown], [n.name for n in names])
+        )
     return len(shown)
 
 

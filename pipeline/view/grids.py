@@ -44,7 +44,9 @@ def topology(planform: xr.Dataset, sweep: xr.Dataset, faces: Faces) -> Topology:
     corners[wedge, 3:6] = high[wedge, :3]
     types = np.where(wedge, pv.CellType.WEDGE, pv.CellType.HEXAHEDRON).astype(np.uint8)
     bodies = [
-        k for name, k in faces.patches.items() if name.endswith("finger") or name in ("object", "support")
+        k
+        for name, k in faces.patches.items()
+        if name.endswith("finger") or name in ("object", "support")
     ]
     members = np.concatenate([np.arange(part.start, part.stop) for part in bodies])
     wall = faces.corners[members]
@@ -62,7 +64,9 @@ def water(
     """The water with `velocity` (cell, 3; m/s), `pressure` (cell; Pa) and the vorticity (1/s) by VTK's gradient filter."""
     grid = pv.UnstructuredGrid(mesh.cells, mesh.types, points)
     grid.cell_data["velocity"] = velocity
-    vorticity = grid.compute_derivative("velocity", gradient=False, vorticity=True, preference="cell")
+    vorticity = grid.compute_derivative(
+        "velocity", gradient=False, vorticity=True, preference="cell"
+    )
     grid.cell_data["vorticity"] = vorticity["vorticity"].astype(np.float32)
     grid.cell_data["velocity"] = velocity.astype(np.float32)
     grid.cell_data["pressure"] = pressure.astype(np.float32)

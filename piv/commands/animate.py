@@ -21,7 +21,9 @@ from piv.plots.film import write_film
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv animate`."""
-    parser.add_argument("plane", type=Path, help="vectors over time: .h5, .nc or another file of piv convert")
+    parser.add_argument(
+        "plane", type=Path, help="vectors over time: .h5, .nc or another file of piv convert"
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, help=".mp4 or .gif")
     parser.add_argument("--fps", type=float, default=20.0, help="pictures per second (default 20)")
     parser.add_argument("--every", type=int, default=1, help="use each n-th instant")
@@ -49,12 +51,17 @@ def run(args: argparse.Namespace) -> None:
         def pictures() -> Iterator[np.ndarray]:
             for k in tqdm(chosen, desc="pictures", disable=args.quiet or None):
                 plane = planes.isel(time=k)
-                figure = draw(plane, vortices_at(table, float(plane["time"])), style=style, speed=speed)
+                figure = draw(
+                    plane, vortices_at(table, float(plane["time"])), style=style, speed=speed
+                )
                 figure.set_dpi(130)
                 figure.canvas.draw()
                 picture = np.asarray(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
                 plt.close(figure)
-                rows, columns = picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2  # H.264 wants even sizes
+                rows, columns = (
+                    picture.shape[0] // 2 * 2,
+                    picture.shape[1] // 2 * 2,
+                )  # H.264 wants even sizes
                 yield np.ascontiguousarray(picture[:rows, :columns])
 
         if args.output.suffix.lower() == ".gif":
@@ -71,5 +78,7 @@ def _write_gif(path: Path, pictures: Iterator[np.ndarray], fps: float) -> None:
     first = Image.fromarray(next(pictures)).quantize(128)
     rest = (Image.fromarray(p).quantize(128) for p in pictures)
     content = io.BytesIO()
-    first.save(content, "GIF", save_all=True, append_images=rest, duration=round(1000 / fps), loop=0)
+    first.save(
+        content, "GIF", save_all=True, append_images=rest, duration=round(1000 / fps), loop=0
+    )
     write_bytes(path, content.getbuffer())

@@ -26,12 +26,20 @@ from piv.images.open_recording import open_recording
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv calibrate`."""
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, help="calibration .json; with --apply the result"
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        help="calibration .json; with --apply the result",
     )
     make = parser.add_argument_group("make a calibration (one of the first three)")
     make.add_argument("--scale-mm-per-px", type=float)
     make.add_argument(
-        "--points", type=float, nargs=4, metavar=("X1", "Y1", "X2", "Y2"), help="two points, px, y up"
+        "--points",
+        type=float,
+        nargs=4,
+        metavar=("X1", "Y1", "X2", "Y2"),
+        help="two points, px, y up",
     )
     make.add_argument("--target", choices=("chessboard", "charuco"))
     make.add_argument(
@@ -50,8 +58,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     make.add_argument("--columns", type=int, help="squares of the target, left to right")
     make.add_argument("--square-mm", type=float)
     make.add_argument("--marker-mm", type=float, help="ChArUco only")
-    make.add_argument("--dictionary", default="DICT_4X4_1000", help="ArUco dictionary (default %(default)s)")
-    make.add_argument("--lens", default="standard", choices=("standard", "rational"), help=MODELS_HELP)
+    make.add_argument(
+        "--dictionary", default="DICT_4X4_1000", help="ArUco dictionary (default %(default)s)"
+    )
+    make.add_argument(
+        "--lens", default="standard", choices=("standard", "rational"), help=MODELS_HELP
+    )
     use = parser.add_argument_group("apply a calibration")
     use.add_argument("--apply", type=Path, metavar="JSON", help="calibration file")
     use.add_argument("--vectors", type=Path, help="plane (series) in px, .h5")
@@ -62,7 +74,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Make or apply."""
-    wanted = ".json" if args.apply is None else ".h5" if args.vectors else args.output.suffix.lower()
+    wanted = (
+        ".json" if args.apply is None else ".h5" if args.vectors else args.output.suffix.lower()
+    )
     if args.output.suffix.lower() != wanted:
         raise ValueError(f"{args.output}: piv calibrate writes {wanted} here; name it so")
     if args.apply is not None:
@@ -100,7 +114,9 @@ def _from_target(args: argparse.Namespace) -> Calibration:
     target = Target(args.rows, args.columns, args.square_mm * 1e-3, marker, args.dictionary)
     with open_recording(args.images, colour="luma") as views:
         pictures = list(views)
-    calibration, used = calibrate_target(pictures, target, model=args.lens, origin_px=tuple(args.origin))
+    calibration, used = calibrate_target(
+        pictures, target, model=args.lens, origin_px=tuple(args.origin)
+    )
     if not args.quiet and len(used) < len(pictures):
         print(f"left out {len(pictures) - len(used)} of {len(pictures)} pictures: too few corners")
     return calibration
@@ -116,12 +132,16 @@ def _apply(args: argparse.Namespace) -> None:
         try:
             write_bytes(args.output, cv2.imencode(args.output.suffix, flat)[1].tobytes())
         except cv2.error:
-            raise ValueError(f"{args.output}: cannot be written as an image; name it .png or .tif") from None
+            raise ValueError(
+                f"{args.output}: cannot be written as an image; name it .png or .tif"
+            ) from None
         if not args.quiet:
             print(f"{args.output}: {flat.shape[1]} x {flat.shape[0]} px")
         return
     if args.interval is None:
-        raise ValueError("--vectors needs --interval, the time between the exposures of a pair in s")
+        raise ValueError(
+            "--vectors needs --interval, the time between the exposures of a pair in s"
+        )
     with read_checked_plane(args.vectors) as plane:
         if plane["x"].attrs.get("units") != "px":
             raise ValueError(

@@ -16,7 +16,9 @@ from piv.images.calibration import load_calibration
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv convert`."""
-    parser.add_argument("input", nargs="+", help="vector files, one per instant, or one plane series or CSV")
+    parser.add_argument(
+        "input", nargs="+", help="vector files, one per instant, or one plane series or CSV"
+    )
     parser.add_argument(
         "-o",
         "--output",
@@ -31,7 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="format, where suffix and head do not tell",
     )
     parser.add_argument("--length-unit", help="m, cm, mm, um or px, where the file does not say")
-    parser.add_argument("--velocity-unit", help="m/s, mm/s, px/frame, ..., where the file does not say")
+    parser.add_argument(
+        "--velocity-unit", help="m/s, mm/s, px/frame, ..., where the file does not say"
+    )
     parser.add_argument(
         "--y-axis", choices=("up", "down"), help="direction of y and of positive v in the file"
     )
@@ -40,12 +44,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--calibration", type=Path, help="calibration .json without a lens, in place of the scale"
     )
     parser.add_argument("--interval", type=float, help="s between the exposures of a pair")
-    parser.add_argument("--image-rows", type=int, help="height of the image, for px that count downwards")
-    parser.add_argument("--frame-rate-hz", type=float, help="instants per second of a series of files")
     parser.add_argument(
-        "--keep-replaced", action="store_true", help="keep vectors that PIVlab interpolated, flagged 4"
+        "--image-rows", type=int, help="height of the image, for px that count downwards"
     )
-    parser.add_argument("--zero-is-absent", action="store_true", help="vectors of exactly (0, 0) are masked")
+    parser.add_argument(
+        "--frame-rate-hz", type=float, help="instants per second of a series of files"
+    )
+    parser.add_argument(
+        "--keep-replaced",
+        action="store_true",
+        help="keep vectors that PIVlab interpolated, flagged 4",
+    )
+    parser.add_argument(
+        "--zero-is-absent", action="store_true", help="vectors of exactly (0, 0) are masked"
+    )
     parser.add_argument("--quiet", action="store_true")
 
 
@@ -62,7 +74,9 @@ def run(args: argparse.Namespace) -> None:
             raise ValueError("give --calibration or --scale-mm-per-px, not both")
         calibration = load_calibration(args.calibration)
         if calibration.lens is not None:
-            raise ValueError(f"{args.calibration}: has a lens; use 'piv calibrate --apply' on px vectors")
+            raise ValueError(
+                f"{args.calibration}: has a lens; use 'piv calibrate --apply' on px vectors"
+            )
         scale = calibration.scale_m_per_px
         shift = calibration.origin_px * scale
     plane = read_vectors(

@@ -32,9 +32,9 @@ CHUNKS_PER_PROCESS = 4  # so that no process waits long for the last
 class RecordingCamera:
     """What is given in place of what the recording says."""
 
-    scale_mm_per_px: Annotated[float | None, "mm per pixel (default the recording's, else results in px)"] = (
-        None
-    )
+    scale_mm_per_px: Annotated[
+        float | None, "mm per pixel (default the recording's, else results in px)"
+    ] = None
     origin_x_px: Annotated[
         float | None, "x of the origin, px from the left (default the recording's, else 0)"
     ] = None
@@ -49,13 +49,17 @@ class RecordingCamera:
         for name, value in vars(self).items():
             origin = name.startswith("origin")
             if value is not None and not (np.isfinite(value) and (origin or value > 0)):
-                raise ValueError(f"{name} = {value:g}: give a {'finite' if origin else 'positive'} number")
+                raise ValueError(
+                    f"{name} = {value:g}: give a {'finite' if origin else 'positive'} number"
+                )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Flags of the subcommand."""
     parser.add_argument(
-        "source", nargs="+", help="two or more images, a folder, a glob, a video, .mraw/.cihx or images.h5"
+        "source",
+        nargs="+",
+        help="two or more images, a folder, a glob, a video, .mraw/.cihx or images.h5",
     )
     parser.add_argument("-o", "--output", required=True, help="plane series to write (.h5)")
     parser.add_argument(
@@ -65,9 +69,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "or moving polygons (.json, .toml)",
     )
     parser.add_argument(
-        "--roi", type=float, nargs=4, metavar=("X0", "Y0", "X1", "Y1"), help="only this region, y up"
+        "--roi",
+        type=float,
+        nargs=4,
+        metavar=("X0", "Y0", "X1", "Y1"),
+        help="only this region, y up",
     )
-    parser.add_argument("--roi-unit", choices=("px", "m"), default="px", help="of --roi (default px)")
+    parser.add_argument(
+        "--roi-unit", choices=("px", "m"), default="px", help="of --roi (default px)"
+    )
     add_fields(parser, Options)
     add_fields(parser, SequenceOptions)
     parser.add_argument(
@@ -106,7 +116,9 @@ def run(args: argparse.Namespace) -> None:
     if args.processes < 1:
         raise ValueError(f"processes must be at least 1, got {args.processes}")
     if (chunk or args.processes > 1) and given.get("ensemble"):
-        raise ValueError("an ensemble is one field of all pairs: it cannot be made in chunks or by processes")
+        raise ValueError(
+            "an ensemble is one field of all pairs: it cannot be made in chunks or by processes"
+        )
     if chunk and args.processes > 1:
         raise ValueError("give either --chunk or --processes")
     if args.processes > 1:
@@ -127,7 +139,11 @@ def share_out(args: argparse.Namespace) -> None:
         waiting = [pool.submit(run, job) for job in jobs]
         try:
             for future in tqdm(
-                as_completed(waiting), "correlate", len(jobs), unit="chunk", disable=args.quiet or None
+                as_completed(waiting),
+                "correlate",
+                len(jobs),
+                unit="chunk",
+                disable=args.quiet or None,
             ):
                 future.result()
         except BaseException:
@@ -147,7 +163,9 @@ def correlate(args: argparse.Namespace, given: dict, chunk: tuple[int, int] | No
         source, frame_rate_hz=given.get("frame_rate_hz"), colour=given.get("colour", "refuse")
     ) as recording:
         if len(recording) < 2:
-            raise ValueError(f"{recording.name}: one frame is no pair; give two images or a recording")
+            raise ValueError(
+                f"{recording.name}: one frame is no pair; give two images or a recording"
+            )
         if recording.lossy and (chunk is None or chunk[0] == 1):
             print(
                 f"{recording.name}: JPEG loses detail of the particles; save TIFF or PNG where you can",

@@ -15,14 +15,19 @@ from piv.vortices.criteria import SCHEMES
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv derive`."""
-    parser.add_argument("series", type=Path, help="vectors: .h5, .nc or another file of piv convert")
+    parser.add_argument(
+        "series", type=Path, help="vectors: .h5, .nc or another file of piv convert"
+    )
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help="the vectors with what is derived, .h5"
     )
     parser.add_argument("--quantities", nargs="+", choices=QUANTITIES, default=list(QUANTITIES), metavar="NAME",
                         help=f"of {', '.join(QUANTITIES)} (default all)")  # fmt: skip
     parser.add_argument(
-        "--scheme", choices=SCHEMES, default=SCHEMES[0], help="of the gradients (default %(default)s)"
+        "--scheme",
+        choices=SCHEMES,
+        default=SCHEMES[0],
+        help="of the gradients (default %(default)s)",
     )
     parser.add_argument(
         "--correlation-length",
@@ -37,7 +42,9 @@ def run(args: argparse.Namespace) -> None:
     """Read, derive and write in parts."""
     with open_vectors(args.series) as series:
         length = window_of(series) if args.correlation_length is None else args.correlation_length
-        parts = derived_blocks(series, tuple(args.quantities), scheme=args.scheme, correlation_length=length)
+        parts = derived_blocks(
+            series, tuple(args.quantities), scheme=args.scheme, correlation_length=length
+        )
         write_blocks(parts, args.output, series)
         unit, known = series["x"].attrs.get("units", "m"), "u_std" in series
     if args.quiet:

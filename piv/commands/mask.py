@@ -29,19 +29,37 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind = parser.add_mutually_exclusive_group(required=True)
     kind.add_argument("--polygon", type=Path, help="CSV of corners x_px, y_px (y up)")
     kind.add_argument("--image", type=Path, help="an image, not black = body")
-    kind.add_argument("--outline", type=Path, help=".h5 with the variable outline (kinematics, plane series)")
+    kind.add_argument(
+        "--outline", type=Path, help=".h5 with the variable outline (kinematics, plane series)"
+    )
     kind.add_argument("--dark", action="store_true", help="find the dark body in every frame")
-    parser.add_argument("--scale-mm-per-px", type=float, help="of --outline, where the recording has none")
-    parser.add_argument("--origin", type=float, nargs=2, metavar=("X", "Y"), help="px, y up; of --outline")
-    parser.add_argument("--frame-rate-hz", type=float, help="Hz; of --outline, where the recording has none")
-    parser.add_argument("--threshold", type=float, help="grey level of --dark (default: from each frame)")
     parser.add_argument(
-        "--smooth", type=float, default=6.0, help="px over which gaps between particles close (default 6)"
+        "--scale-mm-per-px", type=float, help="of --outline, where the recording has none"
     )
     parser.add_argument(
-        "--min-area", type=float, default=0.002, help="least body, fraction of the image (default 0.002)"
+        "--origin", type=float, nargs=2, metavar=("X", "Y"), help="px, y up; of --outline"
     )
-    parser.add_argument("--grow", type=int, default=3, help="margin round the dark body, px (default 3)")
+    parser.add_argument(
+        "--frame-rate-hz", type=float, help="Hz; of --outline, where the recording has none"
+    )
+    parser.add_argument(
+        "--threshold", type=float, help="grey level of --dark (default: from each frame)"
+    )
+    parser.add_argument(
+        "--smooth",
+        type=float,
+        default=6.0,
+        help="px over which gaps between particles close (default 6)",
+    )
+    parser.add_argument(
+        "--min-area",
+        type=float,
+        default=0.002,
+        help="least body, fraction of the image (default 0.002)",
+    )
+    parser.add_argument(
+        "--grow", type=int, default=3, help="margin round the dark body, px (default 3)"
+    )
     parser.add_argument("--quiet", action="store_true")
 
 
@@ -50,13 +68,17 @@ def run(args: argparse.Namespace) -> None:
     for name, least in (("smooth", 1.0), ("min_area", 0.0), ("grow", 0), ("threshold", 0.0)):
         value = getattr(args, name)
         if value is not None and not value >= least:
-            raise ValueError(f"--{name.replace('_', '-')} must be at least {least:g}, got {value:g}")
+            raise ValueError(
+                f"--{name.replace('_', '-')} must be at least {least:g}, got {value:g}"
+            )
     if args.min_area >= 1:
         raise ValueError(f"--min-area is a part of the picture, below 1, got {args.min_area:g}")
     with open_recording(args.recording, frame_rate_hz=args.frame_rate_hz) as recording:
         if args.output.suffix.lower() == ".png":
             if args.polygon is None and args.image is None:
-                raise ValueError(f"{args.output}: a moving mask is a folder of images; give a folder")
+                raise ValueError(
+                    f"{args.output}: a moving mask is a folder of images; give a folder"
+                )
             still = read_mask(args.polygon or args.image, recording.shape)
             _save(still, args.output)
             if not args.quiet:
@@ -71,7 +93,9 @@ def run(args: argparse.Namespace) -> None:
             _save(hidden, args.output / f"mask_{i:06d}.png")
         if not args.quiet:
             spread = (
-                f"{min(part):.1%} to {max(part):.1%}" if max(part) - min(part) > 5e-4 else f"{part[0]:.1%}"
+                f"{min(part):.1%} to {max(part):.1%}"
+                if max(part) - min(part) > 5e-4
+                else f"{part[0]:.1%}"
             )
             print(f"{args.output}: {len(part)} masks, {spread} of the picture masked")
 
@@ -95,14 +119,22 @@ def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], np
     if args.outline is None:
         still = read_mask(args.polygon or args.image, recording.shape)
         return lambda i: still
-    scale = args.scale_mm_per_px * 1e-3 if args.scale_mm_per_px else recording.attrs.get("scale_m_per_px")
+    scale = (
+        args.scale_mm_per_px * 1e-3
+        if args.scale_mm_per_px
+        else recording.attrs.get("scale_m_per_px")
+    )
     origin = args.origin or [recording.attrs.get(f"origin_{k}_px") for k in "xy"]
     if scale is None or None in origin:
-        raise ValueError(f"{recording.name}: no scale or origin in it; give --scale-mm-per-px and --origin")
+        raise ValueError(
+            f"{recording.name}: no scale or origin in it; give --scale-mm-per-px and --origin"
+        )
     if recording.times is None:
         raise ValueError(f"{recording.name}: no frame rate in it; give --frame-rate-hz")
     with open_netcdf(args.outline) as series:
-        bodies = outline_masks(series, recording.times, recording.shape, scale, (origin[0], origin[1]))
+        bodies = outline_masks(
+            series, recording.times, recording.shape, scale, (origin[0], origin[1])
+        )
     return lambda i: polygons_mask(bodies[i], recording.shape)
 
 

@@ -32,10 +32,15 @@ def add_style(parser: argparse.ArgumentParser) -> None:
     """Options that pictures and animations share."""
     parser.add_argument("--vortices", help="vortices.csv, to mark centres and cores")
     parser.add_argument("--metres", action="store_true", help="axes in m instead of mm")
-    parser.add_argument("--vorticity-limit", type=float, help="end of the colour scale, 1/s or 1/frame")
+    parser.add_argument(
+        "--vorticity-limit", type=float, help="end of the colour scale, 1/s or 1/frame"
+    )
     parser.add_argument("--arrow-every", type=int, help="draw each n-th vector")
     parser.add_argument(
-        "--colour-by", default="vorticity", metavar="NAME", help="variable of the file (default vorticity)"
+        "--colour-by",
+        default="vorticity",
+        metavar="NAME",
+        help="variable of the file (default vorticity)",
     )
     parser.add_argument("--streamlines", action="store_true", help="streamlines in place of arrows")
     parser.add_argument("--title")

@@ -14,7 +14,9 @@ from piv.foreign.read import open_vectors
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv profile`."""
-    parser.add_argument("series", type=Path, help="vectors: .h5, .nc or another file of piv convert")
+    parser.add_argument(
+        "series", type=Path, help="vectors: .h5, .nc or another file of piv convert"
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, help=".csv")
     parser.add_argument("--line", type=float, nargs=4, required=True, metavar=("X0", "Y0", "X1", "Y1"),
                         help="from and to, in the file's unit, y up")  # fmt: skip
@@ -28,11 +30,15 @@ def run(args: argparse.Namespace) -> None:
     rows = speeds = 0
     largest = 0.0
     with open_vectors(args.series) as series:
-        unit, velocity = (str(series[n].attrs.get("units", d)) for n, d in (("x", "m"), ("u", "m/s")))
+        unit, velocity = (
+            str(series[n].attrs.get("units", d)) for n, d in (("x", "m"), ("u", "m/s"))
+        )
         tables = along_line(series, (x0, y0), (x1, y1), args.points)
         with whole(args.output) as part, part.open("w", encoding="utf-8") as file:
             for k, table in enumerate(tables):
-                table.to_csv(file, index=False, header=k == 0, float_format="%.9g", lineterminator="\n")
+                table.to_csv(
+                    file, index=False, header=k == 0, float_format="%.9g", lineterminator="\n"
+                )
                 speed = np.hypot(table["u"], table["v"])
                 rows, speeds = rows + len(table), speeds + int(speed.count())
                 largest = max(largest, float(speed.max()) if speed.count() else 0.0)

@@ -14,7 +14,9 @@ from piv.fields.summary import summary
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add --settings and --quiet."""
-    parser.add_argument("--settings", metavar="FILE", help="JSON with the same keys as the flags; flags win")
+    parser.add_argument(
+        "--settings", metavar="FILE", help="JSON with the same keys as the flags; flags win"
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
@@ -42,7 +44,9 @@ def merged(args: argparse.Namespace, known: set[str]) -> dict[str, Any]:
         given = {key.replace("-", "_"): value for key, value in given.items()}
         unknown = sorted(set(given) - known)
         if unknown:
-            raise ValueError(f"{path}: unknown setting {unknown[0]!r}; known are {', '.join(sorted(known))}")
+            raise ValueError(
+                f"{path}: unknown setting {unknown[0]!r}; known are {', '.join(sorted(known))}"
+            )
     return given | {key: value for key, value in vars(args).items() if key in known}
 
 

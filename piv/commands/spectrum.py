@@ -12,12 +12,16 @@ from piv.foreign.read import open_vectors
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv spectrum`."""
-    parser.add_argument("series", type=Path, help="vectors: .h5, .nc or another file of piv convert")
+    parser.add_argument(
+        "series", type=Path, help="vectors: .h5, .nc or another file of piv convert"
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, help=".csv")
     kind = parser.add_mutually_exclusive_group(required=True)
     kind.add_argument("--point", type=float, nargs=2, action="append", metavar=("X", "Y"),
                       help="in time, at the nearest vector; several are averaged")  # fmt: skip
-    kind.add_argument("--along", choices=("x", "y"), help="in space, averaged over all lines and instants")
+    kind.add_argument(
+        "--along", choices=("x", "y"), help="in space, averaged over all lines and instants"
+    )
     parser.add_argument(
         "--segments", type=int, help="equal parts of the time, averaged; with --point (default 1)"
     )
@@ -37,7 +41,9 @@ def run(args: argparse.Namespace) -> None:
             table = time_spectrum(series, [(x, y) for x, y in args.point], segments)
             per = str(series["time"].attrs.get("units", "s"))
     head = f"# frequency: cycles per {per}; psd: ({units['u']})² {per}, one-sided; Lomb-Scargle\n"
-    write_text(args.output, head + table.to_csv(index=False, float_format="%.9g", lineterminator="\n"))
+    write_text(
+        args.output, head + table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
+    )
     if not args.quiet:
         peak = table.loc[(table["psd_u"] + table["psd_v"]).idxmax()]
         print(

@@ -25,11 +25,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help="plane (series) of the statistics, .h5"
     )
-    parser.add_argument("--least", type=int, default=2, help="usable vectors that a mean needs (default 2)")
+    parser.add_argument(
+        "--least", type=int, default=2, help="usable vectors that a mean needs (default 2)"
+    )
     kind = parser.add_mutually_exclusive_group()
-    kind.add_argument("--period", type=float, help="phase average: the period, in the series' unit of time")
     kind.add_argument(
-        "--triggers", nargs=2, metavar=("CSV", "COLUMN"), help="phase average: times of the triggers"
+        "--period", type=float, help="phase average: the period, in the series' unit of time"
+    )
+    kind.add_argument(
+        "--triggers",
+        nargs=2,
+        metavar=("CSV", "COLUMN"),
+        help="phase average: times of the triggers",
     )
     kind.add_argument(
         "--by",
@@ -38,7 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--start", type=float, help="time of phase 0 with --period (default 0)")
     parser.add_argument("--phases", type=int, help=f"number of phases (default {PHASES})")
-    parser.add_argument("--table", type=Path, help="CSV with columns time and NAME, linear between its rows")
+    parser.add_argument(
+        "--table", type=Path, help="CSV with columns time and NAME, linear between its rows"
+    )
     parser.add_argument(
         "--bins", type=float, nargs="+", metavar="EDGE", help="edges of the bins of --by, ascending"
     )
@@ -115,7 +124,9 @@ def quantity(args: argparse.Namespace, series: xr.Dataset) -> np.ndarray:
         )
     values = series[args.by].values
     if values.ndim > 1 and np.prod(values.shape[1:]) != 1:
-        raise ValueError(f"{args.series}: {args.by!r} has several values at an instant; give --table")
+        raise ValueError(
+            f"{args.series}: {args.by!r} has several values at an instant; give --table"
+        )
     return values.reshape(len(values))
 
 
@@ -125,4 +136,7 @@ def words_on(dataset: xr.Dataset, used: int, count: int) -> str:
     text = f"{used} of {count} instants used, n = {int(dataset['n'].min())} to {int(dataset['n'].max())} at a point"
     if worth == 1.0:
         return text + "; successive samples taken as independent"
-    return text + f"; {worth:.3g} successive samples are worth one independent (in the standard errors)"
+    return (
+        text
+        + f"; {worth:.3g} successive samples are worth one independent (in the standard errors)"
+    )

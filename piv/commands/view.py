@@ -11,7 +11,9 @@ from piv.view.scene import open_scene
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv view`."""
-    parser.add_argument("file", help="vectors (.h5, .nc, ...), or images: folder, glob, video, .mraw or .h5")
+    parser.add_argument(
+        "file", help="vectors (.h5, .nc, ...), or images: folder, glob, video, .mraw or .h5"
+    )
     parser.add_argument("--images", help="the recording behind the vectors")
     parser.add_argument("-o", "--output", type=Path, default=Path("regions.json"),
                         help="masks and region that are drawn (default %(default)s)")  # fmt: skip

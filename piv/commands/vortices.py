@@ -17,11 +17,15 @@ from piv.vortices.tracking import TrackingSettings
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Flags of the subcommand."""
-    parser.add_argument("plane_series", help="vectors, in m or px: .h5, .nc or another file of piv convert")
+    parser.add_argument(
+        "plane_series", help="vectors, in m or px: .h5, .nc or another file of piv convert"
+    )
     parser.add_argument("-o", "--output", required=True, help="table to write (.csv)")
     add_fields(parser, VortexSettings)
     add_fields(parser, TrackingSettings)
-    parser.add_argument("--threads", type=int, default=1, help="processes that share the planes (default 1)")
+    parser.add_argument(
+        "--threads", type=int, default=1, help="processes that share the planes (default 1)"
+    )
     add_settings(parser)
 
 
@@ -31,10 +35,16 @@ def run(args: argparse.Namespace) -> None:
     given = merged(args, known)
     settings, tracking = build(VortexSettings, given), build(TrackingSettings, given)
     with open_vectors(existing(args.plane_series)) as series:
-        table = tabulate_vortices(series, settings, tracking, processes=args.threads, quiet=args.quiet)
+        table = tabulate_vortices(
+            series, settings, tracking, processes=args.threads, quiet=args.quiet
+        )
         length = units_of(series)[0]
     write_vortices(
-        table, args.output, source=Path(args.plane_series).name, **asdict(settings), **asdict(tracking)
+        table,
+        args.output,
+        source=Path(args.plane_series).name,
+        **asdict(settings),
+        **asdict(tracking),
     )
     if not args.quiet:
         tracks = table["track"].nunique()

@@ -26,17 +26,27 @@ from piv.correlation.uncertainty import (
 )
 from piv.validation.outliers import fill_absent
 
-LEVELS = (1.0, 0.75, 0.5, 0.375)  # sides of windows over the largest; those between are their blends
+LEVELS = (
+    1.0,
+    0.75,
+    0.5,
+    0.375,
+)  # sides of windows over the largest; those between are their blends
 BALANCE = 2.0  # of noise over unresolved variance: where they are so, the window is right
 ENOUGH = 2.0  # of the side: where so large a window would do, nodes need not be denser
 # side in place of 1 where only nodes are denser: longer waves are then followed to a larger part
 DENSE = 0.99
 LEAST = 5  # vectors: side of the smallest region whose windows shrink
 STEPS = 4  # Newton steps in the smaller windows
-AREAS = (10.0, 2.5)  # σ of the window: where residuals are averaged, the smaller area where it is certain
+AREAS = (
+    10.0,
+    2.5,
+)  # σ of the window: where residuals are averaged, the smaller area where it is certain
 CERTAIN = 3.0  # standard errors
 LEFT = 1.09  # of the noise that `noise_budget` leaves in neighbouring cells: what is seen in uniform flow (±0.05)
-UNRESOLVED = 0.6  # of the variance that the largest window does not resolve, where nodes are denser only
+UNRESOLVED = (
+    0.6  # of the variance that the largest window does not resolve, where nodes are denser only
+)
 # on the variance of windows of `side` over the largest: of the errors 70 % are then within the uncertainty at each side
 SMALLER, GROWTH = 2.2, 1.5  # SMALLER side^GROWTH; the wider ones leave more unresolved
 ALIKE = 0.8  # mean correlation of unresolved displacement between neighbouring cells
@@ -56,7 +66,8 @@ def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, step
         for area in AREAS:
             width = area * sigma / CELL
             one, nine, h_one, h_nine = (
-                cv2.GaussianBlur(p, (0, 0), width, borderType=cv2.BORDER_REPLICATE) for p in products
+                cv2.GaussianBlur(p, (0, 0), width, borderType=cv2.BORDER_REPLICATE)
+                for p in products
             )
             shared = nine - left * one
             # of pure noise: eight products per cell, each counted from both sides
@@ -95,7 +106,12 @@ def window_ratio(v: Displacements, errors: Errors, options: Options) -> np.ndarr
 
 
 def measure_adapted(
-    nodes: Nodes, images: list[Image], v: Displacements, errors: Errors, ratio: np.ndarray, options: Options
+    nodes: Nodes,
+    images: list[Image],
+    v: Displacements,
+    errors: Errors,
+    ratio: np.ndarray,
+    options: Options,
 ) -> tuple[Displacements, Errors]:
     """Vectors and errors at the nodes, measured in windows of `ratio` on nodes twice as dense where it is below one.
 
@@ -125,7 +141,9 @@ def measure_adapted(
         out[part] = np.where(smaller[part], found[::2, ::2], old[part])
         return out
 
-    tested: dict[str, Any] = {n: with_new(getattr(v, n), getattr(new, n)) for n in Displacements.TESTED}
+    tested: dict[str, Any] = {
+        n: with_new(getattr(v, n), getattr(new, n)) for n in Displacements.TESTED
+    }
     errors = Errors(*(with_new(*e) for e in zip(errors, new_errors, strict=True)))
     return replace(v, **tested, second=v.second & ~smaller, ratio=ratio), errors
 
@@ -142,7 +160,9 @@ def _shares(ratio: np.ndarray) -> list[np.ndarray]:
     return [np.maximum(1 - np.abs(position - k), 0).astype(np.float32) for k in range(len(LEVELS))]
 
 
-def _errors(nodes: Nodes, v: Displacements, largest: Errors, levels: dict, options: Options) -> Errors:
+def _errors(
+    nodes: Nodes, v: Displacements, largest: Errors, levels: dict, options: Options
+) -> Errors:
     """`Errors` of vectors of blended windows: `levels` has their weights and sums, `largest` are those of the largest window."""
     spacing, passes = float(nodes.x[1] - nodes.x[0]), options.full_steps + STEPS - 1
     # what smaller windows do not resolve decorrelates their cells: it is counted as noise
@@ -153,7 +173,9 @@ def _errors(nodes: Nodes, v: Displacements, largest: Errors, levels: dict, optio
         alike = 0.0 if kept >= LEAST_KEPT else v.cell_noise
         if level == 1:
             gain /= noise_budget(sigma, 2 * spacing, options.full_steps)[0]
-            terms = [gain * denser(e) for e in largest[:2]] + [UNRESOLVED * denser(e) for e in largest[2:]]
+            terms = [gain * denser(e) for e in largest[:2]] + [
+                UNRESOLVED * denser(e) for e in largest[2:]
+            ]
         else:
             gain, kept = noise_budget(sigma, spacing, passes, not alike)
             noise = correlation_statistics(nodes, replace(v, sums=sums), sigma, kept, alike)

@@ -50,7 +50,9 @@ class Nodes:
     def _knots(self, vectors: np.ndarray, share: float) -> np.ndarray:
         """B-spline coefficients of `share` of the vectors in px of this level, padded by two on every side."""
         padded = np.empty((vectors.shape[0] + 4, vectors.shape[1] + 4), np.float32)
-        np.multiply(vectors, np.float32(share / self.factor), out=padded[2:-2, 2:-2], casting="same_kind")
+        np.multiply(
+            vectors, np.float32(share / self.factor), out=padded[2:-2, 2:-2], casting="same_kind"
+        )
         padded[:2], padded[-2:] = padded[2], padded[-3]
         padded[:, :2], padded[:, -2:] = padded[:, 2:3], padded[:, -3:-2]
         return padded
@@ -67,7 +69,9 @@ class Nodes:
         cells = np.zeros((MOMENTS, *self.cell_shape), np.float32)
         x, y = self._knots(dx, -0.5), self._knots(dy, -0.5)
         around = cv2.dilate(wanted, np.ones((3, 3), np.uint8))
-        pair_moments(a.samples, a.usable, b.samples, b.usable, x, y, *self._tables, wanted, around, cells)
+        pair_moments(
+            a.samples, a.usable, b.samples, b.usable, x, y, *self._tables, wanted, around, cells
+        )
         return cells
 
     def dense(self, vectors: np.ndarray, out: np.ndarray, first: int = 0) -> None:
@@ -113,7 +117,9 @@ class Nodes:
         """Bilinear values of a field on the nodes at the centres of the cells."""
         rows, columns = self.cell_shape
         middle = (CELL - 1) / 2
-        i = (np.arange(columns) * CELL + middle - self.column[0]) / (self.column[1] - self.column[0])
+        i = (np.arange(columns) * CELL + middle - self.column[0]) / (
+            self.column[1] - self.column[0]
+        )
         j = (np.arange(rows) * CELL + middle - self.row[0]) / (self.row[1] - self.row[0])
         return bilinear(field, i, j)
 
@@ -125,7 +131,9 @@ class Nodes:
 
 def inside(seen: np.ndarray) -> np.ndarray:
     """Padded map (uint8) of the pixels whose sample and derivatives use unmasked pixels only."""
-    usable = cv2.copyMakeBorder(seen.astype(np.uint8), PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=(0,))
+    usable = cv2.copyMakeBorder(
+        seen.astype(np.uint8), PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=(0,)
+    )
     # a sample needs its four neighbours, a derivative those of its own neighbours: 4 px in all
     return cv2.erode(usable, np.ones((9, 9), np.uint8))
 
@@ -145,7 +153,9 @@ class Image:
         self.usable = usable_samples(pixels.shape) if seen is None else inside(seen)
         self.warped = new(*pixels.shape)
         self.samples = new(*(n + 2 * PAD for n in pixels.shape))
-        self.samples[:PAD] = self.samples[-PAD:] = self.samples[:, :PAD] = self.samples[:, -PAD:] = 0
+        self.samples[:PAD] = self.samples[-PAD:] = self.samples[:, :PAD] = self.samples[
+            :, -PAD:
+        ] = 0
         self._kernel: Kernel | None = None
 
     def filter(self, kernel: Kernel) -> None:
@@ -172,7 +182,13 @@ class Image:
         return part
 
     def warp(
-        self, dx: np.ndarray, dy: np.ndarray, share: float, weight: np.ndarray, multiply: bool, first: int = 0
+        self,
+        dx: np.ndarray,
+        dy: np.ndarray,
+        share: float,
+        weight: np.ndarray,
+        multiply: bool,
+        first: int = 0,
     ) -> np.ndarray:
         """Rows from `first` on, sampled along `share` of their dense displacement; weight, multiply: see interpolate.warp."""
         out = self.warped[first : first + dx.shape[0]]

@@ -150,4 +150,6 @@ def find_peaks(maps: np.ndarray, shift_x: np.ndarray, shift_y: np.ndarray, reach
     """The two highest peaks within ±reach px of the shift that `window_maps` was given."""
     peaks = Peaks(*(np.empty(maps.shape[0], np.float32) for _ in range(4)))
     _peaks(maps, reach, *peaks)
-    return Peaks(peaks.dx + shift_x, peaks.dy + shift_y, peaks.second_x + shift_x, peaks.second_y + shift_y)
+    return Peaks(
+        peaks.dx + shift_x, peaks.dy + shift_y, peaks.second_x + shift_x, peaks.second_y + shift_y
+    )

@@ -38,7 +38,10 @@ def _polynomials() -> np.ndarray:
     rows = []
     for centre in (1.5, 0.5):
         right, left = kernel_values(centre + u), kernel_values(centre - u)
-        for part, powers in (((right + left) / 2, (0, 2, 4, 6)), ((right - left) / 2, (1, 3, 5, 7))):
+        for part, powers in (
+            ((right + left) / 2, (0, 2, 4, 6)),
+            ((right - left) / 2, (1, 3, 5, 7)),
+        ):
             rows.append(np.linalg.lstsq(u[:, None] ** np.array(powers), part, rcond=None)[0])
     return np.array(rows)
 
@@ -76,7 +79,9 @@ def bspline_table(positions: np.ndarray, origin: float, spacing: float, count: i
     s = np.clip((np.asarray(positions, float) - origin) / spacing, -0.999, count - 0.001)
     base = np.floor(s)
     t = s - base
-    weights = np.stack([(1 - t) ** 3, 4 - 6 * t**2 + 3 * t**3, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3]) / 6
+    weights = (
+        np.stack([(1 - t) ** 3, 4 - 6 * t**2 + 3 * t**3, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3]) / 6
+    )
     return base.astype(np.int64) + 1, weights.astype(np.float32)
 
 
@@ -172,7 +177,9 @@ def snapped(position):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _split(factor, shift_x, shift_y, first_row, low, high_x, high_y, stride, offset, frac_x, frac_y):
+def _split(
+    factor, shift_x, shift_y, first_row, low, high_x, high_y, stride, offset, frac_x, frac_y
+):
     """Whole-pixel offset (in a flat image) and fractions of the positions moved by factor * shift, kept within limits."""
     y = np.float32(first_row)
     for i in range(shift_x.size):

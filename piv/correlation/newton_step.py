@@ -8,7 +8,11 @@ from numba import njit
 CELL = 4  # px: products are summed over cells before the window's weight is applied
 BLOCK = 512  # px: columns whose sums over four rows stay in the first cache
 MOMENTS = 9  # gx, gy, hxx, hxy, hyy, aa, bb, ab, weight
-NEAR, FAR, HALF = np.float32(8 / 12), np.float32(1 / 12), np.float32(0.5)  # of the fourth-order difference
+NEAR, FAR, HALF = (
+    np.float32(8 / 12),
+    np.float32(1 / 12),
+    np.float32(0.5),
+)  # of the fourth-order difference
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
@@ -36,7 +40,9 @@ def _row_products(w, i, a0, a1, a2, a3, a4, b0, b1, b2, b3, b4):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _four_rows(a0, a1, a2, a3, a4, a5, a6, a7, b0, b1, b2, b3, b4, b5, b6, b7, w0, w1, w2, w3, sums):
+def _four_rows(
+    a0, a1, a2, a3, a4, a5, a6, a7, b0, b1, b2, b3, b4, b5, b6, b7, w0, w1, w2, w3, sums
+):
     """Moments of every column, summed over the middle four of eight rows: sums[m * BLOCK + column]."""
     for i in range(w0.size):
         p = _row_products(w0, i, a0, a1, a2, a3, a4, b0, b1, b2, b3, b4)
@@ -71,7 +77,10 @@ def cell_row(a, b, weight, j, first, last, at, rows, columns, sums, out):
     none = np.zeros(columns, np.float32)
     for left in range(first * CELL, last * CELL, BLOCK):
         width = min(BLOCK, last * CELL - left)
-        c0, c1 = max(left, 2), min(left + width, columns - 2)  # nearer the edge derivatives are not known
+        c0, c1 = (
+            max(left, 2),
+            min(left + width, columns - 2),
+        )  # nearer the edge derivatives are not known
         for m in range(MOMENTS):
             sums[m * BLOCK : m * BLOCK + c0 - left] = 0
             sums[m * BLOCK + c1 - left : m * BLOCK + width] = 0

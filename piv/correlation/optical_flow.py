@@ -36,7 +36,10 @@ def optical_flow(a: Any, b: Any, mask: Any, options: Options) -> xr.Dataset:
     share = cv2.blur(both.astype(np.float32), (side, side))
     i, j = np.rint(x).astype(int), np.rint(y).astype(int)
     at = np.ix_(j, i)
-    mean = [cv2.blur(flow[..., k] * both, (side, side))[at] / np.maximum(share[at], 1e-6) for k in range(2)]
+    mean = [
+        cv2.blur(flow[..., k] * both, (side, side))[at] / np.maximum(share[at], 1e-6)
+        for k in range(2)
+    ]
     valid = share[at] > 1 - options.max_masked
     u, v = np.where(valid, mean[0], np.nan), np.where(valid, -mean[1], np.nan)
     unknown = np.full(valid.shape, np.nan)

@@ -21,13 +21,16 @@ class Options:
         float, "side of the correlation window, px: its weight is a Gaussian of σ = window/4"
     ] = 32.0
     least_window: Annotated[
-        float, "side to which it may shrink where the flow requires it, px; as large as window: never"
+        float,
+        "side to which it may shrink where the flow requires it, px; as large as window: never",
     ] = 12.0
     spacing: Annotated[int, "distance of the vectors, px"] = 8
     preset: Annotated[str, "fast, balanced or accurate"] = "balanced"
     passes: Annotated[int, "Newton steps at full resolution; 0 = those of the preset"] = 0
     smoothing: Annotated[bool, "damp what is no stronger than noise"] = True
-    search: Annotated[int, "side of the first windows, px; displacements up to 3/8 of it are found"] = 128
+    search: Annotated[
+        int, "side of the first windows, px; displacements up to 3/8 of it are found"
+    ] = 128
     epsilon: Annotated[float, "normalised median test: expected fluctuation, px"] = 0.2
     threshold: Annotated[float, "normalised median test: largest residual"] = 3.0
     # below twice as much a vector is an outlier where most of its neighbours are
@@ -38,7 +41,9 @@ class Options:
     ] = 0.2
     max_masked: Annotated[float, "largest masked share of a window's weight"] = 0.5
     replace: Annotated[bool, "put the neighbours' mean in place of outliers, flagged 4"] = False
-    method: Annotated[str, "correlation or optical_flow (fast, coarse, without uncertainty)"] = "correlation"
+    method: Annotated[str, "correlation or optical_flow (fast, coarse, without uncertainty)"] = (
+        "correlation"
+    )
 
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
@@ -53,7 +58,9 @@ class Options:
                 f"least_window must be between 8 and {most:g} px (window), got {self.least_window:g}"
             )
         if not (self.spacing >= 1 and float(self.spacing).is_integer()):
-            raise ValueError(f"spacing must be a whole number of px, at least 1, got {self.spacing}")
+            raise ValueError(
+                f"spacing must be a whole number of px, at least 1, got {self.spacing}"
+            )
         if not 16 <= self.search <= 1024:
             raise ValueError(f"search must be between 16 and 1024 px, got {self.search}")
         if not 0 <= self.passes <= 50:

@@ -16,7 +16,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from fileio.formats.plane_series import FLAGS, MASKED, OUTLIER, REPLACED, SECOND_PEAK, UNCERTAIN, VALID
+from fileio.formats.plane_series import (
+    FLAGS,
+    MASKED,
+    OUTLIER,
+    REPLACED,
+    SECOND_PEAK,
+    UNCERTAIN,
+    VALID,
+)
 from piv.correlation import passes, prefilter
 from piv.correlation.adaptive_windows import measure_adapted, separated, window_ratio
 from piv.correlation.buffers import image_buffers
@@ -93,7 +101,9 @@ def pair_cells(images: Prepared, nodes: Nodes, kernel: prefilter.Kernel, dx, dy)
     return nodes.moments(a, b, dx, dy)
 
 
-def pair_powers(images: Prepared, nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> list[prefilter.Powers]:
+def pair_powers(
+    images: Prepared, nodes: Nodes, kernel: prefilter.Kernel, dx, dy
+) -> list[prefilter.Powers]:
     """`strip_spectra` of a pair that is warped half-way along (dx, dy)."""
     moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
     return passes.strip_spectra(nodes, images.images(1), moves, both_seen(images.seen), kernel)
@@ -107,7 +117,9 @@ def both_seen(seen: list[np.ndarray | None]) -> np.ndarray | None:
 
 def vector_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, np.ndarray]:
     """x and y (px, y up, ascending) of the vectors of images of `shape`."""
-    return passes.grid(shape[1], options.spacing), shape[0] - 1 - passes.grid(shape[0], options.spacing)[::-1]
+    return passes.grid(shape[1], options.spacing), shape[0] - 1 - passes.grid(
+        shape[0], options.spacing
+    )[::-1]
 
 
 @lru_cache(4)
@@ -193,7 +205,9 @@ def to_dataset(
     worst = np.maximum(std_x, std_y)
     above = known & (worst > options.max_std)
     if v.steep is not None:
-        above &= ~v.steep | (worst > VAGUE)  # up to there it is only an upper bound (Errors.in_small_window)
+        above &= ~v.steep | (
+            worst > VAGUE
+        )  # up to there it is only an upper bound (Errors.in_small_window)
     if above.any():
         known = supported(known & ~above, v.masked, v.correlation, doubtful=doubtful, across=across)
     uncertain = above & (worst < VAGUE)
@@ -215,7 +229,11 @@ def to_dataset(
         finite = present
     in_px = {"u": dx, "v": -dy, "u_std": std_x, "v_std": std_y}
     fields = {n: np.where(finite, f, np.nan) for n, f in in_px.items()}
-    fields |= {"valid": present, "flag": flag, "correlation": np.where(v.masked, np.nan, v.correlation)}
+    fields |= {
+        "valid": present,
+        "flag": flag,
+        "correlation": np.where(v.masked, np.nan, v.correlation),
+    }
     rows, columns = keep
     fields = {n: f[rows, columns] for n, f in fields.items()}
     out = vector_dataset(fields, nodes.x[columns], nodes.y[rows], nodes.shape[0], options)

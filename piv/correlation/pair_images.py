@@ -110,7 +110,9 @@ class Prepared:
                     f"image {k + 1} is of one grey level where it is not masked; give a picture with particles, "
                     "or a mask that leaves them"
                 )
-        self.pixels = [np.multiply(p, np.float32(1 / energy), out=p) if energy > 0 else p for p in pixels]
+        self.pixels = [
+            np.multiply(p, np.float32(1 / energy), out=p) if energy > 0 else p for p in pixels
+        ]
         self._images: dict[int, list[Image]] = {}
 
     @cached_property
@@ -119,7 +121,9 @@ class Prepared:
         rows, columns = self.shape[0] // 2, self.shape[1] // 2
 
         def coarser(field: np.ndarray) -> np.ndarray:
-            return cv2.resize(field[: 2 * rows, : 2 * columns], (columns, rows), interpolation=cv2.INTER_AREA)
+            return cv2.resize(
+                field[: 2 * rows, : 2 * columns], (columns, rows), interpolation=cv2.INTER_AREA
+            )
 
         seen = [None if s is None else coarser(s.astype(np.float32)) > 0.99 for s in self.seen]
         return [coarser(p) for p in self.pixels], seen

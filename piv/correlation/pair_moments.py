@@ -48,16 +48,64 @@ def _sample_run(a, p, b, q, stride, frac_x, frac_y, c, n, out_a, out_b):
         x0, x1, x2, x3 = taps(frac_x[c + i])
         y0, y1, y2, y3 = taps(frac_y[c + i])
         out_a[c + i] = (
-            y0 * (x0 * a[p0 + i] + x1 * a[p0 + i + one] + x2 * a[p0 + i + two] + x3 * a[p0 + i + three])
-            + y1 * (x0 * a[p1 + i] + x1 * a[p1 + i + one] + x2 * a[p1 + i + two] + x3 * a[p1 + i + three])
-            + y2 * (x0 * a[p2 + i] + x1 * a[p2 + i + one] + x2 * a[p2 + i + two] + x3 * a[p2 + i + three])
-            + y3 * (x0 * a[p3 + i] + x1 * a[p3 + i + one] + x2 * a[p3 + i + two] + x3 * a[p3 + i + three])
+            y0
+            * (
+                x0 * a[p0 + i]
+                + x1 * a[p0 + i + one]
+                + x2 * a[p0 + i + two]
+                + x3 * a[p0 + i + three]
+            )
+            + y1
+            * (
+                x0 * a[p1 + i]
+                + x1 * a[p1 + i + one]
+                + x2 * a[p1 + i + two]
+                + x3 * a[p1 + i + three]
+            )
+            + y2
+            * (
+                x0 * a[p2 + i]
+                + x1 * a[p2 + i + one]
+                + x2 * a[p2 + i + two]
+                + x3 * a[p2 + i + three]
+            )
+            + y3
+            * (
+                x0 * a[p3 + i]
+                + x1 * a[p3 + i + one]
+                + x2 * a[p3 + i + two]
+                + x3 * a[p3 + i + three]
+            )
         )
         out_b[c + i] = (
-            y3 * (x3 * b[q0 + i] + x2 * b[q0 + i + one] + x1 * b[q0 + i + two] + x0 * b[q0 + i + three])
-            + y2 * (x3 * b[q1 + i] + x2 * b[q1 + i + one] + x1 * b[q1 + i + two] + x0 * b[q1 + i + three])
-            + y1 * (x3 * b[q2 + i] + x2 * b[q2 + i + one] + x1 * b[q2 + i + two] + x0 * b[q2 + i + three])
-            + y0 * (x3 * b[q3 + i] + x2 * b[q3 + i + one] + x1 * b[q3 + i + two] + x0 * b[q3 + i + three])
+            y3
+            * (
+                x3 * b[q0 + i]
+                + x2 * b[q0 + i + one]
+                + x1 * b[q0 + i + two]
+                + x0 * b[q0 + i + three]
+            )
+            + y2
+            * (
+                x3 * b[q1 + i]
+                + x2 * b[q1 + i + one]
+                + x1 * b[q1 + i + two]
+                + x0 * b[q1 + i + three]
+            )
+            + y1
+            * (
+                x3 * b[q2 + i]
+                + x2 * b[q2 + i + one]
+                + x1 * b[q2 + i + two]
+                + x0 * b[q2 + i + three]
+            )
+            + y0
+            * (
+                x3 * b[q3 + i]
+                + x2 * b[q3 + i + one]
+                + x1 * b[q3 + i + two]
+                + x0 * b[q3 + i + three]
+            )
         )
 
 
@@ -102,14 +150,29 @@ def _sample_each(
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _warp_row(first, stride, a, b, usable_a, usable_b, offset, frac_x, frac_y, out_a, out_b, weight):
+def _warp_row(
+    first, stride, a, b, usable_a, usable_b, offset, frac_x, frac_y, out_a, out_b, weight
+):
     """Both images (flat) along one row, whose first pixel is the `first`-th; the outputs are LANES longer than the row."""
     c = 0
     while c < offset.size:
         end = run_end(offset, c)
         if end - c < SHORT:
             _sample_each(
-                a, b, usable_a, usable_b, first, stride, offset, frac_x, frac_y, c, end, out_a, out_b, weight
+                a,
+                b,
+                usable_a,
+                usable_b,
+                first,
+                stride,
+                offset,
+                frac_x,
+                frac_y,
+                c,
+                end,
+                out_a,
+                out_b,
+                weight,
             )
             c = end
             continue
@@ -118,7 +181,9 @@ def _warp_row(first, stride, a, b, usable_a, usable_b, offset, frac_x, frac_y, o
         p = first + c + offset[c] - stride - 1
         q = first + c - offset[c] - 2 * stride - 2
         at = np.uint64(c)
-        _sample_run(a, np.uint64(p), b, np.uint64(q), np.uint64(stride), frac_x, frac_y, at, n, out_a, out_b)
+        _sample_run(
+            a, np.uint64(p), b, np.uint64(q), np.uint64(stride), frac_x, frac_y, at, n, out_a, out_b
+        )
         # the second image moves the other way, so its pixel is the next one: both are the same where nothing moves
         p, q = p + stride + 1, q + 2 * stride + 2
         _weigh(usable_a, np.uint64(p), usable_b, np.uint64(q), at, n, weight)
@@ -140,7 +205,19 @@ def _runs(row, out):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def pair_moments(
-    a, usable_a, b, usable_b, knots_x, knots_y, first_y, weights_y, first_x, weights_x, wanted, around, out
+    a,
+    usable_a,
+    b,
+    usable_b,
+    knots_x,
+    knots_y,
+    first_y,
+    weights_y,
+    first_x,
+    weights_x,
+    wanted,
+    around,
+    out,
 ):
     """Products of image `a` moved by the B-spline of the knots and `b` moved against it: see newton_step.cell_moments.
 
@@ -198,5 +275,15 @@ def pair_moments(
             held[k] = (CELL * j - 2 + k) % ROWS
         for run in range(_runs(wanted[j], runs)):
             cell_row(
-                warped_a, warped_b, weight, j, runs[run, 0], runs[run, 1], held, rows, columns, sums, out
+                warped_a,
+                warped_b,
+                weight,
+                j,
+                runs[run, 0],
+                runs[run, 1],
+                held,
+                rows,
+                columns,
+                sums,
+                out,
             )

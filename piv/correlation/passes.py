@@ -41,7 +41,9 @@ class Displacements:
     visible: np.ndarray  # share of the window's weight that could be used
     # variance of noise in 3 x 3 cells over nine times that of one (prefilter.cell_noise)
     cell_noise: float = 1.15
-    ratio: np.ndarray | None = None  # side of the window over the largest (piv.correlation.adaptive_windows)
+    ratio: np.ndarray | None = (
+        None  # side of the window over the largest (piv.correlation.adaptive_windows)
+    )
     steep: np.ndarray | None = None  # bool: measured by piv.correlation.steep_regions
 
     TESTED: ClassVar = ("dx", "dy", "known", "correlation", "step_x", "step_y", "visible")
@@ -58,7 +60,9 @@ def grid(length: int, spacing: float) -> np.ndarray:
     return (length - 1 - (n - 1) * spacing) / 2 + spacing * np.arange(n)
 
 
-def vector_dataset(fields: dict[str, np.ndarray], x, y, height: int, options: Options) -> xr.Dataset:
+def vector_dataset(
+    fields: dict[str, np.ndarray], x, y, height: int, options: Options
+) -> xr.Dataset:
     """Fields at columns `x` and rows `y` (px) of images `height` px high as a dataset with y upward."""
     fields = fields | {n: fields[n].astype(np.uint8) for n in ("valid", "flag")}
     units = {"valid": "1", "flag": "1", "correlation": "1"}
@@ -79,7 +83,12 @@ def resample(x, y, field: np.ndarray, new_x, new_y) -> np.ndarray:
 
 
 def first_passes(
-    maps_of: Callable[..., np.ndarray], shape: tuple[int, int], seen: np.ndarray | None, search: int, x, y
+    maps_of: Callable[..., np.ndarray],
+    shape: tuple[int, int],
+    seen: np.ndarray | None,
+    search: int,
+    x,
+    y,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Displacement (full px) at the nodes (x, y) from FFT passes on half-resolution images of `shape`.
 
@@ -87,7 +96,9 @@ def first_passes(
     resolution).
     """
     largest = min(max(search // 2, 16), *shape)
-    sizes = sorted((s for s in {min(search // 2, 512), *FFT_WINDOWS} if s <= largest), reverse=True) or [16]
+    sizes = sorted(
+        (s for s in {min(search // 2, 512), *FFT_WINDOWS} if s <= largest), reverse=True
+    ) or [16]
     gx = gy = np.zeros(0, np.int64)
     dx = dy = np.zeros((0, 0), np.float32)
     for size in sizes:
@@ -111,7 +122,9 @@ def first_passes(
             usable = cv2.blur(seen.astype(np.float32), (size, size))[np.ix_(cy, cx)] > 0.4
         residual, median_x, median_y = normalised_median(dx, dy, usable, epsilon=0.3)
         bad = residual > 3
-        nearer = bad & (np.hypot(sx - median_x, sy - median_y) < 0.5 * np.hypot(dx - median_x, dy - median_y))
+        nearer = bad & (
+            np.hypot(sx - median_x, sy - median_y) < 0.5 * np.hypot(dx - median_x, dy - median_y)
+        )
         dx, dy = np.where(nearer, sx, dx), np.where(nearer, sy, dy)
         residual, _, _ = normalised_median(dx, dy, usable, epsilon=0.3)
         dx, dy = fill_absent(dx, dy, usable & ~(residual > 3))
@@ -125,7 +138,11 @@ Move = tuple[np.ndarray, np.ndarray, float]
 
 
 def strip_spectra(
-    nodes: Nodes, images: list[Image], moves: list[Move], seen: np.ndarray | None, kernel: prefilter.Kernel
+    nodes: Nodes,
+    images: list[Image],
+    moves: list[Move],
+    seen: np.ndarray | None,
+    kernel: prefilter.Kernel,
 ) -> list[prefilter.Powers]:
     """Cross and difference power of strips of two images, filtered by `kernel` and each warped by its move.
 
@@ -169,7 +186,9 @@ def measure(
     known = usable & ~deviates(new_x, new_y, usable, epsilon, options, near)
     no = np.zeros(known.shape, bool)
     seen = sums[8] / full
-    return Displacements(new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, seen)
+    return Displacements(
+        new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, seen
+    )
 
 
 def deviates(
@@ -182,7 +201,9 @@ def deviates(
     threshold = options.threshold
 
     def failed(radius: int) -> np.ndarray:
-        test = normalised_median(dx, dy, usable, epsilon=epsilon, radius=radius, threshold=threshold)
+        test = normalised_median(
+            dx, dy, usable, epsilon=epsilon, radius=radius, threshold=threshold
+        )
         return test[0] > threshold
 
     if near is None or near.all():
@@ -190,14 +211,19 @@ def deviates(
     return np.where(near, failed(1), failed(2))
 
 
-def reseed(nodes: Nodes, pixels: list[np.ndarray], vectors: Displacements, options: Options) -> Displacements:
+def reseed(
+    nodes: Nodes, pixels: list[np.ndarray], vectors: Displacements, options: Options
+) -> Displacements:
     """Outliers searched again near their neighbours' displacement, at the first and the second correlation peak."""
     lost = ~vectors.known & ~vectors.masked
     dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
     second = np.zeros(lost.shape, bool)
     j, i = np.nonzero(lost)
     if j.size and vectors.known.any():
-        column, row = np.rint(nodes.column[i]).astype(np.int64), np.rint(nodes.row[j]).astype(np.int64)
+        column, row = (
+            np.rint(nodes.column[i]).astype(np.int64),
+            np.rint(nodes.row[j]).astype(np.int64),
+        )
         shift_x, shift_y = np.rint(dx[j, i]).astype(np.int64), np.rint(dy[j, i]).astype(np.int64)
         maps = fft_pass.window_maps(pixels[0], pixels[1], column, row, shift_x, shift_y, RESEED)
         peaks = fft_pass.find_peaks(maps, shift_x, shift_y, RESEED // 4)

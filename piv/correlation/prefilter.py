@@ -67,7 +67,9 @@ def kernel(response: np.ndarray) -> Kernel:
 
 def apply(image: np.ndarray, separable: Kernel, out: np.ndarray | None = None) -> np.ndarray:
     """The image filtered, float32, in `out` if given; mirrored at its edges."""
-    return cv2.sepFilter2D(image, cv2.CV_32F, *separable, dst=out, borderType=cv2.BORDER_REFLECT_101)
+    return cv2.sepFilter2D(
+        image, cv2.CV_32F, *separable, dst=out, borderType=cv2.BORDER_REFLECT_101
+    )
 
 
 @lru_cache
@@ -82,7 +84,9 @@ def tile_rows(rows: int, columns: int, seen: np.ndarray | None) -> np.ndarray:
     whole = np.full(first.size, columns // TILE)
     if seen is not None:
         across = columns // TILE * TILE
-        whole = np.array([seen[r : r + TILE, :across].all(0).reshape(-1, TILE).all(1).sum() for r in first])
+        whole = np.array(
+            [seen[r : r + TILE, :across].all(0).reshape(-1, TILE).all(1).sum() for r in first]
+        )
     first, whole = first[whole > 0], whole[whole > 0]
     count = min(first.size, int(np.ceil(TILES / max(whole.mean(), 1)))) if first.size else 0
     return first[((np.arange(count) + 0.5) * first.size / max(count, 1)).astype(int)]
@@ -164,12 +168,17 @@ def cell_noise(spectra: tuple, response: np.ndarray, cell: int) -> float:
     frequency, signal, noise = spectra
     power = (response * _taper()) ** 2
     power[0, 0] = 0
-    parts = [np.interp(radial_frequency(), frequency, p) * power for p in _aligned(frequency, signal, noise)]
+    parts = [
+        np.interp(radial_frequency(), frequency, p) * power
+        for p in _aligned(frequency, signal, noise)
+    ]
     along = 2j * np.pi * np.fft.rfftfreq(TILE)[None, :]
     (s, s1, s2), (n, n1, n2) = (
         [np.fft.irfft2(p * along**m, s=(TILE, TILE)) for m in range(3)] for p in parts
     )
-    gradient = 2 * s1 * n1 - s * n2 - n * s2 + n1**2 - n * n2  # its autocorrelation, but for a factor
+    gradient = (
+        2 * s1 * n1 - s * n2 - n * s2 + n1**2 - n * n2
+    )  # its autocorrelation, but for a factor
     window = np.abs(np.fft.fft(np.ones(cell), TILE)) ** 2
     lags = np.fft.ifft2(np.fft.fft2(gradient) * np.outer(window, window)).real[::cell, ::cell]
     return float((lags[0, 0] + 2 * lags[0, 1] + 2 * lags[1, 0] + 4 * lags[1, 1]) / lags[0, 0])

@@ -36,7 +36,12 @@ WHOLE = 0.9  # unmasked share of a window's weight: below it the small window is
 
 
 def measure_steep_regions(
-    nodes: Nodes, images: list[Image], vectors: Displacements, options: Options, *, final: bool = False
+    nodes: Nodes,
+    images: list[Image],
+    vectors: Displacements,
+    options: Options,
+    *,
+    final: bool = False,
 ) -> Displacements:
     """`vectors` with those in steep regions replaced where the extrapolated start correlates better.
 
@@ -51,7 +56,10 @@ def measure_steep_regions(
     target = min(POOR * median, median - SPREADS * spread)
     # windows cut by the image's edge correlate less without any steep gradient
     edge = 2 * options.sigma
-    inner = [(a > edge) & (a < n - 1 - edge) for a, n in zip((nodes.y, nodes.x), nodes.shape, strict=True)]
+    inner = [
+        (a > edge) & (a < n - 1 - edge)
+        for a, n in zip((nodes.y, nodes.x), nodes.shape, strict=True)
+    ]
     free &= np.outer(*inner)
     poor = free & (vectors.correlation < target)
     if poor.sum() > MOST * free.sum():
@@ -143,7 +151,9 @@ def _sums(field: np.ndarray, *powers: tuple[int, int]) -> list[np.ndarray]:
     return [cv2.sepFilter2D(field, cv2.CV_32F, *k, borderType=cv2.BORDER_CONSTANT) for k in kernels]
 
 
-def continue_linearly(u: np.ndarray, v: np.ndarray, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def continue_linearly(
+    u: np.ndarray, v: np.ndarray, good: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """u, v (ny, nx) in which planes fitted to the `good` vectors within three nodes replace the others.
 
     Farther away, means of neighbours replace them (`fill_absent`).

@@ -105,7 +105,9 @@ def correlation_statistics(
 
 
 @lru_cache
-def noise_budget(sigma: float, spacing: float, passes: int, neighbours: bool = True) -> tuple[float, float]:
+def noise_budget(
+    sigma: float, spacing: float, passes: int, neighbours: bool = True
+) -> tuple[float, float]:
     """(variance of the iterated measurement over that of one window, residual share of the noise in the cells).
 
     Each pass replaces the vectors d by P d + G (n - P d): G is the response of the window (σ px), P that of the
@@ -122,7 +124,9 @@ def noise_budget(sigma: float, spacing: float, passes: int, neighbours: bool = T
         total = spline * total + window * (1 - spline * total)
     box = (1 + 2 * np.cos(2 * np.pi * k * CELL)) / 3 if neighbours else np.ones_like(k)
     box = box[:, None] * box[None, :]
-    return float(np.sum(total**2) / np.sum(window**2)), float(np.sum((1 - total) ** 2 * box) / np.sum(box))
+    return float(np.sum(total**2) / np.sum(window**2)), float(
+        np.sum((1 - total) ** 2 * box) / np.sum(box)
+    )
 
 
 LAG = 2  # cells: longer than particle images, shorter than the structures of interest

@@ -38,9 +38,13 @@ def derived(
     d apart correlated by exp(-2 (d/correlation_length)²), in the plane's unit; None: `window_of` the plane. All in memory:
     `derived_blocks` for more.
     """
-    parts = list(derived_blocks(plane, quantities, scheme=scheme, correlation_length=correlation_length))
+    parts = list(
+        derived_blocks(plane, quantities, scheme=scheme, correlation_length=correlation_length)
+    )
     whole = xr.concat(parts, "time") if len(parts) > 1 else parts[0]
-    whole = whole if "time" in plane["u"].dims else whole.isel(time=0, drop="time" not in plane.coords)
+    whole = (
+        whole if "time" in plane["u"].dims else whole.isel(time=0, drop="time" not in plane.coords)
+    )
     made = {n: whole[n] for n in whole.data_vars if str(n).removesuffix("_std") in quantities}
     return _without_uncertainty(plane, quantities).assign(made)
 
@@ -68,7 +72,9 @@ def derived_blocks(
     for part in blocks(plane):
         stacks: dict[str, list[np.ndarray]] = {}
         for k in range(part.sizes["time"]):
-            for name, values in _of_instant(part.isel(time=k), quantities, dx, dy, scheme, length).items():
+            for name, values in _of_instant(
+                part.isel(time=k), quantities, dx, dy, scheme, length
+            ).items():
                 stacks.setdefault(name, []).append(values)
         new = {n: (("time", "y", "x"), np.stack(a).astype(np.float32)) for n, a in stacks.items()}
         part = _without_uncertainty(part, quantities).assign(new)
@@ -118,12 +124,19 @@ def _of_instant(
         s = {
             "vorticity": (0, 1, 1, 0),
             "divergence": (1, 0, 0, 1),
-            "strain": (normal / strain / 2, shear / strain / 2, shear / strain / 2, normal / strain / 2),
+            "strain": (
+                normal / strain / 2,
+                shear / strain / 2,
+                shear / strain / 2,
+                normal / strain / 2,
+            ),
             "swirling_strength": (half * normal, half * g.dvdx, half * g.dudy, half * normal),
             "q": (g.dudx, g.dvdx, g.dudy, g.dvdy),
         }
         for name in quantities:
-            out[f"{name}_std"] = np.sqrt(sum(np.square(a) * b for a, b in zip(s[name], var, strict=True)))
+            out[f"{name}_std"] = np.sqrt(
+                sum(np.square(a) * b for a, b in zip(s[name], var, strict=True))
+            )
     return out
 
 

@@ -15,7 +15,9 @@ def phases(times: np.ndarray, period: float, start: float = 0.0) -> np.ndarray:
     if not (np.isfinite(period) and period > 0):
         raise ValueError(f"the period must be positive, got {period}")
     turns = (np.asarray(times, float) - start) / period
-    return (turns + 1e-9) % 1.0  # an instant at the very end of a period, but for rounding, begins the next
+    return (
+        turns + 1e-9
+    ) % 1.0  # an instant at the very end of a period, but for rounding, begins the next
 
 
 def trigger_phases(times: np.ndarray, triggers: np.ndarray) -> np.ndarray:
@@ -49,7 +51,9 @@ def read_columns(path: str | Path, *names: str) -> list[np.ndarray]:
     columns = []
     for name in names:
         if name not in table:
-            raise ValueError(f"{path}: no column {name!r}; there are {', '.join(map(str, table.columns))}")
+            raise ValueError(
+                f"{path}: no column {name!r}; there are {', '.join(map(str, table.columns))}"
+            )
         column = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
         if not np.isfinite(column).all():
             raise ValueError(f"{path}: column {name!r} holds other than finite numbers")

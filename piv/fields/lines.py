@@ -16,7 +16,10 @@ SKIPPED = ("valid", "flag", "n")  # no quantities to interpolate
 
 
 def along_line(
-    plane: xr.Dataset, start: tuple[float, float], end: tuple[float, float], points: int | None = None
+    plane: xr.Dataset,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    points: int | None = None,
 ) -> Iterator[pd.DataFrame]:
     """Every field at `points` along the line from start to end, in parts along time: columns time (of a series), s (distance from the start), x, y, the fields, along and across.
 
@@ -43,7 +46,10 @@ def along_line(
         samples = {n: _bilinear(part[n].where(ok), x, y) for n in names}
         table = {"s": s, "x": x, "y": y} | samples
         ux, uy = (x1 - x0) / length, (y1 - y0) / length
-        table["along"], table["across"] = table["u"] * ux + table["v"] * uy, table["v"] * ux - table["u"] * uy
+        table["along"], table["across"] = (
+            table["u"] * ux + table["v"] * uy,
+            table["v"] * ux - table["u"] * uy,
+        )
         for k, time in enumerate(part["time"].values):
             rows = pd.DataFrame({n: v[k] if np.ndim(v) == 2 else v for n, v in table.items()})
             if "time" in plane["u"].dims:

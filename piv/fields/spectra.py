@@ -17,7 +17,9 @@ from piv.fields.blocks import blocks
 LEAST_PART = 0.5  # of a line or a segment that must hold usable vectors
 
 
-def density(positions: np.ndarray, values: np.ndarray, frequencies: np.ndarray, step: float) -> np.ndarray:
+def density(
+    positions: np.ndarray, values: np.ndarray, frequencies: np.ndarray, step: float
+) -> np.ndarray:
     """One-sided power spectral density, value² per frequency unit, of samples on a grid of `step` with gaps (NaN).
 
     Its integral over the frequencies 1/L, 2/L, ... of a record of length L is the variance, as far as gaps allow.
@@ -42,7 +44,9 @@ def _step(axis: np.ndarray, name: str) -> float:
     return float(apart.mean())
 
 
-def time_spectrum(series: xr.Dataset, points: list[tuple[float, float]], segments: int = 1) -> pd.DataFrame:
+def time_spectrum(
+    series: xr.Dataset, points: list[tuple[float, float]], segments: int = 1
+) -> pd.DataFrame:
     """Spectra of u and v at the grid points nearest to `points` (x, y), averaged over them and over `segments` of the time.
 
     Columns frequency (Hz, or per frame), psd_u, psd_v, averaged (number of records). Records with less than half of their
@@ -67,7 +71,9 @@ def time_spectrum(series: xr.Dataset, points: list[tuple[float, float]], segment
     step = _step(time, "time")
     size = time.size // segments
     if size < 8:
-        raise ValueError(f"{segments} segments of {time.size} instants are shorter than 8; give fewer")
+        raise ValueError(
+            f"{segments} segments of {time.size} instants are shorter than 8; give fewer"
+        )
     records = [
         (
             time[:size],

@@ -8,7 +8,9 @@ import xarray as xr
 from fileio.formats.plane_series import make_plane, usable, vectors_of
 from piv.fields.blocks import blocks
 
-SAMPLED = 2500  # grid points, evenly chosen, that the correlation of samples in time is estimated from
+SAMPLED = (
+    2500  # grid points, evenly chosen, that the correlation of samples in time is estimated from
+)
 LEAST_BATCHES = (
     16  # the variance of their means is then known to a third at a point, and better over the field
 )
@@ -43,7 +45,9 @@ class Batches:
     def __init__(self, shape: tuple[int, ...]) -> None:
         self.shape = shape
         self.open: list[tuple[np.ndarray, np.ndarray] | None] = []
-        self.levels: list[list[np.ndarray]] = []  # of each: number, mean and sum of squares of batch means
+        self.levels: list[
+            list[np.ndarray]
+        ] = []  # of each: number, mean and sum of squares of batch means
         self.made: list[int] = []
 
     def add(self, values: np.ndarray, ok: np.ndarray, level: int = 0) -> None:
@@ -109,7 +113,9 @@ def statistics(
     if not (labels >= 0).any():
         raise ValueError("no instant is in any group")
     if (most := int(np.bincount(labels[labels >= 0]).max())) < least:
-        raise ValueError(f"a mean needs {least} instants, and there are {most} at most in a group (least)")
+        raise ValueError(
+            f"a mean needs {least} instants, and there are {most} at most in a group (least)"
+        )
     number = int(labels.max()) + 1 if centres is None else len(centres)
     shape = (series.sizes["y"], series.sizes["x"])
     step = max(1, int(np.ceil(np.sqrt(shape[0] * shape[1] / SAMPLED))))
@@ -122,7 +128,11 @@ def statistics(
     noisy = {"u_std", "v_std"} <= set(series)
     done = 0
     for part in blocks(vectors_of(series)):
-        a, b, good = part["u"].values.astype(float), part["v"].values.astype(float), usable(part).values
+        a, b, good = (
+            part["u"].values.astype(float),
+            part["v"].values.astype(float),
+            usable(part).values,
+        )
         for k in range(len(a)):
             g = labels[done]
             done += 1
@@ -135,10 +145,18 @@ def statistics(
                     for m, name in enumerate(("u_std", "v_std")):
                         moments[g].noise[m] += np.where(ok, part[name].values[k], 0.0) ** 2
             if group is None and done in stops:
-                snapshots.append(np.where(moments[0].n > 0, moments[0].mean, np.nan).astype(np.float32))
+                snapshots.append(
+                    np.where(moments[0].n > 0, moments[0].mean, np.nan).astype(np.float32)
+                )
     fields = [_fields(m, b, least, noisy) for m, b in zip(moments, batches, strict=True)]
     return _dataset(
-        series, fields, centres if group is not None else None, centre_units, stops, snapshots, batches
+        series,
+        fields,
+        centres if group is not None else None,
+        centre_units,
+        stops,
+        snapshots,
+        batches,
     )
 
 
@@ -166,7 +184,9 @@ def _dataset(series, fields, centres, centre_units, stops, snapshots, batches) -
         plane = make_plane(x, y, **stacked)
         final = np.where(fields[0]["valid"], [fields[0]["u"], fields[0]["v"]], np.nan)
         off = np.array(snapshots) - final
-        some = np.isfinite(off).any(axis=(1, 2, 3))  # before the first usable vector there is no mean
+        some = np.isfinite(off).any(
+            axis=(1, 2, 3)
+        )  # before the first usable vector there is no mean
         apart = np.sqrt(np.nanmean(off[some] ** 2, axis=(2, 3)))
         for k, name in enumerate(("convergence_u", "convergence_v")):
             plane[name] = ("instants", apart[:, k])
@@ -185,7 +205,9 @@ def _dataset(series, fields, centres, centre_units, stops, snapshots, batches) -
             plane[name].attrs["units"] = "1"
         elif name != "time":
             plane[name].attrs["units"] = velocity
-    plane.attrs = {k: v for k, v in series.attrs.items() if k in ("source", "scale_m_per_px", "scene_hash")}
+    plane.attrs = {
+        k: v for k, v in series.attrs.items() if k in ("source", "scale_m_per_px", "scene_hash")
+    }
     plane.attrs["inefficiency_u"], plane.attrs["inefficiency_v"] = (
         [float(b[k].inefficiency()) for b in batches] for k in (0, 1)
     )

@@ -23,7 +23,9 @@ def read_buffer(path: Path) -> dict[str, Any]:
     try:
         return read_in_child(_read, str(path.resolve()))
     except Exception as error:  # the library raises its own kinds
-        raise ValueError(f"{path}: not a readable DaVis vector buffer ({one_line(error, 200)})") from error
+        raise ValueError(
+            f"{path}: not a readable DaVis vector buffer ({one_line(error, 200)})"
+        ) from error
 
 
 def _check_installed(path: Path) -> None:
@@ -55,7 +57,9 @@ def write_buffer(plane: xr.Dataset, path: Path) -> None:
     scales = buffer[0].scales
     scales.x = lvpyio.Scale(step_x, x[0] - step_x / 2, unit, "x")
     scales.y = lvpyio.Scale(-step_y, y[-1] + step_y / 2, unit, "y")
-    scales.i = lvpyio.Scale(1.0, 0.0, "px" if in_px else "m/s", "displacement" if in_px else "velocity")
+    scales.i = lvpyio.Scale(
+        1.0, 0.0, "px" if in_px else "m/s", "displacement" if in_px else "velocity"
+    )
     buffer[0].grid = lvpyio.Grid(1, 1, 1)
     with whole(path, suffix=True) as part:
         lvpyio.write_buffer(buffer, str(part))

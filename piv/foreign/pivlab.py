@@ -56,7 +56,9 @@ def _hdf5_session(path: str) -> list[Instant]:
             cell = file[name]
             return (file[np.ravel(cell[...])[k]] if cell.dtype == h5py.ref_dtype else cell)[...].T
 
-        return _session(file, get, file["x"].size if file["x"].dtype == h5py.ref_dtype else 1, units)
+        return _session(
+            file, get, file["x"].size if file["x"].dtype == h5py.ref_dtype else 1, units
+        )
 
 
 def _session(held: Any, get: Callable[[str, int], Any], count: int, units: str) -> list[Instant]:

@@ -12,14 +12,18 @@ from fileio.errors import one_line
 from fileio.formats.plane_series import SCHEMA, read_plane
 from fileio.hdf5 import open_netcdf
 
-DEFAULT_UNIT = "pix"  # which pivpy writes for whatever it has read, metres among them: it states nothing
+DEFAULT_UNIT = (
+    "pix"  # which pivpy writes for whatever it has read, metres among them: it states nothing
+)
 
 
 def _open(path: Path) -> xr.Dataset:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
     with path.open("rb") as file:
-        classic = file.read(3) == b"CDF"  # netCDF-3, which pivpy writes where netCDF4 is not installed
+        classic = (
+            file.read(3) == b"CDF"
+        )  # netCDF-3, which pivpy writes where netCDF4 is not installed
     if not classic:
         return open_netcdf(path, "netCDF file", decode_times=False)
     try:
@@ -61,10 +65,13 @@ def read_pivpy(path: Path) -> Iterator[tuple]:
             data = data.sortby(["y", "x"])
             units = [_unit(data[n]) for n in ("x", "u")]
             instants = [
-                _instant(data.isel(t=k) if "t" in data.dims else data) for k in range(data.sizes.get("t", 1))
+                _instant(data.isel(t=k) if "t" in data.dims else data)
+                for k in range(data.sizes.get("t", 1))
             ]
         except Exception as error:  # of damaged data the libraries raise more than one kind
-            raise ValueError(f"{path}: damaged, or not in pivpy's layout ({one_line(error)})") from error
+            raise ValueError(
+                f"{path}: damaged, or not in pivpy's layout ({one_line(error)})"
+            ) from error
     yield from ((*instant, *units) for instant in instants)
 
 

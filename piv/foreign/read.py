@@ -51,7 +51,9 @@ def to_plane(
     velocity = _agreed(name, "--velocity-unit", stated, velocity_unit, [*speeds, "px/s"])
     direction = _agreed(name, "--y-axis", vectors.y_axis, y_axis, ["up", "down"])
 
-    in_px = (length, velocity) == ("px", "px/frame") and scale_m_per_px is None and interval_s is None
+    in_px = (
+        (length, velocity) == ("px", "px/frame") and scale_m_per_px is None and interval_s is None
+    )
 
     def factor(unit: str) -> float:
         if in_px:
@@ -59,7 +61,9 @@ def to_plane(
         if unit != "px":
             return LENGTHS[unit]
         if scale_m_per_px is None or not scale_m_per_px > 0:
-            raise ValueError(f"{name}: the file is in px; give a positive --scale-mm-per-px or --calibration")
+            raise ValueError(
+                f"{name}: the file is in px; give a positive --scale-mm-per-px or --calibration"
+            )
         return scale_m_per_px
 
     if velocity in VELOCITIES:
@@ -67,7 +71,9 @@ def to_plane(
     else:
         unit, per = velocity.split("/")
         if per == "frame" and not in_px and (interval_s is None or not interval_s > 0):
-            raise ValueError(f"{name}: displacements per frame; give the time between exposures, --interval")
+            raise ValueError(
+                f"{name}: displacements per frame; give the time between exposures, --interval"
+            )
         speed = factor(unit) / (interval_s if per == "frame" and interval_s else 1.0)
     x, y, u, v, flag = (
         vectors.x * factor(length),
@@ -79,7 +85,9 @@ def to_plane(
     if direction == "down":
         if length == "px":
             if image_rows is None:
-                raise ValueError(f"{name}: y is in px from the top; give the image's height, --image-rows")
+                raise ValueError(
+                    f"{name}: y is in px from the top; give the image's height, --image-rows"
+                )
             y = (image_rows - 1) - y
         else:
             y = -y
@@ -95,21 +103,27 @@ def to_plane(
 def with_units(plane: xr.Dataset, length: str, velocity: str, time: str) -> xr.Dataset:
     """The plane with the units that its numbers are in."""
     units = (
-        {"time": time} | dict.fromkeys("xy", length) | dict.fromkeys(("u", "v", "u_std", "v_std"), velocity)
+        {"time": time}
+        | dict.fromkeys("xy", length)
+        | dict.fromkeys(("u", "v", "u_std", "v_std"), velocity)
     )
     for name in units.keys() & plane.variables.keys():
         plane[name].attrs["units"] = units[str(name)]
     return plane
 
 
-def _agreed(name: str, option: str, stated: str | None, given: str | None, known: Sequence[str]) -> str:
+def _agreed(
+    name: str, option: str, stated: str | None, given: str | None, known: Sequence[str]
+) -> str:
     if stated and given and stated != given:
         raise ValueError(f"{name}: {option} {given} contradicts the file, which states {stated}")
     value = stated or given
     if not value:
         raise ValueError(f"{name}: the file does not state it; give {option} ({', '.join(known)})")
     if value not in known:
-        raise ValueError(f"{name}: unknown {option.lstrip('-')} {value!r}; known are {', '.join(known)}")
+        raise ValueError(
+            f"{name}: unknown {option.lstrip('-')} {value!r}; known are {', '.join(known)}"
+        )
     return value
 
 
@@ -165,7 +179,9 @@ def read_vectors(
                 raise ValueError(f"{path}: its grid differs from that of {files[0].name}")
     stack = {n: np.stack([p[n].values for p in planes]) for n in ("u", "v", "valid", "flag")}
     time = np.arange(len(planes)) / (frame_rate_hz or 1.0)
-    series = make_plane(first["x"].values, first["y"].values, time=time, **stack).assign_attrs(attrs)
+    series = make_plane(first["x"].values, first["y"].values, time=time, **stack).assign_attrs(
+        attrs
+    )
     return with_units(series, "px", "px", "frame") if in_px else series
 
 
@@ -195,7 +211,11 @@ def _instants(path: Path, kind: str, keep_replaced: bool) -> Iterable[Vectors]:
 
 
 def _read_nc_or_plane(path: Path) -> xr.Dataset:
-    return checked(own_netcdf(path), path) if path.suffix.lower() == ".nc" else read_checked_plane(path)
+    return (
+        checked(own_netcdf(path), path)
+        if path.suffix.lower() == ".nc"
+        else read_checked_plane(path)
+    )
 
 
 def read_csv(path: Path) -> xr.Dataset:

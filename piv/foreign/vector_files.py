@@ -56,7 +56,9 @@ def guess_format(path: Path) -> str:
             return "csv"
         if suffix == ".txt":
             return "openpiv"
-    raise ValueError(f"{path}: unknown kind of vector file; name it with --from ({', '.join(READERS)})")
+    raise ValueError(
+        f"{path}: unknown kind of vector file; name it with --from ({', '.join(READERS)})"
+    )
 
 
 def _head(path: Path, size: int = 4096) -> str:
@@ -65,7 +67,9 @@ def _head(path: Path, size: int = 4096) -> str:
     return path.read_bytes()[:size].decode("utf-8", "replace")
 
 
-Grid = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # the first five of `Vectors`
+Grid = tuple[
+    np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray
+]  # the first five of `Vectors`
 
 
 def _grid(path: Path, x: Any, y: Any, u: Any, v: Any, flag: Any) -> Grid:
@@ -89,9 +93,15 @@ def _grid(path: Path, x: Any, y: Any, u: Any, v: Any, flag: Any) -> Grid:
         axes.append((axis, np.round((c - values[0]) / (axis[1] - axis[0])).astype(int)))
     (xs, i), (ys, j) = axes
     if len(set(zip(j.tolist(), i.tolist(), strict=True))) < len(u):
-        raise ValueError(f"{path}: several vectors have the same position; give one instant per file")
+        raise ValueError(
+            f"{path}: several vectors have the same position; give one instant per file"
+        )
     shape = (ys.size, xs.size)
-    out_u, out_v, out_flag = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape, 2, np.uint8)
+    out_u, out_v, out_flag = (
+        np.full(shape, np.nan),
+        np.full(shape, np.nan),
+        np.full(shape, 2, np.uint8),
+    )
     out_u[j, i], out_v[j, i], out_flag[j, i] = u, v, flag
     out_flag[(out_flag == 0) & ~(np.isfinite(out_u) & np.isfinite(out_v))] = 1
     return xs, ys, out_u, out_v, out_flag
@@ -134,7 +144,9 @@ def read_tecplot(path: Path) -> Vectors:
     Columns: x, y and u, v (also vx, vy). A column `chc`, `isvalid` or `valid` > 0 marks measured vectors.
     """
     text = _head(path, 1 << 30)
-    names_text = re.search(r"variables\s*=\s*(.*?)(?=\n\s*(?:zone|[-+\d.]))", text, re.IGNORECASE | re.DOTALL)
+    names_text = re.search(
+        r"variables\s*=\s*(.*?)(?=\n\s*(?:zone|[-+\d.]))", text, re.IGNORECASE | re.DOTALL
+    )
     if names_text is None:
         raise ValueError(f"{path}: no line VARIABLES = ... as Tecplot files have")
     names = [a or b for a, b in re.findall(r'"([^"]*)"|([^\s,"]+)', names_text.group(1))]
@@ -143,7 +155,9 @@ def read_tecplot(path: Path) -> Vectors:
     if re.search(r"(datapacking|\bf)\s*=\s*block", text, re.IGNORECASE):
         raise ValueError(f"{path}: BLOCK packing; write the file with POINT packing")
     lines = [
-        ln for ln in text[names_text.end() :].splitlines() if re.match(r"\s*[-+]?(\d|\.\d|nan)", ln, re.I)
+        ln
+        for ln in text[names_text.end() :].splitlines()
+        if re.match(r"\s*[-+]?(\d|\.\d|nan)", ln, re.I)
     ]
     try:
         rows = np.array([ln.replace(",", " ").split() for ln in lines], float)
@@ -167,7 +181,9 @@ def read_tecplot(path: Path) -> Vectors:
             flag[rows[:, short.index(name)] <= 0] = 1
     x, y, u, v = (rows[:, column[k]] for k in "xyuv")
     grid = _grid(path, x, y, u, v, flag)
-    upward = re.search(r'title\s*=\s*"[^"]*, y (up|down)"', text[: names_text.start()], re.IGNORECASE)
+    upward = re.search(
+        r'title\s*=\s*"[^"]*, y (up|down)"', text[: names_text.start()], re.IGNORECASE
+    )
     direction = upward.group(1) if upward else None
     return Vectors(*grid, _unit(names[column["x"]]), _unit(names[column["u"]]), direction)
 
@@ -177,7 +193,13 @@ def _unit(name: str) -> str | None:
     return _spelled(match.group(1)) if match else None
 
 
-SPELLINGS = {"pxs": "px", "px/fr": "px/frame", "px/dt": "px/frame", "m s-1": "m/s", "mm s-1": "mm/s"}
+SPELLINGS = {
+    "pxs": "px",
+    "px/fr": "px/frame",
+    "px/dt": "px/frame",
+    "m s-1": "m/s",
+    "mm s-1": "mm/s",
+}
 
 
 def _spelled(unit: str) -> str:
@@ -198,12 +220,16 @@ def read_pivlab(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]
     for (x, y, u, v, kind), units in session:
         flag = np.select([kind == 1, kind == 0], [0, 2], 4 if keep_replaced else 1)
         length, velocity = (_spelled(unit) for unit in units) if units else (None, None)
-        yield Vectors(*_grid(path, x, y, u, v, flag), length, velocity, "down" if length == "px" else None)
+        yield Vectors(
+            *_grid(path, x, y, u, v, flag), length, velocity, "down" if length == "px" else None
+        )
 
 
 def _pivlab_ascii(path: Path) -> tuple[tuple[np.ndarray, ...], tuple[str, str] | None]:
     lines = _head(path, 1 << 16).splitlines()
-    start = next((k for k, ln in enumerate(lines) if re.match(r"\s*[-+]?\d|\s*nan", ln, re.I)), None)
+    start = next(
+        (k for k, ln in enumerate(lines) if re.match(r"\s*[-+]?\d|\s*nan", ln, re.I)), None
+    )
     if start is None:
         raise ValueError(f"{path}: no rows of numbers")
     sample = lines[start]
@@ -211,7 +237,11 @@ def _pivlab_ascii(path: Path) -> tuple[tuple[np.ndarray, ...], tuple[str, str] |
     rows = _table(path, start, delimiter)
     titles = lines[start - 1] if start else ""
     units = re.findall(r"[\[(]([^\])]*)[\])]", titles)
-    kind = rows[:, 4] if rows.shape[1] >= 5 and "ype" in titles else np.where(np.isfinite(rows[:, 2]), 1, 0)
+    kind = (
+        rows[:, 4]
+        if rows.shape[1] >= 5 and "ype" in titles
+        else np.where(np.isfinite(rows[:, 2]), 1, 0)
+    )
     return (*rows[:, :4].T, kind), (units[0], units[2]) if len(units) >= 4 else None
 
 
@@ -235,7 +265,9 @@ def read_davis(path: Path) -> Vectors:
     y = (np.arange(rows) + 0.5) * buffer["grid"][1] * slope_y + offset_y
     u, v = (np.where(absent, np.nan, buffer[n]) for n in ("u", "v"))
     flag = np.where(absent, 2, 0)
-    if _spelled(unit_x) == "px":  # DaVis counts from the edge of the first pixel, we from its centre
+    if (
+        _spelled(unit_x) == "px"
+    ):  # DaVis counts from the edge of the first pixel, we from its centre
         x, y = x - 0.5, y - 0.5
     xx, yy = np.meshgrid(x, y)
     length, velocity = _spelled(unit_x), _spelled(buffer["i"][2])

@@ -75,7 +75,9 @@ def write_pivpy(plane: xr.Dataset, path: Path) -> None:
 def _frame_table(plane: xr.Dataset) -> pd.DataFrame:
     names = [n for n in ("u", "v", "valid", "flag", "u_std", "v_std", "w", "p") if n in plane]
     xx, yy = np.meshgrid(plane["x"].values, plane["y"].values)
-    return pd.DataFrame({"x": xx.ravel(), "y": yy.ravel()} | {n: plane[n].values.ravel() for n in names})
+    return pd.DataFrame(
+        {"x": xx.ravel(), "y": yy.ravel()} | {n: plane[n].values.ravel() for n in names}
+    )
 
 
 def write_csv(plane: xr.Dataset, path: Path) -> None:
@@ -86,7 +88,9 @@ def write_csv(plane: xr.Dataset, path: Path) -> None:
             "format": SCHEMA.format,
             "length_unit": length,
             "velocity_unit": velocity,
-            "time_unit": str(plane["time"].attrs.get("units", "s")) if "time" in plane.dims else "s",
+            "time_unit": str(plane["time"].attrs.get("units", "s"))
+            if "time" in plane.dims
+            else "s",
             "series": "time" in plane.dims,
         }
         file.write("# " + json.dumps(head | {k: str(v) for k, v in plane.attrs.items()}) + "\n")
@@ -132,7 +136,9 @@ def _vti(plane: xr.Dataset) -> str:
     absent = plane["valid"].values == 0
     u, v = (np.where(absent, 0.0, plane[n].values) for n in ("u", "v"))
     arrays = {"velocity": np.stack([u, v, np.zeros_like(u)], axis=-1)}
-    arrays |= {n: plane[n].values for n in ("valid", "flag", "u_std", "v_std", "w", "p") if n in plane}
+    arrays |= {
+        n: plane[n].values for n in ("valid", "flag", "u_std", "v_std", "w", "p") if n in plane
+    }
     extent = f"0 {x.size - 1} 0 {y.size - 1} 0 0"
     geometry = f'Origin="{x[0]!s} {y[0]!s} 0" Spacing="{x[1] - x[0]!s} {y[1] - y[0]!s} 1"'
     return (
@@ -156,6 +162,7 @@ def _write_pvd(path: Path, names: Sequence[Path], times: Sequence[float]) -> Pat
         f'<DataSet timestep="{t!r}" file="{n.name}"/>\n' for n, t in zip(names, times, strict=True)
     )
     write_text(
-        path, f'<VTKFile type="Collection" version="0.1">\n<Collection>\n{sets}</Collection>\n</VTKFile>\n'
+        path,
+        f'<VTKFile type="Collection" version="0.1">\n<Collection>\n{sets}</Collection>\n</VTKFile>\n',
     )
     return path

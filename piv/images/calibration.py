@@ -27,8 +27,12 @@ MODELS_HELP = "distortion model: standard (5 coefficients) or rational (8, for v
 FORMAT = "piv-calibration"
 FORMAT_VERSION = 1
 NEWTON_STEPS = 8
-MAX_STRETCH = 3.0  # in area against the board: more is the lens model running away where it saw no target
-INVERSE_PX = 1e-3  # where undistorting misses by more, the lens model has no inverse: such points are absent
+MAX_STRETCH = (
+    3.0  # in area against the board: more is the lens model running away where it saw no target
+)
+INVERSE_PX = (
+    1e-3  # where undistorting misses by more, the lens model has no inverse: such points are absent
+)
 UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
 
 
@@ -39,7 +43,9 @@ class Lens:
     size_px: tuple[int, int]
     camera_matrix: np.ndarray  # (3, 3)
     distortion: np.ndarray  # (4..14,)
-    to_sheet: np.ndarray  # (3, 3) homography: undistorted px -> px of the sheet seen squarely, y down
+    to_sheet: (
+        np.ndarray
+    )  # (3, 3) homography: undistorted px -> px of the sheet seen squarely, y down
     reprojection_rms_px: float
     views: int
 
@@ -90,7 +96,9 @@ class Calibration:
     def jacobian(self, points_px: np.ndarray) -> np.ndarray:
         """d(m)/d(px), (..., 2, 2), by central differences over one pixel."""
         steps = [np.array([0.5, 0.0]), np.array([0.0, 0.5])]
-        return np.stack([self.to_m(points_px + s) - self.to_m(points_px - s) for s in steps], axis=-1)
+        return np.stack(
+            [self.to_m(points_px + s) - self.to_m(points_px - s) for s in steps], axis=-1
+        )
 
 
 def from_points(
@@ -105,7 +113,9 @@ def from_points(
         raise ValueError(
             f"two different points and a positive distance are needed, got {length:g} px, {distance_m:g} m"
         )
-    return Calibration(distance_m / length, *origin_px, notes={"points_px": [*first_px, *second_px]})
+    return Calibration(
+        distance_m / length, *origin_px, notes={"points_px": [*first_px, *second_px]}
+    )
 
 
 def _flip(points: np.ndarray, lens: Lens) -> np.ndarray:
@@ -122,7 +132,9 @@ def _project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
 def _sheet(lens: Lens, points: np.ndarray) -> np.ndarray:
     seen = np.ascontiguousarray(points.reshape(-1, 2), np.float64)
     matrix = lens.camera_matrix
-    ideal = cv2.undistortPoints(seen[:, None], matrix, lens.distortion, P=matrix, criteria=UNDISTORT)[:, 0]
+    ideal = cv2.undistortPoints(
+        seen[:, None], matrix, lens.distortion, P=matrix, criteria=UNDISTORT
+    )[:, 0]
     # OpenCV's fixed-point iteration crawls or diverges under strong distortion: Newton steps end it.
     steps = np.array([[0.05, 0.0], [0.0, 0.05]])
     for _ in range(NEWTON_STEPS):
@@ -173,12 +185,21 @@ def load_calibration(path: str | Path) -> Calibration:
         if lens is not None:
             count = np.size(lens["distortion"])
             if count not in DISTORTION_COUNTS:
-                raise ValueError(f"a lens has 4, 5, 8, 12 or 14 distortion coefficients, not {count}")
-            camera, to_sheet = (np.array(lens[k], float).reshape(3, 3) for k in ("camera_matrix", "to_sheet"))
+                raise ValueError(
+                    f"a lens has 4, 5, 8, 12 or 14 distortion coefficients, not {count}"
+                )
+            camera, to_sheet = (
+                np.array(lens[k], float).reshape(3, 3) for k in ("camera_matrix", "to_sheet")
+            )
             distortion = np.array(lens["distortion"], float).ravel()
             width, height, views = map(int, (*lens["size_px"], lens["views"]))
             lens = Lens(
-                (width, height), camera, distortion, to_sheet, float(lens["reprojection_rms_px"]), views
+                (width, height),
+                camera,
+                distortion,
+                to_sheet,
+                float(lens["reprojection_rms_px"]),
+                views,
             )
         scale, x0, y0 = (float(whole[k]) for k in ("scale_m_per_px", "origin_x_px", "origin_y_px"))
         return Calibration(scale, x0, y0, lens=lens, notes=whole.get("notes", {}))
@@ -186,7 +207,9 @@ def load_calibration(path: str | Path) -> Calibration:
         raise ValueError(f"{path}: not a calibration file ({error})") from error
 
 
-def calibrate_plane(plane_px: xr.Dataset, calibration: Calibration, interval_s: float) -> xr.Dataset:
+def calibrate_plane(
+    plane_px: xr.Dataset, calibration: Calibration, interval_s: float
+) -> xr.Dataset:
     """A plane (series) in px per frame interval to m and m/s.
 
     Without a lens the grid is scaled. With one, the field is sampled (linearly) on a regular grid in the sheet: a
@@ -204,7 +227,9 @@ def calibrate_plane(plane_px: xr.Dataset, calibration: Calibration, interval_s: 
     more: dict[str, np.ndarray] = {}
     if calibration.lens is None:
         corner = calibration.to_m(np.array([x[0], y[0]]))
-        x_m, y_m = (corner[k] + (c - c[0]) * calibration.scale_m_per_px for k, c in enumerate((x, y)))
+        x_m, y_m = (
+            corner[k] + (c - c[0]) * calibration.scale_m_per_px for k, c in enumerate((x, y))
+        )
         u, v = fields["u"] * per_second, fields["v"] * per_second
         more = {n: a * per_second for n, a in spread.items()}
     else:
@@ -218,10 +243,14 @@ def calibrate_plane(plane_px: xr.Dataset, calibration: Calibration, interval_s: 
         ok &= np.isfinite(moved).all(axis=-1)
         u, v = (np.where(ok, moved[..., k], np.nan) for k in range(2))
         if len(spread) == 2:
-            var = [_sample(np.where(known, spread[n], 0.0), x, y, at) ** 2 for n in ("u_std", "v_std")]
+            var = [
+                _sample(np.where(known, spread[n], 0.0), x, y, at) ** 2 for n in ("u_std", "v_std")
+            ]
             j2 = (calibration.jacobian(at) / interval_s) ** 2
             for k, n in enumerate(("u_std", "v_std")):
-                more[n] = np.where(ok, np.sqrt(j2[..., k, 0] * var[0] + j2[..., k, 1] * var[1]), np.nan)
+                more[n] = np.where(
+                    ok, np.sqrt(j2[..., k, 0] * var[0] + j2[..., k, 1] * var[1]), np.nan
+                )
         valid = ok & sure
         if flag is not None:
             flag = _sample(flag, x, y, at, method="nearest").astype(np.uint8)
@@ -231,7 +260,9 @@ def calibrate_plane(plane_px: xr.Dataset, calibration: Calibration, interval_s: 
         more["flag"] = flag
     time = plane_px["time"].values if "time" in plane_px.dims else None
     out = make_plane(x_m, y_m, u, v, time=time, valid=valid, **more)
-    return out.assign_attrs(plane_px.attrs | {"calibration": json.dumps(calibration_summary(calibration))})
+    return out.assign_attrs(
+        plane_px.attrs | {"calibration": json.dumps(calibration_summary(calibration))}
+    )
 
 
 def calibration_summary(calibration: Calibration) -> dict[str, Any]:
@@ -262,7 +293,9 @@ def _sample(
     values: np.ndarray, x: np.ndarray, y: np.ndarray, at: np.ndarray, method: str = "linear"
 ) -> np.ndarray:
     stack = np.moveaxis(values.reshape(-1, *values.shape[-2:]), 0, -1)
-    field = RegularGridInterpolator((y, x), stack, method=method, bounds_error=False, fill_value=0.0)
+    field = RegularGridInterpolator(
+        (y, x), stack, method=method, bounds_error=False, fill_value=0.0
+    )
     return np.moveaxis(field(at[..., ::-1]), -1, 0).reshape(*values.shape[:-2], *at.shape[:-1])
 
 
@@ -282,6 +315,8 @@ def rectify_image(image: np.ndarray, calibration: Calibration) -> np.ndarray:
         )
     row, column = np.mgrid[:rows, :columns].astype(float)
     seen = _unsheet(lens, np.stack([column, row], axis=-1))
-    flat = ndimage.map_coordinates(image.astype(np.float32), [seen[..., 1], seen[..., 0]], order=3, cval=0.0)
+    flat = ndimage.map_coordinates(
+        image.astype(np.float32), [seen[..., 1], seen[..., 0]], order=3, cval=0.0
+    )
     top = np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else np.inf
     return np.clip(np.round(flat) if np.isfinite(top) else flat, 0, top).astype(image.dtype)

@@ -28,9 +28,13 @@ class Target:
         if self.rows < 3 or self.columns < 3 or not self.square_m > 0:
             raise ValueError(f"a target needs at least 3 x 3 squares of positive size, got {self}")
         if self.marker_m is not None and not 0 < self.marker_m < self.square_m:
-            raise ValueError(f"markers ({self.marker_m} m) must be smaller than squares ({self.square_m} m)")
+            raise ValueError(
+                f"markers ({self.marker_m} m) must be smaller than squares ({self.square_m} m)"
+            )
         if not hasattr(cv2.aruco, self.dictionary):
-            raise ValueError(f"unknown ArUco dictionary {self.dictionary!r}, for example DICT_4X4_1000")
+            raise ValueError(
+                f"unknown ArUco dictionary {self.dictionary!r}, for example DICT_4X4_1000"
+            )
 
 
 def find_corners(image: np.ndarray, target: Target) -> tuple[np.ndarray, np.ndarray]:
@@ -47,7 +51,10 @@ def find_corners(image: np.ndarray, target: Target) -> tuple[np.ndarray, np.ndar
         complete, corners = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_ACCURACY)
         if not complete:
             return np.empty((0, 2)), np.empty((0, 3))
-        grid = np.mgrid[: target.rows - 1, : target.columns - 1][::-1].reshape(2, -1).T * target.square_m
+        grid = (
+            np.mgrid[: target.rows - 1, : target.columns - 1][::-1].reshape(2, -1).T
+            * target.square_m
+        )
         return corners.reshape(-1, 2).astype(float), np.column_stack([grid, np.zeros(len(grid))])
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, target.dictionary))
     best = np.empty((0, 2)), np.empty((0, 3))

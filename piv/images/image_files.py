@@ -24,7 +24,9 @@ def to_grey(image: np.ndarray, colour: str, name: str) -> np.ndarray:
     if colour not in COLOURS:
         raise ValueError(f"colour must be one of {', '.join(COLOURS)}, got {colour!r}")
     if image.dtype not in (np.uint8, np.uint16):
-        raise ValueError(f"{name}: pixels are {image.dtype}; convert to 8 or 16 bit unsigned integers")
+        raise ValueError(
+            f"{name}: pixels are {image.dtype}; convert to 8 or 16 bit unsigned integers"
+        )
     if image.ndim == 2:
         return image
     if image.shape[2] < 3:  # grey and alpha
@@ -36,7 +38,9 @@ def to_grey(image: np.ndarray, colour: str, name: str) -> np.ndarray:
         return cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2GRAY)
     if colour == "green":
         return np.ascontiguousarray(green)
-    raise ValueError(f"{name}: a colour image; say with colour 'luma' or 'green' how to make it grey")
+    raise ValueError(
+        f"{name}: a colour image; say with colour 'luma' or 'green' how to make it grey"
+    )
 
 
 class ImageFiles(Recording):
@@ -58,7 +62,9 @@ class ImageFiles(Recording):
     def _read(self, i: int) -> np.ndarray:
         path, page = self.pages[i]
         try:
-            done, images = cv2.imreadmulti(str(path), start=page, count=1, flags=cv2.IMREAD_UNCHANGED)
+            done, images = cv2.imreadmulti(
+                str(path), start=page, count=1, flags=cv2.IMREAD_UNCHANGED
+            )
         except cv2.error:
             done, images = False, ()
         if not done or not len(images):

@@ -44,7 +44,11 @@ def open_masks(source: str | Path | np.ndarray, recording: Recording) -> Masks:
     suffix = path.suffix.lower()
     if path.is_file() and suffix in (".json", ".toml"):
         return _polygons(path, recording)
-    if path.is_dir() or (glob.has_magic(str(source)) and not path.exists()) or suffix in (".tif", ".tiff"):
+    if (
+        path.is_dir()
+        or (glob.has_magic(str(source)) and not path.exists())
+        or suffix in (".tif", ".tiff")
+    ):
         return _images(str(source), recording)
     return _still(read_mask(path, recording.shape), str(path), recording)
 
@@ -80,7 +84,9 @@ def _polygons(path: Path, recording: Recording) -> Masks:
         if not isinstance(content, dict):
             raise ValueError("it is no table of keys and values")
         if unknown := sorted(set(content) - POLYGON_KEYS):
-            raise ValueError(f"unknown key {unknown[0]!r}; known are {', '.join(sorted(POLYGON_KEYS))}")
+            raise ValueError(
+                f"unknown key {unknown[0]!r}; known are {', '.join(sorted(POLYGON_KEYS))}"
+            )
         unit = content.get("unit", "px")
         if unit not in ("px", "m"):
             raise ValueError(f"unit is {unit!r}; give 'px' or 'm'")
@@ -90,7 +96,14 @@ def _polygons(path: Path, recording: Recording) -> Masks:
             roi = roi_px(tuple(map(float, roi)), unit, recording)
         if not bodies and roi is None:
             raise ValueError("it holds no body and no roi")
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
+    except (
+        ValueError,
+        TypeError,
+        KeyError,
+        AttributeError,
+        OverflowError,
+        RecursionError,
+    ) as error:
         raise ValueError(f"{path}: not a file of mask polygons ({one_line(error, 200)})") from None
     if unit == "m":
         bodies = [outline_px(body, *scale_of(recording)) for body in bodies]
@@ -107,7 +120,12 @@ def _corners(body: dict[str, Any], recording: Recording) -> np.ndarray:
         body["corners"], float
     )  # ValueError where the polygons differ in their number of corners
     corners = corners[None] if corners.ndim == 2 else corners
-    if corners.ndim != 3 or corners.shape[1] < 3 or corners.shape[2] != 2 or not np.isfinite(corners).all():
+    if (
+        corners.ndim != 3
+        or corners.shape[1] < 3
+        or corners.shape[2] != 2
+        or not np.isfinite(corners).all()
+    ):
         raise ValueError(
             f"corners are of shape {corners.shape}; give at least 3 of (x, y), equally many at each instant"
         )
@@ -117,7 +135,9 @@ def _corners(body: dict[str, Any], recording: Recording) -> np.ndarray:
     if len(corners) == 1:
         return np.repeat(corners, len(recording), axis=0)
     if "times" in body and recording.times is None:
-        raise ValueError("its bodies have times, the recording has none; give --frame-rate-hz, or frames")
+        raise ValueError(
+            "its bodies have times, the recording has none; give --frame-rate-hz, or frames"
+        )
     at = recording.times if "times" in body else np.arange(len(recording), dtype=float)
     assert at is not None
     if at[0] < given[0] - 1e-9 or at[-1] > given[-1] + 1e-9:
@@ -125,7 +145,9 @@ def _corners(body: dict[str, Any], recording: Recording) -> np.ndarray:
             f"a body is given from {given[0]:g} to {given[-1]:g}, the recording runs from {at[0]:g} to {at[-1]:g}"
         )
     flat = corners.reshape(len(corners), -1)
-    return np.stack([np.interp(at, given, c) for c in flat.T], axis=-1).reshape(-1, *corners.shape[1:])
+    return np.stack([np.interp(at, given, c) for c in flat.T], axis=-1).reshape(
+        -1, *corners.shape[1:]
+    )
 
 
 def scale_of(recording: Recording) -> tuple[float, tuple[float, float]]:
@@ -139,12 +161,16 @@ def scale_of(recording: Recording) -> tuple[float, tuple[float, float]]:
     )
 
 
-def roi_px(roi: tuple[float, ...], unit: str, recording: Recording) -> tuple[float, float, float, float]:
+def roi_px(
+    roi: tuple[float, ...], unit: str, recording: Recording
+) -> tuple[float, float, float, float]:
     """Corners x0, y0, x1, y1 (px, y up) of a region in px or m; ValueError where they are not in the picture."""
     if len(roi) != 4 or not np.isfinite(roi).all():
         raise ValueError(f"a region is x0 y0 x1 y1, got {' '.join(map(str, roi))}")
     ends = (
-        np.reshape(roi, (2, 2)) if unit == "px" else outline_px(np.reshape(roi, (2, 2)), *scale_of(recording))
+        np.reshape(roi, (2, 2))
+        if unit == "px"
+        else outline_px(np.reshape(roi, (2, 2)), *scale_of(recording))
     )
     (x0, y0), (x1, y1) = ends.tolist()
     rows, columns = recording.shape

@@ -11,7 +11,9 @@ import xarray as xr
 
 from piv.images.open_recording import row_to_y_px
 
-MIN_CONTRAST = 1.6  # of particle images to a body: below it a threshold would cut the light sheet's own shade
+MIN_CONTRAST = (
+    1.6  # of particle images to a body: below it a threshold would cut the light sheet's own shade
+)
 MOST = 0.99  # of the picture: a mask of more leaves nothing to correlate, and is a photograph by mistake
 OPENED_PX, CLOSED_PX = 15, 25  # width of bridges and of gaps that are no part of a body's shape
 SUBPIXEL_BITS = 6  # fixed-point digits of polygon corners in OpenCV
@@ -23,8 +25,15 @@ def polygon_mask(polygon_px: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     `polygon_px` (n, 2): x right and y up from the centre of the bottom row of pixels, as in every result in px.
     """
     polygon = np.asarray(polygon_px, float)
-    if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3 or not np.isfinite(polygon).all():
-        raise ValueError(f"a mask polygon needs at least 3 finite corners (n, 2), got shape {polygon.shape}")
+    if (
+        polygon.ndim != 2
+        or polygon.shape[1] != 2
+        or len(polygon) < 3
+        or not np.isfinite(polygon).all()
+    ):
+        raise ValueError(
+            f"a mask polygon needs at least 3 finite corners (n, 2), got shape {polygon.shape}"
+        )
     corners = np.column_stack([polygon[:, 0], row_to_y_px(polygon[:, 1], shape[0])])
     limit = 2 ** (31 - SUBPIXEL_BITS) - 1
     fixed = np.round(np.clip(corners, -limit, limit) * 2**SUBPIXEL_BITS).astype(np.int32)
@@ -42,7 +51,9 @@ def read_polygon(path: str | Path) -> np.ndarray:
     except ValueError as error:
         raise ValueError(f"{path}: expected two numbers a line, x and y in px ({error})") from None
     if corners.shape[1] != 2 or len(corners) < 3:
-        raise ValueError(f"{path}: expected at least 3 lines of x and y in px, got shape {corners.shape}")
+        raise ValueError(
+            f"{path}: expected at least 3 lines of x and y in px, got shape {corners.shape}"
+        )
     return corners
 
 
@@ -57,7 +68,9 @@ def read_mask(path: str | Path, shape: tuple[int, int]) -> np.ndarray:
         return polygon_mask(read_polygon(path), shape)
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if image is None:
-        raise ValueError(f"{path}: not readable as an image; a mask is an image or a polygon (.csv)")
+        raise ValueError(
+            f"{path}: not readable as an image; a mask is an image or a polygon (.csv)"
+        )
     if image.shape != shape:
         raise ValueError(
             f"{path}: the mask is {image.shape[1]}x{image.shape[0]} px, the frames are {shape[1]}x{shape[0]} px; "
@@ -69,11 +82,15 @@ def read_mask(path: str | Path, shape: tuple[int, int]) -> np.ndarray:
 def not_whole(mask: np.ndarray, name: object) -> np.ndarray:
     """The mask; ValueError with its name where it leaves nothing of the picture."""
     if (share := mask.mean()) > MOST:
-        raise ValueError(f"{name}: masks {share:.1%} of the picture; a mask is black but for the body")
+        raise ValueError(
+            f"{name}: masks {share:.1%} of the picture; a mask is black but for the body"
+        )
     return mask
 
 
-def outline_px(outline: np.ndarray, scale_m_per_px: float, origin_px: tuple[float, float]) -> np.ndarray:
+def outline_px(
+    outline: np.ndarray, scale_m_per_px: float, origin_px: tuple[float, float]
+) -> np.ndarray:
     """Outline in metres (..., 2) to px: right of the left column and up from the bottom row."""
     if not scale_m_per_px > 0:
         raise ValueError(f"scale_m_per_px must be positive, got {scale_m_per_px}")
@@ -151,7 +168,9 @@ def dark_body(
     body = cv2.morphologyEx(body, cv2.MORPH_OPEN, _disc(OPENED_PX // 2))
     body = cv2.morphologyEx(body, cv2.MORPH_CLOSE, _disc(CLOSED_PX // 2))
     body = body[pad:-pad, pad:-pad]
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(np.ascontiguousarray(body), connectivity=4)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(
+        np.ascontiguousarray(body), connectivity=4
+    )
     large = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] >= min_area * body.size]
     if not large:
         raise ValueError(

@@ -32,7 +32,10 @@ __all__ = ["PAIRINGS", "Recording", "open_recording", "pairs", "row_to_y_px"]
 
 
 def open_recording(
-    source: str | Path | Sequence[str | Path], *, frame_rate_hz: float | None = None, colour: str = "refuse"
+    source: str | Path | Sequence[str | Path],
+    *,
+    frame_rate_hz: float | None = None,
+    colour: str = "refuse",
 ) -> Recording:
     """Open a recording for lazy reading.
 
@@ -46,7 +49,9 @@ def open_recording(
     else:
         paths = files_of(source[0]) if len(source) == 1 else [Path(p) for p in source]
     if not paths:
-        raise ValueError("no recording given: name image files, a folder, a video, an .mraw or an .h5")
+        raise ValueError(
+            "no recording given: name image files, a folder, a video, an .mraw or an .h5"
+        )
     suffixes = {p.suffix.lower() for p in paths}
     if suffixes <= set(IMAGE_SUFFIXES):
         return ImageFiles(paths, frame_rate_hz=frame_rate_hz, colour=colour)
@@ -119,9 +124,13 @@ def pairs(n: int, mode: str = "1-2,2-3", *, skip: int = 0, every: int = 1) -> li
     remains, and for an odd `n` in couples.
     """
     if mode not in PAIRINGS:
-        raise ValueError(f"pairing must be one of {' and '.join(map(repr, PAIRINGS))}, got {mode!r}")
+        raise ValueError(
+            f"pairing must be one of {' and '.join(map(repr, PAIRINGS))}, got {mode!r}"
+        )
     if skip < 0 or every < 1:
-        raise ValueError(f"skip must be at least 0 and every at least 1, got skip={skip}, every={every}")
+        raise ValueError(
+            f"skip must be at least 0 and every at least 1, got skip={skip}, every={every}"
+        )
     if mode == "1-2,2-3":
         index_pairs = [(i, i + 1 + skip) for i in range(n - 1 - skip)]
     else:
@@ -130,7 +139,9 @@ def pairs(n: int, mode: str = "1-2,2-3", *, skip: int = 0, every: int = 1) -> li
                 "skip has no meaning with the pairing '1-2,3-4'; use 'every' to leave out couples"
             )
         if n % 2:
-            raise ValueError(f"{n} frames cannot be paired '1-2,3-4': the last frame has no partner")
+            raise ValueError(
+                f"{n} frames cannot be paired '1-2,3-4': the last frame has no partner"
+            )
         index_pairs = [(i, i + 1) for i in range(0, n, 2)]
     if not index_pairs:
         raise ValueError(f"{n} frames give no pair with the pairing {mode!r} and skip={skip}")

@@ -23,7 +23,9 @@ class Photron(Recording):
             count, self.bits = int(cih["Total Frame"]), int(cih["Color Bit"])
             rate = float(cih["Record Rate(fps)"])
         except Exception as error:  # the parser raises whatever its parts raise
-            raise ValueError(f"{header}: not a readable Photron header ({one_line(error)})") from error
+            raise ValueError(
+                f"{header}: not a readable Photron header ({one_line(error)})"
+            ) from error
         if str(cih.get("File Format", "MRaw")).lower() != "mraw" or self.bits not in (8, 12, 16):
             raise ValueError(
                 f"{header}: {cih.get('File Format')} of {self.bits} bit; only MRaw of 8, 12 or 16 bit can be read"
@@ -39,7 +41,9 @@ class Photron(Recording):
         self.attrs["bits"] = int(cih.get("EffectiveBit Depth", self.bits)) if self.bits != 8 else 8
         self.attrs["camera"] = {k: cih[k] for k in ("Camera Type", "Shutter Speed(s)") if k in cih}
         if self.bits == 12 and pixels % 2:
-            raise ValueError(f"{header}: packed 12-bit frames need an even number of pixels, got {pixels}")
+            raise ValueError(
+                f"{header}: packed 12-bit frames need an even number of pixels, got {pixels}"
+            )
 
     def _read(self, i: int) -> np.ndarray:
         pixels = self._size[0] * self._size[1]
@@ -52,11 +56,17 @@ class Photron(Recording):
 
 
 def _photron_files(path: Path) -> tuple[Path, Path]:
-    headers = [path] if path.suffix.lower() != ".mraw" else [path.with_suffix(s) for s in (".cihx", ".cih")]
+    headers = (
+        [path]
+        if path.suffix.lower() != ".mraw"
+        else [path.with_suffix(s) for s in (".cihx", ".cih")]
+    )
     header = next((h for h in headers if h.is_file()), None)
     raw = path.with_suffix(".mraw")
     if header is None:
-        raise FileNotFoundError(f"{path}: no {path.stem}.cihx or .cih beside it, which says the image size")
+        raise FileNotFoundError(
+            f"{path}: no {path.stem}.cihx or .cih beside it, which says the image size"
+        )
     if not raw.is_file():
         raise FileNotFoundError(f"{header}: no {raw.name} beside it, which holds the frames")
     return header, raw

@@ -17,8 +17,15 @@ import numpy as np
 from piv.images.recording import Recording
 from piv.images.static_background import static_background
 
-STEPS = {"background": "min", "clahe": "64", "highpass": "8", "cap": "3"}  # and their default values
-BACKGROUND_FRAMES = 500  # of a longer recording, evenly chosen: more changes nothing that is visible
+STEPS = {
+    "background": "min",
+    "clahe": "64",
+    "highpass": "8",
+    "cap": "3",
+}  # and their default values
+BACKGROUND_FRAMES = (
+    500  # of a longer recording, evenly chosen: more changes nothing that is visible
+)
 CLIP = 2.0  # limit of the contrast of clahe
 
 
@@ -125,4 +132,6 @@ def _argument(name: str, value: str, recording: Recording) -> np.ndarray | float
     try:
         return float(value)
     except ValueError:
-        raise ValueError(f"pre-processing step '{name}={value}': {value!r} is not a number") from None
+        raise ValueError(
+            f"pre-processing step '{name}={value}': {value!r} is not a number"
+        ) from None

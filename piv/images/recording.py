@@ -9,7 +9,9 @@ import cv2
 import numpy as np
 
 LARGEST_CHUNK = 2**28  # px that reading one frame may bring into memory
-cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # each failure becomes one sentence of ours
+cv2.utils.logging.setLogLevel(
+    cv2.utils.logging.LOG_LEVEL_SILENT
+)  # each failure becomes one sentence of ours
 
 
 class Recording:
@@ -29,7 +31,10 @@ class Recording:
         self.attrs: dict[str, Any] = {}
         self.times: np.ndarray | None = None
         self.lossy = False  # saved in a format that leaves out detail
-        self.corner_px = (0.0, 0.0)  # of the lower left pixel, in the picture that coordinates are of
+        self.corner_px = (
+            0.0,
+            0.0,
+        )  # of the lower left pixel, in the picture that coordinates are of
         self.key: Any = None  # of what is not in the frames: masks, region
         if frame_rate_hz is not None:
             self.attrs["frame_rate_hz"] = float(frame_rate_hz)
@@ -53,7 +58,9 @@ class Recording:
     def frame(self, i: int) -> np.ndarray:
         """Frame `i`, 2-D, native dtype, row 0 at the top."""
         if not 0 <= i < self.count:
-            raise IndexError(f"{self.name}: frame {i} is outside the recording's {self.count} frames")
+            raise IndexError(
+                f"{self.name}: frame {i} is outside the recording's {self.count} frames"
+            )
         image = self._read(i)
         if self._shape is None:
             self._shape = (image.shape[0], image.shape[1])

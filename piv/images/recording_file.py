@@ -13,7 +13,15 @@ from piv.images.recording import LARGEST_CHUNK, Recording
 
 # of damaged files
 HDF5_ERRORS = (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError, AttributeError)
-ATTRIBUTES = ("bits", "scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz", "camera", "seed")
+ATTRIBUTES = (
+    "bits",
+    "scale_m_per_px",
+    "origin_x_px",
+    "origin_y_px",
+    "frame_rate_hz",
+    "camera",
+    "seed",
+)
 
 
 class RecordingFile(Recording):
@@ -24,13 +32,17 @@ class RecordingFile(Recording):
         try:
             count = self._checked()
             super().__init__(str(path), count, frame_rate_hz)
-            self.attrs = {k: _scalar(v) for k, v in self._file.attrs.items() if k in ATTRIBUTES} | self.attrs
+            self.attrs = {
+                k: _scalar(v) for k, v in self._file.attrs.items() if k in ATTRIBUTES
+            } | self.attrs
             self._check_attributes()
             if frame_rate_hz is None and "time" in self._file:
                 self.times = self._numbers("time", (count,))
         except HDF5_ERRORS as error:
             self._file.close()
-            raise ValueError(f"{path}: damaged, or not a recording ({one_line(error, 200)})") from error
+            raise ValueError(
+                f"{path}: damaged, or not a recording ({one_line(error, 200)})"
+            ) from error
 
     def _checked(self) -> int:
         """Number of frames; ValueError where they cannot be read one by one."""
@@ -72,7 +84,9 @@ class RecordingFile(Recording):
         try:
             return self._file[name][i]
         except HDF5_ERRORS as error:
-            raise ValueError(f"{self._frame_name(i)}: cannot be read ({one_line(error)})") from error
+            raise ValueError(
+                f"{self._frame_name(i)}: cannot be read ({one_line(error)})"
+            ) from error
 
     def variable(self, name: str) -> np.ndarray | None:
         """A further variable, such as `outline` or `tip`, whole; None where the file has none."""

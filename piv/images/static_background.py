@@ -18,7 +18,9 @@ LEAST_FRAMES = 5  # with fewer, particles overlap themselves too often
 # of the particles' variance, which is the median over the cells: a cell is static whose own least values have STATIC of it
 # while MOVING of it changes, or that have BRIGHT of it
 STATIC, MOVING, BRIGHT = 1.0, 0.25, 10.0
-SATURATED = 0.98  # of the brightest pixel of all frames: what is always so bright shows no particles
+SATURATED = (
+    0.98  # of the brightest pixel of all frames: what is always so bright shows no particles
+)
 LEAST_AREA = 5e-4  # share of the picture; a few odd cells are no background
 
 
@@ -57,7 +59,9 @@ def static_background(recording: Recording) -> tuple[np.ndarray, np.ndarray] | N
     cells = cv2.dilate(cells.astype(np.uint8), np.ones((3, 3), np.uint8))
     rows, columns = least.shape
     where = np.zeros(least.shape, np.float32)
-    full = cv2.resize(cells, None, fx=CELL, fy=CELL, interpolation=cv2.INTER_NEAREST)[:rows, :columns]
+    full = cv2.resize(cells, None, fx=CELL, fy=CELL, interpolation=cv2.INTER_NEAREST)[
+        :rows, :columns
+    ]
     where[: full.shape[0], : full.shape[1]] = full
     # rows and columns left over by whole cells go with the last ones
     where[full.shape[0] :] = where[full.shape[0] - 1]

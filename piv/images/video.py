@@ -28,7 +28,9 @@ class Video(Recording):
         self._open()
         count = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
         if count < 1:
-            raise ValueError(f"{path}: a video without frames, or whose container does not say how many")
+            raise ValueError(
+                f"{path}: a video without frames, or whose container does not say how many"
+            )
         played = self._capture.get(cv2.CAP_PROP_FPS)
         super().__init__(str(path), count, frame_rate_hz)
         # A high-speed film is usually stored with a playing rate, not with the camera's: never taken as time.

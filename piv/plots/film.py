@@ -16,7 +16,12 @@ from fileio.atomic import whole
 
 
 def write_film(
-    images: Iterable[np.ndarray], path: Path, rate_hz: float, *, crf: int = 24, preset: str = "veryfast"
+    images: Iterable[np.ndarray],
+    path: Path,
+    rate_hz: float,
+    *,
+    crf: int = 24,
+    preset: str = "veryfast",
 ) -> None:
     """Encode images (row, column, RGB), of even sides, to an MP4 (yuv420p), whole or not at all.
 
@@ -28,10 +33,39 @@ def write_film(
     if first is None:
         raise ValueError(f"{path}: no frame to make a film of")
     rows, columns = first.shape[:2]
-    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{columns}x{rows}", "-r", f"{rate_hz:.02f}"]
-    coded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", str(crf), "-preset", preset, "-threads", "1"]
+    given = [
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "rgb24",
+        "-s",
+        f"{columns}x{rows}",
+        "-r",
+        f"{rate_hz:.02f}",
+    ]
+    coded = [
+        "-c:v",
+        "libx264",
+        "-pix_fmt",
+        "yuv420p",
+        "-crf",
+        str(crf),
+        "-preset",
+        preset,
+        "-threads",
+        "1",
+    ]
     with whole(path, suffix=True) as part, ThreadPoolExecutor(1) as pool:
-        program = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", *given, "-i", "-", "-an"]
+        program = [
+            imageio_ffmpeg.get_ffmpeg_exe(),
+            "-y",
+            "-loglevel",
+            "error",
+            *given,
+            "-i",
+            "-",
+            "-an",
+        ]
         command = [*program, *coded, "-movflags", "+faststart", str(part)]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
             assert process.stdin is not None
@@ -57,4 +91,6 @@ def _check(code: int, reason: str, path: Path) -> None:
         if os.strerror(number) in reason:
             raise OSError(number, os.strerror(number), str(path))
     if code != 0:
-        raise ValueError(f"{path}: ffmpeg ended with code {code}: {' '.join(reason.split())[-200:]}")
+        raise ValueError(
+            f"{path}: ffmpeg ended with code {code}: {' '.join(reason.split())[-200:]}"
+        )

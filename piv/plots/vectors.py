@@ -16,12 +16,24 @@ from matplotlib.figure import Figure
 
 from fileio.formats.plane_series import usable
 
-logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)  # warns of fonts that nothing here uses
+logging.getLogger("matplotlib.font_manager").setLevel(
+    logging.ERROR
+)  # warns of fonts that nothing here uses
 
 # Blue-white-orange, told apart by every kind of colour vision (ColorBrewer's PuOr, reversed so that blue is negative).
 COLOUR_MAP = "PuOr_r"
 WIDTH_IN = 6.7
-NEVER_NEGATIVE = ("u_rms", "v_rms", "uu", "vv", "uu_noise", "vv_noise", "strain", "correlation", "n")
+NEVER_NEGATIVE = (
+    "u_rms",
+    "v_rms",
+    "uu",
+    "vv",
+    "uu_noise",
+    "vv_noise",
+    "strain",
+    "correlation",
+    "n",
+)
 ARROWS_ACROSS = 42  # more cannot be read on a printed column
 
 
@@ -69,7 +81,9 @@ def shaded(plane: xr.Dataset, name: str) -> np.ndarray:
         return vorticity(plane)
     if name not in plane or plane[name].dims[-2:] != ("y", "x"):
         known = [str(n) for n, v in plane.data_vars.items() if v.dims[-2:] == ("y", "x")]
-        raise ValueError(f"the file has no {name!r} to colour by; it has vorticity, {', '.join(known)}")
+        raise ValueError(
+            f"the file has no {name!r} to colour by; it has vorticity, {', '.join(known)}"
+        )
     return plane[name].values.astype(float)
 
 
@@ -81,7 +95,11 @@ def unit_of(plane: xr.Dataset, name: str) -> str:
 
 
 def draw(
-    plane: xr.Dataset, vortices: pd.DataFrame | None = None, *, style: Style, speed: float | None = None
+    plane: xr.Dataset,
+    vortices: pd.DataFrame | None = None,
+    *,
+    style: Style,
+    speed: float | None = None,
 ) -> Figure:
     """A figure of one instant; close it with `plt.close`. `vortices`: rows of docs/formats.md at this instant."""
     length = str(plane["x"].attrs.get("units", "m"))
@@ -102,7 +120,9 @@ def draw(
         axes.set_facecolor("0.82")  # absent vectors are grey, not the white of zero vorticity
         never_negative = style.colour_by in NEVER_NEGATIVE or style.colour_by.endswith("_std")
         colours = "viridis" if never_negative else COLOUR_MAP
-        picture = axes.imshow(omega, colours, origin="lower", extent=extent, interpolation="nearest")
+        picture = axes.imshow(
+            omega, colours, origin="lower", extent=extent, interpolation="nearest"
+        )
         picture.set_clim(0 if never_negative else -limit, limit)
         step = style.arrow_every or max(1, round(max(x.size, y.size) / ARROWS_ACROSS))
         cut = (slice(step // 2, None, step), slice(step // 2, None, step))
@@ -114,15 +134,29 @@ def draw(
             along, up = (np.where(known, plane[n].values, np.nan) for n in ("u", "v"))
             axes.streamplot(x, y, along, up, color="0.1", linewidth=0.6, arrowsize=0.7, density=1.6)
         else:
-            scale = {"angles": "xy", "scale_units": "xy", "scale": speed / (1.6 * step * (x[1] - x[0]))}
-            arrows = axes.quiver(xx[ok], yy[ok], u, v, **scale, width=0.0016, color="0.1", pivot="mid")
+            scale = {
+                "angles": "xy",
+                "scale_units": "xy",
+                "scale": speed / (1.6 * step * (x[1] - x[0])),
+            }
+            arrows = axes.quiver(
+                xx[ok], yy[ok], u, v, **scale, width=0.0016, color="0.1", pivot="mid"
+            )
             axes.quiverkey(
-                arrows, 0.86, 1.03, speed, f"{speed:.3g} {velocity}", labelpos="E", coordinates="axes"
+                arrows,
+                0.86,
+                1.03,
+                speed,
+                f"{speed:.3g} {velocity}",
+                labelpos="E",
+                coordinates="axes",
             )
         if "outline" in plane:
             outline = plane["outline"].values * factor
             for body in outline.reshape(-1, *outline.shape[-2:]):
-                axes.fill(body[:, 0], body[:, 1], facecolor="0.15", edgecolor="k", linewidth=0.8, zorder=3)
+                axes.fill(
+                    body[:, 0], body[:, 1], facecolor="0.15", edgecolor="k", linewidth=0.8, zorder=3
+                )
         if vortices is not None:
             _mark(axes, vortices, factor)
         axes.set(xlim=extent[:2], ylim=extent[2:], aspect="equal")

@@ -112,19 +112,29 @@ def join(parts: list[Path], output: str | Path) -> Path:
         again = f"remove it and {made_by(number, len(parts))}"
         with h5py.File(path, "r") as file:
             if "chunk" not in file.attrs:
-                raise ValueError(f"{path}: not a chunk of a series (attribute 'chunk' is missing); {again}")
+                raise ValueError(
+                    f"{path}: not a chunk of a series (attribute 'chunk' is missing); {again}"
+                )
             head = parse_json(file.attrs["chunk"], path, again)
             times.append(file["time"][...])
         if heads and head["identity"] != heads[0]["identity"]:
-            raise ValueError(f"{path}: of another recording or other settings than {parts[0]}; {again}")
+            raise ValueError(
+                f"{path}: of another recording or other settings than {parts[0]}; {again}"
+            )
         if head["first"] != first or len(times[-1]) != head["count"]:
-            raise ValueError(f"{path}: begins with field {head['first']}, expected {first}; {again}")
+            raise ValueError(
+                f"{path}: begins with field {head['first']}, expected {first}; {again}"
+            )
         heads.append(head)
         first += head["count"]
     if not heads or first != heads[0]["fields"]:
-        raise ValueError(f"{output}: the parts hold {first} of {heads[0]['fields'] if heads else 0} fields")
+        raise ValueError(
+            f"{output}: the parts hold {first} of {heads[0]['fields'] if heads else 0} fields"
+        )
     with h5py.File(parts[0], "r") as file:
-        attrs = {n: v for n, v in file.attrs.items() if n not in ("chunk", "format", "format_version")}
+        attrs = {
+            n: v for n, v in file.attrs.items() if n not in ("chunk", "format", "format_version")
+        }
         units = {name: file[name].attrs["units"] for name in ("x", "y", "time", "u")}
         axes = file["x"][...], file["y"][...]
         fingers = {name: _dims(file[name]) for name in FINGER_VARIABLES if name in file}

@@ -71,7 +71,9 @@ def correlate_ensemble(
         return reduce(iadd, (pair_cells(images, *where) for images in each()))
 
     def spectra_of(*where: Any) -> tuple | None:
-        return prefilter.radial_spectra([p for images in each() for p in pair_powers(images, *where)])
+        return prefilter.radial_spectra(
+            [p for images in each() for p in pair_powers(images, *where)]
+        )
 
     def reseed(nodes: Nodes, vectors: passes.Displacements) -> passes.Displacements:
         return passes.reseed(nodes, first.pixels, vectors, settings)
@@ -120,7 +122,13 @@ def correlate_ensemble_to(
     x, y = units.axes(plane["x"].values, plane["y"].values)
     time = [float(units.time.mean())]
     writer = SeriesWriter(
-        output, x, y, time, units.names, attrs, [recording.name, recording.key, settings, "ensemble"]
+        output,
+        x,
+        y,
+        time,
+        units.names,
+        attrs,
+        [recording.name, recording.key, settings, "ensemble"],
     )
     try:
         writer.write(0, units.fields(plane, 0))

@@ -34,7 +34,9 @@ def correlate_frames(
     2013), on warped images. ValueError where the number of frames is even or below three.
     """
     if len(frames) < 3 or len(frames) % 2 == 0:
-        raise ValueError(f"a multi-frame set needs an odd number of frames, at least 3, got {len(frames)}")
+        raise ValueError(
+            f"a multi-frame set needs an odd number of frames, at least 3, got {len(frames)}"
+        )
     settings = Options(**options)
     if settings.method != "correlation":
         raise ValueError("the multi-frame mode correlates; method must be 'correlation'")
@@ -54,7 +56,9 @@ def correlate_frames(
     half, nodes, keep = nodes_of(images.shape, settings)
     x, y = nodes.x, nodes.y
     acceleration = np.zeros((2, y.size, x.size), np.float32)
-    work = {f: np.empty((2, images.shape[0] // f, images.shape[1] // f), np.float32) for f in (1, 2)}
+    work = {
+        f: np.empty((2, images.shape[0] // f, images.shape[1] // f), np.float32) for f in (1, 2)
+    }
     calls = {1: 0, 2: 0}
 
     def maps_of(columns, rows, shift_x, shift_y, size):
@@ -134,7 +138,9 @@ def paths(dx, dy, x, y, unsteady: np.ndarray, t: float) -> tuple[np.ndarray, np.
     total = t * u + 0.5 * t * t * unsteady
     term, factor = u, t
     for order in (2, 3, 4):
-        term = np.stack([u[0] * np.gradient(c, x, axis=1) + u[1] * np.gradient(c, y, axis=0) for c in term])
+        term = np.stack(
+            [u[0] * np.gradient(c, x, axis=1) + u[1] * np.gradient(c, y, axis=0) for c in term]
+        )
         factor *= t / order
         total = total + factor * term.astype(np.float32)
     return total[0], total[1]

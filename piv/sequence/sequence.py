@@ -25,7 +25,9 @@ from piv.sequence.camera_shake import LEAST_SIDE, LEAST_VECTORS
 from piv.sequence.chunks import BLOCK, Chunk, is_chunk, series_key
 from piv.sequence.multiframe import correlate_frames
 
-HAND_OVER = 5e-4  # s: a thread that needs Python's lock for a moment does not wait ten times as long for it
+HAND_OVER = (
+    5e-4  # s: a thread that needs Python's lock for a moment does not wait ten times as long for it
+)
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,8 @@ class SequenceOptions:
     frames: Annotated[int, "2 for pairs; 3, 5, … for the multi-frame mode"] = 2
     shake: Annotated[bool, "multi-frame mode: take the camera's shake out"] = True
     preprocess: Annotated[
-        str, "steps of piv.images.preprocess with commas, such as background=min,cap=3; none = as recorded"
+        str,
+        "steps of piv.images.preprocess with commas, such as background=min,cap=3; none = as recorded",
     ] = "background=static"
     threads: Annotated[int, "fields computed at a time"] = 1
 
@@ -51,7 +54,9 @@ class SequenceOptions:
         if self.threads < 1:
             raise ValueError(f"threads must be at least 1, got {self.threads}")
         if self.frames != 2 and (self.frames < 3 or self.frames % 2 == 0):
-            raise ValueError(f"frames must be 2, or odd for the multi-frame mode, got {self.frames}")
+            raise ValueError(
+                f"frames must be 2, or odd for the multi-frame mode, got {self.frames}"
+            )
         if self.frames == 2 and not self.shake:
             raise ValueError("shake = false is of the multi-frame mode; give frames = 3 or more")
         if not isinstance(self.preprocess, str):
@@ -71,10 +76,17 @@ class SequenceOptions:
 def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
     """Indices of the frames of every vector field."""
     if options.frames == 2:
-        return [tuple(p) for p in pairs(count, options.pairing, skip=options.skip, every=options.every)]
+        return [
+            tuple(p) for p in pairs(count, options.pairing, skip=options.skip, every=options.every)
+        ]
     if count < options.frames:
-        raise ValueError(f"{count} frames are too few for sets of {options.frames}; give a smaller --frames")
-    return [tuple(range(i, i + options.frames)) for i in range(0, count - options.frames + 1, options.every)]
+        raise ValueError(
+            f"{count} frames are too few for sets of {options.frames}; give a smaller --frames"
+        )
+    return [
+        tuple(range(i, i + options.frames))
+        for i in range(0, count - options.frames + 1, options.every)
+    ]
 
 
 def correlate_set(
@@ -110,7 +122,9 @@ def correlate_recording(
         sets = sets[part.first : part.first + part.count]
     clean = Preprocessor(sequence.steps, recording)
 
-    held: dict[int, tuple[np.ndarray, Any]] = {}  # frames of the last set: most sets share some with the next
+    held: dict[
+        int, tuple[np.ndarray, Any]
+    ] = {}  # frames of the last set: most sets share some with the next
 
     def frame(i: int) -> tuple[np.ndarray, Any]:
         return clean(recording.frame(i)), clean.mask(recording.mask(i))
@@ -141,7 +155,11 @@ def correlate_recording(
     try:
         missing = [k for k in range(len(sets)) if k not in writer.done]
         bar = tqdm(
-            total=len(sets), initial=len(writer.done), unit="field", desc="correlate", disable=quiet or None
+            total=len(sets),
+            initial=len(writer.done),
+            unit="field",
+            desc="correlate",
+            disable=quiet or None,
         )
         for k, plane in _in_parallel(missing, sets, load, options, sequence):
             writer.write(k, units.fields(plane, k))
@@ -153,7 +171,9 @@ def correlate_recording(
                 if name in finger:
                     variable = finger[name]
                     shape = (len(sets), *variable.shape[1:])
-                    writer.add(name, tuple(map(str, variable.dims)), shape, finger_in_sets(variable, sets))
+                    writer.add(
+                        name, tuple(map(str, variable.dims)), shape, finger_in_sets(variable, sets)
+                    )
         return writer.finish()
     finally:
         sys.setswitchinterval(interval_before)
@@ -184,7 +204,9 @@ def _in_parallel(
         try:
             for k in missing:
                 images, masks = load(sets[k])
-                running.append((k, pool.submit(correlate_set, images, masks, options, sequence.shake)))
+                running.append(
+                    (k, pool.submit(correlate_set, images, masks, options, sequence.shake))
+                )
                 if len(running) > sequence.threads:
                     done, future = running.pop(0)
                     yield done, future.result()
@@ -225,7 +247,9 @@ class SeriesUnits:
             raise ValueError(
                 f"{recording.name}: the frames' times do not ascend; give --frame-rate-hz in their place"
             )
-        return cls(float(scale), origin, middle, interval, {"x": "m", "y": "m", "time": "s", "u": "m/s"})
+        return cls(
+            float(scale), origin, middle, interval, {"x": "m", "y": "m", "time": "s", "u": "m/s"}
+        )
 
     def axes(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates of the vectors from those in px."""

@@ -20,9 +20,12 @@ class Camera:
     bits: Annotated[int, "grey levels are 2**bits"] = 8
     background: Annotated[float, "grey level of the background"] = 8.0
     read_noise: Annotated[float, "standard deviation of the read noise, grey levels"] = 2.0
-    electrons_per_level: Annotated[float, "electrons per grey level, for shot noise; 0 = none"] = 50.0
+    electrons_per_level: Annotated[float, "electrons per grey level, for shot noise; 0 = none"] = (
+        50.0
+    )
     pairs_every: Annotated[
-        int, "take a pair of frames out of every so many (correlate with --pairing 1-2,3-4); 1 = every frame"
+        int,
+        "take a pair of frames out of every so many (correlate with --pairing 1-2,3-4); 1 = every frame",
     ] = 1
 
     def __post_init__(self) -> None:
@@ -43,13 +46,17 @@ class Seeding:
     diameter_px: Annotated[float, "particle image diameter at 1/e^2"] = 2.5
     diameter_std_px: Annotated[float, "its standard deviation"] = 0.25
     sheet_thickness: Annotated[float, "thickness of the light sheet at 1/e^2, m"] = 1.5e-3
-    peak: Annotated[float, "peak of a mean particle in the middle of the sheet, part of the grey scale"] = 0.7
+    peak: Annotated[
+        float, "peak of a mean particle in the middle of the sheet, part of the grey scale"
+    ] = 0.7
     shadow: Annotated[float, "part of the light from below that the body takes away, 0 to 1"] = 0.0
     bead_diameter: Annotated[float, "diameter of the particles, m"] = 20e-6
 
     def __post_init__(self) -> None:
         for name in ("density_ppp", "diameter_px", "sheet_thickness", "peak"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"the seeding's {name} must be positive, got {getattr(self, name)}")
+                raise ValueError(
+                    f"the seeding's {name} must be positive, got {getattr(self, name)}"
+                )
         if not 0 <= self.shadow <= 1:
             raise ValueError(f"the seeding's shadow must be between 0 and 1, got {self.shadow}")

@@ -23,7 +23,11 @@ def sheet_light(z: np.ndarray, thickness: float) -> np.ndarray:
 
 @numba.njit(cache=True)
 def add_particles(
-    image: np.ndarray, column: np.ndarray, row: np.ndarray, amplitude: np.ndarray, diameter: np.ndarray
+    image: np.ndarray,
+    column: np.ndarray,
+    row: np.ndarray,
+    amplitude: np.ndarray,
+    diameter: np.ndarray,
 ) -> None:
     """Add Gaussian particle images to `image` (rows, columns; float), in place.
 
@@ -70,11 +74,15 @@ def fill_polygon(mask: np.ndarray, column: np.ndarray, row: np.ndarray) -> None:
         for k in range(n):
             m = (k + 1) % n
             if (row[k] <= j) != (row[m] <= j):
-                crossing[count] = column[k] + (j - row[k]) / (row[m] - row[k]) * (column[m] - column[k])
+                crossing[count] = column[k] + (j - row[k]) / (row[m] - row[k]) * (
+                    column[m] - column[k]
+                )
                 count += 1
         hits = np.sort(crossing[:count])
         for c in range(0, count - 1, 2):
-            for i in range(max(0, math.ceil(hits[c])), min(columns - 1, math.floor(hits[c + 1])) + 1):
+            for i in range(
+                max(0, math.ceil(hits[c])), min(columns - 1, math.floor(hits[c + 1])) + 1
+            ):
                 mask[j, i] = 1
 
 
@@ -91,7 +99,9 @@ def in_mask(mask: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray
 
 
 @numba.njit(cache=True)
-def _in_polygon(column: np.ndarray, row: np.ndarray, at_column: np.ndarray, at_row: np.ndarray) -> np.ndarray:
+def _in_polygon(
+    column: np.ndarray, row: np.ndarray, at_column: np.ndarray, at_row: np.ndarray
+) -> np.ndarray:
     """Which points `at_…` lie inside the closed polygon (even-odd rule)."""
     inside = np.zeros(at_column.size, np.bool_)
     n = column.size

@@ -61,7 +61,9 @@ def seed_particles(
     p[0] = rng.uniform(box.x0 - margin, box.x1 + margin, n)
     p[1] = rng.uniform(box.y0 - margin, box.y1 + margin, n)
     p[2] = rng.uniform(-1, 1, n) * (box.half_width + margin_z)
-    p[3] = np.maximum(diameter + diameter_std * np.clip(rng.standard_normal(n), -3, 3), diameter / 4)
+    p[3] = np.maximum(
+        diameter + diameter_std * np.clip(rng.standard_normal(n), -3, 3), diameter / 4
+    )
     return p
 
 
@@ -69,12 +71,16 @@ def by_tiles(p: np.ndarray, box: Box) -> np.ndarray:
     """The particles in the order of TILES parts of the box: carrying them reads the field four times faster than at random."""
     column, row = (
         np.clip((values - low) * (count / (high - low)), 0, count - 1).astype(np.uint16)
-        for values, low, high, count in zip(p, (box.x0, box.y0), (box.x1, box.y1), TILES, strict=False)
+        for values, low, high, count in zip(
+            p, (box.x0, box.y0), (box.x1, box.y1), TILES, strict=False
+        )
     )
     return np.take(p, np.argsort(row * np.uint16(TILES[0]) + column, kind="stable"), axis=1)
 
 
-def advance(field: PlaneField, p: np.ndarray, start: float, end: float, substeps: int = 2) -> np.ndarray:
+def advance(
+    field: PlaneField, p: np.ndarray, start: float, end: float, substeps: int = 2
+) -> np.ndarray:
     """Particles `p` (rows x, y, z, ...) carried from `start` to `end` (s) by `field`: RK4, velocity (u, v, w + dwdz z)."""
     return _carry(field, p, _stages(field, start, end, substeps))
 
@@ -161,7 +167,9 @@ def arriving(
     """
     # of the path, and of a spline at its ends
     nodes = math.ceil(MARGIN * along / min(field.dx, field.dy)) + 3
-    bound = cv2.dilate(np.abs(field.at(_between(start, end, 0.5))), np.ones((2 * nodes + 1,) * 2, np.uint8))
+    bound = cv2.dilate(
+        np.abs(field.at(_between(start, end, 0.5))), np.ones((2 * nodes + 1,) * 2, np.uint8)
+    )
     limits = np.array([box.x0, box.x1, box.y0, box.y1, box.half_width])
     origin_and_step = np.array([field.x[0], field.y[0], field.dx, field.dy])
     return _arriving(bound * (MARGIN * (end - start)), p, limits, origin_and_step, slack)

@@ -18,7 +18,9 @@ CACHED_PLANES = 6
 CACHED_INSTANTS = (
     3  # a step's end is the next one's beginning, and both its truth and its speed are asked for
 )
-BODY_REACH = 8.0  # cells into a body that take its surface's velocity; further in, no particle ever is
+BODY_REACH = (
+    8.0  # cells into a body that take its surface's velocity; further in, no particle ever is
+)
 
 
 class PlaneField:
@@ -64,7 +66,9 @@ class PlaneField:
                     filled = extend(values, known)
                     out[..., k] = _coefficients(filled)
             if plane:
-                outward = np.where(given, divergence(out[..., 0], out[..., 1], self.dx, self.dy), 0.0)
+                outward = np.where(
+                    given, divergence(out[..., 0], out[..., 1], self.dx, self.dy), 0.0
+                )
                 out[..., 3] = _coefficients(-outward)
             self._cache[i] = out
             if len(self._cache) > CACHED_PLANES:
@@ -102,7 +106,9 @@ class PlaneField:
 
     def sample(self, coefficients: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Values (component, point) of `coefficients` at points in m."""
-        return _sample(coefficients, (np.ravel(x) - self.x[0]) / self.dx, (np.ravel(y) - self.y[0]) / self.dy)
+        return _sample(
+            coefficients, (np.ravel(x) - self.x[0]) / self.dx, (np.ravel(y) - self.y[0]) / self.dy
+        )
 
 
 @numba.njit(cache=True, fastmath=True)
@@ -184,7 +190,9 @@ def extend(values: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 @numba.njit(cache=True)
-def _continue(values: np.ndarray, have: np.ndarray, jj: np.ndarray, ii: np.ndarray, reach: int) -> np.ndarray:
+def _continue(
+    values: np.ndarray, have: np.ndarray, jj: np.ndarray, ii: np.ndarray, reach: int
+) -> np.ndarray:
     ny, nx = values.shape
     out = np.empty(jj.size)
     for n in range(jj.size):

@@ -16,7 +16,13 @@ from fileio.atomic import write_bytes
 from fileio.formats.plane_series import FINGER_VARIABLES, UNITS, provenance, usable
 from fileio.formats.recording import RecordingWriter
 from piv.synthetic.camera import Camera, Seeding
-from piv.synthetic.particle_images import SLAB_HALF_WIDTH, add_particles, expose, in_mask, sheet_light
+from piv.synthetic.particle_images import (
+    SLAB_HALF_WIDTH,
+    add_particles,
+    expose,
+    in_mask,
+    sheet_light,
+)
 from piv.synthetic.particles import Box, seed_particles
 from piv.synthetic.truth import write_truth
 from piv.synthetic.virtual_camera import Recorder, finger_at
@@ -24,7 +30,9 @@ from piv.synthetic.virtual_camera import Recorder, finger_at
 __all__ = ["Camera", "Recorder", "Seeding", "render_pair", "render_recording"]
 
 Displacement = Callable[[np.ndarray, np.ndarray], tuple[Any, ...]]
-CHECKPOINT_FRAMES = 50  # an interrupted rendering carries the particles over at most so many frames again
+CHECKPOINT_FRAMES = (
+    50  # an interrupted rendering carries the particles over at most so many frames again
+)
 
 
 def render_pair(
@@ -100,7 +108,9 @@ def render_recording(
         write_truth(recorder, path.with_name(path.stem + "_truth.h5"), quiet=quiet)
     c = recorder.camera
     attrs = recorder.attributes() | provenance(**recorder.attributes())
-    attrs |= {k: series.attrs[k] for k in ("scene_hash", "tip_width", "source") if k in series.attrs}
+    attrs |= {
+        k: series.attrs[k] for k in ("scene_hash", "tip_width", "source") if k in series.attrs
+    }
     attrs["field_digest"] = _digest(series)
     masked = "outline" in series or not usable(series.isel(time=0)).all()
     dtype = np.uint8 if c.bits <= 8 else np.uint16
@@ -113,7 +123,11 @@ def render_recording(
             first = int(recorder.taken[missing[0]])
             state = _load_state(state_path, first) if writer.resumed else None
             bar = tqdm(
-                total=len(times), initial=len(writer.done), unit="frame", disable=quiet or None, desc="render"
+                total=len(times),
+                initial=len(writer.done),
+                unit="frame",
+                disable=quiet or None,
+                desc="render",
             )
             for i, frame in enumerate(recorder.frames(first, state), missing[0]):
                 if i not in writer.done:

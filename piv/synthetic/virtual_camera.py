@@ -95,7 +95,9 @@ class Recorder:
     def to_px(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tank coordinates (m) to column and row of the picture (row 0 at the top)."""
         scale = self.camera.scale_m_per_px
-        return x / scale + self.origin_px[0], self.camera.height_px - 1 - (y / scale + self.origin_px[1])
+        return x / scale + self.origin_px[0], self.camera.height_px - 1 - (
+            y / scale + self.origin_px[1]
+        )
 
     def body(self, t: float) -> Body:
         """The body at instant `t` on the picture grown by the rim: from `outline`, else where vectors are absent."""
@@ -113,7 +115,9 @@ class Recorder:
         absent = ~usable(self.series.isel(time=int(np.argmin(np.abs(f.time - t))))).values
         if absent.any():
             x = (np.arange(mask.shape[1]) - rim - self.origin_px[0]) * scale
-            y = (self.camera.height_px - 1 - (np.arange(mask.shape[0]) - rim) - self.origin_px[1]) * scale
+            y = (
+                self.camera.height_px - 1 - (np.arange(mask.shape[0]) - rim) - self.origin_px[1]
+            ) * scale
             i = np.clip(np.rint((x - f.x[0]) / f.dx).astype(int), 0, f.x.size - 1)
             j = np.clip(np.rint((y - f.y[0]) / f.dy).astype(int), 0, f.y.size - 1)
             mask[:] = absent[np.ix_(j, i)]
@@ -127,7 +131,9 @@ class Recorder:
         s, scale = self.seeding, self.camera.scale_m_per_px
         per_volume = s.density_ppp / (scale**2 * s.sheet_thickness)
         rng = np.random.default_rng([self.seed, index, 0])
-        return seed_particles(self.box, per_volume, s.diameter_px, s.diameter_std_px, rng, margin, margin_z)
+        return seed_particles(
+            self.box, per_volume, s.diameter_px, s.diameter_std_px, rng, margin, margin_z
+        )
 
     def step(self, particles: np.ndarray, index: int, body: Body, next_body: Body) -> np.ndarray:
         """Particles of frame `index` + 1 from those of frame `index`."""
@@ -152,7 +158,11 @@ class Recorder:
         c, s, rim = self.camera, self.seeding, self.rim_px
         column, row = self.to_px(particles[0], particles[1])
         peak = s.peak * (2**c.bits - 1)
-        light = peak * sheet_light(particles[2], s.sheet_thickness) * (particles[3] / s.diameter_px) ** 2
+        light = (
+            peak
+            * sheet_light(particles[2], s.sheet_thickness)
+            * (particles[3] / s.diameter_px) ** 2
+        )
         if s.shadow > 0:
             dark = in_mask(shadow_of(mask), column + rim, row + rim)
             light[dark] *= 1 - s.shadow
@@ -161,7 +171,9 @@ class Recorder:
         rng = np.random.default_rng([self.seed, index, 1])
         return expose(image, rng, c.bits, c.background, c.read_noise, c.electrons_per_level)
 
-    def frames(self, start: int = 0, state: tuple[int, np.ndarray] | None = None) -> Iterator[Frame]:
+    def frames(
+        self, start: int = 0, state: tuple[int, np.ndarray] | None = None
+    ) -> Iterator[Frame]:
         """The frames taken from `start` on; `state`: an earlier frame's number and particles (None: from the first frame)."""
         index, particles = state if state is not None else (0, self._draw(0))
         body = self.body(self.time[index])
@@ -172,7 +184,9 @@ class Recorder:
         while True:
             if index >= start and index in taken:
                 mask = body.mask
-                yield Frame(index, self.picture(particles, index, mask), mask[inner].copy(), particles)
+                yield Frame(
+                    index, self.picture(particles, index, mask), mask[inner].copy(), particles
+                )
             if index >= last:
                 return
             next_body = self.body(self.time[index + 1])

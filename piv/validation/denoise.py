@@ -25,7 +25,9 @@ LEVEL = 2.5  # vectors: where variances of small windows are averaged
 SHARED = 0.5  # how far the noise of a part that is damped is taken to stay in the one that is kept
 
 
-def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, passes: int, ratio=None):
+def damp_noise(
+    dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, passes: int, ratio=None
+):
     """Displacements and variances after damping the fine part of the field where it is no stronger than noise.
 
     For each of SCALES the field is split into a smooth part and the rest, and the rest into its divergence-free and its
@@ -43,7 +45,9 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
     if known.any():  # a few vectors that know nothing must not let all around them pass for noise
         some = variance[known][:: max(known.sum() // 2000, 1)]  # enough for a median
         variance = np.minimum(variance, LARGEST * np.median(some))
-    if ratio is not None:  # in small windows a few cells determine each variance: their geometric mean
+    if (
+        ratio is not None
+    ):  # in small windows a few cells determine each variance: their geometric mean
         level = _gauss(np.log(np.maximum(variance, 1e-12)) * weight, LEVEL)
         level /= np.maximum(_gauss(weight, LEVEL), 1e-6)
         variance = np.where(ratio < 1, np.exp(level) * weight, variance)
@@ -63,12 +67,15 @@ def damp_noise(dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, pas
         if coarser > 1:
             few = tuple(-(-n // coarser) for n in size)
             known_fields = (share, noise, *parts)
-            share, noise, *parts = (cv2.resize(a, few, interpolation=cv2.INTER_AREA) for a in known_fields)
+            share, noise, *parts = (
+                cv2.resize(a, few, interpolation=cv2.INTER_AREA) for a in known_fields
+            )
             parts = [p / np.maximum(share, 1e-6) for p in parts]
         cut, settled, shares = _damped(parts, share, noise, width / coarser, band == 0)
         if coarser > 1:
             cut, settled = (
-                [cv2.resize(c, size, interpolation=cv2.INTER_CUBIC) for c in p] for p in (cut, settled)
+                [cv2.resize(c, size, interpolation=cv2.INTER_CUBIC) for c in p]
+                for p in (cut, settled)
             )
             shares = [cv2.resize(a, size, interpolation=cv2.INTER_LINEAR) for a in shares]
         kept, passed, more, there = shares
@@ -123,7 +130,9 @@ def _damped(
     filled = [np.clip((t - CALM) / (FILLED - CALM), 0, 1) for t in typical]
     spared = np.float32(0)
     if finest:
-        certain = [np.interp(t, limits, (0, 1, 1, 0)) for t, limits in zip(typical, TURBULENT, strict=True)]
+        certain = [
+            np.interp(t, limits, (0, 1, 1, 0)) for t, limits in zip(typical, TURBULENT, strict=True)
+        ]
         spared = np.float32(LEAST) * np.prod(certain, axis=0, dtype=np.float32)
     keep, again, lost = [], [], 0
     for ratio, fills in zip(ratios, filled, strict=True):
@@ -168,7 +177,9 @@ RATIOS = (0.375, 0.5, 0.75, 0.99)
 MORE = 3  # steps in the smaller windows beyond those of the largest
 
 
-def _local_shares(sigma: float, spacing: float, passes: int, ratio: np.ndarray | None) -> list[tuple]:
+def _local_shares(
+    sigma: float, spacing: float, passes: int, ratio: np.ndarray | None
+) -> list[tuple]:
     """`noise_shares` of each vector, measured in a window of `ratio`."""
     whole = noise_shares(sigma, sigma, spacing, passes, 1)
     if ratio is None:
@@ -195,13 +206,17 @@ def noise_shares(sigma: float, largest: float, spacing: float, passes: int, dens
     total = np.zeros_like(window)
     for _ in range(passes):
         total = spline * total + window * (1 - spline * total)
-    power = (total**2).reshape(density, 64, density, 64).sum(axis=(0, 2))  # of one vector per `density` nodes
+    power = (
+        (total**2).reshape(density, 64, density, 64).sum(axis=(0, 2))
+    )  # of one vector per `density` nodes
     k = np.fft.fftfreq(64)
     square = k[:, None] ** 2 + k[None, :] ** 2
     out = []
     for width, coarser in scales(largest, spacing):
         low = np.exp(-2 * np.pi**2 * width**2 * square)
-        mean = np.sinc(k * coarser) / np.sinc(k)  # of neighbours, where fewer vectors stand for them
+        mean = np.sinc(k * coarser) / np.sinc(
+            k
+        )  # of neighbours, where fewer vectors stand for them
         fine = mean[:, None] * mean[None, :] * np.prod([1 - step * low for step in STEPS], axis=0)
         after = power * (1 - fine) ** 2
         out.append((float(np.sum(power * fine**2) / power.sum()), float(after.sum() / power.sum())))

@@ -10,7 +10,9 @@ from numba import njit
 
 SUPPORT = 0.5  # share of the neighbours that must have passed
 RARE = 0.2  # share of all vectors: where fewer have passed, those of doubtful correlation did so by chance
-LEAST_SUPPORT = 0.25  # of the neighbours, where vectors are rare: a seeded part has it along its edge
+LEAST_SUPPORT = (
+    0.25  # of the neighbours, where vectors are rare: a seeded part has it along its edge
+)
 SUPPORT_ROUNDS = 4  # each takes away what the one before has left alone
 BLOCK = 256  # vectors whose neighbours are sorted together, in the first cache
 ABSENT = np.float32(
@@ -139,7 +141,9 @@ def _all_near(counts):
 
 
 @njit(cache=True, nogil=True)
-def _normalised_median(u, v, usable, epsilon, radius, threshold, network, residual, median_u, median_v):
+def _normalised_median(
+    u, v, usable, epsilon, radius, threshold, network, residual, median_u, median_v
+):
     """Fields are padded by `radius`, the results are not."""
     ny, nx = residual.shape
     near = np.empty(((2 * radius + 1) ** 2 - 1, BLOCK), np.float32)
@@ -172,7 +176,9 @@ def _normalised_median(u, v, usable, epsilon, radius, threshold, network, residu
                     residual[j, i] = median_u[j, i] = median_v[j, i] = np.nan
 
 
-def normalised_median(u, v, usable, *, epsilon: float = 0.2, radius: int = 1, threshold: float = 0.0):
+def normalised_median(
+    u, v, usable, *, epsilon: float = 0.2, radius: int = 1, threshold: float = 0.0
+):
     """Residual of each vector against its neighbours' median, in units of their spread plus `epsilon` (px).
 
     u, v: (ny, nx) px, finite; usable: bool, vectors that may serve as neighbours. Returns (residual, median_u,
@@ -183,7 +189,13 @@ def normalised_median(u, v, usable, *, epsilon: float = 0.2, radius: int = 1, th
     residual, median_u, median_v = (np.empty(u.shape, np.float32) for _ in range(3))
     u, v, usable = (
         cv2.copyMakeBorder(
-            np.asarray(f, np.float32), radius, radius, radius, radius, cv2.BORDER_CONSTANT, value=(0,)
+            np.asarray(f, np.float32),
+            radius,
+            radius,
+            radius,
+            radius,
+            cv2.BORDER_CONSTANT,
+            value=(0,),
         )
         for f in (u, v, usable)
     )

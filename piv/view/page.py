@@ -9,7 +9,15 @@ from typing import Any
 
 import numpy as np
 from bokeh.layouts import column, row
-from bokeh.models import BoxEditTool, Button, ColumnDataSource, Div, PolyDrawTool, PolyEditTool, Slider
+from bokeh.models import (
+    BoxEditTool,
+    Button,
+    ColumnDataSource,
+    Div,
+    PolyDrawTool,
+    PolyEditTool,
+    Slider,
+)
 from bokeh.plotting import figure
 from bokeh.server.server import Server
 
@@ -36,9 +44,18 @@ class Page:
         self.masks = ColumnDataSource({"xs": [], "ys": []}, name="masks")
         self.corners = ColumnDataSource({"x": [], "y": []})
         self.region = ColumnDataSource({"x": [], "y": [], "width": [], "height": []}, name="region")
-        self.numbers, self.status = Div(text=HELP, name="numbers", width=900), Div(name="status", width=900)
+        self.numbers, self.status = (
+            Div(text=HELP, name="numbers", width=900),
+            Div(name="status", width=900),
+        )
         self.step = Slider(
-            start=0, end=max(1, scene.count - 1), value=0, step=1, title="step", name="step", width=600
+            start=0,
+            end=max(1, scene.count - 1),
+            value=0,
+            step=1,
+            title="step",
+            name="step",
+            width=600,
         )
         self.plot = figure(
             x_range=(left, right), y_range=(bottom, top), match_aspect=True, width=900, height=650,
@@ -60,10 +77,14 @@ class Page:
 
     def _draw(self, width: float, height: float) -> None:
         left, bottom, *_ = self.extent
-        self.plot.image("image", x=left, y=bottom, dw=width, dh=height, palette="Greys256", source=self.image)
+        self.plot.image(
+            "image", x=left, y=bottom, dw=width, dh=height, palette="Greys256", source=self.image
+        )
         arrows = {"x0": "x", "y0": "y", "x1": "x1", "y1": "y1"}
         self.plot.segment(**arrows, source=self.vectors, color="#e66101", line_width=1.2)
-        dots = self.plot.scatter("x", "y", source=self.vectors, size=5, color="#e66101", name="dots")
+        dots = self.plot.scatter(
+            "x", "y", source=self.vectors, size=5, color="#e66101", name="dots"
+        )
         dots.selection_glyph = dots.glyph.clone(fill_color="#5e3c99", line_color="#5e3c99", size=10)
         masks = self.plot.patches("xs", "ys", source=self.masks, color="#5e3c99", alpha=0.4)
         corners = self.plot.scatter("x", "y", source=self.corners, size=8, color="#5e3c99")
@@ -99,13 +120,17 @@ class Page:
     def tell(self, indices: list[int]) -> None:
         """Numbers of the vector that was clicked on."""
         if indices:
-            values = {n: c[indices[0]] for n, c in self.vectors.data.items() if n not in ("x1", "y1")}
+            values = {
+                n: c[indices[0]] for n, c in self.vectors.data.items() if n not in ("x1", "y1")
+            }
             self.numbers.text = escape(", ".join(f"{n} = {v:.5g}" for n, v in values.items()))
 
     def drawn(self) -> list[list[list[float]]]:
         """Polygons on the page now."""
         pairs = zip(self.masks.data["xs"], self.masks.data["ys"], strict=True)
-        return [[list(map(float, c)) for c in zip(xs, ys, strict=True)] for xs, ys in pairs if len(xs)]
+        return [
+            [list(map(float, c)) for c in zip(xs, ys, strict=True)] for xs, ys in pairs if len(xs)
+        ]
 
     def keep(self) -> None:
         """Remember the polygons as those of this frame."""
@@ -118,7 +143,9 @@ class Page:
     def save(self) -> None:
         """Write what is drawn; what does not fit is said on the page."""
         kept = self.kept or {0: self.drawn()}
-        boxes = list(zip(*(self.region.data[n] for n in ("x", "y", "width", "height")), strict=True))
+        boxes = list(
+            zip(*(self.region.data[n] for n in ("x", "y", "width", "height")), strict=True)
+        )
         try:
             roi = clipped(boxes[-1], self.extent) if boxes else None
             said = write_regions(self.output, self.scene.unit, kept, roi)
@@ -155,7 +182,9 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
             allow_websocket_origin=hosts,
         )
     except OSError as error:
-        raise ValueError(f"port {port} cannot be opened ({error.strerror}); give another --port") from None
+        raise ValueError(
+            f"port {port} cannot be opened ({error.strerror}); give another --port"
+        ) from None
     server.start()
     ready(f"http://127.0.0.1:{server.port}/")
     if show:

@@ -34,7 +34,9 @@ def write_regions(
             raise ValueError(
                 f"polygon {k + 1} has not the same number of corners at each frame; move its corners instead"
             )
-        bodies.append({"frames": frames, "corners": corners} if len(frames) > 1 else {"corners": corners[0]})
+        bodies.append(
+            {"frames": frames, "corners": corners} if len(frames) > 1 else {"corners": corners[0]}
+        )
     if not bodies and roi is None:
         raise ValueError("nothing is drawn yet")
     content = {"format": "mask-polygons", "format_version": 1, "unit": unit, "bodies": bodies}

@@ -54,7 +54,9 @@ class Scene:
             return step
         time = float(self.series["time"][step])
         times = self.recording.times if self.unit != "px" else np.arange(len(self.recording))
-        frame = step if times is None else int(np.searchsorted(times, time + 1e-9, side="right")) - 1
+        frame = (
+            step if times is None else int(np.searchsorted(times, time + 1e-9, side="right")) - 1
+        )
         return min(max(frame, 0), len(self.recording) - 1)
 
     def extent(self) -> tuple[float, float, float, float]:

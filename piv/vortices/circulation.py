@@ -15,7 +15,10 @@ def clear_radius(
     """
     border = min(x0 - x[0], x[-1] - x0, y0 - y[0], y[-1] - y0)
     there = ndimage.map_coordinates(
-        distance, [[(y0 - y[0]) / (y[1] - y[0])], [(x0 - x[0]) / (x[1] - x[0])]], order=1, mode="nearest"
+        distance,
+        [[(y0 - y[0]) / (y[1] - y[0])], [(x0 - x[0]) / (x[1] - x[0])]],
+        order=1,
+        mode="nearest",
     )[0]
     # one cell less, so that no interpolation touches an invalid point
     return float(min(wanted, border, there - max(x[1] - x[0], y[1] - y[0])))

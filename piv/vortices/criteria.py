@@ -19,7 +19,12 @@ class Gradients(NamedTuple):
 
 
 def gradients(
-    u: np.ndarray, v: np.ndarray, valid: np.ndarray, dx: float, dy: float, scheme: str = "least-squares"
+    u: np.ndarray,
+    v: np.ndarray,
+    valid: np.ndarray,
+    dx: float,
+    dy: float,
+    scheme: str = "least-squares",
 ) -> Gradients:
     """Velocity gradients on a regular grid (y, x).
 

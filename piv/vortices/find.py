@@ -7,7 +7,12 @@ import numpy as np
 import xarray as xr
 
 from fileio.formats.plane_series import usable
-from piv.vortices.circulation import area_circulation, clear_radius, contour_circulation, distance_to_invalid
+from piv.vortices.circulation import (
+    area_circulation,
+    clear_radius,
+    contour_circulation,
+    distance_to_invalid,
+)
 from piv.vortices.criteria import gradients, vorticity
 from piv.vortices.joint_fit import fit_regions
 from piv.vortices.lamb_oseen_fit import PEAK_SWIRL, Fit
@@ -40,7 +45,8 @@ def find_vortices(
     omega = vorticity(g)
     distance = distance_to_invalid(p.valid, dx, dy)
     return sorted(
-        (_record(p, f.fit, omega, distance, f.n_vectors) for f in fits), key=lambda w: -abs(w.circulation)
+        (_record(p, f.fit, omega, distance, f.n_vectors) for f in fits),
+        key=lambda w: -abs(w.circulation),
     )
 
 
@@ -48,7 +54,9 @@ def _settings(settings: VortexSettings | None, options: dict[str, float | str]) 
     base = settings or VortexSettings()
     unknown = sorted(set(options) - set(vars(base)))
     if unknown:
-        raise ValueError(f"unknown vortex option {unknown[0]!r}; the options are {', '.join(vars(base))}")
+        raise ValueError(
+            f"unknown vortex option {unknown[0]!r}; the options are {', '.join(vars(base))}"
+        )
     return VortexSettings(**(vars(base) | options))
 
 
@@ -81,7 +89,9 @@ def plane_of(plane: xr.Dataset, weighting: str) -> Plane:
             good = valid & np.isfinite(std) & (std > 0)
             # a few vectors with an implausibly small error must not rule the fit
             floor = 0.3 * np.median(std[good]) if good.any() else 1.0
-            weights.append(np.where(good, 1 / np.maximum(np.where(good, std, 1.0), floor) ** 2, 0.0))
+            weights.append(
+                np.where(good, 1 / np.maximum(np.where(good, std, 1.0), floor) ** 2, 0.0)
+            )
         else:
             weights.append(valid.astype(float))
     xx, yy = np.meshgrid(x, y)

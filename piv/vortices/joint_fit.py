@@ -38,7 +38,9 @@ NOISE_ONLY = 0.95
 # share of a disc that holds vectors in open water; with less, beside a body, the vortex is hardly Lamb-Oseen's
 WATER = 0.95
 POINTS_PER_CORE = 8
-SWEEPS = 3  # passes of the fit over all vortices: neighbours and fit discs settle to 1e-3 within three
+SWEEPS = (
+    3  # passes of the fit over all vortices: neighbours and fit discs settle to 1e-3 within three
+)
 
 
 def fit_regions(p: Plane, regions: np.ndarray, s: VortexSettings) -> list[Fitted]:
@@ -47,7 +49,10 @@ def fit_regions(p: Plane, regions: np.ndarray, s: VortexSettings) -> list[Fitted
     Which vortices there may be the vectors alone decide: with its region's help every layer on a wall would pass for one.
     Those that a body half hides are then fitted once more, with it, and must still be vortices.
     """
-    start, alone = np.hstack([regions, regions, np.zeros((len(regions), 1))]), replace(s, region_prior=np.inf)
+    start, alone = (
+        np.hstack([regions, regions, np.zeros((len(regions), 1))]),
+        replace(s, region_prior=np.inf),
+    )
     fits = _significant(_fit_all(p, start, alone, SWEEPS), s)
     # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew from where they are
     at_once = len(fits) == len(start)
@@ -73,7 +78,8 @@ def _significant(fits: list[Fitted], s: VortexSettings) -> list[Fitted]:
     return [
         f
         for f in fits
-        if abs(f.fit.vortices[0, 2]) >= max(least, s.significance * np.sqrt(max(f.fit.covariance[2, 2], 0.0)))
+        if abs(f.fit.vortices[0, 2])
+        >= max(least, s.significance * np.sqrt(max(f.fit.covariance[2, 2], 0.0)))
         and f.fit.explained >= s.min_explained
     ]
 
@@ -92,7 +98,9 @@ def _fit_all(p: Plane, start: np.ndarray, s: VortexSettings, sweeps: int) -> lis
         start[overlapping, 8], now[overlapping] = 1, start[overlapping, 4:8]
         for k in map(int, overlapping):
             attempts[k] = fit_one(k)
-        kept = [(f, a) for f, a in zip(attempts, start, strict=True) if f and _plausible(p, f.fit, a)]
+        kept = [
+            (f, a) for f, a in zip(attempts, start, strict=True) if f and _plausible(p, f.fit, a)
+        ]
         kept = [kept[k] for k in _distinct([f.fit for f, _ in kept])]
         fits = [f for f, _ in kept]
         if not fits:
@@ -129,7 +137,13 @@ def _fit_one(
 
 
 def _fit_disc(
-    p: Plane, now: np.ndarray, start: np.ndarray, area: np.ndarray, s: VortexSettings, radius: float, k: int
+    p: Plane,
+    now: np.ndarray,
+    start: np.ndarray,
+    area: np.ndarray,
+    s: VortexSettings,
+    radius: float,
+    k: int,
 ) -> Fitted | None:
     """Fit of vortex k over a disc of `radius` core radii: neighbours in it are fitted along, others taken off as they are."""
     x0, y0, _, a = now[k]
@@ -182,7 +196,9 @@ def _fit_disc(
     )
 
 
-def _correlation_factor(step: list[float], fit: Fit, use: np.ndarray, length: float | None) -> float:
+def _correlation_factor(
+    step: list[float], fit: Fit, use: np.ndarray, length: float | None
+) -> float:
     """By how much correlated errors raise the variance of fitted values: number of vectors per independent one.
 
     With a correlation length L (box window, triangular autocorrelation) (L/dx) (L/dy), at least 1; otherwise the sum of
@@ -235,7 +251,9 @@ def _cancelling(fits: list[Fitted | None]) -> np.ndarray:
     Fitted jointly so near they may grow without bound as long as they cancel: the flow tells their dipole, not the
     circulation of either. Each is then fitted apart, to its own side of the dipole.
     """
-    x, y, circulation, a = np.array([f.fit.vortices[0] if f else [np.nan] * 4 for f in fits]).reshape(-1, 4).T
+    x, y, circulation, a = (
+        np.array([f.fit.vortices[0] if f else [np.nan] * 4 for f in fits]).reshape(-1, 4).T
+    )
     away = np.hypot(x[:, None] - x, y[:, None] - y) / np.maximum(a[:, None], a)
     return ((away < 1.0) & (circulation[:, None] * circulation < 0)).any(axis=1)
 

@@ -172,13 +172,17 @@ def _levenberg_marquardt(p, n, d, unit, mean, correlated, dof):
         for q in range(p.size):
             damped[q, q] += damping * (normal[q, q] + floor)
         step = _solve(damped, rhs.reshape(-1, 1))[:, 0].copy()
-        for k in range(n):  # no leap over several cores, no core growing or shrinking by more than a factor
+        for k in range(
+            n
+        ):  # no leap over several cores, no core growing or shrinking by more than a factor
             limit = math.exp(p[4 * k + 3])
             for q in (4 * k, 4 * k + 1):
                 step[q] = min(max(step[q], -limit), limit)
             grown = p[4 * k + 3] - first_core[k]
             step[4 * k + 3] = min(max(step[4 * k + 3], max(-0.5, -1 - grown)), min(0.5, 1 - grown))
-        if 2 * (step @ rhs) - step @ (normal @ step) <= 1e-7 * cost + 1e-300:  # nothing left to gain
+        if (
+            2 * (step @ rhs) - step @ (normal @ step) <= 1e-7 * cost + 1e-300
+        ):  # nothing left to gain
             if damping <= 1e-7:
                 break
             damping /= 100  # a damped step may gain little in a long valley: look again undamped
@@ -225,7 +229,9 @@ def fit_vortices(
     unit, mean = _prior(start, p, slopes, strain_prior * scale, rotation_prior * scale, core)
     ox, oy = p[:2]
     p, squares, jtj, prior = _levenberg_marquardt(p, n, d, unit, mean, float(correlated), dof)
-    spread = sum(float(w @ (q - w @ q / w.sum()) ** 2) for q, w in ((d.u, d.weight_u), (d.v, d.weight_v)))
+    spread = sum(
+        float(w @ (q - w @ q / w.sum()) ** 2) for q, w in ((d.u, d.weight_u), (d.v, d.weight_v))
+    )
     covariance = squares / dof * _solve(jtj + prior, np.eye(p.size))
     vortices, background = p[: 4 * n].reshape(n, 4).copy(), p[4 * n :]
     vortices[:, 3] = np.exp(vortices[:, 3])

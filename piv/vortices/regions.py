@@ -18,7 +18,9 @@ from piv.vortices.settings import VortexSettings
 REGION_RADIUS = 1.12
 REGION_PART = 0.715
 LEAST_SEEN = 0.3  # share of a disc below which it is not made up for what is hidden
-RADIUS_STEPS = 8  # the share changes slowly with the radius: each step leaves about a third of the error
+RADIUS_STEPS = (
+    8  # the share changes slowly with the radius: each step leaves about a third of the error
+)
 
 
 class Plane(NamedTuple):
@@ -65,7 +67,9 @@ def find_candidates(p: Plane, g: Gradients, s: VortexSettings) -> list[Candidate
     inside = q_criterion(g) > 0
     candidates = []
     for sense in (1.0, -1.0):
-        region = (np.nan_to_num(sense * size) >= s.gamma2) & (np.nan_to_num(sense * swirl) > 0) & inside
+        region = (
+            (np.nan_to_num(sense * size) >= s.gamma2) & (np.nan_to_num(sense * swirl) > 0) & inside
+        )
         labels, _ = ndimage.label(region, np.ones((3, 3)))
         for k, box in enumerate(ndimage.find_objects(labels), start=1):
             j, i = np.nonzero(labels[box] == k)
@@ -101,7 +105,9 @@ def seen_share(x, y, valid, cx, cy, radius):
     dx, dy = x[1] - x[0], y[1] - y[0]
     seen = disc = 0
     for j in range(math.ceil((cy - radius - y[0]) / dy), math.floor((cy + radius - y[0]) / dy) + 1):
-        for i in range(math.ceil((cx - radius - x[0]) / dx), math.floor((cx + radius - x[0]) / dx) + 1):
+        for i in range(
+            math.ceil((cx - radius - x[0]) / dx), math.floor((cx + radius - x[0]) / dx) + 1
+        ):
             if math.hypot(x[0] + i * dx - cx, y[0] + j * dy - cy) <= radius:
                 disc += 1
                 if 0 <= i < x.size and 0 <= j < y.size and valid[j, i]:

@@ -15,9 +15,12 @@ class VortexSettings:
     """How vortices are found; lengths and circulations in the plane's units."""
 
     stencil_radius: Annotated[
-        float | None, "radius of the Gamma2 disc, None = two grid steps; larger finds larger vortices only"
+        float | None,
+        "radius of the Gamma2 disc, None = two grid steps; larger finds larger vortices only",
     ] = None
-    gamma2: Annotated[float, "least |Gamma2| of a vortex region (2/pi: rotation exceeds strain)"] = 2 / np.pi
+    gamma2: Annotated[
+        float, "least |Gamma2| of a vortex region (2/pi: rotation exceeds strain)"
+    ] = 2 / np.pi
     min_points: Annotated[int, "least grid points of a region"] = 5
     max_elongation: Annotated[float, "longest region, length over width"] = 4.0
     min_circulation: Annotated[
@@ -31,8 +34,12 @@ class VortexSettings:
     neighbour_part: Annotated[
         float, "weaker neighbours than this part of a vortex belong to its background"
     ] = 0.3
-    strain_prior: Annotated[float, "expected background strain over the vortex' peak vorticity"] = 0.3
-    rotation_prior: Annotated[float, "expected background vorticity over the vortex' peak vorticity"] = 0.03
+    strain_prior: Annotated[float, "expected background strain over the vortex' peak vorticity"] = (
+        0.3
+    )
+    rotation_prior: Annotated[
+        float, "expected background vorticity over the vortex' peak vorticity"
+    ] = 0.03
     # relative standard deviation; weighs as the hidden part of the disc over the seen one
     region_prior: Annotated[
         float, "expected scatter of a core radius about its region's, half of the disc hidden"
@@ -43,7 +50,9 @@ class VortexSettings:
     ] = None
     scheme: Annotated[str, "of the gradients: least-squares or fourth-order"] = "least-squares"
     # equal where two planes are compared of which only one has uncertainties
-    weights: Annotated[str, "of the vectors in the fit: uncertainty (where given) or equal"] = "uncertainty"
+    weights: Annotated[str, "of the vectors in the fit: uncertainty (where given) or equal"] = (
+        "uncertainty"
+    )
 
     def __post_init__(self) -> None:
         if self.weights not in ("uncertainty", "equal"):

@@ -48,7 +48,9 @@ def tabulate_vortices(
             vortices, tracker.update(0.0 if time is None else time, vortices), strict=True
         ):
             place = place_at_tip(vortex.x, vortex.y, plane)
-            rows.append({"time": time, "track": track} | asdict(vortex) | (place._asdict() if place else {}))
+            rows.append(
+                {"time": time, "track": track} | asdict(vortex) | (place._asdict() if place else {})
+            )
     if empty:
         raise ValueError("there is no usable vector to find vortices in")
     table = pd.DataFrame(rows, columns=[c for c in COLUMNS if c != "lifetime"])
@@ -64,9 +66,15 @@ def _planes_with_vortices(
     """Each plane of the series, in order, with its vortices."""
     series = series[[name for name in USED if name in series]]
     single = "time" not in series["u"].dims
-    planes = iter([series.load()]) if single else map(Planes(series).__getitem__, range(series.sizes["time"]))
+    planes = (
+        iter([series.load()])
+        if single
+        else map(Planes(series).__getitem__, range(series.sizes["time"]))
+    )
     count = 1 if single else series.sizes["time"]
-    bar = iter(tqdm(_checked(planes), total=count, unit="plane", desc="vortices", disable=quiet or None))
+    bar = iter(
+        tqdm(_checked(planes), total=count, unit="plane", desc="vortices", disable=quiet or None)
+    )
     # the first in this process: what it loads, its workers have
     for plane in bar if processes <= 1 else islice(bar, 1):
         yield plane, find_vortices(plane, settings)
@@ -76,7 +84,9 @@ def _planes_with_vortices(
         waiting: deque[tuple[xr.Dataset, Future[list[Vortex]]]] = deque()
         for plane in bar:
             waiting.append((plane, pool.submit(find_vortices, plane, settings)))
-            if len(waiting) > 2 * processes:  # enough to keep all busy, few enough to keep memory flat
+            if (
+                len(waiting) > 2 * processes
+            ):  # enough to keep all busy, few enough to keep memory flat
                 plane, future = waiting.popleft()
                 yield plane, future.result()
         for plane, future in waiting:

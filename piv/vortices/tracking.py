@@ -16,10 +16,14 @@ from piv.vortices.vortex import Vortex
 class TrackingSettings:
     """How detections join to tracks; lengths in core radii, so that the same numbers serve every unit."""
 
-    agility: Annotated[float, "standard deviation of the velocity change per frame, core radii"] = 0.2
+    agility: Annotated[float, "standard deviation of the velocity change per frame, core radii"] = (
+        0.2
+    )
     scatter: Annotated[float, "scatter of a position beside its standard error, core radii"] = 0.1
     gate: Annotated[float, "largest Mahalanobis distance between prediction and detection"] = 4.0
-    max_step: Annotated[float, "largest distance between prediction and detection, core radii"] = 1.5
+    max_step: Annotated[float, "largest distance between prediction and detection, core radii"] = (
+        1.5
+    )
     circulation_change: Annotated[
         float, "relative change of circulation that costs as much as one standard deviation"
     ] = 0.5
@@ -49,14 +53,20 @@ class _Track:
         f = np.eye(4)
         f[0, 2] = f[1, 3] = dt
         p = self.covariance.copy()
-        if self.young:  # no velocity is known yet: a step of one core radius is one standard deviation
+        if (
+            self.young
+        ):  # no velocity is known yet: a step of one core radius is one standard deviation
             p[2, 2] = p[3, 3] = (a / dt) ** 2
         g = np.array([[dt / 2, 0], [0, dt / 2], [1, 0], [0, 1]])
         frames = 1 + self.missed
         return f @ self.state, f @ p @ f.T + g @ g.T * (s.agility * a * frames / dt) ** 2
 
     def update(
-        self, time: float, vortex: Vortex, predicted: tuple[np.ndarray, np.ndarray], noise: np.ndarray
+        self,
+        time: float,
+        vortex: Vortex,
+        predicted: tuple[np.ndarray, np.ndarray],
+        noise: np.ndarray,
     ) -> None:
         state, p = predicted
         gain = p[:, :2] @ np.linalg.inv(p[:2, :2] + noise)
@@ -77,7 +87,9 @@ class Tracker:
         """Track numbers of the `vortices` found at `time` (later than the last); new ones are born, old ones die."""
         s = self.settings
         if self._tracks and time <= max(t.time for t in self._tracks):
-            raise ValueError(f"tracking needs ascending times, got {time} after an equal or later one")
+            raise ValueError(
+                f"tracking needs ascending times, got {time} after an equal or later one"
+            )
         predictions = [t.predict(time, s) for t in self._tracks]
         noises = [_noise(v, s) for v in vortices]
         cost = np.full((len(self._tracks), len(vortices)), 1e9)
@@ -107,7 +119,12 @@ def _noise(v: Vortex, s: TrackingSettings) -> np.ndarray:
 
 
 def _cost(
-    track: _Track, state: np.ndarray, p: np.ndarray, vortex: Vortex, noise: np.ndarray, s: TrackingSettings
+    track: _Track,
+    state: np.ndarray,
+    p: np.ndarray,
+    vortex: Vortex,
+    noise: np.ndarray,
+    s: TrackingSettings,
 ) -> float:
     old = track.last
     d = np.array([vortex.x, vortex.y]) - state[:2]

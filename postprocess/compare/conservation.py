@@ -21,10 +21,14 @@ def conservation(files: StageFiles, plane: xr.Dataset) -> pd.DataFrame:
     time, width = forces["time"].to_numpy(), scene["finger"]["width"]
     given = -2 * running_integral(forces["fy"].to_numpy(), time) / (density * width)
     table = half_circulation(plane, density, viscosity)
-    return table.assign(impulse=vertical_impulse(plane), given=np.interp(table["time"], time, given))
+    return table.assign(
+        impulse=vertical_impulse(plane), given=np.interp(table["time"], time, given)
+    )
 
 
-def conservation_numbers(table: pd.DataFrame, met: float | None, flat: bool) -> dict[str, float | None]:
+def conservation_numbers(
+    table: pd.DataFrame, met: float | None, flat: bool
+) -> dict[str, float | None]:
     """What is unexplained of the circulation before and after contact, over its peak, and of the impulse, over the given one's peak.
 
     The impulse only of a `flat` (2-D) flow: of a vortex loop one plane does not tell it.

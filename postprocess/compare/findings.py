@@ -35,7 +35,18 @@ from postprocess.evidence.time_windows import Window, read_window
 COMPARISONS = ("<=", ">=", "in range", "equals")
 KINDS = ("paper", "agreement")
 SOURCES = ("cfd", "piv", "piv-cfd")  # a laboratory is compared by postprocess.lab
-REQUIRED = ("id", "kind", "finding", "figure", "quantity", "of", "comparison", "value", "reason", "window")
+REQUIRED = (
+    "id",
+    "kind",
+    "finding",
+    "figure",
+    "quantity",
+    "of",
+    "comparison",
+    "value",
+    "reason",
+    "window",
+)
 
 Value = float | str | tuple[float, float]
 
@@ -95,7 +106,11 @@ def _finding(entry: dict[str, Any], path: Path, quantities: frozenset[str]) -> F
     unknown = sorted(set(entry) - set(Finding.__dataclass_fields__))
     if unknown:
         raise ValueError(f"{where} has the unknown key {unknown[0]!r}; remove or rename it")
-    for key, allowed in (("kind", KINDS), ("comparison", COMPARISONS), ("quantity", sorted(quantities))):
+    for key, allowed in (
+        ("kind", KINDS),
+        ("comparison", COMPARISONS),
+        ("quantity", sorted(quantities)),
+    ):
         if entry[key] not in allowed:
             raise ValueError(f"{where}: {key} = {entry[key]!r} is not one of {', '.join(allowed)}")
     of = (entry["of"],) if isinstance(entry["of"], str) else tuple(entry["of"])
@@ -103,7 +118,9 @@ def _finding(entry: dict[str, Any], path: Path, quantities: frozenset[str]) -> F
     if wrong or not of:
         raise ValueError(f"{where}: of = {wrong!r} is not one of {', '.join(SOURCES)}")
     if not str(entry["reason"]).strip():
-        raise ValueError(f"{where}: reason is empty; say why the value and its tolerance are what they are")
+        raise ValueError(
+            f"{where}: reason is empty; say why the value and its tolerance are what they are"
+        )
     window = read_window(entry["window"], where)
     value = _value(entry["value"], entry["comparison"], where)
     tolerance = float(entry.get("tolerance", 0.0))
@@ -116,7 +133,9 @@ def _finding(entry: dict[str, Any], path: Path, quantities: frozenset[str]) -> F
 def _value(value: Any, comparison: str, where: str) -> Value:
     if comparison == "in range":
         if not isinstance(value, list) or len(value) != 2 or not value[0] <= value[1]:
-            raise ValueError(f"{where}: comparison 'in range' needs value = [low, high], got {value!r}")
+            raise ValueError(
+                f"{where}: comparison 'in range' needs value = [low, high], got {value!r}"
+            )
         return float(value[0]), float(value[1])
     if isinstance(value, str):
         if comparison != "equals":

@@ -33,7 +33,9 @@ def shift(part: Part, name: str) -> float:
     """Mean shift (m) of the pinch's vortices against the single finger's at the same bend, in a column `name`."""
     evidence = part.evidence
     if part.of not in evidence.single:
-        raise FileNotFoundError(evidence.single_absent or "no single finger was run with this source")
+        raise FileNotFoundError(
+            evidence.single_absent or "no single finger was run with this source"
+        )
     rows = paired_tips(part)
     bend = np.interp(rows["time"], evidence.clock.time, evidence.clock.progress)
     single = evidence.single[part.of]
@@ -85,7 +87,9 @@ def _ventral_flow(part: Part) -> str:
     if rows.empty:
         raise ValueError(f"{part.of}: no vortex on the ventral side {part.words()}")
     return str(
-        rows.loc[rows.groupby("time")["circulation"].apply(lambda c: c.abs().idxmax()), "flow"].mode().iloc[0]
+        rows.loc[rows.groupby("time")["circulation"].apply(lambda c: c.abs().idxmax()), "flow"]
+        .mode()
+        .iloc[0]
     )
 
 
@@ -94,8 +98,12 @@ def _side(part: Part) -> str:
     rows = _integrals(part)
     if set(rows["finger"]) != {0, 1}:
         raise ValueError(f"{part.of}: no vortex at both tips {part.words()}")
-    strongest = rows.loc[rows.groupby(["time", "finger"])["circulation"].apply(lambda c: c.abs().idxmax())]
-    left, right = (strongest.loc[strongest["finger"] == finger, "side"].mode().iloc[0] for finger in (0, 1))
+    strongest = rows.loc[
+        rows.groupby(["time", "finger"])["circulation"].apply(lambda c: c.abs().idxmax())
+    ]
+    left, right = (
+        strongest.loc[strongest["finger"] == finger, "side"].mode().iloc[0] for finger in (0, 1)
+    )
     return str(left) if left == right else "different"
 
 
@@ -111,7 +119,11 @@ def _dorsal(part: Part) -> pd.DataFrame:
         raise ValueError(
             f"{part.of}: the dorsal vortex of finger {part.finger} jumps by a tip width {part.words()}"
         )
-    of_finger = plane[["tip", "dorsal_direction"]].isel(finger=part.finger).sel(time=rows["time"].to_numpy())
+    of_finger = (
+        plane[["tip", "dorsal_direction"]]
+        .isel(finger=part.finger)
+        .sel(time=rows["time"].to_numpy())
+    )
     from_tip = rows[["x", "y"]].to_numpy() - of_finger["tip"].values
     return rows.assign(across_tip=(from_tip * of_finger["dorsal_direction"].values).sum(axis=1))
 

@@ -67,7 +67,9 @@ def source_numbers(
     out["circulation_peak"] = _number(size[rows.index].max())
     out["imbalance_rms"] = rms(rows["imbalance"]) if len(rows) else None
     out["mirror_distance_rms"] = rms(rows["mirror_distance"]) if len(rows) else None
-    clear = pd.concat([rows[f"x_{finger}"].abs() / rows[f"core_radius_{finger}"] for finger in (0, 1)])
+    clear = pd.concat(
+        [rows[f"x_{finger}"].abs() / rows[f"core_radius_{finger}"] for finger in (0, 1)]
+    )
     out["core_radii_from_plane_approach"] = _number(clear.min())
     for name in ("along_tip", "across_tip"):
         both = 0.5 * (pairs[f"{name}_0"] + pairs[f"{name}_1"])
@@ -98,7 +100,9 @@ def integral_numbers(
         if k < since.index[-1]:  # what still grows where the window ends has no peak in it
             out["ventral_circulation_peak"] = float(since["circulation"][k])
             out["ventral_circulation_peak_time"] = float(since["time"][k])
-            out["ventral_circulation_peak_gap"] = float(clock.gap_at(since["time"][[k]].to_numpy())[0])
+            out["ventral_circulation_peak_gap"] = float(
+                clock.gap_at(since["time"][[k]].to_numpy())[0]
+            )
             then = _at(dorsal["time"], dorsal["circulation"], since["time"][k])
             out["ventral_part"] = None if then is None else float(since["circulation"][k]) / then
         out["ventral_rise_peak"] = _number(since["between"].max())

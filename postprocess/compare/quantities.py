@@ -18,7 +18,9 @@ def paired(part: Part) -> pd.DataFrame:
     track = tracks.dominant_track(tables[other], part.finger, part.window, f"vortices of {other}")
     # says so where the reference has none
     tracks.dominant_track(tables[reference], part.finger, part.window, f"vortices of {reference}")
-    return tracks.pair_tracks(tracks.counterpart(tables[reference], track, part.finger, part.window), track)
+    return tracks.pair_tracks(
+        tracks.counterpart(tables[reference], track, part.finger, part.window), track
+    )
 
 
 def _paired_within(part: Part) -> pd.DataFrame:
@@ -28,13 +30,17 @@ def _paired_within(part: Part) -> pd.DataFrame:
 def _dominant(part: Part) -> pd.DataFrame:
     """The rows of the tip's strongest vortex in the window."""
     table = part.evidence.vortices[part.of]
-    return part.inside(tracks.dominant_track(table, part.finger, part.window, f"vortices of {part.of}"))
+    return part.inside(
+        tracks.dominant_track(table, part.finger, part.window, f"vortices of {part.of}")
+    )
 
 
 def _rival_fraction(part: Part) -> float:
     ranking = tracks.strengths(part.evidence.vortices[part.of], part.finger, part.window)
     if ranking.empty:
-        raise ValueError(f"vortices of {part.of}: none near the tip of finger {part.finger} in the window")
+        raise ValueError(
+            f"vortices of {part.of}: none near the tip of finger {part.finger} in the window"
+        )
     return float(ranking.iloc[1] / ranking.iloc[0]) if len(ranking) > 1 else 0.0
 
 
@@ -43,7 +49,9 @@ def _velocity_sums(part: Part) -> pd.DataFrame:
 
 
 def _trace(part: Part) -> tuple[float, float]:
-    since = max((start for start in part.evidence.clock.starts if start <= part.window[0]), default=0.0)
+    since = max(
+        (start for start in part.evidence.clock.starts if start <= part.window[0]), default=0.0
+    )
     return trace_velocity(part.evidence.planes[part.of], part.window, part.finger, since)
 
 

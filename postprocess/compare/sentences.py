@@ -39,7 +39,9 @@ def read_sentences(path: Path, findings: tuple[Finding, ...]) -> tuple[Sentence,
         if missing := [key for key in ("quote", "where") if not entry.get(key)]:
             raise ValueError(f"{where} lacks the key {missing[0]!r}; add it")
         if not isinstance(named := entry.get("findings", []), list):
-            raise ValueError(f"{where}: findings = {named!r} is no list; write findings = [{named!r}]")
+            raise ValueError(
+                f"{where}: findings = {named!r} is no list; write findings = [{named!r}]"
+            )
         sentence = Sentence(**entry | {"findings": tuple(named)})
         if absent := [name for name in sentence.findings if name not in known]:
             raise ValueError(
@@ -54,5 +56,13 @@ def read_sentences(path: Path, findings: tuple[Finding, ...]) -> tuple[Sentence,
 def judge_sentence(sentence: Sentence, checks: list[dict[str, Any]]) -> dict[str, Any]:
     """A sentence with `verdict`: "met" where all its findings are, "not met" where one is not, "not judged", "not testable"."""
     met = [check["met"] for check in checks if check["id"] in sentence.findings]
-    verdict = "not met" if False in met else "not judged" if None in met else "met" if met else "not testable"
+    verdict = (
+        "not met"
+        if False in met
+        else "not judged"
+        if None in met
+        else "met"
+        if met
+        else "not testable"
+    )
     return asdict(sentence) | {"verdict": verdict}

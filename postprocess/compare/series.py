@@ -33,7 +33,9 @@ def series_table(evidence: Evidence, window: Window) -> pd.DataFrame:
         velocity = fields.field_series(evidence.sums["piv-cfd"], REST * evidence.scale)
         table = table.merge(velocity, on="time", how="left")
     if {"x_cfd", "x_piv"} <= set(table.columns):
-        table["centre_distance"] = np.hypot(table["x_piv"] - table["x_cfd"], table["y_piv"] - table["y_cfd"])
+        table["centre_distance"] = np.hypot(
+            table["x_piv"] - table["x_cfd"], table["y_piv"] - table["y_cfd"]
+        )
     return table
 
 

@@ -71,7 +71,9 @@ def judge(finding: Finding, evidence: Evidence) -> dict[str, Any]:
             if isinstance(error, FileNotFoundError):  # what was not run is not judged
                 absent.add(of)
     judged = {
-        of: value is not None and is_met(finding, value) for of, value in measured.items() if of not in absent
+        of: value is not None and is_met(finding, value)
+        for of, value in measured.items()
+        if of not in absent
     }
     met = False if not all(judged.values()) else None if absent else True
     return {
@@ -94,7 +96,11 @@ def verdict(checks: list[dict[str, Any]]) -> dict[str, Any]:
     """Whether the simulation agrees with PIV (None: not judged), and how many checks of each kind are met."""
     met = {kind: [c["met"] for c in checks if c["kind"] == kind] for kind in ("agreement", "paper")}
     counts = {
-        kind: {"met": values.count(True), "not_met": values.count(False), "not_judged": values.count(None)}
+        kind: {
+            "met": values.count(True),
+            "not_met": values.count(False),
+            "not_judged": values.count(None),
+        }
         for kind, values in met.items()
     }
     agreement = met["agreement"]
@@ -108,13 +114,17 @@ def provenance(
     """Versions, hashes of the inputs in `out`, seeds and settings that the result rests on; `run` as in run.json."""
     names = ("numpy", "scipy", "xarray", "h5py", "pandas")
     return {
-        "versions": {"python": platform.python_version()} | versions(*names) | run.get("versions", {}),
+        "versions": {"python": platform.python_version()}
+        | versions(*names)
+        | run.get("versions", {}),
         "scene_hash": str(run.get("scene_hash", "")),
         "inputs_sha256": {n: sha256(out / n) for n in INPUTS if (out / n).exists()},
         "findings_sha256": None if findings is None else sha256(findings),
         "seeds": {s: int(p.attrs["seed"]) for s, p in planes.items() if "seed" in p.attrs},
         "settings": {
-            s: settings_in(p.attrs, out / FILES[s]) for s, p in planes.items() if p.attrs.get("settings")
+            s: settings_in(p.attrs, out / FILES[s])
+            for s, p in planes.items()
+            if p.attrs.get("settings")
         },
     }
 
@@ -135,7 +145,9 @@ def compare(files: StageFiles) -> dict[str, Any]:
     if pinch and set(evidence.planes["cfd"]) >= NEEDED:
         balance = conservation(files, evidence.planes["cfd"])
         write_text(files.out / "conservation.csv", balance.to_csv(index=False))
-        pinch["pinch"]["cfd"] |= conservation_numbers(balance, evidence.clock.met(), run["model"] == "2d")
+        pinch["pinch"]["cfd"] |= conservation_numbers(
+            balance, evidence.clock.met(), run["model"] == "2d"
+        )
     result = {
         "scene": files.scene,
         "level": files.level,
@@ -151,8 +163,12 @@ def compare(files: StageFiles) -> dict[str, Any]:
     write_text(files.out / "comparison.csv", series_table(evidence, middle).to_csv(index=False))
     for source, table in evidence.pairs.items():
         write_text(files.out / f"pairs_{source}.csv", table.to_csv(index=False))
-        write_text(files.out / f"centreline_{source}.csv", evidence.lines[source].to_csv(index=False))
-        write_text(files.out / f"integrals_{source}.csv", evidence.integrals[source].to_csv(index=False))
+        write_text(
+            files.out / f"centreline_{source}.csv", evidence.lines[source].to_csv(index=False)
+        )
+        write_text(
+            files.out / f"integrals_{source}.csv", evidence.integrals[source].to_csv(index=False)
+        )
         write_text(files.out / f"halves_{source}.csv", evidence.halves[source].to_csv(index=False))
     if bad := first_not_finite(result):
         raise ValueError(
@@ -173,7 +189,9 @@ def run(scene_folder: Path, level: str, quiet: bool = False) -> None:
     if quiet:
         return
     if not files.findings.exists():
-        print(f"{files.findings} is missing: agreement of PIV with the CFD is judged, findings are not")
+        print(
+            f"{files.findings} is missing: agreement of PIV with the CFD is judged, findings are not"
+        )
     for check in result["checks"]:
         word = {True: "met", False: "NOT MET", None: "not judged"}[check["met"]]
         print(f"{check['id']:32s} {word:10s} {measured_text(check)}")

@@ -28,7 +28,12 @@ MARK: dict[str, Any] = {
 OTHER: dict[str, Any] = MARK | {"color": "#4b5561", "linewidth": 1.0}
 MARKED = ("x", "y", "core_radius", "circulation")
 RIVAL = 0.3  # of the strongest at that instant: what is weaker is not marked
-SHADE: dict[str, Any] = {"origin": "lower", "cmap": COLOUR_MAP, "alpha": 0.75, "interpolation": "bilinear"}
+SHADE: dict[str, Any] = {
+    "origin": "lower",
+    "cmap": COLOUR_MAP,
+    "alpha": 0.75,
+    "interpolation": "bilinear",
+}
 ARROWS: dict[str, Any] = {"units": "xy", "angles": "xy", "scale_units": "xy", "width": 0.5, "headwidth": 3.4, "headlength": 4,
                           "color": "#1c2733"}  # fmt: skip
 
@@ -73,7 +78,9 @@ def nearest(plane: xr.Dataset, time: float) -> int:
     return int(np.argmin(np.abs(plane["time"].values - time)))
 
 
-def vortex_mark(x: float, y: float, radius: float, circulation: float) -> tuple[np.ndarray, np.ndarray]:
+def vortex_mark(
+    x: float, y: float, radius: float, circulation: float
+) -> tuple[np.ndarray, np.ndarray]:
     """A circle with two arrow heads that show the sense of rotation; lengths in the unit of `radius`."""
     sense = 1.0 if circulation > 0 else -1.0
     angle = np.linspace(0, 2 * np.pi, 49)
@@ -112,7 +119,9 @@ def flow_figure(
     updates = []
     shade = None
     for ax, (source, plane) in zip(axes[0], planes.items(), strict=True):
-        shade, update = _panel(ax, plane, vortices.get(source, []), (tables or {}).get(source), scale, limit)
+        shade, update = _panel(
+            ax, plane, vortices.get(source, []), (tables or {}).get(source), scale, limit
+        )
         ax.set(xlim=(x0 * MM, x1 * MM), ylim=(y0 * MM, y1 * MM), aspect="equal", xlabel="x, mm")
         ax.set_title(NAMES[source])
         ax.grid(False)
@@ -126,7 +135,9 @@ def flow_figure(
 
     def show(time: float) -> None:
         for ax, (source, plane), update in zip(axes[0], planes.items(), updates, strict=True):
-            shown = float(plane["time"][nearest(plane, time)])  # PIV has fewer instants than the sheet
+            shown = float(
+                plane["time"][nearest(plane, time)]
+            )  # PIV has fewer instants than the sheet
             ax.set_title(f"{NAMES[source]}, {format_instant(plane, shown)}")
             update(shown)
 
@@ -166,12 +177,16 @@ def _panel(
     shade = ax.imshow(blank, extent=extent, vmin=-limit, vmax=limit, **SHADE)
     gx, gy = np.meshgrid(x[columns] * MM, y[rows] * MM)
     hidden = np.ma.masked_all(gx.shape)
-    unit = 0.45 * scale / (every * dx * MM)  # 45 % of the tip's peak speed reaches to the next vector
+    unit = (
+        0.45 * scale / (every * dx * MM)
+    )  # 45 % of the tip's peak speed reaches to the next vector
     arrows = ax.quiver(gx, gy, hidden, hidden, scale=unit, **ARROWS)
     known = float(f"{0.5 * scale:.1g}")
     beside = {"labelpos": "E", "coordinates": "axes", "fontproperties": {"size": 9}}
     ax.quiverkey(arrows, 0.8, 1.03, known, f"{known:g} m/s", **beside)
-    bodies = [ax.fill([], [], color="black", zorder=3)[0] for _ in range(plane.sizes.get("finger", 0))]
+    bodies = [
+        ax.fill([], [], color="black", zorder=3)[0] for _ in range(plane.sizes.get("finger", 0))
+    ]
     (beside_them,) = ax.plot([], [], **OTHER)
     marks = [ax.plot([], [], **MARK)[0] for _ in vortices]
 
@@ -201,7 +216,11 @@ def seen_centres(plane: xr.Dataset, valid: np.ndarray) -> Callable[[np.ndarray],
 
     def seen(places: np.ndarray) -> np.ndarray:
         columns, rows = (
-            np.clip(np.rint((places[:, k] - axis[0]) / (axis[1] - axis[0])).astype(int), 0, axis.size - 1)
+            np.clip(
+                np.rint((places[:, k] - axis[0]) / (axis[1] - axis[0])).astype(int),
+                0,
+                axis.size - 1,
+            )
             for k, axis in enumerate((x, y))
         )
         return valid[rows, columns]
@@ -212,7 +231,8 @@ def seen_centres(plane: xr.Dataset, valid: np.ndarray) -> Callable[[np.ndarray],
 def _marks(vortices: np.ndarray) -> np.ndarray:
     """The marks of vortices (n, `MARKED`) as one broken line, mm: (2, points)."""
     marks = [
-        np.append(vortex_mark(x * MM, y * MM, r * MM, c), [[np.nan]] * 2, axis=1) for x, y, r, c in vortices
+        np.append(vortex_mark(x * MM, y * MM, r * MM, c), [[np.nan]] * 2, axis=1)
+        for x, y, r, c in vortices
     ]
     return np.concatenate([np.empty((2, 0)), *marks], axis=1)
 

@@ -28,7 +28,10 @@ def edges(cells: list[np.ndarray]) -> np.ndarray:
 
 
 def planform(
-    shapes: list[np.ndarray], bend_deg: np.ndarray, lines: list[np.ndarray], limits: tuple[float, ...]
+    shapes: list[np.ndarray],
+    bend_deg: np.ndarray,
+    lines: list[np.ndarray],
+    limits: tuple[float, ...],
 ) -> Figure:
     """The planform (node, axis) and its edges at three shapes around the body; limits are x from, x to, y from, y to (m)."""
     figure, axes = new_figure(12.0, 4.3, 1, len(shapes), dpi=150, sharey=True)
@@ -36,8 +39,14 @@ def planform(
         ends = points[joined] * MM
         near = (ends.max(axis=1) > np.array(limits[::2]) * MM).all(axis=1)
         near &= (ends.min(axis=1) < np.array(limits[1::2]) * MM).all(axis=1)
-        ax.add_collection(LineCollection(ends[near], colors="#27405c", linewidths=0.25, rasterized=True))
-        ax.set(xlim=(limits[0] * MM, limits[1] * MM), ylim=(limits[2] * MM, limits[3] * MM), aspect="equal")
+        ax.add_collection(
+            LineCollection(ends[near], colors="#27405c", linewidths=0.25, rasterized=True)
+        )
+        ax.set(
+            xlim=(limits[0] * MM, limits[1] * MM),
+            ylim=(limits[2] * MM, limits[3] * MM),
+            aspect="equal",
+        )
         ax.set(xlabel="x, mm", title=f"{name}, bent by {bend:.0f}°" if np.any(bend_deg) else name)
         ax.grid(False)
     axes[0].set_ylabel("y, mm")
@@ -76,9 +85,16 @@ def matplotlib_view(
     figure, ax = new_figure(8.0, 5.4, dpi=130, subplot_kw={"projection": "3d"})
     length, height, depth = tank * MM
     corners = np.array(
-        [[x, z, y] for x in (-length / 2, length / 2) for z in (-depth / 2, depth / 2) for y in (0, height)]
+        [
+            [x, z, y]
+            for x in (-length / 2, length / 2)
+            for z in (-depth / 2, depth / 2)
+            for y in (0, height)
+        ]
     )
-    joined = [(a, b) for a in range(8) for b in range(a + 1, 8) if np.sum(corners[a] != corners[b]) == 1]
+    joined = [
+        (a, b) for a in range(8) for b in range(a + 1, 8) if np.sum(corners[a] != corners[b]) == 1
+    ]
     ax.add_collection3d(
         Line3DCollection([corners[[a, b]] for a, b in joined], colors="#8793a1", linewidths=1)
     )
@@ -91,7 +107,9 @@ def matplotlib_view(
         ring[0, :, 1], ring[1, :, 1] = -width / 2 * MM, width / 2 * MM
         after = np.roll(ring, -1, axis=1)
         sides = np.stack([ring[0], after[0], after[1], ring[1]], axis=1)
-        ax.add_collection3d(Poly3DCollection([*sides, *ring], facecolor="#30343b", edgecolor="none"))
+        ax.add_collection3d(
+            Poly3DCollection([*sides, *ring], facecolor="#30343b", edgecolor="none")
+        )
     ax.set(xlim=(-length / 2, length / 2), ylim=(-depth / 2, depth / 2), zlim=(0, height))
     ax.set(xlabel="x, mm", ylabel="z, mm", zlabel="y, mm")
     ax.set_box_aspect((length, depth, height))

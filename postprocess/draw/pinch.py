@@ -34,7 +34,9 @@ def pair(pairs: dict[str, pd.DataFrame]) -> Figure:
         for ax, name in ((axes[2], "along_tip"), (axes[3], "across_tip")):
             ax.plot(time, table[f"{name}_0"] * MM, "-", color=colour, label=f"{label}, left")
             ax.plot(time, table[f"{name}_1"] * MM, "--", color=colour, label=f"{label}, right")
-    axes[0].set(ylabel="imbalance, %", ylim=(0, 15), title="The two tip vortices against each other")
+    axes[0].set(
+        ylabel="imbalance, %", ylim=(0, 15), title="The two tip vortices against each other"
+    )
     # an instant at which another vortex is paired by mistake must not set the scale
     usual = max(
         (float(table["mirror_distance"].quantile(0.95)) for table in pairs.values() if len(table)),
@@ -64,7 +66,9 @@ def centreline(
     return _with_contact(figure, axes, met, axes)
 
 
-def integrals(pairs: dict[str, pd.DataFrame], halves: dict[str, pd.DataFrame], met: float | None) -> Figure:
+def integrals(
+    pairs: dict[str, pd.DataFrame], halves: dict[str, pd.DataFrame], met: float | None
+) -> Figure:
     """Left half of the plane over time, by source: both pairs' circulation, the half's and its impulse, and the jet's speed and flux.
 
     Tables as of pair_integrals and half_planes; `met`: contact, s.
@@ -75,7 +79,11 @@ def integrals(pairs: dict[str, pd.DataFrame], halves: dict[str, pd.DataFrame], m
         for (side, flow), style in ((DORSAL, "-"), (VENTRAL, "--")):
             rows = vortex_of(table, side, flow, 0)
             axes[0].plot(
-                rows["time"], rows["circulation"] * 1e4, style, color=colour, label=f"{side} vortex, {name}"
+                rows["time"],
+                rows["circulation"] * 1e4,
+                style,
+                color=colour,
+                label=f"{side} vortex, {name}",
             )
         half = halves[source]
         axes[1].plot(half["time"], half["circulation_0"] * 1e4, color=colour, label=name)
@@ -101,15 +109,21 @@ def closing(
     """Gap and closing speed of one tip, with the law and without it (m over s), and what they do to pressure and jet."""
     figure, axes = new_figure(8.6, 8.2, 4, 1, sharex=True)
     axes[0].semilogy(time, gap * MM, color=CFD, label="as it closes")
-    axes[0].semilogy(time, free_gap * MM, "--", color=GREY, label="unhindered, until the tips would meet")
+    axes[0].semilogy(
+        time, free_gap * MM, "--", color=GREY, label="unhindered, until the tips would meet"
+    )
     axes[0].set(ylabel="gap between tip\nand plane, mm", title="Closing")
     axes[1].plot(time, -np.gradient(gap, time), color=CFD)
     axes[1].plot(time, -np.gradient(free_gap, time), color=GREY, linestyle="--")
     axes[1].set(ylabel="closing speed\nof a tip, m/s")
     if "pressure_gap" in lines:
         axes[2].plot(lines["time"], lines["pressure_gap"], color=CFD, label="between the tips")
-        axes[2].plot(lines["time"], lines["pressure_tip_max"], color=PIV, label="largest at the tips")
-        axes[2].plot(lines["time"], lines["pressure_tip_min"], color=THIRD, label="least at the tips")
+        axes[2].plot(
+            lines["time"], lines["pressure_tip_max"], color=PIV, label="largest at the tips"
+        )
+        axes[2].plot(
+            lines["time"], lines["pressure_tip_min"], color=THIRD, label="least at the tips"
+        )
     axes[2].set(ylabel="pressure, Pa")
     axes[3].plot(lines["time"], lines["jet_speed"], color=CFD)
     axes[3].set(ylabel="jet, m/s", xlabel="time, s", ylim=(0, None))
@@ -127,9 +141,15 @@ def beside_single(
     for tables, style, name in ((single, "--", "single finger"), (pinch, "-", "pinch")):
         for source, table in tables.items():
             for ax, column in zip(axes, ("along_tip", "across_tip"), strict=True):
-                (line,) = ax.plot(np.degrees(table["bend"]), table[column] * MM, style, color=COLOURS[source])
-                line.set(marker="." if len(table) < 60 else "None", label=f"{name}, {NAMES[source]}")
-    axes[0].set(ylabel="beyond the tip, mm", title="The vortex at the same bend, pinch and single finger")
+                (line,) = ax.plot(
+                    np.degrees(table["bend"]), table[column] * MM, style, color=COLOURS[source]
+                )
+                line.set(
+                    marker="." if len(table) < 60 else "None", label=f"{name}, {NAMES[source]}"
+                )
+    axes[0].set(
+        ylabel="beyond the tip, mm", title="The vortex at the same bend, pinch and single finger"
+    )
     axes[1].set(ylabel="to the dorsal side, mm", xlabel="bend angle, °", xlim=limits)
     axes[1].axhline(0, color=GREY, linewidth=0.8)
     axes[0].legend(loc="best")

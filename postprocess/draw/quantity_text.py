@@ -24,7 +24,9 @@ NBSP = "\u00a0"  # keeps a number and its unit on one line
 def number(value: float) -> str:
     """Three digits, never with an exponent."""
     return (
-        f"{value:.0f}" if abs(value) >= 100 else np.format_float_positional(float(f"{value:.3g}"), trim="-")
+        f"{value:.0f}"
+        if abs(value) >= 100
+        else np.format_float_positional(float(f"{value:.3g}"), trim="-")
     )
 
 

@@ -13,7 +13,10 @@ from postprocess.draw.style import CFD, COLOURS, GREY, MM, NAMES, PIV, new_figur
 from postprocess.evidence.vortex_pairs import broken
 
 BAND = 1.96  # standard deviations to either side: a 95 % band
-BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}  # curves fill these pictures
+BESIDE: dict[str, Any] = {
+    "loc": "center left",
+    "bbox_to_anchor": (1.0, 0.5),
+}  # curves fill these pictures
 
 
 Tracks = dict[str, list[pd.DataFrame]]  # by source, of every finger the tip's vortex over time
@@ -41,7 +44,9 @@ def finger_name(source: str, finger: int, fingers: int) -> str:
     return NAMES[source] + (f", {('left', 'right')[finger]} finger" if fingers > 1 else "")
 
 
-def _banded(ax, track: pd.DataFrame, name: str, unit: float, source: str, finger: int, fingers: int) -> None:
+def _banded(
+    ax, track: pd.DataFrame, name: str, unit: float, source: str, finger: int, fingers: int
+) -> None:
     colour, label = COLOURS[source], finger_name(source, finger, fingers)
     track = broken(track, "track")
     ax.plot(track["time"], track[name] * unit, color=colour, linestyle=STYLES[finger], label=label)
@@ -68,9 +73,17 @@ def paths(tracks: Tracks, plane: xr.Dataset, middle: tuple[float, float]) -> Fig
     instants = [0, int(np.argmin(np.abs(times - np.mean(middle)))), times.size - 1]
     for number in range(plane.sizes["finger"]):
         for index, tone in zip(instants, ("0.85", "0.6", "0.15"), strict=True):
-            ax.fill(*(plane["outline"].values[index, number].T * MM), facecolor=tone, edgecolor="none")
+            ax.fill(
+                *(plane["outline"].values[index, number].T * MM), facecolor=tone, edgecolor="none"
+            )
         label = "tip" if number == 0 else None
-        ax.plot(*(plane["tip"].values[:, number].T * MM), color=GREY, ls="--", linewidth=1.2, label=label)
+        ax.plot(
+            *(plane["tip"].values[:, number].T * MM),
+            color=GREY,
+            ls="--",
+            linewidth=1.2,
+            label=label,
+        )
     for source, fingers in tracks.items():
         for finger, track in enumerate(fingers):
             _path(ax, track, middle, source, f"vortex, {NAMES[source]}" if finger == 0 else None)
@@ -79,7 +92,9 @@ def paths(tracks: Tracks, plane: xr.Dataset, middle: tuple[float, float]) -> Fig
     return figure
 
 
-def _path(ax, track: pd.DataFrame, middle: tuple[float, float], source: str, label: str | None) -> None:
+def _path(
+    ax, track: pd.DataFrame, middle: tuple[float, float], source: str, label: str | None
+) -> None:
     drawn, colour = broken(track, "track"), COLOURS[source]
     style = {"marker": ".", "markersize": 4, "linewidth": 1.2, "label": label}
     ax.plot(drawn["x"] * MM, drawn["y"] * MM, color=colour, **style)
@@ -88,7 +103,13 @@ def _path(ax, track: pd.DataFrame, middle: tuple[float, float], source: str, lab
         some = inside.iloc[:: max(1, len(inside) // 8)]
         half = BAND * some[["x_std", "y_std"]] * MM
         ax.errorbar(
-            some["x"] * MM, some["y"] * MM, half["y_std"], half["x_std"], fmt="none", ecolor=colour, alpha=0.7
+            some["x"] * MM,
+            some["y"] * MM,
+            half["y_std"],
+            half["x_std"],
+            fmt="none",
+            ecolor=colour,
+            alpha=0.7,
         )
 
 
@@ -96,9 +117,13 @@ def agreement(series: pd.DataFrame, scale: float, middle: tuple[float, float]) -
     """Velocity difference, correlation and distance of the vortex centres between PIV and CFD over time."""
     figure, axes = new_figure(8.6, 6.0, 3, 1, sharex=True)
     axes[0].plot(series["time"], series["velocity_rms_difference"] / scale * 100, color=PIV)
-    axes[0].set(ylabel="RMS difference,\n% of tip speed", ylim=(0, None), title="PIV against CFD over time")
+    axes[0].set(
+        ylabel="RMS difference,\n% of tip speed", ylim=(0, None), title="PIV against CFD over time"
+    )
     axes[1].plot(series["time"], series["velocity_correlation"], color=PIV)
-    axes[1].set(ylabel="correlation, 1", ylim=(min(0.8, series["velocity_correlation"].min()), 1.005))
+    axes[1].set(
+        ylabel="correlation, 1", ylim=(min(0.8, series["velocity_correlation"].min()), 1.005)
+    )
     if "centre_distance" in series:
         axes[2].plot(series["time"], series["centre_distance"] * MM, color=PIV)
     axes[2].set(ylabel="distance of\ncentres, mm", ylim=(0, None), xlabel="time, s")
@@ -122,7 +147,11 @@ def motion(rows: list[tuple[np.ndarray, np.ndarray, str]]) -> Figure:
 
 
 def bending(
-    pressure: np.ndarray, bend: np.ndarray, bend_std: np.ndarray | None, paper: np.ndarray, length: float
+    pressure: np.ndarray,
+    bend: np.ndarray,
+    bend_std: np.ndarray | None,
+    paper: np.ndarray,
+    length: float,
 ) -> Figure:
     """Bending radius (mm) over pressure (Pa): states with the band of their input uncertainty, equations (1)-(6) beside.
 
@@ -141,7 +170,13 @@ def bending(
         if bend_std is not None:
             low, high = (length * MM / (bend[part] + k * bend_std[part]) for k in (-1, 1))
             ax.fill_between(
-                kpa, low, high, color=CFD, alpha=0.2, lw=0, label="input uncertainty" if part[-1] else None
+                kpa,
+                low,
+                high,
+                color=CFD,
+                alpha=0.2,
+                lw=0,
+                label="input uncertainty" if part[-1] else None,
             )
     ax.set(xlabel="pressure, kPa", ylabel="bending radius R, mm", ylim=(-2 * shown, 2 * shown))
     ax.set_title("Bending radius over pressure")

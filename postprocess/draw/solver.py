@@ -9,7 +9,11 @@ from matplotlib.figure import Figure
 from postprocess.draw.series import BESIDE
 from postprocess.draw.style import CFD, GREY, PIV, THIRD, new_figure
 
-LOSSES = {"viscous": "viscosity", "convection": "convection scheme", "coupling": "pressure and velocity"}
+LOSSES = {
+    "viscous": "viscosity",
+    "convection": "convection scheme",
+    "coupling": "pressure and velocity",
+}
 
 
 def forces(table: pd.DataFrame) -> Figure:
@@ -28,7 +32,9 @@ def power(table: pd.DataFrame) -> Figure:
     """Power balance: rates above, energies below, with what the gradients in the cells do not resolve of the dissipation."""
     time = table["time"].to_numpy()
     storage = np.gradient(table["kinetic_energy"].to_numpy(), time)
-    total = lambda rate: np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])  # noqa: E731
+    total = lambda rate: np.concatenate(
+        [[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))]
+    )  # noqa: E731
     work, lost = total(table["finger_power"].to_numpy()), total(table["dissipation"].to_numpy())
     gain = (table["kinetic_energy"] - table["kinetic_energy"].iloc[0]).to_numpy()
     figure, axes = new_figure(8.6, 6.0, 2, 1, sharex=True)
@@ -51,15 +57,22 @@ def losses(power: pd.DataFrame, terms: pd.DataFrame) -> Figure:
     figure, axes = new_figure(8.6, 6.0, 2, 1, sharex=True)
     storage = np.gradient(power["kinetic_energy"].to_numpy(), power["time"].to_numpy())
     axes[0].plot(
-        power["time"], (power["finger_power"] - storage) * 1e3, color=GREY, label="work less kinetic energy"
+        power["time"],
+        (power["finger_power"] - storage) * 1e3,
+        color=GREY,
+        label="work less kinetic energy",
     )
-    axes[0].plot(terms["time"], terms[list(LOSSES)].sum(axis=1) * 1e3, "k.", label="sum of the three")
+    axes[0].plot(
+        terms["time"], terms[list(LOSSES)].sum(axis=1) * 1e3, "k.", label="sum of the three"
+    )
     for (name, words), colour in zip(LOSSES.items(), (PIV, CFD, THIRD), strict=True):
         axes[0].plot(terms["time"], terms[name] * 1e3, color=colour, label=words)
     axes[0].set(ylabel="loss, mW", title="Where the energy goes")
     for region, style in (("wall", "-"), ("edge", "--"), ("wake", ":")):
         scheme = terms[f"convection_{region}"] + terms[f"coupling_{region}"]
-        axes[1].plot(terms["time"], scheme * 1e3, color=CFD, linestyle=style, label=f"schemes, {region}")
+        axes[1].plot(
+            terms["time"], scheme * 1e3, color=CFD, linestyle=style, label=f"schemes, {region}"
+        )
         axes[1].plot(
             terms["time"],
             terms[f"viscous_{region}"] * 1e3,
@@ -80,7 +93,10 @@ def history(table: pd.DataFrame) -> Figure:
     axes[0].plot(table["time"], table["courant_mean"], color=THIRD, label="mean")
     axes[0].set(ylabel="Courant number, 1", title="Courant number and continuity")
     axes[0].legend()
-    for name, colour, label in (("continuity_local", CFD, "local"), ("continuity_global", PIV, "global")):
+    for name, colour, label in (
+        ("continuity_local", CFD, "local"),
+        ("continuity_global", PIV, "global"),
+    ):
         size = table[name].abs()
         axes[1].semilogy(table["time"], size.where(size > 0), color=colour, label=label)
     axes[1].set(xlabel="time, s", ylabel="continuity error, 1")
@@ -100,7 +116,12 @@ def mesh_quality(table: pd.DataFrame) -> Figure:
     )
     for ax, column, colour, label in lines:
         for interval, part in table.groupby("interval"):
-            ax.plot(part["bend_deg"], part[column], color=colour, label=label if interval == first else None)
+            ax.plot(
+                part["bend_deg"],
+                part[column],
+                color=colour,
+                label=label if interval == first else None,
+            )
     axes[0].set(ylabel="non-orthogonality, °", ylim=(0, None), title="Mesh quality over the stroke")
     axes[0].legend()
     axes[1].set(xlabel="bend angle, °", ylabel="1", ylim=(0, None))

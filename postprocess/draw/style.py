@@ -40,7 +40,9 @@ RC: dict[str, Any] = {
 mpl.rcParams.update(RC)  # type: ignore[arg-type]
 
 
-def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, dpi: float = 110, **more):
+def new_figure(
+    width: float, height: float, rows: int = 1, columns: int = 1, dpi: float = 110, **more
+):
     """An off-screen figure (inches) and its axes; no display and no global state of pyplot."""
     figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
     FigureCanvasAgg(figure)
@@ -58,16 +60,21 @@ def label_points(axis: Axes, points: list[tuple[float, float]], names: list[str]
         width, height = 0.62 * size * len(name) * px, 1.15 * size * px
         sides = [(4 * px, 0.0), (-4 * px - width, 0.0)]
         tries = [
-            (dx, dy * height) for dy in (0.3, -1.0, 1.2, -2.0, 2.2, -3.0, 3.2, -4.0, 4.2) for dx, _ in sides
+            (dx, dy * height)
+            for dy in (0.3, -1.0, 1.2, -2.0, 2.2, -3.0, 3.2, -4.0, 4.2)
+            for dx, _ in sides
         ]
         boxes = [(x + dx, y + dy, x + dx + width, y + dy + height) for dx, dy in tries]
         box = next(
-            (b for b in boxes if b[2] < right and not any(_overlap(b, other) for other in taken)), boxes[0]
+            (b for b in boxes if b[2] < right and not any(_overlap(b, other) for other in taken)),
+            boxes[0],
         )
         taken.append(box)
         off = ((box[0] - x) / px, (box[1] - y) / px)
         far = abs(off[1]) > 1.5 * size
-        line: dict[str, Any] = {"arrowprops": {"arrowstyle": "-", "color": GREY, "lw": 0.6}} if far else {}
+        line: dict[str, Any] = (
+            {"arrowprops": {"arrowstyle": "-", "color": GREY, "lw": 0.6}} if far else {}
+        )
         axis.annotate(name, point, xytext=off, textcoords="offset points", fontsize=size, **line)
 
 

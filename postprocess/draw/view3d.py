@@ -25,7 +25,9 @@ def draw(
     for body in outline:
         ring = np.c_[body, np.full(len(body), -width / 2)]
         face = pyvista.PolyData(ring, faces=np.r_[len(ring), np.arange(len(ring))]).triangulate()
-        plotter.add_mesh(face.extrude((0, 0, width), capping=True), color="#30343b", smooth_shading=False)
+        plotter.add_mesh(
+            face.extrude((0, 0, width), capping=True), color="#30343b", smooth_shading=False
+        )
     middle = outline.mean(axis=(0, 1))
     plotter.camera.position = (middle[0] + 0.35, middle[1] + 0.22, 0.62)
     plotter.camera.focal_point = (middle[0], middle[1] - 0.03, 0)

@@ -26,7 +26,11 @@ def water_on_finger(loads: xr.Dataset, as_run: str) -> Figure:
     figure, axes = new_figure(9.6, 7.6, 2, 2)
     time = loads["step"].values
     turn, path, across, energy = axes.ravel()
-    motions = (("", as_run, CFD, "-"), ("_unloaded", "no load", GREY, "--"), ("_in_air", "in air", PIV, "-."))
+    motions = (
+        ("", as_run, CFD, "-"),
+        ("_unloaded", "no load", GREY, "--"),
+        ("_in_air", "in air", PIV, "-."),
+    )
     for name, label, colour, style in motions:
         line: dict[str, Any] = {"color": colour, "linestyle": style, "label": label}
         turn.plot(time, np.degrees(loads[f"bend{name}"]), **line)

@@ -126,7 +126,9 @@ def between_fingers(outline: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.nda
             cut = (a[:, 1] <= height) != (b[:, 1] <= height)
             if cut.any():
                 part = (height - a[cut, 1]) / (b[cut, 1] - a[cut, 1])
-                inner[finger, row] = sign * np.max(sign * (a[cut, 0] + part * (b[cut, 0] - a[cut, 0])))
+                inner[finger, row] = sign * np.max(
+                    sign * (a[cut, 0] + part * (b[cut, 0] - a[cut, 0]))
+                )
     return (x[None, :] > inner[0][:, None]) & (x[None, :] < inner[1][:, None])
 
 
@@ -139,7 +141,9 @@ class Oblique(NamedTuple):
     angle: float
 
 
-def oblique_flow(plane: xr.Dataset, lines: pd.DataFrame, window: tuple[float, float], above: bool) -> Oblique:
+def oblique_flow(
+    plane: xr.Dataset, lines: pd.DataFrame, window: tuple[float, float], above: bool
+) -> Oblique:
     """The flow beside the plane x = 0, over the instants of a window (s) at which the flow parts.
 
     Above the parting line: between the fingers. Below it: within two tip widths of the line and one of the plane.
@@ -157,7 +161,9 @@ def oblique_flow(plane: xr.Dataset, lines: pd.DataFrame, window: tuple[float, fl
         if outlines is not None:
             region = valid & (y > height)[:, None] & between_fingers(outlines[index], x, y)
         else:
-            region = valid & ((y < height) & (y > height - 2 * width))[:, None] & (np.abs(x) <= width)
+            region = (
+                valid & ((y < height) & (y > height - 2 * width))[:, None] & (np.abs(x) <= width)
+            )
         vertical = sign * field[1][region]
         total += vertical.sum()
         along += int((vertical > 0).sum())

@@ -21,7 +21,9 @@ def check_finger(plane: xr.Dataset, names: Iterable[str], path: Path) -> None:
         bad = np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))
         if bad.size:
             at = float(plane["time"].values[bad[0]])
-            raise ValueError(f"{path}: {name} at {at:g} s (frame {bad[0]}) is no number; make the file again")
+            raise ValueError(
+                f"{path}: {name} at {at:g} s (frame {bad[0]}) is no number; make the file again"
+            )
 
 
 def check_table(table: pd.DataFrame, names: Iterable[str], path: Path) -> None:

@@ -24,7 +24,9 @@ def instants(plane: xr.Dataset, window: tuple[float, float]) -> np.ndarray:
     return np.flatnonzero((times >= window[0] - 1e-9) & (times <= window[1] + 1e-9))
 
 
-def dorsal_circulation(plane: xr.Dataset, window: tuple[float, float], reach: float = REACH) -> pd.DataFrame:
+def dorsal_circulation(
+    plane: xr.Dataset, window: tuple[float, float], reach: float = REACH
+) -> pd.DataFrame:
     """All vorticity of the water on the dorsal side of the first tip within `reach` tip widths, the wall layers too.
 
     Columns time, circulation (m²/s), of_water (m²/s; its part that is not prescribed: along the region's edge in the water), x, y
@@ -32,7 +34,10 @@ def dorsal_circulation(plane: xr.Dataset, window: tuple[float, float], reach: fl
     """
     x, y, radius = plane["x"].values, plane["y"].values, reach * float(plane.attrs["tip_width"])
     step = float(x[1] - x[0])
-    angle, along = (np.arange(POINTS) + 0.5) / POINTS * np.pi, (np.arange(POINTS) + 0.5) / POINTS * 2 - 1
+    angle, along = (
+        (np.arange(POINTS) + 0.5) / POINTS * np.pi,
+        (np.arange(POINTS) + 0.5) / POINTS * 2 - 1,
+    )
     rows = []
     for index in instants(plane, window):
         velocity, valid = frame(plane, int(index))
@@ -42,11 +47,15 @@ def dorsal_circulation(plane: xr.Dataset, window: tuple[float, float], reach: fl
             plane[name].values[index, 0] for name in ("tip", "tip_direction", "dorsal_direction")
         )
         outline, moving = (plane[name].values[index, 0] for name in ("outline", "outline_velocity"))
-        turn = np.sign(out[0] * dorsal[1] - out[1] * dorsal[0])  # +1: out, dorsal, back is counter-clockwise
+        turn = np.sign(
+            out[0] * dorsal[1] - out[1] * dorsal[0]
+        )  # +1: out, dorsal, back is counter-clockwise
         arc = np.outer(np.cos(angle), out) + np.outer(np.sin(angle), dorsal)
         tangent = np.outer(-np.sin(angle), out) + np.outer(np.cos(angle), dorsal)
         place = np.vstack([tip + radius * arc, tip + radius * np.outer(along, out)])
-        length = turn * radius * np.vstack([tangent * np.pi, np.tile(2 * out, (POINTS, 1))]) / POINTS
+        length = (
+            turn * radius * np.vstack([tangent * np.pi, np.tile(2 * out, (POINTS, 1))]) / POINTS
+        )
         at = [(place[:, 1] - y[0]) / step, (place[:, 0] - x[0]) / step]
         flow = np.stack([map_coordinates(part, at, order=1) for part in velocity], axis=1)
         wet = ~shapely.contains_xy(shapely.Polygon(outline), *place.T)

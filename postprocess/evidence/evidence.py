@@ -56,7 +56,9 @@ class Part:
     def share(self, rows: int) -> float:
         """A number of instants as a part of those of the source's plane in the window."""
         times = self.evidence.planes[self.of]["time"].values
-        return rows / max(int(np.count_nonzero((times >= self.window[0]) & (times <= self.window[1]))), 1)
+        return rows / max(
+            int(np.count_nonzero((times >= self.window[0]) & (times <= self.window[1]))), 1
+        )
 
     def words(self) -> str:
         """The window, for a message."""

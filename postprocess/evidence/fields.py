@@ -14,7 +14,12 @@ ROUNDING = 1e-9  # a weight or time below this is rounding, not information
 
 
 def onto_grid(
-    field: np.ndarray, valid: np.ndarray, x: np.ndarray, y: np.ndarray, new_x: np.ndarray, new_y: np.ndarray
+    field: np.ndarray,
+    valid: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    new_x: np.ndarray,
+    new_y: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Bilinear values (component, y, x) at a new grid and where they are whole.
 
@@ -27,7 +32,9 @@ def onto_grid(
     at = np.meshgrid(np.clip(rows, 0, y.size - 1), np.clip(columns, 0, x.size - 1), indexing="ij")
     filled = np.where(valid, field, 0.0)  # the weight below tells which of these count
     weight = map_coordinates(valid.astype(float), at, order=1, mode="constant", cval=0.0)
-    values = np.stack([map_coordinates(part, at, order=1, mode="constant", cval=0.0) for part in filled])
+    values = np.stack(
+        [map_coordinates(part, at, order=1, mode="constant", cval=0.0) for part in filled]
+    )
     return values, inside & (weight > 1 - ROUNDING)
 
 
@@ -44,7 +51,9 @@ def at_time(plane: xr.Dataset, time: float) -> tuple[np.ndarray, np.ndarray]:
     if abs(times[after] - time) < ROUNDING:
         return frame(plane, after)
     if after == 0 or time > times[-1]:
-        raise ValueError(f"time {time:.4f} s lies outside the series {times[0]:.4f}…{times[-1]:.4f} s")
+        raise ValueError(
+            f"time {time:.4f} s lies outside the series {times[0]:.4f}…{times[-1]:.4f} s"
+        )
     share = (time - times[after - 1]) / (times[after] - times[after - 1])
     (early, early_ok), (late, late_ok) = frame(plane, after - 1), frame(plane, after)
     return (1 - share) * early + share * late, early_ok & late_ok
@@ -81,7 +90,9 @@ def field_sums(reference: xr.Dataset, other: xr.Dataset) -> pd.DataFrame:
         sums = [((b - a) ** 2).sum(), (a**2).sum(), (b**2).sum(), (a * b).sum()]
         rows.append([time, int(both.sum()), both.sum() / max(a_ok.sum(), 1), *sums, *shift])
     sums_named = ["difference2", "reference2", "other2", "product"]
-    return pd.DataFrame(rows, columns=["time", "points", "share", *sums_named, "mean_du", "mean_dv"])
+    return pd.DataFrame(
+        rows, columns=["time", "points", "share", *sums_named, "mean_du", "mean_dv"]
+    )
 
 
 def rms_difference(sums: pd.DataFrame) -> float:
@@ -96,7 +107,9 @@ def correlation(sums: pd.DataFrame) -> float:
     """Σ a·b / √(Σ|a|² Σ|b|²): 1 for equal or scaled fields, −1 for reversed ones; ValueError where one is at rest."""
     norm = np.sqrt(sums["reference2"].sum() * sums["other2"].sum())
     if norm == 0:
-        raise ValueError("one of the two velocity fields is at rest, so their correlation is not defined")
+        raise ValueError(
+            "one of the two velocity fields is at rest, so their correlation is not defined"
+        )
     return float(sums["product"].sum() / norm)
 
 
@@ -108,7 +121,9 @@ def field_series(sums: pd.DataFrame, rest_speed: float) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "time": sums["time"],
-            "velocity_rms_difference": np.sqrt(sums["difference2"] / points).where(sums["points"] > 0),
+            "velocity_rms_difference": np.sqrt(sums["difference2"] / points).where(
+                sums["points"] > 0
+            ),
             "velocity_correlation": (sums["product"] / norm.where(moving)),
             "common_share": sums["share"],
         }

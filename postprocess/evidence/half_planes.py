@@ -15,7 +15,11 @@ from postprocess.evidence.centreline import beside_middle, halves_of, on_middle
 from postprocess.evidence.fields import frame
 from postprocess.evidence.vortex_integral import CLEAR
 
-BELOW = (0.020, 0.030, 0.040)  # m below the tips where they are nearest: places at which the jet is measured
+BELOW = (
+    0.020,
+    0.030,
+    0.040,
+)  # m below the tips where they are nearest: places at which the jet is measured
 
 
 def names_at(depth: float) -> tuple[str, str]:
@@ -42,7 +46,10 @@ def half_planes(plane: xr.Dataset) -> pd.DataFrame:
         row = {"time": time}
         for finger, half in enumerate(halves_of(x)):
             part = omega[:, half].sum(axis=0) * dx * dy
-            row |= {f"circulation_{finger}": part.sum(), f"impulse_{finger}": -(x[half] * part).sum()}
+            row |= {
+                f"circulation_{finger}": part.sum(),
+                f"impulse_{finger}": -(x[half] * part).sum(),
+            }
         for depth, height in zip(BELOW, heights, strict=True):
             speed, flux = names_at(depth)
             row[speed], row[flux] = jet_at(np.where(valid, v, np.nan), x, y, height)

@@ -81,7 +81,10 @@ def single_finger(folder: Path, level: str) -> tuple[dict[str, pd.DataFrame], st
             tables,
             f"no PIV of the single finger at level {level} was made, so PIV is not compared with it: {run}",
         )
-    return tables, f"the single finger at level {level} was not run, so nothing is compared with it: {run}"
+    return (
+        tables,
+        f"the single finger at level {level} was not run, so nothing is compared with it: {run}",
+    )
 
 
 def read_clock(path: Path, plane: xr.Dataset) -> Clock:

@@ -45,14 +45,20 @@ def pair_integrals(plane: xr.Dataset, scale: float) -> pd.DataFrame:
         (u, v), valid = frame(plane, index)
         g = gradients(u, v, valid, *step)
         free = distance_to_invalid(valid, *step) > CLEAR * width
-        omega, swirl = (np.where(free, np.nan_to_num(q), 0.0) for q in (vorticity(g), swirling_strength(g)))
+        omega, swirl = (
+            np.where(free, np.nan_to_num(q), 0.0) for q in (vorticity(g), swirling_strength(g))
+        )
         omega[np.abs(omega) < FLOOR * scale / width] = 0.0
         middle = on_middle(np.where(valid, v, np.nan)[:, columns], share)
         for finger, half in enumerate(halves_of(x)):
             dx, dy = x - tips[index, finger, 0], (y - tips[index, finger, 1])[:, None]
             across = dx * dorsal[index, finger, 0] + dy * dorsal[index, finger, 1]
             for side, reach in REACH.items():
-                there = half & (np.hypot(dx, dy) <= reach * width) & ((across > 0) == (side == "dorsal"))
+                there = (
+                    half
+                    & (np.hypot(dx, dy) <= reach * width)
+                    & ((across > 0) == (side == "dorsal"))
+                )
                 for flow, left in FLOWS.items():
                     sense = left * (1 - 2 * finger)
                     amount = np.maximum(sense * omega * half, 0.0) * step[0] * step[1]
@@ -64,7 +70,9 @@ def pair_integrals(plane: xr.Dataset, scale: float) -> pd.DataFrame:
                     around = amount * (off <= (CIRCLE * width) ** 2)
                     radius = np.sqrt((around * off).sum() / around.sum())
                     between = np.interp(cy, y, middle)
-                    rows.append([time, side, flow, finger, sense * around.sum(), cx, cy, radius, between])
+                    rows.append(
+                        [time, side, flow, finger, sense * around.sum(), cx, cy, radius, between]
+                    )
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -85,7 +93,9 @@ def pair_of(integrals: pd.DataFrame, side: str, flow: str) -> pd.DataFrame:
         left.loc[left.index.intersection(right.index)],
         right.loc[right.index.intersection(left.index)],
     )
-    mean = pd.DataFrame({"circulation": 0.5 * (left["circulation"].abs() + right["circulation"].abs())})
+    mean = pd.DataFrame(
+        {"circulation": 0.5 * (left["circulation"].abs() + right["circulation"].abs())}
+    )
     return mean.assign(
         between=0.5 * (left["between"] + right["between"]), x=left["x"], y=left["y"]
     ).reset_index()

@@ -59,7 +59,11 @@ def read_json(path: Path, kind: type = dict) -> Any:
 def scene_numbers(files: StageFiles) -> dict[str, Any]:
     """The scene's sections (tank, finger, motion, model, fluid …) as the stages that used them recorded them."""
     numbers: dict[str, Any] = {}
-    for name, stage in (("kinematics.h5", "kinematics"), ("planform.h5", "mesh"), ("sweep.h5", "case")):
+    for name, stage in (
+        ("kinematics.h5", "kinematics"),
+        ("planform.h5", "mesh"),
+        ("sweep.h5", "case"),
+    ):
         numbers |= read_settings(files.required(name, stage))
     missing = [key for key in ("tank", "finger", "fluid", "model") if key not in numbers]
     if missing:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-MIDDLE = (0.25, 0.75)  # of the change of bend angle: the middle of the stroke, over which flows are compared
+MIDDLE = (
+    0.25,
+    0.75,
+)  # of the change of bend angle: the middle of the stroke, over which flows are compared
 REST = 1e-6  # rad or m: less is no motion but rounding
 
 
@@ -15,7 +18,9 @@ def progress(plane: xr.Dataset) -> np.ndarray:
     return turn if np.ptp(turn) > REST else np.linalg.norm(tip - tip[0], axis=-1)
 
 
-def stroke_window(time: np.ndarray, done: np.ndarray, part: tuple[float, float]) -> tuple[float, float]:
+def stroke_window(
+    time: np.ndarray, done: np.ndarray, part: tuple[float, float]
+) -> tuple[float, float]:
     """Instants (s) at which the `progress` has done the fractions `part` of its largest change.
 
     time (n) in s, done (n) in rad or m. Fractions of bend, not of time: the three-pole law creeps into its end, and
@@ -24,7 +29,9 @@ def stroke_window(time: np.ndarray, done: np.ndarray, part: tuple[float, float])
     change = done - done[0]
     end = int(np.argmax(np.abs(change)))
     if abs(change[end]) < REST:
-        raise ValueError("the finger does not move, so its stroke has no middle; check kinematics.h5")
+        raise ValueError(
+            "the finger does not move, so its stroke has no middle; check kinematics.h5"
+        )
     share = np.maximum.accumulate(change[: end + 1] / change[end])
     rising = np.concatenate([[True], np.diff(share) > 0])
     edges = np.interp(part, share[rising], time[: end + 1][rising])
@@ -43,5 +50,7 @@ def peak_tip_speed(time: np.ndarray, tip: np.ndarray) -> tuple[float, float]:
     speed = tip_speed(time, tip).max(axis=1)
     at = int(np.argmax(speed))
     if speed[at] <= 0:
-        raise ValueError("the finger's tip does not move, so there is no velocity scale; check sheet.h5")
+        raise ValueError(
+            "the finger's tip does not move, so there is no velocity scale; check sheet.h5"
+        )
     return float(speed[at]), float(time[at])

@@ -74,16 +74,22 @@ def read_window(value: Any, where: str) -> Window:
     kinds = [key for key in table if key != "stroke"]
     kind = kinds[0] if len(kinds) == 1 else ""
     needs_stroke = kind in ("part", "after")
-    if kind not in ("bend", "gap", "contact", "part", "after") or needs_stroke != ("stroke" in table):
+    if kind not in ("bend", "gap", "contact", "part", "after") or needs_stroke != (
+        "stroke" in table
+    ):
         raise ValueError(f"{where}: window = {value!r} must be one of {FORMS}")
     edges = table[kind]
     if not isinstance(edges, list) or len(edges) != 2:
         raise ValueError(f"{where}: window = {value!r} needs two edges")
     a, b = (float(edge) for edge in edges)
     if kind in ("bend", "part") and not 0 <= a < b <= 1:
-        raise ValueError(f"{where}: window = {value!r} must be two fractions of the stroke, rising, in 0…1")
+        raise ValueError(
+            f"{where}: window = {value!r} must be two fractions of the stroke, rising, in 0…1"
+        )
     if kind == "gap" and not a > b >= 0:
-        raise ValueError(f"{where}: window = {value!r} must be two gaps in m, falling, as the fingers close")
+        raise ValueError(
+            f"{where}: window = {value!r} must be two gaps in m, falling, as the fingers close"
+        )
     if kind in ("contact", "after") and not a < b:
         raise ValueError(f"{where}: window = {value!r} must be two times in s, rising")
     stroke = int(table.get("stroke", 0))

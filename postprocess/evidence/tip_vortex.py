@@ -11,7 +11,9 @@ from fileio.formats import vortex_table
 from postprocess.evidence.check_finite import check_table
 
 REACH = 2.5  # tip widths; a vortex further off is not the tip's
-RIVAL = 0.5  # of the strongest's circulation: still a candidate for the vortex that another source sees
+RIVAL = (
+    0.5  # of the strongest's circulation: still a candidate for the vortex that another source sees
+)
 COMPARED = ("circulation", "x", "y", "core_radius")
 
 
@@ -28,7 +30,11 @@ def read_vortices(path: Path) -> pd.DataFrame:
 
 def near_tip(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> pd.DataFrame:
     """Rows within `REACH` of one finger's tip and within a window of time (s, both ends in)."""
-    inside = table["time"].between(*window) & (table["finger"] == finger) & (table["tip_distance"] <= REACH)
+    inside = (
+        table["time"].between(*window)
+        & (table["finger"] == finger)
+        & (table["tip_distance"] <= REACH)
+    )
     return table[inside]
 
 
@@ -43,7 +49,9 @@ def strengths(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> 
     return (total / max(instants, 1)).sort_values(ascending=False)
 
 
-def dominant_track(table: pd.DataFrame, finger: int, window: tuple[float, float], name: str) -> pd.DataFrame:
+def dominant_track(
+    table: pd.DataFrame, finger: int, window: tuple[float, float], name: str
+) -> pd.DataFrame:
     """All rows of the track that is strongest near the tip over the window; ValueError where there is none."""
     ranking = strengths(table, finger, window)
     if ranking.empty:
@@ -94,7 +102,9 @@ def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
 
     Columns: time, and each of COMPARED that both have with _reference and _other; centre_distance (m).
     """
-    inside = other["time"].between(reference["time"].iloc[0] - 1e-9, reference["time"].iloc[-1] + 1e-9)
+    inside = other["time"].between(
+        reference["time"].iloc[0] - 1e-9, reference["time"].iloc[-1] + 1e-9
+    )
     at = other[inside].reset_index(drop=True)
     pair = pd.DataFrame({"time": at["time"]})
     for name in reference.columns.intersection(other.columns).intersection(COMPARED):
@@ -105,7 +115,9 @@ def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
 
 
 def within(
-    pair: pd.DataFrame, window: tuple[float, float], otherwise: str = "the two vortices do not exist together"
+    pair: pd.DataFrame,
+    window: tuple[float, float],
+    otherwise: str = "the two vortices do not exist together",
 ) -> pd.DataFrame:
     """Rows of a pairing inside a window (s); ValueError that says `otherwise` where there is none."""
     rows = pair[pair["time"].between(*window)]

@@ -33,7 +33,8 @@ def vortex_integrals(
     rows = []
     for index in np.flatnonzero((times >= low - 1e-9) & (times <= high + 1e-9)):
         x0, y0, fitted = (
-            float(np.interp(times[index], track["time"], track[n])) for n in ("x", "y", "circulation")
+            float(np.interp(times[index], track["time"], track[n]))
+            for n in ("x", "y", "circulation")
         )
         found = vortex_integral(axes, *frame(plane, int(index)), (x0, y0), fitted, radius, width)
         if found is not None:

@@ -5,10 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-REACH = (
-    5.0  # tip widths: the pair is followed where it is shed, farther than a vortex counts as the tip's own
+REACH = 5.0  # tip widths: the pair is followed where it is shed, farther than a vortex counts as the tip's own
+KEPT = (
+    "track",
+    "x",
+    "y",
+    "circulation",
+    "core_radius",
+    "side",
+    "tip_distance",
+    "along_tip",
+    "across_tip",
 )
-KEPT = ("track", "x", "y", "circulation", "core_radius", "side", "tip_distance", "along_tip", "across_tip")
 ERRORS = ("x_std", "y_std", "circulation_std", "core_radius_std")  # kept where the table has them
 
 
@@ -62,7 +70,9 @@ def broken(table: pd.DataFrame, *tracks: str) -> pd.DataFrame:
 
 def senses(rows: pd.DataFrame) -> str:
     """ "opposite" where the fingers' mean circulations differ in sign, else "equal"."""
-    return "opposite" if rows["circulation_0"].mean() * rows["circulation_1"].mean() < 0 else "equal"
+    return (
+        "opposite" if rows["circulation_0"].mean() * rows["circulation_1"].mean() < 0 else "equal"
+    )
 
 
 def rms(values: pd.Series) -> float:
@@ -71,7 +81,11 @@ def rms(values: pd.Series) -> float:
 
 
 def shift_at_equal_bend(
-    pair: pd.DataFrame, pair_bend: np.ndarray, single: pd.DataFrame, single_bend: np.ndarray, name: str
+    pair: pd.DataFrame,
+    pair_bend: np.ndarray,
+    single: pd.DataFrame,
+    single_bend: np.ndarray,
+    name: str,
 ) -> float:
     """Mean of `name` (m) of both fingers' vortices less that of the single finger's vortex at the same bend angle.
 

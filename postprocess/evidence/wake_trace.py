@@ -37,5 +37,7 @@ def trace_velocity(
             points += upward.size
         passed |= inside(plane["outline"].values[index, finger], x, y)
     if points == 0:
-        raise ValueError(f"the finger leaves no trace between {window[0]:.3f} and {window[1]:.3f} s")
+        raise ValueError(
+            f"the finger leaves no trace between {window[0]:.3f} and {window[1]:.3f} s"
+        )
     return float(total / points), rising / points

@@ -38,47 +38,65 @@ def virtual(args: argparse.Namespace, say: Callable[[object], None]) -> None:
     say(write_virtual(StageFiles(args.scene, args.level), args.pressure_kpa))
 
 
-def register(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+def register(
+    args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv
+) -> None:
     registration = run_registration(files, dpiv, args.seed, args.quick)
     say(f"register: {motion_sentence(registration)}")
     if 0 < registration.times.size < FEWEST:
-        say(f"register: dropped frames are not looked for in fewer than {FEWEST} pictures (or pairs)")
+        say(
+            f"register: dropped frames are not looked for in fewer than {FEWEST} pictures (or pairs)"
+        )
 
 
-def compare(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+def compare(
+    args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv
+) -> None:
     result = run_comparison(files, dpiv, seed=args.seed, threads=args.threads, quiet=args.quiet)
     for q in result["quantities"]:
-        say(f"{q['name']:16s} {q['verdict']:14s} |E|/u_val = {q['significance']:.2f}, mostly {q['dominant']}")
+        say(
+            f"{q['name']:16s} {q['verdict']:14s} |E|/u_val = {q['significance']:.2f}, mostly {q['dominant']}"
+        )
     say(f"verdict: {result['verdict']}")
 
 
-def motion(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+def motion(
+    args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv
+) -> None:
     from postprocess.lab.judgement.recorded_motion import run_motion
 
     say(run_motion(files, dpiv))
 
 
-def pressure(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+def pressure(
+    args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv
+) -> None:
     from postprocess.lab.judgement.causes import coupled_home, write_scene
 
     say(write_scene(files, dpiv))
     say(coupled_plan_text(files.stage, coupled_home(files), args.ranks))
 
 
-def modelled(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+def modelled(
+    args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv
+) -> None:
     from postprocess.lab.judgement.causes import write_modelled
 
     say(write_modelled(files, dpiv))
 
 
-def causes(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+def causes(
+    args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv
+) -> None:
     from postprocess.lab.judgement.causes import causes, sentences
 
     for sentence in sentences(causes(files, dpiv), files, dpiv):
         say(sentence)
 
 
-def report(args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv) -> None:
+def report(
+    args: argparse.Namespace, say: Callable[[object], None], files: LabFiles, dpiv: Dpiv
+) -> None:
     from postprocess.lab.report.report import make_report
 
     say(f"report: {make_report(files).resolve()}")
@@ -111,7 +129,9 @@ class Step:
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         add_scene(parser)
         if self.with_data:
-            parser.add_argument("--dpiv", type=Path, required=True, help="folder of dpiv.toml, or the file")
+            parser.add_argument(
+                "--dpiv", type=Path, required=True, help="folder of dpiv.toml, or the file"
+            )
         for name in self.options:
             parser.add_argument(f"--{name}", **OPTIONS[name])
 
@@ -128,21 +148,36 @@ class Step:
 
 
 COMMANDS: Commands = {
-    "runs": ("scenes of the runs beside the nominal one (reference/inputs.toml)", Step(runs, (), False)),
+    "runs": (
+        "scenes of the runs beside the nominal one (reference/inputs.toml)",
+        Step(runs, (), False),
+    ),
     "plan": (
         "runs that a comparison needs, and how long they will take",
         Step(plan, ("ranks", "solver"), False),
     ),
-    "virtual": ("scene of a virtual laboratory: another pressure", Step(virtual, ("pressure-kpa",), False)),
-    "recording": ("what a virtual laboratory records", "postprocess.lab.virtual.virtual_laboratory"),
-    "register": ("find the finger in the data: pose, scale, time, motion", Step(register, ("seed", "quick"))),
+    "virtual": (
+        "scene of a virtual laboratory: another pressure",
+        Step(virtual, ("pressure-kpa",), False),
+    ),
+    "recording": (
+        "what a virtual laboratory records",
+        "postprocess.lab.virtual.virtual_laboratory",
+    ),
+    "register": (
+        "find the finger in the data: pose, scale, time, motion",
+        Step(register, ("seed", "quick")),
+    ),
     "compare": ("judge every quantity", Step(compare, ("seed", "threads"))),
     "report": ("figures and page", Step(report)),
     "pressure": (
         "a scene that is driven by the pressure measured with the recording",
         Step(pressure, ("ranks",)),
     ),
-    "modelled": ("a scene that is driven by the motion of the coupled run at that pressure", Step(modelled)),
+    "modelled": (
+        "a scene that is driven by the motion of the coupled run at that pressure",
+        Step(modelled),
+    ),
     "causes": ("whether pressure, structure or flow differ from the recording's", Step(causes)),
     "motion": ("the finger's motion as recorded, and a scene that is driven by it", Step(motion)),
 }

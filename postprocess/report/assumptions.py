@@ -13,8 +13,12 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
     `scene` holds the scene's sections tank, finger (or body), fluid and model.
     """
     fluid, finger, tank, body = scene["fluid"], scene["finger"], scene["tank"], scene.get("body")
-    name, width = ("body", body["diameter"] or body["chord"]) if body else ("finger", finger["width"])
-    reynolds = f"Reynolds number by {name} width {speed * width / fluid['kinematic_viscosity']:,.0f}."
+    name, width = (
+        ("body", body["diameter"] or body["chord"]) if body else ("finger", finger["width"])
+    )
+    reynolds = (
+        f"Reynolds number by {name} width {speed * width / fluid['kinematic_viscosity']:,.0f}."
+    )
     depth = tank["water_depth"] - max(tip_height, finger["root"][1])
     froude = speed / (GRAVITY * depth) ** 0.5
     turbulence, kind = fluid["turbulence"], scene["model"]["kind"]

@@ -30,12 +30,20 @@ def verdict_cell(check: dict[str, Any]) -> str:
 def verdict_sentence(verdict: dict[str, Any]) -> str:
     """Counts of the verdict as a sentence."""
     kinds = verdict["counts"]
-    parts = [f"{k['met']} of {k['met'] + k['not_met'] + k['not_judged']} {name}" for name, k in kinds.items()]
+    parts = [
+        f"{k['met']} of {k['met'] + k['not_met'] + k['not_judged']} {name}"
+        for name, k in kinds.items()
+    ]
     return f"Checks met: {' and '.join(parts)} findings."
 
 
 def page(
-    scene: str, level: str, comparison: dict[str, Any], run: dict[str, Any], picture: str, words: str = ""
+    scene: str,
+    level: str,
+    comparison: dict[str, Any],
+    run: dict[str, Any],
+    picture: str,
+    words: str = "",
 ) -> str:
     """The page as Markdown; `words`: its sections written by hand."""
     rows = "\n".join(
@@ -164,7 +172,9 @@ def run(args: argparse.Namespace) -> None:
         raise FileNotFoundError(f"{files.figures}: no flow_*.png; run the stage 'report' first")
     name = files.scene if files.level == DEFAULT_LEVEL else f"{files.scene}_{files.level}"
     picture = f"{name}.png"
-    write_bytes(args.docs / picture, flow[len(flow) // 2].read_bytes())  # half-way; of a pinch about contact
+    write_bytes(
+        args.docs / picture, flow[len(flow) // 2].read_bytes()
+    )  # half-way; of a pinch about contact
     path = files.scene_folder / "reference" / "words.md"
     words = path.read_text(encoding="utf-8") if path.exists() else ""
     text = page(files.scene, args.level, comparison, record, picture, words)

@@ -27,7 +27,12 @@ from postprocess.report.flow_figures import (
     tip_vortices,
     vortex_figures,
 )
-from postprocess.report.motion_figures import bending_figure, motion_figure, study_figures, water_figure
+from postprocess.report.motion_figures import (
+    bending_figure,
+    motion_figure,
+    study_figures,
+    water_figure,
+)
 from postprocess.report.picture_index import Album
 from postprocess.report.pinch_figures import pinch_figures
 from postprocess.report.run_figures import camera_picture, mesh_figures, solver_figures
@@ -59,7 +64,11 @@ def make_figures(files: StageFiles, threads: int = 1) -> list[dict[str, Any]]:
     with _evidence(files) as (flow, _):
         chunks = np.array_split(flow.film_times(), threads)
         film_jobs = [partial(_film_frames, files, times) for times in chunks]
-        jobs: list[Job] = [partial(_other_figures, files), *film_jobs, partial(_instant_figures, files)]
+        jobs: list[Job] = [
+            partial(_other_figures, files),
+            *film_jobs,
+            partial(_instant_figures, files),
+        ]
         with worker_pool(threads, forked=True) if threads > 1 else nullcontext() as pool:
             results = (pool.map if pool else map)(_result, jobs)
             others = next(results)
@@ -110,7 +119,9 @@ def _other_figures(files: StageFiles) -> list[dict[str, Any]]:
     out, scene, album = files.out, scene_numbers(files), Album(files.figures)
     with _evidence(files) as (flow, comparison):
         plane, scale, middle = flow.planes["cfd"], flow.scale, _middle(comparison)
-        vortex_figures(album, pd.read_csv(out / "comparison.csv"), plane, flow.dominant, middle, scale)
+        vortex_figures(
+            album, pd.read_csv(out / "comparison.csv"), plane, flow.dominant, middle, scale
+        )
         if plane.sizes["finger"] > 1:
             single, absent = single_finger(files.scene_folder, files.level)
             pair = comparison["summary"]["pinch"]

@@ -28,12 +28,18 @@ FRAMES = 61  # in slider and film
 FILM_HZ = 12.0
 
 
-def tip_vortices(plane: xr.Dataset, tables: dict[str, pd.DataFrame], middle: tuple[float, float]) -> Tracks:
+def tip_vortices(
+    plane: xr.Dataset, tables: dict[str, pd.DataFrame], middle: tuple[float, float]
+) -> Tracks:
     """By source, of every finger the vortex that is drawn: the dominant one of the stroke's middle, or of a pinch the paired ones."""
     if plane.sizes["finger"] < 2:
-        return {source: [track] for source, track in tracks.dominant_tracks(tables, 0, middle).items()}
+        return {
+            source: [track] for source, track in tracks.dominant_tracks(tables, 0, middle).items()
+        }
     paired = {source: pairs.pair_vortices(table) for source, table in tables.items()}
-    return {s: [pairs.of_finger(p, finger) for finger in (0, 1)] for s, p in paired.items() if len(p)}
+    return {
+        s: [pairs.of_finger(p, finger) for finger in (0, 1)] for s, p in paired.items() if len(p)
+    }
 
 
 def _instants(clock: Clock, last: float) -> np.ndarray:
@@ -41,7 +47,9 @@ def _instants(clock: Clock, last: float) -> np.ndarray:
     at = [stroke_window(clock.time, clock.progress, (part, 0.999))[0] for part in INSTANTS]
     met = clock.met() if clock.gap is not None else None
     if met is not None:
-        at = [t for t in at if t < met - 0.01] + [t for a in AFTER_CONTACT if (t := met + a) < last - 0.01]
+        at = [t for t in at if t < met - 0.01] + [
+            t for a in AFTER_CONTACT if (t := met + a) < last - 0.01
+        ]
     return np.array([*at, last])
 
 
@@ -62,7 +70,9 @@ class Flow(NamedTuple):
         """Those of film and slider, s: more frames than there are fields would repeat them."""
         first = max(float(p["time"][0]) for p in self.planes.values())
         last = min(float(p["time"][-1]) for p in self.planes.values())
-        return np.linspace(first, last, min(FRAMES, *(p.sizes["time"] for p in self.planes.values())))
+        return np.linspace(
+            first, last, min(FRAMES, *(p.sizes["time"] for p in self.planes.values()))
+        )
 
     def words(self) -> tuple[str, str]:
         """Of the alternative texts: the body, and the sources."""
@@ -84,7 +94,9 @@ def instant_figures(album: Album, flow: Flow) -> None:
     for number, time in enumerate(flow.instants()):
         show(time)
         instant = draw_flow.format_instant(planes["cfd"], time)
-        vortices = [format_vortices(source, fingers, time) for source, fingers in flow.dominant.items()]
+        vortices = [
+            format_vortices(source, fingers, time) for source, fingers in flow.dominant.items()
+        ]
         alt = f"Velocity vectors around the black {body} at {instant}, {sources}. {' '.join(vortices)}"
         # not `save`, which would lay the figure out anew
         animation.write_picture(animation.pixels(figure), album.folder / f"flow_{number}.png")
@@ -110,7 +122,13 @@ def film(album: Album, flow: Flow, images: Iterable[np.ndarray]) -> None:
     caption = f"One instant, {first:g} s: there is a single field."
     if last > first:
         caption = f"The whole stroke, slowed down {(len(times) - 1) / FILM_HZ / (last - first):.0f} times."
-    album.add(None, "stroke.mp4", "film", f"Film of the flow around the bending {body}, {sources}", caption)
+    album.add(
+        None,
+        "stroke.mp4",
+        "film",
+        f"Film of the flow around the bending {body}, {sources}",
+        caption,
+    )
     album.add(None, "frames", "slider", f"Flow around the {body}, {sources}", times=times.tolist())
 
 
@@ -147,11 +165,15 @@ def vortex_figures(
             else "The tables carry no uncertainty, so no band is drawn."
         )
         alt = "Circulation and core radius of the tip vortex over time, CFD and PIV where run."
-        album.add(draw_series.circulation(dominant, middle), "circulation.svg", "vortex", alt, caption)
+        album.add(
+            draw_series.circulation(dominant, middle), "circulation.svg", "vortex", alt, caption
+        )
         alt = "Paths of the vortex centre and of the finger's tip over the finger's outline."
         caption = "Outline at the first, middle and last instant."
         album.add(draw_series.paths(dominant, plane, middle), "paths.svg", "vortex", alt, caption)
     if "velocity_rms_difference" in series:
         alt = "RMS velocity difference, correlation and distance of vortex centres between PIV and CFD over time."
         caption = "No correlation is given while the water is at rest. The middle of the stroke is shaded."
-        album.add(draw_series.agreement(series, scale, middle), "agreement.svg", "vortex", alt, caption)
+        album.add(
+            draw_series.agreement(series, scale, middle), "agreement.svg", "vortex", alt, caption
+        )

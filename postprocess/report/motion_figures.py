@@ -38,7 +38,11 @@ def motion_figure(album: Album, path: Path, plane: xr.Dataset, rigid: bool) -> N
         rows.insert(0, (times, turn, "bend angle, °"))
         rows.insert(0, (clock, drive / 1e3, "pressure, kPa"))
     peak, at = peak_tip_speed(times, tip)
-    alt = "Motion of the body over time." if rigid else "Pressure, bend angle and tip speed over time."
+    alt = (
+        "Motion of the body over time."
+        if rigid
+        else "Pressure, bend angle and tip speed over time."
+    )
     caption = f"Peak tip speed {peak:.3f} m/s at {at:.3f} s."
     album.add(draw_series.motion(rows), "motion.svg", "motion", alt, caption)
 
@@ -80,7 +84,9 @@ def bending_figure(album: Album, path: Path, length: float) -> None:
     )
     figure = draw_series.bending(pressure, bend, std, paper, length)
     alt = "Bending radius over pressure from the states that drive the motion, with the paper's equations."
-    caption = f"R from the states that drive the motion; the paper's equations (1)–(6) dashed. {band}"
+    caption = (
+        f"R from the states that drive the motion; the paper's equations (1)–(6) dashed. {band}"
+    )
     album.add(figure, "bending.svg", "motion", alt, caption)
 
 

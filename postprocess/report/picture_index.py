@@ -18,9 +18,17 @@ class Album:
         self.entries: list[dict[str, Any]] = []
 
     def add(
-        self, figure: Figure | None, name: str, section: str, alt: str, caption: str = "", **more: Any
+        self,
+        figure: Figure | None,
+        name: str,
+        section: str,
+        alt: str,
+        caption: str = "",
+        **more: Any,
     ) -> None:
         """Save a figure (None: the file is there already) and list it under a section of the report."""
         if figure is not None:
             save(figure, self.folder / name)
-        self.entries.append({"file": name, "section": section, "alt": alt, "caption": caption, **more})
+        self.entries.append(
+            {"file": name, "section": section, "alt": alt, "caption": caption, **more}
+        )

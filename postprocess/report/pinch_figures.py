@@ -39,34 +39,43 @@ def pinch_figures(
     `single`: vortices of the single finger by source; `absent`: why there are none; `scale`: velocity scale, m/s.
     """
     sources = [s for s in ("cfd", "piv") if (out / f"pairs_{s}.csv").exists()]
-    pairs = {s: pd.read_csv(out / f"pairs_{s}.csv") for s in sources}  # nearer, the fitted cores overlap
-    pairs = {s: table[clock.gap_at(table["time"].to_numpy()) >= APPROACH[1]] for s, table in pairs.items()}
+    pairs = {
+        s: pd.read_csv(out / f"pairs_{s}.csv") for s in sources
+    }  # nearer, the fitted cores overlap
+    pairs = {
+        s: table[clock.gap_at(table["time"].to_numpy()) >= APPROACH[1]]
+        for s, table in pairs.items()
+    }
     lines = {s: pd.read_csv(out / f"centreline_{s}.csv") for s in sources}
     integrals = {s: pd.read_csv(out / f"integrals_{s}.csv") for s in sources}
     halves = {s: pd.read_csv(out / f"halves_{s}.csv") for s in sources}
     met = numbers["contact_time"]
     both_pairs(album, plane, integrals["cfd"], clock, scale)
     alt = "Circulation of both pairs and of half the plane, the impulse of half the plane, and the jet below the tips, over time."
-    caption = (
-        "By integrals of the vorticity, which hold where cores overlap across the plane between the fingers."
-    )
+    caption = "By integrals of the vorticity, which hold where cores overlap across the plane between the fingers."
     album.add(draw_pinch.integrals(integrals, halves, met), "integrals.svg", "pinch", alt, caption)
     alt = f"Imbalance of circulation, mirror distance and place of the two tip vortices over time, to {TO} mm of gap."
     album.add(draw_pinch.pair(pairs), "pair.svg", "pinch", alt, format_pair(numbers))
     tips = plane["tip"].values[..., 1].mean(axis=1)
     alt = "Height of the line between the fingers at which the flow parts into up and down, and the speeds of both streams."
-    caption = "No line is drawn where one of the two streams is slower than 2 % of the tips' peak speed."
+    caption = (
+        "No line is drawn where one of the two streams is slower than 2 % of the tips' peak speed."
+    )
     figure = draw_pinch.centreline(lines, clock.time, tips, met)
     album.add(figure, "centreline.svg", "pinch", alt, caption)
     gap = clock.gap_at(clock.time)
     free = free_gap(out / "kinematics.h5", clock.time)
     figure = draw_pinch.closing(clock.time, gap, free, lines["cfd"], met)
     alt = "Gap, closing speed, pressure between the tips and jet speed over time."
-    caption = format_closing(numbers, clock.time, free) + ("" if single else f" Not shown: {absent}.")
+    caption = format_closing(numbers, clock.time, free) + (
+        "" if single else f" Not shown: {absent}."
+    )
     album.add(figure, "closing.svg", "pinch", alt, caption)
     if not single:
         return
-    beside = {s: broken(_with_bend(of_finger(table, 0), clock), "track") for s, table in pairs.items()}
+    beside = {
+        s: broken(_with_bend(of_finger(table, 0), clock), "track") for s, table in pairs.items()
+    }
     alone = {s: _dominant(table) for s, table in single.items()}
     limits = (0.0, float(np.degrees(clock.progress.max())) + 2)
     alt = "Place of the tip vortex as seen from the tip over the bend angle, of the pinch and of the single finger."
@@ -75,7 +84,9 @@ def pinch_figures(
     album.add(figure, "beside_single.svg", "pinch", alt, caption)
 
 
-def both_pairs(album: Album, plane: xr.Dataset, integrals: pd.DataFrame, clock: Clock, scale: float) -> None:
+def both_pairs(
+    album: Album, plane: xr.Dataset, integrals: pd.DataFrame, clock: Clock, scale: float
+) -> None:
     """Two pictures of the CFD's flow: the dorsal pair while the fingers approach, and the ventral pair at its strongest."""
     approaching = gap_reached(clock, max(APPROACHING, float(clock.gaps()[1].min())))
     ventral = pair_of(integrals, *VENTRAL)
@@ -88,7 +99,9 @@ def both_pairs(album: Album, plane: xr.Dataset, integrals: pd.DataFrame, clock: 
     pairs = {"dorsal": DORSAL, "ventral": VENTRAL}
     limit = draw_flow.vorticity_limit(plane, np.array(list(instants.values())))
     for name, time in instants.items():
-        marked = [vortex_of(integrals, *pair, finger) for pair in pairs.values() for finger in (0, 1)]
+        marked = [
+            vortex_of(integrals, *pair, finger) for pair in pairs.values() for finger in (0, 1)
+        ]
         shown = {"cfd": [vortex for vortex in marked if len(vortex)]}
         figure, show = draw_flow.flow_figure({"cfd": plane}, shown, scale, limit, dpi=140)
         show(time)

@@ -36,7 +36,11 @@ def solver_figures(album: Album, out: Path) -> None:
 
 
 def mesh_figures(
-    album: Album, planforms: list[dict[str, np.ndarray]], plane: xr.Dataset, width: float, tank: list[float]
+    album: Album,
+    planforms: list[dict[str, np.ndarray]],
+    plane: xr.Dataset,
+    width: float,
+    tank: list[float],
 ) -> None:
     """The planform at three bends, and the finger (its `width` in m) in the tank (its size in m) seen in space."""
     outline, bend = plane["outline"].values, plane["bend"].values[:, 0]
@@ -55,7 +59,9 @@ def mesh_figures(
     shapes = [planforms[mesh]["points"][knot] for mesh, knot in drawn]
     at = np.degrees([planforms[mesh]["bend"][knot] for mesh, knot in drawn])
     used = [planforms[mesh] for mesh, _ in drawn]
-    lines = [draw_mesh.edges([mesh["triangles"][mesh["body"] == 0], mesh["quads"]]) for mesh in used]
+    lines = [
+        draw_mesh.edges([mesh["triangles"][mesh["body"] == 0], mesh["quads"]]) for mesh in used
+    ]
     alt = "The planform of the mesh around the finger at the start, middle and end of the stroke."
     album.add(draw_mesh.planform(shapes, at, lines, limits), "planform.png", "mesh", alt)
     now = bend[:, None] if np.ptp(bend) > REST else outline[:, 0].mean(axis=1)
@@ -69,7 +75,9 @@ def mesh_figures(
     }
     drawn_by = draw_mesh.view_in_space(album.folder / "view3d.png", **middle)
     alt = "The finger and the mesh on the laser sheet inside the tank, seen in space."
-    album.add(None, "view3d.png", "mesh", alt, f"Half-way through the stroke (drawn by {drawn_by}).")
+    album.add(
+        None, "view3d.png", "mesh", alt, f"Half-way through the stroke (drawn by {drawn_by})."
+    )
 
 
 def _nearest_shape(known: list[np.ndarray], wanted: np.ndarray) -> tuple[int, int]:

@@ -53,10 +53,16 @@ def read_costs(folder: Path, solver_time: float) -> list[dict[str, Any]]:
     A run that was resumed records its last part alone, so its time is at least `solver_time` (s), that of the whole run.
     """
     order = list(BY_NAME)
-    costs = {path.stem: COST.read(path) for path in sorted(folder.glob("*.json")) if path.stem != "report"}
+    costs = {
+        path.stem: COST.read(path)
+        for path in sorted(folder.glob("*.json"))
+        if path.stem != "report"
+    }
     if "run" in costs:
         costs["run"]["wall_time"] = max(costs["run"]["wall_time"], solver_time)
-    return [costs[n] for n in sorted(costs, key=lambda n: order.index(n) if n in order else len(order))]
+    return [
+        costs[n] for n in sorted(costs, key=lambda n: order.index(n) if n in order else len(order))
+    ]
 
 
 def absences(comparison: dict[str, Any], sections: dict[str, Any], finger: bool) -> list[str]:
@@ -113,7 +119,9 @@ def render(files: StageFiles) -> str:
         pinch_columns=pinch_columns,
         pinch_rows=pinch_rows,
         slider=slider,
-        slider_data=json.dumps({"times": slider["times"], "frames": slider["frames"]}) if slider else "",
+        slider_data=json.dumps({"times": slider["times"], "frames": slider["frames"]})
+        if slider
+        else "",
         notes=absences(comparison, sections, finger=not scene.get("body")),
         body="fingers" if pinch else "body" if scene.get("body") else "finger",
         modelled=statements(scene, comparison["scale"]["value"], tip_height),

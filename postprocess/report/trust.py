@@ -31,7 +31,9 @@ def level_errors(folder: Path, level: str) -> dict[str, Any]:
         path = scene / "studies" / "results" / "tradeoff.csv"
         if path.exists():
             table = pd.read_csv(path, comment="#")
-            rows = table[(table["run"] == level) & (table["kind"] == "flow") & table["error"].notna()]
+            rows = table[
+                (table["run"] == level) & (table["kind"] == "flow") & table["error"].notna()
+            ]
             if len(rows):
                 best = table.loc[table["cells"].idxmax()]
                 names = table.columns.intersection([*ERRORS, "error"])
@@ -59,7 +61,9 @@ def level_sentence(errors: dict[str, Any], scene: str, level: str) -> str:
     worst = min(ERRORS.keys() & errors.keys(), key=lambda name: abs(errors[name] - errors["error"]))
     per_cent = lambda name: f"{100 * errors[name]:.1f}{NBSP}%"  # noqa: E731
     rest = ", ".join(
-        f"{words} {per_cent(name)}" for name, words in ERRORS.items() if name != worst and name in errors
+        f"{words} {per_cent(name)}"
+        for name, words in ERRORS.items()
+        if name != worst and name in errors
     )
     against = (
         "extrapolated from the level below"

@@ -38,7 +38,9 @@ def sentence_rows(comparison: dict[str, Any]) -> list[tuple[str, str, str, str, 
     checks = {check["id"]: check for check in comparison["checks"]}
     rows = []
     for entry in comparison.get("sentences", []):
-        measured = [f"{checks[name]['label']}: {measured_text(checks[name])}" for name in entry["findings"]]
+        measured = [
+            f"{checks[name]['label']}: {measured_text(checks[name])}" for name in entry["findings"]
+        ]
         text = "; ".join(measured) + (". " if measured and entry["why"] else "") + entry["why"]
         rows.append((entry["quote"], entry["where"], entry["reading"], text, entry["verdict"]))
     return rows
@@ -77,7 +79,9 @@ def answer(comparison: dict[str, Any], trial: str = "") -> str:
 
 def _numbers(pair: dict[str, Any], comparison: dict[str, Any]) -> str:
     allowed = {c["quantity"]: c["value"] for c in comparison["checks"] if c["kind"] == "agreement"}
-    limit = lambda name, unit: f" (allowed {quantity(allowed[name], unit)})" if name in allowed else ""  # noqa: E731
+    limit = lambda name, unit: (
+        f" (allowed {quantity(allowed[name], unit)})" if name in allowed else ""
+    )  # noqa: E731
     vortex = (
         "the flow has no tip vortex"
         if pair["centre_rms_distance"] is None and "cfd" not in comparison["summary"]
@@ -137,7 +141,12 @@ def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
         return out
     pair = summary["piv-cfd"]
     for name, rms, worst, unit in (
-        ("difference of circulation", "circulation_rms_difference", "circulation_max_difference", "fraction"),
+        (
+            "difference of circulation",
+            "circulation_rms_difference",
+            "circulation_max_difference",
+            "fraction",
+        ),
         ("distance of the centres", "centre_rms_distance", "centre_max_distance", "m"),
     ):
         if pair[rms] is not None:

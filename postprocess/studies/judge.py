@@ -78,7 +78,9 @@ JUDGING = ("id", "quantity", "comparison", "value", "window", "tolerance", "fing
 def changes(runs: list[dict[str, Any]]) -> dict[str, str]:
     """By run what sets it apart: its overrides, but for those that all runs of the plan have in common."""
     common = [
-        item for item in runs[0]["overrides"].items() if all(item in run["overrides"].items() for run in runs)
+        item
+        for item in runs[0]["overrides"].items()
+        if all(item in run["overrides"].items() for run in runs)
     ]
     return {
         run["run"]: "; ".join(
@@ -135,12 +137,18 @@ def measure(run: dict[str, Any], change: str) -> pd.DataFrame:
     rows: list[list[Any]] = []
     for finding in findings_of(run):
         check = judge(finding, evidence)
-        value, met, note = check["measured"]["cfd"], check["met_by"].get("cfd"), "; ".join(check["notes"])
+        value, met, note = (
+            check["measured"]["cfd"],
+            check["met_by"].get("cfd"),
+            "; ".join(check["notes"]),
+        )
         rows.append(["finding", finding.id, value, check["unit"], met, note])
     numbers = pinch_summary(evidence)
     numbers |= numbers["cfd"]
     for units in NUMBERS.values():
-        rows += [["number", name, numbers.get(name), unit, None, ""] for name, unit in units.items()]
+        rows += [
+            ["number", name, numbers.get(name), unit, None, ""] for name, unit in units.items()
+        ]
     for plane in evidence.planes.values():
         plane.close()
     return pd.DataFrame([about | dict(zip(ROW, row, strict=True)) for row in rows], columns=COLUMNS)
@@ -156,7 +164,9 @@ def with_numbers(words: str, table: pd.DataFrame) -> str:
     def number(place: re.Match[str]) -> str:
         run, name, other = place.groups()
         if name not in set(table["quantity"]):
-            raise ValueError(f"{place[0]}: no run of the study has the quantity {name!r}; correct the words")
+            raise ValueError(
+                f"{place[0]}: no run of the study has the quantity {name!r}; correct the words"
+            )
         value, unit = values.get((run, name), (None, ""))
         if other is None or pd.isna(value):
             return _cell(value, unit)
@@ -178,11 +188,19 @@ def page(words: str, table: pd.DataFrame, missing: dict[str, str], name: str) ->
         listed = "; ".join(f"{run} ({why})" for run, why in missing.items())
         parts.append(f"Not run, not to its end, or with other numbers: {listed}.")
     runs = table.drop_duplicates("run")[["run", "change", "model", "cells", "steps", "measured_on"]]
-    parts.append(_markdown("Runs", [*map(_words, runs.columns)], runs.astype(str).to_numpy().tolist()))
-    findings = table[table["kind"] == "finding"]
-    rows = [[_words(name), *_finding(part)] for name, part in findings.groupby("quantity", sort=False)]
     parts.append(
-        _markdown("The paper's findings, by the CFD", ["finding", "measured", "met in", "not met in"], rows)
+        _markdown("Runs", [*map(_words, runs.columns)], runs.astype(str).to_numpy().tolist())
+    )
+    findings = table[table["kind"] == "finding"]
+    rows = [
+        [_words(name), *_finding(part)] for name, part in findings.groupby("quantity", sort=False)
+    ]
+    parts.append(
+        _markdown(
+            "The paper's findings, by the CFD",
+            ["finding", "measured", "met in", "not met in"],
+            rows,
+        )
     )
     cells = {(row.run, row.quantity): _cell(row.value, row.unit) for row in table.itertuples()}
     for heading, units in NUMBERS.items():
@@ -201,7 +219,9 @@ def _finding(part: pd.DataFrame) -> list[str]:
     ends = dict.fromkeys(_cell(value, part["unit"].iloc[0]) for value in (known[:1] + known[-1:]))
     judged = part[part["met"].notna()]
     missed = judged[~judged["met"].astype(bool)]
-    named = [row.run + (f" ({row.note})" if pd.isna(row.value) else "") for row in missed.itertuples()]
+    named = [
+        row.run + (f" ({row.note})" if pd.isna(row.value) else "") for row in missed.itertuples()
+    ]
     none = (
         "all"
         if len(missed) > 1 and len(missed) == len(judged) and missed["value"].notna().all()
@@ -221,7 +241,9 @@ def _cell(value: Any, unit: str) -> str:
 
 def read_rows(path: Path) -> pd.DataFrame:
     """The table that was written before; no rows where there is none, or one of other columns."""
-    table = pd.read_csv(path, keep_default_na=False) if path.exists() else pd.DataFrame(columns=COLUMNS)
+    table = (
+        pd.read_csv(path, keep_default_na=False) if path.exists() else pd.DataFrame(columns=COLUMNS)
+    )
     if list(table.columns) != COLUMNS:
         return pd.DataFrame(columns=COLUMNS)
     known = {"": None, "True": True, "False": False}
@@ -263,16 +285,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command `judge`."""
     parser.add_argument("plan", type=Path, help="plan.json of the study")
     parser.add_argument("--words", type=Path, help="what the page begins with (.md)")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="page, table and figure, no suffix")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="page, table and figure, no suffix"
+    )
 
 
 def run(args: argparse.Namespace) -> None:
     """Command `judge`."""
     plan = read_plan(args.plan)
     table, missing = gather(plan, args.output.with_suffix(".csv"))
-    words = args.words.read_text(encoding="utf-8") if args.words else f"# {plan['scene']}: {plan['study']}"
+    words = (
+        args.words.read_text(encoding="utf-8")
+        if args.words
+        else f"# {plan['scene']}: {plan['study']}"
+    )
     if missing:
-        print(f"judge: {missing_sentence(missing, len(plan['runs']), 'the study again')}", file=sys.stderr)
+        print(
+            f"judge: {missing_sentence(missing, len(plan['runs']), 'the study again')}",
+            file=sys.stderr,
+        )
     write_text(args.output.with_suffix(".csv"), table.to_csv(index=False))
     save(draw_studies.bars(table), args.output.with_suffix(".svg"))
     write_text(args.output.with_suffix(".md"), page(words, table, missing, args.output.name))

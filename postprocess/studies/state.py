@@ -12,7 +12,9 @@ from fileio.json_text import flat, given, parse_json
 from fileio.stages import STAGES
 from postprocess.evidence.stage_files import StageFiles
 
-UNRECORDED = {"images": {"truth"}}  # whether there is a file beside the images: it changes nothing of them
+UNRECORDED = {
+    "images": {"truth"}
+}  # whether there is a file beside the images: it changes nothing of them
 # record the scene's sections and nothing but
 SECTIONS = [stage.name for stage in STAGES if stage.sections and stage.shared and not stage.piv]
 # names of files

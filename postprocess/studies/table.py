@@ -95,7 +95,12 @@ def vortex(files: StageFiles) -> dict[str, Any]:
             continue  # no vortex near the tip: the cells stay empty
         track = tracks.dominant_track(table, 0, window, name)
         track = track[track["time"].between(*window)]
-        for column, unit in (("circulation", "m2_per_s"), ("x", "m"), ("y", "m"), ("core_radius", "m")):
+        for column, unit in (
+            ("circulation", "m2_per_s"),
+            ("x", "m"),
+            ("y", "m"),
+            ("core_radius", "m"),
+        ):
             numbers[f"{column}_{source}_{unit}"] = float(track[column].mean())
     return numbers
 
@@ -129,7 +134,8 @@ def study_table(plan: dict[str, Any], missing: dict[str, str]) -> pd.DataFrame:
     for row in plan["runs"]:
         files = files_of(row)
         varied = {
-            key: json.dumps(v) if isinstance(v, list | dict) else v for key, v in row["overrides"].items()
+            key: json.dumps(v) if isinstance(v, list | dict) else v
+            for key, v in row["overrides"].items()
         }
         head = {"run": row["run"], "level": row["level"], "until": row["until"]}
         cells = head | varied | outcome(files) | (bending(files) if row["fea"] else {})

@@ -32,13 +32,20 @@ INSTANTS = 12  # of the middle of the stroke at which velocity fields are compar
 OF_THE_REPORT = [stage.name for stage in until("report") if stage not in until("vortices")]
 ERRORS = ("error_dorsal", "error_centre", "error_velocity", "error_force")
 OF_PIV = ("error_circulation", "error_centre", "error_velocity")
-PART_OF_STROKE = "motion.end_time"  # a run that overrides it shows how grids converge: nobody chooses it
-ORDERS = (1.0, 2.0)  # that an extrapolation takes: schemes are of second order, walls and time of first
+PART_OF_STROKE = (
+    "motion.end_time"  # a run that overrides it shows how grids converge: nobody chooses it
+)
+ORDERS = (
+    1.0,
+    2.0,
+)  # that an extrapolation takes: schemes are of second order, walls and time of first
 
 
 def velocity_error(reference: xr.Dataset, other: xr.Dataset, window: tuple[float, float]) -> float:
     """RMS of the vector difference on the common valid points at about INSTANTS instants of a window, m/s."""
-    inside = np.flatnonzero((other["time"].values >= window[0]) & (other["time"].values <= window[1]))
+    inside = np.flatnonzero(
+        (other["time"].values >= window[0]) & (other["time"].values <= window[1])
+    )
     thinned = inside[:: max(1, len(inside) // INSTANTS)]
     return fields.rms_difference(fields.field_sums(reference, other.isel(time=thinned)))
 
@@ -122,8 +129,12 @@ def errors_against(
                     errors |= of_circle | {"error_dorsal": dorsal_error(*sides)}
                 errors |= {f"{name}_fit": value for name, value in of_fit.items()}
     if source == "cfd":
-        wanted_force, force = [FORCES.read(of.required("run/forces.csv", "run")) for of in (best, files)]
-        errors["error_force"] = force_error(wanted_force, force, float(wanted_force["time"].iloc[-1]))
+        wanted_force, force = [
+            FORCES.read(of.required("run/forces.csv", "run")) for of in (best, files)
+        ]
+        errors["error_force"] = force_error(
+            wanted_force, force, float(wanted_force["time"].iloc[-1])
+        )
     return errors | worst(errors)
 
 
@@ -250,11 +261,17 @@ def evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.Dat
     table["piv_fields"] = native * table["end_time_s"] / table["every"]
     whole = table[flow & table.get("cpu_report_s", pd.Series(np.nan, table.index)).notna()]
     if len(whole):
-        table = table.join(predictions(table[flow], (native / table["rate_hz"])[flow], whole.iloc[0]))
-    table["cpu_flow_s"] = table[["cpu_kinematics_s", "cpu_mesh_s", "cpu_case_s", "cpu_run_s"]].sum(axis=1)
+        table = table.join(
+            predictions(table[flow], (native / table["rate_hz"])[flow], whole.iloc[0])
+        )
+    table["cpu_flow_s"] = table[["cpu_kinematics_s", "cpu_mesh_s", "cpu_case_s", "cpu_run_s"]].sum(
+        axis=1
+    )
     if is_piv.any():
         table.loc[is_piv, "cpu_piv_per_field_s"] = table["cpu_piv_s"] / table["fields"]
-    cost = np.where(is_piv, table.get("cpu_piv_per_field_s", np.nan), table["cpu_flow_s"]).astype(float)
+    cost = np.where(is_piv, table.get("cpu_piv_per_field_s", np.nan), table["cpu_flow_s"]).astype(
+        float
+    )
     error = table.get("error", pd.Series(np.nan, table.index)).to_numpy(float)
     table["front"] = False
     for kind in (flow, is_piv):
@@ -273,7 +290,9 @@ def with_earlier_piv(table: pd.DataFrame, results: Path, missing: dict[str, str]
         [
             table,
             kept[
-                kept.columns.intersection(table.columns.union(["vectors", "fields", "cpu_piv_per_field_s"]))
+                kept.columns.intersection(
+                    table.columns.union(["vectors", "fields", "cpu_piv_per_field_s"])
+                )
             ],
         ],
         ignore_index=True,
@@ -284,8 +303,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command `tradeoff`."""
     parser.add_argument("plan", type=Path, help="plan.json of the study")
     parser.add_argument("--best", help="run that the others are judged by (default: the finest)")
-    parser.add_argument("--docs", type=Path, default=Path("docs"), help="of the page (default: %(default)s)")
-    parser.add_argument("--partial", action="store_true", help="though runs are missing, which it then names")
+    parser.add_argument(
+        "--docs", type=Path, default=Path("docs"), help="of the page (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--partial", action="store_true", help="though runs are missing, which it then names"
+    )
 
 
 def run(args: argparse.Namespace) -> None:

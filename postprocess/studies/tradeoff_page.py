@@ -220,7 +220,11 @@ def _panel(axis: Axes, rows: pd.DataFrame, cost: str, colour: str) -> None:
     ahead = rows[rows["front"]].sort_values(cost)
     axis.plot(ahead[cost], 100 * ahead["error"], color=colour, lw=1.2, zorder=1)
     axis.scatter(
-        rows[cost], 100 * rows["error"], c=[colour if f else GREY for f in rows["front"]], s=28, zorder=2
+        rows[cost],
+        100 * rows["error"],
+        c=[colour if f else GREY for f in rows["front"]],
+        s=28,
+        zorder=2,
     )
     for side in (axis.xaxis, axis.yaxis):
         side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -237,7 +241,12 @@ def results_path(folder: Path) -> Path:
 
 
 def write_results(
-    folder: Path, table: pd.DataFrame, best: str, probe: dict[str, float], docs: Path, missing: dict[str, str]
+    folder: Path,
+    table: pd.DataFrame,
+    best: str,
+    probe: dict[str, float],
+    docs: Path,
+    missing: dict[str, str],
 ) -> None:
     """Write studies/results/tradeoff.csv of a scene's folder, docs/tradeoff/<scene>.svg and docs/tradeoff.md."""
     write_text(results_path(folder), results_text(table, best, probe))

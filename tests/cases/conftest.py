@@ -39,7 +39,14 @@ def project(tmp_path_factory):
 
 def make(project: Path, *arguments: str) -> subprocess.CompletedProcess:
     """The make that a user would type, at level smoke."""
-    command = ["make", "--no-print-directory", "LEVEL=smoke", "QUIET=1", "READY=Makefile", *arguments]
+    command = [
+        "make",
+        "--no-print-directory",
+        "LEVEL=smoke",
+        "QUIET=1",
+        "READY=Makefile",
+        *arguments,
+    ]
     return subprocess.run(
         command, cwd=project, capture_output=True, text=True, check=False, env=inner_environment()
     )

@@ -41,14 +41,18 @@ def cylinder():
     mass = np.pi / 4
     stiffness = 0.5 * LENGTH * mass * LENGTH * (0.5 * LENGTH) ** 2 * (2 * np.pi / DRY_PERIOD) ** 2
     # rubber in the whole of the square section: no water in gaps; its mass is the circle's
-    law = replace(constant_law(stiffness, 0.5, 3), rubber_mass=mass, rubber_section=1.0, rubber_height=0.5)
+    law = replace(
+        constant_law(stiffness, 0.5, 3), rubber_mass=mass, rubber_section=1.0, rubber_height=0.5
+    )
     return Chain(States(np.array([-1.0, 0.0, 1.0]), profile, still + 1.0), law, 1.0)
 
 
 def water_force(folder, time, path):
     """Force (time,) N/m of the water on the cylinder that moves as `path` (time,) m."""
     folder.mkdir()
-    np.savetxt(folder / "path.csv", np.column_stack([time, path]), delimiter=",", header="t,x", comments="")
+    np.savetxt(
+        folder / "path.csv", np.column_stack([time, path]), delimiter=",", header="t,x", comments=""
+    )
     text = (CASES / "accelerating_cylinder" / "scene.toml").read_text()
     text = re.sub(r"displacement = .*", 'path_csv = "path.csv"', text)
     text = re.sub(r"end_time = [\d.]+", f"end_time = {time[-1]}", text)

@@ -41,7 +41,11 @@ def test_one_clockwise_vortex_on_the_dorsal_side_seen_alike(finger):
     for table in (cfd, piv):
         assert (table["circulation"] < 0).all()
         assert (table["side"] == "dorsal").all()
-    for name, tolerance in (("circulation", 0.05), ("x", 1.5e-3), ("y", 1.5e-3)):  # as the findings allow
+    for name, tolerance in (
+        ("circulation", 0.05),
+        ("x", 1.5e-3),
+        ("y", 1.5e-3),
+    ):  # as the findings allow
         seen = np.interp(piv["time"], cfd["time"], cfd[name])
         scale = np.abs(seen).max() if name == "circulation" else 1.0
         assert np.abs(piv[name] - seen).max() < tolerance * scale, name
@@ -60,7 +64,9 @@ def test_the_report_and_its_tables_are_there(finger):
 def test_loads_along_the_finger_are_those_of_the_solver(finger):
     """1e-5: both sum the same faces, the samples in single precision."""
     loads = read_loads(finger / "loads.h5")
-    raw = read_function_object(finger / "case" / "interval_0" / "postProcessing" / "forces", "moment.dat")
+    raw = read_function_object(
+        finger / "case" / "interval_0" / "postProcessing" / "forces", "moment.dat"
+    )
     solver = np.interp(loads["time"], raw[:, 0], raw[:, 3])
     assert np.abs(loads["root_moment"].values - solver).max() < 1e-5 * np.abs(solver).max()
     page = (finger / "report.html").read_text(encoding="utf-8")
@@ -69,8 +75,12 @@ def test_loads_along_the_finger_are_those_of_the_solver(finger):
     assert 0.05 < abs(loads.attrs["largest_deflection"]) < 1.0
 
 
-def test_a_second_make_does_nothing_and_a_number_redoes_only_what_follows(finger, project, tmp_path):
-    own = shutil.copytree(project, tmp_path / "own", symlinks=True)  # what is changed is of this test alone
+def test_a_second_make_does_nothing_and_a_number_redoes_only_what_follows(
+    finger, project, tmp_path
+):
+    own = shutil.copytree(
+        project, tmp_path / "own", symlinks=True
+    )  # what is changed is of this test alone
     out = own / finger.relative_to(project)
 
     def made() -> dict[Path, int]:
@@ -150,7 +160,10 @@ def test_a_pinch_closes_to_its_residual_gap_without_touching(pinch):
 
 def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
     comparison = json.loads((pinch / "comparison.json").read_text())
-    checks, by_cfd = {c["id"]: c for c in comparison["checks"]}, comparison["summary"]["pinch"]["cfd"]
+    checks, by_cfd = (
+        {c["id"]: c for c in comparison["checks"]},
+        comparison["summary"]["pinch"]["cfd"],
+    )
     for name in ("pair-opposite", "boundary-line", "above-upward", "downward-jet"):
         assert checks[name]["met"], (name, checks[name]["measured"], checks[name]["notes"])
     assert checks["pair-tracked"]["measured"]["cfd"] == 1.0

@@ -67,4 +67,6 @@ def test_missing_program_is_named_with_its_package(monkeypatch):
 
 def test_law_that_calculix_has_not():
     with pytest.raises(ValueError, match="arruda_boyce"):
-        calculix.hyperelastic(Material(law="arruda_boyce", parameters={"C1": 1.0, "limit": 3.0}, bulk=1e6))
+        calculix.hyperelastic(
+            Material(law="arruda_boyce", parameters={"C1": 1.0, "limit": 3.0}, bulk=1e6)
+        )

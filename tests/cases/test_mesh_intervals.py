@@ -77,11 +77,15 @@ def solved(meshed, tmp_path_factory):
 
 
 def test_intervals_are_joined_without_a_seam(solved):
-    forces, history, power = (table(solved, f"{name}.csv") for name in ("forces", "history", "power"))
+    forces, history, power = (
+        table(solved, f"{name}.csv") for name in ("forces", "history", "power")
+    )
     for rows in (forces, history):
         assert rows[:, 0] == pytest.approx(1e-3 * np.arange(1, 101))  # every step once
     assert power[:, 0] == pytest.approx(2e-3 * np.arange(1, 51))  # every picture once
-    assert np.abs(history[:, 3]).max() < 1e-5  # nothing leaks while the gap closes, nor at the field mapping
+    assert (
+        np.abs(history[:, 3]).max() < 1e-5
+    )  # nothing leaks while the gap closes, nor at the field mapping
     assert np.diff(history[:, -1]).min() >= 0
     run_record = record(solved)
     assert [interval["end"] for interval in run_record["intervals"][:-1]] == [
@@ -99,7 +103,9 @@ def test_intervals_are_joined_without_a_seam(solved):
         near = forces[at - 4 : at + 4, 1:3]
         # third differences: a smooth force has next to none, a seam has four times its jump
         assert np.abs(np.diff(near, 3, axis=0)).max() < 4 * 0.05 * np.abs(forces[:, 1:3]).max()
-    assert not list((solved.out / "case").glob("interval_*/*/wantedDisplacement*"))  # frames are taken away
+    assert not list(
+        (solved.out / "case").glob("interval_*/*/wantedDisplacement*")
+    )  # frames are taken away
 
 
 def test_the_sheet_shows_both_fingers(solved):
@@ -113,7 +119,11 @@ def test_the_sheet_shows_both_fingers(solved):
         assert plane.sizes["finger"] == 2
         tip = plane["tip"].values
         assert tip[:, 1] == pytest.approx(tip[:, 0] * [-1, 1])
-        assert plane["dorsal_direction"].values[-1, 0, 0] < 0 < plane["dorsal_direction"].values[-1, 1, 0]
+        assert (
+            plane["dorsal_direction"].values[-1, 0, 0]
+            < 0
+            < plane["dorsal_direction"].values[-1, 1, 0]
+        )
         outline = plane["outline"].values[-1, 0]
         assert outline[:, 0].max() == pytest.approx(-0.002, abs=1e-4)  # the residual gap
         # the water between the fingers is pressed out, up and down
@@ -144,7 +154,9 @@ def test_parallel_equals_serial_over_the_field_mapping(meshed, solved, tmp_path,
     assert record(scene)["ranks"] == 2
     shared = copy_of(meshed, tmp_path / "collated")
     run_stage.run(shared, quiet=True, ranks=2, collated=True)
-    assert (shared.out / "run" / "forces.csv").read_bytes() == (scene.out / "run" / "forces.csv").read_bytes()
+    assert (shared.out / "run" / "forces.csv").read_bytes() == (
+        scene.out / "run" / "forces.csv"
+    ).read_bytes()
 
 
 def test_a_run_killed_in_its_second_interval_and_while_mapping_ends_with_the_same_forces(
@@ -161,9 +173,20 @@ def test_a_run_killed_in_its_second_interval_and_while_mapping_ends_with_the_sam
         patch.setattr(preparing, "map_fields", interrupted)
         with pytest.raises(KeyboardInterrupt):
             run_stage.run(scene, quiet=True)
-    first, second = (scene.out / "case" / interval.name for interval in read_intervals(scene.out)[:2])
+    first, second = (
+        scene.out / "case" / interval.name for interval in read_intervals(scene.out)[:2]
+    )
     logged = (first / "log.pimpleFoam").stat().st_mtime_ns
-    command = [sys.executable, "-m", "pipeline", "run", str(scene.folder), "--level", "tiny", "--quiet"]
+    command = [
+        sys.executable,
+        "-m",
+        "pipeline",
+        "run",
+        str(scene.folder),
+        "--level",
+        "tiny",
+        "--quiet",
+    ]
     process = subprocess.Popen(command, cwd=ROOT)
     deadline = time.monotonic() + 120
     while len(list(second.glob("0.*/uniform/time"))) < 3 and time.monotonic() < deadline:
@@ -176,7 +199,9 @@ def test_a_run_killed_in_its_second_interval_and_while_mapping_ends_with_the_sam
     process.wait()
     time.sleep(0.5)  # the solver notices by itself that its parent is gone
     run_stage.run(scene, quiet=True)
-    assert (first / "log.pimpleFoam").stat().st_mtime_ns == logged  # the first interval was not solved again
+    assert (
+        first / "log.pimpleFoam"
+    ).stat().st_mtime_ns == logged  # the first interval was not solved again
     assert len(record(scene)["resumed"]) == 1
     assert record(scene)["resumed"][0] >= read_intervals(scene.out)[1].begin
     straight, resumed = table(solved, "forces.csv"), table(scene, "forces.csv")
@@ -203,7 +228,9 @@ def test_quarter_and_half_models_agree(tmp_path):
     # the same cells mirrored: what differs is where the pressure solver stops
     assert np.abs(one[:, 1:3] - two[:, 1:3]).max() < 2e-3 * np.abs(one[:, 1:3]).max()
     work = [table(scene, "power.csv") for scene in (quarter, half)]
-    assert np.abs(work[0] - work[1])[:, 1:].max(0) == pytest.approx(0, abs=2e-3 * work[0][:, 1].max())
+    assert np.abs(work[0] - work[1])[:, 1:].max(0) == pytest.approx(
+        0, abs=2e-3 * work[0][:, 1].max()
+    )
     with read_plane(quarter.out / "sheet.h5") as first, read_plane(half.out / "sheet.h5") as second:
         assert (first["valid"].values == second["valid"].values).all()
         for name in ("u", "v"):

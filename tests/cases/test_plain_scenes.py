@@ -64,7 +64,13 @@ near_cell = {near}
 far_cell = 0.04
 """
 NEAR_THE_BOTTOM = FINGER.format(
-    root="[0.0, 0.095]", length=0.07, thickness=0.0145, wall=3.5e-3, first=1.2e-3, tip=2.2e-3, near=5e-3
+    root="[0.0, 0.095]",
+    length=0.07,
+    thickness=0.0145,
+    wall=3.5e-3,
+    first=1.2e-3,
+    tip=2.2e-3,
+    near=5e-3,
 ) + WATER.format(centre="[0.01, 0.045]")
 SMALL = FINGER.format(
     root="[0.0, 0.2]", length=0.035, thickness=0.008, wall=2e-3, first=0.7e-3, tip=1.5e-3, near=3e-3

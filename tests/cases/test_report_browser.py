@@ -19,7 +19,8 @@ from tests.unit.lab.test_lab_wording import result as lab_result
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 pytestmark = pytest.mark.skipif(
-    not (CHROMIUM and CHROMEDRIVER), reason="needs chromium and chromedriver (apt: chromium chromium-driver)"
+    not (CHROMIUM and CHROMEDRIVER),
+    reason="needs chromium and chromedriver (apt: chromium chromium-driver)",
 )
 HOME, RIGHT, END = "\ue011", "\ue014", "\ue010"  # WebDriver's key codes
 FRAMES = 7
@@ -68,7 +69,15 @@ def judged():
                                     ("core_radius", "too uncertain", "m"), ("velocity_field", "agrees", "m/s"))
     ]  # fmt: skip
     registration = dict.fromkeys(
-        ("scale_m_per_px", "scale_std_percent", "turn_deg", "turn_std_deg", "delay_ms", "delay_std_ms"), 0.1
+        (
+            "scale_m_per_px",
+            "scale_std_percent",
+            "turn_deg",
+            "turn_std_deg",
+            "delay_ms",
+            "delay_std_ms",
+        ),
+        0.1,
     )
     registration |= {"root_px": [100.0, 900.0], "root_std_mm": [0.1, 0.1]}
     whole = lab_result(*quantities, wrong=["final_bend"])
@@ -80,13 +89,24 @@ def judged():
         "instants": 12,
         "appearance": {},
     }
-    said = {"scene_hash": "0" * 16, "dpiv_sha256": "0" * 64, "seed": 1, "versions": {"python": "3.11"}}
-    return whole | about | {"registration": whole["registration"] | registration, "provenance": said}
+    said = {
+        "scene_hash": "0" * 16,
+        "dpiv_sha256": "0" * 64,
+        "seed": 1,
+        "versions": {"python": "3.11"},
+    }
+    return (
+        whole | about | {"registration": whole["registration"] | registration, "provenance": said}
+    )
 
 
 def show(browser, address, width):
     browser.devtools(
-        "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
+        "Emulation.setDeviceMetricsOverride",
+        width=width,
+        height=900,
+        deviceScaleFactor=1,
+        mobile=False,
     )
     browser.open(address)
 
@@ -116,13 +136,19 @@ def test_the_page_opens_without_errors_and_without_a_request(browser):
     assert "CFD and PIV" in browser.run("return document.title")
     assert browser.run("return document.getElementById('answer').textContent").startswith("Yes")
     assert browser.run("return [...document.images].every(i => i.complete && i.naturalWidth > 0)")
-    assert [entry for entry in browser.log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
+    assert [
+        entry for entry in browser.log("browser") if entry["level"] in ("SEVERE", "WARNING")
+    ] == []
     events = [json.loads(entry["message"])["message"] for entry in browser.log("performance")]
-    asked = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
+    asked = [
+        e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"
+    ]
     assert any(url.startswith("file:") for url in asked), "the log must have seen the page itself"
     # chromium's own new-tab page asks for chrome:// addresses; anything of a network has another scheme
     assert [
-        url for url in asked if not url.startswith(("file:", "data:", "chrome:", "chrome-untrusted:"))
+        url
+        for url in asked
+        if not url.startswith(("file:", "data:", "chrome:", "chrome-untrusted:"))
     ] == []
 
 
@@ -146,7 +172,9 @@ def test_play_and_pause(browser):
     browser.keys("#instant", HOME)
     start = shown(browser)[0]
     browser.click("#play")
-    assert browser.run("return document.getElementById('play').getAttribute('aria-pressed')") == "true"
+    assert (
+        browser.run("return document.getElementById('play').getAttribute('aria-pressed')") == "true"
+    )
     for _ in range(100):
         if shown(browser)[0] != start:
             break
@@ -207,7 +235,9 @@ def test_axe_has_no_serious_finding(browser, page, lab_page, which, scheme):
     # opened, so that what is folded away is checked too; by devtools, since the page lets no script in
     browser.devtools("Runtime.evaluate", expression=OPEN + AXE.read_text(encoding="utf-8"))
     report = "axe.run().then(r => JSON.stringify([r.violations, r.passes.length]))"
-    answer = browser.devtools("Runtime.evaluate", expression=report, awaitPromise=True, returnByValue=True)
+    answer = browser.devtools(
+        "Runtime.evaluate", expression=report, awaitPromise=True, returnByValue=True
+    )
     violations, passed = json.loads(answer["result"]["value"])
     assert passed > 15, "axe must have looked at the page"
     wrong = {

@@ -98,7 +98,9 @@ def test_water_is_at_rest_until_the_finger_moves_and_signs_are_right(solved):
     first = forces[(forces[:, 0] > 0.004) & (forces[:, 0] < 0.012)]
     assert (first[:, 1] < 0).all()  # the finger accelerates towards +x, the water resists
     power = table(solved.out / "run" / "power.csv")
-    assert power[(power[:, 0] > 0.004) & (power[:, 0] < 0.02), 1].min() > 0  # and takes work from it
+    assert (
+        power[(power[:, 0] > 0.004) & (power[:, 0] < 0.02), 1].min() > 0
+    )  # and takes work from it
     balance = json.loads((solved.out / "run" / "run.json").read_text())["power_balance"]
     assert balance["work"] == pytest.approx(
         balance["kinetic_energy"] + balance["dissipated"] + balance["closure"]
@@ -139,10 +141,14 @@ def test_parallel_equals_serial(solved, prepared, tmp_path, monkeypatch):
     assert json.loads((scene.out / "run" / "run.json").read_text())["ranks"] == 2
 
 
-def test_collated_files_give_the_same_forces_to_the_last_digit(prepared, tmp_path, monkeypatch, capsys):
+def test_collated_files_give_the_same_forces_to_the_last_digit(
+    prepared, tmp_path, monkeypatch, capsys
+):
     """One file for both ranks instead of one for each; stopped and resumed from them as well, whatever is asked for then."""
     monkeypatch.setattr(run_stage, "LEAST_CELLS", 100)
-    apart, shared, stopped = (copy_of(prepared, tmp_path / name) for name in ("apart", "shared", "stopped"))
+    apart, shared, stopped = (
+        copy_of(prepared, tmp_path / name) for name in ("apart", "shared", "stopped")
+    )
     run_stage.run(apart, quiet=True, ranks=2)
     run_stage.run(shared, quiet=True, ranks=2, collated=True)
     assert (shared.out / FORCES).read_bytes() == (apart.out / FORCES).read_bytes()
@@ -164,10 +170,14 @@ def test_collated_files_give_the_same_forces_to_the_last_digit(prepared, tmp_pat
     assert earlier == Spent(
         before["wall_time"], before["cpu_time"]
     )  # costs/ counts the parts that were stopped as well
-    assert 0 < earlier.cpu_time < 2 * 1.2 * earlier.wall_time + 1  # two ranks; CPU time is logged to 10 ms
+    assert (
+        0 < earlier.cpu_time < 2 * 1.2 * earlier.wall_time + 1
+    )  # two ranks; CPU time is logged to 10 ms
     assert "resumes with 2 ranks and collated files, not 2 ranks" in capsys.readouterr().out
     begun_again = foam_version() != "v1912"  # resumed, v2306 goes on wrongly
-    assert bool(json.loads((stopped.out / "run" / "run.json").read_text())["resumed"]) != begun_again
+    assert (
+        bool(json.loads((stopped.out / "run" / "run.json").read_text())["resumed"]) != begun_again
+    )
     straight, resumed = table(shared.out / FORCES), table(stopped.out / FORCES)
     # what stopping the pressure's iterations early leaves; a mesh whose past is not found again leaves a tenth
     assert np.abs(straight[:, 1:3] - resumed[:, 1:3]).max() < 1e-4 * np.abs(straight[:, 1:3]).max()
@@ -178,7 +188,16 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
     scene = short_scene(tmp_path / "straight", end=0.06, numerics=f', time_scheme = "{scheme}"')
     killed = copy_of(scene, tmp_path / "killed")
     run_stage.run(scene, quiet=True)
-    command = [sys.executable, "-m", "pipeline", "run", str(killed.folder), "--level", "tiny", "--quiet"]
+    command = [
+        sys.executable,
+        "-m",
+        "pipeline",
+        "run",
+        str(killed.folder),
+        "--level",
+        "tiny",
+        "--quiet",
+    ]
     process = subprocess.Popen(command, cwd=ROOT)
     checkpoint = killed.out / "case" / "interval_0" / "0.03" / "uniform" / "time"
     deadline = time.monotonic() + 600
@@ -191,7 +210,8 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
         pytest.skip("the run ended before it could be killed")
     # a checkpoint that was cut off is not taken for whole
     newest = max(
-        (p for p in (killed.out / "case" / "interval_0").glob("0.*/U")), key=lambda p: float(p.parent.name)
+        (p for p in (killed.out / "case" / "interval_0").glob("0.*/U")),
+        key=lambda p: float(p.parent.name),
     )
     newest.write_bytes(newest.read_bytes()[:-400])
     assert not is_complete(newest)
@@ -209,7 +229,11 @@ def test_a_run_stopped_again_and_again_ends_with_the_same_forces(tmp_path, monke
     monkeypatch.setattr(run_stage, "LEAST_CELLS", 100)
     # checkpoints so far apart that a stop which a busy machine makes late comes before the next one
     scene = write_scene(tmp_path / "straight", "2d", SHORT.format(end=0.06))
-    text = (scene.folder / "scene.toml").read_text().replace("write_interval = 0.01", "write_interval = 0.03")
+    text = (
+        (scene.folder / "scene.toml")
+        .read_text()
+        .replace("write_interval = 0.01", "write_interval = 0.03")
+    )
     (scene.folder / "scene.toml").write_text(text)
     scene = prepare(load_scene(scene.folder, scene.level))
     stopped = copy_of(scene, tmp_path / "stopped")
@@ -229,7 +253,9 @@ def test_a_run_stopped_again_and_again_ends_with_the_same_forces(tmp_path, monke
     assert earlier == Spent(
         before["wall_time"], before["cpu_time"]
     )  # costs/ counts the parts that were stopped as well
-    assert 0 < earlier.cpu_time < 1.2 * earlier.wall_time + 1  # one rank; CPU time is logged to 10 ms
+    assert (
+        0 < earlier.cpu_time < 1.2 * earlier.wall_time + 1
+    )  # one rank; CPU time is logged to 10 ms
     assert "resumes with 1 ranks, not 2 ranks" in capsys.readouterr().out
     record = json.loads((stopped.out / "run" / "run.json").read_text())
     assert record["resumed"] == [0.03, 0.03]
@@ -241,7 +267,9 @@ def test_a_run_stopped_again_and_again_ends_with_the_same_forces(tmp_path, monke
     # solved again from before damaged samples, as the error for them says: the frames of the motion are laid anew
     case = stopped.out / "case" / "interval_0"
     (case / "progress.json").unlink()
-    sampled = sorted((case / "postProcessing" / "sheetSurface").iterdir(), key=lambda path: float(path.name))
+    sampled = sorted(
+        (case / "postProcessing" / "sheetSurface").iterdir(), key=lambda path: float(path.name)
+    )
     (sampled[-1] / "sheet.vtk").write_bytes(b"")
     run_stage.run(stopped, quiet=True)
     assert np.array_equal(straight, table(stopped.out / FORCES))
@@ -268,8 +296,13 @@ def test_a_stopped_run_of_half_the_tank_samples_the_same_sheet(tmp_path, monkeyp
             run_stage.run(stopped, quiet=True)
     run_stage.run(stopped, quiet=True)
     resumed = json.loads((stopped.out / "run" / "run.json").read_text())["resumed"]
-    assert bool(resumed) == (foam_version() == "v1912")  # others begin again: resumed, v2306 goes on wrongly
-    sheets = [one.out / "case" / "interval_0" / "postProcessing" / "sheetSurface" for one in (scene, stopped)]
+    assert bool(resumed) == (
+        foam_version() == "v1912"
+    )  # others begin again: resumed, v2306 goes on wrongly
+    sheets = [
+        one.out / "case" / "interval_0" / "postProcessing" / "sheetSurface"
+        for one in (scene, stopped)
+    ]
     times = sorted(path.name for path in sheets[0].iterdir())
     assert sorted(path.name for path in sheets[1].iterdir()) == times
     differ = [
@@ -296,10 +329,17 @@ def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
     (case / "0" / "U").write_text(velocity)
     intervals = read_intervals(scene.out)
     lay_frames(
-        scene.out, intervals, intervals[0], Ranks(), Steps.of(0.0, 0.02, scene.numerics.time_step), quiet=True
+        scene.out,
+        intervals,
+        intervals[0],
+        Ranks(),
+        Steps.of(0.0, 0.02, scene.numerics.time_step),
+        quiet=True,
     )
     text = (case / "system" / "fvSolution").read_text()
-    text = re.sub(r"(relTol +)[\d.]+;", r"\g<1>0;", re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-12;", text))
+    text = re.sub(
+        r"(relTol +)[\d.]+;", r"\g<1>0;", re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-12;", text)
+    )
     (case / "system" / "fvSolution").write_text(text)
     with tqdm(total=1.0, disable=True) as bar:
         solver.solve(
@@ -327,8 +367,13 @@ def test_strokes_of_150_degrees_run(tmp_path, sign):
     s = np.linspace(0, 0.07, 40)
     rows = ["pressure_kpa,s,x,y"]
     for kpa in range(0, 31, 5):
-        turn = max(np.radians(155.0) * kpa / 30, 1e-9)  # 2 % of the stroke are still to come at its end
-        x, y = np.sin(turn * s / 0.07) * 0.07 / turn, sign * (1 - np.cos(turn * s / 0.07)) * 0.07 / turn
+        turn = max(
+            np.radians(155.0) * kpa / 30, 1e-9
+        )  # 2 % of the stroke are still to come at its end
+        x, y = (
+            np.sin(turn * s / 0.07) * 0.07 / turn,
+            sign * (1 - np.cos(turn * s / 0.07)) * 0.07 / turn,
+        )
         rows += [f"{kpa},{a:.9g},{b:.9g},{c:.9g}" for a, b, c in zip(s, x, y, strict=True)]
     (tmp_path / "arcs.csv").write_text("\n".join(rows) + "\n")
     more = (
@@ -362,9 +407,9 @@ def test_a_failing_solver_shows_its_last_lines(tmp_path):
 def test_the_shipped_base_case_is_complete():
     """An expert can read it: every number it names is in its own system/numbers."""
     base = ROOT / "cases" / "_base"
-    names = set(re.findall(r"\$(\w+)", "\n".join(p.read_text() for p in base.rglob("*") if p.is_file()))) - {
-        "p"
-    }
+    names = set(
+        re.findall(r"\$(\w+)", "\n".join(p.read_text() for p in base.rglob("*") if p.is_file()))
+    ) - {"p"}
     defined = set(re.findall(r"(?m)^(\w+)\s", (base / "system" / "numbers").read_text()))
     assert names == defined
     assert "timeStep" in numbers_text({"timeStep": "1"})

@@ -20,9 +20,13 @@ SNAKEMAKE = ROOT / ".venv-study" / "bin" / "snakemake"
 pytestmark = [
     pytest.mark.openfoam,
     pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
-    pytest.mark.skipif(not SNAKEMAKE.exists(), reason="Snakemake is not installed; make study installs it"),
+    pytest.mark.skipif(
+        not SNAKEMAKE.exists(), reason="Snakemake is not installed; make study installs it"
+    ),
 ]
-SHORT = "[motion]\nstrokes = [{ pressure_kpa = 6.0, start = 0.002, duration = 0.2 }]\nend_time = 0.02\n"
+SHORT = (
+    "[motion]\nstrokes = [{ pressure_kpa = 6.0, start = 0.002, duration = 0.2 }]\nend_time = 0.02\n"
+)
 COSTS = "cpu|wall|time_s|memory|made|date|_mb|seconds"  # columns of what a run took, which a kill changes
 TABLE = """run, scene, level, until, ranks, may_fail, numerics.max_courant, fluid.kinematic_viscosity
 itself, ., tiny, run, , , ,
@@ -36,7 +40,9 @@ def copy_of_project(folder: Path) -> Path:
     for part in ("fileio", "pipeline", "piv", "postprocess"):
         shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
     for part in ("_base", "single_finger"):
-        shutil.copytree(ROOT / "cases" / part, folder / "cases" / part, ignore=shutil.ignore_patterns("out"))
+        shutil.copytree(
+            ROOT / "cases" / part, folder / "cases" / part, ignore=shutil.ignore_patterns("out")
+        )
     (folder / ".venv").symlink_to(ROOT / ".venv")
     scene = folder / "cases" / "small"
     (scene / "studies").mkdir(parents=True)
@@ -64,9 +70,9 @@ def project(studied, tmp_path):
 
 def result(project: Path) -> pd.DataFrame:
     """The study's table."""
-    return pd.read_csv(project / "cases" / "small" / "out" / "studies" / "trial" / "table.csv").set_index(
-        "run"
-    )
+    return pd.read_csv(
+        project / "cases" / "small" / "out" / "studies" / "trial" / "table.csv"
+    ).set_index("run")
 
 
 def snakemake(project: Path, *more: str) -> subprocess.Popen[str]:
@@ -111,7 +117,9 @@ def killed_at(project: Path, reached: Path) -> None:
     deadline = time.monotonic() + 300
     while not reached.exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.05)
-    assert process.poll() is None, f"the study ended before it was killed: {process.communicate()[0][-3000:]}"
+    assert process.poll() is None, (
+        f"the study ended before it was killed: {process.communicate()[0][-3000:]}"
+    )
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     time.sleep(1)
@@ -138,11 +146,16 @@ def test_a_study_killed_three_times_ends_with_the_table_of_an_undisturbed_one(st
 def test_the_runs_lie_where_the_table_says(studied):
     """What changes nothing is the scene's own run, as make would have made it; what is equal is taken over."""
     scene = studied / "cases" / "small"
-    own, thick = scene / "out" / "tiny", scene / "out" / "studies" / "trial" / "thick" / "out" / "tiny"
+    own, thick = (
+        scene / "out" / "tiny",
+        scene / "out" / "studies" / "trial" / "thick" / "out" / "tiny",
+    )
     assert (own / "run" / "run.json").exists()
     # a mesh made anew would have a date of its own in its attributes and costs
     assert (thick / "planform.h5").read_bytes() == (own / "planform.h5").read_bytes()
-    assert (thick / "costs" / "mesh.json").read_bytes() == (own / "costs" / "mesh.json").read_bytes()
+    assert (thick / "costs" / "mesh.json").read_bytes() == (
+        own / "costs" / "mesh.json"
+    ).read_bytes()
     assert (thick / "run" / "run.json").read_bytes() != (own / "run" / "run.json").read_bytes()
     edge = scene / "out" / "studies" / "trial" / "edge" / "out" / "tiny"
     outcome = json.loads((edge / "outcome.json").read_text())
@@ -162,7 +175,8 @@ def test_what_is_taken_over_again_leaves_its_owner_alone(project):
     scene = project / "cases" / "small"
     thick = scene / "out" / "studies" / "trial" / "thick" / "out" / "tiny"
     made = [
-        scene / "out" / "tiny" / name for name in ("kinematics.h5", "planform.h5", "sweep.h5", "run/run.json")
+        scene / "out" / "tiny" / name
+        for name in ("kinematics.h5", "planform.h5", "sweep.h5", "run/run.json")
     ]
     own = {path: path.stat().st_mtime_ns for path in made}
     (thick / "kinematics.h5").unlink()

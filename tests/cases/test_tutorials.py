@@ -19,7 +19,9 @@ from tests.inner_make import inner_environment
 
 TUTORIALS = ROOT / "docs" / "tutorials"
 BLOCK = re.compile(r"(?m)^(?:`(?P<file>[^`\n]+)`:\n)?```(?P<kind>\w+)\n(?P<body>(?s:.*?))^```$")
-OPENFOAM = pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed")
+OPENFOAM = pytest.mark.skipif(
+    shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"
+)
 
 
 @pytest.fixture
@@ -35,7 +37,9 @@ def run(command: list[str], folder: Path) -> str:
     # as conftest's make: the environment is there
     environment = inner_environment(MAKEFLAGS="READY=Makefile", MPLBACKEND="Agg")
     environment["PATH"] = f"{folder / '.venv' / 'bin'}:{environment['PATH']}"
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}{done.stderr[-3000:]}"
     assert "jobserver" not in done.stderr  # make's own warning, of a make within make
     return done.stdout + done.stderr
@@ -99,7 +103,15 @@ def test_the_command_piv_works_in_any_folder(tmp_path):
     (tmp_path / "piv").mkdir()
     (tmp_path / "piv" / "__init__.py").write_text("raise SystemExit('not this one')")
     frames = [str(TUTORIALS / "frames" / f"frame_{k}.png") for k in (0, 1)]
-    command = [str(ROOT / ".venv" / "bin" / "piv"), "correlate", *frames, "-o", "pair.h5", "--window", "24"]
+    command = [
+        str(ROOT / ".venv" / "bin" / "piv"),
+        "correlate",
+        *frames,
+        "-o",
+        "pair.h5",
+        "--window",
+        "24",
+    ]
     subprocess.run(command, cwd=tmp_path, env=inner_environment(), check=True)
     assert (tmp_path / "pair.h5").is_file()
 

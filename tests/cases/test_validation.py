@@ -57,7 +57,9 @@ def test_force_on_an_oscillating_cylinder(tmp_path):
 def test_order_in_space_on_a_deforming_mesh(tmp_path):
     (tmp_path / deforming.NAME).mkdir()
     shutil.copy(CASES / deforming.NAME / "scene.toml", tmp_path / deforming.NAME)
-    size, error = deforming.space_errors(deforming.LAMB_OSEEN, ("h24", "h32"), outer=1, folder=tmp_path)
+    size, error = deforming.space_errors(
+        deforming.LAMB_OSEEN, ("h24", "h32"), outer=1, folder=tmp_path
+    )
     assert (
         error < 0.01
     ).all()  # of a peak of 1 m/s; a mesh that drags the water along would leave 0.1 and more

@@ -77,7 +77,9 @@ def test_the_base_case_uses_every_number_and_no_other(tmp_path):
 
 def test_scene_keys_reach_the_numbers(tmp_path):
     more = '[fluid]\ndensity = 1025.0\nkinematic_viscosity = 2e-6\nturbulence = "WALE"'
-    scene = write_scene(tmp_path / "s", "half", more, ', time_scheme = "Euler", outer_correctors = 3')
+    scene = write_scene(
+        tmp_path / "s", "half", more, ', time_scheme = "Euler", outer_correctors = 3'
+    )
     entries = numbers(scene, WHOLE, WHOLE.end, -0.15)
     assert entries["density"] == "1025"
     assert entries["viscosity"] == "2e-06"

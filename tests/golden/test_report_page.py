@@ -98,7 +98,9 @@ def test_the_series_table_holds_the_same_difference(made):
     table = pd.read_csv(made.out / "comparison.csv")
     low, high = result(made)["middle_of_stroke_s"]
     middle = table[table["time"].between(low, high)]
-    assert (middle["circulation_piv"] / middle["circulation_cfd"]).mean() == pytest.approx(0.98, abs=0.01)
+    assert (middle["circulation_piv"] / middle["circulation_cfd"]).mean() == pytest.approx(
+        0.98, abs=0.01
+    )
     assert np.hypot(
         middle["x_piv"] - middle["x_cfd"], middle["y_piv"] - middle["y_cfd"]
     ).to_numpy() == pytest.approx(middle["centre_distance"].to_numpy(), rel=1e-9)
@@ -113,15 +115,21 @@ def test_the_series_table_holds_the_same_difference(made):
     ],
 )
 def test_a_wrong_measurement_fails_its_own_checks(tmp_path, options, failing):
-    files = StageFiles(copy_findings(write_case(tmp_path, spacing=0.004, frames=21, **options)), "coarse")
+    files = StageFiles(
+        copy_findings(write_case(tmp_path, spacing=0.004, frames=21, **options)), "coarse"
+    )
     checks = compare.compare(files)["checks"]
     assert {c["id"] for c in checks if c["met"] is False} == failing
     assert wording.answer(result(files)).startswith("No")
 
 
 def test_a_deflated_finger_draws_water_upward(tmp_path):
-    case = write_case(tmp_path, "single_deflate", spacing=0.004, frames=21, bend_end=np.radians(-100))
-    checks = {c["id"]: c for c in compare.compare(StageFiles(copy_findings(case), "coarse"))["checks"]}
+    case = write_case(
+        tmp_path, "single_deflate", spacing=0.004, frames=21, bend_end=np.radians(-100)
+    )
+    checks = {
+        c["id"]: c for c in compare.compare(StageFiles(copy_findings(case), "coarse"))["checks"]
+    }
     assert checks["trace-upward"]["met"] is True
     assert checks["trace-upward"]["measured"]["cfd"] > 0
 
@@ -166,7 +174,9 @@ def test_the_page_is_well_formed_and_accessible(made):
 
 def test_the_page_needs_no_network(made):
     text = (made.out / "report.html").read_text()
-    assert not re.search(r"https?://|//[a-z]+\.[a-z]+/|@import|url\(", re.sub(r"data:[^\"']*", "", text))
+    assert not re.search(
+        r"https?://|//[a-z]+\.[a-z]+/|@import|url\(", re.sub(r"data:[^\"']*", "", text)
+    )
     for tag, attrs in Page(text).elements:
         for key in ("src", "srcset", "data", "poster"):
             assert attrs.get(key, "data:").startswith("data:"), f"{tag} {key}"
@@ -228,7 +238,8 @@ def test_every_axis_of_every_series_names_its_unit(made):
         draw_solver.forces(FORCES.read(made.out / "run/forces.csv")),
         draw_solver.power(POWER.read(made.out / "run/power.csv")),
         draw_solver.losses(
-            POWER.read(made.out / "run/power.csv"), POWER_TERMS.read(made.out / "run/power_terms.csv")
+            POWER.read(made.out / "run/power.csv"),
+            POWER_TERMS.read(made.out / "run/power_terms.csv"),
         ),
         draw_solver.history(HISTORY.read(made.out / "run/history.csv")),
         draw_solver.mesh_quality(MESH_QUALITY.read(made.out / "mesh_quality.csv")),
@@ -241,7 +252,11 @@ def test_every_axis_of_every_series_names_its_unit(made):
 def test_the_view_in_space_is_drawn_without_gl_too(made, tmp_path, monkeypatch):
     corner = np.array([[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1]])
     data = {"points": corner, "lines": np.array([[0, 1], [1, 2], [2, 3], [3, 0]])}
-    view = data | {"outline": 0.3 * corner[None] + 0.05, "width": 0.02, "tank": np.array([0.6, 0.3, 0.3])}
+    view = data | {
+        "outline": 0.3 * corner[None] + 0.05,
+        "width": 0.02,
+        "tank": np.array([0.6, 0.3, 0.3]),
+    }
     monkeypatch.setattr(draw_mesh, "VIEW_MODULE", "postprocess.there_is_no_such_module")
     assert draw_mesh.view_in_space(tmp_path / "view.png", **view) == "matplotlib"
     picture = np.asarray(Image.open(tmp_path / "view.png").convert("L"))
@@ -265,7 +280,9 @@ def test_a_made_up_pinch_is_judged_by_its_pair(pinched):
 
 @pytest.mark.parametrize("rows, marker", [(20, "."), (80, "None")])
 def test_a_coarse_series_beside_the_single_finger_shows_its_instants(rows, marker):
-    track = pd.DataFrame({name: np.linspace(0.0, 1e-2, rows) for name in ("bend", "along_tip", "across_tip")})
+    track = pd.DataFrame(
+        {name: np.linspace(0.0, 1e-2, rows) for name in ("bend", "along_tip", "across_tip")}
+    )
     figure = draw_pinch.beside_single({"cfd": track}, {"cfd": track}, (0.0, 1.0))
     assert {line.get_marker() for line in figure.axes[0].get_lines()} == {marker}
 
@@ -313,14 +330,18 @@ def test_processes_change_no_picture(made, tmp_path):
         words = ["figures", str(files.scene_folder), "--level", "coarse", "--quiet"]
         assert main([*words, "--threads", "2"]) == 0
     assert {"stroke.mp4", "figures.json", "flow_0.png"} < {f.name for f in drawn}
-    assert [f for f in drawn if (files.figures / f).read_bytes() != (made.figures / f).read_bytes()] == []
+    assert [
+        f for f in drawn if (files.figures / f).read_bytes() != (made.figures / f).read_bytes()
+    ] == []
 
 
 def test_the_single_finger_beside_is_compared_at_equal_bend(pinched, tmp_path):
     """The made-up single finger is the left finger itself: no shift but that of the PIV's errors."""
     shutil.copytree(pinched.scene_folder.parent, tmp_path / "cases")
     write_case(tmp_path, "single_finger", bend_end=np.radians(80), spacing=0.004, frames=21)
-    (tmp_path / "cases" / "pinch" / "scene.toml").write_text('extends = "../single_finger"\ntitle = "t"\n')
+    (tmp_path / "cases" / "pinch" / "scene.toml").write_text(
+        'extends = "../single_finger"\ntitle = "t"\n'
+    )
     assert main(["compare", str(tmp_path / "cases" / "pinch"), "--level", "coarse", "--quiet"]) == 0
     files = StageFiles(tmp_path / "cases" / "pinch", "coarse")
     check = next(c for c in result(files)["checks"] if c["id"] == "pair-forward")

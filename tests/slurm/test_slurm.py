@@ -41,7 +41,9 @@ two_ranks, draft, run, 2, , , , 0.02,
 edge, tiny, run, 1, yes, 1e-3, , 0.1, 0.01
 """
 # Slurm here keeps no accounts to ask for the state of a job
-FLAGS = "--latency-wait 30 --slurm-status-command squeue --slurm-init-seconds-before-status-checks 10"
+FLAGS = (
+    "--latency-wait 30 --slurm-status-command squeue --slurm-init-seconds-before-status-checks 10"
+)
 # Enough cells for two ranks, enough steps that the solver is at work for minutes; images and PIV are small.
 LONG = """
 [levels.draft]
@@ -64,7 +66,9 @@ def slurm(tmp_path_factory):
     (folder / "bin").mkdir()
     for name in ("srun", "sbatch", "squeue", "scancel", "scontrol", "sinfo"):
         program = folder / "bin" / name
-        program.write_text(f'#!/bin/sh\nSLURM_CONF={done.stdout.strip()} exec {shutil.which(name)} "$@"\n')
+        program.write_text(
+            f'#!/bin/sh\nSLURM_CONF={done.stdout.strip()} exec {shutil.which(name)} "$@"\n'
+        )
         program.chmod(0o755)
     os.environ["PATH"] = f"{folder / 'bin'}:{os.environ['PATH']}"
     LOG.write_text(
@@ -81,7 +85,8 @@ def scene():
     shutil.rmtree(FOLDER, ignore_errors=True)
     FOLDER.mkdir(parents=True)
     (FOLDER / "scene.toml").write_text(
-        TINY.format(parent="../single_finger", kind="2d", more="", numerics="") + LONG, encoding="utf-8"
+        TINY.format(parent="../single_finger", kind="2d", more="", numerics="") + LONG,
+        encoding="utf-8",
     )
     for name in ("kinematics", "reference"):
         (FOLDER / name).symlink_to(f"../single_finger/{name}")
@@ -91,9 +96,15 @@ def scene():
 
 def make(*words: str, seconds: float) -> subprocess.CompletedProcess[str]:
     """A make as a user types it, not as a part of the one that runs the tests."""
-    env = {key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")}
+    env = {
+        key: value
+        for key, value in os.environ.items()
+        if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
+    }
     command = ["make", "--no-print-directory", *words]
-    return subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, timeout=seconds)
+    return subprocess.run(
+        command, cwd=ROOT, env=env, capture_output=True, text=True, timeout=seconds
+    )
 
 
 def note(title: str, text: str) -> None:
@@ -107,7 +118,10 @@ def note(title: str, text: str) -> None:
 def job_of(rule: str) -> str | None:
     """Number of the job of a rule that Slurm is running, or None."""
     shown = subprocess.run(
-        ["squeue", "--noheader", "--states=R", "--format=%i %k"], capture_output=True, text=True, check=True
+        ["squeue", "--noheader", "--states=R", "--format=%i %k"],
+        capture_output=True,
+        text=True,
+        check=True,
     ).stdout
     jobs = [line.split()[0] for line in shown.splitlines() if f"rule_{rule}_" in line]
     return jobs[0] if jobs else None
@@ -116,7 +130,10 @@ def job_of(rule: str) -> str | None:
 def minutes_run(job: str) -> int:
     """Whole minutes for which a job has run."""
     shown = subprocess.run(
-        ["squeue", "--noheader", "--format=%M", f"--jobs={job}"], capture_output=True, text=True, check=True
+        ["squeue", "--noheader", "--format=%M", f"--jobs={job}"],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     parts = [int(part) for part in re.split("[-:]", shown.stdout.strip())]
     return ([0, 0, *parts][-3] * 60) + parts[-2]
@@ -144,11 +161,17 @@ def test_a_scene_cut_off_by_its_limit_is_submitted_again_and_ends(slurm, scene):
         "MINUTES=60",
         f"SNAKEFLAGS={FLAGS}",
     ]
-    env = {key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")}
+    env = {
+        key: value
+        for key, value in os.environ.items()
+        if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
+    }
     with (slurm / "make.log").open("w+") as log:
         make_ = subprocess.Popen(command, cwd=ROOT, env=env, stdout=log, stderr=log)
         case = scene.out / "case" / "interval_0"
-        wait_until(lambda: last_checkpoint(case, Ranks(2)) is not None or make_.poll() is not None, 3000)
+        wait_until(
+            lambda: last_checkpoint(case, Ranks(2)) is not None or make_.poll() is not None, 3000
+        )
         solver = job_of("run")
         assert solver is not None, (slurm / "make.log").read_text()[-3000:]
         near = minutes_run(solver) + 1
@@ -182,7 +205,11 @@ def test_a_study_of_four_runs(slurm, scene):
     table.write_text(STUDY)
     begin = time.monotonic()
     done = make(
-        "study", "STUDY=cases/slurm_test/studies/four.csv", "SLURM=1", f"SNAKEFLAGS={FLAGS}", seconds=3600
+        "study",
+        "STUDY=cases/slurm_test/studies/four.csv",
+        "SLURM=1",
+        f"SNAKEFLAGS={FLAGS}",
+        seconds=3600,
     )
     lines = [
         line
@@ -197,7 +224,10 @@ def test_a_study_of_four_runs(slurm, scene):
     note("its table", result[columns].to_string())
     assert list(result.index) == ["base", "les", "one_rank", "two_ranks", "edge"]
     assert result["peak_force_N"].drop("edge").notna().all()
-    assert json.loads((study / "edge" / "out" / "tiny" / "outcome.json").read_text())["ended"] == "refused"
+    assert (
+        json.loads((study / "edge" / "out" / "tiny" / "outcome.json").read_text())["ended"]
+        == "refused"
+    )
     assert result.loc["two_ranks", "ranks"] == 2
     # the same run on two ranks: what is left of stopping the pressure's iterations early
     assert result.loc["two_ranks", "peak_force_N"] == pytest.approx(

@@ -28,7 +28,9 @@ PAGE, TABLE = ROOT / "docs" / "coupling.md", ROOT / "docs" / "air_and_water.csv"
 GRAVITY, WATER = 9.81, 998.2
 CLOSING = {"added_mass": 0.87, "drag": 2.2}  # a fit to the closing stroke of a coupled run
 AT_REST, MOVED = (10.0, 20.0, 30.0), (5.0, 10.0, 15.0, 20.0, 25.0, 30.0)  # kPa
-FILLING = 0.2  # s: after which the chambers have 98 % of their pressure; not known of the experiment
+FILLING = (
+    0.2  # s: after which the chambers have 98 % of their pressure; not known of the experiment
+)
 REACHED = 0.02  # of the change of bend: what is left when the finger counts as there
 END = 1.0  # s
 
@@ -82,7 +84,9 @@ def surroundings(given: Assumption, water: bool) -> Surroundings:
     """In water hanging, as in the tank; in air as assumed."""
     if water:
         return Surroundings(GRAVITY, WATER, given.added_mass, given.drag, given.damping)
-    weight = 0.0 if given.air_turn_deg is None else GRAVITY * np.exp(1j * np.radians(given.air_turn_deg))
+    weight = (
+        0.0 if given.air_turn_deg is None else GRAVITY * np.exp(1j * np.radians(given.air_turn_deg))
+    )
     return Surroundings(weight, damping=given.damping)
 
 
@@ -99,12 +103,16 @@ def radius(chain: Chain, pressure: float, given: Assumption, water: bool) -> flo
     return fit_circle(chain.profile(np.array([at]), delta[None])[0])[0]
 
 
-def actuation_time(chain: Chain, pressure: float, given: Assumption, water: bool) -> tuple[float, float]:
+def actuation_time(
+    chain: Chain, pressure: float, given: Assumption, water: bool
+) -> tuple[float, float]:
     """Times (s) from the valve's opening at which the bend first has 98 % of its change, and after which it stays within 10 %."""
     time = np.linspace(0, END, round(END / STEP) + 1)
     start, end = inner(0.0, given, water), inner(pressure, given, water)
     inside = stroke_law(start, [(end, 0.0, given.filling)])(time)
-    delta = motion(chain, inside, STEP, surroundings(given, water), np.zeros((len(time), chain.slices, 3)))
+    delta = motion(
+        chain, inside, STEP, surroundings(given, water), np.zeros((len(time), chain.slices, 3))
+    )
     rest = at_rest(chain, end, surroundings(given, water), np.zeros((chain.slices, 3)), parts=3)
     last = chain.bend(np.array([end]), rest[None])[0]
     bend = chain.bend(inside, delta)
@@ -124,11 +132,15 @@ def study() -> pd.DataFrame:
             about = {"assumption": given.name, "medium": "water" if water else "air"}
             for pressure in AT_REST:
                 rows.append(
-                    about | {"pressure_kpa": pressure, "radius_m": radius(chain, pressure, given, water)}
+                    about
+                    | {"pressure_kpa": pressure, "radius_m": radius(chain, pressure, given, water)}
                 )
             for pressure in MOVED if number == 0 else (20.0,):
                 first, settled = actuation_time(chain, pressure, given, water)
-                rows.append(about | {"pressure_kpa": pressure, "time_98_s": first, "time_settled_s": settled})
+                rows.append(
+                    about
+                    | {"pressure_kpa": pressure, "time_98_s": first, "time_settled_s": settled}
+                )
         print(f"air and water: {given.name}", flush=True)
     return pd.DataFrame(rows)
 
@@ -156,7 +168,9 @@ def page(table: pd.DataFrame) -> str:
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     first = table[(table["assumption"] == ASSUMED[0].name) & table["time_98_s"].notna()]
     times = {m: first[first["medium"] == m]["time_98_s"].tolist() for m in ("air", "water")}
-    said = "; ".join(f"{m} {', '.join(f'{t:.3f}' for t in values)} s" for m, values in times.items())
+    said = "; ".join(
+        f"{m} {', '.join(f'{t:.3f}' for t in values)} s" for m, values in times.items()
+    )
     lines += [
         "",
         f"98 % at {', '.join(f'{p:g}' for p in MOVED)} kPa, as in the scenes: {said}. {libraries()}.",

@@ -53,7 +53,9 @@ def beyond_margin(
         omega = vorticity(gradients(u, v, valid, dx, dy, "least-squares"))
         away = distance_to_invalid(valid, dx, dy)
         for (reach, margin), found in zip(regions, rows, strict=True):
-            amount = np.where(on_side & (off <= reach * width) & (away > margin * width), omega, 0.0)
+            amount = np.where(
+                on_side & (off <= reach * width) & (away > margin * width), omega, 0.0
+            )
             total = amount.sum()
             centroid = (amount.sum(axis=0) @ x / total, amount.sum(axis=1) @ y / total)
             found.append([plane["time"].values[index], total * abs(dx * dy), *centroid])
@@ -62,7 +64,10 @@ def beyond_margin(
 
 def measures(scenes: list[Scene], window: tuple[float, float]) -> dict[str, list[pd.DataFrame]]:
     """Every way of counting, and what it finds on each grid, from coarse to fine."""
-    tracks = [dominant_track(read_vortices(s.out / "vortices_cfd.csv"), 0, window, s.level) for s in scenes]
+    tracks = [
+        dominant_track(read_vortices(s.out / "vortices_cfd.csv"), 0, window, s.level)
+        for s in scenes
+    ]
     found: dict[str, list[pd.DataFrame]] = {}
     for scene, track in zip(scenes, tracks, strict=True):
         with read_plane(scene.out / "sheet.h5") as plane:
@@ -75,8 +80,12 @@ def measures(scenes: list[Scene], window: tuple[float, float]) -> dict[str, list
                     plane, tracks[-1], radius, window
                 ),
             }
-            for (reach, margin), rows in zip(REGIONS, beyond_margin(plane, window, REGIONS), strict=True):
-                ways[f"dorsal side, {reach:g} widths round the tip, {margin:g} from the finger"] = rows
+            for (reach, margin), rows in zip(
+                REGIONS, beyond_margin(plane, window, REGIONS), strict=True
+            ):
+                ways[f"dorsal side, {reach:g} widths round the tip, {margin:g} from the finger"] = (
+                    rows
+                )
             for reach in REACHES:
                 way = f"dorsal side, {reach:g} widths round the tip, all water"
                 ways[way] = rows = dorsal_circulation(plane, window, reach)
@@ -114,7 +123,9 @@ def main() -> None:
     def action() -> None:
         found = family(ROOT / "cases" / "single_finger")
         if found is None:
-            raise StageError("circulation: fewer than three grids have been run; make convergence runs them")
+            raise StageError(
+                "circulation: fewer than three grids have been run; make convergence runs them"
+            )
         scenes, window = found
         text = table(measures(scenes, window), scenes)
         about = f"Means, and RMS differences from the finest of these grids, {window[0]:.3f} to {window[1]:.3f} s; {libraries()}."

@@ -46,14 +46,20 @@ def plates(points: int = 400) -> Closing:
     jet = np.cos(2 * half) / (2 * np.sin(half))  # d(area)/dt over the width between the tips
     slug = cumulative_trapezoid(0.5 * jet**2, HALF_ANGLE - half, initial=0.0)
     nothing = np.full(points, np.nan)
-    table = pd.DataFrame(np.column_stack([np.sin(half), jet, nothing, slug, nothing]), columns=list(COLUMNS))
+    table = pd.DataFrame(
+        np.column_stack([np.sin(half), jet, nothing, slug, nothing]), columns=list(COLUMNS)
+    )
     return Closing("plates, continuity", table, np.nan)
 
 
 def fingers(files: StageFiles) -> Closing:
     """The pinch of a level, until contact."""
     evidence, scene = load_evidence(files), scene_numbers(files)
-    plane, lines, integrals = evidence.planes["cfd"], evidence.lines["cfd"], evidence.integrals["cfd"]
+    plane, lines, integrals = (
+        evidence.planes["cfd"],
+        evidence.lines["cfd"],
+        evidence.integrals["cfd"],
+    )
     time, length, met = plane["time"].values, float(scene["finger"]["length"]), evidence.clock.met()
     closing = time <= met
     unit = evidence.scale * length
@@ -71,7 +77,9 @@ def fingers(files: StageFiles) -> Closing:
     model = "2-D" if RUN.read(files.required("run/run.json", "run"))["model"] == "2d" else "3-D"
     plane.close()
     return Closing(
-        f"fingers, {files.level} ({model})", table[closing][list(COLUMNS)].reset_index(drop=True), reynolds
+        f"fingers, {files.level} ({model})",
+        table[closing][list(COLUMNS)].reset_index(drop=True),
+        reynolds,
     )
 
 
@@ -84,7 +92,9 @@ def figure(all_of_them: list[Closing]):
         axes[0].plot(table["gap"], table["rise"], "--", color=colour)
         axes[1].plot(table["gap"], table["dorsal"], color=colour, label=closing.name)
         axes[1].plot(table["gap"], table["ventral"], "--", color=colour)
-    axes[0].set(ylabel="speed / peak tip speed", ylim=(0, 5), title="Jet down (full), flow up (dashed)")
+    axes[0].set(
+        ylabel="speed / peak tip speed", ylim=(0, 5), title="Jet down (full), flow up (dashed)"
+    )
     axes[1].set(
         ylabel="Γ / (peak tip speed · length)",
         ylim=(0, 3),
@@ -101,18 +111,28 @@ def at_gaps(closing: Closing, name: str) -> list[str]:
     """A column at GAPS, as text; – where it is not there."""
     gap, values = closing.table["gap"].to_numpy()[::-1], closing.table[name].to_numpy()[::-1]
     inside = [gap[0] <= at <= gap[-1] for at in GAPS]
-    found = [float(np.interp(at, gap, values)) if ok else np.nan for at, ok in zip(GAPS, inside, strict=True)]
+    found = [
+        float(np.interp(at, gap, values)) if ok else np.nan
+        for at, ok in zip(GAPS, inside, strict=True)
+    ]
     return [f"{value:.2f}" if np.isfinite(value) else "–" for value in found]
 
 
 def page(all_of_them: list[Closing]) -> str:
     """The page as Markdown."""
-    words = (ROOT / "cases" / "pinch" / "reference" / "plates.md").read_text(encoding="utf-8").strip()
-    rows = ["| gap / length | " + " | ".join(f"{gap:g}" for gap in GAPS) + " |", "|---|" + "---|" * len(GAPS)]
+    words = (
+        (ROOT / "cases" / "pinch" / "reference" / "plates.md").read_text(encoding="utf-8").strip()
+    )
+    rows = [
+        "| gap / length | " + " | ".join(f"{gap:g}" for gap in GAPS) + " |",
+        "|---|" + "---|" * len(GAPS),
+    ]
     for closing in all_of_them:
         for name, label in (("jet", "jet / U"), ("dorsal", "Γ / (U L)")):
             rows.append(f"| {closing.name}: {label} | " + " | ".join(at_gaps(closing, name)) + " |")
-    reynolds = ", ".join(f"{c.reynolds:.0f} ({c.name})" for c in all_of_them if np.isfinite(c.reynolds))
+    reynolds = ", ".join(
+        f"{c.reynolds:.0f} ({c.name})" for c in all_of_them if np.isfinite(c.reynolds)
+    )
     return "\n".join(
         [
             words,
@@ -131,7 +151,9 @@ def page(all_of_them: list[Closing]) -> str:
 
 def main() -> None:
     """Write page, figure and table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--levels", nargs="+", required=True)
     levels = parser.parse_args().levels
     found = [plates(), *(fingers(StageFiles(ROOT / "cases" / "pinch", level)) for level in levels)]

@@ -82,7 +82,9 @@ class Coupled:
             loads = read_loads(out / "loads.h5")
             delta = read_elastic_motion(out.parents[1] / SHAPES)["delta"].values
             after = structure.next(delta, loads)
-            values = motion_values(structure.chain, structure.time, structure.pressure, after, delta)
+            values = motion_values(
+                structure.chain, structure.time, structure.pressure, after, delta
+            )
             moved = f"{out.name} {1e3 * values['tip_change']:.2f}"
             found.append((moved, structure.open_energy(delta, loads)))
         return found
@@ -104,7 +106,9 @@ class Coupled:
         parts = (("prescribed", "bend_unloaded"), ("coupled", "bend"), ("in air", "bend_in_air"))
         rows = []
         for (words, name), largest in zip(parts, [*force, ""], strict=True):
-            cells = [f"{np.degrees(float(loads[name][i])):.1f}" for i in at] + [""] * (len(TIMES) - len(at))
+            cells = [f"{np.degrees(float(loads[name][i])):.1f}" for i in at] + [""] * (
+                len(TIMES) - len(at)
+            )
             rows.append(f"| {self.name}, {words} | {' | '.join([*cells, largest])} |")
         return rows
 
@@ -119,7 +123,9 @@ def at_bends(out: Path) -> dict[int, tuple[float, float]]:
     with read_plane(out / "sheet.h5") as plane:
         time, bend = plane["time"].values, np.degrees(plane["bend"].values[:, 0])
     if bend.max() < BENDS[-1]:
-        raise StageError(f"{out}: the finger bends to {bend.max():.1f}° only; {BENDS[-1]}° are needed")
+        raise StageError(
+            f"{out}: the finger bends to {bend.max():.1f}° only; {BENDS[-1]}° are needed"
+        )
     first = {b: float(time[np.argmax(bend >= b)]) for b in BENDS}
     window = (first[BENDS[1]], first[BENDS[-1]])
     track = dominant_track(read_vortices(out / "vortices_cfd.csv"), 0, window, "the CFD")
@@ -136,7 +142,9 @@ def peak_force(out: Path) -> float:
 def apart(one: Path, other: Path) -> float:
     """Largest distance (m) of the tips of two motions, from the output folders of their runs."""
     ends = [read_elastic_motion(out.parents[1] / SHAPES).isel(point=-1) for out in (one, other)]
-    return float(np.hypot(*(ends[0][name] - ends[1][name] for name in ("profile_x", "profile_y"))).max())
+    return float(
+        np.hypot(*(ends[0][name] - ends[1][name] for name in ("profile_x", "profile_y"))).max()
+    )
 
 
 def page(level: str) -> str:
@@ -181,7 +189,9 @@ def page(level: str) -> str:
 
 def main() -> None:
     """Make the runs and write the page's tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--level", default="coarse", help="(default: %(default)s)")
     write_between(PAGE, "coupled runs", page(parser.parse_args().level))
 

@@ -38,14 +38,18 @@ def measured() -> tuple[pd.DataFrame, str]:
     best = finest(grids, missing_runs(grids))
     missing = missing_runs(plan)
     if BASE in missing:
-        raise StageError("distribution: the level as it is has not been run; make distribution runs it")
+        raise StageError(
+            "distribution: the level as it is has not been run; make distribution runs it"
+        )
     judge = files_of(next(row for row in grids["runs"] if row["run"] == best))
     rows = [row for row in plan["runs"] if row["run"] not in missing]
     table = study_table(plan | {"runs": rows}, {}).set_index("run")
     table["cpu_flow_s"] = table[FLOW].sum(axis=1)
     base = next(row for row in rows if row["run"] == BASE)["overrides"]
     table["changed"] = [
-        ", ".join(f"{key} = {value}" for key, value in row["overrides"].items() if base.get(key) != value)
+        ", ".join(
+            f"{key} = {value}" for key, value in row["overrides"].items() if base.get(key) != value
+        )
         or "nothing"
         for row in rows
     ]
@@ -79,7 +83,9 @@ def main() -> None:
 
     def action() -> None:
         table, best = measured()
-        write_text(SCENE / "studies" / "results" / "distribution.csv", table.to_csv(float_format="%.5g"))
+        write_text(
+            SCENE / "studies" / "results" / "distribution.csv", table.to_csv(float_format="%.5g")
+        )
         write_between(PAGE, "distribution", text_of(table, best))
 
     sys.exit(guarded("distribution", action))

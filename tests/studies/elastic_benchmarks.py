@@ -30,7 +30,9 @@ def beam(
 ) -> Chain:
     """A straight beam (m, N m²) whose middle line is its profile and its neutral axis; `pieces`: four to a slice."""
     line = np.stack([np.linspace(0, length, pieces + 1), np.zeros(pieces + 1)], -1)
-    states = States(np.array([-1e3, 0.0, 1e3]), np.repeat(line[None], 3, 0), np.full((3, pieces + 1), height))
+    states = States(
+        np.array([-1e3, 0.0, 1e3]), np.repeat(line[None], 3, 0), np.full((3, pieces + 1), height)
+    )
     given = constant_law(stiffness, 0.0, 3)
     return Chain(states, replace(given, **{"rubber_section": width * height} | law), width)
 
@@ -65,7 +67,9 @@ def swing(step: float = 2.5e-3) -> tuple[float, float, float]:
     chain = turek_hron("CSM3")
     time = step * np.arange(round(PERIODS / SWING[2] / step) + 1)
     pressure, nothing = 0 * time, np.zeros((len(time), chain.slices, 3))
-    delta = motion(chain, pressure, step, Surroundings(-1j * GRAVITY), nothing, np.zeros(chain.slices))
+    delta = motion(
+        chain, pressure, step, Surroundings(-1j * GRAVITY), nothing, np.zeros(chain.slices)
+    )
     across = chain.profile(pressure, delta)[:, -1, 1]
     mean, amplitude = 0.5 * (across.max() + across.min()), 0.5 * float(np.ptp(across))
     passed = np.flatnonzero(np.diff(np.sign(across - mean)) < 0)
@@ -113,16 +117,22 @@ class Blade:
 
         def unbalanced(delta: FloatArray) -> FloatArray:
             at = placed(unloaded, 0, delta)
-            acting = forces(chain, around, at, rates, chain.air_section(AT_REST), np.zeros((chain.slices, 3)))
-            return law.moment(np.diff(delta, prepend=0.0) / chain.springs) - joint_moments(at, acting, none)
+            acting = forces(
+                chain, around, at, rates, chain.air_section(AT_REST), np.zeros((chain.slices, 3))
+            )
+            return law.moment(np.diff(delta, prepend=0.0) / chain.springs) - joint_moments(
+                at, acting, none
+            )
 
-        delta, _, found, why = fsolve(unbalanced, none if guess is None else guess, full_output=True)
+        delta, _, found, why = fsolve(
+            unbalanced, none if guess is None else guess, full_output=True
+        )
         if found != 1:
             raise StageError(f"blade at Ca = {self.cauchy:g}, B = {self.buoyancy:g}: {why}")
         at = placed(unloaded, 0, delta)
-        push = forces(chain, around, at, rates, chain.air_section(AT_REST), np.zeros((chain.slices, 3)))[-1][
-            1
-        ]
+        push = forces(
+            chain, around, at, rates, chain.air_section(AT_REST), np.zeros((chain.slices, 3))
+        )[-1][1]
         return float(push.imag.sum() / (0.5 * WATER * DRAG * width * speed**2 * length)), delta
 
 
@@ -134,7 +144,9 @@ def blades() -> pd.DataFrame:
         for cauchy in CAUCHY:
             value, delta = Blade(cauchy, buoyancy).drag(delta)
             published = effective_length(cauchy, buoyancy)
-            rows.append({"buoyancy": buoyancy, "cauchy": cauchy, "chain": value, "published": published})
+            rows.append(
+                {"buoyancy": buoyancy, "cauchy": cauchy, "chain": value, "published": published}
+            )
     return pd.DataFrame(rows)
 
 
@@ -157,7 +169,9 @@ def page() -> str:
     table = blades()
     lines += [
         "",
-        "| effective length, chain (published), at Ca = | " + " | ".join(f"{c:g}" for c in CAUCHY) + " |",
+        "| effective length, chain (published), at Ca = | "
+        + " | ".join(f"{c:g}" for c in CAUCHY)
+        + " |",
         "|---|" + "---|" * len(CAUCHY),
     ]
     for buoyancy, part in table.groupby("buoyancy"):

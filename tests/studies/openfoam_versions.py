@@ -49,14 +49,22 @@ def solved(level: str, other: str | None) -> StageFiles:
     scene.mkdir(parents=True, exist_ok=True)
     states = 'motion = { states = "../../../kinematics/states.h5" }\n'
     (scene / "scene.toml").write_text(f'extends = "../../.."\n{states}')
-    goals = [f"CASES={CASES.relative_to(ROOT)}", f"LEVEL={level}", "NP=1", f"{scene.name}.vortices_cfd"]
+    goals = [
+        f"CASES={CASES.relative_to(ROOT)}",
+        f"LEVEL={level}",
+        "NP=1",
+        f"{scene.name}.vortices_cfd",
+    ]
     subprocess.run(["make", *goals], cwd=ROOT, env=environment, check=True)
     return StageFiles(scene, level)
 
 
 def of_run(files: StageFiles) -> dict[str, str]:
     """What a run gave, as text."""
-    run, force = RUN.read(files.out / "run" / "run.json"), FORCES.read(files.out / "run" / "forces.csv")
+    run, force = (
+        RUN.read(files.out / "run" / "run.json"),
+        FORCES.read(files.out / "run" / "forces.csv"),
+    )
     found = vortex(files)
     return {
         "mean circulation of the tip vortex": f"{found['circulation_cfd_m2_per_s'] * 1e4:.2f} cm²/s",
@@ -69,7 +77,10 @@ def of_run(files: StageFiles) -> dict[str, str]:
 def equal(runs: list[StageFiles]) -> bool:
     """Whether forces, and velocity and pressure on the sheet, are the same bit for bit at all instants."""
     forces = [FORCES.read(files.out / "run" / "forces.csv") for files in runs]
-    with read_plane(runs[0].out / "sheet.h5") as first, read_plane(runs[1].out / "sheet.h5") as second:
+    with (
+        read_plane(runs[0].out / "sheet.h5") as first,
+        read_plane(runs[1].out / "sheet.h5") as second,
+    ):
         return forces[0].equals(forces[1]) and all(
             first[name].equals(second[name]) for name in ("u", "v", "p")
         )
@@ -111,7 +122,9 @@ def main() -> None:
     args = parser.parse_args()
     runs = [solved(args.level, None), solved(args.level, args.other)]
     if runs[0].scene_folder == runs[1].scene_folder:
-        raise SystemExit(f"{args.other}: the same version as the one installed; give the folder of another")
+        raise SystemExit(
+            f"{args.other}: the same version as the one installed; give the folder of another"
+        )
     write_between(PAGE, args.level, f"{table(args.level, runs)}\n\nMeasured with {libraries()}.")
 
 

@@ -15,7 +15,9 @@ def write_between(page: Path, mark: str, text: str) -> None:
     """Put a text between the comments `<!-- mark -->` and `<!-- end of mark -->` of a page."""
     head, rest = page.read_text(encoding="utf-8").split(f"<!-- {mark} -->\n")
     _, tail = rest.split(f"<!-- end of {mark} -->")
-    page.write_text(f"{head}<!-- {mark} -->\n{text}\n<!-- end of {mark} -->{tail}", encoding="utf-8")
+    page.write_text(
+        f"{head}<!-- {mark} -->\n{text}\n<!-- end of {mark} -->{tail}", encoding="utf-8"
+    )
 
 
 def between(page: Path, mark: str) -> str:

@@ -75,7 +75,11 @@ def summit(values: np.ndarray, k: int) -> float:
     """Place, in samples from the largest, `k`, of the maximum of the parabola through it and its neighbours; 0 where it is no maximum."""
     before, at, after = values[k - 1 : k + 2]
     curvature = before - 2 * at + after
-    return float((before - after) / (2 * curvature)) if max(before, after) <= at and curvature < 0 else 0.0
+    return (
+        float((before - after) / (2 * curvature))
+        if max(before, after) <= at and curvature < 0
+        else 0.0
+    )
 
 
 def dorsal_vortex(plane: xr.Dataset, index: int, top: float) -> tuple[float, float, float]:
@@ -112,9 +116,15 @@ def measured(plane: xr.Dataset, met: float, cell: float) -> dict[str, float]:
         k = below[int(np.nanargmax(on_middle[below]))]
         now = stream(down[k], x)
         if now[0] > fastest[0]:
-            fastest = (*now, times[index] - met, tip - y[k] - summit(on_middle, k) * float(y[1] - y[0]))
+            fastest = (
+                *now,
+                times[index] - met,
+                tip - y[k] - summit(on_middle, k) * float(y[1] - y[0]),
+            )
         if times[index] <= met + AFTER:
-            means.append([*stream(down[row], x), *dorsal_vortex(plane, int(index), tip - width / 2)])
+            means.append(
+                [*stream(down[row], x), *dorsal_vortex(plane, int(index), tip - width / 2)]
+            )
     speed, _, flux, momentum, circulation, from_plane, height = np.mean(means, axis=0)
     return {
         "fastest": fastest[0], "time": 1e3 * fastest[4], "depth": 1e3 * fastest[5], "width": 1e3 * fastest[1],
@@ -143,15 +153,24 @@ def text_of(rows: dict[str, dict[str, float]], runs: dict[str, dict[str, Any]]) 
         "|" + "---|" * (len(COLUMNS) + 3),
     ]
     for name, row in rows.items():
-        parts = [name.replace("_", " "), f"{runs[name]['cells']}", f"{1e3 * runs[name]['cell']:.2f}"]
+        parts = [
+            name.replace("_", " "),
+            f"{runs[name]['cells']}",
+            f"{1e3 * runs[name]['cell']:.2f}",
+        ]
         figures = {key: f"{row[key]:.{digits}f}" for key, (_, digits) in COLUMNS.items()}
         figures["time"] += " (last)" if row["at_end"] else ""
         parts += figures.values()
         lines.append("| " + " | ".join(parts) + " |")
         for family in FAMILIES:
             if name == family[-1] and set(family) <= set(rows):
-                orders = [order([rows[k][key] for k in family]) if key in JUDGED else "" for key in COLUMNS]
-                lines.append(f"| order, {family[0].replace('_', ' ')} to fine | | | {' | '.join(orders)} |")
+                orders = [
+                    order([rows[k][key] for k in family]) if key in JUDGED else ""
+                    for key in COLUMNS
+                ]
+                lines.append(
+                    f"| order, {family[0].replace('_', ' ')} to fine | | | {' | '.join(orders)} |"
+                )
     return "\n".join(lines)
 
 
@@ -167,11 +186,16 @@ def main() -> None:
                 continue
             files = files_of(run)
             cell = load_scene(files.scene_folder, files.level).mesh.near_cell
-            runs[run["run"]] = {"cells": RUN.read(files.out / "run" / "run.json")["cells"], "cell": cell}
+            runs[run["run"]] = {
+                "cells": RUN.read(files.out / "run" / "run.json")["cells"],
+                "cell": cell,
+            }
             with read_plane(files.out / "sheet.h5") as plane:
                 met = read_clock(files.out / "kinematics.h5", plane).met()
                 if met is None:
-                    raise StageError(f"{run['run']}: the tips do not meet; give a longer motion.end_time")
+                    raise StageError(
+                        f"{run['run']}: the tips do not meet; give a longer motion.end_time"
+                    )
                 if plane["time"].values[-1] < met + AFTER:
                     raise StageError(
                         f"{run['run']}: sheet.h5 ends earlier than {AFTER * 1e3:.0f} ms after contact; give a longer motion.end_time"

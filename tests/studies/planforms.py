@@ -51,7 +51,9 @@ def main() -> None:
         plan = read_plan(PLAN)
         missing = missing_runs(plan)
         if missing:
-            raise StageError(f"planforms: not there: {', '.join(missing)}; make planforms makes them")
+            raise StageError(
+                f"planforms: not there: {', '.join(missing)}; make planforms makes them"
+            )
         lines = [
             "| run, level | planforms | non-orthogonality | above the scene's usual limit, 70° by default | cells | CPU s |",
             "|---|---|---|---|---|---|",

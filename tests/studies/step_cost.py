@@ -54,7 +54,11 @@ def run(folder: Path, ranks: Ranks) -> None:
     """Start the solver in a case and wait for it."""
     with (folder / LOG).open("w") as log:
         subprocess.run(
-            solver_command(ranks.count), cwd=folder, env=environment_in(folder), stdout=log, check=True
+            solver_command(ranks.count),
+            cwd=folder,
+            env=environment_in(folder),
+            stdout=log,
+            check=True,
         )
 
 
@@ -81,7 +85,8 @@ def fix_cycles(folder: Path, cycles: list[int]) -> None:
     """Have the last pressure solve of a step, and each before it, take just so many cycles."""
     of_solver = {"p": round(float(np.mean(cycles[:-1] or cycles))), "pFinal": cycles[-1]}
     entries = (
-        f"{name} {{ tolerance 0; relTol 0; minIter {n}; maxIter {n}; }}" for name, n in of_solver.items()
+        f"{name} {{ tolerance 0; relTol 0; minIter {n}; maxIter {n}; }}"
+        for name, n in of_solver.items()
     )
     with (folder / "system" / "fvSolution").open("a") as file:
         file.write(f"\nsolvers {{ {' '.join(entries)} }} // joins the dictionary above\n")
@@ -132,7 +137,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.studies.step_cost", description=__doc__)
     parser.add_argument("--level", default="coarse")
     parser.add_argument("--steps", type=int, default=30)
-    parser.add_argument("--rounds", type=int, default=3, help="each variant so often; the fastest counts")
+    parser.add_argument(
+        "--rounds", type=int, default=3, help="each variant so often; the fastest counts"
+    )
     parser.add_argument("-o", "--output", type=Path, default=STEPS)
     args = parser.parse_args()
     scene = scene_at(args.level)
@@ -150,20 +157,25 @@ def main() -> None:
         solved = to_the_middle(scene, ranks)
         # rounds outside, so that what slows the machine for a while slows all variants alike
         tries: dict[tuple[str, bool], list[dict[str, float]]] = {
-            (mesh_kind, samples): [] for mesh_kind in ("moving", "static") for samples in (True, False)
+            (mesh_kind, samples): []
+            for mesh_kind in ("moving", "static")
+            for samples in (True, False)
         }
         cycles = None
         for _ in range(args.rounds):
             for mesh_kind, samples in tries:
                 fixed = cycles if mesh_kind == "static" else None
-                folder = variant(solved, ranks, args.steps, scene.numerics.time_step, samples, fixed)
+                folder = variant(
+                    solved, ranks, args.steps, scene.numerics.time_step, samples, fixed
+                )
                 cycles = fixed or cycles_of(folder, about["correctors"])
                 tries[mesh_kind, samples].append(step_seconds(folder))
         for (mesh_kind, samples), timings in tries.items():
             best = min(timings, key=lambda row: row["step_s"])
             rows.append({**about, "ranks": count, "mesh": mesh_kind, "samples": samples, **best})
             print(
-                {key: round(v, 4) if isinstance(v, float) else v for key, v in rows[-1].items()}, flush=True
+                {key: round(v, 4) if isinstance(v, float) else v for key, v in rows[-1].items()},
+                flush=True,
             )
     table = pd.DataFrame(rows)
     made = {
@@ -177,7 +189,9 @@ def main() -> None:
     cost = table.set_index(["ranks", "mesh", "samples"])["step_s"]
     print(f"moving / static: {cost[1, 'moving', False] / cost[1, 'static', False]:.2f}")
     print(f"one rank / two ranks: {cost[1, 'moving', True] / cost[2, 'moving', True]:.2f}")
-    print(f"samples and forces: {cost[1, 'moving', True] / cost[1, 'moving', False] - 1:.1%} of the solver")
+    print(
+        f"samples and forces: {cost[1, 'moving', True] / cost[1, 'moving', False] - 1:.1%} of the solver"
+    )
 
 
 if __name__ == "__main__":

@@ -59,7 +59,9 @@ def _loaded(cell: UnitCell, state: State, moment: float) -> State:
 def rubber(cell: UnitCell, actuator: Actuator) -> tuple[float, float, float]:
     """Mass (kg/m) and section (m²) of the rubber per length, and the height (m) of its centre of mass over the ventral surface."""
     mass = volume = first = 0.0
-    for body, material in zip(cell.bodies, (actuator.materials.lower, actuator.materials.upper), strict=True):
+    for body, material in zip(
+        cell.bodies, (actuator.materials.lower, actuator.materials.upper), strict=True
+    ):
         region = body.field.region
         height = np.einsum("aqc,ca->qc", region.h, cell.points[region.mesh.cells, 1])
         volume += float(region.dV.sum())

@@ -20,11 +20,15 @@ def solid_body(mesh: felupe.Mesh, cells: NDArray[np.bool_], material: Material) 
     return felupe.SolidBody(law(material), felupe.FieldContainer([felupe.Field(region, dim=3)]))
 
 
-def surface(mesh: felupe.Mesh, points: NDArray[np.bool_]) -> felupe.RegionQuadraticHexahedronBoundary:
+def surface(
+    mesh: felupe.Mesh, points: NDArray[np.bool_]
+) -> felupe.RegionQuadraticHexahedronBoundary:
     """The faces of a mesh's surface all of whose nodes are among the marked `points`."""
     return felupe.RegionQuadraticHexahedronBoundary(mesh, only_surface=True, mask=points)
 
 
 def follower_pressure(mesh: felupe.Mesh, points: NDArray[np.bool_]) -> felupe.SolidBodyPressure:
     """Pressure normal to the deformed faces of `surface`; its vector and matrix are those of the external force."""
-    return felupe.SolidBodyPressure(felupe.FieldContainer([felupe.Field(surface(mesh, points), dim=3)]))
+    return felupe.SolidBodyPressure(
+        felupe.FieldContainer([felupe.Field(surface(mesh, points), dim=3)])
+    )

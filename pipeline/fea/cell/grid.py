@@ -49,7 +49,9 @@ def build(actuator: Actuator, counts: UnitCellMesh) -> Grid:
     x_line = lattice_line([0, a.l2 / 2, a.l2 / 2 + a.l1, a.pitch / 2], [n.cavity, n.wall, n.gap])
     y_line = lattice_line(heights, [n.base, n.bridge, n.side, n.wedge, n.wall])
     z_line = lattice_line([0, a.width / 2 - a.b1, a.width / 2], [n.span, n.wall])
-    i, j, k = np.meshgrid(*(np.arange(len(line)) for line in (x_line, y_line, z_line)), indexing="ij")
+    i, j, k = np.meshgrid(
+        *(np.arange(len(line)) for line in (x_line, y_line, z_line)), indexing="ij"
+    )
     x, y, z = x_line[i], y_line[j], z_line[k]
     # indices of the lattice at which the blocks end
     x1, x2 = 2 * n.cavity, 2 * (n.cavity + n.wall)

@@ -31,13 +31,19 @@ def follow(
     return dict(sorted(states.items()))
 
 
-def _reach(cell: UnitCell, state: State, before: State | None, target: float) -> tuple[State, State | None]:
+def _reach(
+    cell: UnitCell, state: State, before: State | None, target: float
+) -> tuple[State, State | None]:
     step = LARGEST_STEP
     if target == state.pressure:
         return cell.solve(state, target), None
     while state.pressure != target:
         remaining = target - state.pressure
-        pressure = target if abs(remaining) <= step else state.pressure + step * (1 if remaining > 0 else -1)
+        pressure = (
+            target
+            if abs(remaining) <= step
+            else state.pressure + step * (1 if remaining > 0 else -1)
+        )
         try:
             solved = cell.solve(_extrapolated(state, before, pressure), pressure)
         except NotConverged:

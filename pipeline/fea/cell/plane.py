@@ -35,9 +35,13 @@ def joined_tangent(
     free[3 * points + 1] = np.cos(phi)
     diagonal = sparse.coo_matrix((free, (np.arange(n), np.arange(n))), shape=(n, n + 2))
     rows = np.concatenate([3 * points, 3 * points, 3 * points, 3 * points + 1])
-    columns = np.concatenate([3 * points + 1, np.full(len(points), n), np.full(2 * len(points), n + 1)])
+    columns = np.concatenate(
+        [3 * points + 1, np.full(len(points), n), np.full(2 * len(points), n + 1)]
+    )
     one = np.ones(len(points))
-    values = np.concatenate([np.sin(phi) * one, one, distance * np.cos(phi), -distance * np.sin(phi)])
+    values = np.concatenate(
+        [np.sin(phi) * one, one, distance * np.cos(phi), -distance * np.sin(phi)]
+    )
     return (diagonal + sparse.coo_matrix((values, (rows, columns)), shape=(n, n + 2))).tocsr()
 
 
@@ -53,7 +57,9 @@ def joined_curvature(
     last = np.full(len(points), n + 1)
     rows = np.concatenate([slots, last, [n + 1]])
     columns = np.concatenate([last, slots, [n + 1]])
-    return sparse.coo_matrix((np.concatenate([mixed, mixed, [turn]]), (rows, columns)), shape=(n + 2, n + 2))
+    return sparse.coo_matrix(
+        (np.concatenate([mixed, mixed, [turn]]), (rows, columns)), shape=(n + 2, n + 2)
+    )
 
 
 def gap(x: FloatArray, y: FloatArray, u: float, phi: float, x_plane: float) -> FloatArray:
@@ -79,7 +85,9 @@ def contact(
     c, s = np.cos(phi), np.sin(phi)
     one = np.ones(len(points))
     slope = np.stack([c * one, -s * one, -c * one, -(x - x_plane - u) * s - y * c], -1)
-    slots = np.stack([3 * points, 3 * points + 1, (n * one).astype(int), ((n + 1) * one).astype(int)], -1)
+    slots = np.stack(
+        [3 * points, 3 * points + 1, (n * one).astype(int), ((n + 1) * one).astype(int)], -1
+    )
     force = np.bincount(
         slots.ravel(), (k * depth)[:, None].repeat(4, 1).ravel() * slope.ravel(), minlength=n + 2
     )
@@ -87,7 +95,9 @@ def contact(
     for i, j, value in ((0, 3, -s * one), (1, 3, -c * one), (2, 3, s * one)):
         second[:, i, j] = second[:, j, i] = value
     second[:, 3, 3] = -depth
-    blocks = k[:, None, None] * (slope[:, :, None] * slope[:, None, :] + depth[:, None, None] * second)
+    blocks = k[:, None, None] * (
+        slope[:, :, None] * slope[:, None, :] + depth[:, None, None] * second
+    )
     rows = slots[:, :, None].repeat(4, 2)
     matrix = sparse.coo_matrix(
         (blocks.ravel(), (rows.ravel(), rows.transpose(0, 2, 1).ravel())), shape=(n + 2, n + 2)

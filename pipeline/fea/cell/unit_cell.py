@@ -59,7 +59,10 @@ class UnitCell:
             self.bodies.append(solid_body(mesh, cells, material))
         self.pressure = follower_pressure(mesh, self.grid.cavity)
         self.joined = np.flatnonzero(self.grid.plane)
-        self.walls = [self._wall(self.grid.outer_wall), self._wall(self.grid.cavity & ~self.grid.middle)]
+        self.walls = [
+            self._wall(self.grid.outer_wall),
+            self._wall(self.grid.cavity & ~self.grid.middle),
+        ]
         self.free = self._free()
 
     def _wall(self, mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], FloatArray]:
@@ -69,7 +72,9 @@ class UnitCell:
         along_x = np.abs(normal[0]) > 0.5 * np.linalg.norm(normal, axis=0)
         # equal shares: the consistent ones of an 8-node face are negative at its corners
         share = np.linalg.norm(normal, axis=0)[along_x] / 8
-        area = np.bincount(region.mesh.cells_faces[along_x].ravel(), np.repeat(share, 8), minlength=self.n)
+        area = np.bincount(
+            region.mesh.cells_faces[along_x].ravel(), np.repeat(share, 8), minlength=self.n
+        )
         points = np.flatnonzero(area)
         return points, np.asarray(CONTACT_STIFFNESS * area[points], dtype=float)
 
@@ -106,14 +111,18 @@ class UnitCell:
             stiffness = stiffness + body.assemble.matrix(body.field)
         self.pressure.field[0].values[:] = values
         # the pressure presses outwards on the wetted faces, whose normals look into the cavity
-        force += self.pressure.assemble.vector(self.pressure.field, state.pressure).toarray()[:, 0] * -1
+        force += (
+            self.pressure.assemble.vector(self.pressure.field, state.pressure).toarray()[:, 0] * -1
+        )
         stiffness = stiffness - self.pressure.assemble.matrix(self.pressure.field, state.pressure)
 
         u, phi = state.unknowns[-2:]
         distance = state.unknowns[3 * self.joined + 1]
         tangent = plane.joined_tangent(self.joined, distance, phi, self.n)
         out = tangent.T @ force
-        matrix = tangent.T @ stiffness @ tangent + plane.joined_curvature(self.joined, distance, phi, force)
+        matrix = tangent.T @ stiffness @ tangent + plane.joined_curvature(
+            self.joined, distance, phi, force
+        )
         position = self.points + values
         for (points, k), (shift, turn, foot, sign) in zip(
             self.walls, ((u, phi, self.x_plane, 1), (0.0, 0.0, 0.0, -1)), strict=True
@@ -157,9 +166,13 @@ class UnitCell:
             unknowns[self.free] += step
             if size < tolerance:
                 return State(pressure, unknowns, moment)
-        raise NotConverged(f"no equilibrium at {pressure / 1e3:.3g} kPa after {iterations} iterations")
+        raise NotConverged(
+            f"no equilibrium at {pressure / 1e3:.3g} kPa after {iterations} iterations"
+        )
 
 
 def _only_x(matrix: sparse.coo_matrix, n: int) -> sparse.coo_matrix:
     keep = (matrix.row < n) & (matrix.col < n)
-    return sparse.coo_matrix((matrix.data[keep], (matrix.row[keep], matrix.col[keep])), shape=matrix.shape)
+    return sparse.coo_matrix(
+        (matrix.data[keep], (matrix.row[keep], matrix.col[keep])), shape=matrix.shape
+    )

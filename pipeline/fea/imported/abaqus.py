@@ -19,7 +19,9 @@ COLUMNS = ("pressure_kpa", "node", "u1", "u2", "u3")
 class _Model:
     parts: dict[str, dict[int, FloatArray]] = field(default_factory=dict)
     instances: dict[str, tuple[str, list[list[float]]]] = field(default_factory=dict)
-    sets: dict[tuple[str, str], list[int]] = field(default_factory=dict)  # (name, part or instance) → labels
+    sets: dict[tuple[str, str], list[int]] = field(
+        default_factory=dict
+    )  # (name, part or instance) → labels
 
 
 def _parse(path: Path) -> _Model:
@@ -34,7 +36,8 @@ def _parse(path: Path) -> _Model:
             if line.startswith("*"):
                 keyword, *rest = [word.strip().upper() for word in line[1:].split(",")]
                 options = {
-                    key.strip(): value.strip() for key, _, value in (word.partition("=") for word in rest)
+                    key.strip(): value.strip()
+                    for key, _, value in (word.partition("=") for word in rest)
                 }
                 if keyword == "PART":
                     part = options["NAME"]
@@ -49,14 +52,18 @@ def _parse(path: Path) -> _Model:
             words = [word.strip() for word in line.split(",") if word.strip()]
             try:
                 if keyword == "NODE":
-                    model.parts.setdefault(part, {})[int(words[0])] = np.array([float(w) for w in words[1:4]])
+                    model.parts.setdefault(part, {})[int(words[0])] = np.array(
+                        [float(w) for w in words[1:4]]
+                    )
                 elif keyword == "INSTANCE":
                     model.instances[instance][1].append([float(w) for w in words])
                 elif keyword == "NSET":
                     owner = options.get("INSTANCE", part)
                     labels = [int(w) for w in words]
                     if "GENERATE" in options:
-                        labels = list(range(labels[0], labels[1] + 1, labels[2] if len(labels) > 2 else 1))
+                        labels = list(
+                            range(labels[0], labels[1] + 1, labels[2] if len(labels) > 2 else 1)
+                        )
                     model.sets.setdefault((options["NSET"], owner), []).extend(labels)
             except (ValueError, IndexError) as error:
                 raise ValueError(
@@ -131,5 +138,8 @@ def read_abaqus(path: Path, displacements: Path) -> Fields:
     progress = np.array(sorted(states))
     fields = np.array([states[p] for p in progress])
     return Fields(
-        points, fields, progress, {name: np.array(nodes, dtype=np.intp) for name, nodes in sets.items()}
+        points,
+        fields,
+        progress,
+        {name: np.array(nodes, dtype=np.intp) for name, nodes in sets.items()},
     )

@@ -53,7 +53,9 @@ def profiles_of(path: Path, fields: Fields, given: Import) -> list[Profile]:
     for pressure, moved in zip(pressures, fields.displacements, strict=True):
         place = _actuator_frame(fields.points + moved, given) - origin
         line = place[ventral, :2]
-        result.append(Profile(pressure, rest[ventral, 0], line, height_along(line, place[dorsal, :2])))
+        result.append(
+            Profile(pressure, rest[ventral, 0], line, height_along(line, place[dorsal, :2]))
+        )
     return result
 
 
@@ -109,10 +111,14 @@ def height_along(line: FloatArray, dorsal: FloatArray) -> FloatArray:
     dense = np.stack([np.interp(fine, s, line[:, axis]) for axis in (0, 1)], -1)
     distance = np.linalg.norm(dorsal[:, None] - dense[None], axis=-1)
     nearest = distance.argmin(1)
-    return np.asarray(np.polyval(np.polyfit(fine[nearest], distance.min(1), min(2, len(dorsal) - 1)), s))
+    return np.asarray(
+        np.polyval(np.polyfit(fine[nearest], distance.min(1), min(2, len(dorsal) - 1)), s)
+    )
 
 
-def states_of(path: Path, profiles: list[Profile], width: float, pitch: float | None = None) -> BendingStates:
+def states_of(
+    path: Path, profiles: list[Profile], width: float, pitch: float | None = None
+) -> BendingStates:
     """Bending states from profiles, at equal material points; raises ValueError with file and remedy.
 
     Where the `pitch` (m) of chambers is given, their ripple is smoothed away (`finger.smoothed`).

@@ -18,7 +18,9 @@ def read_profiles(path: Path, given: Import) -> list[Profile]:
     rows: dict[float, list[list[float]]] = {}
     with open(path, encoding="utf-8", newline="") as file:
         lines = (
-            (number, line) for number, line in enumerate(file, 1) if line.strip() and not line.startswith("#")
+            (number, line)
+            for number, line in enumerate(file, 1)
+            if line.strip() and not line.startswith("#")
         )
         header = [name.strip() for name in next(csv.reader([next(lines, (0, ""))[1]]), [])]
         missing = [name for name in NEEDED if name not in header]
@@ -27,7 +29,9 @@ def read_profiles(path: Path, given: Import) -> list[Profile]:
                 f"{path}: column {missing[0]} is missing: the header must name {', '.join(NEEDED)}"
             )
         if "thickness" not in header and given.thickness is None:
-            raise ValueError(f"{path}: no column thickness: add it or set thickness (m) in [fea.results]")
+            raise ValueError(
+                f"{path}: no column thickness: add it or set thickness (m) in [fea.results]"
+            )
         for number, line in lines:
             cells = next(csv.reader([line]))
             try:
@@ -41,9 +45,13 @@ def read_profiles(path: Path, given: Import) -> list[Profile]:
                     f"{path}, line {number}: the state at {row['pressure_kpa']:g} kPa did not converge: leave it out"
                 )
             thickness = (
-                row["thickness"] if "thickness" in row else (given.thickness or 0) / given.metres_per_unit
+                row["thickness"]
+                if "thickness" in row
+                else (given.thickness or 0) / given.metres_per_unit
             )
-            rows.setdefault(row["pressure_kpa"], []).append([row["s"], row["x"], row["y"], thickness])
+            rows.setdefault(row["pressure_kpa"], []).append(
+                [row["s"], row["x"], row["y"], thickness]
+            )
     result = []
     for pressure, points in rows.items():
         values = np.array(points) * given.metres_per_unit

@@ -24,7 +24,9 @@ def read_vtk(path: Path, given: Import) -> Fields:
             reader.set_active_time_value(time)
             block = reader.read()
             meshes.append(
-                block.combine() if isinstance(block, pyvista.MultiBlock) and block.n_blocks > 1 else block[0]
+                block.combine()
+                if isinstance(block, pyvista.MultiBlock) and block.n_blocks > 1
+                else block[0]
             )
     else:
         files = sorted(path.parent.glob(path.name))
@@ -40,10 +42,14 @@ def read_xdmf(path: Path, given: Import) -> Fields:
     with meshio.xdmf.TimeSeriesReader(path) as reader:
         points, _ = reader.read_points_cells()
         steps = [reader.read_data(step) for step in range(reader.num_steps)]
-    return _fields(path, given, points, [float(step[0]) for step in steps], [step[1] for step in steps])
+    return _fields(
+        path, given, points, [float(step[0]) for step in steps], [step[1] for step in steps]
+    )
 
 
-def _fields(path: Path, given: Import, points: Any, times: list[float], states: list[Mapping]) -> Fields:
+def _fields(
+    path: Path, given: Import, points: Any, times: list[float], states: list[Mapping]
+) -> Fields:
     """The displacements among the point data of each state."""
     fields = []
     for number, data in enumerate(states, 1):

@@ -18,14 +18,23 @@ from pipeline.fea.solid.mesh import Solid
 
 FloatArray = NDArray[np.float64]
 INSTALL = "install it with `apt-get install calculix-ccx`"
-FACES = [(0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)]  # P1 … P6
+FACES = [
+    (0, 1, 2, 3),
+    (4, 7, 6, 5),
+    (0, 4, 5, 1),
+    (1, 5, 6, 2),
+    (2, 6, 7, 3),
+    (3, 7, 4, 0),
+]  # P1 … P6
 
 
 def executable() -> str:
     """Path of CalculiX's solver; raises StageError with the command that installs it."""
     program = shutil.which("ccx")
     if program is None:
-        raise StageError(f'engine = "calculix" needs the program ccx, which is not on the path: {INSTALL}')
+        raise StageError(
+            f'engine = "calculix" needs the program ccx, which is not on the path: {INSTALL}'
+        )
     return program
 
 
@@ -44,7 +53,9 @@ def hyperelastic(material: Material) -> str:
         return f"*HYPERELASTIC, MOONEY-RIVLIN\n{_numbers([p('C10'), p('C01'), d])}"
     if material.law == "yeoh":
         # D2 and D3 stiffen the volume at large changes only; 1e-3 of D1's stiffness leaves the law as given
-        return f"*HYPERELASTIC, YEOH\n{_numbers([p('C10'), p('C20'), p('C30'), d, 1e3 * d, 1e3 * d])}"
+        return (
+            f"*HYPERELASTIC, YEOH\n{_numbers([p('C10'), p('C20'), p('C30'), d, 1e3 * d, 1e3 * d])}"
+        )
     raise ValueError(
         f'law = {material.law!r} is not one that engine = "calculix" offers here: '
         'use neo_hooke, mooney_rivlin or yeoh, or engine = "unit_cell"'
@@ -91,7 +102,10 @@ def deck(solid: Solid, actuator: Actuator, pressures: FloatArray) -> str:
         _set("SYMMETRY", solid.nodes(2, 0.0)),
     ]
     for layer in ("lower", "upper"):
-        cards += [f"*MATERIAL, NAME={layer.upper()}", hyperelastic(getattr(actuator.materials, layer))]
+        cards += [
+            f"*MATERIAL, NAME={layer.upper()}",
+            hyperelastic(getattr(actuator.materials, layer)),
+        ]
         cards += [f"*SOLID SECTION, ELSET={layer.upper()}, MATERIAL={layer.upper()}"]
     cards += [
         "*BOUNDARY\nROOT, 1, 3\nSYMMETRY, 3, 3",

@@ -69,13 +69,17 @@ def build(actuator: Actuator, counts: SolidMesh) -> Solid:
     lean[inner, 5] *= a.l2 / 2 / (a.l2 / 2 + a.l1)
     corners = x[:, None] + np.resize([1, 1, -1, -1], len(x))[:, None] * lean
 
-    column, row, span = np.meshgrid(*(np.repeat(np.arange(len(c)), c) for c in elements), indexing="ij")
+    column, row, span = np.meshgrid(
+        *(np.repeat(np.arange(len(c)), c) for c in elements), indexing="ij"
+    )
     kind = np.array(kinds)[column]
     void = (kind == "cavity") & (row >= 1) & (row <= 3) & (span == 0)
     kept = ~void & ~((kind == "gap") & (row >= 2))
     cells, places = hexahedra(kept)
     # where each node is, in blocks from the first
-    i, j, k = (lattice_line(range(len(c) + 1), c)[p] for c, p in zip(elements, places.T, strict=True))
+    i, j, k = (
+        lattice_line(range(len(c) + 1), c)[p] for c, p in zip(elements, places.T, strict=True)
+    )
     blocks = np.arange(len(x)), np.arange(len(y))
     points = [
         RegularGridInterpolator(blocks, corners)((i, j)),

@@ -36,7 +36,9 @@ def _axes(title: str) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _curve(axes: Axes, pressure: FloatArray, radius: FloatArray, label: str, **style: object) -> None:
+def _curve(
+    axes: Axes, pressure: FloatArray, radius: FloatArray, label: str, **style: object
+) -> None:
     """|R| over both branches, which R = ∞ at rest keeps apart."""
     bent = np.where(np.isinf(radius), np.nan, np.abs(radius)) * 1e3
     axes.plot(pressure / 1e3, bent, label=label, **style)  # type: ignore[arg-type]
@@ -54,7 +56,16 @@ def _family(bends: dict[str, Bends], labels: dict[str, str], title: str) -> Figu
     figure, axes = _axes(title)
     colours = mpl.colormaps["viridis"](np.linspace(0, 0.9, len(labels)))
     for (name, label), colour in zip(labels.items(), colours, strict=True):
-        _curve(axes, bends[name].pressure, bends[name].radius, label, color=colour, marker="o", ms=3, lw=1.2)
+        _curve(
+            axes,
+            bends[name].pressure,
+            bends[name].radius,
+            label,
+            color=colour,
+            marker="o",
+            ms=3,
+            lw=1.2,
+        )
     _paper(axes)
     axes.legend(fontsize=8)
     return figure
@@ -72,7 +83,12 @@ def _default(states: BendingStates) -> Figure:
             side = np.sign(states.pressure[bent]) == sign
             label = "± 2 standard uncertainties" if sign > 0 else "_"
             axes.fill_between(
-                states.pressure[bent][side] / 1e3, low[side], high[side], alpha=0.25, color="C0", label=label
+                states.pressure[bent][side] / 1e3,
+                low[side],
+                high[side],
+                alpha=0.25,
+                color="C0",
+                label=label,
             )
     _paper(axes)
     axes.legend(fontsize=8)
@@ -82,8 +98,12 @@ def _default(states: BendingStates) -> Figure:
 def _shapes(states: BendingStates) -> Figure:
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")
     axes = figure.add_subplot()
-    shown = [int(np.abs(states.pressure - p * 1e3).argmin()) for p in (-40, -20, -10, 0, 10, 20, 30, 40)]
-    for number, colour in zip(shown, mpl.colormaps["coolwarm"](np.linspace(0, 1, len(shown))), strict=True):
+    shown = [
+        int(np.abs(states.pressure - p * 1e3).argmin()) for p in (-40, -20, -10, 0, 10, 20, 30, 40)
+    ]
+    for number, colour in zip(
+        shown, mpl.colormaps["coolwarm"](np.linspace(0, 1, len(shown))), strict=True
+    ):
         line = outline(states.profile[number], states.thickness[number]) * 1e3
         axes.fill(
             *line.T,
@@ -107,7 +127,11 @@ def draw(folder: Path, bends: dict[str, Bends], states: BendingStates) -> None:
     """Write theta.svg, width.svg, materials.svg, default.svg and shapes.svg."""
     wedges = {name: f"θ = {name.split('_')[1]}°" for name in bends if name.startswith("theta_")}
     widths = {name: f"W = {name.split('_')[1]} mm" for name in bends if name.startswith("width_")}
-    pairs = {"u10_l30": "upper DS10, lower DS30", "u30_l30": "both DS30", "u30_l10": "upper DS30, lower DS10"}
+    pairs = {
+        "u10_l30": "upper DS10, lower DS30",
+        "u30_l30": "both DS30",
+        "u30_l10": "upper DS30, lower DS10",
+    }
     figures = {
         "theta": _family(bends, wedges, "top wedge angle (paper, Fig. 7)"),
         "width": _family(bends, widths, "width (paper, Fig. 3c)"),

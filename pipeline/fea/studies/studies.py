@@ -56,8 +56,12 @@ def against_calculix(actuator: Actuator, fea: Fea, work: Path) -> dict[str, Bend
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command `fea-studies`."""
     parser.add_argument("case", type=Path, nargs="?", default=Path("cases/single_finger"))
-    parser.add_argument("-o", "--output", type=Path, help="folder to write (CASE/kinematics/studies)")
-    parser.add_argument("--calculix", action="store_true", help="compare in 3-D again (several minutes)")
+    parser.add_argument(
+        "-o", "--output", type=Path, help="folder to write (CASE/kinematics/studies)"
+    )
+    parser.add_argument(
+        "--calculix", action="store_true", help="compare in 3-D again (several minutes)"
+    )
 
 
 def run(args: argparse.Namespace) -> None:

@@ -68,7 +68,9 @@ def _number(value: float) -> str:
     return "–" if np.isnan(value) else f"{value:.1f}"
 
 
-def write_results(path: Path, bends: dict[str, Bends], states: BendingStates, calculix: Path) -> None:
+def write_results(
+    path: Path, bends: dict[str, Bends], states: BendingStates, calculix: Path
+) -> None:
     """results.md: R over pressure of every case, equations (1)–(6), uncertainty by source, comparison in 3-D."""
     default = Bends(states.pressure, states.radius, states.radius)
     paper = dict(zip(SHOWN_KPA, paper_bend(1e3 * np.array(SHOWN_KPA))[1] * 1e3, strict=True))
@@ -90,7 +92,9 @@ def write_results(path: Path, bends: dict[str, Bends], states: BendingStates, ca
         curvature = np.interp(pressures * 1e3, states.pressure, 1 / states.radius)
         lines = {name: np.array(v) for name, v in note["curvature_std"].items()}
         lines["together"] = np.sqrt(np.sum([v**2 for v in lines.values()], axis=0))
-        percent = [[n, *(f"{q:.1f}" for q in 100 * v / np.abs(curvature))] for n, v in lines.items()]
+        percent = [
+            [n, *(f"{q:.1f}" for q in 100 * v / np.abs(curvature))] for n, v in lines.items()
+        ]
         text += [_markdown(["kPa", *(f"{p:g}" for p in pressures)], percent)]
     if calculix.exists():
         text += ["## Against the whole finger in 3-D", ""]

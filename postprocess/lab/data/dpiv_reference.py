@@ -32,7 +32,9 @@ def reference() -> str:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command `dpiv-reference`."""
     parser.add_argument("--template", action="store_true", help="print a dpiv.toml to start from")
-    parser.add_argument("--data", type=Path, help="of --template: fill in what the files of this folder show")
+    parser.add_argument(
+        "--data", type=Path, help="of --template: fill in what the files of this folder show"
+    )
 
 
 def run(args: argparse.Namespace) -> None:

@@ -252,7 +252,9 @@ class Dpiv(Table):
                 'piv.interval_s, the time between the two exposures, belongs to pairing = "1-2,3-4"; of "1-2,2-3" frame_rate_hz says it'
             )
         if self.finger_length_std_mm is None:
-            raise ValueError(f"finger_length_std_mm is missing: give {HINTS['finger_length_std_mm']}")
+            raise ValueError(
+                f"finger_length_std_mm is missing: give {HINTS['finger_length_std_mm']}"
+            )
         if self.axes.root_px is None and not self.scale.from_finger:
             raise ValueError(
                 "axes.root_px is missing: give the position of the root's middle in px, or scale = { from_finger = true }"

@@ -19,7 +19,9 @@ class LabFiles:
     def __init__(self, stage: StageFiles, name: str) -> None:
         self.stage, self.folder = stage, stage.out / "lab" / name
         self.registration = self.folder / "registration.json"
-        self.refused = self.folder / "registration_refused.png"  # what did not fit, where it was refused
+        self.refused = (
+            self.folder / "registration_refused.png"
+        )  # what did not fit, where it was refused
         self.view = self.folder / "view.txt"  # four numbers: what part of the tank the camera sees
         self.sheet = self.folder / "sheet.h5"  # the simulation's over the camera's view
         self.comparison = self.folder / "comparison.json"

@@ -151,12 +151,16 @@ def _finer(numbers: dict[str, Any], finer: Numerics) -> dict[str, Any]:
     mesh = numbers["mesh"]
     lengths = {name: mesh[name] / finer.ratio for name in MESH_LENGTHS}
     counts = {name: round(mesh[name] * finer.ratio) for name in MESH_COUNTS}
-    return {"mesh": lengths | counts | {name: mesh[name] ** (1 / finer.ratio) for name in MESH_GROWTH}}
+    return {
+        "mesh": lengths | counts | {name: mesh[name] ** (1 / finer.ratio) for name in MESH_GROWTH}
+    }
 
 
 def _write(folder: Path, tables: dict[str, Any]) -> Path:
     head = f'# Written by postprocess.lab: {folder.name}, beside the nominal run.\nextends = "../../../.."\n'
-    text = head + "".join(f"{line}\n" for key, table in tables.items() for line in _toml(key, table))
+    text = head + "".join(
+        f"{line}\n" for key, table in tables.items() for line in _toml(key, table)
+    )
     path = folder / "scene.toml"
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         write_text(path, text)
@@ -167,12 +171,17 @@ def _toml(name: str, table: dict[str, Any]) -> list[str]:
     if all(isinstance(v, dict) for v in table.values()):
         return [line for key, value in table.items() for line in _toml(f"{name}.{key}", value)]
     # TOML has no word for what is not given
-    return [f"[{name}]", *(f"{key} = {_value(value)}" for key, value in table.items() if value is not None)]
+    return [
+        f"[{name}]",
+        *(f"{key} = {_value(value)}" for key, value in table.items() if value is not None),
+    ]
 
 
 def _value(value: Any) -> str:
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items() if v is not None) + " }"
+        return (
+            "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items() if v is not None) + " }"
+        )
     if isinstance(value, list):
         return "[" + ", ".join(_value(v) for v in value) + "]"
     return json.dumps(value, ensure_ascii=False)

@@ -32,7 +32,9 @@ def check_rate(dpiv: Dpiv, source: Recording) -> None:
 
 def thinned(frames: np.ndarray, most: int) -> np.ndarray:
     """At most so many of some frames, evenly spread from the first to the last."""
-    return frames[np.unique(np.linspace(0, frames.size - 1, min(most, frames.size)).round().astype(int))]
+    return frames[
+        np.unique(np.linspace(0, frames.size - 1, min(most, frames.size)).round().astype(int))
+    ]
 
 
 class LabRecording(Recording):
@@ -45,10 +47,14 @@ class LabRecording(Recording):
         check_rate(dpiv, self._source)
         super().__init__(self._source.name, len(self._source), None)
         self.times = frame_times(dpiv, len(self._source))
-        self.bits = int(self._source.attrs.get("bits", 8 if self._source.frame(0).dtype == np.uint8 else 16))
+        self.bits = int(
+            self._source.attrs.get("bits", 8 if self._source.frame(0).dtype == np.uint8 else 16)
+        )
         self._mirror = dpiv.axes.x == "left"
         name = dpiv.scale.calibration
-        self.calibration: Calibration | None = load_calibration(dpiv.folder / name) if name else None
+        self.calibration: Calibration | None = (
+            load_calibration(dpiv.folder / name) if name else None
+        )
 
     def _read(self, i: int) -> np.ndarray:
         image = self._source.frame(i)
@@ -74,8 +80,13 @@ def stated_pose(
     scale = stated * 1e-3 if stated else calibration.scale_m_per_px  # type: ignore[union-attr]
     rows, columns = recording.shape
     x, y = dpiv.axes.root_px
-    at = (columns - 1 - x if dpiv.axes.x == "left" else x, rows - 1 - y if dpiv.axes.y == "down" else y)
-    return Pose(scale, float(np.radians(dpiv.axes.turn_deg)), root, at), dpiv.scale.std_percent / 100
+    at = (
+        columns - 1 - x if dpiv.axes.x == "left" else x,
+        rows - 1 - y if dpiv.axes.y == "down" else y,
+    )
+    return Pose(
+        scale, float(np.radians(dpiv.axes.turn_deg)), root, at
+    ), dpiv.scale.std_percent / 100
 
 
 class MaskedRecording(Recording):
@@ -102,7 +113,9 @@ class MaskedRecording(Recording):
         return outline_mask(self._outlines[i], self.shape)
 
 
-def outline_mask(outlines_px: np.ndarray, shape: tuple[int, int], grow_px: float = GROW_PX) -> np.ndarray:
+def outline_mask(
+    outlines_px: np.ndarray, shape: tuple[int, int], grow_px: float = GROW_PX
+) -> np.ndarray:
     """True inside outlines (…, point, 2; px, y up) grown by `grow_px`, row 0 at the top."""
     mask = np.zeros(shape, np.uint8)
     for outline in outlines_px.reshape(-1, *outlines_px.shape[-2:]):

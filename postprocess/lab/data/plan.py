@@ -10,9 +10,7 @@ from postprocess.lab.data.inputs_toml import Input, Inputs, Numerics, run_folder
 
 SET_UP = ("kinematics", "mesh", "case")  # stages before the solver
 FIXED = 10.0  # CPU s of a run that neither cells nor steps change: programs that start, shapes, files (half of a run at most)
-COUPLED = (
-    3.0  # cost of a coupled motion's runs over that of the prescribed one (1.7 to 2.9, docs/coupling.md)
-)
+COUPLED = 3.0  # cost of a coupled motion's runs over that of the prescribed one (1.7 to 2.9, docs/coupling.md)
 GRADED = 0.5  # of a dimension: a grid finer by r has r^(d - 0.5) times the cells (1.8 at smoke, 2.5 to 2.9 from draft to medium)
 
 
@@ -39,7 +37,9 @@ def solving_time(took: dict[str, float], works: list[tuple[float, float]], ranks
 def _took(files: StageFiles) -> dict[str, float]:
     """CPU time (s) of the nominal run's stages up to the solver, of those that have left it."""
     costs = {stage: files.out / "costs" / f"{stage}.json" for stage in (*SET_UP, "run")}
-    return {stage: float(COST.read(path)["cpu_time"]) for stage, path in costs.items() if path.exists()}
+    return {
+        stage: float(COST.read(path)["cpu_time"]) for stage, path in costs.items() if path.exists()
+    }
 
 
 def coupled_plan_text(files: StageFiles, home: Path, ranks: int) -> str:
@@ -50,9 +50,7 @@ def coupled_plan_text(files: StageFiles, home: Path, ranks: int) -> str:
     if len(took) <= len(SET_UP):
         return f"{text}; all together about three times the nominal run, whose cost is not known yet (make predict says what to expect)"
     time = COUPLED * (sum(took[stage] for stage in SET_UP) + took["run"] / ranks)
-    return (
-        f"{text}; from the first on about {_duration(time)} on {ranks} idle cores, by the nominal run's cost"
-    )
+    return f"{text}; from the first on about {_duration(time)} on {ranks} idle cores, by the nominal run's cost"
 
 
 def plan_text(files: StageFiles, inputs: Inputs, ranks: int, solver: float | None = None) -> str:
@@ -64,7 +62,10 @@ def plan_text(files: StageFiles, inputs: Inputs, ranks: int, solver: float | Non
     made = {one.name: _run(files, one.name).exists() for one in inputs.all}
     missing = [one for one in inputs.all if not made[one.name]]
     nominal = (files.out / "run" / "run.json").exists()
-    there = [*(["the nominal run"] if nominal else []), *(name for name, ready in made.items() if ready)]
+    there = [
+        *(["the nominal run"] if nominal else []),
+        *(name for name, ready in made.items() if ready),
+    ]
     text = f"plan: solved already: {', '.join(there) or 'nothing'}; "
     if not missing and nominal:
         return f"{text}nothing is left to solve"
@@ -72,12 +73,19 @@ def plan_text(files: StageFiles, inputs: Inputs, ranks: int, solver: float | Non
     text += f"to be solved: {', '.join(wanted)}"
     took, by = _took(files), "by the nominal run's cost"
     if solver is not None and not nominal:
-        took, by = took | {"run": solver + FIXED}, "by the time that is predicted for the nominal run"
+        took, by = (
+            took | {"run": solver + FIXED},
+            "by the time that is predicted for the nominal run",
+        )
     unknown = [stage for stage in (*SET_UP, "run") if stage not in took]
     if unknown:
         return f"{text}; the nominal run's cost of {', '.join(unknown)} is not known yet (make predict says what to expect)"
-    works = [work(one, 2 if _flat(files) else 3) for one in missing] + ([] if nominal else [(1.0, 1.0)])
-    return f"{text}, about {_duration(solving_time(took, works, ranks))} on {ranks} idle cores, {by}"
+    works = [work(one, 2 if _flat(files) else 3) for one in missing] + (
+        [] if nominal else [(1.0, 1.0)]
+    )
+    return (
+        f"{text}, about {_duration(solving_time(took, works, ranks))} on {ranks} idle cores, {by}"
+    )
 
 
 def _run(files: StageFiles, name: str) -> Path:

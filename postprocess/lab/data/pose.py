@@ -35,11 +35,15 @@ class Pose:
 
     def to_px(self, points: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the tank frame in the picture."""
-        return (np.asarray(points) - self.anchor) @ self.rotation.T / self.scale_m_per_px + self.at_px
+        return (
+            np.asarray(points) - self.anchor
+        ) @ self.rotation.T / self.scale_m_per_px + self.at_px
 
     def to_tank(self, points_px: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the picture in the tank frame; inverse of `to_px`."""
-        return (np.asarray(points_px) - self.at_px) @ self.rotation * self.scale_m_per_px + self.anchor
+        return (
+            np.asarray(points_px) - self.at_px
+        ) @ self.rotation * self.scale_m_per_px + self.anchor
 
     def to_camera(self, points: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the tank frame in the camera frame: the picture's axes, in true metres."""
@@ -54,7 +58,9 @@ class Pose:
     ) -> tuple[float, float, float, float]:
         """x0, x1, y0, y1 (m, tank frame) around what lies between two corners of the picture (px), with a margin (m)."""
         (left, bottom), (right, top) = first, last
-        corners = self.to_tank(np.array([[left, bottom], [right, bottom], [right, top], [left, top]], float))
+        corners = self.to_tank(
+            np.array([[left, bottom], [right, bottom], [right, top], [left, top]], float)
+        )
         low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
         return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
@@ -90,13 +96,19 @@ def camera_planes(
         turned = {"u": c * u - s * v, "v": s * u + c * v}
         turned = {name: np.where(valid, values, np.nan) for name, values in turned.items()}
         more = {"dwdz": np.where(valid, dwdz, np.nan)} if "dwdz" in series else {}
-        yield make_plane(x, y, **turned, valid=valid, **more, **finger).assign_coords(time=float(time))
+        yield make_plane(x, y, **turned, valid=valid, **more, **finger).assign_coords(
+            time=float(time)
+        )
 
 
 def camera_finger(series: xr.Dataset, pose: Pose, time: float) -> dict[str, np.ndarray]:
     """The finger's variables at one instant, in the camera frame; empty where the series has none."""
     names = ("outline", "outline_velocity", "tip", "tip_direction", "dorsal_direction", "bend")
-    return {name: in_camera(name, finger_at(series, name, time), pose) for name in names if name in series}
+    return {
+        name: in_camera(name, finger_at(series, name, time), pose)
+        for name in names
+        if name in series
+    }
 
 
 def in_camera(name: str, values: np.ndarray, pose: Pose) -> np.ndarray:

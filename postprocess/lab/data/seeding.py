@@ -14,12 +14,19 @@ import numpy as np
 
 from piv.synthetic.camera import Seeding
 
-MEAN_LIGHT, MEAN_LIGHT2 = np.sqrt(np.pi / 8), np.sqrt(np.pi / 16)  # ∫exp(−8z²/t²)dz/t and ∫exp(−16z²/t²)dz/t
+MEAN_LIGHT, MEAN_LIGHT2 = (
+    np.sqrt(np.pi / 8),
+    np.sqrt(np.pi / 16),
+)  # ∫exp(−8z²/t²)dz/t and ∫exp(−16z²/t²)dz/t
 LAGS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0), (2, 1), (1, 2), (2, 2), (0, 3), (3, 0))
-SPREAD = 0.1  # of the diameters, assumed here and for the virtual recording alike; light goes with d²
+SPREAD = (
+    0.1  # of the diameters, assumed here and for the virtual recording alike; light goes with d²
+)
 MOMENT4, MOMENT6, MOMENT8 = 1 + 6 * SPREAD**2, 1 + 15 * SPREAD**2, 1 + 28 * SPREAD**2
 CLEAR_PX = 20  # away from the body
-TILE_PX = 64  # illumination varies over a picture: moments are taken in tiles, and the median tile counts
+TILE_PX = (
+    64  # illumination varies over a picture: moments are taken in tiles, and the median tile counts
+)
 
 
 @dataclass(frozen=True)
@@ -42,7 +49,11 @@ def measure_appearance(
     ValueError where the water is no brighter than the body.
     """
     fits = np.array(
-        [m for f, k in zip(frames, masks, strict=True) for m in _tiles(f.astype(np.float64), k, body_level)]
+        [
+            m
+            for f, k in zip(frames, masks, strict=True)
+            for m in _tiles(f.astype(np.float64), k, body_level)
+        ]
     )
     if len(fits) == 0:
         raise ValueError(
@@ -50,18 +61,27 @@ def measure_appearance(
         )
     mean, *cov = np.median(fits, axis=0)
     if mean <= 0.5 or cov[0] <= 0:
-        raise ValueError(f"the water is {mean:.2g} grey levels brighter than the body; no particles are seen")
+        raise ValueError(
+            f"the water is {mean:.2g} grey levels brighter than the body; no particles are seen"
+        )
     sigma2, variance = _gaussian(np.array(cov))
     # a pixel's own width is no part of the particle's image
     spread = max((sigma2 - 1 / 12) * MOMENT6 / MOMENT8, 0.05)
-    area, area2 = 2 * np.pi * spread * MEAN_LIGHT, np.pi * spread**2 / (spread + 1 / 12) * MEAN_LIGHT2
+    area, area2 = (
+        2 * np.pi * spread * MEAN_LIGHT,
+        np.pi * spread**2 / (spread + 1 / 12) * MEAN_LIGHT2,
+    )
     amplitude = (variance / (area2 * MOMENT6)) / (mean / (area * MOMENT4))
     density = mean / (amplitude * area * MOMENT4)
-    return Appearance(float(density), float(4 * np.sqrt(spread)), float(amplitude), body_level, body_std)
+    return Appearance(
+        float(density), float(4 * np.sqrt(spread)), float(amplitude), body_level, body_std
+    )
 
 
 def _tiles(frame: np.ndarray, mask: np.ndarray, background: float) -> list[list[float]]:
-    clear = cv2.erode((~mask).astype(np.uint8), np.ones((2 * CLEAR_PX + 1,) * 2, np.uint8)).astype(bool)
+    clear = cv2.erode((~mask).astype(np.uint8), np.ones((2 * CLEAR_PX + 1,) * 2, np.uint8)).astype(
+        bool
+    )
     out = []
     for j in range(0, frame.shape[0] - TILE_PX + 1, TILE_PX):
         for i in range(0, frame.shape[1] - TILE_PX + 1, TILE_PX):

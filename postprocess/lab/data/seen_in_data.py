@@ -78,5 +78,8 @@ def seen_in_pictures(recording: Recording) -> dict[str, object]:
         row, column = np.nonzero(dark_body(recording.frame(0), grow_px=0))
     except ValueError:
         return values
-    at = float(column[row < row.min() + ROOT_ROWS].mean()), float(recording.shape[0] - 1 - row.min())
+    at = (
+        float(column[row < row.min() + ROOT_ROWS].mean()),
+        float(recording.shape[0] - 1 - row.min()),
+    )
     return values | {"axes.y": "up", "axes.root_px": [round(v, 1) for v in at]}

@@ -34,8 +34,13 @@ def vectors_view(dpiv: Dpiv, pose: Pose) -> tuple[tuple[float, float], tuple[flo
     low = np.array([plane["x"].values[0], plane["y"].values[0]]) - step
     high = np.array([plane["x"].values[-1], plane["y"].values[-1]]) + step
     if isinstance(dpiv.camera, LabCamera):
-        size = dpiv.camera.scale_mm_per_px * 1e-3 * np.array([dpiv.camera.columns, dpiv.camera.rows])
-        low, high = np.minimum(low, 0.5 * (low + high - size)), np.maximum(high, 0.5 * (low + high + size))
+        size = (
+            dpiv.camera.scale_mm_per_px * 1e-3 * np.array([dpiv.camera.columns, dpiv.camera.rows])
+        )
+        low, high = (
+            np.minimum(low, 0.5 * (low + high - size)),
+            np.maximum(high, 0.5 * (low + high + size)),
+        )
     return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
 
 
@@ -54,7 +59,9 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     except ValueError as error:  # piv asks by the names of its options
         raise ValueError(re.sub(r"--([a-z-]+)", _key_of_option, str(error))) from None
     if (stated.kind or guess_format(paths[0])) in ("plane", "csv") and dpiv.axes.y == "down":
-        raise ValueError(f'{paths[0]}: in files of this kind y is up; state axes.y = "up" in dpiv.toml')
+        raise ValueError(
+            f'{paths[0]}: in files of this kind y is up; state axes.y = "up" in dpiv.toml'
+        )
     if "time" not in plane.dims:
         raise ValueError(f"{paths[0]}: one instant is no motion; give the files of a series")
     plane = in_metres(plane.load(), scale, interval, paths[0])
@@ -84,12 +91,16 @@ def in_metres(plane: xr.Dataset, scale: float, interval: float, path: Path) -> x
     length, velocity = units_of(plane)
     if (length, velocity) == ("m", "m/s"):
         return plane
-    per = {("px", "px"): interval, ("px", "px/frame"): interval, ("px", "px/s"): 1.0}.get((length, velocity))
+    per = {("px", "px"): interval, ("px", "px/frame"): interval, ("px", "px/s"): 1.0}.get(
+        (length, velocity)
+    )
     if per is None:
         raise ValueError(
             f"{path}: in {length} and {velocity}; vectors of this kind are in m and m/s or in px"
         )
-    out = plane.assign({n: plane[n] * (scale / per) for n in ("u", "v", "u_std", "v_std") if n in plane})
+    out = plane.assign(
+        {n: plane[n] * (scale / per) for n in ("u", "v", "u_std", "v_std") if n in plane}
+    )
     return out.assign_coords(x=plane["x"] * scale, y=plane["y"] * scale)
 
 

@@ -43,7 +43,9 @@ NOT_JUDGED = "not judged"
 MODELLED = "modelled.h5"
 AFTER = "after.h5"  # of pipeline couple: the motion that the last run's loads make
 BEND_STEP = np.radians(1.0)  # between two shapes of it, at least
-MARGIN = 0.03  # of its range: shapes beyond the motion, where it swings back or its spline overshoots
+MARGIN = (
+    0.03  # of its range: shapes beyond the motion, where it swings back or its spline overshoots
+)
 SCENE = """# Written by postprocess.lab: the scene driven by the pressure that was measured with the recording {name}.
 extends = "../../../../.."
 title = {title}
@@ -85,7 +87,9 @@ def write_scene(files: LabFiles, dpiv: Dpiv) -> Path:
     path = dpiv.folder / pressure.csv
     try:
         table = pd.read_csv(path, comment="#")[["t", "p"]].astype(float)
-        smooth = make_smoothing_spline(table["t"] + start.at_s, table["p"])  # by generalised cross-validation
+        smooth = make_smoothing_spline(
+            table["t"] + start.at_s, table["p"]
+        )  # by generalised cross-validation
     except (OSError, KeyError, ValueError) as error:
         raise StageError(f"{path}: not a table of t,p in s and Pa: {error}") from None
     begin, end = float(table["t"].iloc[0] + start.at_s), float(table["t"].iloc[-1] + start.at_s)
@@ -111,7 +115,9 @@ def coupled_run(files: LabFiles) -> Path:
     home, level = coupled_home(files), files.stage.level
     runs = [path.parent for path in home.glob(f"{level}_*/out/{level}/loads.h5")]
     if not runs:
-        raise StageError(f"{home}: holds no coupled run of level {level}; make compare-coupled solves it")
+        raise StageError(
+            f"{home}: holds no coupled run of level {level}; make compare-coupled solves it"
+        )
     return max(runs, key=lambda out: int(out.parts[-3].rpartition("_")[2]))
 
 
@@ -136,7 +142,10 @@ def write_modelled(files: LabFiles, dpiv: Dpiv) -> Path:
     pressure, _ = _measured(dpiv)
     kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     out = coupled_run(files)
-    loads, shapes = read_loads(out / "loads.h5"), read_elastic_motion(out.parents[1] / "elastic_motion.h5")
+    loads, shapes = (
+        read_loads(out / "loads.h5"),
+        read_elastic_motion(out.parents[1] / "elastic_motion.h5"),
+    )
     time, bend = loads["step"].values, loads["bend"].values
     at_knot = np.interp(shapes["knot"], time, bend)
     way = np.abs(at_knot - at_knot[0])
@@ -152,8 +161,18 @@ def write_modelled(files: LabFiles, dpiv: Dpiv) -> Path:
         name: make_interp_spline(parameter, shapes[name].values[chosen], k=1)(wide)
         for name in ("profile_x", "profile_y", "thickness")
     }
-    still = {"seen": time, "seen_bend": bend, "seen_radius": np.inf + time, "seen_residual": 0 * time}
-    law = {"time": time, "pressure": kinematics.pressure_of_bend(bend), "bend": bend, "state_pressure": wide}
+    still = {
+        "seen": time,
+        "seen_bend": bend,
+        "seen_radius": np.inf + time,
+        "seen_residual": 0 * time,
+    }
+    law = {
+        "time": time,
+        "pressure": kinematics.pressure_of_bend(bend),
+        "bend": bend,
+        "state_pressure": wide,
+    }
     about = {
         "recording": f"coupled run at the pressure of {dpiv.title}",
         "dpiv_sha256": "",
@@ -214,7 +233,9 @@ def causes(files: LabFiles, dpiv: Dpiv) -> pd.DataFrame:
     computed = np.interp(seen[shown], loads["step"], loads["bend"])
     stroke = float(np.ptp(kinematics.bend(nominal)))
     sources = {
-        "silhouette": _rms(0.5 * (shapes.bend(pressures + scatter) - shapes.bend(pressures - scatter))),
+        "silhouette": _rms(
+            0.5 * (shapes.bend(pressures + scatter) - shapes.bend(pressures - scatter))
+        ),
         "turn": float(np.sqrt(registration.covariance[2, 2])),
         "pressure": stroke / change * std,
         "coupling": _rms(left_to_change(out, seen[shown])),
@@ -262,7 +283,10 @@ def _flow(files: LabFiles, dpiv: Dpiv) -> str:
     """The verdict of compare-measured where it is of this motion.h5 and of this dpiv.toml."""
     measured = files.of_scene("measured")
     moved, compared = measured.stage.out / "kinematics.h5", measured.comparison
-    if not (compared.exists() and files.motion.exists()) or compared.stat().st_mtime < moved.stat().st_mtime:
+    if (
+        not (compared.exists() and files.motion.exists())
+        or compared.stat().st_mtime < moved.stat().st_mtime
+    ):
         return NOT_JUDGED
     driven_by = read_kinematics(moved).settings["files"].values()
     made = LAB_COMPARISON.read(compared)
@@ -309,4 +333,6 @@ def judged_by(files: LabFiles, dpiv: Dpiv) -> str:
     home = files.stage.scene_folder.parent
     scene = files.of_scene("modelled").stage.scene_folder.relative_to(home)
     cases = "" if home == Path("cases") else f"CASES={home} "
-    return f"make compare-measured {cases}SCENE={scene} LEVEL={files.stage.level} DPIV={dpiv.folder}"
+    return (
+        f"make compare-measured {cases}SCENE={scene} LEVEL={files.stage.level} DPIV={dpiv.folder}"
+    )

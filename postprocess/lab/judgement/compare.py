@@ -32,14 +32,32 @@ from postprocess.lab.judgement.inputs_of_budget import Case, Effect
 from postprocess.lab.judgement.measures import measure
 from postprocess.lab.judgement.motion import motion_quantities, recorded_motion_parts
 from postprocess.lab.judgement.tables import field_values, quantity_table, series_table
-from postprocess.lab.judgement.uncertainty_sources import common_rows, effect_of, flow_quantities, tables
+from postprocess.lab.judgement.uncertainty_sources import (
+    common_rows,
+    effect_of,
+    flow_quantities,
+    tables,
+)
 from postprocess.lab.judgement.validation import FieldComparison, ValidatedQuantity
 from postprocess.lab.registration.step import fea_band, registration_summary
 from postprocess.lab.virtual.common_grid import CommonGrid, on_common_grid
 
 MOTION = ("final_bend", "duration")  # what the silhouette shows
-STRENGTH = ("circulation", "velocity_field")  # a flow that is stronger or weaker as a whole shows in these
-COPIED = ("name", "label", "unit", "simulation", "direct", "data", "error", "measurement_part", "finer")
+STRENGTH = (
+    "circulation",
+    "velocity_field",
+)  # a flow that is stronger or weaker as a whole shows in these
+COPIED = (
+    "name",
+    "label",
+    "unit",
+    "simulation",
+    "direct",
+    "data",
+    "error",
+    "measurement_part",
+    "finer",
+)
 
 
 Run = tuple[Input | Numerics, xr.Dataset, Kinematics]  # what it changes, its sheet, its motion
@@ -73,7 +91,9 @@ def run_comparison(
     kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     inputs = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
     registration = read_registration(files.registration)
-    planes = on_common_grid(files, dpiv, kinematics, registration, seed=seed, threads=threads, quiet=quiet)
+    planes = on_common_grid(
+        files, dpiv, kinematics, registration, seed=seed, threads=threads, quiet=quiet
+    )
     case = make_case(files, dpiv, kinematics, registration, planes, inputs)
     result, series, field = compare(case, inputs)
     result |= {
@@ -92,7 +112,9 @@ def run_comparison(
     LAB_COMPARISON.write(files.comparison, result)
     write_text(files.folder / "comparison.csv", quantity_table(result).to_csv(index=False))
     write_text(files.folder / "series.csv", series.to_csv(index=False))
-    write_fields(files.folder / "fields.h5", field_values(case, field, result["rows"], planes.picture))
+    write_fields(
+        files.folder / "fields.h5", field_values(case, field, result["rows"], planes.picture)
+    )
     return result
 
 
@@ -138,7 +160,9 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, F
     case = replace(case, motion=recorded_motion_parts(case))
     measured = tables(case)
     rows = common_rows(measured, case.window)
-    seen = case.registration.times.size > 0 and not case.measured_motion  # what was put in is no test
+    seen = (
+        case.registration.times.size > 0 and not case.measured_motion
+    )  # what was put in is no test
     quantities = motion_quantities(case) if seen else []
     quantities += flow_quantities(case, measured, rows)
     field = field_comparison(case, rows)
@@ -221,7 +245,9 @@ def _judged_field(
 
     planes = {"data": case.data, "direct": case.direct}
     planes["simulation"] = case.direct if case.virtual is None else case.virtual
-    velocity = {name: np.stack([p["u"].values, p["v"].values], axis=1)[rows] for name, p in planes.items()}
+    velocity = {
+        name: np.stack([p["u"].values, p["v"].values], axis=1)[rows] for name, p in planes.items()
+    }
     finer = sum(e.field[rows] for e in case.finer)
     for name in ("direct", "simulation"):
         velocity[name] = velocity[name] + finer
@@ -258,7 +284,8 @@ def _judged_field(
         "differs": False,
         "dominant": max(parts, key=lambda n: parts[n][1]),
         "sources": [
-            asdict(budget.Source(n, k, np.array([v]), "RMS over the field")) for n, (k, v) in parts.items()
+            asdict(budget.Source(n, k, np.array([v]), "RMS over the field"))
+            for n, (k, v) in parts.items()
         ],
         "model_error_rms": float(np.sqrt(max(rms**2 - float(u_val[0]) ** 2, 0.0))),
     }
@@ -273,7 +300,9 @@ def _provenance(files: LabFiles, dpiv: Dpiv, seed: int) -> dict[str, Any]:
     run = RUN.read(files.stage.required("run/run.json", "run"))
     names = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
     return {
-        "versions": {"python": platform.python_version()} | versions(*names) | run.get("versions", {}),
+        "versions": {"python": platform.python_version()}
+        | versions(*names)
+        | run.get("versions", {}),
         "scene_hash": str(run.get("scene_hash", "")),
         "dpiv_sha256": sha256(dpiv.folder / NAME),
         "seed": seed,

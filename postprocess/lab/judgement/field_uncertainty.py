@@ -17,7 +17,9 @@ def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
     }
     simulation = velocity.get("virtual", velocity["direct"])
     finer = sum((e.field[rows] for e in case.finer), np.zeros_like(simulation))
-    moved = sum((part.share * part.effect.field[rows] for part in case.motion), np.zeros_like(simulation))
+    moved = sum(
+        (part.share * part.effect.field[rows] for part in case.motion), np.zeros_like(simulation)
+    )
     error = simulation - velocity["data"] + finer + moved
     error = np.where(np.isfinite(error).all(axis=1, keepdims=True), error, np.nan)
     direct = velocity["direct"]
@@ -32,7 +34,10 @@ def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
         modes[f"{name}, linear"] = "input", change * part.share * part.unlike
     pressure = case.effect("pressure")
     if case.geometry and pressure is not None and not seen:
-        modes["geometry and material"] = "input", pressure.field[rows] * case.bend_std / abs(pressure.bend)
+        modes["geometry and material"] = (
+            "input",
+            pressure.field[rows] * case.bend_std / abs(pressure.bend),
+        )
     share = np.sqrt(np.nanmean((simulation - direct) ** 2) / np.nanmean(simulation**2))
     parts = {
         "finer by PIV": finer,
@@ -43,12 +48,16 @@ def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
     noise2 = np.zeros_like(error)
     for plane in (case.data, case.virtual):
         if plane is not None:
-            std = np.stack([plane["u_std"].values, plane["v_std"].values], axis=1)[rows].astype(float)
+            std = np.stack([plane["u_std"].values, plane["v_std"].values], axis=1)[rows].astype(
+                float
+            )
             noise2 += std**2
     return FieldComparison(error, modes, np.sqrt(noise2))
 
 
-def registration_modes(case: Case, rows: np.ndarray, direct: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
+def registration_modes(
+    case: Case, rows: np.ndarray, direct: np.ndarray
+) -> dict[str, tuple[str, np.ndarray]]:
     """What one standard deviation of each independent error of pose and time does to the field (time, 2, y, x)."""
     registration = case.registration
     x, y, times = (case.direct[name].values.astype(float) for name in ("x", "y", "time"))

@@ -85,7 +85,11 @@ class Case:
         """
         if self.registration.times.size:
             return np.ones(self.data["valid"].shape, bool)
-        sides = [usable(side).values for side in (self.data, self.virtual, self.direct) if side is not None]
+        sides = [
+            usable(side).values
+            for side in (self.data, self.virtual, self.direct)
+            if side is not None
+        ]
         return np.asarray(np.logical_and.reduce(sides))
 
     @property

@@ -85,7 +85,9 @@ def scatter(
     around its place; RMS over the instants `rows`; `seen` as of `measure`.
     """
     if "u_std" not in plane:
-        raise ValueError("the vectors carry no uncertainty (u_std, v_std); give vectors.std_px in dpiv.toml")
+        raise ValueError(
+            "the vectors carry no uncertainty (u_std, v_std); give vectors.std_px in dpiv.toml"
+        )
     rng = np.random.default_rng(1)
     x, width = plane["x"].values, float(plane.attrs["tip_width"])
     smooth, radius = (window_m / 4) / (x[1] - x[0]), CIRCLE * width
@@ -141,7 +143,9 @@ def _shaken(box: xr.Dataset, smooth: float, rng: np.random.Generator) -> xr.Data
     for name in ("u", "v"):
         noise = gaussian_filter(rng.standard_normal((rows, columns)), smooth, mode="reflect")
         std = np.nan_to_num(box[f"{name}_std"].values)
-        out[name] = box[name] + std * (noise / max(size, 1e-12)).reshape(*[1] * len(lead), rows, columns)
+        out[name] = box[name] + std * (noise / max(size, 1e-12)).reshape(
+            *[1] * len(lead), rows, columns
+        )
     return out
 
 

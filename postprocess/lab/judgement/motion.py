@@ -29,7 +29,10 @@ def motion_sentence(registration: Registration) -> str:
     if registration.times.size == 0:
         return f"vectors do not show the finger; the clock is stated to ± {1960 * law.std('delay'):.1f} ms"
     parts = []
-    for name, value, what in (("factor", law.values[0], "bends as at"), ("stretch", law.values[2], "takes")):
+    for name, value, what in (
+        ("factor", law.values[0], "bends as at"),
+        ("stretch", law.values[2], "takes"),
+    ):
         band = 1.96 * law.std(name)
         same = "as simulated" if abs(value - 1) < band else "otherwise than simulated"
         of = "the pressure" if name == "factor" else "the time"
@@ -66,7 +69,12 @@ def recorded_motion_parts(case: Case) -> list[MotionPart]:
     """The recording's bend and duration in changes of the runs `pressure` and `duration`; none where the motion is the recording's own,
     was not seen, or those runs are not there."""
     pressure, duration = case.effect("pressure"), case.effect("duration")
-    if case.measured_motion or case.registration.times.size == 0 or pressure is None or duration is None:
+    if (
+        case.measured_motion
+        or case.registration.times.size == 0
+        or pressure is None
+        or duration is None
+    ):
         return []
     law, (bend, length) = case.registration.law, motion_values(case)
     parts = []
@@ -97,7 +105,9 @@ def motion_quantities(case: Case) -> list[ValidatedQuantity]:
     sources = {key: [Source("silhouette", "data", one(std), how)] for key, std in seen_by.items()}
     for effect in (e for e in case.effects if e.kind == "input"):
         for key, change in (("final_bend", effect.bend), ("duration", effect.duration)):
-            sources[key].append(Source(effect.name, "input", one(abs(change) * effect.per_std), effect.how))
+            sources[key].append(
+                Source(effect.name, "input", one(abs(change) * effect.per_std), effect.how)
+            )
     if case.geometry:
         sources["final_bend"].append(
             Source("geometry and material", "input", one(case.bend_std), "FEA's band")

@@ -77,7 +77,9 @@ def run_motion(files: LabFiles, dpiv: Dpiv) -> Path:
         for integral, bend in zip(frames.integrals, bends, strict=True)
     ]
     shapes = np.array(fits)
-    values: dict[str, Any] = motion_values(kinematics, strip, frames.times, shapes, kinematics.time[1])
+    values: dict[str, Any] = motion_values(
+        kinematics, strip, frames.times, shapes, kinematics.time[1]
+    )
     values |= {"recording": dpiv.title, "dpiv_sha256": sha256(dpiv.folder / NAME)}
     values["registration"] = json.dumps(
         {"delay": law.delay, "scale_m_per_px": pose.scale_m_per_px, "angle": pose.angle}
@@ -110,7 +112,9 @@ def write_moved_scene(
     title = toml_value(f"{scene_title(files.stage.scene_folder)}, {about}")
     write_text(folder / "scene.toml", SCENE.format(name=dpiv.name, title=title, motion=motion))
     limit = round(3**0.5 * factor_std, 6)
-    text = INPUTS.format(too_uncertain=inputs.too_uncertain, limit=limit, reason=reason, numerics=numerics)
+    text = INPUTS.format(
+        too_uncertain=inputs.too_uncertain, limit=limit, reason=reason, numerics=numerics
+    )
     write_text(folder / "reference" / "inputs.toml", text)
     findings = files.stage.findings
     if findings.exists():

@@ -20,7 +20,11 @@ VORTEX = {  # quantity: columns, unit, label
     "core_radius": (("core_radius",), "m", "core radius of the tip vortex"),
     "jet_speed": (("jet_speed",), "m/s", "jet speed at the tip"),
 }
-RANDOM = ("vectors", "virtual vectors", "scatter")  # sources that a mean over instants makes smaller
+RANDOM = (
+    "vectors",
+    "virtual vectors",
+    "scatter",
+)  # sources that a mean over instants makes smaller
 MOTION_BY_PIV = "what PIV makes of the motion's part; of a circulation between the part itself and as much as it makes of the growth between the instants"
 GROWTH = 3.0  # by PIV over that of the flow: beyond it the instants show no growth that could tell (1.5 to 2.6 were seen)
 SWIRL = 0.638  # largest speed of a Lamb-Oseen vortex over circulation/(2π core radius)
@@ -64,7 +68,9 @@ def effect_of(
     one: Input | Numerics, plane: xr.Dataset, run: Kinematics, case: Case, nominal: pd.DataFrame
 ) -> Effect:
     """The effect of a run: its `plane` against the nominal `case.direct` (measured: `nominal`), its motion against the nominal one."""
-    table = measure(plane, case.registration.pose, case.vortices, case.window, one.name, case.seen())
+    table = measure(
+        plane, case.registration.pose, case.vortices, case.window, one.name, case.seen()
+    )
     rows = common_rows({"nominal": nominal, one.name: table}, case.window)
     change = means(table, rows, case.window) - means(nominal, rows, case.window)
     scatter = 0.0 * change  # the step of an input is far enough for its effect to stand out
@@ -74,9 +80,18 @@ def effect_of(
         kind, per_std = "numerical", one.per_difference
         how = f"run finer by {one.ratio:g}, whose change is added to the simulation; that run's grid-convergence index"
         scatter = mean_std((table - nominal)[rows], nominal["time"][rows], case.window)
-    field = np.stack([plane[n].values - case.direct[n].values for n in ("u", "v")], axis=1).astype(float)
+    field = np.stack([plane[n].values - case.direct[n].values for n in ("u", "v")], axis=1).astype(
+        float
+    )
     return Effect(
-        one.name, kind, how, float(per_std), change, scatter, field, *motion_of_run(case.kinematics, run)
+        one.name,
+        kind,
+        how,
+        float(per_std),
+        change,
+        scatter,
+        field,
+        *motion_of_run(case.kinematics, run),
     )
 
 
@@ -148,7 +163,12 @@ def flow_quantities(
                     share,
                     "what PIV takes off the simulation, of what the finer runs add",
                 ),
-                ("motion by PIV", np.zeros(1) if explained is None else explained, spread, MOTION_BY_PIV),
+                (
+                    "motion by PIV",
+                    np.zeros(1) if explained is None else explained,
+                    spread,
+                    MOTION_BY_PIV,
+                ),
             ):
                 if np.any(part):
                     sources.append(Source(what, "data", of * np.abs(part), how))
@@ -156,12 +176,16 @@ def flow_quantities(
             sources.append(Source("unlike flows", "data", share * np.abs(rest), how, share))
         scale = case.kinematics.tip_width if name == "centre" else float(abs(theirs[0]))
         each = at_instant(sources, instant)
-        quantity = ValidatedQuantity(name, label, unit, *values, scale, sources, explained, each, finer)
+        quantity = ValidatedQuantity(
+            name, label, unit, *values, scale, sources, explained, each, finer
+        )
         out.append(quantity)
     return out
 
 
-def gain_of_growth(measured: pd.DataFrame, direct: pd.DataFrame, rows: np.ndarray) -> tuple[float, float]:
+def gain_of_growth(
+    measured: pd.DataFrame, direct: pd.DataFrame, rows: np.ndarray
+) -> tuple[float, float]:
     """How much of a change of the circulation PIV shows, and its relative standard uncertainty.
 
     PIV takes more off a young vortex: between the instants the `measured` one grows faster than the `direct` one. A finger that moves
@@ -238,12 +262,19 @@ def _mean_rate(table: pd.DataFrame, column: str, rows: np.ndarray) -> float:
     return float(np.polyfit(chosen["time"], chosen[column], 1)[0])
 
 
-def registration_sources(case: Case, name: str, value: np.ndarray, rate: np.ndarray) -> list[Source]:
+def registration_sources(
+    case: Case, name: str, value: np.ndarray, rate: np.ndarray
+) -> list[Source]:
     """What pose and time, each as uncertain as it was found, do to a quantity of the data."""
     registration = case.registration
     std = np.sqrt(np.diag(registration.covariance))
     sources = [
-        Source("time", "data", np.abs(rate) * registration.law.std("delay"), "fit of the finger's motion")
+        Source(
+            "time",
+            "data",
+            np.abs(rate) * registration.law.std("delay"),
+            "fit of the finger's motion",
+        )
     ]
     power = {"circulation": 2.0, "core_radius": 1.0, "jet_speed": 1.0}  # of the scale in each
     if name in power:
@@ -273,7 +304,9 @@ def run_sources(case: Case, columns: tuple[str, ...]) -> list[Source]:
     The FEA's band of the bend angle counts as the pressure that would bend as much (scaled from the pressure's run).
     """
     seen = [part.effect.name for part in case.motion]
-    sources = [Source(e.name, e.kind, e.std(columns), e.how) for e in case.effects if e.name not in seen]
+    sources = [
+        Source(e.name, e.kind, e.std(columns), e.how) for e in case.effects if e.name not in seen
+    ]
     effect = case.effect("pressure")
     if not case.geometry or effect is None or seen:
         return sources
@@ -295,7 +328,9 @@ def motion_sources(case: Case, columns: tuple[str, ...], gain: float = 1.0) -> l
             Source(f"{name} as recorded", "data", moves * part.std, "posterior of the registration")
         )
         how = "effect of the motion taken for linear"
-        sources.append(Source(f"{name}, linear", "input", moves * abs(part.share) * part.unlike, how))
+        sources.append(
+            Source(f"{name}, linear", "input", moves * abs(part.share) * part.unlike, how)
+        )
     return sources
 
 

@@ -77,7 +77,9 @@ class ValidatedQuantity:
 
     def u_with(self, model_error: float) -> np.ndarray:
         """Standard uncertainty of E, (component,), if the model errs by so much: sources that are a share of E grow with it."""
-        parts = [s.share * np.full_like(s.std, model_error) if s.share else s.std for s in self.sources]
+        parts = [
+            s.share * np.full_like(s.std, model_error) if s.share else s.std for s in self.sources
+        ]
         return np.sqrt(sum(part**2 for part in parts))
 
     def u_kind(self, kind: str) -> np.ndarray:
@@ -167,7 +169,9 @@ class FieldComparison:
 
         def rms(a):
             return float(
-                np.sqrt(np.nanmean(np.sum(np.where(np.isfinite(self.error), a, np.nan) ** 2, axis=1)))
+                np.sqrt(
+                    np.nanmean(np.sum(np.where(np.isfinite(self.error), a, np.nan) ** 2, axis=1))
+                )
             )
 
         parts = {name: (kind, rms(mode)) for name, (kind, mode) in self.modes.items()}
@@ -179,7 +183,9 @@ class FieldComparison:
 
     def detectable(self, level: float = LEVEL) -> float:
         """The smallest RMS of a model error, unlike any source's field, that the verdict finds with probability `LEVEL`, m/s."""
-        return float(np.sqrt(max(self.allowed_rms(level) ** 2 - np.quantile(self._squares, 1 - LEVEL), 0.0)))
+        return float(
+            np.sqrt(max(self.allowed_rms(level) ** 2 - np.quantile(self._squares, 1 - LEVEL), 0.0))
+        )
 
     @cached_property
     def _squares(self) -> np.ndarray:

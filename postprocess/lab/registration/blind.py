@@ -12,13 +12,24 @@ import numpy as np
 from fileio.formats.kinematics import Kinematics
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.fit_outline import outline_table
-from postprocess.lab.registration.outline_profile import OutlineProfile, Seen, bright_side, outline_profile
+from postprocess.lab.registration.outline_profile import (
+    OutlineProfile,
+    Seen,
+    bright_side,
+    outline_profile,
+)
 
-BRIGHT_PX = 6  # to either side of an edge that reflects: its light moves particles' places, and adds some
-UNSEEN_SIDE = 0.5  # of the finger's depth along the light: what is deeper is as dark as the shadow behind it
+BRIGHT_PX = (
+    6  # to either side of an edge that reflects: its light moves particles' places, and adds some
+)
+UNSEEN_SIDE = (
+    0.5  # of the finger's depth along the light: what is deeper is as dark as the shadow behind it
+)
 
 
-def hidden_part(pose: Pose, kinematics: Kinematics, hidden: float, shape: tuple[int, int]) -> np.ndarray:
+def hidden_part(
+    pose: Pose, kinematics: Kinematics, hidden: float, shape: tuple[int, int]
+) -> np.ndarray:
     """Pixels (rows, columns; row 0 at the top) beyond the line across the finger at rest, `hidden` (m) from its root."""
     rows, columns = shape
     x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
@@ -75,7 +86,9 @@ def seen_profile(seen: Seen, blind: np.ndarray | None) -> tuple[OutlineProfile, 
     side = bright_side(profile)
     if side == 0:
         return profile, blind
-    band = bright_band(profile.outlines, outline_table(kinematics)[2][0, :, 2] == side, images[0].shape)
+    band = bright_band(
+        profile.outlines, outline_table(kinematics)[2][0, :, 2] == side, images[0].shape
+    )
     blind = band if blind is None else blind | band
     return outline_profile(*seen, blind), blind
 

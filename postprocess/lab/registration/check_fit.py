@@ -101,7 +101,11 @@ def check_fit(
             " light_from_deg"
         )
     return FitCheck(
-        refusals, images[worst], profile.outlines[worst], np.isin(profile.part, list(parts)), profile
+        refusals,
+        images[worst],
+        profile.outlines[worst],
+        np.isin(profile.part, list(parts)),
+        profile,
     )
 
 
@@ -117,7 +121,9 @@ def check_tilt(registration: Registration, length: float) -> list[str]:
     ]
 
 
-def check_priors(registration: Registration, scale_std: float | None, turn_std: float | None) -> list[str]:
+def check_priors(
+    registration: Registration, scale_std: float | None, turn_std: float | None
+) -> list[str]:
     """A sentence for each value that lies further from what is stated, or plausible, than what is known of it allows."""
     out = []
     std = np.sqrt(np.diag(registration.covariance))
@@ -184,7 +190,9 @@ def wrong_parts(profile: OutlineProfile) -> dict[int, str]:
     for parts in [*([k] for k in range(len(NAMES))), *sides]:
         for band, sign, expected, limit, what in tests:
             seen, of_water = count[parts, band].sum(), water[parts, band].sum()
-            off = sign * (seen - expected * of_water) / np.sqrt(max(expected * of_water, 1.0) / share)
+            off = (
+                sign * (seen - expected * of_water) / np.sqrt(max(expected * of_water, 1.0) / share)
+            )
             if off > SURE and sign * (seen - limit * of_water) > 0:
                 found |= {part: what for part in parts if part not in found}
     return found
@@ -193,7 +201,9 @@ def wrong_parts(profile: OutlineProfile) -> dict[int, str]:
 def bad_pictures(profile: OutlineProfile) -> np.ndarray:
     """Pictures (frame,) with more particles within the outline than `WITHIN` allows."""
     allowed = WITHIN * profile.rate() * profile.area[..., INSIDE].sum(axis=1)
-    return profile.count[..., INSIDE].sum(axis=1) - allowed > FAR_OFF * np.sqrt(np.maximum(allowed, 1.0))
+    return profile.count[..., INSIDE].sum(axis=1) - allowed > FAR_OFF * np.sqrt(
+        np.maximum(allowed, 1.0)
+    )
 
 
 def worst_picture(profile: OutlineProfile) -> int:
@@ -209,8 +219,12 @@ def light_direction(profile: OutlineProfile) -> float:
     than further off."""
     along = np.roll(profile.outlines, -1, axis=1) - np.roll(profile.outlines, 1, axis=1)
     outward = along[..., 1] - 1j * along[..., 0]
-    facing = np.stack([outward[:, profile.part == k].mean(axis=1) for k in range(len(NAMES))], axis=1)
-    of_water = profile.light[..., FAR].sum(axis=0) / np.maximum(profile.area[..., FAR].sum(axis=0), 1.0)
+    facing = np.stack(
+        [outward[:, profile.part == k].mean(axis=1) for k in range(len(NAMES))], axis=1
+    )
+    of_water = profile.light[..., FAR].sum(axis=0) / np.maximum(
+        profile.area[..., FAR].sum(axis=0), 1.0
+    )
     beside = np.s_[..., [NEAR, NEXT]]
     missing = of_water * profile.area[beside].sum(axis=2) - profile.light[beside].sum(axis=2)
     from_ = np.radians(np.arange(-180, 180, DIRECTIONS_DEG))
@@ -238,7 +252,9 @@ def parts_sentence(parts: dict[int, str]) -> str:
 def draw_fit(check: FitCheck) -> bytes:
     """PNG of the picture with the outline on it, the part that does not fit in red."""
     grey = check.picture.astype(np.float32)
-    grey = np.clip(grey * (255 / max(float(np.percentile(grey, 99.5)), 1.0)), 0, 255).astype(np.uint8)
+    grey = np.clip(grey * (255 / max(float(np.percentile(grey, 99.5)), 1.0)), 0, 255).astype(
+        np.uint8
+    )
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     corners = np.column_stack([check.outline[:, 0], grey.shape[0] - 1 - check.outline[:, 1]])
     corners = np.round(corners * 16).astype(np.int32)

@@ -31,13 +31,19 @@ def check_motion(kinematics: Kinematics, registration: Registration, interval: f
         ]
     at, jump, std = largest_jump(kinematics, registration)
     if abs(jump) > max(SURE * std, 0.7 * interval):
-        told = "pictures are missing there" if jump < 0 else "a picture is there twice, or the finger halted"
+        told = (
+            "pictures are missing there"
+            if jump < 0
+            else "a picture is there twice, or the finger halted"
+        )
         return [
             f"from {at:.3f} s of the recording on the finger is {abs(jump) * 1e3:.0f} ms {'ahead of' if jump < 0 else 'behind'} its"
             f" motion before: {told} (dropped frames); give the part before or behind it as a recording of its own"
         ]
     if registration.law.misfit > MISFIT * span:
-        off = np.degrees(abs(kinematics.splines["bend"](kinematics.high, 1)) * registration.law.misfit)
+        off = np.degrees(
+            abs(kinematics.splines["bend"](kinematics.high, 1)) * registration.law.misfit
+        )
         return [
             f"single pictures lie {off:.1f}° (rms) off the simulation's law of motion, however it is stretched; check frame_rate_hz,"
             " missing pictures, and motion.strokes of the scene"
@@ -63,7 +69,10 @@ def largest_jump(kinematics: Kinematics, registration: Registration) -> tuple[fl
         change = step * np.eye(3)[k]
         ahead, back = (law_pressure(kinematics, times, values + s * change) for s in (1, -1))
         basis[:, k] = (ahead - back) / (2 * step) / noise
-    for k, power in ((3, 2), (4, 3)):  # a finger that lags smoothly, as one with hysteresis, has no jump
+    for k, power in (
+        (3, 2),
+        (4, 3),
+    ):  # a finger that lags smoothly, as one with hysteresis, has no jump
         basis[:, k] = basis[:, 1] * np.linspace(-1, 1, times.size) ** power
     best = (0.0, 0.0, np.inf)
     for split in range(ENDS, times.size - ENDS):

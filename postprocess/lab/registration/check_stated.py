@@ -64,7 +64,9 @@ def stated_wrongly(
     shapes = outline_table(kinematics)
     span = float(frames.times[-1] - frames.times[0])
 
-    def score(stretch: float = 1.0, scale: float = 1.0, of: tuple[np.ndarray, ...] = shapes) -> float:
+    def score(
+        stretch: float = 1.0, scale: float = 1.0, of: tuple[np.ndarray, ...] = shapes
+    ) -> float:
         reach = max(span, stretch * float(np.ptp(kinematics.time)))
         delays = np.arange(-reach, span, max(COARSE_S * stretch, reach / 80))
         seen = replace(pose, scale_m_per_px=pose.scale_m_per_px * scale)

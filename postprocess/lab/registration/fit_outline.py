@@ -34,7 +34,9 @@ COLD = 2e-3  # share of the evidence at the beginning
 CHAINS, EFFECTIVE = 12, 0.5  # and the share of them that a step of the heat leaves
 STEP = 0.6  # first size of a joint step
 ALIKE = 0.4  # variance between the chains over that within, where they need not go on
-NUISANCE_ABOUT = np.array([0.5, 0.2, 0.03, 0.03])  # how far apart the chains begin, (px, px, 1/m, 1/m)
+NUISANCE_ABOUT = np.array(
+    [0.5, 0.2, 0.03, 0.03]
+)  # how far apart the chains begin, (px, px, 1/m, 1/m)
 LAW_ABOUT = np.array([0.02, 3e-3, 0.02])  # likewise: factor, delay (s), stretch
 # of a single frame: how far it is looked for, in standard deviations, and in what steps, of the table's
 FAR_OFF, FINE_STEP = 4.0, 0.1
@@ -103,8 +105,13 @@ def prepare(
     """Evidence of frames (row 0 at the top) taken at `times` (s); `blind` (frame, rows, columns): pixels that tell nothing."""
     evidence_images = [evidence.image(image, blur_px) for image in images]
     if blind is not None:
-        evidence_images = [np.where(b, np.float32(0), f) for b, f in zip(blind, evidence_images, strict=True)]
-    near = [np.corrcoef(a.ravel()[::3], b.ravel()[::3])[0, 1] for a, b in itertools.pairwise(evidence_images)]
+        evidence_images = [
+            np.where(b, np.float32(0), f) for b, f in zip(blind, evidence_images, strict=True)
+        ]
+    near = [
+        np.corrcoef(a.ravel()[::3], b.ravel()[::3])[0, 1]
+        for a, b in itertools.pairwise(evidence_images)
+    ]
     common = float(np.clip(np.mean(near), 0, 0.99)) if near else 0.0
     mean = float(np.mean([f.mean() for f in evidence_images]))
     integrals = np.stack([integral_image(f, mean).astype(np.float32) for f in evidence_images])
@@ -116,7 +123,9 @@ def outline_table(kinematics: Kinematics) -> tuple[np.ndarray, np.ndarray, np.nd
     the dorsal, -1 on the ventral one, 0 at root and tip, where the normal is along the finger."""
     reach = REACH * (kinematics.high - kinematics.low)
     pressures = np.linspace(kinematics.low - reach, kinematics.high + reach, TABLE)
-    outlines = np.array([counter_clockwise(outline) for outline in kinematics.shape("outline", pressures)])
+    outlines = np.array(
+        [counter_clockwise(outline) for outline in kinematics.shape("outline", pressures)]
+    )
     normals = outward(outlines)
     rest = np.argmin(np.abs(pressures - kinematics.law(kinematics.time[0])))
     side = sides(normals[rest], kinematics.shape("dorsal_direction", pressures[rest]))
@@ -168,7 +177,10 @@ def fit_outline(
     ValueError where the recording's finger bends further than the simulation's shapes reach.
     """
     table, outlines, normals = outline_table(kinematics)
-    outlines, normals = np.ascontiguousarray(outlines[:, ::every]), np.ascontiguousarray(normals[:, ::every])
+    outlines, normals = (
+        np.ascontiguousarray(outlines[:, ::every]),
+        np.ascontiguousarray(normals[:, ::every]),
+    )
     step = table[1] - table[0]
     clock = np.linspace(*kinematics.time, LAW_POINTS)
     history = (kinematics.law(clock) - table[0]) / step
@@ -202,7 +214,9 @@ def fit_outline(
         states, _, evidence = walked(heat, sweeps[0], ADAPT)
         factor = steps_like(states[:, sweeps[0] // 2 :], least)
         heat, shares = next_heat(evidence, heat)
-        left = np.searchsorted(np.cumsum(shares), (rng.random() + np.arange(CHAINS)) / CHAINS * shares.sum())
+        left = np.searchsorted(
+            np.cumsum(shares), (rng.random() + np.arange(CHAINS)) / CHAINS * shares.sum()
+        )
         changes, offs = changes[left], offs[left]
     walked(heat, sweeps[0], ADAPT)
     done: list[tuple[np.ndarray, np.ndarray]] = []
@@ -252,7 +266,13 @@ def single_pressures(
         tried = np.clip(expected + off * deviation, table[0], table[-1])
         places = (tried - table[0]) / (table[1] - table[0])
         score = frame_scores(
-            frames.integrals[f], frames.mean, outlines, normals, np.asarray(pose.anchor), seat, places
+            frames.integrals[f],
+            frames.mean,
+            outlines,
+            normals,
+            np.asarray(pose.anchor),
+            seat,
+            places,
         )
         weight = frames.independent * score - 0.5 * off**2
         weight = np.exp(weight - weight.max())

@@ -26,7 +26,9 @@ ENDS = 0.04  # of the finger's length: how far root and tip reach
 SIDES = ("ventral", "dorsal")
 NAMES = ("root", "tip", *(f"{side} side" for side in SIDES for _ in range(LENGTHS)))
 SURE = 4.5  # standard deviations of a count: parts and bands make sixty of them
-ON_EDGE = 1.25  # of the water's own particles per area on and beside the outline: more are a reflection's
+ON_EDGE = (
+    1.25  # of the water's own particles per area on and beside the outline: more are a reflection's
+)
 GRID_PX = 2  # pixels in each direction that a point of the area stands for
 
 
@@ -43,13 +45,18 @@ class OutlineProfile:
 
     def rate(self, frames: np.ndarray | slice = slice(None)) -> float:
         """Particles per px² in the water around the finger."""
-        return float(self.count[frames][..., FAR].sum() / max(self.area[frames][..., FAR].sum(), 1.0))
+        return float(
+            self.count[frames][..., FAR].sum() / max(self.area[frames][..., FAR].sum(), 1.0)
+        )
 
 
 def parts_of(kinematics: Kinematics, outline: np.ndarray) -> np.ndarray:
     """The part of `NAMES` of each point of the outline (point, 2; m) at rest."""
     start = float(kinematics.law(kinematics.time[0]))
-    along, dorsal = kinematics.shape("tip_direction", start), kinematics.shape("dorsal_direction", start)
+    along, dorsal = (
+        kinematics.shape("tip_direction", start),
+        kinematics.shape("dorsal_direction", start),
+    )
     from_root = outline - np.asarray(kinematics.root)
     reached = from_root @ along / kinematics.length
     across = from_root @ dorsal
@@ -75,7 +82,9 @@ def outline_profile(
     """The profile of frames (row 0 at the top) with the finger at `pressures` (frame,) Pa and the outline changed by `nuisance` (4
     of `files.NUISANCE`); `blind` (frame, rows, columns): pixels that tell nothing."""
     table, outlines, _ = outline_table(kinematics)
-    part = parts_of(kinematics, outlines[np.argmin(np.abs(table - kinematics.law(kinematics.time[0])))])
+    part = parts_of(
+        kinematics, outlines[np.argmin(np.abs(table - kinematics.law(kinematics.time[0])))]
+    )
     shape = (len(images), len(NAMES), len(BANDS) - 1)
     count, light, area = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     drawn = seen_outlines(kinematics, pose, pressures, nuisance)
@@ -116,11 +125,15 @@ def seen_outlines(
         at = np.clip((pressure - table[0]) / (table[1] - table[0]), 0, table.size - 1.001)
         k, w = int(at), at - int(at)
         outward = (1 - w) * normals[k] + w * normals[k + 1]
-        drawn.append(seen_outline(pose, (1 - w) * outlines[k] + w * outlines[k + 1], outward, nuisance))
+        drawn.append(
+            seen_outline(pose, (1 - w) * outlines[k] + w * outlines[k + 1], outward, nuisance)
+        )
     return np.array(drawn)
 
 
-def seen_outline(pose: Pose, outline: np.ndarray, normals: np.ndarray, nuisance: np.ndarray) -> np.ndarray:
+def seen_outline(
+    pose: Pose, outline: np.ndarray, normals: np.ndarray, nuisance: np.ndarray
+) -> np.ndarray:
     """The outline (point, 2) px that the fit draws; `normals` (point, 3) as of `outline_table`, `nuisance` of `files.NUISANCE`."""
     edge, lateral, *perspective = nuisance
     from_root = outline - pose.anchor
@@ -131,7 +144,10 @@ def seen_outline(pose: Pose, outline: np.ndarray, normals: np.ndarray, nuisance:
 
 def independent_share(profile: OutlineProfile) -> float:
     """Share of the pictures that bring news of particles beside the finger, from how alike the counts of successive ones are."""
-    count, area = profile.count[..., NEAR], profile.area[..., NEAR]  # the nearer, the longer they stay
+    count, area = (
+        profile.count[..., NEAR],
+        profile.area[..., NEAR],
+    )  # the nearer, the longer they stay
     mean = count.sum(axis=0) / np.maximum(area.sum(axis=0), 1.0) * area
     z = (count - mean) / np.sqrt(np.maximum(mean, 1.0))
     near = float(np.sum(z[1:] * z[:-1]) / max(np.sum(z**2), 1e-9)) if len(z) > 2 else 0.0
@@ -169,5 +185,7 @@ class _Nearest:
         away, index = self._tree.query(points, distance_upper_bound=BANDS[-1])
         near = np.isfinite(away)
         away, points = away[near], points[near]
-        inside = [cv2.pointPolygonTest(self._corners, (float(x), float(y)), False) > 0 for x, y in points]
+        inside = [
+            cv2.pointPolygonTest(self._corners, (float(x), float(y)), False) > 0 for x, y in points
+        ]
         return near, self._part[index[near]], np.where(inside, -away, away)

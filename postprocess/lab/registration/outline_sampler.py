@@ -114,9 +114,13 @@ def walk(
                 accept = new_places.min() >= 0 and new_places.max() <= largest
             if accept:
                 seat = seat_of(first, new)
-                tried = all_scores(integrals, mean_evidence, outlines, normals, anchor, seat, new_places)
+                tried = all_scores(
+                    integrals, mean_evidence, outlines, normals, anchor, seat, new_places
+                )
                 gain = heat * (tried.sum() - scores.sum())
-                gain -= 0.5 * np.sum(weight_prior * ((new - mean_prior) ** 2 - (change - mean_prior) ** 2))
+                gain -= 0.5 * np.sum(
+                    weight_prior * ((new - mean_prior) ** 2 - (change - mean_prior) ** 2)
+                )
                 accept = np.log(rng.random()) < gain
                 if accept:
                     change, scores, places = new, tried, new_places
@@ -129,7 +133,8 @@ def walk(
                 new_off = places - law_places(times, values, law, begin, step)
                 gain = -0.5 * np.sum((new_off**2 - off**2) / apart**2)
                 gain -= 0.5 * np.sum(
-                    weight_prior[8:] * ((new_law - mean_prior[8:]) ** 2 - (change[8:] - mean_prior[8:]) ** 2)
+                    weight_prior[8:]
+                    * ((new_law - mean_prior[8:]) ** 2 - (change[8:] - mean_prior[8:]) ** 2)
                 )
                 better = np.log(rng.random()) < gain
                 if better:
@@ -143,7 +148,10 @@ def walk(
                 s = frame_score(
                     integrals[f], mean_evidence, outlines, normals, anchor, seat, places[f] + move
                 )
-                gain = heat * (s - scores[f]) - 0.5 * ((off[f] + move) ** 2 - off[f] ** 2) / apart[f] ** 2
+                gain = (
+                    heat * (s - scores[f])
+                    - 0.5 * ((off[f] + move) ** 2 - off[f] ** 2) / apart[f] ** 2
+                )
                 better = np.log(rng.random()) < gain
                 if better:
                     places[f], off[f], scores[f] = places[f] + move, off[f] + move, s

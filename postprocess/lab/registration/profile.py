@@ -71,7 +71,9 @@ def profile(strip: Strip, a: np.ndarray, points: int = POINTS) -> np.ndarray:
     """Lower layer (point, 2) in the actuator frame: x along the finger at rest, y to the ventral side, m."""
     sigma = np.linspace(0, 1, points)
     middle = turn(0.5 * (sigma[1:] + sigma[:-1]), a)
-    pieces = strip.length * (1 + a[3]) / (points - 1) * np.column_stack([np.cos(middle), np.sin(middle)])
+    pieces = (
+        strip.length * (1 + a[3]) / (points - 1) * np.column_stack([np.cos(middle), np.sin(middle)])
+    )
     return np.vstack([[0.0, 0.0], np.cumsum(pieces, axis=0)])
 
 
@@ -103,7 +105,9 @@ def fit_profile(
 
     def loss(a: np.ndarray) -> float:
         outline = bent_outline(strip, a)
-        drawn = seen_outline(pose, outline, np.column_stack([outward(outline), strip.side]), nuisance)
+        drawn = seen_outline(
+            pose, outline, np.column_stack([outward(outline), strip.side]), nuisance
+        )
         uneven = 0.5 * np.sum((a[1:] / expected) ** 2)
         return uneven - weight * inside_sum(integral, np.ascontiguousarray(drawn), mean)
 
@@ -111,7 +115,10 @@ def fit_profile(
     for size in (0.06, 0.02):
         simplex = np.vstack([a, a + size * np.diag([1.0, 1.0, 1.0, 0.2])])
         a = minimize(
-            loss, a, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-3}
+            loss,
+            a,
+            method="Nelder-Mead",
+            options={"initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-3},
         ).x
     return a
 
@@ -121,7 +128,9 @@ def circle(line: np.ndarray) -> tuple[float, float]:
     x, y = line.T
     if np.ptp(y) < 1e-6 * np.ptp(x):
         return float("inf"), float(np.std(y))
-    solution, *_ = np.linalg.lstsq(np.column_stack([x, y, np.ones_like(x)]), x**2 + y**2, rcond=None)
+    solution, *_ = np.linalg.lstsq(
+        np.column_stack([x, y, np.ones_like(x)]), x**2 + y**2, rcond=None
+    )
     cx, cy = solution[:2] / 2
     radius = float(np.sqrt(solution[2] + cx**2 + cy**2))
     if radius > 1e3 * np.ptp(x):
@@ -134,7 +143,9 @@ def smooth_history(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.
     inner = np.arange(times[0], times[-1], 1 / KNOTS_PER_S)[1:]
     while inner.size and times.size < inner.size + 8:
         inner = inner[::2]
-    return LSQUnivariateSpline(times, values, inner[(inner > times[2]) & (inner < times[-3])], k=3)(at)
+    return LSQUnivariateSpline(times, values, inner[(inner > times[2]) & (inner < times[-3])], k=3)(
+        at
+    )
 
 
 def motion_values(
@@ -154,7 +165,9 @@ def motion_values(
     uneven = np.polynomial.polynomial.polyval(
         np.clip(bends, shapes[:, 0].min(), shapes[:, 0].max()), spread
     ).T
-    lines = np.array([profile(strip, np.array([b, *a])) for b, a in zip(bends, uneven, strict=True)])
+    lines = np.array(
+        [profile(strip, np.array([b, *a])) for b, a in zip(bends, uneven, strict=True)]
+    )
     seen = np.array([circle(profile(strip, a)) for a in shapes])
     return {
         "time": at,

@@ -22,7 +22,13 @@ from postprocess.lab.data.files import Law, Nuisance, Registration
 from postprocess.lab.data.pictures import thinned
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.blind import blind_parts, seen_profile
-from postprocess.lab.registration.check_stated import CLEARLY, GROWN_PX, STRETCHED, best_delay, stated_wrongly
+from postprocess.lab.registration.check_stated import (
+    CLEARLY,
+    GROWN_PX,
+    STRETCHED,
+    best_delay,
+    stated_wrongly,
+)
 from postprocess.lab.registration.fit_outline import (
     ROUGH_NUISANCE_STD,
     Frames,
@@ -90,11 +96,17 @@ def first_pose(recording: Recording, frames: list[np.ndarray], kinematics: Kinem
     rest = kinematics.shape("tip", float(kinematics.law(kinematics.time[0]))) - kinematics.root
     turn = np.arctan2(direction[1], direction[0]) - np.arctan2(rest[1], rest[0])
     root = centre - 0.5 * length * direction
-    return Pose(kinematics.length / length, float(turn), kinematics.root, (float(root[0]), float(root[1])))
+    return Pose(
+        kinematics.length / length, float(turn), kinematics.root, (float(root[0]), float(root[1]))
+    )
 
 
 def search_delay(
-    frames: Frames, kinematics: Kinematics, pose: Pose, stated: float | None, stated_std: float = 0.0
+    frames: Frames,
+    kinematics: Kinematics,
+    pose: Pose,
+    stated: float | None,
+    stated_std: float = 0.0,
 ) -> float:
     """Delay (s) at which the simulation's motion fits the frames best: a correlation over time of the finger's picture."""
     span = frames.times[-1] - frames.times[0]
@@ -140,12 +152,16 @@ def register(
     frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
     if not hidden and stated:  # without its root a fit may go anywhere
         check_root(frames, kinematics, stated, evidence, BEYOND_STATED)
-    prior = None if scale_std is None else (pose.scale_m_per_px, float(np.hypot(scale_std, length_std)))
+    prior = (
+        None if scale_std is None else (pose.scale_m_per_px, float(np.hypot(scale_std, length_std)))
+    )
     wrong, shown = stated_wrongly(frames, kinematics, pose, scale_known=stated is not None)
     first = np.array([1.0, search_delay(frames, kinematics, pose, *(stated_delay or (None,))), 1.0])
     span = kinematics.high - kinematics.low
     known: dict[str, Any] = {"scale": prior, "stated_delay": stated_delay}
-    first_std = np.array([ROOT_STD / pose.scale_m_per_px] * 2 + [TURN_STD, prior[1] if prior else SCALE_STD])
+    first_std = np.array(
+        [ROOT_STD / pose.scale_m_per_px] * 2 + [TURN_STD, prior[1] if prior else SCALE_STD]
+    )
     roughly = known | {
         "about": first_std,
         "nuisance_std": ROUGH_NUISANCE_STD,
@@ -157,7 +173,9 @@ def register(
     except ValueError as error:
         raise ValueError(wrong or str(error)) from error
     at_stated_rate = 1 / STRETCHED < rough.law[:, 2].mean() < STRETCHED
-    if wrong and not (at_stated_rate and CLEARLY * rough.evidence(frames, kinematics, GROWN_PX) > shown):
+    if wrong and not (
+        at_stated_rate and CLEARLY * rough.evidence(frames, kinematics, GROWN_PX) > shown
+    ):
         raise ValueError(wrong)
     for _ in range(SHADE_ROUNDS if light_from is not None else 0):
         blind = blind_parts(seen_outlines(kinematics, *rough.means()), pose, *alike, light_from)
@@ -188,23 +206,37 @@ def register(
 
 
 def check_root(
-    frames: Frames, kinematics: Kinematics, pose: Pose, evidence: WaterLikelihood, beyond: tuple[float, float]
+    frames: Frames,
+    kinematics: Kinematics,
+    pose: Pose,
+    evidence: WaterLikelihood,
+    beyond: tuple[float, float],
 ) -> None:
     """ValueError where it is as dark `beyond` (m from, m to) the finger's root as in it: the root's edge is then not seen."""
     start = float(kinematics.law(kinematics.time[0]))
-    along, dorsal = kinematics.shape("tip_direction", start), kinematics.shape("dorsal_direction", start)
+    along, dorsal = (
+        kinematics.shape("tip_direction", start),
+        kinematics.shape("dorsal_direction", start),
+    )
     half = 0.3 * float(np.ptp((kinematics.shape("outline", start) - kinematics.root) @ dorsal))
     corners = [(-beyond[0], -half), (-beyond[0], half), (-beyond[1], half), (-beyond[1], -half)]
     patch = pose.to_px(np.array([kinematics.root + a * along + d * dorsal for a, d in corners]))
     dense = np.vstack(
-        [np.linspace(a, b, 40, endpoint=False) for a, b in zip(patch, np.roll(patch, -1, 0), strict=True)]
+        [
+            np.linspace(a, b, 40, endpoint=False)
+            for a, b in zip(patch, np.roll(patch, -1, 0), strict=True)
+        ]
     )
     sums = [inside_sum(i, counter_clockwise(dense), frames.mean) for i in frames.integrals]
     area = (beyond[1] - beyond[0]) * 2 * half / pose.scale_m_per_px**2
     rows, columns = (n - 1 for n in frames.integrals.shape[1:])
     outside = (patch < 0).any() or (patch > [columns - 1, rows - 1]).any()
     if np.mean(sums) > 0.5 * evidence.rate * area or (outside and beyond == BEYOND):
-        what = "the picture ends" if outside else "there are no particles either, as in a holder or a shadow"
+        what = (
+            "the picture ends"
+            if outside
+            else "there are no particles either, as in a holder or a shadow"
+        )
         raise ValueError(
             f"beyond the finger's root {what}, so its edge is not seen; correct axes.root_px in dpiv.toml if it is wrong, else give"
             " root_hidden_mm, how much of the finger from its root on is not to be used, and a scale that does not come from the finger"
@@ -215,13 +247,17 @@ def deviation_from_law(kinematics: Kinematics, rough: OutlineFit, values: np.nda
     """How far (Pa, standard deviation) each frame may be off the law: what the rough fit's scatter about it leaves beyond its own."""
     span, start = kinematics.high - kinematics.low, float(kinematics.law(kinematics.time[0]))
     predicted = law_pressure(kinematics, rough.times, values)
-    off = np.mean((rough.parameter.mean(axis=0) - predicted) ** 2) - np.mean(rough.parameter.var(axis=0))
+    off = np.mean((rough.parameter.mean(axis=0) - predicted) ** 2) - np.mean(
+        rough.parameter.var(axis=0)
+    )
     moving = max(np.sqrt(max(off, 0.0)), TIED * span)
     at_rest = np.abs(predicted - start) < REST * span
     return np.where(at_rest, min(moving, REST_STD * span), moving)
 
 
-def with_length(registration: Registration, scale_std: float | None, length_std: float) -> Registration:
+def with_length(
+    registration: Registration, scale_std: float | None, length_std: float
+) -> Registration:
     """A registration whose scale is that of the finger, for a finger whose length is known to `length_std` (relative) only.
 
     The fit's prior was that of stated scale and length together; what it moved the scale by is shared between them by variance.
@@ -237,7 +273,9 @@ def with_length(registration: Registration, scale_std: float | None, length_std:
     turn = np.diag([1.0, 1.0, 1.0, share])
     covariance = turn @ registration.covariance @ turn
     covariance[3, 3] += variance
-    return replace(registration, pose=replace(registration.pose, scale_m_per_px=scale), covariance=covariance)
+    return replace(
+        registration, pose=replace(registration.pose, scale_m_per_px=scale), covariance=covariance
+    )
 
 
 def _registration(
@@ -245,7 +283,9 @@ def _registration(
 ) -> Registration:
     values = fine.law.mean(axis=0)
     law = law_pressure(kinematics, frames.times, values)
-    seen, std = single_pressures(frames, kinematics, fine, law, FREE * (kinematics.high - kinematics.low))
+    seen, std = single_pressures(
+        frames, kinematics, fine, law, FREE * (kinematics.high - kinematics.low)
+    )
     return Registration(
         fine.mean_pose(),
         np.cov(fine.pose.T),

@@ -16,11 +16,16 @@ import numpy as np
 
 from piv.images.masks import dark_body
 
-COST = 4.0  # at most, of a particle against an outline: a reflection on the body must not push it off
+COST = (
+    4.0  # at most, of a particle against an outline: a reflection on the body must not push it off
+)
 # blur of a particle's place: wide, so that particles at rest beside the body are no barriers; as well as it is measured
 ROUGH_PX, FINE_PX = 1.5, 0.5
 NOISE = 6.0  # standard deviations of the body's grey level: what is above is a particle
-CORE_PX, CLEAR_PX = 9, 15  # away from the first guess of the body's edge: surely inside, surely outside
+CORE_PX, CLEAR_PX = (
+    9,
+    15,
+)  # away from the first guess of the body's edge: surely inside, surely outside
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,11 @@ def particles(frame: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarr
     log = np.log(np.maximum(grey, 1.0))
     places = []
     for at, (dj, di) in ((row, (1, 0)), (column, (0, 1))):
-        before, here, after = log[row - dj, column - di], log[row, column], log[row + dj, column + di]
+        before, here, after = (
+            log[row - dj, column - di],
+            log[row, column],
+            log[row + dj, column + di],
+        )
         curve = np.minimum(before + after - 2 * here, -1e-6)
         places.append(at + np.clip(0.5 * (before - after) / curve, -0.5, 0.5))
     return places[0], places[1]
@@ -87,7 +96,9 @@ def learn(frames: list[np.ndarray], masks: list[np.ndarray] | None = None) -> Wa
         raise ValueError(
             f"the dark body holds {within:.2g} bright spots per px², the water {rate:.2g}: the two cannot be told apart"
         )
-    return WaterLikelihood(threshold, rate - within, min(float(np.log(rate / within)), COST), level, std)
+    return WaterLikelihood(
+        threshold, rate - within, min(float(np.log(rate / within)), COST), level, std
+    )
 
 
 def shrunk(mask: np.ndarray, by_px: int) -> np.ndarray:

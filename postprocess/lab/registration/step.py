@@ -31,7 +31,9 @@ def lab_files(case: Path, level: str, dpiv: Path) -> tuple[LabFiles, Dpiv]:
     return LabFiles(StageFiles(case, level), stated.name), stated
 
 
-def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1, quick: bool = False) -> Registration:
+def run_registration(
+    files: LabFiles, dpiv: Dpiv, seed: int = 1, quick: bool = False
+) -> Registration:
     """Register the data and write registration.json and view.txt; `quick`: with fewer samples, and only a refused fit's picture.
 
     What the later steps need and cannot be asked for once the simulation has run is looked for here: the scene's inputs.toml, the
@@ -72,7 +74,9 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1, quick: bool = F
                     registration,
                     kinematics,
                     scale_std=None if scale_std is None else float(np.hypot(scale_std, length_std)),
-                    turn_std=None if dpiv.axes.turn_std_deg is None else np.radians(dpiv.axes.turn_std_deg),
+                    turn_std=None
+                    if dpiv.axes.turn_std_deg is None
+                    else np.radians(dpiv.axes.turn_std_deg),
                     paired=paired,
                     hidden=hidden,
                     light_from=dpiv.light_from,
@@ -85,7 +89,11 @@ def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1, quick: bool = F
         return registration
     view = registration.pose.view(*corners, VIEW_MARGIN)
     write_registration(
-        registration, files.registration, dpiv_sha256=sha256(dpiv.folder / NAME), seed=seed, view=view
+        registration,
+        files.registration,
+        dpiv_sha256=sha256(dpiv.folder / NAME),
+        seed=seed,
+        view=view,
     )
     text = " ".join(f"{v:.3f}" for v in view) + "\n"
     if not files.view.exists() or files.view.read_text(encoding="utf-8") != text:
@@ -104,7 +112,9 @@ def refuse_what_does_not_fit(files: LabFiles, check: FitCheck, dpiv: Dpiv, keep:
             files.registration.unlink(missing_ok=True)  # of other pictures, perhaps
         write_bytes(files.refused, draw_fit(check))
         reasons = "; also, ".join(check.refusals)
-        raise StageError(f"{dpiv.folder / NAME}: the registration is refused: {reasons}; see {files.refused}")
+        raise StageError(
+            f"{dpiv.folder / NAME}: the registration is refused: {reasons}; see {files.refused}"
+        )
 
 
 def check_bend(kinematics: Kinematics, path: Path) -> None:
@@ -150,9 +160,13 @@ def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
     scale = dpiv.scale.std_percent / 100
     turn = float(np.radians(axes.turn_std_deg))
     covariance = np.diag([axes.root_std_mm * 1e-3, axes.root_std_mm * 1e-3, turn, scale]) ** 2
-    pose = Pose(1.0, float(np.radians(axes.turn_deg)), kinematics.root, (float(at[0]), float(at[1])))
+    pose = Pose(
+        1.0, float(np.radians(axes.turn_deg)), kinematics.root, (float(at[0]), float(at[1]))
+    )
     law = Law(np.array([1.0, -start.at_s, 1.0]), np.diag([0.0, start.std_s**2, 0.0]), 0.0)
-    return Registration(pose, covariance, NO_NUISANCE, law, np.empty(0), np.empty(0), np.empty(0), pose)
+    return Registration(
+        pose, covariance, NO_NUISANCE, law, np.empty(0), np.empty(0), np.empty(0), pose
+    )
 
 
 def registration_summary(registration: Registration, kinematics: Kinematics) -> dict[str, Any]:
@@ -173,7 +187,9 @@ def registration_summary(registration: Registration, kinematics: Kinematics) -> 
         "pressure_factor_std": law.std("factor"),
         "stretch": float(law.values[2]),
         "stretch_std": law.std("stretch"),
-        "misfit_deg": float(np.degrees(abs(kinematics.splines["bend"](kinematics.high, 1)) * law.misfit)),
+        "misfit_deg": float(
+            np.degrees(abs(kinematics.splines["bend"](kinematics.high, 1)) * law.misfit)
+        ),
     }
     if stated is not None:
         off = (np.asarray(pose.at_px) - stated.at_px) * scale * 1e3

@@ -20,7 +20,11 @@ WORDS = {
 def answer(result: dict[str, Any]) -> str:
     """The page's first sentences: an answer for the motion and one for the flow, what each rests on, what is to blame."""
     motion = "not tested" if result["motion"] is None else WORDS[result["motion"]]
-    parts = [f"Motion: {motion}. Flow: {WORDS[result['flow']]}.", motion_answer(result), flow_answer(result)]
+    parts = [
+        f"Motion: {motion}. Flow: {WORDS[result['flow']]}.",
+        motion_answer(result),
+        flow_answer(result),
+    ]
     if result["verdict"] == "model error":
         parts += [blame(result)]
     return " ".join(part for part in [*parts, by_chance(result), incomplete(result)] if part)
@@ -114,9 +118,7 @@ def by_chance(result: dict[str, Any]) -> str:
     judged = result["quantities"]
     wrong = [q for q in judged if q["verdict"] == "model error"]
     alone = ", ".join(q["label"] for q in wrong if q["name"] not in result["wrong"])
-    by_itself = (
-        f"Beyond its own limit of 95{NBSP}%: {alone}; among {len(judged)} quantities that may be chance."
-    )
+    by_itself = f"Beyond its own limit of 95{NBSP}%: {alone}; among {len(judged)} quantities that may be chance."
     return by_itself if alone else ""
 
 
@@ -142,7 +144,9 @@ def incomplete(result: dict[str, Any]) -> str:
 def blame(result: dict[str, Any]) -> str:
     """What the quantities together say is to blame: the motion, and what it does to the flow; else the flow model, and which part."""
     registration = result["registration"]
-    wrong = [q for q in result["quantities"] if q["name"] in result["wrong"] and q["name"] not in MOTION]
+    wrong = [
+        q for q in result["quantities"] if q["name"] in result["wrong"] and q["name"] not in MOTION
+    ]
     text = []
     if result["motion"] == "model error":
         factor, stretch = registration["pressure_factor"], registration["stretch"]
@@ -165,11 +169,15 @@ def blame_of_flow(result: dict[str, Any], wrong: list[dict[str, Any]]) -> str:
     elif result["motion"] is None:
         text = "The flow model is to blame, or a motion other than the simulated one."
     elif any(q["explained_by_motion"] is not None for q in wrong):
-        text = f"At the recording's own motion the flow differs ({names}): the flow model is to blame."
+        text = (
+            f"At the recording's own motion the flow differs ({names}): the flow model is to blame."
+        )
     elif result["motion"] == "agrees":
         text = "The finger moves as simulated, so the flow model is to blame, not the motion."
     else:
-        return "Motion and flow model are not told apart; make compare-measured takes the motion out."
+        return (
+            "Motion and flow model are not told apart; make compare-measured takes the motion out."
+        )
     return f"{text} {separated(wrong, result)}"
 
 
@@ -188,7 +196,11 @@ def motion_effect(result: dict[str, Any]) -> str:
 def _share(values: Any, q: dict[str, Any]) -> str:
     """A difference in per cent of what the quantity is measured by; a length for a place."""
     values = np.atleast_1d(np.asarray(values, float))
-    return size(values, q["unit"]) if values.size > 1 else f"{100 * values[0] / abs(q['scale']):+.0f}{NBSP}%"
+    return (
+        size(values, q["unit"])
+        if values.size > 1
+        else f"{100 * values[0] / abs(q['scale']):+.0f}{NBSP}%"
+    )
 
 
 NUMERICS = {"grid": "the mesh", "time_step": "the time step"}
@@ -201,14 +213,20 @@ def separated(wrong: list[dict[str, Any]], result: dict[str, Any]) -> str:
     for name, what in NUMERICS.items():
         of = [next((s for s in q["sources"] if s["name"] == name), None) for q in wrong]
         known = [(q, s) for q, s in zip(wrong, of, strict=True) if s is not None]
-        small = all(q["k"] * np.linalg.norm(s["std"]) < 0.5 * np.linalg.norm(q["error"]) for q, s in known)
+        small = all(
+            q["k"] * np.linalg.norm(s["std"]) < 0.5 * np.linalg.norm(q["error"]) for q, s in known
+        )
         (out if known and small else open_).append(what)
     open_ += (
-        ["the viscosity"] if not any(s["name"] == "viscosity" for q in wrong for s in q["sources"]) else []
+        ["the viscosity"]
+        if not any(s["name"] == "viscosity" for q in wrong for s in q["sources"])
+        else []
     )
     open_ += ["the two dimensions of this level"] if result["two_dimensional"] else []
     text = f"The runs rule out {' and '.join(out)} as the cause. " if out else ""
-    return f"{text}Not told apart by any run: {', '.join([*open_, 'what the equations leave out'])}."
+    return (
+        f"{text}Not told apart by any run: {', '.join([*open_, 'what the equations leave out'])}."
+    )
 
 
 def _more(factor: float, more: str, less: str) -> str:

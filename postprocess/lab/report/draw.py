@@ -43,7 +43,9 @@ def fields(
     shown = [(plane, *frame(plane, index)) for plane in (data, simulation)]
     curls = [vorticity(field, ok, x, y) for _, field, ok in shown]
     limit = float(np.ceil(np.nanpercentile(np.abs(curls[0]), 99.5) / 5) * 5) or 1.0
-    fastest = max(float(np.nanpercentile(np.hypot(*np.where(ok, f, np.nan)), 99.5)) for _, f, ok in shown)
+    fastest = max(
+        float(np.nanpercentile(np.hypot(*np.where(ok, f, np.nan)), 99.5)) for _, f, ok in shown
+    )
     every = max(1, x.size // ARROWS)
     cut = (slice(every // 2, None, every),) * 2
     gx, gy = np.meshgrid(x * MM, y * MM)
@@ -63,11 +65,17 @@ def fields(
     shade = axes[1, 0].imshow(size, cmap="magma_r", vmin=0, vmax=top, **style)
     arrows = np.ma.masked_invalid(error)
     axes[1, 0].quiver(gx[cut], gy[cut], arrows[0][cut], arrows[1][cut], scale=scale / 4, **THIN)
-    axes[1, 0].set_title("E: S of the finer runs at the recording's motion, less D (arrows 4 × longer)")
+    axes[1, 0].set_title(
+        "E: S of the finer runs at the recording's motion, less D (arrows 4 × longer)"
+    )
     figure.colorbar(shade, ax=axes[1, 0], shrink=0.85, label="|E|, mm/s")
     shade = axes[1, 1].imshow(significance, cmap="cividis_r", vmin=0, vmax=2 * k, **style)
-    axes[1, 1].contour(x * MM, y * MM, np.nan_to_num(significance), [k], colors="black", linewidths=0.8)
-    axes[1, 1].set_title(f"significance |E|/u_val (within the line, above {k:.2f}: not explained, at 95 %)")
+    axes[1, 1].contour(
+        x * MM, y * MM, np.nan_to_num(significance), [k], colors="black", linewidths=0.8
+    )
+    axes[1, 1].set_title(
+        f"significance |E|/u_val (within the line, above {k:.2f}: not explained, at 95 %)"
+    )
     figure.colorbar(shade, ax=axes[1, 1], shrink=0.85, label="|E|/u_val")
     for ax in axes[1]:
         _finger(ax, data, index)
@@ -90,7 +98,9 @@ def _finger(ax, plane: xr.Dataset, index: int) -> None:
     )
 
 
-def series(table: pd.DataFrame, quantities: dict[str, dict[str, Any]], window: tuple[float, float]) -> Figure:
+def series(
+    table: pd.DataFrame, quantities: dict[str, dict[str, Any]], window: tuple[float, float]
+) -> Figure:
     """Circulation, core radius and jet speed over time with 95 % bands of each instant on both sides."""
     rows = (
         ("circulation", 1e4, "circulation, cm²/s"),
@@ -116,14 +126,20 @@ def series(table: pd.DataFrame, quantities: dict[str, dict[str, Any]], window: t
                 ax.fill_between(table["time"], low, high, color=COLOUR[side], alpha=0.2, lw=0)
         ax.axvspan(*window, color="#f0e9d8", zorder=0)
         ax.set_ylabel(label)
-    axes[0].set_title("Tip vortex and jet over time, of the nominal run; bands hold 95 % of each instant")
+    axes[0].set_title(
+        "Tip vortex and jet over time, of the nominal run; bands hold 95 % of each instant"
+    )
     axes[0].legend(loc="best")
     axes[2].set_xlabel("time of the simulation, s")
     return figure
 
 
 def paths(
-    table: pd.DataFrame, direct: xr.Dataset, pose: Pose, window: tuple[float, float], centre: dict[str, Any]
+    table: pd.DataFrame,
+    direct: xr.Dataset,
+    pose: Pose,
+    window: tuple[float, float],
+    centre: dict[str, Any],
 ) -> Figure:
     """Vortex paths of both sides over the finger's outline at three instants, tank frame."""
     figure, ax = new_figure(6.8, 6.0)
@@ -131,7 +147,9 @@ def paths(
     middle = int(np.argmin(np.abs(times - np.mean(window))))
     for index, tone in ((0, "0.85"), (middle, "0.65"), (times.size - 1, "0.25")):
         ax.fill(
-            *(pose.from_camera(direct["outline"].values[index, 0]).T * MM), facecolor=tone, edgecolor="none"
+            *(pose.from_camera(direct["outline"].values[index, 0]).T * MM),
+            facecolor=tone,
+            edgecolor="none",
         )
     for side in ("direct", "virtual", "data"):
         if f"x_{side}" in table:
@@ -141,11 +159,18 @@ def paths(
             )  # fmt: skip
     inside = table[table["time"].between(*window)]
     some = inside.iloc[:: max(1, len(inside) // 6)]
-    half = K95 * np.hypot(*(np.asarray(centre["u_instant"][side]) for side in ("data", "simulation"))) * MM
+    half = (
+        K95
+        * np.hypot(*(np.asarray(centre["u_instant"][side]) for side in ("data", "simulation")))
+        * MM
+    )
     x, y, label = some["x_data"] * MM, some["y_data"] * MM, "95 % of E at an instant"
     ax.errorbar(x, y, half[1], half[0], fmt="none", ecolor=GREY, label=label)
     ax.set(
-        aspect="equal", xlabel="x, mm", ylabel="y, mm", title="Paths of the vortex centre, of the nominal run"
+        aspect="equal",
+        xlabel="x, mm",
+        ylabel="y, mm",
+        title="Paths of the vortex centre, of the nominal run",
     )
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
@@ -159,15 +184,25 @@ def budgets(quantities: list[dict[str, Any]]) -> Figure:
         parts = [(s["name"], s["kind"], float(np.sum(np.square(s["std"])))) for s in q["sources"]]
         total = sum(p[2] for p in parts) or 1.0
         left = 0.0
-        for name, kind, value in sorted(parts, key=lambda p: (list(KIND_COLOUR).index(p[1]), -p[2])):
+        for name, kind, value in sorted(
+            parts, key=lambda p: (list(KIND_COLOUR).index(p[1]), -p[2])
+        ):
             share = 100 * value / total
             label = KIND_NAME[kind] if kind not in seen else None
             seen.add(kind)
             ax.barh(
-                row, share, left=left, color=KIND_COLOUR[kind], edgecolor="white", label=label, height=0.7
+                row,
+                share,
+                left=left,
+                color=KIND_COLOUR[kind],
+                edgecolor="white",
+                label=label,
+                height=0.7,
             )
             if share > 9:
-                ax.text(left + share / 2, row, name, ha="center", va="center", color="white", fontsize=8)
+                ax.text(
+                    left + share / 2, row, name, ha="center", va="center", color="white", fontsize=8
+                )
             left += share
     _label_rows(ax, quantities)
     ax.set(xlabel="share of u_val², %", xlim=(0, 100), title="Where the uncertainty comes from")
@@ -199,18 +234,31 @@ def verdicts(quantities: list[dict[str, Any]]) -> Figure:
 
 
 def motion(
-    table: pd.DataFrame, registration: dict[str, Any], data_bend: tuple[np.ndarray, np.ndarray] | None
+    table: pd.DataFrame,
+    registration: dict[str, Any],
+    data_bend: tuple[np.ndarray, np.ndarray] | None,
 ) -> Figure:
     """Bend angle over time: the simulation's, the law fitted to the recording, and what single frames show."""
     figure, ax = new_figure(8.8, 3.8)
     ax.plot(table["time"], table["bend_deg_direct"], color=CFD, label="simulation")
-    ax.plot(table["time"], table["bend_deg_data"], color=THIRD, label="recording, law of motion fitted")
+    ax.plot(
+        table["time"], table["bend_deg_data"], color=THIRD, label="recording, law of motion fitted"
+    )
     if data_bend is not None:
         ax.plot(
-            data_bend[0], np.degrees(data_bend[1]), ".", color=GREY, ms=5, label="recording, single frames"
+            data_bend[0],
+            np.degrees(data_bend[1]),
+            ".",
+            color=GREY,
+            ms=5,
+            label="recording, single frames",
         )
     law = f"factor {registration['pressure_factor']:.3f}, duration × {registration['stretch']:.3f}"
-    ax.set(xlabel="time of the simulation, s", ylabel="bend angle, °", title=f"Motion of the finger ({law})")
+    ax.set(
+        xlabel="time of the simulation, s",
+        ylabel="bend angle, °",
+        title=f"Motion of the finger ({law})",
+    )
     ax.legend(loc="best")
     return figure
 
@@ -231,7 +279,11 @@ def overlay(picture: np.ndarray, outlines: dict[str, np.ndarray]) -> Figure:
         ax.plot(*closed.T, color=colour, lw=1.4, label=name)
     ax.grid(False)
     ax.set(
-        xlabel="px", ylabel="px", xlim=(0, columns), ylim=(0, rows), title="The finger found in the picture"
+        xlabel="px",
+        ylabel="px",
+        xlim=(0, columns),
+        ylim=(0, rows),
+        title="The finger found in the picture",
     )
     ax.legend(loc="lower right", facecolor="white", frameon=True)
     return figure

@@ -30,9 +30,13 @@ FIELD_DPI = 120
 def make_report(files: LabFiles) -> Path:
     """Write figures/*.svg, *.pdf and report.html. FileNotFoundError where the comparison was not run."""
     if not files.comparison.exists():
-        raise FileNotFoundError(f"{files.comparison} is missing; run python -m postprocess.lab compare first")
+        raise FileNotFoundError(
+            f"{files.comparison} is missing; run python -m postprocess.lab compare first"
+        )
     result = LAB_COMPARISON.read(files.comparison)
-    pictures = {name: (_saved(files, name, figure), alt) for name, figure, alt in figures(files, result)}
+    pictures = {
+        name: (_saved(files, name, figure), alt) for name, figure, alt in figures(files, result)
+    }
     path = files.folder / "report.html"
     write_text(path, page(scene_title(files.stage.scene_folder), result, pictures))
     return path
@@ -85,7 +89,9 @@ def figures(files: LabFiles, result: dict[str, Any]) -> Iterator[tuple[str, Figu
     yield "budgets", draw.budgets(result["quantities"]), alt
     for part, word in ((0.25, "early"), (0.75, "late")):
         k = int(part * (len(rows) - 1))
-        figure = draw.fields(planes["data"], planes["virtual"], rows[k], error[k], significance[k], 2.45)
+        figure = draw.fields(
+            planes["data"], planes["virtual"], rows[k], error[k], significance[k], 2.45
+        )
         time = float(planes["data"]["time"].values[rows[k]])
         alt = f"Velocity of laboratory and simulation, their difference and its significance at {time:.3f} s"
         yield f"field_{word}", figure, alt
@@ -102,7 +108,8 @@ def figures(files: LabFiles, result: dict[str, Any]) -> Iterator[tuple[str, Figu
         fitted = law_pressure(kinematics, np.array([picture_time + law.delay]), law.values)[0]
         pressures = {"recording, fitted": fitted, "simulation": float(kinematics.law(picture_time))}
         outlines = {
-            name: registration.pose.to_px(kinematics.shape("outline", p)) for name, p in pressures.items()
+            name: registration.pose.to_px(kinematics.shape("outline", p))
+            for name, p in pressures.items()
         }
         alt = "A picture of the recording with the finger's outline as fitted and as simulated"
         yield "picture", draw.overlay(picture, outlines), alt

@@ -88,7 +88,9 @@ def rows(result: dict[str, Any]) -> list[dict[str, Any]]:
                 else f"{size(q['detectable'], unit)} ({relative(q)})",
                 "sentence": verdict_sentence(q),
                 "dominant": f"{q['dominant']} ({BLAME[source['kind']]})",
-                "sources": [(s["name"], s["kind"], size(s["std"], unit), s["how"]) for s in q["sources"]],
+                "sources": [
+                    (s["name"], s["kind"], size(s["std"], unit), s["how"]) for s in q["sources"]
+                ],
             }
         )
     return out
@@ -105,6 +107,10 @@ def tiles(result: dict[str, Any]) -> list[tuple[str, str, str]]:
     delay = f"± {1.96 * r['delay_std_ms']:.1f} ms"
     out.append((f"{r['delay_ms']:.1f}{NBSP}ms", "delay of the recording's clock", delay))
     out.append(
-        (f"{r['scale_m_per_px'] * 1e3:.4f}", "scale, mm/px", f"± {1.96 * r['scale_std_percent']:.2f} %")
+        (
+            f"{r['scale_m_per_px'] * 1e3:.4f}",
+            "scale, mm/px",
+            f"± {1.96 * r['scale_std_percent']:.2f} %",
+        )
     )
     return out

@@ -9,7 +9,14 @@ import numpy as np
 import xarray as xr
 
 from fileio.formats.kinematics import Kinematics
-from fileio.formats.plane_series import OUTLIER, UNCERTAIN, VALID, make_plane, read_plane, write_plane
+from fileio.formats.plane_series import (
+    OUTLIER,
+    UNCERTAIN,
+    VALID,
+    make_plane,
+    read_plane,
+    write_plane,
+)
 from piv.synthetic.camera import Camera
 from postprocess.evidence.fields import ROUNDING, on_grid
 from postprocess.lab.data.dpiv_toml import Dpiv, LabCamera
@@ -54,7 +61,9 @@ def on_common_grid(
     with read_plane(files.sheet) as sheet:
         sheet = sheet.load()
     make = _of_pictures if dpiv.kind == "pictures" else _of_vectors
-    data, virtual, picture, seen = make(files, dpiv, kinematics, registration, sheet, seed, threads, quiet)
+    data, virtual, picture, seen = make(
+        files, dpiv, kinematics, registration, sheet, seed, threads, quiet
+    )
     pose, times = registration.pose, data["time"].values
     direct = camera_series(sheet, pose, data["x"].values, data["y"].values, times)
     written = ("data", "lab", data), ("virtual", "piv", virtual), ("direct", "cfd", direct)
@@ -82,11 +91,18 @@ def used_frames(
     return index, np.clip(at[index], *span)
 
 
-def with_finger(plane: xr.Dataset, kinematics: Kinematics, pose: Pose, pressures: np.ndarray) -> xr.Dataset:
+def with_finger(
+    plane: xr.Dataset, kinematics: Kinematics, pose: Pose, pressures: np.ndarray
+) -> xr.Dataset:
     """A plane series in the camera frame with the finger's shape at each instant's pressure (Pa)."""
-    shapes = {name: np.array([kinematics.fingers(name, p) for p in pressures]) for name in kinematics.splines}
+    shapes = {
+        name: np.array([kinematics.fingers(name, p) for p in pressures])
+        for name in kinematics.splines
+    }
     finger = {name: in_camera(name, values, pose) for name, values in shapes.items()}
-    grids = {str(n): plane[n].values for n in plane.data_vars if plane[n].dims == ("time", "y", "x")}
+    grids = {
+        str(n): plane[n].values for n in plane.data_vars if plane[n].dims == ("time", "y", "x")
+    }
     x, y, time = (plane[name].values for name in ("x", "y", "time"))
     out = make_plane(x, y, time=time, **grids, **finger)
     return out.assign_attrs(plane.attrs | {"tip_width": kinematics.tip_width})
@@ -105,7 +121,9 @@ def _of_pictures(files, dpiv, kinematics, registration, sheet, seed, threads, qu
         theirs = law_pressure(kinematics, times + law.delay, law.values)
         shapes = outlines_px(kinematics, pose, theirs)
         output = files.folder / "data_piv.h5"
-        piv = evaluate(recording, index, times, shapes, pose, dpiv.piv, output, threads=threads, quiet=quiet)
+        piv = evaluate(
+            recording, index, times, shapes, pose, dpiv.piv, output, threads=threads, quiet=quiet
+        )
         pressures = law_pressure(kinematics, piv["time"].values + law.delay, law.values)
         data = with_finger(piv, kinematics, pose, pressures)
         chosen = thinned(np.arange(index.size), SEEDING_PICTURES)
@@ -177,11 +195,19 @@ def _of_vectors(files, dpiv, kinematics, registration, sheet, seed, threads, qui
     more = {}
     for name in ("u_std", "v_std", "valid"):
         filled = virtual.assign(u=virtual[name], v=virtual[name])
-        more[name] = np.where(whole, on_grid(filled, data["x"].values, data["y"].values)[0][:, 0], np.nan)
+        more[name] = np.where(
+            whole, on_grid(filled, data["x"].values, data["y"].values)[0][:, 0], np.nan
+        )
     sure = more.pop("valid") > 1 - ROUNDING
     more["flag"] = np.where(sure, VALID, np.where(whole, UNCERTAIN, OUTLIER)).astype(np.uint8)
     velocity = np.where(whole[:, None], velocity, np.nan)
     virtual = make_plane(
-        data["x"].values, data["y"].values, velocity[:, 0], velocity[:, 1], time=times, valid=sure, **more
+        data["x"].values,
+        data["y"].values,
+        velocity[:, 0],
+        velocity[:, 1],
+        time=times,
+        valid=sure,
+        **more,
     )
     return data, with_finger(virtual, kinematics, pose, kinematics.law(times)), None, asdict(seen)

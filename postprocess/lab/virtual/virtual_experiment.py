@@ -20,7 +20,9 @@ from postprocess.lab.data.dpiv_toml import Evaluation
 from postprocess.lab.data.pictures import MaskedRecording
 from postprocess.lab.data.pose import Pose, camera_series
 
-RENDER_MARGIN = 0.004  # m beyond the picture, so that particles that enter it have come from somewhere
+RENDER_MARGIN = (
+    0.004  # m beyond the picture, so that particles that enter it have come from somewhere
+)
 
 
 def evaluate(
@@ -31,7 +33,10 @@ def evaluate(
     assert piv.pairing is not None  # the schema's own check
     frames = MaskedRecording(recording, indices, times, outlines, pose.scale_m_per_px)
     options = Options(
-        window=piv.window, spacing=piv.spacing, preset=piv.preset, smoothing=piv.smoothing is not False
+        window=piv.window,
+        spacing=piv.spacing,
+        preset=piv.preset,
+        smoothing=piv.smoothing is not False,
     )
     sequence = SequenceOptions(
         piv.pairing or "1-2,2-3", 0, piv.every, preprocess=piv.preprocess, threads=threads
@@ -86,4 +91,6 @@ def virtual_experiment(
     virtual_recording(sheet, pose, camera, seeding, times, path, paired=paired, seed=seed)
     with open_recording(str(path)) as recording:
         every, output = np.arange(times.size), folder / "virtual_piv.h5"
-        return evaluate(recording, every, times, outlines, pose, piv, output, threads=threads, quiet=quiet)
+        return evaluate(
+            recording, every, times, outlines, pose, piv, output, threads=threads, quiet=quiet
+        )

@@ -45,11 +45,17 @@ class SetUp:
         stated = self.camera.scale_m_per_px
         origin = np.asarray(self.camera.origin_px)
         at = origin + (np.asarray(root) + np.asarray(self.shift_mm) * 1e-3) / stated
-        return Pose(stated * (1 + self.scale_error), float(np.radians(self.turn_deg)), root, (at[0], at[1]))
+        return Pose(
+            stated * (1 + self.scale_error), float(np.radians(self.turn_deg)), root, (at[0], at[1])
+        )
 
 
 def make_recording(
-    sheet: xr.Dataset, set_up: SetUp, root: tuple[float, float], folder: Path, pairs_hz: float | None = None
+    sheet: xr.Dataset,
+    set_up: SetUp,
+    root: tuple[float, float],
+    folder: Path,
+    pairs_hz: float | None = None,
 ) -> Path:
     """Write recording.h5 (frames only, as from a camera) and truth.json; returns the recording.
 
@@ -121,7 +127,9 @@ def write_dpiv(
     write_text(folder / "dpiv.toml", text)
 
 
-def camera_for(root: tuple[float, float], columns: int, scale_m_per_px: float, rate: float) -> Camera:
+def camera_for(
+    root: tuple[float, float], columns: int, scale_m_per_px: float, rate: float
+) -> Camera:
     """A 5:4 camera that sees a hanging finger from its root to where it bends."""
     rows = columns * 4 // 5
     middle = np.array([root[0] + 0.020, root[1] - 0.055])
@@ -142,7 +150,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--shift-mm", nargs=2, type=float, default=(1.0, 0.5), metavar=("X", "Y"))
     parser.add_argument("--turn-deg", type=float, default=2.0)
     parser.add_argument("--scale-error", type=float, default=0.01)
-    parser.add_argument("--start", type=float, default=0.007, help="s of the run at the first picture")
+    parser.add_argument(
+        "--start", type=float, default=0.007, help="s of the run at the first picture"
+    )
     parser.add_argument("--columns", type=int, default=640)
     parser.add_argument("--scale-mm-per-px", type=float, default=0.25)
     parser.add_argument("--density-ppp", type=float, default=0.05)
@@ -151,7 +161,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pairs-hz", type=float, help="take pairs of pictures at this rate, not all pictures"
     )
-    parser.add_argument("--every", type=int, default=5, help="correlate one pair of pictures of so many")
+    parser.add_argument(
+        "--every", type=int, default=5, help="correlate one pair of pictures of so many"
+    )
     parser.add_argument("--seed", type=int, default=1)
 
 
@@ -171,5 +183,7 @@ def run(args: argparse.Namespace) -> None:
     with read_plane(args.sheet) as sheet:
         make_recording(sheet.load(), set_up, kinematics.root, args.output, args.pairs_hz)
     name, window = args.case.name, args.window
-    write_dpiv(set_up, kinematics.root, args.output, name, window, args.spacing, args.pairs_hz, args.every)
+    write_dpiv(
+        set_up, kinematics.root, args.output, name, window, args.spacing, args.pairs_hz, args.every
+    )
     print(args.output)

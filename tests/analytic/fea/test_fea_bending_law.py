@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from pipeline.fea.cell.bending_law import air, bending_law, compliance, curvatures, rubber, stiffness
+from pipeline.fea.cell.bending_law import (
+    air,
+    bending_law,
+    compliance,
+    curvatures,
+    rubber,
+    stiffness,
+)
 from pipeline.fea.cell.path import follow
 from pipeline.fea.cell.unit_cell import UnitCell
 from tests.finger_cell import ACTUATOR, SMALL, shipped_states
@@ -27,7 +34,9 @@ def test_moment_about_the_neutral_axis_changes_no_length_there():
     _, height = stiffness(cell, state)
     turned = cell.solve(state, 0.0, 1e-5)
     # in a straight finger: u + height sin φ = 0, but for terms of second order in φ = 1e-4
-    assert abs(turned.plane_shift + height * turned.plane_angle) < 1e-3 * height * turned.plane_angle
+    assert (
+        abs(turned.plane_shift + height * turned.plane_angle) < 1e-3 * height * turned.plane_angle
+    )
 
 
 def test_volumes_and_masses_at_rest():
@@ -58,7 +67,13 @@ def test_shipped_law_is_that_of_the_independent_prototype():
     """EI (mN m²) and neutral axis (mm) of a separate implementation, given with three digits; both on the same mesh."""
     shipped = shipped_states()
     assert shipped.law is not None
-    table = {-20: (0.560, 2.85), -10: (0.439, 2.53), 0: (0.471, 2.33), 10: (0.484, 2.06), 20: (0.489, 1.76)}
+    table = {
+        -20: (0.560, 2.85),
+        -10: (0.439, 2.53),
+        0: (0.471, 2.33),
+        10: (0.484, 2.06),
+        20: (0.489, 1.76),
+    }
     for kpa, (ei, axis) in table.items():
         at = int(np.argmin(np.abs(shipped.pressure - 1e3 * kpa)))
         assert 1e3 * shipped.law.stiffness[at] == pytest.approx(ei, abs=5e-4)

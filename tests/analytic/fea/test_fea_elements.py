@@ -14,7 +14,9 @@ MU = 1e5
 BULK = 5000 * MU
 NEO_HOOKE = Material(law="neo_hooke", parameters={"mu": MU}, bulk=BULK)
 # In plane strain I1 = I2, so that Mooney–Rivlin is neo-Hooke with μ = 2 (C10 + C01).
-MOONEY_RIVLIN = Material(law="mooney_rivlin", parameters={"C10": 0.4 * MU, "C01": 0.1 * MU}, bulk=BULK)
+MOONEY_RIVLIN = Material(
+    law="mooney_rivlin", parameters={"C10": 0.4 * MU, "C01": 0.1 * MU}, bulk=BULK
+)
 
 
 def box(cells, size):
@@ -72,7 +74,10 @@ def test_thick_walled_cylinder_under_pressure(material):
     held[mesh.points[:, 1] == 0, 1] = True
     inside = mesh.points[:, 0] == 0
     moved = places + newton(
-        body, np.flatnonzero(held), np.zeros(held.size), pressure=(follower_pressure(tube, inside), pressure)
+        body,
+        np.flatnonzero(held),
+        np.zeros(held.size),
+        pressure=(follower_pressure(tube, inside), pressure),
     )
     radii = np.linalg.norm(moved[inside, :2], axis=1)
     closed = inflated_radius(pressure, inner, outer)
@@ -94,7 +99,9 @@ def test_cantilever_does_not_lock():
     held[mesh.points[:, 2] == 0, 2] = True
     end = x == length
     young = 9 * bulk * MU / (3 * bulk + MU)
-    force = 0.01 * length * 3 * young * width * height**3 / 12 / length**3  # 1 % of the length: small
+    force = (
+        0.01 * length * 3 * young * width * height**3 / 12 / length**3
+    )  # 1 % of the length: small
     load = np.zeros(mesh.points.shape)
     load[end, 1] = force / end.sum()
     moved = newton(body, np.flatnonzero(held), load.ravel(), steps=1)

@@ -63,7 +63,9 @@ def test_wider_bends_more(pressure_kpa):
 
 @pytest.mark.parametrize("pressure_kpa", [-20, -10, 10, 20])
 def test_softness_of_the_upper_layer_outweighs_that_of_the_lower(pressure_kpa):
-    both, upper, lower = (abs(at(STUDIES[name], pressure_kpa)) for name in ("u30_l30", "u10_l30", "u30_l10"))
+    both, upper, lower = (
+        abs(at(STUDIES[name], pressure_kpa)) for name in ("u30_l30", "u10_l30", "u30_l10")
+    )
     assert upper < lower < both
     assert 1 / upper - 1 / both > 2 * (1 / lower - 1 / both)
 
@@ -71,7 +73,9 @@ def test_softness_of_the_upper_layer_outweighs_that_of_the_lower(pressure_kpa):
 @pytest.mark.parametrize("pressure_kpa", [*range(-20, -5), *range(6, 41)])
 def test_default_agrees_with_the_papers_equations(pressure_kpa):
     # The bound, for −20…40 kPa and |P| > 5 kPa; the roof's and channel's heights are chosen for it.
-    assert radius_mm(pressure_kpa) == pytest.approx(float(paper_bend(1e3 * pressure_kpa)[1]) * 1e3, rel=0.15)
+    assert radius_mm(pressure_kpa) == pytest.approx(
+        float(paper_bend(1e3 * pressure_kpa)[1]) * 1e3, rel=0.15
+    )
 
 
 def test_unit_cell_agrees_with_the_whole_finger_in_3d():
@@ -81,14 +85,18 @@ def test_unit_cell_agrees_with_the_whole_finger_in_3d():
         assert radius_mm(pressure / 1e3) == pytest.approx(
             radius * 1e3, rel=0.02
         )  # as much as a finer mesh may change it
-    assert (solid.wall_gap <= 1e-4).all()  # third column: rms residual of the circle fit; bound: 0.1 mm
+    assert (
+        solid.wall_gap <= 1e-4
+    ).all()  # third column: rms residual of the circle fit; bound: 0.1 mm
 
 
 def test_shipped_states_are_whole():
     assert (np.diff(STATES.pressure) > 0).all()
     assert STATES.converged.all()
     assert (STATES.thickness > 0).all()
-    assert np.abs(np.diff(np.rad2deg(STATES.bend_angle))).max() < 7.5  # chord error of cubic splines: 0.15 mm
+    assert (
+        np.abs(np.diff(np.rad2deg(STATES.bend_angle))).max() < 7.5
+    )  # chord error of cubic splines: 0.15 mm
     assert not any(
         crosses_itself(outline(line, high))
         for line, high in zip(STATES.profile, STATES.thickness, strict=True)
@@ -96,4 +104,7 @@ def test_shipped_states_are_whole():
     assert STATES.wall_gap is not None
     assert (np.diff(STATES.wall_gap[STATES.pressure <= 0]) >= 0).all()  # suction closes the gaps
     assert np.isfinite(STATES.radius_std[STATES.pressure != 0]).all()
-    assert set(STATES.about["uncertainty"]["curvature_std"]) >= {"pressure ± 0.2 kPa", "mesh 1.5 × finer"}
+    assert set(STATES.about["uncertainty"]["curvature_std"]) >= {
+        "pressure ± 0.2 kPa",
+        "mesh 1.5 × finer",
+    }

@@ -41,9 +41,15 @@ def compared(tmp_path_factory):
         water = vortex_series(kinematics, np.linspace(0.09, 0.20, 12), gain=gain, spacing=2e-3)
         path = make_recording(water, lab, kinematics.root, folder / f"{gain}", RATE)
         with open_recording(str(path)) as recording:
-            times = START + np.arange(len(recording)) // 2 / RATE + np.arange(len(recording)) % 2 * 0.002
+            times = (
+                START
+                + np.arange(len(recording)) // 2 / RATE
+                + np.arange(len(recording)) % 2 * 0.002
+            )
             shapes = outlines_px(kinematics, pose, kinematics.law(times))
-            data = evaluate(recording, np.arange(times.size), times, shapes, pose, PIV, folder / f"{gain}.h5")
+            data = evaluate(
+                recording, np.arange(times.size), times, shapes, pose, PIV, folder / f"{gain}.h5"
+            )
             images = [recording.frame(i) for i in (0, 4)]
             seen = appearance_of(images, [outline_mask(shapes[i], recording.shape) for i in (0, 4)])
         data = with_finger(data, kinematics, pose, kinematics.law(data["time"].values))
@@ -85,9 +91,14 @@ def compared(tmp_path_factory):
         out[gain] = compare(case, INPUTS)
     # a run of finer numerics that has the stronger vortex of the last recording
     lacks = {
-        q["name"]: float(q["data"][0] - (q["direct"] - q["finer"])[0]) for q in out[1.25][0]["quantities"][:4]
+        q["name"]: float(q["data"][0] - (q["direct"] - q["finer"])[0])
+        for q in out[1.25][0]["quantities"][:4]
     }
-    strong = SMALL | {"x": 0.0, "y": 0.0} | {n: lacks[n] for n in ("circulation", "core_radius", "jet_speed")}
+    strong = (
+        SMALL
+        | {"x": 0.0, "y": 0.0}
+        | {n: lacks[n] for n in ("circulation", "core_radius", "jet_speed")}
+    )
     out["finer"] = compare(replace(case, effects=[_grid_effect(direct, 0.25, strong, 0.1)]), INPUTS)
     return out
 
@@ -97,7 +108,9 @@ SMALL = {"circulation": 5e-5, "x": 1e-4, "y": 1e-4, "core_radius": 6e-5, "jet_sp
 
 def _grid_effect(direct, part=0.01, change=SMALL, per_std=1.0) -> Effect:
     """A run of finer numerics: its field is stronger by a part of everything."""
-    field = part * np.nan_to_num(np.stack([direct["u"].values, direct["v"].values], axis=1).astype(float))
+    field = part * np.nan_to_num(
+        np.stack([direct["u"].values, direct["v"].values], axis=1).astype(float)
+    )
     change = pd.Series(change)
     return Effect("grid", "numerical", "stated", per_std, change, 0.0 * change, field, 0.0, 0.0)
 
@@ -140,7 +153,9 @@ def test_what_a_finer_run_changes_is_no_model_error(compared):
 def test_difference_splits_into_measurement_and_model(compared):
     for q in by_name(compared[1.25]).values():
         if q["measurement_part"] is not None:
-            np.testing.assert_allclose(q["direct"] - q["data"], q["measurement_part"] + q["error"], rtol=1e-9)
+            np.testing.assert_allclose(
+                q["direct"] - q["data"], q["measurement_part"] + q["error"], rtol=1e-9
+            )
 
 
 def test_table_for_a_paper(compared):

@@ -66,10 +66,14 @@ def recorded(folder, differs):
         writer.finish()
     write_dpiv(lab, kinematics.root, data, "truth", 24, 8, None, 1)
     text = (data / "dpiv.toml").read_text().replace('start = "from motion"', STATED)
-    (data / "dpiv.toml").write_text(text.replace("frame_rate_hz = 500.0", f"frame_rate_hz = {RATE}"))
+    (data / "dpiv.toml").write_text(
+        text.replace("frame_rate_hz = 500.0", f"frame_rate_hz = {RATE}")
+    )
     clock = np.arange(-0.02, 0.44, 1e-3)
     noise = 100 * np.random.default_rng(2).standard_normal(clock.size)
-    rows = zip(clock - START, np.interp(clock, structure.time, structure.pressure) + noise, strict=True)
+    rows = zip(
+        clock - START, np.interp(clock, structure.time, structure.pressure) + noise, strict=True
+    )
     (data / "p.csv").write_text("t,p\n" + "".join(f"{t:.6f},{p:.3f}\n" for t, p in rows))
     return read_dpiv(data)
 

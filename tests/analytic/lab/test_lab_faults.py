@@ -12,7 +12,13 @@ import shapely
 from postprocess.lab.data.files import Law, Nuisance, Registration
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.blind import shaded_parts
-from postprocess.lab.registration.check_fit import check_fit, check_priors, check_tilt, draw_fit, wrong_parts
+from postprocess.lab.registration.check_fit import (
+    check_fit,
+    check_priors,
+    check_tilt,
+    draw_fit,
+    wrong_parts,
+)
 from postprocess.lab.registration.check_motion import check_motion
 from postprocess.lab.registration.outline_profile import NAMES
 from postprocess.lab.registration.register import fit_law, register
@@ -51,7 +57,10 @@ def errors(kinematics, made):
     _, true = poses(kinematics)
     pose, law = made.pose, made.law
     off = [*(np.array(pose.at_px) - true.at_px), pose.angle - true.angle, np.log(true.scale_m_per_px / pose.scale_m_per_px)]  # fmt: skip
-    std = [*np.sqrt(np.diag(made.covariance)), *(law.std(name) for name in ("factor", "delay", "stretch"))]
+    std = [
+        *np.sqrt(np.diag(made.covariance)),
+        *(law.std(name) for name in ("factor", "delay", "stretch")),
+    ]
     return np.abs([*off, law.values[0] - 1, law.delay - DELAY, law.values[2] - 1]) / std
 
 
@@ -92,7 +101,9 @@ def test_a_shadow_does_no_harm_where_it_is_stated_from_where_light_comes(kinemat
     shadow = Faults(shadow=1.0, shadow_to=(1.0, 0.0))
     _, check = registered(kinematics, shadow)
     found = float(re.search(r"from about (-?\d+)°", check.refusals[-1]).group(1))
-    assert abs(found % 360 - 180) < 30  # as near as the sides' directions, which the bend turns, tell it
+    assert (
+        abs(found % 360 - 180) < 30
+    )  # as near as the sides' directions, which the bend turns, tell it
     made, check = registered(kinematics, shadow, light_from=np.pi)
     assert check.refusals == []
     assert (errors(kinematics, made) < 3).all()
@@ -147,7 +158,13 @@ def test_what_is_stated_wrongly_by_a_factor_is_named(kinematics, clock, change, 
     recording = Rendered(kinematics, true, kinematics.law(TIMES), SHAPE)
     with pytest.raises(ValueError, match=told):
         register(
-            recording, clock, kinematics, replace(stated, **change), None, scale_std=0.01, sweeps=QUICK_SWEEPS
+            recording,
+            clock,
+            kinematics,
+            replace(stated, **change),
+            None,
+            scale_std=0.01,
+            sweeps=QUICK_SWEEPS,
         )
 
 
@@ -171,13 +188,17 @@ def at(kinematics, pose, edge_px=0.0):
     covariance = np.diag([0.1, 0.1, 1e-3, 1e-3]) ** 2
     stated = poses(kinematics)[0]
     nuisance = Nuisance(np.array([edge_px, 0.0, 0.0, 0.0]), np.array([0.2, 0.2, 0.05, 0.05]))
-    return Registration(pose, covariance, nuisance, law, TIMES, pressures, np.full(PICTURES, 20.0), stated)
+    return Registration(
+        pose, covariance, nuisance, law, TIMES, pressures, np.full(PICTURES, 20.0), stated
+    )
 
 
 def test_an_outline_that_takes_in_water_on_one_side_is_shown_in_red(kinematics):
     """As a fit that a shadow has drawn off: 3 px (1.2 mm) to the dorsal side."""
     _, true = poses(kinematics)
-    recording = Rendered(kinematics, true, kinematics.law(np.clip(TIMES - DELAY, *kinematics.time)), SHAPE)
+    recording = Rendered(
+        kinematics, true, kinematics.law(np.clip(TIMES - DELAY, *kinematics.time)), SHAPE
+    )
     dorsal = true.rotation @ kinematics.shape("dorsal_direction", 0.0)
     pose = replace(true, at_px=tuple(np.asarray(true.at_px) + 3 * dorsal))
     check = check_fit(recording, TIMES, at(kinematics, pose), kinematics, scale_std=0.01)
@@ -190,7 +211,9 @@ def test_an_outline_that_takes_in_water_on_one_side_is_shown_in_red(kinematics):
     red = (picture[..., 2].astype(int) - picture[..., 0]) > 120
     rows, columns = np.nonzero(red)
     on = check.outline[check.wrong]
-    away = np.hypot(columns[:, None] - on[:, 0], (SHAPE[0] - 1 - rows)[:, None] - on[:, 1]).min(axis=1)
+    away = np.hypot(columns[:, None] - on[:, 0], (SHAPE[0] - 1 - rows)[:, None] - on[:, 1]).min(
+        axis=1
+    )
     assert rows.size > 50
     assert away.max() < 12  # the line and the outline's next point
 
@@ -223,7 +246,9 @@ def test_a_jump_of_the_clock_is_told_from_a_smooth_lag(kinematics, dropped, lag,
     clock = 0.0102 * np.arange(42)
     taken = clock + 0.0102 * dropped * (np.arange(42) >= 18)
     span = kinematics.high - kinematics.low
-    seen = kinematics.law(np.clip(taken - DELAY, *kinematics.time)) + rng.normal(0, 0.003 * span, 42)
+    seen = kinematics.law(np.clip(taken - DELAY, *kinematics.time)) + rng.normal(
+        0, 0.003 * span, 42
+    )
     seen -= lag * span * np.sin(np.pi * np.clip(taken / 0.4, 0, 1)) ** 2
     values, covariance, misfit = fit_law(kinematics, clock, seen, np.array([1.0, DELAY, 1.0]))
     made = replace(
@@ -234,7 +259,9 @@ def test_a_jump_of_the_clock_is_told_from_a_smooth_lag(kinematics, dropped, lag,
     assert bool(told) == jumped
     if jumped:
         found = float(re.search(r"is (\d+) ms ahead of its motion before", told[0]).group(1))
-        assert found == pytest.approx(10.2 * dropped, rel=0.25)  # the smooth lag takes a little of it
+        assert found == pytest.approx(
+            10.2 * dropped, rel=0.25
+        )  # the smooth lag takes a little of it
 
 
 @pytest.mark.parametrize(
@@ -259,5 +286,6 @@ def test_a_motion_that_the_law_does_not_explain_is_refused(kinematics):
     assert "off the simulation's law of motion" in check_motion(kinematics, far, TIMES[1])[0]
     slow = replace(sound, law=replace(sound.law, values=np.array([1.33, 0.0, 0.2])))
     assert (
-        "takes 0.2 times the simulation's; correct frame_rate_hz" in check_motion(kinematics, slow, 0.01)[0]
+        "takes 0.2 times the simulation's; correct frame_rate_hz"
+        in check_motion(kinematics, slow, 0.01)[0]
     )

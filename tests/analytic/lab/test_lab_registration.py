@@ -60,12 +60,16 @@ def registered_lab(kinematics):
 def dense(corners, pieces=50):
     """A polygon with its sides cut in pieces."""
     sides = zip(corners, np.roll(corners, -1, 0), strict=True)
-    return counter_clockwise(np.vstack([np.linspace(a, b, pieces, endpoint=False) for a, b in sides]))
+    return counter_clockwise(
+        np.vstack([np.linspace(a, b, pieces, endpoint=False) for a, b in sides])
+    )
 
 
 def test_inside_sum_is_the_area(kinematics):
     outline = dense(np.array([[10.0, 5.0], [10.0, 25.5], [40.25, 25.5], [40.25, 5.0]]))
-    assert inside_sum(integral_image(np.ones((40, 60))), outline) == pytest.approx(30.25 * 20.5, rel=1e-6)
+    assert inside_sum(integral_image(np.ones((40, 60))), outline) == pytest.approx(
+        30.25 * 20.5, rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("mean", [0.0, -0.15])
@@ -90,7 +94,9 @@ def test_pose_scale_and_time_are_found(registered_lab, kinematics):
     # the scale is only as sure as perspectives that the silhouette does not show leave it; it must add to the 1 % that is stated
     std = np.sqrt(registration.covariance[3, 3])
     assert abs(np.log(registration.pose.scale_m_per_px / true.scale_m_per_px)) < 3 * std
-    assert std < 0.005  # half of what is stated; 0.42, 0.40 and 0.42 % with three seeds of the sampler
+    assert (
+        std < 0.005
+    )  # half of what is stated; 0.42, 0.40 and 0.42 % with three seeds of the sampler
     assert registration.law.delay == pytest.approx(DELAY, abs=0.003)
     assert registration.law.values[0] == pytest.approx(FACTOR, abs=0.02)
 
@@ -251,7 +257,8 @@ def test_a_second_finger_is_the_mirror_image(kinematics):
         splines=kinematics.splines
         | {
             "outline": lambda p, d=0: (
-                kinematics.splines["outline"](p, d) + (0.04 if d == 0 else 0.0) * np.array([1.0, 0.0])
+                kinematics.splines["outline"](p, d)
+                + (0.04 if d == 0 else 0.0) * np.array([1.0, 0.0])
             )
         },
     )

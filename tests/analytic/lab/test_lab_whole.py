@@ -55,7 +55,9 @@ def measured_by(kinematics, gain: float, corner: tuple[float, float]):
     plane = camera_series(water, pose, x, y, 0.05 + np.arange(30) / 100.0)
     plane = plane.drop_vars(["outline", "tip", "tip_direction", "dorsal_direction", "bend"])
     shift = np.array(corner) - [x[0], y[0]]
-    plane = plane.assign_coords(x=plane["x"] + shift[0], y=plane["y"] + shift[1], time=np.arange(30) / 100.0)
+    plane = plane.assign_coords(
+        x=plane["x"] + shift[0], y=plane["y"] + shift[1], time=np.arange(30) / 100.0
+    )
     return plane, tuple(float(v) for v in 1e3 * (np.array(pose.at_px) + shift))
 
 
@@ -75,13 +77,17 @@ def judged(finger, folder, **options):
 def test_vectors_of_every_kind_are_compared(finger, tmp_path, kind):
     """From wherever their files count: here the root is in the middle of the axes where a file may be in metres."""
     corner = (
-        (SPACING, SPACING) if "p" in KINDS[kind][2] or "px" in kind or "pivlab" in kind else (-0.06, -0.11)
+        (SPACING, SPACING)
+        if "p" in KINDS[kind][2] or "px" in kind or "pivlab" in kind
+        else (-0.06, -0.11)
     )
     plane, root = measured_by(finger[1], 1.0, corner)
     lab, result = judged(finger, exported(plane, kind, tmp_path / kind.replace(" ", "_"), root))
     quantities = {q["name"]: q for q in result["quantities"]}
     assert result["verdict"] == "agrees", result["wrong"]
-    assert abs(quantities["circulation"]["error"][0]) < 0.02 * abs(quantities["circulation"]["data"][0])
+    assert abs(quantities["circulation"]["error"][0]) < 0.02 * abs(
+        quantities["circulation"]["data"][0]
+    )
     assert np.hypot(*quantities["centre"]["error"]) < 0.3e-3
     assert "final_bend" not in quantities  # vectors do not show it
     assert lab.comparison.exists()
@@ -119,7 +125,9 @@ def test_virtual_camera_is_put_before_the_vectors(finger, tmp_path):
     folder = exported(plane, "microvec", tmp_path / "seen", root)
     text = (folder / "dpiv.toml").read_text()
     camera = "{ columns = 640, rows = 520, density_ppp = 0.05, diameter_px = 2.5, background = 8.0, read_noise = 2.0, peak = 150.0, scale_mm_per_px = 0.25 }"
-    text = text.replace('camera = "none"', f"camera = {camera}").replace("at_s = 0.05", "at_s = 0.13")
+    text = text.replace('camera = "none"', f"camera = {camera}").replace(
+        "at_s = 0.05", "at_s = 0.13"
+    )
     text = text.replace("window = 24", "window = 16")
     (folder / "dpiv.toml").write_text(text)
     files, _, sheet = finger
@@ -132,7 +140,9 @@ def test_virtual_camera_is_put_before_the_vectors(finger, tmp_path):
     quantities = {q["name"]: q for q in result["quantities"]}
     assert quantities["velocity_field"]["verdict"] != "model error"
     # 0.04 %; 10 % where the virtual experiment smooths and the data, another program's vectors, are not smoothed
-    assert abs(quantities["circulation"]["error"][0]) < 0.03 * abs(quantities["circulation"]["data"][0])
+    assert abs(quantities["circulation"]["error"][0]) < 0.03 * abs(
+        quantities["circulation"]["data"][0]
+    )
 
 
 @pytest.fixture(scope="module")

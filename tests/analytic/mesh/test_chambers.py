@@ -22,14 +22,18 @@ TABLE = "[finger.chambers]\ncount = 8\ngap = 0.002\nfloor = 0.0069\nwedge_from =
 def strip(wedge_deg: float) -> Strip:
     s, thickness = np.linspace(0, LENGTH, 71), np.full(71, HEIGHT)
     chambers = Chambers(count=8, gap=0.002, floor=0.0069, wedge_from=0.0095, wedge_deg=wedge_deg)
-    return with_chambers(rounded_strip(LENGTH, thickness, s, 0.002, 0.002), chambers, LENGTH, thickness, s)
+    return with_chambers(
+        rounded_strip(LENGTH, thickness, s, 0.002, 0.002), chambers, LENGTH, thickness, s
+    )
 
 
 @pytest.mark.parametrize("wedge_deg", [0.0, 15.0])
 def test_seven_gaps_of_the_given_size_are_missing(wedge_deg):
     of = strip(wedge_deg)
     outline = shapely.Polygon(np.column_stack([of.s, of.eta * HEIGHT]))
-    slab = shapely.box(0, 0, LENGTH, HEIGHT).area - (4 - np.pi) * 0.002**2  # its corners are rounded by 2 mm
+    slab = (
+        shapely.box(0, 0, LENGTH, HEIGHT).area - (4 - np.pi) * 0.002**2
+    )  # its corners are rounded by 2 mm
     wedge = HEIGHT - 0.0095
     gap = 0.002 * (HEIGHT - 0.0069) + np.tan(np.radians(wedge_deg)) * wedge**2
     # corners of 0.7 mm: those at the ground take as much as those at the top give, within a wedge's angle
@@ -62,7 +66,10 @@ def test_clearance_in_a_gap_is_half_its_width_and_nowhere_felt_on_the_ventral_si
 def test_a_mesh_follows_the_gaps_until_the_tips_meet(tmp_path):
     limits = "[mesh]\nmax_non_orthogonality_deg = 85.0\nusual_non_orthogonality_deg = 80.0\n"
     scene = write_scene(
-        tmp_path / "pinch", "2d", "[motion]\nend_time = 0.3\n" + limits + TABLE.format(15.0), parent="pinch"
+        tmp_path / "pinch",
+        "2d",
+        "[motion]\nend_time = 0.3\n" + limits + TABLE.format(15.0),
+        parent="pinch",
     )
     for stage in (kinematics, mesh):
         stage.run(scene, quiet=True)
@@ -77,7 +84,9 @@ def test_a_mesh_follows_the_gaps_until_the_tips_meet(tmp_path):
 def test_chambers_without_walls_between_their_gaps_are_refused(tmp_path):
     with pytest.raises(ValueError, match="wedge_from"):
         Chambers(count=8, gap=0.002, floor=0.010, wedge_from=0.009)
-    with pytest.raises(StageError, match=r"finger\.chambers: 8 chambers, 9 mm from one to the next"):
+    with pytest.raises(
+        StageError, match=r"finger\.chambers: 8 chambers, 9 mm from one to the next"
+    ):
         kinematics.kinematics_values(write_scene(tmp_path / "s", "2d", TABLE.format(40.0)))
 
 

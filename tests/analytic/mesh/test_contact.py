@@ -28,7 +28,9 @@ LAWS = sorted(CLOSING_LAWS)
 def closed(pressure=20e3, pinch=PINCH, rate=2.2e-6, start=0.0):
     """A finger whose gap shrinks by `rate` m/Pa from 36 mm; its free law and the one that stops."""
     free = stroke_law(start, [(pressure, 0.005, 0.4)])
-    return free, closing_law(free, lambda p: 0.036 - rate * (p - start), start, start + 80e3, pinch, "scene")
+    return free, closing_law(
+        free, lambda p: 0.036 - rate * (p - start), start, start + 80e3, pinch, "scene"
+    )
 
 
 def square(left, bottom, side):
@@ -55,7 +57,9 @@ def test_the_closing_maps_are_what_they_say(shape):
     x, h = np.linspace(-3, 3, 2401), 1e-5
     for derivative in (1, 2):
         numeric = (shape(x + h, derivative - 1) - shape(x - h, derivative - 1)) / (2 * h)
-        assert numeric == pytest.approx(shape(x, derivative), abs=1e-8)  # h²/6 of a derivative below 100
+        assert numeric == pytest.approx(
+            shape(x, derivative), abs=1e-8
+        )  # h²/6 of a derivative below 100
     assert (
         shape(x) >= np.maximum(x, 0)
     ).all()  # the gap is never smaller than the free one, nor than the residual
@@ -96,7 +100,9 @@ def test_the_law_is_twice_continuously_differentiable(name):
 def test_the_gap_closes_monotonically_and_never_below_the_residual(
     residual, slowing, rate, pressure, start, name
 ):
-    pinch = Pinch(half_distance=0.045, residual_gap=residual, slowing_distance=slowing, closing_law=name)
+    pinch = Pinch(
+        half_distance=0.045, residual_gap=residual, slowing_distance=slowing, closing_law=name
+    )
     free, law = closed(pressure, pinch, rate, start)
     t = np.linspace(0, 0.6, 601)
     gaps = 0.036 - rate * (law(t) - start)
@@ -108,8 +114,12 @@ def test_the_gap_closes_monotonically_and_never_below_the_residual(
     if pressure >= start:
         assert (np.diff(gaps) <= 1e-15).all()
     # far from contact the law is the free one: to the last bit with the ramp, to the digits of exp(-4 x) otherwise
-    far = 0.036 - rate * (free(t) - start) > residual + (1 if name == "ramp" else 8) * slowing + 1e-9
-    assert law(t)[far] == pytest.approx(free(t)[far], abs=1e-9 if name == "ramp" else 1e-10 * slowing / rate)
+    far = (
+        0.036 - rate * (free(t) - start) > residual + (1 if name == "ramp" else 8) * slowing + 1e-9
+    )
+    assert law(t)[far] == pytest.approx(
+        free(t)[far], abs=1e-9 if name == "ramp" else 1e-10 * slowing / rate
+    )
 
 
 @pytest.mark.parametrize("residual", [2e-3, 1e-3, 0.5e-3])
@@ -142,7 +152,9 @@ def test_the_fingers_let_go_as_they_came():
 
 def test_contact_at_the_start_and_a_way_too_short_are_refused():
     free = stroke_law(0.0, [(20e3, 0.005, 0.4)])
-    with pytest.raises(StageError, match=r"gap of 0\.40 mm to the plane.*raise pinch\.half_distance"):
+    with pytest.raises(
+        StageError, match=r"gap of 0\.40 mm to the plane.*raise pinch\.half_distance"
+    ):
         closing_law(free, lambda p: 0.0004 - 1e-6 * p, 0.0, 40e3, PINCH, "scene")
     with pytest.raises(
         StageError, match=r"slowing_distance = 0\.003 m is more than the finger moves.*2\.50 mm"
@@ -165,8 +177,12 @@ def test_the_fingers_of_the_scene_meet_at_the_residual_gap(tmp_path):
     # mirrored in x = 0 the two fingers are apart by twice the gap at every instant
     look = np.linspace(0, data["time"][-1], 101)
     left = np.array([motion.outline(p) for p in motion.law(look)])
-    assert -left[..., 0].max(axis=1) == pytest.approx(np.interp(look, data["time"], data["gap"]), abs=5e-8)
-    assert (np.diff(data["gap"]) <= 1e-7).all()  # the start lies in the root's own corner: 0.3 µm of rounding
+    assert -left[..., 0].max(axis=1) == pytest.approx(
+        np.interp(look, data["time"], data["gap"]), abs=5e-8
+    )
+    assert (
+        np.diff(data["gap"]) <= 1e-7
+    ).all()  # the start lies in the root's own corner: 0.3 µm of rounding
     # the splines that all stages take through the shapes hold the gap to a micrometre between the knots as well
     knots = data["shape_parameter"]
     between = np.concatenate([knots[:-1] + part * np.diff(knots) for part in (0.25, 0.5, 0.75)])
@@ -201,7 +217,9 @@ def test_the_fingers_stop_at_an_object_between_the_tips(tmp_path, shape):
     thing = f'[pinch.object]\nshape = "{shape}"\ndiameter = 0.03\ncentre_height = 0.185\n'
     data = kinematics_values(pinch_scene(tmp_path / "s", thing))
     outline = data["shape_outline"][-1]
-    fine = np.concatenate([outline + k / 50 * (np.roll(outline, -1, axis=0) - outline) for k in range(50)])
+    fine = np.concatenate(
+        [outline + k / 50 * (np.roll(outline, -1, axis=0) - outline) for k in range(50)]
+    )
     distance = np.hypot(fine[:, 0], fine[:, 1] - 0.185).min() - 0.015
     assert distance == pytest.approx(0.5e-3, abs=1e-7)
     assert data["shape_bend"][-1] < np.radians(60)  # sooner than at the plane, 75°
@@ -217,4 +235,11 @@ def test_a_tapered_tip_meets_sooner_and_as_exactly(tmp_path):
 
 def test_a_single_finger_knows_nothing_of_a_gap(tmp_path):
     data = kinematics_values(write_scene(tmp_path / "s"))
-    assert not {"gap", "shape_gap", "free_pressure", "mirror", "residual_gap", "contact_time"} & set(data)
+    assert not {
+        "gap",
+        "shape_gap",
+        "free_pressure",
+        "mirror",
+        "residual_gap",
+        "contact_time",
+    } & set(data)

@@ -59,13 +59,21 @@ def test_a_uniform_flow_loses_nothing(mesh):
     cells = len(mesh.volume)
     pressure = np.random.default_rng(1).normal(size=cells)
     terms = face_terms(
-        mesh, flow[:cells], pressure, flow[mesh.inner :], np.zeros(len(flow)), np.ones(cells), "linearUpwind"
+        mesh,
+        flow[:cells],
+        pressure,
+        flow[mesh.inner :],
+        np.zeros(len(flow)),
+        np.ones(cells),
+        "linearUpwind",
     )
     assert all(np.abs(term).max() < 1e-12 for term in terms.values())
 
 
 def test_regions_are_told_by_the_distance_from_the_finger():
-    outline = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 5.0], [0.0, 5.0]])  # 12 long: near is within 0.2
+    outline = np.array(
+        [[0.0, 0.0], [1.0, 0.0], [1.0, 5.0], [0.0, 5.0]]
+    )  # 12 long: near is within 0.2
     columns, column = np.array([[1.1, 2.0], [0.5, 2.0], [2.0, 2.0]]), np.array([0, 0, 1, 1, 2])
     height = np.array([0.0, -1.1, -1.1, -1.3, 0.0])
     assert regions(columns, column, height, outline, 1.0, False).tolist() == [0, 1, 0, 2, 2]

@@ -28,7 +28,9 @@ def slab(angle=0.0, at=(0.0, 0.15)):
     """Outline of a 14 x 60 mm slab turned by `angle` about its middle."""
     t = np.linspace(0, 1, 20, endpoint=False)
     corners = np.array([[-0.007, -0.03], [0.007, -0.03], [0.007, 0.03], [-0.007, 0.03]])
-    loop = np.vstack([c + t[:, None] * (np.roll(corners, -1, 0)[k] - c) for k, c in enumerate(corners)])
+    loop = np.vstack(
+        [c + t[:, None] * (np.roll(corners, -1, 0)[k] - c) for k, c in enumerate(corners)]
+    )
     c, s = np.cos(angle), np.sin(angle)
     return loop @ np.array([[c, s], [-s, c]]) + np.array(at)
 
@@ -49,7 +51,9 @@ def test_svd_rebuilds_random_matrices():
     f = np.random.default_rng(1).normal(size=(500, 2, 2))
     u, s, v = _svd(f)
     assert np.einsum("tik,tk,tjk->tij", u, s, v) == pytest.approx(f, abs=1e-14)
-    assert np.einsum("tik,tjk->tij", u, u) == pytest.approx(np.broadcast_to(np.eye(2), f.shape), abs=1e-14)
+    assert np.einsum("tik,tjk->tij", u, u) == pytest.approx(
+        np.broadcast_to(np.eye(2), f.shape), abs=1e-14
+    )
 
 
 def test_gradient_and_hessian_are_those_of_the_energy(planform):
@@ -61,7 +65,9 @@ def test_gradient_and_hessian_are_those_of_the_energy(planform):
     assert (hessian != morph.derivatives(x, exact=True)[1]).nnz == 0
     h = 1e-3
     numeric = (morph.energy(x + h * d) - morph.energy(x - h * d)) / (2 * h)
-    assert numeric == pytest.approx(gradient @ d.ravel(), rel=1e-6)  # cancellation in an energy of ~1e3
+    assert numeric == pytest.approx(
+        gradient @ d.ravel(), rel=1e-6
+    )  # cancellation in an energy of ~1e3
     ahead, behind = (morph.derivatives(x + k * h * d)[0] for k in (1, -1))
     curve = d.ravel() @ (ahead - behind) / (2 * h)
     assert curve == pytest.approx(d.ravel() @ hessian @ d.ravel(), rel=1e-5)
@@ -123,7 +129,9 @@ def test_the_exact_hessian_is_the_derivative_of_the_gradient_where_triangles_are
     h = 1e-3
     ahead, behind = (morph.derivatives(x + k * h * d)[0] for k in (1, -1))
     curve = d.ravel() @ (ahead - behind) / (2 * h)
-    exact, positive = (d.ravel() @ morph.derivatives(x, exact=e)[1] @ d.ravel() for e in (True, False))
+    exact, positive = (
+        d.ravel() @ morph.derivatives(x, exact=e)[1] @ d.ravel() for e in (True, False)
+    )
     assert curve == pytest.approx(exact, rel=1e-5)
     assert positive > exact * (1 + 1e-3)
 
@@ -140,14 +148,18 @@ def test_a_stroke_that_breaks_the_mesh_is_refused_with_the_bend_at_which_it_does
     for measured, bend in zip(quality, bends, strict=True):
         check_quality(measured, bend, loose)
     worst = int(np.argmax(angles))
-    with pytest.raises(MorphError, match=rf"reaches .*° at {np.degrees(bends[worst]):.1f}° of bend"):
+    with pytest.raises(
+        MorphError, match=rf"reaches .*° at {np.degrees(bends[worst]):.1f}° of bend"
+    ):
         check_quality(quality[worst], bends[worst], tight)
 
 
 @pytest.mark.parametrize("kind, count", [("2d", 2), ("half", 6), ("full", 11)])
 def test_layers_fill_the_tank_and_split_at_the_fingers_side(tmp_path, kind, count):
     scene = write_scene(tmp_path / "s", kind)
-    z = graded_layers(scene.model.kind, scene.finger.width, scene.tank.size[2], scene.mesh, scene.support)
+    z = graded_layers(
+        scene.model.kind, scene.finger.width, scene.tank.size[2], scene.mesh, scene.support
+    )
     assert len(z) == count
     assert (np.diff(z) > 0).all()
     if kind != "2d":

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from pipeline.kinematics.pressure_law import SETTLING_2_PERCENT, measured_law, stroke_law, three_pole
+from pipeline.kinematics.pressure_law import (
+    SETTLING_2_PERCENT,
+    measured_law,
+    stroke_law,
+    three_pole,
+)
 from pipeline.kinematics.shapes import FingerShapes, add_tip, circular_states, rounded_strip
 
 LENGTH, THICKNESS = 0.07, 0.0145
@@ -11,7 +16,9 @@ LENGTH, THICKNESS = 0.07, 0.0145
 
 def kinematics(bend=(-1.0, 0.0, 1.0, 2.0), tip=0.0):
     states = add_tip(
-        circular_states(np.array([-10e3, 0, 10e3, 20e3]), np.array(bend), LENGTH, THICKNESS), tip, 0.01
+        circular_states(np.array([-10e3, 0, 10e3, 20e3]), np.array(bend), LENGTH, THICKNESS),
+        tip,
+        0.01,
     )
     s = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(states.profile[1], axis=0).T))])
     return FingerShapes(states, rounded_strip(s[-1], states.thickness[1], s, 0.002, 0.002))
@@ -42,14 +49,18 @@ def test_the_law_and_its_derivatives_agree_and_are_continuous(derivative):
 def test_a_measured_history_passes_through_its_points_and_rests_outside(tmp_path):
     t = np.linspace(0, 0.4, 21)
     p = 20e3 * three_pole(t / 0.05)
-    (tmp_path / "p.csv").write_text("t,p\n" + "".join(f"{a},{b}\n" for a, b in zip(t, p, strict=True)))
+    (tmp_path / "p.csv").write_text(
+        "t,p\n" + "".join(f"{a},{b}\n" for a, b in zip(t, p, strict=True))
+    )
     law = measured_law(tmp_path / "p.csv")
     assert law(t) == pytest.approx(p, abs=1e-9)
     assert law(np.array([-1.0, 5.0])) == pytest.approx([p[0], p[-1]])
     assert law(np.array([-1.0, 5.0]), 1) == pytest.approx([0, 0])
 
 
-@pytest.mark.parametrize("pressure, gamma", [(-10e3, -1.0), (0.0, 0.0), (10e3, 1.0), (20e3, 2.0), (5e3, 0.5)])
+@pytest.mark.parametrize(
+    "pressure, gamma", [(-10e3, -1.0), (0.0, 0.0), (10e3, 1.0), (20e3, 2.0), (5e3, 0.5)]
+)
 def test_constant_curvature_is_reproduced_exactly(pressure, gamma):
     f = kinematics()
     assert f.bend(pressure) == pytest.approx(gamma, abs=1e-12)
@@ -57,7 +68,11 @@ def test_constant_curvature_is_reproduced_exactly(pressure, gamma):
     radius = LENGTH / gamma if gamma else np.inf
     arc = [LENGTH, 0] if not gamma else [radius * np.sin(gamma), radius * (1 - np.cos(gamma))]
     # origin of the actuator frame: middle of the root, half a thickness dorsal of the profile's start
-    expected = np.array(arc) + [0, THICKNESS / 2] + THICKNESS / 2 * np.array([np.sin(gamma), -np.cos(gamma)])
+    expected = (
+        np.array(arc)
+        + [0, THICKNESS / 2]
+        + THICKNESS / 2 * np.array([np.sin(gamma), -np.cos(gamma)])
+    )
     # between states the pieces' angles are interpolated, so that a half-way circle is exact as well
     assert middle == pytest.approx(expected, abs=1e-9)
     assert along == pytest.approx([np.cos(gamma), np.sin(gamma)], abs=1e-9)

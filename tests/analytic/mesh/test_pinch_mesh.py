@@ -49,7 +49,9 @@ def test_nodes_of_the_plane_stay_on_it_and_slide(quarter):
         plane = outer[points[0, outer, 0] == 0]
         assert len(plane) > 10
         assert (points[:, plane, 0] == 0).all()  # to the last bit: never touched
-        assert (np.diff(points[:, plane, 1], axis=1) > 0).all()  # in order: no edge of the plane turns over
+        assert (
+            np.diff(points[:, plane, 1], axis=1) > 0
+        ).all()  # in order: no edge of the plane turns over
         slid = max(slid, np.ptp(points[:, plane, 1], axis=0).max())
         for shape in points:
             assert cell_areas(shape, stage["triangles"].values, stage["quads"].values).min() > 0
@@ -59,7 +61,9 @@ def test_nodes_of_the_plane_stay_on_it_and_slide(quarter):
 
 def test_the_planforms_area_is_the_tanks(quarter):
     stage = stages_of(quarter)[-1]
-    area = cell_areas(stage["points"].values[-1], stage["triangles"].values, stage["quads"].values).sum()
+    area = cell_areas(
+        stage["points"].values[-1], stage["triangles"].values, stage["quads"].values
+    ).sum()
     assert area == pytest.approx(0.3 * 0.3, rel=1e-13)
 
 
@@ -149,7 +153,9 @@ def test_bodies_are_left_out_exactly_and_have_patches(held):
     water_volume, depth, mesh = volume(held, stage)
     assert footprint(stage, "support") == pytest.approx(0.06 * 0.02, rel=1e-12)
     rim = 0.5 * np.pi * 0.012**2
-    assert 0.97 * rim < footprint(stage, "object") < rim  # half a circle, as a polygon of 4 mm edges
+    assert (
+        0.97 * rim < footprint(stage, "object") < rim
+    )  # half a circle, as a polygon of 4 mm edges
     bodies = 0.014 * (footprint(stage, "finger") + footprint(stage, "object")) + 0.025 * 0.06 * 0.02
     assert water_volume == pytest.approx(0.3 * 0.3 * depth - bodies, rel=1e-12)
     for name in ("finger", "object", "support", "mirror"):
@@ -210,7 +216,9 @@ def test_thin_steps_of_a_sphere_are_joined_without_loss():
 
     def pile(steps):
         reach = [0.0, *(z for _, z in steps)]
-        return sum(r**2 * (b - a) for (r, _), a, b in zip(steps, reach[:-1], reach[1:], strict=True))
+        return sum(
+            r**2 * (b - a) for (r, _), a, b in zip(steps, reach[:-1], reach[1:], strict=True)
+        )
 
     # what differs is the middle disc, wider than its layers' mean, and the poles
     assert pile(fine) == pytest.approx(2 / 3 * 0.01**3, rel=1e-2)

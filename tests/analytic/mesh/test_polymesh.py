@@ -58,7 +58,14 @@ def test_openfoams_order(tmp_path):
         assert first == start
         start += count
     assert start == len(mesh.owner)
-    assert {name for name, _, _ in mesh.patches} == {"finger", "tank", "top", "gap", "back", "sheet"}
+    assert {name for name, _, _ in mesh.patches} == {
+        "finger",
+        "tank",
+        "top",
+        "gap",
+        "back",
+        "sheet",
+    }
 
 
 def test_columns_are_exact(tmp_path):

@@ -20,7 +20,9 @@ def velocity(points: np.ndarray) -> np.ndarray:
 def vortex(points: np.ndarray) -> np.ndarray:
     """A smooth flow that is not, (…, 3)."""
     x, y = np.pi * points[..., 0], np.pi * points[..., 1]
-    return np.stack([np.sin(x) * np.cos(2 * y), -np.cos(x) * np.sin(2 * y), np.sin(x) * np.sin(y)], -1)
+    return np.stack(
+        [np.sin(x) * np.cos(2 * y), -np.cos(x) * np.sin(2 * y), np.sin(x) * np.sin(y)], -1
+    )
 
 
 def square(count: int, seed: int, bent: float = 0.2) -> SweptCells:
@@ -30,11 +32,15 @@ def square(count: int, seed: int, bent: float = 0.2) -> SweptCells:
     x, y = np.meshgrid(line, line, indexing="ij")
     nodes = np.stack([x, y], -1).reshape(-1, 2)
     inner = ((nodes > 1e-9) & (nodes < 1 - 1e-9)).all(1)
-    on_hole = (np.abs(nodes - 0.5).max(1) < 0.25 + 1e-9) & (np.abs(nodes - 0.5).max(1) > 0.25 - 1e-9)
+    on_hole = (np.abs(nodes - 0.5).max(1) < 0.25 + 1e-9) & (
+        np.abs(nodes - 0.5).max(1) > 0.25 - 1e-9
+    )
     free = inner & ~on_hole
     nodes[free] += bent * line[1] * rng.uniform(-1, 1, (int(free.sum()), 2))
     index = np.arange(len(nodes)).reshape(len(line), -1)
-    quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], -1).reshape(-1, 4)
+    quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], -1).reshape(
+        -1, 4
+    )
     low = (
         np.abs(nodes[quads].mean(1)[:, 1] - 0.4) < 0.15
     )  # away from the corners, where a triangle has one neighbour
@@ -46,7 +52,11 @@ def square(count: int, seed: int, bent: float = 0.2) -> SweptCells:
     exists[hole, 1] = False
     column, layer = np.nonzero(exists)
     planform = xr.Dataset(
-        {"triangles": (("t", "c3"), triangles), "quads": (("q", "c4"), quads), "levels": ("level", LEVELS)}
+        {
+            "triangles": (("t", "c3"), triangles),
+            "quads": (("q", "c4"), quads),
+            "levels": ("level", LEVELS),
+        }
     )
     sweep = xr.Dataset({"cell_column": ("cell", column), "cell_layer": ("cell", layer)})
     return swept_cells(planform, sweep, nodes, velocity(nodes)[:, :2])
@@ -90,12 +100,16 @@ def test_a_smooth_flow_is_carried_to_second_order():
     errors = {0: [], 1: []}
     for count in (4, 8):
         source, target = square(count, 1, bent=0.0), square(count + count // 2, 2, bent=0.0)
-        flow = carry(source, target, overlap_of(source, target), vortex(centres(source)), no_slip=False)
+        flow = carry(
+            source, target, overlap_of(source, target), vortex(centres(source)), no_slip=False
+        )
         for kind, result in enumerate(flow):
             error = result - vortex(centres(target))
             errors[kind].append(np.sqrt(square_sum(target, error, error)))
     for coarse, fine in errors.values():
-        assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.3)  # rows beside the hole are one-sided
+        assert np.log2(coarse / fine) == pytest.approx(
+            2.0, abs=0.3
+        )  # rows beside the hole are one-sided
 
 
 @pytest.mark.parametrize("counts", [(5, 6), (6, 4)])

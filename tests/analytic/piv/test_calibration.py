@@ -74,9 +74,9 @@ def test_known_lens_is_recovered(calibrated):
     # Scale at the middle of the board: 0.16 m / 900 px, but the barrel is relative to the optical axis.
     assert calibration.scale_m_per_px == pytest.approx(0.16 / 900, rel=2e-3)
     # Distances anywhere on the sheet, against the lens that drew them, to 0.1 %.
-    board = np.stack(np.meshgrid(np.linspace(-0.01, 0.09, 6), np.linspace(-0.01, 0.06, 5)), axis=-1).reshape(
-        -1, 2
-    )
+    board = np.stack(
+        np.meshgrid(np.linspace(-0.01, 0.09, 6), np.linspace(-0.01, 0.06, 5)), axis=-1
+    ).reshape(-1, 2)
     space = np.column_stack([board + np.array([-0.04, -0.025]), np.full(len(board), 0.16)])
     seen, _ = cv2.projectPoints(space, np.zeros(3), np.zeros(3), MATRIX, BARREL)
     seen = seen[:, 0]
@@ -93,7 +93,9 @@ def test_to_px_inverts_to_m(calibrated):
     calibration, _ = calibrated
     px = np.stack(np.meshgrid(np.linspace(0, 639, 9), np.linspace(0, 479, 7)), axis=-1)
     back = calibration.to_px(calibration.to_m(px))
-    assert np.abs(back - px).max() < 1e-3  # INVERSE_PX of the module; no point is lost under this barrel
+    assert (
+        np.abs(back - px).max() < 1e-3
+    )  # INVERSE_PX of the module; no point is lost under this barrel
 
 
 def test_rotation_field_keeps_its_vorticity_through_the_lens(calibrated):
@@ -127,7 +129,10 @@ def test_rotation_field_keeps_its_vorticity_through_the_lens(calibrated):
     assert np.abs(plane["u"].values + rate * (yy - centre[1]))[ok].max() < 5e-3 * peak
     assert np.abs(plane["v"].values - rate * (xx - centre[0]))[ok].max() < 5e-3 * peak
     unsure = np.hypot(at[..., 0] - 320, at[..., 1] - 240) < 40
-    flags = {"valid": (grid, (~unsure).astype(np.uint8)), "flag": (grid, np.where(unsure, UNCERTAIN, VALID))}
+    flags = {
+        "valid": (grid, (~unsure).astype(np.uint8)),
+        "flag": (grid, np.where(unsure, UNCERTAIN, VALID)),
+    }
     seen = calibrate_plane(pixels.assign(flags), calibration, interval)
     assert (usable(seen).values == ok).all()
     assert ((seen["flag"].values == UNCERTAIN) == ok & (seen["valid"].values == 0)).all()
@@ -188,7 +193,9 @@ def test_two_points_and_bad_scales():
 
 def test_real_charuco_recording():
     folder = shared("pivlab_distortion")
-    views = [cv2.imread(str(folder / "Board_aligned_with_sheet_and_aquarium.jpg"), cv2.IMREAD_GRAYSCALE)]
+    views = [
+        cv2.imread(str(folder / "Board_aligned_with_sheet_and_aquarium.jpg"), cv2.IMREAD_GRAYSCALE)
+    ]
     with open_recording(str(folder / "Boards_moving*.jpg"), colour="luma") as others:
         views += list(others)
     target = Target(8, 11, 0.008, 0.006)  # as Information.txt says
@@ -199,7 +206,9 @@ def test_real_charuco_recording():
     )  # JPEG pictures of a moving hand-held board; reached: 0.36
     # The 8 mm squares of the board in the sheet, which fixed the plane but not the lens, are 8 mm everywhere.
     corners, places = find_corners(views[0], target)
-    here = calibration.to_m(np.column_stack([corners[:, 0], row_to_y_px(corners[:, 1], views[0].shape[0])]))
+    here = calibration.to_m(
+        np.column_stack([corners[:, 0], row_to_y_px(corners[:, 1], views[0].shape[0])])
+    )
     apart, true = (np.linalg.norm(a[:, None] - a, axis=-1) for a in (here, places))
     side = np.isclose(true, 0.008)
     assert apart[side].mean() == pytest.approx(0.008, rel=5e-3)

@@ -45,11 +45,15 @@ def test_rows_of_pixels_rolled_up_give_positive_v():
     image = np.real(
         np.fft.ifft2(
             np.fft.fft2(image)
-            * np.exp(-20 * (np.add.outer(np.fft.fftfreq(SHAPE[0]) ** 2, np.fft.fftfreq(SHAPE[1]) ** 2)))
+            * np.exp(
+                -20 * (np.add.outer(np.fft.fftfreq(SHAPE[0]) ** 2, np.fft.fftfreq(SHAPE[1]) ** 2))
+            )
         )
     )
     ds = inner(correlate_pair(image, np.roll(image, -3, axis=0)))
-    assert np.allclose(ds["v"], 3, atol=0.01)  # whole pixels: only the smooth predictor's rest remains
+    assert np.allclose(
+        ds["v"], 3, atol=0.01
+    )  # whole pixels: only the smooth predictor's rest remains
     assert np.allclose(ds["u"], 0, atol=0.01)
 
 
@@ -114,9 +118,13 @@ def test_waves_as_short_as_the_window_are_followed_or_flagged():
     valid = ds["valid"].values > 0
     # in a 32 px window alone: 0.26 px RMS, 14 % of the vectors wrong by over 0.5 px and all of them called valid
     assert np.sqrt(np.mean(error[:, valid] ** 2)) < 0.15
-    assert np.mean(np.hypot(*error)[valid] > 0.5) < 0.005  # 0.001 is asked of 20,000 vectors, here are 1,500
+    assert (
+        np.mean(np.hypot(*error)[valid] > 0.5) < 0.005
+    )  # 0.001 is asked of 20,000 vectors, here are 1,500
     assert valid.mean() > 0.9
-    assert 0.55 < np.mean(np.abs(error) < std, where=valid) < 0.80  # 60-76 % asked; ±4 % of so few windows
+    assert (
+        0.55 < np.mean(np.abs(error) < std, where=valid) < 0.80
+    )  # 60-76 % asked; ±4 % of so few windows
 
 
 @pytest.mark.parametrize(
@@ -288,9 +296,14 @@ def test_painted_areas_hold_no_vector(window):
     row, column = np.mgrid[: SHAPE[0], : SHAPE[1]]
     painted = np.hypot(row - 160, column - 150) < 90
     painted |= np.abs(column - 320) < 15  # a band of the width of a window
-    images = [np.where(painted, 0, i).astype(i.dtype) for i in render(flow, shape=SHAPE, seed=61, noise=0.05)]
+    images = [
+        np.where(painted, 0, i).astype(i.dtype)
+        for i in render(flow, shape=SHAPE, seed=61, noise=0.05)
+    ]
     ds = correlate_pair(*images, window=window)
-    at = np.ix_(np.rint(SHAPE[0] - 1 - ds["y"].values).astype(int), np.rint(ds["x"].values).astype(int))
+    at = np.ix_(
+        np.rint(SHAPE[0] - 1 - ds["y"].values).astype(int), np.rint(ds["x"].values).astype(int)
+    )
     valid = ds["valid"].values > 0
     error = np.hypot(ds["u"].values - 3.2, ds["v"].values + 1.7)
     # asked: 0.1 % of the area; a third of it was valid and wrong, dragged along by the disc's own edge
@@ -303,7 +316,9 @@ def test_painted_areas_hold_no_vector(window):
 def test_bias_of_particles_below_two_pixels_is_small_and_covered(diameter, most):
     biases, covered = [], []
     for part in (0.2, 0.4, 0.75):
-        ds = correlate_pair(*render(shift(2 + part, -1 + part), shape=SHAPE, seed=74, diameter=diameter))
+        ds = correlate_pair(
+            *render(shift(2 + part, -1 + part), shape=SHAPE, seed=74, diameter=diameter)
+        )
         error = np.stack([ds["u"] - 2 - part, ds["v"] + 1 - part])
         biases += list(np.nanmean(error, axis=(1, 2)))
         covered.append(np.abs(error) < np.stack([ds["u_std"], ds["v_std"]]))

@@ -31,6 +31,8 @@ def test_generated_vortex(model):
     if model != "rankine":
         assert abs(a.circulation - 30) < 3 * a.circulation_std
         assert abs(a.core_radius - 5) < 3 * a.core_radius_std
-        assert a.circulation_std < 1.8  # noise of 5 % of the peak swirl, 300 vectors: a few per cent
+        assert (
+            a.circulation_std < 1.8
+        )  # noise of 5 % of the peak swirl, 300 vectors: a few per cent
     else:  # another profile than the fit's: only the contour knows the circulation, 2 % for noise of 5 % of the peak
         assert a.circulation_contour == pytest.approx(30, rel=0.02)

@@ -48,7 +48,9 @@ def rotating(n_times: int = 7, body: bool = False, dwdz: float = 0.0) -> xr.Data
     if body:
         corners = np.array([[-0.01, 0.0195], [0.0085, 0.0195], [0.0085, 0.05], [-0.01, 0.05]])
         more["outline"] = np.tile(corners, (n_times, 1, 1, 1))
-    return make_plane(x, y, np.tile(u, (n_times, 1, 1)), np.tile(v, (n_times, 1, 1)), time=time, **more)
+    return make_plane(
+        x, y, np.tile(u, (n_times, 1, 1)), np.tile(v, (n_times, 1, 1)), time=time, **more
+    )
 
 
 def test_pixel_values_are_the_exact_integral_of_the_gaussian():
@@ -61,7 +63,9 @@ def test_pixel_values_are_the_exact_integral_of_the_gaussian():
         )  # fmt: skip
         # within 1e-4 of a grey level
         assert image[row, column] == pytest.approx(exact, abs=1e-4)
-    assert image.sum() == pytest.approx(200 * np.pi * 2.5**2 / 8, abs=1e-3)  # cut off where it is below 1e-5
+    assert image.sum() == pytest.approx(
+        200 * np.pi * 2.5**2 / 8, abs=1e-3
+    )  # cut off where it is below 1e-5
 
 
 def test_row_zero_is_the_top_and_y_points_up():
@@ -106,7 +110,9 @@ def test_out_of_plane_motion_grows_with_distance_from_the_sheet():
 
 
 @pytest.mark.parametrize("given", [True, False])
-def test_a_core_that_spreads_by_interpolation_keeps_its_particles_where_nothing_crosses_the_sheet(given):
+def test_a_core_that_spreads_by_interpolation_keeps_its_particles_where_nothing_crosses_the_sheet(
+    given,
+):
     """Rotation with a spurious outflow of 10/s: without a second thought e^-2.4 of the particles would be left after 0.12 s."""
     series = rotating(n_times=61)
     xx, yy = np.meshgrid(series["x"].values - 0.020, series["y"].values - 0.016)
@@ -118,7 +124,9 @@ def test_a_core_that_spreads_by_interpolation_keeps_its_particles_where_nothing_
     for frame in recorder.frames():
         p = frame.particles
     core = np.hypot(p[0] - 0.020, p[1] - 0.016) < 8e-3
-    expected = 0.3 / (SMALL.scale_m_per_px**2 * 1.5e-3) * np.pi * 8e-3**2 * 2 * recorder.box.half_width
+    expected = (
+        0.3 / (SMALL.scale_m_per_px**2 * 1.5e-3) * np.pi * 8e-3**2 * 2 * recorder.box.half_width
+    )
     if given:
         assert abs(core.sum() - expected) < 4 * np.sqrt(expected)  # Poisson
     else:
@@ -201,7 +209,9 @@ def test_time_interpolation_is_exact_for_parabolas_and_smooth_at_nodes():
         value = sum(w * f[i] for i, w in hermite_weights(time, t))
         assert value == pytest.approx(2 - t + 0.5 * t**2, abs=1e-12)
     g = np.array([0, 1, -1, 2, 0.0])
-    left, right = ((sum(w * g[i] for i, w in hermite_weights(time, 2.5 + s)) + 1) / s for s in (-1e-6, 1e-6))
+    left, right = (
+        (sum(w * g[i] for i, w in hermite_weights(time, 2.5 + s)) + 1) / s for s in (-1e-6, 1e-6)
+    )
     assert left == pytest.approx(right, abs=1e-4)  # equal slopes on both sides of a node
 
 
@@ -214,7 +224,9 @@ def test_density_stays_uniform_while_particles_enter_and_leave():
     expected = 0.3 / (SMALL.scale_m_per_px**2 * 1.5e-3) * box.volume()
     # Poisson: four standard deviations
     assert abs(n - expected) < 4 * np.sqrt(expected)
-    counts, _, _ = np.histogram2d(last[0], last[1], bins=4, range=[[box.x0, box.x1], [box.y0, box.y1]])
+    counts, _, _ = np.histogram2d(
+        last[0], last[1], bins=4, range=[[box.x0, box.x1], [box.y0, box.y1]]
+    )
     assert (
         np.abs(counts - n / 16) < 4.5 * np.sqrt(n / 16)
     ).all()  # corners, which fresh particles feed, and middle
@@ -276,7 +288,9 @@ def test_recording_holds_frames_mask_and_truth(sheet, tmp_path):
         assert float(v) == pytest.approx(25 * 0.006 * ratio, rel=1e-4)
 
 
-def test_same_seed_same_pictures_and_an_interrupted_rendering_resumes_to_them(sheet, tmp_path, monkeypatch):
+def test_same_seed_same_pictures_and_an_interrupted_rendering_resumes_to_them(
+    sheet, tmp_path, monkeypatch
+):
     from piv.synthetic import render_recording as synthetic
 
     monkeypatch.setattr(synthetic, "CHECKPOINT_FRAMES", 2)
@@ -315,7 +329,10 @@ def test_pairs_are_the_same_pictures_as_of_the_whole_recording(tmp_path, every, 
     with h5py.File(whole) as all_, h5py.File(paired) as some:
         np.testing.assert_array_equal(some["frames"][:], all_["frames"][kept])
         np.testing.assert_allclose(some["time"][:], all_["time"][kept])
-    with read_plane(tmp_path / "whole_truth.h5") as all_, read_plane(tmp_path / "pairs_truth.h5") as some:
+    with (
+        read_plane(tmp_path / "whole_truth.h5") as all_,
+        read_plane(tmp_path / "pairs_truth.h5") as some,
+    ):
         first = kept[::2] if every > 1 else range(6)
         np.testing.assert_array_equal(some["u"], all_["u"].isel(time=list(first)))
         assert some["time"].values == pytest.approx([(i + 0.5) / 500 for i in first])

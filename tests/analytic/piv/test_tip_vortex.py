@@ -11,7 +11,9 @@ from tests.analytic.piv.tip_scene import tip_scene, young_scene
 @pytest.mark.parametrize("gap", [1.2, 1.5, 2.0])
 def test_tip_vortex_is_the_same_on_both_grids(gap, core):
     fine, centre = tip_scene(0.5e-3, core, gap)
-    coarse, _ = tip_scene(1e-3, core, gap, blur=0.8e-3, noise=2e-3)  # 0.03 px at 0.125 mm/px and 500 Hz
+    coarse, _ = tip_scene(
+        1e-3, core, gap, blur=0.8e-3, noise=2e-3
+    )  # 0.03 px at 0.125 mm/px and 500 Hz
     cfd, piv = (find_vortices(plane)[0] for plane in (fine, coarse))
     # the report's own limits: 1.5 mm and 5 % between CFD and PIV; here a fifth of that in place
     assert np.hypot(cfd.x - piv.x, cfd.y - piv.y) < 0.3e-3
@@ -29,7 +31,9 @@ def test_a_young_vortex_at_the_wall_is_not_drawn_into_the_body():
     errors, expected = [], []
     for seed in range(10):
         plane, circulation, core = young_scene(1e-3, hidden=0.5e-3, noise=5e-3, seed=seed)
-        near = [w for w in find_vortices(plane, stencil_radius=3e-3) if np.hypot(w.x, w.y) < 2 * core]
+        near = [
+            w for w in find_vortices(plane, stencil_radius=3e-3) if np.hypot(w.x, w.y) < 2 * core
+        ]
         assert near, seed
         errors.append([near[0].circulation / circulation - 1, near[0].core_radius / core - 1])
         expected.append([near[0].circulation_std / circulation, near[0].core_radius_std / core])

@@ -26,7 +26,9 @@ def plane() -> TurbulentPlane:
 
 @cache
 def pair(rms: float, noise: float):
-    return render(lambda x, y: tuple(rms * d for d in plane()(x, y, 3)), shape=SHAPE, seed=SEED, noise=noise)
+    return render(
+        lambda x, y: tuple(rms * d for d in plane()(x, y, 3)), shape=SHAPE, seed=SEED, noise=noise
+    )
 
 
 def errors(rms: float, noise: float, **options):
@@ -87,7 +89,9 @@ def test_strong_turbulence_is_not_emptied():
         np.mean(np.isnan(e[0])) < 0.05
     )  # asked of the whole; 68-75 % with one window and without uncertain vectors
     assert size(e) < 0.3  # 0.45 px is what peers reach
-    assert np.mean(np.hypot(*e)[flag == 0] > 0.5) < 0.02  # asked; 2.5 % with 0.3 px of uncertainty allowed
+    assert (
+        np.mean(np.hypot(*e)[flag == 0] > 0.5) < 0.02
+    )  # asked; 2.5 % with 0.3 px of uncertainty allowed
 
 
 @pytest.mark.parametrize("noise, flagged", [(0.01, 0.2), (0.05, 0.35)])
@@ -98,7 +102,9 @@ def test_what_is_computed_of_strong_turbulence_is_the_whole_flow(noise, flagged)
     vorticity = derived(ds, ("vorticity",))["vorticity"]
     alone = derived(ds.drop_vars("flag"), ("vorticity",))["vorticity"]
     assert np.isfinite(vorticity).mean() > 0.9  # 95 and 97 %
-    assert np.isfinite(alone).mean() < 0.75  # 68 and 49 %: that far the holes are of uncertain vectors
+    assert (
+        np.isfinite(alone).mean() < 0.75
+    )  # 68 and 49 %: that far the holes are of uncertain vectors
     true = 2.5 * np.array(plane()(*np.meshgrid(ds["x"], ds["y"])))
     rms = np.sqrt(np.mean([ds[n].where(ok).values ** 2 for n in ("u", "v")], where=ok.values))
     assert rms == pytest.approx(

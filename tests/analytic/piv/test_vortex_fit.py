@@ -40,7 +40,9 @@ def test_peak_swirl_constants():
 
 
 def test_exact_field_gives_exact_parameters():
-    vortices = find_vortices(make_plane(AXIS_X, AXIS_Y, *scene(500.3, 503.7)), rotation_prior=np.inf)
+    vortices = find_vortices(
+        make_plane(AXIS_X, AXIS_Y, *scene(500.3, 503.7)), rotation_prior=np.inf
+    )
     assert len(vortices) == 2
     a, b = vortices
     # without noise only the sweeps' convergence remains
@@ -58,7 +60,9 @@ def test_accuracy_from_noisy_piv_with_neighbour_and_shear():
     for _ in range(12):
         cx, cy = 500 + rng.uniform(-4, 4, 2)
         u, v = scene(cx, cy)
-        plane = make_plane(AXIS_X, AXIS_Y, u + correlated_noise(rng, 0.03), v + correlated_noise(rng, 0.03))
+        plane = make_plane(
+            AXIS_X, AXIS_Y, u + correlated_noise(rng, 0.03), v + correlated_noise(rng, 0.03)
+        )
         a = find_vortices(plane)[0]
         errors.append([a.x - cx, a.y - cy, a.circulation / GAMMA - 1, a.core_radius / 40 - 1])
         expected.append([a.x_std, a.y_std, a.circulation_std / GAMMA, a.core_radius_std / 40])
@@ -117,7 +121,9 @@ def test_of_two_that_end_on_each_other_one_stays():
 
 
 @pytest.mark.parametrize("half_distance", [0.06, 0.25, 0.4])
-def test_cores_that_overlap_across_a_mirror_plane_have_the_circulation_of_their_halves(half_distance):
+def test_cores_that_overlap_across_a_mirror_plane_have_the_circulation_of_their_halves(
+    half_distance,
+):
     core, peak_noise = 8.0, 0.01
     axis = np.arange(-40.0, 41.0)
     x, y = np.meshgrid(axis, axis)
@@ -128,10 +134,14 @@ def test_cores_that_overlap_across_a_mirror_plane_have_the_circulation_of_their_
         rng = np.random.default_rng(seed)
         noise = [ndimage.uniform_filter(rng.normal(size=x.shape), 4) for _ in range(2)]
         noisy = (
-            q + peak_noise * np.hypot(u, v).max() * e / e.std() for q, e in zip((u, v), noise, strict=True)
+            q + peak_noise * np.hypot(u, v).max() * e / e.std()
+            for q, e in zip((u, v), noise, strict=True)
         )
         found = find_vortices(make_plane(axis, axis, *noisy))
-        assert [np.sign(w.x * w.circulation) for w in found] == [1, 1]  # fitted jointly: one or none
+        assert [np.sign(w.x * w.circulation) for w in found] == [
+            1,
+            1,
+        ]  # fitted jointly: one or none
         # half a dipole is not quite Lamb-Oseen's: 4 to 20 % measured
         assert [abs(w.circulation) for w in found] == pytest.approx([half, half], rel=0.25)
         assert found[0].x + found[1].x == pytest.approx(0, abs=0.1 * core)
@@ -179,7 +189,9 @@ def test_rankine_batchelor_and_taylor_green():
     swirl = np.where(r < 60, r / 60**2, 1 / np.maximum(r, 1e-9)) * 300
     u, v = -swirl * (Y - 500) / np.maximum(r, 1e-9), swirl * (X - 600) / np.maximum(r, 1e-9)
     a = find_vortices(make_plane(AXIS_X, AXIS_Y, u, v))[0]
-    assert (a.x, a.y) == pytest.approx((600, 500), abs=0.1)  # symmetric, so the model's misfit moves nothing
+    assert (a.x, a.y) == pytest.approx(
+        (600, 500), abs=0.1
+    )  # symmetric, so the model's misfit moves nothing
     # contour well outside the core; the vorticity jump of a Rankine vortex spreads over a cell
     assert a.circulation_contour == pytest.approx(2 * np.pi * 300, rel=0.01)
     # a Batchelor vortex is a Lamb-Oseen vortex with an axial jet, which the plane does not see
@@ -193,14 +205,18 @@ def test_rankine_batchelor_and_taylor_green():
     inner = [w for w in vortices if 320 < w.x < 960 and 320 < w.y < 640]
     assert len(inner) == 2
     for w in inner:
-        assert min(abs(w.x - 480), abs(w.x - 800)) < 2.0  # a quarter of a cell: the plane ends unevenly
+        assert (
+            min(abs(w.x - 480), abs(w.x - 800)) < 2.0
+        )  # a quarter of a cell: the plane ends unevenly
         assert np.sign(w.circulation) == np.sign(np.sin(k * w.x) * np.sin(k * w.y))
 
 
 def test_noise_and_uniform_flow_hold_no_vortex_worth_the_name():
     rng = np.random.default_rng(1)
     assert find_vortices(make_plane(AXIS_X, AXIS_Y, np.ones(X.shape), np.ones(X.shape))) == []
-    noisy = make_plane(AXIS_X, AXIS_Y, 3 + 0.03 * rng.normal(size=X.shape), 0.03 * rng.normal(size=X.shape))
+    noisy = make_plane(
+        AXIS_X, AXIS_Y, 3 + 0.03 * rng.normal(size=X.shape), 0.03 * rng.normal(size=X.shape)
+    )
     limit = 0.02 * GAMMA  # noise of 0.03 px makes eddies of a few cells and tenths of a px
     assert find_vortices(noisy, min_circulation=limit) == []
 
@@ -229,7 +245,9 @@ def test_no_vortex_lies_in_a_body():
     plane = make_plane(x, x, u, v, valid=yy > 0.4)
     found = find_vortices(plane)
     assert len(found) == 1
-    assert np.hypot(found[0].x, found[0].y) < 0.25  # the fit is exact for its own model: within a grid step
+    assert (
+        np.hypot(found[0].x, found[0].y) < 0.25
+    )  # the fit is exact for its own model: within a grid step
     wall = np.array([[[-10.0, -10.0], [10.0, -10.0], [10.0, 0.4], [-10.0, 0.4]]])
     assert not find_vortices(plane.assign(outline=(("finger", "point", "axis"), wall)))
     assert len(find_vortices(plane.assign(outline=(("finger", "point", "axis"), wall - 1.0)))) == 1

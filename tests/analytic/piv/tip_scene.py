@@ -34,7 +34,10 @@ def tip_scene(
         px = 0.3 * HALF_WIDTH + s * (cx + 0.5 * core - 0.3 * HALF_WIDTH)
         py = -HALF_WIDTH - 2e-3 * np.sin(np.pi * s) + s * (cy - 2 * core + HALF_WIDTH + 1e-3)
         blobs.append((px, py, 0.35 * circulation / 30, 1.5e-3))
-    blobs += [(HALF_WIDTH + 1e-3, 0.03 * s, -0.3 * circulation / 40, 1.2e-3) for s in np.linspace(0, 1, 40)]
+    blobs += [
+        (HALF_WIDTH + 1e-3, 0.03 * s, -0.3 * circulation / 40, 1.2e-3)
+        for s in np.linspace(0, 1, 40)
+    ]
     u, v = np.full(xx.shape, 0.05), np.full(xx.shape, -0.03)
     for blob in blobs:
         du, dv = lamb_oseen(xx, yy, *blob)
@@ -43,7 +46,8 @@ def tip_scene(
     if blur:
         part = ndimage.gaussian_filter(ok.astype(float), blur / step)
         u, v = (
-            ndimage.gaussian_filter(np.where(ok, f, 0), blur / step) / np.maximum(part, 1e-9) for f in (u, v)
+            ndimage.gaussian_filter(np.where(ok, f, 0), blur / step) / np.maximum(part, 1e-9)
+            for f in (u, v)
         )
         ok &= part > 0.5
     if noise:

@@ -46,7 +46,10 @@ def plane_of(
     axes = {1: ("time", "finger", "axis"), 2: ("time", "finger", "point", "axis")}
     return xr.Dataset(
         {name: (("time", "y", "x"), np.stack([field] * 2)) for name, field in fields.items()}
-        | {name: (axes[np.ndim(value)], np.stack([[value]] * 2)) for name, value in of_finger.items()},
+        | {
+            name: (axes[np.ndim(value)], np.stack([[value]] * 2))
+            for name, value in of_finger.items()
+        },
         {"time": [0.1, 0.2], "y": y, "x": x},
         {"tip_width": WIDTH},
     )
@@ -72,7 +75,8 @@ def test_circulation_and_centre_do_not_depend_on_the_core(way, core_radius):
 @pytest.mark.parametrize("moved", [(1e-3, 0.0), (-2.3e-3, 1.1e-3), (0.0, -6e-3)])
 def test_a_vortex_that_is_moved_moves_the_centroid_by_as_much(way, moved):
     before, after = (
-        only(way, plane_of((X0 + part * moved[0], Y0 + part * moved[1], GAMMA, 0.003))) for part in (0, 1)
+        only(way, plane_of((X0 + part * moved[0], Y0 + part * moved[1], GAMMA, 0.003)))
+        for part in (0, 1)
     )
     # a thousandth of the region again; of a core of 3 mm, 9 mm from the region's edge, 1e-5 is cut off
     np.testing.assert_allclose([after.x - before.x, after.y - before.y], moved, atol=2.5e-5)

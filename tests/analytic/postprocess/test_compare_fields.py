@@ -30,7 +30,9 @@ def test_identical_series_differ_by_nothing():
     plane = linear_series(X, Y, TIME, hole=True)
     sums = fields.field_sums(plane, plane)
     assert fields.rms_difference(sums) < 1e-15  # rounding of the grid coordinates alone
-    assert fields.correlation(sums) == pytest.approx(1.0, abs=1e-12)  # rounding of a quotient of sums
+    assert fields.correlation(sums) == pytest.approx(
+        1.0, abs=1e-12
+    )  # rounding of a quotient of sums
     assert (sums["points"] == plane["valid"].sum(("y", "x")).values).all()
     assert (sums["share"] == 1.0).all()
 
@@ -62,7 +64,9 @@ def test_a_reversed_v_is_caught():
     sums = fields.field_sums(reference, other)
     u2, v2 = float((reference["u"] ** 2).sum()), float((reference["v"] ** 2).sum())
     assert fields.correlation(sums) == pytest.approx((u2 - v2) / (u2 + v2), rel=1e-12)
-    assert fields.rms_difference(sums) == pytest.approx(2 * np.sqrt(v2 / reference["v"].size), rel=1e-12)
+    assert fields.rms_difference(sums) == pytest.approx(
+        2 * np.sqrt(v2 / reference["v"].size), rel=1e-12
+    )
 
 
 def test_a_reversed_field_correlates_by_minus_one():
@@ -114,4 +118,8 @@ def test_no_correlation_is_given_at_rest():
     still = plane.assign(u=0 * plane["u"], v=0 * plane["v"])
     with pytest.raises(ValueError, match="at rest"):
         fields.correlation(fields.field_sums(still, still))
-    assert fields.field_series(fields.field_sums(still, plane), 1e-3)["velocity_correlation"].isna().all()
+    assert (
+        fields.field_series(fields.field_sums(still, plane), 1e-3)["velocity_correlation"]
+        .isna()
+        .all()
+    )

@@ -46,7 +46,9 @@ def test_head_between_the_sides_of_a_finger_makes_the_circulation_of_a_potential
     series = plane(u, v, p, time)
     table = conservation.half_circulation(series, DENSITY, VISCOSITY)
     x, at = series["x"].values, int(np.argmin(np.abs(series["y"].values - 0.240)))
-    ends = conservation.sides(series["valid"].values[0, at] != 0, series["outline"].values[0, 0], x, 0.240)
+    ends = conservation.sides(
+        series["valid"].values[0, at] != 0, series["outline"].values[0, 0], x, 0.240
+    )
     dorsal, ventral = x[list(ends)]
     assert (dorsal, ventral) == pytest.approx(
         (-0.0345, -0.0195), abs=6e-4
@@ -56,14 +58,18 @@ def test_head_between_the_sides_of_a_finger_makes_the_circulation_of_a_potential
         potential, abs=1e-8
     )  # trapezoids of a linear velocity
     explained = table[["walls", "pressure", "carried", "diffused"]].sum(axis=1).to_numpy()
-    assert explained == pytest.approx(potential, abs=1e-3 * potential.max())  # trapezoids of 2.5 ms in time
+    assert explained == pytest.approx(
+        potential, abs=1e-3 * potential.max()
+    )  # trapezoids of 2.5 ms in time
     assert table["carried"].abs().max() < 1e-12  # no vorticity to carry
 
 
 def test_a_steady_shear_carries_as_much_in_as_out():
     """u = S (y - 0.1): vorticity leaves on one edge as it enters on the other, and nothing changes."""
     time = np.linspace(0, 0.1, 11)
-    series = plane(lambda x, y, t: 5.0 * (y - 0.1), lambda x, y, t: 0 * x, lambda x, y, t: 0 * x, time)
+    series = plane(
+        lambda x, y, t: 5.0 * (y - 0.1), lambda x, y, t: 0 * x, lambda x, y, t: 0 * x, time
+    )
     table = conservation.half_circulation(series, DENSITY, VISCOSITY)
     explained = table[["walls", "pressure", "carried", "diffused"]].sum(axis=1).to_numpy()
     assert np.ptp(table["circulation"]) < 1e-12
@@ -75,7 +81,10 @@ def test_a_turning_wall_sheds_twice_its_area_times_its_turn():
     centre, turn = box.mean(axis=0), 2.0
     away = box - centre
     velocity = turn * np.stack([-away[:, 1], away[:, 0]], axis=1)
-    for outline, speed in ((box, velocity), (box[::-1], velocity[::-1])):  # whichever way the outline goes
+    for outline, speed in (
+        (box, velocity),
+        (box[::-1], velocity[::-1]),
+    ):  # whichever way the outline goes
         assert conservation.wall_part(outline, speed, 1.0) == pytest.approx(-2 * turn * 0.02 * 0.06)
 
 
@@ -88,7 +97,10 @@ def test_impulse_of_an_exact_pair():
         for x0, strength in ((-b, -circulation), (b, circulation)):
             away = (x - x0, y - y0)
             r2 = away[0] ** 2 + away[1] ** 2 + 1e-16
-            total = total + strength / (2 * np.pi * r2) * -np.expm1(-r2 / core**2) * (-away[1], away[0])[part]
+            total = (
+                total
+                + strength / (2 * np.pi * r2) * -np.expm1(-r2 / core**2) * (-away[1], away[0])[part]
+            )
         return total
 
     time = np.array([0.0])
@@ -110,9 +122,20 @@ def test_impulse_of_an_exact_pair():
 @pytest.mark.parametrize("flat, told", [(True, 0.25), (False, None)])
 def test_the_impulse_is_compared_in_two_dimensions_only(flat, told):
     """A quarter of the given impulse is missing; of a vortex loop that would say nothing."""
-    parts = {"walls": [0.0, 1.0], "pressure": [0.0, 0.5], "carried": [0.0, 0.3], "diffused": [0.0, 0.1]}
+    parts = {
+        "walls": [0.0, 1.0],
+        "pressure": [0.0, 0.5],
+        "carried": [0.0, 0.3],
+        "diffused": [0.0, 0.1],
+    }
     table = pd.DataFrame(
-        {"time": [0.0, 0.1], "circulation": [0.0, 2.0], **parts, "impulse": [0.0, -3.0], "given": [0.0, -4.0]}
+        {
+            "time": [0.0, 0.1],
+            "circulation": [0.0, 2.0],
+            **parts,
+            "impulse": [0.0, -3.0],
+            "given": [0.0, -4.0],
+        }
     )
     numbers = conservation_numbers(table, None, flat)
     assert numbers["impulse_unexplained"] == told

@@ -20,7 +20,9 @@ def plane(*vortices, spacing=0.0005, tips=TIPS):
     x, y = np.arange(-0.08, 0.08 + 1e-9, spacing), np.arange(0.11, 0.25, spacing)
     gx, gy = np.meshgrid(x, y)
     u, v = np.zeros_like(gx), np.zeros_like(gx)
-    for x0, y0, circulation, core in [w for a, b, g, r in vortices for w in ((a, b, g, r), (-a, b, -g, r))]:
+    for x0, y0, circulation, core in [
+        w for a, b, g, r in vortices for w in ((a, b, g, r), (-a, b, -g, r))
+    ]:
         dx, dy = gx - x0, gy - y0
         r2 = np.maximum(dx**2 + dy**2, 1e-16)
         swirl = circulation / (2 * np.pi * r2) * -np.expm1(-r2 / core**2)
@@ -40,12 +42,17 @@ DORSAL, VENTRAL = (-0.016, 0.155, -100e-4, 0.004), (-0.008, 0.200, 30e-4, 0.003)
 
 def test_both_pairs_are_told_apart_and_measured():
     table = integrals.pair_integrals(plane(DORSAL, VENTRAL), SCALE)
-    for (side, flow), (x, y, circulation, core) in ((integrals.DORSAL, DORSAL), (integrals.VENTRAL, VENTRAL)):
+    for (side, flow), (x, y, circulation, core) in (
+        (integrals.DORSAL, DORSAL),
+        (integrals.VENTRAL, VENTRAL),
+    ):
         for finger, sign in ((0, 1), (1, -1)):
             row = integrals.vortex_of(table, side, flow, finger).iloc[0]
             # FLOOR is 1.6 % of the weaker core's peak vorticity, and the rim below it holds so much of Γ
             assert row["circulation"] == pytest.approx(sign * circulation, rel=0.02)
-            assert (row["x"], row["y"]) == pytest.approx((sign * x, y), abs=1e-4)  # a fifth of the spacing
+            assert (row["x"], row["y"]) == pytest.approx(
+                (sign * x, y), abs=1e-4
+            )  # a fifth of the spacing
             assert row["core_radius"] == pytest.approx(core, rel=0.05)
         pair = integrals.pair_of(table, side, flow).iloc[0]
         assert np.sign(pair["between"]) == integrals.FLOWS[flow]
@@ -93,7 +100,9 @@ def test_a_pair_has_formed_when_it_lasts():
 def test_regions_that_jump_by_a_tip_width_are_no_pair_that_lasts(jump, forms):
     """To and fro until 0.035 s, as layers along the walls do, and in place from then on."""
     to_and_fro = np.where(TIMES < 0.038, jump * WIDTH * (np.arange(TIMES.size) % 2), jump * WIDTH)
-    assert integrals.formed(TIMES, risen(TIMES > 0.012, 0.2 + to_and_fro), WIDTH) == pytest.approx(forms)
+    assert integrals.formed(TIMES, risen(TIMES > 0.012, 0.2 + to_and_fro), WIDTH) == pytest.approx(
+        forms
+    )
 
 
 def test_circulation_and_impulse_of_an_exact_pair():
@@ -105,7 +114,9 @@ def test_circulation_and_impulse_of_an_exact_pair():
     assert row["circulation_0"] == pytest.approx(circulation, rel=2e-3)
     assert row["circulation_1"] == pytest.approx(-circulation, rel=2e-3)
     assert row["impulse_0"] == pytest.approx(-x * circulation, rel=5e-3)
-    assert row["impulse_0"] == pytest.approx(row["impulse_1"], rel=1e-3)  # nodes on the finger's edge
+    assert row["impulse_0"] == pytest.approx(
+        row["impulse_1"], rel=1e-3
+    )  # nodes on the finger's edge
     assert row["impulse_0"] < 0  # the flow between them is downward
 
 

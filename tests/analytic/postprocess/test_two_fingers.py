@@ -17,7 +17,14 @@ WIDTH = 0.014
 
 def vortex(time, finger, x, y, circulation, track=0, distance=0.5, side="dorsal"):
     place = {"tip_distance": distance, "along_tip": 0.001, "across_tip": 0.002 * (1 + time)}
-    return {"time": time, "finger": finger, "x": x, "y": y, "circulation": circulation, "track": track} | {
+    return {
+        "time": time,
+        "finger": finger,
+        "x": x,
+        "y": y,
+        "circulation": circulation,
+        "track": track,
+    } | {
         "core_radius": 0.004,
         "side": side,
         **place,
@@ -122,7 +129,9 @@ def test_share_and_angle_of_a_stagnation_flow_are_exact():
     assert np.tan(angle) == pytest.approx(0.010 / (0.21 - 0.171), rel=0.03)
     speed, share, angle = centreline.oblique_flow(plane, lines, (0.4, 0.6), above=False)
     assert share == 1.0
-    assert speed == pytest.approx(2.0 * WIDTH, rel=0.05)  # nodes 1 mm apart, the line on one of them
+    assert speed == pytest.approx(
+        2.0 * WIDTH, rel=0.05
+    )  # nodes 1 mm apart, the line on one of them
     assert np.tan(angle) == pytest.approx(0.5, rel=0.05)
 
 

@@ -27,7 +27,9 @@ def plane_of(core_radius: float, background: float = 0.0) -> xr.Dataset:
 
 
 def track(x: float = X0) -> pd.DataFrame:
-    return pd.DataFrame({"time": [0.1, 0.2], "x": x, "y": Y0, "circulation": 0.5 * GAMMA, "core_radius": 1.0})
+    return pd.DataFrame(
+        {"time": [0.1, 0.2], "x": x, "y": Y0, "circulation": 0.5 * GAMMA, "core_radius": 1.0}
+    )
 
 
 @pytest.mark.parametrize("core_radius", [0.0025, 0.0045])

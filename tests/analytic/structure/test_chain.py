@@ -67,7 +67,9 @@ def test_joints_and_profile_agree_under_load():
     line = chain.profile(pressure, delta)[0]
     joint = placed(chain.unloaded(pressure), 0, delta[0]).joint[-1]
     away = abs(complex(*line[-1]) - joint) - np.interp(2e4, chain.pressure, chain.law.neutral_axis)
-    assert abs(away) < 2e-4  # m; half a slice's turn over half its length is 2e-5, summed over 30 slices
+    assert (
+        abs(away) < 2e-4
+    )  # m; half a slice's turn over half its length is 2e-5, summed over 30 slices
 
 
 def stroke(duration=0.2, step=1e-3, end=0.25):
@@ -107,7 +109,12 @@ def test_frequencies_in_vacuum_are_those_of_a_beam(number, factor):
     wanted = 2 * np.pi / (factor / LENGTH) ** 2 * np.sqrt(MASS / EI)
     time = wanted / 60 * np.arange(181)
     delta = motion(
-        chain, 0 * time, time[1], Surroundings(), np.zeros((181, chain.slices, 3)), mode(chain, number)
+        chain,
+        0 * time,
+        time[1],
+        Surroundings(),
+        np.zeros((181, chain.slices, 3)),
+        mode(chain, number),
     )
     assert period(time, delta[:, -1]) == pytest.approx(wanted, rel=0.01)
 
@@ -119,7 +126,9 @@ def test_first_frequency_in_water_is_that_of_chu():
     wanted = dry * np.sqrt(1 + np.pi * 998.2 * WIDTH**2 / 4 / MASS)
     time = wanted / 60 * np.arange(181)
     around = Surroundings(0.0, 998.2, added_mass=1.0)
-    delta = motion(chain, 0 * time, time[1], around, np.zeros((181, chain.slices, 3)), mode(chain, 0))
+    delta = motion(
+        chain, 0 * time, time[1], around, np.zeros((181, chain.slices, 3)), mode(chain, 0)
+    )
     assert period(time, delta[:, -1]) == pytest.approx(wanted, rel=0.01)
 
 
@@ -147,5 +156,7 @@ def test_free_vibration_keeps_its_energy():
     chain = straight(60, rubber_mass=MASS)
     dry = 2 * np.pi / (1.875104 / LENGTH) ** 2 * np.sqrt(MASS / EI)
     time = dry / 200 * np.arange(601)
-    delta = motion(chain, 0 * time, time[1], Surroundings(), np.zeros((601, chain.slices, 3)), mode(chain, 0))
+    delta = motion(
+        chain, 0 * time, time[1], Surroundings(), np.zeros((601, chain.slices, 3)), mode(chain, 0)
+    )
     assert np.abs(delta[400:, -1]).max() ** 2 == pytest.approx(delta[0, -1] ** 2, rel=0.02)

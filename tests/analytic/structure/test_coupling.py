@@ -85,7 +85,9 @@ def test_growing_changes_stop_with_a_sentence():
     where = Path("scene.toml")
     assert not check_change([5e-3], 1e-3, where)
     assert check_change([5e-3, 9e-4], 1e-3, where)
-    with pytest.raises(StageError, match=r"diverges: .* 5 mm and then by 6 mm; raise structure\.added_mass"):
+    with pytest.raises(
+        StageError, match=r"diverges: .* 5 mm and then by 6 mm; raise structure\.added_mass"
+    ):
         check_change([5e-3, 6e-3], 1e-3, where)
 
 

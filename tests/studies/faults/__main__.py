@@ -47,7 +47,9 @@ def main() -> int:
     parser.add_argument(
         "--seed", type=int, default=0, help="of the times of the kills (default: %(default)s)"
     )
-    parser.add_argument("--tables", type=Path, default=Path("docs/stability"), help="folder of the tables")
+    parser.add_argument(
+        "--tables", type=Path, default=Path("docs/stability"), help="folder of the tables"
+    )
     parser.add_argument(
         "--folder", type=Path, help="where the copy of the project is kept (default: temporary)"
     )

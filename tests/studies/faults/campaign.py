@@ -26,13 +26,40 @@ from fileio.atomic import write_text
 from fileio.stages import BY_NAME
 from tests.inner_make import inner_environment
 from tests.studies.faults.__main__ import write_table
-from tests.studies.faults.project import PRODUCTS, command, compare_stage, copy_project, kill, solver_gone
+from tests.studies.faults.project import (
+    PRODUCTS,
+    command,
+    compare_stage,
+    copy_project,
+    kill,
+    solver_gone,
+)
 
-COLUMNS = ("scene", "level", "ranks", "end_time", "kill", "stage", "solved_s", "killed", "compared", "date")
+COLUMNS = (
+    "scene",
+    "level",
+    "ranks",
+    "end_time",
+    "kill",
+    "stage",
+    "solved_s",
+    "killed",
+    "compared",
+    "date",
+)
 LAST = ("compare", "loads")
 STAGES = (*list(PRODUCTS)[: list(PRODUCTS).index("compare") + 1], "loads")
-BEFORE, AFTER = ("mesh", "case"), (("sheet", "images"), ("images", "piv"), ("vortices_piv", "compare"))
-SOLVED = (0.05, 0.3, 0.5, 0.75, 0.97)  # of the end time: a kill of the solver between each and the next
+BEFORE, AFTER = (
+    ("mesh", "case"),
+    (("sheet", "images"), ("images", "piv"), ("vortices_piv", "compare")),
+)
+SOLVED = (
+    0.05,
+    0.3,
+    0.5,
+    0.75,
+    0.97,
+)  # of the end time: a kill of the solver between each and the next
 PATIENCE = 120.0  # s for a make to end whose process was killed
 POLL = 0.2  # s
 
@@ -88,7 +115,12 @@ def begin(project: Path, run: Run, log: Path) -> subprocess.Popen:
     target = [*command(first, run.level, run.ranks), *others]
     with log.open("a") as output:
         return subprocess.Popen(
-            target, cwd=project, stdout=output, stderr=output, start_new_session=True, env=inner_environment()
+            target,
+            cwd=project,
+            stdout=output,
+            stderr=output,
+            start_new_session=True,
+            env=inner_environment(),
         )
 
 
@@ -129,7 +161,9 @@ def solved(out: Path) -> float:
     """How far (s) the solver has told that it is."""
     times = [0.0]
     for log in (out / "case").glob("*/log.pimpleFoam"):
-        times += [float(t) for t in re.findall(r"(?m)^Time = (\S+)$", log.read_text(errors="replace"))]
+        times += [
+            float(t) for t in re.findall(r"(?m)^Time = (\S+)$", log.read_text(errors="replace"))
+        ]
     return max(times)
 
 
@@ -142,8 +176,14 @@ def aims(run: Run, project: Path, wanted: Path, draw: random.Random) -> list[Aim
             return folder / BY_NAME[of].done
 
         needs = BY_NAME[name].inputs
-        took = done(wanted, name).stat().st_mtime - max(done(wanted, n).stat().st_mtime for n in needs)
-        return name, lambda: all(done(out, n).exists() for n in needs), draw.uniform(0, 1) * max(took, 1.0)
+        took = done(wanted, name).stat().st_mtime - max(
+            done(wanted, n).stat().st_mtime for n in needs
+        )
+        return (
+            name,
+            lambda: all(done(out, n).exists() for n in needs),
+            draw.uniform(0, 1) * max(took, 1.0),
+        )
 
     def solver(low: float, high: float) -> Aim:
         at = draw.uniform(low, high) * run.end_time
@@ -153,7 +193,9 @@ def aims(run: Run, project: Path, wanted: Path, draw: random.Random) -> list[Aim
     return [stage(draw.choice(BEFORE)), *during, *(stage(draw.choice(names)) for names in AFTER)]
 
 
-def strike(project: Path, run: Run, aim: Aim, of_all: bool, draw: random.Random, log: Path) -> str | None:
+def strike(
+    project: Path, run: Run, aim: Aim, of_all: bool, draw: random.Random, log: Path
+) -> str | None:
     """Begin a make, kill it (or one of its processes) at its aim, and return what was killed; None where it ended before."""
     _, ready, delay = aim
     process = begin(project, run, log)
@@ -180,7 +222,9 @@ def undisturbed(project: Path, run: Run, wanted: Path, log: Path) -> None:
     shutil.copytree(reference, out.parents[1] / "reference", dirs_exist_ok=True)
     code = begin(project, run, log).wait()
     if code != 0:
-        raise SystemExit(f"{run.name} does not run undisturbed: {log.read_text(errors='replace')[-2000:]}")
+        raise SystemExit(
+            f"{run.name} does not run undisturbed: {log.read_text(errors='replace')[-2000:]}"
+        )
     case = shutil.ignore_patterns("case")  # the rest with the files' times
     shutil.copytree(out, wanted.with_suffix(".part"), ignore=case, dirs_exist_ok=True)
     wanted.with_suffix(".part").rename(wanted)
@@ -201,7 +245,12 @@ def kills(
         if killed and not solver_gone(project, 60.0):
             killed += ", but a solver lives on"
         solver_at = f"{solved(out):.4g}"
-        row = {"kill": number + 1, "stage": aim[0], "solved_s": solver_at, "killed": killed or "ended before"}
+        row = {
+            "kill": number + 1,
+            "stage": aim[0],
+            "solved_s": solver_at,
+            "killed": killed or "ended before",
+        }
         yield same | row
 
 
@@ -217,8 +266,12 @@ def compared(project: Path, run: Run, wanted: Path, log: Path) -> str:
 
 def main() -> int:
     """Command line; 1 where a run differs from the undisturbed one."""
-    parser = argparse.ArgumentParser(prog="python -m tests.studies.faults.campaign", description=__doc__)
-    parser.add_argument("--runs", help=f"numbers with commas, of 0 to {len(RUNS) - 1} (default: all)")
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.studies.faults.campaign", description=__doc__
+    )
+    parser.add_argument(
+        "--runs", help=f"numbers with commas, of 0 to {len(RUNS) - 1} (default: all)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of the kills (default: %(default)s)")
     parser.add_argument(
         "--folder", type=Path, help="where the copy of the project is kept (default: temporary)"

@@ -48,7 +48,9 @@ def outcome(condition: str, stage: str, done: subprocess.CompletedProcess, folde
     besides = [line for line in done.stderr.splitlines() if line.strip() and line not in told]
     if done.returncode == 0:
         ended = "completed"
-    elif len(told) == 1 and all(re.match(r"make\S*: \*\*\* .* Error [12]$", line) for line in besides):
+    elif len(told) == 1 and all(
+        re.match(r"make\S*: \*\*\* .* Error [12]$", line) for line in besides
+    ):
         ended = "refused"
     else:
         ended, told = "wrong", [" | ".join((done.stderr + done.stdout).strip().splitlines()[-3:])]
@@ -85,7 +87,9 @@ class SmallDisk:
         if done.returncode != 0:
             self.out.rmdir()
             os.rename(self.aside, self.out)
-            raise PermissionError(f"mounting a file system is not allowed here: {done.stderr.strip()}")
+            raise PermissionError(
+                f"mounting a file system is not allowed here: {done.stderr.strip()}"
+            )
         subprocess.run(["cp", "-a", f"{self.aside}/.", str(self.out)], check=True)
         return self
 
@@ -139,7 +143,10 @@ def disks(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Itera
         commands = piv_commands(project, disk.fill, disk.empty) if "piv" in stages else ()
         for name, done, after in commands:
             row = outcome("disk full", name, done, folder)
-            yield row | {"ended": row["ended"] if row["ended"] == "refused" else "wrong", "afterwards": after}
+            yield row | {
+                "ended": row["ended"] if row["ended"] == "refused" else "wrong",
+                "afterwards": after,
+            }
     finally:
         disk.__exit__()
 
@@ -162,7 +169,9 @@ def foreign_files(project: Path, wanted: Path, folder: Path, stages: list[str]) 
         ):
             path.write_bytes(content)
             os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
-            row = outcome(f"{condition}: {path.name}", stage, make(project, f"{SCENE}.{stage}"), folder)
+            row = outcome(
+                f"{condition}: {path.name}", stage, make(project, f"{SCENE}.{stage}"), folder
+            )
             if row["ended"] == "completed":
                 row["ended"] = "wrong"
             path.write_bytes(whole)
@@ -179,12 +188,19 @@ def solvers(project: Path, wanted: Path, folder: Path) -> Iterator[Row]:
     empty, old = folder / "no-foam", folder / "old-foam"
     empty.mkdir(exist_ok=True)
     old.mkdir(exist_ok=True)
-    (old / "pimpleFoam").write_text("#!/bin/sh\necho 'Using: OpenFOAM- (1806) - visit www.openfoam.com'\n")
+    (old / "pimpleFoam").write_text(
+        "#!/bin/sh\necho 'Using: OpenFOAM- (1806) - visit www.openfoam.com'\n"
+    )
     (old / "pimpleFoam").chmod(0o755)
     unset = {"WM_PROJECT_DIR": ""}
-    for condition, path in (("OpenFOAM missing", str(empty)), ("OpenFOAM too old", f"{old}:/usr/bin:/bin")):
+    for condition, path in (
+        ("OpenFOAM missing", str(empty)),
+        ("OpenFOAM too old", f"{old}:/usr/bin:/bin"),
+    ):
         done = make(project, f"{SCENE}.run", PATH=path, **unset)
-        yield outcome(condition, "run", done, folder) | {"afterwards": afterwards(project, wanted, "run")}
+        yield outcome(condition, "run", done, folder) | {
+            "afterwards": afterwards(project, wanted, "run")
+        }
         undo(project, "run")
 
 
@@ -236,7 +252,10 @@ def twice(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Itera
         texts = [log.read_text(errors="replace") for log in logs]
         rows = [
             outcome(
-                "two makes at once", stage, subprocess.CompletedProcess(command(target), c, t, ""), folder
+                "two makes at once",
+                stage,
+                subprocess.CompletedProcess(command(target), c, t, ""),
+                folder,
             )
             for c, t in zip(codes, texts, strict=True)
         ]
@@ -248,7 +267,8 @@ def twice(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Itera
         row["afterwards"] = afterwards(project, wanted, target)
         if stage == "all":
             row["afterwards"] = next(
-                (d for s in PRODUCTS if (d := compare_stage(s, wanted, out_of(project)))), "as undisturbed"
+                (d for s in PRODUCTS if (d := compare_stage(s, wanted, out_of(project)))),
+                "as undisturbed",
             )
         yield row
 

@@ -23,11 +23,15 @@ COLUMNS = ("stage", "input", "ways", "refused", "told")
 
 def inputs_of(stage: Stage, out: Path) -> list[Path]:
     """The files that a stage follows from: those of the stages before it, its settings, and the case's mesh."""
-    files = [out / name for before in until(stage.name) if before != stage for name in before.outputs]
+    files = [
+        out / name for before in until(stage.name) if before != stage for name in before.outputs
+    ]
     if stage.piv:
         files.append(out / "settings" / f"{stage.target}.json")
     if stage.name == "run":
-        files += sorted(p for p in (out / "case").glob("interval_*/constant/polyMesh/*") if p.name[0] != ".")
+        files += sorted(
+            p for p in (out / "case").glob("interval_*/constant/polyMesh/*") if p.name[0] != "."
+        )
     return [path for path in dict.fromkeys(files) if path.is_file()]
 
 
@@ -52,7 +56,11 @@ def damaged_inputs(scene: Path, level: str) -> list[dict[str, object]]:
     for stage in STAGES:
         for path in inputs_of(stage, out):
             results = [told_of(stage, scene, level, path, way) for way in WAYS]
-            wrong = [f"{way}: {text}" for way, (good, text) in zip(WAYS, results, strict=True) if not good]
+            wrong = [
+                f"{way}: {text}"
+                for way, (good, text) in zip(WAYS, results, strict=True)
+                if not good
+            ]
             told = (wrong or [results[0][1]])[0].replace(f"{out}/", "")
             rows.append(dict(zip(COLUMNS, (stage.name, path.relative_to(out), len(WAYS), sum(good for good, _ in results), told), strict=True)))  # fmt: skip
             print(*rows[-1].values(), sep="  ", flush=True)

@@ -89,7 +89,13 @@ def strike(project: Path, stage: str, duration: float, draw: random.Random, log:
 
 
 def kills_in(
-    project: Path, wanted: Path, stage: str, duration: float, count: int, draw: random.Random, log: Path
+    project: Path,
+    wanted: Path,
+    stage: str,
+    duration: float,
+    count: int,
+    draw: random.Random,
+    log: Path,
 ) -> dict[str, object]:
     """Kill a stage `count` times, one to three times in a row, then let it end and compare; a row of the table."""
     row: dict[str, object] = {"stage": stage, "kills": 0, "runs_compared": 0, "difference": ""}
@@ -102,7 +108,9 @@ def kills_in(
             attempts += 1
             begun = time.monotonic()
             if not strike(project, stage, duration, draw, log):
-                duration = min(duration, time.monotonic() - begun)  # what was compiled before is compiled now
+                duration = min(
+                    duration, time.monotonic() - begun
+                )  # what was compiled before is compiled now
                 undo(project, stage)
                 continue
             kills += 1
@@ -113,9 +121,15 @@ def kills_in(
         done = make(project, f"{SCENE}.{stage}")
         row["runs_compared"] = int(str(row["runs_compared"])) + 1
         if done.returncode != 0:
-            return row | {"kills": kills, "difference": f"does not go on: {done.stderr.strip()[-300:]}"}
+            return row | {
+                "kills": kills,
+                "difference": f"does not go on: {done.stderr.strip()[-300:]}",
+            }
         difference = compare_stage(stage, wanted, out)
         left = [path.name for path in out.rglob("*.part")]
         if difference or left:
-            return row | {"kills": kills, "difference": difference or f"{', '.join(left)} left behind"}
+            return row | {
+                "kills": kills,
+                "difference": difference or f"{', '.join(left)} left behind",
+            }
     return row | {"kills": kills}

@@ -43,7 +43,9 @@ def piv_commands(
         fill(ROOM)
         full = subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
         empty()
-        left = sorted(path.name for path in set(out.rglob("*")) - before if not path.name.endswith(".part"))
+        left = sorted(
+            path.name for path in set(out.rglob("*")) - before if not path.name.endswith(".part")
+        )
         again = subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
         wrong = f"{', '.join(left)} left behind" if left else ""
         if again.returncode != 0:

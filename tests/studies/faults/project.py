@@ -48,7 +48,10 @@ piv = { every = 2, preset = "fast" }
 # What each target leaves for the next, in the order of the chain; a case is compared by what is solved on it.
 PRODUCTS: dict[str, tuple[str, ...]] = {}
 for _stage in STAGES:
-    PRODUCTS[_stage.target] = (*PRODUCTS.get(_stage.target, ()), *(f for f in _stage.outputs if f != "case"))
+    PRODUCTS[_stage.target] = (
+        *PRODUCTS.get(_stage.target, ()),
+        *(f for f in _stage.outputs if f != "case"),
+    )
 SPENT = (
     "wall_time",
     "resumed",
@@ -64,7 +67,9 @@ def copy_project(folder: Path) -> Path:
     for part in PARTS:
         source = ROOT / part
         if source.is_dir():
-            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("out", ".snakemake"))
+            shutil.copytree(
+                source, folder / part, ignore=shutil.ignore_patterns("out", ".snakemake")
+            )
         else:
             shutil.copy2(source, folder / part)
     (folder / ".venv").symlink_to(ROOT / ".venv")
@@ -128,7 +133,9 @@ def solver_gone(project: Path, patience: float = 20.0) -> bool:
     """Whether no solver is left that works in `project`, after `patience` s at the most."""
     deadline = time.monotonic() + patience
     while time.monotonic() < deadline:
-        if not any(_works_in(pid, project) for pid in Path("/proc").iterdir() if pid.name.isdigit()):
+        if not any(
+            _works_in(pid, project) for pid in Path("/proc").iterdir() if pid.name.isdigit()
+        ):
             return True
         time.sleep(0.1)
     return False
@@ -139,7 +146,9 @@ def _works_in(process: Path, project: Path) -> bool:
         if (process / "stat").read_text().rsplit(")", 1)[1].split()[0] == "Z":
             return False
         name = (process / "comm").read_text().strip()
-        return name == "pimpleFoam" and Path(os.readlink(process / "cwd")).is_relative_to(project.resolve())
+        return name == "pimpleFoam" and Path(os.readlink(process / "cwd")).is_relative_to(
+            project.resolve()
+        )
     except OSError:
         return False
 
@@ -161,8 +170,13 @@ def difference(one: Path, other: Path) -> str | None:
         return _difference_json(one, other)
     if one.name == "history.csv":
         return _difference_history(one, other)
-    if one.name in ("report.html", "comparison.json"):  # say when they were made, and of which files
-        return None if other.stat().st_size > 0.99 * one.stat().st_size else f"{one.name} is shorter"
+    if one.name in (
+        "report.html",
+        "comparison.json",
+    ):  # say when they were made, and of which files
+        return (
+            None if other.stat().st_size > 0.99 * one.stat().st_size else f"{one.name} is shorter"
+        )
     return None if one.read_bytes() == other.read_bytes() else f"{one.name} differs"
 
 
@@ -185,16 +199,24 @@ def _difference_hdf5(one: Path, other: Path) -> str | None:
 
 def _difference_json(one: Path, other: Path) -> str | None:
     a, b = (json.loads(p.read_text()) for p in (one, other))
-    differ = [key for key in sorted(a.keys() | b.keys()) if key not in SPENT and a.get(key) != b.get(key)]
+    differ = [
+        key for key in sorted(a.keys() | b.keys()) if key not in SPENT and a.get(key) != b.get(key)
+    ]
     return f"{one.name}: {', '.join(differ)} differs" if differ else None
 
 
 def _difference_history(one: Path, other: Path) -> str | None:
     a, b = (np.genfromtxt(p, delimiter=",", names=True) for p in (one, other))
-    differ = [name for name in a.dtype.names if name not in SPENT and a[name].tobytes() != b[name].tobytes()]
+    differ = [
+        name
+        for name in a.dtype.names
+        if name not in SPENT and a[name].tobytes() != b[name].tobytes()
+    ]
     return f"{one.name}: {', '.join(differ)} differs" if differ else None
 
 
 def compare_stage(stage: str, wanted: Path, folder: Path) -> str | None:
     """The first difference in what a stage has made; None where there is none."""
-    return next((d for name in PRODUCTS[stage] if (d := difference(wanted / name, folder / name))), None)
+    return next(
+        (d for name in PRODUCTS[stage] if (d := difference(wanted / name, folder / name))), None
+    )

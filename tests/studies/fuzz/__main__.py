@@ -114,18 +114,24 @@ def fuzz_one(name: str, inputs: int, seed: int, engine: str, work: Path, kept: P
 
 def run_reader(name: str, args: argparse.Namespace) -> dict[str, object]:
     """Fuzz one reader in a process of its own; its row of the table."""
-    with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as temporary:
+    with tempfile.TemporaryDirectory(
+        dir="/dev/shm" if Path("/dev/shm").is_dir() else None
+    ) as temporary:
         command = [
             sys.executable, "-m", "tests.studies.fuzz", "--one", name, "--inputs", str(args.inputs), "--seed", str(args.seed),
             "--engine", args.engine, "--work", temporary, "--kept", str(args.kept.resolve()),
         ]  # fmt: skip
-        done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
+        done = subprocess.run(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False
+        )
         note = Path(temporary) / "files.json"
         counts = json.loads(note.read_text()) if note.exists() else {}
     counts = {"inputs": 0, "read": 0, "refused": 0, "faults": 0, "cpu_s": 0.0} | counts
     if done.returncode != 0:
         counts["faults"] += 1  # a crash, a hang or too much memory
-        print(f"{name}: ended with {done.returncode}\n{done.stderr.decode(errors='replace')[-2000:]}")
+        print(
+            f"{name}: ended with {done.returncode}\n{done.stderr.decode(errors='replace')[-2000:]}"
+        )
     label = f"atheris {version('atheris')}" if args.engine == "atheris" else "random"
     today = datetime.now(UTC).date().isoformat()
     return {"reader": name, "engine": label, "date": today} | counts
@@ -144,13 +150,19 @@ def main() -> int:
     """Command line; 1 where a reader broke."""
     guided = "atheris" if find_spec("atheris") else "random"
     parser = argparse.ArgumentParser(prog="python -m tests.studies.fuzz", description=__doc__)
-    parser.add_argument("--inputs", type=int, default=5000, help="inputs per reader (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the random changes (default: %(default)s)")
+    parser.add_argument(
+        "--inputs", type=int, default=5000, help="inputs per reader (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of the random changes (default: %(default)s)"
+    )
     parser.add_argument(
         "--engine", choices=("atheris", "random"), default=guided, help="(default: %(default)s)"
     )
     parser.add_argument("--readers", help="names with commas (default: all)")
-    parser.add_argument("--table", type=Path, help="CSV to write the counts to; with --readers, their rows")
+    parser.add_argument(
+        "--table", type=Path, help="CSV to write the counts to; with --readers, their rows"
+    )
     parser.add_argument(
         "--kept",
         type=Path,
@@ -167,7 +179,9 @@ def main() -> int:
 
     names = args.readers.split(",") if args.readers else [target.name for target in TARGETS]
     rows = []
-    print(f"{'reader':18}{'inputs':>8}{'read':>8}{'refused':>9}{'faults':>8}{'CPU s':>8}", flush=True)
+    print(
+        f"{'reader':18}{'inputs':>8}{'read':>8}{'refused':>9}{'faults':>8}{'CPU s':>8}", flush=True
+    )
     for name in names:
         rows.append(run_reader(name, args))
         r = rows[-1]
@@ -176,7 +190,9 @@ def main() -> int:
             flush=True,
         )
     total, broken = (sum(int(str(r[key])) for r in rows) for key in ("inputs", "faults"))
-    print(f"{total} inputs, {broken} faults" + (f"; the inputs are in {args.kept}" if broken else ""))
+    print(
+        f"{total} inputs, {broken} faults" + (f"; the inputs are in {args.kept}" if broken else "")
+    )
     if args.table:
         rows = merged(args.table, rows) if args.readers else rows
         with whole(args.table) as part, part.open("w", encoding="utf-8", newline="") as file:

@@ -23,7 +23,9 @@ def damaged(seeds: list[bytes], draw: random.Random) -> bytes:
             content[at % len(content)] = draw.randrange(256)
         elif kind == 2:  # a number, little- or big-endian
             size = draw.choice((1, 2, 4, 8))
-            number = (draw.choice(NUMBERS) % 256**size).to_bytes(size, draw.choice(("little", "big")))
+            number = (draw.choice(NUMBERS) % 256**size).to_bytes(
+                size, draw.choice(("little", "big"))
+            )
             content[at : at + size] = number
         elif kind == 3:  # a word put in
             content[at:at] = draw.choice(WORDS)

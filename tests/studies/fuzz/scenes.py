@@ -60,7 +60,9 @@ OTHER_KINDS: list[Any] = ["9_98", "", "nan", True, [], [1.0], {}]
 
 def edges(metadata: list[Any]) -> list[float]:
     """The bounds of a field, and what is just within and beyond."""
-    bounds = [getattr(m, side) for m in metadata for side in ("ge", "gt", "le", "lt") if hasattr(m, side)]
+    bounds = [
+        getattr(m, side) for m in metadata for side in ("ge", "gt", "le", "lt") if hasattr(m, side)
+    ]
     return [
         value
         for b in bounds
@@ -101,7 +103,9 @@ def of_field(field: FieldInfo) -> st.SearchStrategy[Any]:
     drawn = of_kind(field.annotation, field.metadata)
     if isinstance(field.default, int | float) and not isinstance(field.default, bool):
         kind = type(field.default)
-        near = st.sampled_from([0.5, 0.8, 0.9, 1.0, 1.1, 1.5, 2.0]).map(lambda by: kind(by * field.default))
+        near = st.sampled_from([0.5, 0.8, 0.9, 1.0, 1.1, 1.5, 2.0]).map(
+            lambda by: kind(by * field.default)
+        )
         return st.one_of(near, near, near, drawn, drawn, st.sampled_from(OTHER_KINDS))
     return st.one_of(drawn, drawn, drawn, drawn, st.sampled_from(OTHER_KINDS))
 

@@ -56,7 +56,9 @@ class Target:
     read: Callable[[Path], Any]
     seeds: Callable[[Path], list[bytes]]
     refusals: tuple[type[Exception], ...] = REFUSALS
-    beside: dict[str, bytes] = field(default_factory=dict)  # further files that the reader wants to find
+    beside: dict[str, bytes] = field(
+        default_factory=dict
+    )  # further files that the reader wants to find
     costs: int = 1  # gets so many times fewer inputs
 
 
@@ -73,7 +75,11 @@ def check(target: Target, content: bytes, folder: Path) -> str | None:
             target.read(path)
     except target.refusals as error:
         sentence = str(error.args[0] if isinstance(error, KeyError) and error.args else error)
-        if "\n" in sentence or not sentence.strip() or len(sentence) > LONGEST + 2 * len(str(folder)):
+        if (
+            "\n" in sentence
+            or not sentence.strip()
+            or len(sentence) > LONGEST + 2 * len(str(folder))
+        ):
             raise Fault(f"{target.name}: no clear sentence: {sentence[:LONGEST]!r}") from error
         return sentence
     except Exception as error:
@@ -106,7 +112,11 @@ def encoded(suffix: str, _: Path) -> list[bytes]:
     """The picture as an image file, 8 bit, 16 bit where the format holds it, and in colour."""
     bits = (8,) if suffix in (".bmp", ".jpg") else (8, 16)
     images = [picture(b) for b in bits] + [np.dstack([picture()] * 2 + [picture() // 2])]
-    return [bytes(cv2.imencode(suffix, image)[1]) for image in images if suffix != ".pgm" or image.ndim == 2]
+    return [
+        bytes(cv2.imencode(suffix, image)[1])
+        for image in images
+        if suffix != ".pgm" or image.ndim == 2
+    ]
 
 
 def stack_seeds(folder: Path) -> list[bytes]:
@@ -237,7 +247,13 @@ def mat_seeds(folder: Path) -> list[bytes]:
     """PIVlab's .mat export, version 5 and 7.3."""
     x, y = np.meshgrid([8.0, 16.0, 24.0], [8.0, 16.0])
     kind = np.array([[1, 1, 2], [0, 1, 1]], float)
-    names = {"x": x, "y": y, "u_original": 0.1 * x, "v_original": 0.2 * y, "typevector_original": kind}
+    names = {
+        "x": x,
+        "y": y,
+        "u_original": 0.1 * x,
+        "v_original": 0.2 * y,
+        "typevector_original": kind,
+    }
     units = "[px] respectively [px/frame]"
     cells: dict[str, Any] = {"units": units}
     for name, values in names.items():
@@ -338,7 +354,12 @@ def kinematics_seeds(folder: Path) -> list[bytes]:
     knots, time = np.linspace(0, 2e4, 6), np.linspace(0, 0.2, 9)
     box = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * 0.01
     two = np.tile([0.0, 1.0], (6, 1))
-    values = {"time": time, "pressure": 1e5 * time, "shape_parameter": knots, "shape_bend": knots / 1e4}
+    values = {
+        "time": time,
+        "pressure": 1e5 * time,
+        "shape_parameter": knots,
+        "shape_bend": knots / 1e4,
+    }
     values |= {"shape_outline": np.stack([box] * 6), "shape_tip": two, "shape_tip_direction": two}
     values |= {"shape_dorsal_direction": two, "source": "fea", "tip_thickness": 0.0145}
     write_kinematics(folder / "k.h5", values, {})
@@ -354,9 +375,7 @@ def use_settings(path: Path) -> None:
     merged(Arguments, {"window", "spacing", "preset"})  # type: ignore[arg-type]
 
 
-CALIBRATION = (
-    b'{"format": "piv-calibration", "format_version": 1, "scale_m_per_px": 1e-4, "origin_x_px": 3.0,'
-)
+CALIBRATION = b'{"format": "piv-calibration", "format_version": 1, "scale_m_per_px": 1e-4, "origin_x_px": 3.0,'
 LENS = (
     CALIBRATION
     + b' "origin_y_px": 2.0, "lens": {"size_px": [64, 48], "camera_matrix": [[80, 0, 32], [0, 80, 24],'

@@ -70,7 +70,9 @@ def record(truth: Truth, level: str, seed: int) -> Path:
     rng = np.random.default_rng([seed, TRUTHS.index(truth)])
     output = recording_folder(truth, level, seed)
     folder = output.parent
-    text = f'# Written by tests.studies.laboratory.causes.\nextends = "../../../.."\n{truth.differs}'
+    text = (
+        f'# Written by tests.studies.laboratory.causes.\nextends = "../../../.."\n{truth.differs}'
+    )
     update_text(folder / "scene.toml", text)
     scene = load_scene(folder, level)
     run = couple(scene, ranks=1, target="run")
@@ -79,7 +81,11 @@ def record(truth: Truth, level: str, seed: int) -> Path:
     write_sheet(load_scene(run, level), quiet=True, view=VIEW, output=folder / "view.h5")
     root = read_kinematics(run / "out" / level / "kinematics.h5").root
     start = float(rng.uniform(0.002, 0.010))
-    shift, turn, scale = rng.uniform(-1, 1, 2), float(rng.uniform(-2, 2)), float(rng.uniform(-0.01, 0.01))
+    shift, turn, scale = (
+        rng.uniform(-1, 1, 2),
+        float(rng.uniform(-2, 2)),
+        float(rng.uniform(-0.01, 0.01)),
+    )
     set_up = SetUp(camera_for(root, COLUMNS, SCALE, 500.0), Seeding(density_ppp=0.05), tuple(shift), turn, scale,
                    start, seed=seed)  # fmt: skip
     with read_plane(folder / "view.h5") as sheet:
@@ -91,7 +97,9 @@ def record(truth: Truth, level: str, seed: int) -> Path:
     table = pd.DataFrame({"t": time - start, "p": pressure})
     write_text(output / "p.csv", table.to_csv(index=False, float_format="%.9g"))
     write_dpiv(set_up, root, output, truth.name, 24, 8, PAIRS_HZ, 1)
-    stated = STATED.format(at=round(start + float(rng.normal(0, CLOCK_STD)), 6), std=CLOCK_STD, kpa=STD_KPA)
+    stated = STATED.format(
+        at=round(start + float(rng.normal(0, CLOCK_STD)), 6), std=CLOCK_STD, kpa=STD_KPA
+    )
     path = output / "dpiv.toml"
     update_text(path, path.read_text(encoding="utf-8").replace('start = "from motion"', stated))
     return output
@@ -111,7 +119,10 @@ def row(truth: Truth, level: str, recording: Path) -> str:
     subprocess.run([*words, f"DPIV={recording}"], cwd=ROOT, env=inner, check=True)
     files = LabFiles(StageFiles(CASE, level), recording.name)
     found = pd.read_csv(files.folder / "causes.csv").set_index("cause")
-    right = [found.verdict["pressure"] == truth.pressure, found.verdict["structure"] == truth.structure]
+    right = [
+        found.verdict["pressure"] == truth.pressure,
+        found.verdict["structure"] == truth.structure,
+    ]
     cells = [
         f"{found.verdict[name]}: {factor * found.difference[name]:.{digits}f} ± {factor * found.band[name]:.{digits}f}"
         for name, factor, digits in (("pressure", 1e-3, 2), ("structure", float(np.degrees(1)), 1))
@@ -123,9 +134,13 @@ def row(truth: Truth, level: str, recording: Path) -> str:
 
 def main() -> None:
     """Make the runs and write the page's table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--level", default="draft", help="(default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the first finger's recording (default: 1)")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="of the first finger's recording (default: 1)"
+    )
     args = parser.parse_args()
     lines = [
         "| the recording's finger | pressure, kPa apart (RMS) | structure, ° apart (RMS) | both right | change of the tip's place by each run, mm |",

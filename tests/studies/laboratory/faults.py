@@ -65,20 +65,32 @@ def trial(kinematics: Kinematics, seed: int) -> dict[str, object]:
         kinematics.root,
         (at[0], at[1]),
     )
-    values = np.array([rng.uniform(0.95, 1.05), rng.uniform(-0.008, 0.008), rng.uniform(0.95, 1.05)])
+    values = np.array(
+        [rng.uniform(0.95, 1.05), rng.uniform(-0.008, 0.008), rng.uniform(0.95, 1.05)]
+    )
     clock = np.linspace(0.0, 0.44, PICTURES)
     taken = clock.copy()
     if "dropped" in kinds:
         taken[rng.integers(8, 16) :] += clock[1] * rng.integers(1, 3)
     recording = Rendered(
-        kinematics, true, law_pressure(kinematics, taken, values), SHAPE, faults, fresh=False, seed=seed
+        kinematics,
+        true,
+        law_pressure(kinematics, taken, values),
+        SHAPE,
+        faults,
+        fresh=False,
+        seed=seed,
     )
-    known: dict[str, Any] = {"scale_std": 0.01, "hidden": faults.holder + 0.002 if faults.holder else 0.0}
+    known: dict[str, Any] = {
+        "scale_std": 0.01,
+        "hidden": faults.holder + 0.002 if faults.holder else 0.0,
+    }
     of_light = np.random.default_rng([seed, 22])
     if "shadow" in kinds and of_light.random() < 0.5:
         onward = true.rotation @ np.asarray(faults.shadow_to)
         light_from = (
-            np.arctan2(-onward[1], -onward[0]) + np.radians(LIGHT_STD_DEG) * of_light.standard_normal()
+            np.arctan2(-onward[1], -onward[0])
+            + np.radians(LIGHT_STD_DEG) * of_light.standard_normal()
         )
         known["light_from"] = float(light_from)
         kinds[kinds.index("shadow")] = STATED

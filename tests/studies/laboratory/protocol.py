@@ -29,7 +29,9 @@ def summary(page: Path) -> str:
     made = {level: table for level, table in tables.items() if table}
     level, table = next(iter(made.items()))
     factor = detectable_factor(1, joint_level(QUANTITIES))
-    recordings = next(int(found[1]) for key in table if (found := re.match(r"registration \((\d+) ", key)))
+    recordings = next(
+        int(found[1]) for key in table if (found := re.match(r"registration \((\d+) ", key))
+    )
     lines = [
         f"| quantity | standard uncertainty of the data alone ({recordings} recordings at {level}) | {factor:.1f} times that: smallest error seen, were that all |",
         "|---|---|---|",
@@ -50,7 +52,10 @@ def summary(page: Path) -> str:
         "",
     ]
     lines += [f"| level | {' | '.join(SEEN)} |", f"|---|{'---|' * len(SEEN)}"]
-    lines += [f"| {level} | {' | '.join(found[name][0] for name in SEEN)} |" for level, found in made.items()]
+    lines += [
+        f"| {level} | {' | '.join(found[name][0] for name in SEEN)} |"
+        for level, found in made.items()
+    ]
     return "\n".join(lines)
 
 

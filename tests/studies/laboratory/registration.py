@@ -31,7 +31,9 @@ ROWS = (
 class Stills(Recording):
     """Pictures of the finger at the pressures of a law."""
 
-    def __init__(self, kinematics: Kinematics, lab: SetUp, times: np.ndarray, pressures: np.ndarray) -> None:
+    def __init__(
+        self, kinematics: Kinematics, lab: SetUp, times: np.ndarray, pressures: np.ndarray
+    ) -> None:
         super().__init__("stills", times.size, None)
         self.times, self._kinematics, self._lab, self._pressures = times, kinematics, lab, pressures
 

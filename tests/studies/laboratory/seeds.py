@@ -19,7 +19,9 @@ from tests.studies.pages import write_between
 def study(name: str, about: str | None, seeds: int, trial: Callable[[Kinematics, int], dict[str, Any]],
           summary: Callable[[pd.DataFrame], str]) -> None:  # fmt: skip
     """Run `trial` for the seeds that are not in the table yet; `name`: of the module and of the marks in the page."""
-    parser = argparse.ArgumentParser(prog=f"python -m tests.studies.laboratory.{name}", description=about)
+    parser = argparse.ArgumentParser(
+        prog=f"python -m tests.studies.laboratory.{name}", description=about
+    )
     parser.add_argument("--seeds", type=int, default=seeds)
     parser.add_argument("--first", type=int, default=1, help="the first seed")
     parser.add_argument("-o", "--output", type=Path, required=True)
@@ -43,7 +45,9 @@ def publish(page: Path, mark: str, text: str, trials: pd.DataFrame) -> None:
     table = page.with_suffix("") / f"{mark.replace(' ', '_')}.csv"
     table.parent.mkdir(exist_ok=True)
     trials.to_csv(table, index=False, float_format="%.6g")
-    write_between(page, mark, f"{text}\nEvery recording: [{table.name}]({table.parent.name}/{table.name}).")
+    write_between(
+        page, mark, f"{text}\nEvery recording: [{table.name}]({table.parent.name}/{table.name})."
+    )
 
 
 def spans(seeds: pd.Series) -> str:
@@ -65,5 +69,7 @@ def share_of(right: pd.Series) -> str:
 
 def below_target(held: dict[str, pd.Series], target: float = 0.9) -> str:
     """The quantities whose band covers the truth less often than the target, each by itself: a mean over all would hide them."""
-    missed = [f"{label} {share_of(inside)}" for label, inside in held.items() if inside.mean() < target]
+    missed = [
+        f"{label} {share_of(inside)}" for label, inside in held.items() if inside.mean() < target
+    ]
     return f"Coverage below {target:.0%} (95 % interval): {'; '.join(missed) or 'none'}."

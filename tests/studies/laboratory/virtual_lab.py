@@ -67,7 +67,11 @@ INSTANTS = 5  # of every trial: the stroke's middle holds five or six
 
 
 def case_of(
-    lab: Laboratory, registration: Registration, data: xr.Dataset, virtual: xr.Dataset, direct: xr.Dataset
+    lab: Laboratory,
+    registration: Registration,
+    data: xr.Dataset,
+    virtual: xr.Dataset,
+    direct: xr.Dataset,
 ) -> Case:
     """What is compared of a recording: as `make compare` does it for a finger whose geometry was measured, and pictures in pairs."""
     instants, window_m = data["time"].values, WINDOW * 1e-3 * SCALE_MM_PER_PX
@@ -113,7 +117,10 @@ def trial(lab: Laboratory, kind: str, seed: int, folder: Path) -> dict[str, obje
     images = [recording.frame(int(i)) for i in index[::4]]
     seen = appearance_of(images, [outline_mask(s, recording.shape) for s in shapes[::4]])
     data = with_finger(
-        data, kinematics, pose, law_pressure(kinematics, data["time"].values + law.delay, law.values)
+        data,
+        kinematics,
+        pose,
+        law_pressure(kinematics, data["time"].values + law.delay, law.values),
     )
     virtual = virtual_experiment(
         lab.sheet, pose, lab.camera, seeding_like(seen, 8, Seeding().sheet_thickness), clock,
@@ -182,26 +189,39 @@ def summary(trials: pd.DataFrame) -> str:
     held = {}
     for name, unit, factor in MEASURED:
         e = (judged[f"{name}_difference"] - judged[f"{name}_difference_true"]).astype(float)
-        held[label := f"{name.replace('_', ' ')}, {unit}"] = inside = e.abs() <= BAND * judged[f"{name}_u_D"]
-        held[f"{label}, of E"] = wide = (judged[f"{name}_E"] - judged[f"{name}_true"]).abs() <= BAND * judged[
-            f"{name}_u_val"
-        ]
+        held[label := f"{name.replace('_', ' ')}, {unit}"] = inside = (
+            e.abs() <= BAND * judged[f"{name}_u_D"]
+        )
+        held[f"{label}, of E"] = wide = (
+            judged[f"{name}_E"] - judged[f"{name}_true"]
+        ).abs() <= BAND * judged[f"{name}_u_val"]
         rms, mean = factor * np.sqrt((e**2).mean()), factor * judged[f"{name}_u_D"].mean()
-        lines.append(f"| {label} | {rms:.2g} | {mean:.2g} | {inside.mean():.0%} | {wide.mean():.0%} |")
+        lines.append(
+            f"| {label} | {rms:.2g} | {mean:.2g} | {inside.mean():.0%} | {wide.mean():.0%} |"
+        )
     lines += ["", below_target(held), "", *verdicts(trials, refused), ""]
-    lines += ["| quantity | smallest model error found with 95 %, median | mostly by |", "|---|---|---|"]
-    for name in [c.removesuffix("_detectable") for c in judged.columns if c.endswith("_detectable")]:
+    lines += [
+        "| quantity | smallest model error found with 95 %, median | mostly by |",
+        "|---|---|---|",
+    ]
+    for name in [
+        c.removesuffix("_detectable") for c in judged.columns if c.endswith("_detectable")
+    ]:
         size, by = judged[f"{name}_detectable"].median(), judged[f"{name}_dominant"].mode()[0]
         found = f"{size:.0%}" if np.isfinite(size) else "none"
         lines.append(f"| {name.replace('_', ' ')} | {found} | {by.replace('_', ' ')} |")
-    runs = np.sqrt(judged["circulation_u_val"] ** 2 - judged["circulation_u_D"] ** 2)[judged["set"] == "none"]
+    runs = np.sqrt(judged["circulation_u_val"] ** 2 - judged["circulation_u_D"] ** 2)[
+        judged["set"] == "none"
+    ]
     if len(runs):
         least, most = 1e4 * runs.min(), 1e4 * runs.max()
         lines += [
             "",
             f"What the runs leave open of the circulation of `none` (u_num, u_input): {least:.1f} to {most:.1f} cm²/s.",
         ]
-    seeds = "; ".join(f"{kind} {spans(group['seed'])}" for kind, group in trials.groupby("set", sort=False))
+    seeds = "; ".join(
+        f"{kind} {spans(group['seed'])}" for kind, group in trials.groupby("set", sort=False)
+    )
     return "\n".join([*lines, "", f"Seeds: {seeds}. {libraries()}."])
 
 
@@ -219,7 +239,9 @@ def verdicts(trials: pd.DataFrame, refused: pd.Series) -> list[str]:
     for kind, group in trials.groupby("set", sort=False):
         of = group.index
         said = [
-            ", ".join(f"{word} {n}" for word, n in group.loc[accepted[of], name].value_counts().items())
+            ", ".join(
+                f"{word} {n}" for word, n in group.loc[accepted[of], name].value_counts().items()
+            )
             or "–"
             for name in ("motion", "flow")
         ]
@@ -245,8 +267,12 @@ def verdicts(trials: pd.DataFrame, refused: pd.Series) -> list[str]:
         lines.append(f"What of the flow model truly differs (medians): {parts}.")
     unseen = judged.loc[judged["missed"].astype(object).fillna("") != "", ["set", "seed", "missed"]]
     if len(unseen):
-        of = "; ".join(f"{kind} {seed}: {names}" for kind, seed, names in unseen.itertuples(index=False))
-        lines.append(f"Said to agree though the true error is larger than what would have been found: {of}.")
+        of = "; ".join(
+            f"{kind} {seed}: {names}" for kind, seed, names in unseen.itertuples(index=False)
+        )
+        lines.append(
+            f"Said to agree though the true error is larger than what would have been found: {of}."
+        )
     same = judged[judged["set"] == "none"]
     if len(same):
         alarms = (same["flow"] == ERROR) | same["motion"].isin([ERROR, DIFFERS])
@@ -266,7 +292,9 @@ def main() -> None:
     parser.add_argument("--level", default="smoke")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--first", type=int, default=1, help="the first seed")
-    parser.add_argument("--write", action="store_true", help="write the scenes of the waters, and no more")
+    parser.add_argument(
+        "--write", action="store_true", help="write the scenes of the waters, and no more"
+    )
     parser.add_argument("--sets", nargs="+", default=list(SETS), choices=SETS)
     parser.add_argument("-o", "--output", type=Path, default=Path("trials.csv"))
     parser.add_argument("--docs", type=Path, help="page to write the tables to")
@@ -274,7 +302,9 @@ def main() -> None:
     if args.write:
         print(*write_runs(StageFiles(args.case, args.level), read_inputs(WATERS), "virtual"))
         return
-    done = pd.read_csv(args.output) if args.output.exists() else pd.DataFrame(columns=["set", "seed"])
+    done = (
+        pd.read_csv(args.output) if args.output.exists() else pd.DataFrame(columns=["set", "seed"])
+    )
     lab = Laboratory(args.case, args.level)
     for seed in range(args.first, args.first + args.seeds):
         for kind in args.sets:

@@ -46,11 +46,15 @@ class Laboratory:
         out = case / "out" / level
         self.kinematics: Kinematics = read_kinematics(out / "kinematics.h5")
         self.inputs: Inputs = read_inputs(case / "reference" / "inputs.toml")
-        self.settings = VortexSettings(**json.loads((out / "settings" / "vortices.json").read_text()))
+        self.settings = VortexSettings(
+            **json.loads((out / "settings" / "vortices.json").read_text())
+        )
         self.two_dimensional = scene_numbers(StageFiles(case, level))["model"]["kind"] == "2d"
         self._out, self._folder = out, out / "virtual" / "study"
         self.sheet = read_plane(self._folder / "nominal.h5").load()
-        self.camera = camera_for(self.kinematics.root, COLUMNS, SCALE_MM_PER_PX * 1e-3, 1 / INTERVAL)
+        self.camera = camera_for(
+            self.kinematics.root, COLUMNS, SCALE_MM_PER_PX * 1e-3, 1 / INTERVAL
+        )
         self.stated = SetUp(self.camera).pose(self.kinematics.root)
         times = self.sheet["time"].values
         bend = self.sheet["bend"].values[:, 0]
@@ -73,9 +77,15 @@ def recorded(
     lab: Laboratory, kind: str, seed: int, rng: np.random.Generator
 ) -> tuple[Rendered, Pose, float, list[str]]:
     """A water's recording in pairs, its true pose, the water's time (s) at the first picture, and the recording's faults."""
-    root, stated, start = lab.kinematics.root, lab.camera.scale_m_per_px, float(rng.uniform(0.002, 0.010))
+    root, stated, start = (
+        lab.kinematics.root,
+        lab.camera.scale_m_per_px,
+        float(rng.uniform(0.002, 0.010)),
+    )
     faults = [fault for fault in FAULTS if rng.random() < CHANCE]
-    scale = stated * (1 + SCALE_STD * rng.standard_normal()) / (TOO_LONG if kind == "larger" else 1.0)
+    scale = (
+        stated * (1 + SCALE_STD * rng.standard_normal()) / (TOO_LONG if kind == "larger" else 1.0)
+    )
     at = np.asarray(lab.stated.at_px) + rng.uniform(-1e-3, 1e-3, 2) / stated
     true = Pose(scale, float(np.radians(rng.uniform(-2, 2))), root, (float(at[0]), float(at[1])))
     sheet, motion = lab.water(kind)
@@ -85,16 +95,28 @@ def recorded(
     field = PlaneField(sheet)
 
     def flow(points: np.ndarray, time: float) -> np.ndarray:
-        return np.asarray(field.sample(field.at(time), points[:, 0], points[:, 1])).reshape(4, -1)[:2].T
+        return (
+            np.asarray(field.sample(field.at(time), points[:, 0], points[:, 1]))
+            .reshape(4, -1)[:2]
+            .T
+        )
 
     shape = lab.camera.height_px, lab.camera.width_px
     drawn = drawn_faults(faults, rng)
-    pictures = Rendered(motion, true, motion.law(times), shape, drawn, flow=flow, times=times, seed=seed)
+    pictures = Rendered(
+        motion, true, motion.law(times), shape, drawn, flow=flow, times=times, seed=seed
+    )
     return pictures, true, start, faults
 
 
 def true_errors(
-    lab: Laboratory, kind: str, case: Case, field: FieldComparison, rows: np.ndarray, true: Pose, start: float
+    lab: Laboratory,
+    kind: str,
+    case: Case,
+    field: FieldComparison,
+    rows: np.ndarray,
+    true: Pose,
+    start: float,
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
     """S − D of every quantity (SI, as of `compare`) and the model's part of it, without any measurement; the motion's law.
 
@@ -118,11 +140,15 @@ def true_errors(
         name: (values["right"] - values["water"])[list(columns)].to_numpy(float)
         for name, (columns, _, _) in VORTEX.items()
     }
-    difference = {name: v + sum(e.moves(VORTEX[name][0]) for e in case.finer) for name, v in model.items()}
+    difference = {
+        name: v + sum(e.moves(VORTEX[name][0]) for e in case.finer) for name, v in model.items()
+    }
     model["velocity_field"] = np.array([np.sqrt(np.nanmean(np.sum(apart**2, axis=1)))])
     of_model = {name: np.zeros_like(v) if kind in SAME_MODEL else v for name, v in model.items()}
     moves = {
-        "final_bend": np.array([final_bend(kinematics, 1.0) - final_bend(kinematics, float(law[0]))]),
+        "final_bend": np.array(
+            [final_bend(kinematics, 1.0) - final_bend(kinematics, float(law[0]))]
+        ),
         "duration": np.array([stroke_duration(kinematics) * (1 - float(law[2]))]),
     }
     return difference | moves, of_model | moves, law

@@ -30,9 +30,12 @@ def main(path: str) -> None:
         k = round(2e-3 / step)
         axis.quiver(x[::k] * 1e3, y[::k] * 1e3, u[::k, ::k], v[::k, ::k], scale=8, width=2e-3)
         for w in find_vortices(plane):
-            axis.add_patch(plt.Circle((w.x * 1e3, w.y * 1e3), w.core_radius * 1e3, fill=False, lw=2))
+            axis.add_patch(
+                plt.Circle((w.x * 1e3, w.y * 1e3), w.core_radius * 1e3, fill=False, lw=2)
+            )
             axis.annotate(
-                f"{w.circulation * 1e4:.0f} ± {w.circulation_std * 1e4:.0f} cm²/s", (w.x * 1e3, w.y * 1e3)
+                f"{w.circulation * 1e4:.0f} ± {w.circulation_std * 1e4:.0f} cm²/s",
+                (w.x * 1e3, w.y * 1e3),
             )
         axis.plot(centre[0] * 1e3, centre[1] * 1e3, "k+", ms=12)
         axis.set(title=title, xlim=(-20, 40), ylim=(-30, 30), aspect="equal", xlabel="x, mm")

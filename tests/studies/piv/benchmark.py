@@ -30,7 +30,9 @@ def render(case: Case, seed: int):
     """The pair of a case."""
     flow = case.flow
     moved = (lambda x, y: (*flow(x, y), case.loss * SHEET + 0 * x)) if case.loss else flow
-    return render_pair(moved, SHAPE, noise=case.noise, sheet_thickness_px=SHEET, background=5.0, seed=seed)
+    return render_pair(
+        moved, SHAPE, noise=case.noise, sheet_thickness_px=SHEET, background=5.0, seed=seed
+    )
 
 
 def from_centre(x, y):
@@ -47,7 +49,10 @@ def pairs(seeds: list[int]) -> Iterator[Pair]:
 
         rows = {label: (case.flow, counts)}
         if case.core:
-            rows[core(label)] = (case.flow, lambda x, y, radius=case.core: from_centre(x, y) < radius)
+            rows[core(label)] = (
+                case.flow,
+                lambda x, y, radius=case.core: from_centre(x, y) < radius,
+            )
         for seed in seeds:
             yield Pair(f"{k:02d}_{seed}", render(case, seed), rows)
 
@@ -73,10 +78,14 @@ def tables(results: dict, seeds: list[int]) -> str:
     for c, case in CASES.items():
         cells = [f"{e:.4f}" if (e := score[n][c]) < 0.01 else f"{e:.3f}" for n in names]
         if case.core:
-            cells = [f"{cell}/{score[n][core(c)]:.3f}" for cell, n in zip(cells, names, strict=True)]
+            cells = [
+                f"{cell}/{score[n][core(c)]:.3f}" for cell, n in zip(cells, names, strict=True)
+            ]
         lines.append(f"| {c} | " + " | ".join(cells) + " |")
     lines.append("| CPU s per pair | " + " | ".join(f"{seconds[n]:.2f}" for n in names) + " |")
-    lines.append("| vectors/s | " + " | ".join(f"{vectors[n] / seconds[n]:,.0f}" for n in names) + " |")
+    lines.append(
+        "| vectors/s | " + " | ".join(f"{vectors[n] / seconds[n]:,.0f}" for n in names) + " |"
+    )
     openpiv = [n for n in names if n.startswith("OpenPIV")]
     best = {c: min(score[n][c] for n in names[1:]) for c in CASES}
     totals = {n: np.exp(np.mean([np.log(score[n][c]) for c in CASES])) for n in names}

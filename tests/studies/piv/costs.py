@@ -79,10 +79,14 @@ def turbulent_vortices() -> str:
 def main() -> None:
     """Print the figures, and write them to the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--docs", action="store_true", help="write them into docs/piv_benchmarks.md")
+    parser.add_argument(
+        "--docs", action="store_true", help="write them into docs/piv_benchmarks.md"
+    )
     args = parser.parse_args()
     cv2.setNumThreads(1)
-    text = f"{large_pair()}\n{turbulent_vortices()}\n\nSeeds {SEEDS[0] - 1}-{SEEDS[-1]}; {machine()}."
+    text = (
+        f"{large_pair()}\n{turbulent_vortices()}\n\nSeeds {SEEDS[0] - 1}-{SEEDS[-1]}; {machine()}."
+    )
     print(text)
     if args.docs:
         write_between(PIV, "costs", text)

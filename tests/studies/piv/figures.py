@@ -38,7 +38,10 @@ def peak_locking() -> str:
             )
             ds = correlate_pair(a, b)
             inner = {"x": slice(32, 990), "y": slice(32, 735)}
-            bias = [float(ds["u"].sel(inner).mean()) - shift, float(ds["v"].sel(inner).mean()) - (1 - shift)]
+            bias = [
+                float(ds["u"].sel(inner).mean()) - shift,
+                float(ds["v"].sel(inner).mean()) - (1 - shift),
+            ]
             worst = max(worst, *np.abs(bias))
         out.append(f"{worst:.4f} px {'clean' if noise == 0 else 'with 5 % noise'}")
     return "- Largest mean bias over shifts of 0 … 1 px (peak locking): " + ", ".join(out) + "."
@@ -116,7 +119,9 @@ def five_frames() -> str:
 def threads() -> str:
     """Wall time of a sequence on one core and on two: two threads, two processes with half of it each, one thread as it is."""
     cores = sorted(os.sched_getaffinity(0))
-    frames = render(uniform(3.1, 1.3), seed=1500, noise=0.05, frames=range(-TURN // 2, TURN // 2 + 1))
+    frames = render(
+        uniform(3.1, 1.3), seed=1500, noise=0.05, frames=range(-TURN // 2, TURN // 2 + 1)
+    )
     wall: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -159,4 +164,6 @@ def threads() -> str:
 
 def extra_figures() -> str:
     """All of them as lines of Markdown."""
-    return "\n".join([noise_bound(), peak_locking(), vortex_fit(), five_frames(), threads(), rendering()])
+    return "\n".join(
+        [noise_bound(), peak_locking(), vortex_fit(), five_frames(), threads(), rendering()]
+    )

@@ -51,7 +51,9 @@ def noise_density(spectra: tuple, response: np.ndarray) -> tuple[float, float]:
     return 1 / information, float(np.sum(power * seen * along) / np.sum(power * seen**2))
 
 
-def posterior(a: np.ndarray, b: np.ndarray, rms: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def posterior(
+    a: np.ndarray, b: np.ndarray, rms: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Columns and rows (px) of the cells, and the displacement there (2, ny, nx; image axes)."""
     ds = pair.correlate_pair(a, b, smoothing=False)
     images = Prepared([a, b], None, 32.0)
@@ -82,7 +84,9 @@ def posterior(a: np.ndarray, b: np.ndarray, rms: float) -> tuple[np.ndarray, np.
     def spectral(d, factors):
         fx, fy = scipy.fft.fft2(d)
         free, solenoidal = factors[0] * (cos * fx + sin * fy), factors[1] * (cos * fy - sin * fx)
-        return scipy.fft.ifft2(np.stack([cos * free - sin * solenoidal, sin * free + cos * solenoidal])).real
+        return scipy.fft.ifft2(
+            np.stack([cos * free - sin * solenoidal, sin * free + cos * solenoidal])
+        ).real
 
     def information(d):
         return per_cell * np.stack([hxx * d[0] + hxy * d[1], hxy * d[0] + hyy * d[1]])
@@ -90,7 +94,10 @@ def posterior(a: np.ndarray, b: np.ndarray, rms: float) -> tuple[np.ndarray, np.
     right = per_cell * np.stack([gx, gy]) / gain + information(now)
     size = (right.size, right.size)
     matrix = LinearOperator(
-        size, lambda d: (information(d.reshape(now.shape)) + spectral(d.reshape(now.shape), inverse)).ravel()
+        size,
+        lambda d: (
+            information(d.reshape(now.shape)) + spectral(d.reshape(now.shape), inverse)
+        ).ravel(),
     )
     uniform = [1 / (CELL**2 / density + p) for p in inverse]
     nearly = LinearOperator(size, lambda d: spectral(d.reshape(now.shape), uniform).ravel())
@@ -103,13 +110,17 @@ def line(case: str, seed: int) -> str:
     """One case as a row of a table."""
     rms, noise = CASES[case]
     plane = TurbulentPlane(1.0, seed)
-    a, b = render(lambda x, y: tuple(rms * d for d in plane(x, y, 3)), shape=SHAPE, seed=seed, noise=noise)
+    a, b = render(
+        lambda x, y: tuple(rms * d for d in plane(x, y, 3)), shape=SHAPE, seed=seed, noise=noise
+    )
     columns, rows, d = posterior(a, b, rms)
     u, v = (rms * f for f in plane(*np.meshgrid(columns, SHAPE[0] - 1 - rows)))
     inner = np.s_[:, EDGE:-EDGE, EDGE:-EDGE]
     error = np.sqrt(np.mean((d - np.stack([u, -v]))[inner] ** 2))
     every = np.s_[EDGE:-EDGE:2, EDGE:-EDGE:2]  # 8 px apart, as our vectors are
-    found, exact = (derivatives(f[every][::-1], g[every][::-1], 2 * CELL) for f, g in ((d[0], -d[1]), (u, v)))
+    found, exact = (
+        derivatives(f[every][::-1], g[every][::-1], 2 * CELL) for f, g in ((d[0], -d[1]), (u, v))
+    )
     slopes = [np.sum(p * q) / np.sum(q**2) for p, q in zip(found, exact, strict=True)]
     return f"| {case} | {error:.4f} px | {slopes[0]:.2f}, {slopes[1]:.2f} |"
 

@@ -57,10 +57,15 @@ LIMITS = {
     "sine of 28 px, `--window 16`": Limit(sine(28, 1), 10, NOISY, {"window": 16}),
     "sine of 24 px": Limit(sine(24, 1), 10, NOISY),
     "sine of 24 px, `--window 16`": Limit(sine(24, 1), 10, NOISY, {"window": 16}),
-    **{f"uniform, `--window {w}`": Limit(SHIFT, 4, NOISY, {"window": w}) for w in (16, 20, 24, 28, 48, 64)},
+    **{
+        f"uniform, `--window {w}`": Limit(SHIFT, 4, NOISY, {"window": w})
+        for w in (16, 20, 24, 28, 48, 64)
+    },
     **{f"uniform, clean, `--window {w}`": Limit(SHIFT, 4, {}, {"window": w}) for w in (16, 24)},
     "uniform, `--window 24`, 0.01 ppp": Limit(SHIFT, 4, SPARSE, {"window": 24}),
-    "uniform, `--window 24`, 0.002 ppp": Limit(SHIFT, 4, SPARSE | {"density_ppp": 0.002}, {"window": 24}),
+    "uniform, `--window 24`, 0.002 ppp": Limit(
+        SHIFT, 4, SPARSE | {"density_ppp": 0.002}, {"window": 24}
+    ),
     "uniform, 0.002 ppp": Limit(SHIFT, 4, SPARSE | {"density_ppp": 0.002}),
     "vortex, 0.01 ppp": Limit(drifting_vortex, 4, SPARSE),
     "vortex, 0.01 ppp, `--no-smoothing`": Limit(drifting_vortex, 4, SPARSE, {"smoothing": False}),
@@ -68,7 +73,9 @@ LIMITS = {
         drifting_vortex, 4, SPARSE, {"smoothing": False}, few=False
     ),
     "random field with divergence": Limit(GENERAL, 4, NOISY),
-    "random field with divergence, `--no-smoothing`": Limit(GENERAL, 4, NOISY, {"smoothing": False}),
+    "random field with divergence, `--no-smoothing`": Limit(
+        GENERAL, 4, NOISY, {"smoothing": False}
+    ),
 }
 EXTREMES = 20  # pairs of each
 CHOSEN = (
@@ -99,7 +106,9 @@ def measured(limit: Limit) -> list[Errors]:
 def table() -> str:
     """Every limit as a row."""
     lines = [f"| pictures | pairs | {HEAD.replace('|---|', '|---|---|', 1)}"]
-    lines += [f"| {label} | {limit.pairs} | {row(measured(limit))}" for label, limit in LIMITS.items()]
+    lines += [
+        f"| {label} | {limit.pairs} | {row(measured(limit))}" for label, limit in LIMITS.items()
+    ]
     return "\n".join(lines)
 
 
@@ -114,7 +123,9 @@ def extremes(first: int) -> str:
     for axis, value, preset in CHOSEN:
         case = next(c for c in images.cases() if (c.axis, c.value) == (axis, value))
         scores = [images.run_case(case, preset, seed) for seed in range(first, first + EXTREMES)]
-        valid, wrong = (np.array([r[name] for r in scores]) for name in ("valid", "wrong_unflagged"))
+        valid, wrong = (
+            np.array([r[name] for r in scores]) for name in ("valid", "wrong_unflagged")
+        )
         label = value if axis == "special" else f"{axis} {value}"
         # of other particles all that are valid are wrong, and counted as a share of all vectors
         mean = wrong.mean() if case.unlike else np.sum(valid * wrong) / max(np.sum(valid), 1e-9)
@@ -154,7 +165,9 @@ def real_pictures() -> str:
 def main() -> None:
     """Measure, print, and write to the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--docs", action="store_true", help="write what is found into docs/piv_benchmarks.md")
+    parser.add_argument(
+        "--docs", action="store_true", help="write what is found into docs/piv_benchmarks.md"
+    )
     args = parser.parse_args()
     cv2.setNumThreads(1)
     lines = [

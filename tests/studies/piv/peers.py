@@ -37,7 +37,12 @@ def openpiv(a, b, windows, overlaps, lax):
     s = PIVSettings()
     s.windowsizes, s.overlap, s.num_iterations = windows, overlaps, len(windows)
     if lax:
-        s.median_threshold, s.std_threshold, s.sig2noise_validate, s.sig2noise_method = 20, 30, False, None
+        s.median_threshold, s.std_threshold, s.sig2noise_validate, s.sig2noise_method = (
+            20,
+            30,
+            False,
+            None,
+        )
     x, y, u, v, _ = windef.simple_multipass(a.astype(np.int32), b.astype(np.int32), s)
     order = np.argsort(y[:, 0])
     return x[0], y[order, 0], np.asarray(u)[order], np.asarray(v)[order]
@@ -57,7 +62,10 @@ class PIVtools:
         settings["processing"]["omp_threads"] = 1
         settings["images"]["shape"] = list(shape)
         settings["instantaneous_piv"].update(
-            window_size=windows, overlap=overlaps, image_warp_interpolation="lanczos", runs=[len(windows)]
+            window_size=windows,
+            overlap=overlaps,
+            image_warp_interpolation="lanczos",
+            runs=[len(windows)],
         )
         path.write_text(yaml.safe_dump(settings))
         self.config = Config(str(path))
@@ -70,7 +78,12 @@ class PIVtools:
         last = (result[0] if isinstance(result, list) else result).passes[-1]
         rows = a.shape[0]
         u, v = np.array(last.ux_mat, float), -np.array(last.uy_mat, float)
-        return np.array(last.win_ctrs_x), rows - 1 - np.array(last.win_ctrs_y)[::-1], u[::-1], v[::-1]
+        return (
+            np.array(last.win_ctrs_x),
+            rows - 1 - np.array(last.win_ctrs_y)[::-1],
+            u[::-1],
+            v[::-1],
+        )
 
 
 def main(folder: Path) -> None:

@@ -49,7 +49,10 @@ def sampled(field: np.ndarray, first: bool = False) -> Callable:
             # a particle that is here halfway was half its displacement away in the first picture
             at = (y - v / 2, x - u / 2) if first else (y, x)
             rows, columns = field.shape[0] - 1 - at[0], at[1]
-            u, v = (map_coordinates(field[..., k], [rows, columns], order=1, mode="nearest") for k in (0, 1))
+            u, v = (
+                map_coordinates(field[..., k], [rows, columns], order=1, mode="nearest")
+                for k in (0, 1)
+            )
         return u, v
 
     return flow
@@ -87,7 +90,10 @@ def simulated(data: Path) -> Iterator[Pair]:
         a, b = (image(path.with_name(f"{stem}_img{k}.tif")) for k in (1, 2))
         field = np.fromfile(path, "<f4", offset=12).reshape(*a.shape, 2) * np.array([1.0, -1.0])
         group = stem.split("_0")[0].split("_Re")[0].removesuffix("_hd")
-        rows = {group + INSTANT * first: (sampled(field, first), inner(a.shape)) for first in (False, True)}
+        rows = {
+            group + INSTANT * first: (sampled(field, first), inner(a.shape))
+            for first in (False, True)
+        }
         yield Pair(f"{path.parent.name}_{stem}", (a, b), rows)
 
 
@@ -108,7 +114,10 @@ def tables(results: dict) -> str:
         there = {n: results[n][row] for n in names if row in results[n]}
         ratio = "–"
         if absent(parts) <= MANY:
-            best = (min(rms_of(there[n]) for n in there if n.startswith(p)) for p in ("OpenPIV", "PIVtools"))
+            best = (
+                min(rms_of(there[n]) for n in there if n.startswith(p))
+                for p in ("OpenPIV", "PIVtools")
+            )
             ratio = ", ".join(f"{b / rms_of(parts):.2f}×" for b in best)
         cells = [cell(there[n]) if n in there else "" for n in names]
         lines.append(f"| {row} ({len(parts)}) | " + " | ".join(cells) + f" | {ratio} |")

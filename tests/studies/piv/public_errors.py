@@ -34,10 +34,15 @@ def amplitude(d: np.ndarray, e: np.ndarray) -> float:
 
 def of_made_pictures(order: int) -> float:
     """Amplitude (px) in pictures moved by splines of this order; diameter 2 px, no noise."""
-    one = render(lambda x, y: (0 * x, 0 * y), shape=(320, 400), seed=21, diameter=2.0, frames=(0,))[0]
+    one = render(lambda x, y: (0 * x, 0 * y), shape=(320, 400), seed=21, diameter=2.0, frames=(0,))[
+        0
+    ]
     bias = []
     for d in SHIFTS:
-        pair = (shift(one.astype(float), (0, way * d / 2), order=order, mode="nearest") for way in (-1, 1))
+        pair = (
+            shift(one.astype(float), (0, way * d / 2), order=order, mode="nearest")
+            for way in (-1, 1)
+        )
         ds = correlate_pair(*(np.clip(np.rint(i), 0, 255).astype(np.uint8) for i in pair))
         bias.append(float(ds["u"].sel(x=slice(40, 360), y=slice(40, 280)).mean()) - d)
     return amplitude(SHIFTS, np.array(bias))
@@ -84,7 +89,9 @@ def of_simulated_flows(data: Path) -> list[str]:
         error = judged(correlate_pair(*pair.images), flow, counts)
         short = short_waves(flow, pair.images[0].shape)
         rms = np.sqrt(np.mean(error.e[:, error.common] ** 2))
-        lines.append(f"{pair.name}: {short:.3f} px of the field shorter than {SHORT} px, error {rms:.3f} px")
+        lines.append(
+            f"{pair.name}: {short:.3f} px of the field shorter than {SHORT} px, error {rms:.3f} px"
+        )
     return lines
 
 

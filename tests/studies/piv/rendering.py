@@ -40,7 +40,9 @@ def rate(peak: float, truth: bool) -> float:
     series = drifting_vortex(peak, camera)
     with tempfile.TemporaryDirectory() as name:
         start = time.process_time()
-        render_recording(series, Path(name) / "images.h5", camera, Seeding(), seed=1601, truth=truth)
+        render_recording(
+            series, Path(name) / "images.h5", camera, Seeding(), seed=1601, truth=truth
+        )
         return FRAMES * camera.width_px * camera.height_px / 1e6 / (time.process_time() - start)
 
 
@@ -52,7 +54,8 @@ def rendering() -> str:
         for label, peak in (("slow", SLOW), ("fast", FAST))
     }
     rates = ", ".join(
-        f"{label} {plain:.1f} ({exact:.1f} with the truth)" for label, (plain, exact) in speeds.items()
+        f"{label} {plain:.1f} ({exact:.1f} with the truth)"
+        for label, (plain, exact) in speeds.items()
     )
     return (
         f"- Rendering, Mpx-frames per CPU second (vortex of {SLOW:g} and of {FAST:g} px per frame, planes of {SPACING_PX} px spacing, "

@@ -44,7 +44,9 @@ class Errors:
 def inner(shape: tuple[int, int]) -> Callable:
     """(x, y) -> bool: at least EDGE px from the border of pictures of this shape."""
     rows, columns = shape
-    return lambda x, y: (x >= EDGE) & (x <= columns - 1 - EDGE) & (y >= EDGE) & (y <= rows - 1 - EDGE)
+    return lambda x, y: (
+        (x >= EDGE) & (x <= columns - 1 - EDGE) & (y >= EDGE) & (y <= rows - 1 - EDGE)
+    )
 
 
 def errors(ds: xr.Dataset, flow: Callable) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -53,10 +55,17 @@ def errors(ds: xr.Dataset, flow: Callable) -> tuple[np.ndarray, np.ndarray, np.n
     u, v = flow(x, y)
     e = np.stack([ds["u"].values - u, ds["v"].values - v])
     told = "u_std" in ds
-    return x, y, e, np.stack([ds["u_std"].values, ds["v_std"].values]) if told else np.full_like(e, np.nan)
+    return (
+        x,
+        y,
+        e,
+        np.stack([ds["u_std"].values, ds["v_std"].values]) if told else np.full_like(e, np.nan),
+    )
 
 
-def judged(ds: xr.Dataset, flow: Callable, counts: Callable, beside: Iterable[xr.Dataset] = ()) -> Errors:
+def judged(
+    ds: xr.Dataset, flow: Callable, counts: Callable, beside: Iterable[xr.Dataset] = ()
+) -> Errors:
     """Errors of the vectors at which counts(x, y) holds; `beside`: vectors of all methods of the comparison."""
     x, y, e, std = errors(ds, flow)
     where = counts(x, y)
@@ -68,14 +77,22 @@ def judged(ds: xr.Dataset, flow: Callable, counts: Callable, beside: Iterable[xr
         common &= np.isfinite(near["u"].values + near["v"].values)
     flag = ds["flag"].values if "flag" in ds else np.zeros(x.shape)
     return Errors(
-        e[:, where], std[:, where], flag[where], common[where], ds.attrs.get("cpu_s", 0.0), ds["u"].size
+        e[:, where],
+        std[:, where],
+        flag[where],
+        common[where],
+        ds.attrs.get("cpu_s", 0.0),
+        ds["u"].size,
     )
 
 
 def joined(parts: list[Errors]) -> Errors:
     """Those of several pairs side by side."""
     return Errors(
-        *(np.concatenate([getattr(p, n) for p in parts], axis=-1) for n in ("e", "std", "flag", "common"))
+        *(
+            np.concatenate([getattr(p, n) for p in parts], axis=-1)
+            for n in ("e", "std", "flag", "common")
+        )
     )
 
 

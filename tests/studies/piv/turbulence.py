@@ -23,14 +23,17 @@ from tests.studies.piv.turbulence_field import TurbulentPlane
 from tests.studies.piv.with_peers import OURS, Pair, add, arguments, with_peers
 
 FIRST = 4201
-CASES = {f"{rms} px, {noise:.0%}": (rms, noise) for rms in (0.3, 0.8, 2.5) for noise in (0.05, 0.01)}
+CASES = {
+    f"{rms} px, {noise:.0%}": (rms, noise) for rms in (0.3, 0.8, 2.5) for noise in (0.05, 0.01)
+}
 PLAIN = "`--no-smoothing`"
 
 
 def derivatives(u, v, step):
     """Divergence and vorticity by central differences, at the inner vectors."""
     (uy, ux), (vy, vx) = (
-        ((f[2:, 1:-1] - f[:-2, 1:-1]) / (2 * step), (f[1:-1, 2:] - f[1:-1, :-2]) / (2 * step)) for f in (u, v)
+        ((f[2:, 1:-1] - f[:-2, 1:-1]) / (2 * step), (f[1:-1, 2:] - f[1:-1, :-2]) / (2 * step))
+        for f in (u, v)
     )
     return ux + vy, vx - uy
 

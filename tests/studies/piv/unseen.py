@@ -62,7 +62,9 @@ def results(flow, masked: bool, seed: int) -> Errors:
     mask = np.broadcast_to(rows, SHAPE)
     a, b = (np.where(mask, 5, i).astype(i.dtype) for i in (a, b))
     return judged(
-        correlate_pair(a, b, mask=mask), flow, lambda x, y: inner(SHAPE)(x, np.maximum(y, EDGE)) & (y > WALL)
+        correlate_pair(a, b, mask=mask),
+        flow,
+        lambda x, y: inner(SHAPE)(x, np.maximum(y, EDGE)) & (y > WALL),
     )
 
 
@@ -77,7 +79,9 @@ def table() -> str:
 def main() -> None:
     """Print the table, and write it to the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/piv_benchmarks.md")
+    parser.add_argument(
+        "--docs", action="store_true", help="write the table into docs/piv_benchmarks.md"
+    )
     args = parser.parse_args()
     cv2.setNumThreads(1)
     text = table()

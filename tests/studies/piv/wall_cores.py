@@ -30,7 +30,9 @@ def region_of(plane, core: float, gap: float) -> Candidate | None:
     """The candidate whose centre is within a core radius of the vortex."""
     p, settings = plane_of(plane, "equal"), VortexSettings(stencil_radius=3e-3)
     step = float(p.x[1] - p.x[0])
-    candidates = find_candidates(p, gradients(p.u, p.v, p.valid, step, step, settings.scheme), settings)
+    candidates = find_candidates(
+        p, gradients(p.u, p.v, p.valid, step, step, settings.scheme), settings
+    )
     near = [c for c in candidates if c.circulation > 0 and np.hypot(c.x + gap * core, c.y) < core]
     return near[0] if near else None
 
@@ -38,7 +40,9 @@ def region_of(plane, core: float, gap: float) -> Candidate | None:
 def main() -> None:
     """Print the RMS of the relative deviation, with the region made whole and as the wall cuts it."""
     whole, cut = [], []
-    for core, gap, layer, (step, hidden, noise, seeds) in itertools.product(CORES, GAPS, (0.0, 0.3), PLANES):
+    for core, gap, layer, (step, hidden, noise, seeds) in itertools.product(
+        CORES, GAPS, (0.0, 0.3), PLANES
+    ):
         for seed in range(seeds):
             plane, _, _ = young_scene(
                 step, core=core, gap=gap, layer_part=layer, hidden=hidden, noise=noise, seed=seed
@@ -48,7 +52,9 @@ def main() -> None:
                 whole.append(np.log(region.core_radius / core))
                 cut.append(np.log(np.sqrt(region.points * step**2 / np.pi) / REGION_RADIUS / core))
     for name, deviation in (("made whole", whole), ("as the wall cuts it", cut)):
-        print(f"{name}: RMS {np.sqrt(np.mean(np.square(deviation))):.2f} of {len(deviation)} vortices")
+        print(
+            f"{name}: RMS {np.sqrt(np.mean(np.square(deviation))):.2f} of {len(deviation)} vortices"
+        )
 
 
 if __name__ == "__main__":

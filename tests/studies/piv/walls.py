@@ -45,7 +45,9 @@ def circulation_error(ds, core: float) -> float:
 def told(circulations: list[float]) -> str:
     """RMS of the circulations that were found, and of how many pairs."""
     there = np.array(circulations)[np.isfinite(circulations)]
-    share = "" if there.size == len(circulations) else f" ({there.size} of {len(circulations)} found)"
+    share = (
+        "" if there.size == len(circulations) else f" ({there.size} of {len(circulations)} found)"
+    )
     return (f"{100 * rms(there):.1f} %" if there.size else "none") + share
 
 

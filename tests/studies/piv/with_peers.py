@@ -40,10 +40,14 @@ class Pair:
     name: str
     images: tuple[np.ndarray, np.ndarray]
     rows: dict[str, tuple[Callable, Callable]]
-    runs: dict[str, dict[str, Any]] = field(default_factory=lambda: {OURS: {}})  # options of our own runs
+    runs: dict[str, dict[str, Any]] = field(
+        default_factory=lambda: {OURS: {}}
+    )  # options of our own runs
 
 
-def arguments(text: str | None, seeds: int | None = None, alone: bool = False) -> argparse.Namespace:
+def arguments(
+    text: str | None, seeds: int | None = None, alone: bool = False
+) -> argparse.Namespace:
     """Switches of a comparison: --folder, --docs and, where there are seeds, --seeds; where it can be `alone`, --alone."""
     parser = argparse.ArgumentParser(description=text)
     if seeds is not None:
@@ -52,9 +56,13 @@ def arguments(text: str | None, seeds: int | None = None, alone: bool = False) -
         "--folder", type=Path, help="keep pairs and peers' results there; a stopped run goes on"
     )
     end = parser.add_mutually_exclusive_group()
-    end.add_argument("--docs", action="store_true", help="write the tables into docs/piv_benchmarks.md")
+    end.add_argument(
+        "--docs", action="store_true", help="write the tables into docs/piv_benchmarks.md"
+    )
     if alone:
-        end.add_argument("--alone", action="store_true", help="our own part without the peers, only printed")
+        end.add_argument(
+            "--alone", action="store_true", help="our own part without the peers, only printed"
+        )
     return parser.parse_args()
 
 
@@ -67,7 +75,9 @@ def peer_python() -> Path:
         pip = [python, "-m", "pip", "install", "-q"]
         subprocess.run([*pip, *PEERS], check=True)
         # it asks for Python 3.12 but uses nothing of it here
-        subprocess.run([*pip, "--no-deps", "--ignore-requires-python", "pivtools==0.7.0"], check=True)
+        subprocess.run(
+            [*pip, "--no-deps", "--ignore-requires-python", "pivtools==0.7.0"], check=True
+        )
         (folder / ".ready").touch()
     return python
 
@@ -105,7 +115,9 @@ def with_peers(
         if alone:
             return
         script = Path(__file__).with_name("peers.py")
-        subprocess.run([peer_python(), script, folder], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(
+            [peer_python(), script, folder], cwd=folder, check=True, stdout=subprocess.DEVNULL
+        )
         for pair, found in jobs:
             yield pair, found | peers_vectors(folder / f"{pair.name}.peers.npz")
 
@@ -118,11 +130,15 @@ def compared(keep: Path | None, pairs: Iterable[Pair]) -> dict[str, dict[str, li
     return results
 
 
-def add(results: dict[str, dict[str, list[Errors]]], pair: Pair, found: dict[str, xr.Dataset]) -> None:
+def add(
+    results: dict[str, dict[str, list[Errors]]], pair: Pair, found: dict[str, xr.Dataset]
+) -> None:
     """Append a pair's errors of every method."""
     for name, ds in found.items():
         for row, (flow, counts) in pair.rows.items():
-            results.setdefault(name, {}).setdefault(row, []).append(judged(ds, flow, counts, found.values()))
+            results.setdefault(name, {}).setdefault(row, []).append(
+                judged(ds, flow, counts, found.values())
+            )
 
 
 def timed(a: np.ndarray, b: np.ndarray, **options) -> xr.Dataset:
@@ -139,6 +155,8 @@ def peers_vectors(file: Path) -> dict[str, xr.Dataset]:
         for k in range(sum(n.endswith("_name") for n in r.files)):
             x, y, u, v = (r[f"{k}_{n}"] for n in "xyuv")
             found[str(r[f"{k}_name"])] = xr.Dataset(
-                {"u": (("y", "x"), u), "v": (("y", "x"), v)}, {"x": x, "y": y}, {"cpu_s": float(r[f"{k}_t"])}
+                {"u": (("y", "x"), u), "v": (("y", "x"), v)},
+                {"x": x, "y": y},
+                {"cpu_s": float(r[f"{k}_t"])},
             )
     return found

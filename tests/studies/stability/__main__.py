@@ -24,7 +24,9 @@ from pipeline.openfoam.environment import foam_version
 from tests.studies.stability import images, page
 from tests.studies.stability.solver import read_plans, result
 
-PLANS = tuple(Path(f"cases/{scene}/out/studies/stability/plan.json") for scene in ("single_finger", "pinch"))
+PLANS = tuple(
+    Path(f"cases/{scene}/out/studies/stability/plan.json") for scene in ("single_finger", "pinch")
+)
 PRESETS = ("fast", "balanced", "accurate")
 FINE = ("completed", "refused", "stopped", "all flagged")
 RUN_COLUMNS = (
@@ -43,7 +45,9 @@ def write_table(path: Path, columns: tuple[str, ...], rows: Iterable[dict[str, A
             "versions": {"OpenFOAM": foam_version()} | versions(),
         }
         file.write("# " + json.dumps(made) + "\n")
-        writer = csv.DictWriter(file, columns, extrasaction="ignore", restval="", lineterminator="\n")
+        writer = csv.DictWriter(
+            file, columns, extrasaction="ignore", restval="", lineterminator="\n"
+        )
         writer.writeheader()
         writer.writerows(rows)
 
@@ -51,9 +55,13 @@ def write_table(path: Path, columns: tuple[str, ...], rows: Iterable[dict[str, A
 def main() -> None:
     """Command line; exit code 1 where a run or a picture ended in another way than it may, 2 where runs are missing."""
     parser = argparse.ArgumentParser(prog="python -m tests.studies.stability", description=__doc__)
-    parser.add_argument("--axes", help="names with commas: only these, and no tables (default: all)")
+    parser.add_argument(
+        "--axes", help="names with commas: only these, and no tables (default: all)"
+    )
     parser.add_argument("--part", choices=("runs", "images"), help="(default: both)")
-    parser.add_argument("--docs", type=Path, default=Path("docs"), help="folder of the page and the tables")
+    parser.add_argument(
+        "--docs", type=Path, default=Path("docs"), help="folder of the page and the tables"
+    )
     args = parser.parse_args()
     faults: list[dict[str, Any]] = []
 
@@ -67,7 +75,11 @@ def judge(args: argparse.Namespace) -> list[dict[str, Any]]:
     """Gather the outcomes, evaluate the pictures, write tables and page; the rows that are faults."""
     ended: list[dict[str, Any]] = []
     if args.part != "images":
-        rows = [row for row in read_plans(PLANS) if args.axes is None or row["axis"] in args.axes.split(",")]
+        rows = [
+            row
+            for row in read_plans(PLANS)
+            if args.axes is None or row["axis"] in args.axes.split(",")
+        ]
         ended = [result(row) for row in rows]
         for row in ended:
             print(f"{row['run']:40s} {row['ended']:10s} {row['reason'][:120]}")
@@ -75,7 +87,9 @@ def judge(args: argparse.Namespace) -> list[dict[str, Any]]:
             write_table(args.docs / "stability" / "runs.csv", RUN_COLUMNS, ended)
     if args.part != "runs" and args.axes is None:
         pictures = [(c, p) for c in images.cases() for p in PRESETS]
-        image_rows = [images.run_case(c, p) for c, p in tqdm(pictures, "images", unit="pair", disable=None)]
+        image_rows = [
+            images.run_case(c, p) for c, p in tqdm(pictures, "images", unit="pair", disable=None)
+        ]
         ended += image_rows
         write_table(args.docs / "stability" / "images.csv", IMAGE_COLUMNS, image_rows)
     if args.axes is None:

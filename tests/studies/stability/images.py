@@ -39,15 +39,19 @@ def cases() -> list[ImageCase]:
     pictures += [ImageCase("displacement (px)", f"{s:g}", shift=s, swirl=min(2.0, s / 2)) for s in (0.1, 0.5, 2, 8, 12, 16, 20, 30)]  # fmt: skip
     pictures += [ImageCase("exposure (peak over full scale)", f"{p:g}", render={"peak": p}) for p in (0.02, 0.1, 0.8, 4.0, 30.0)]  # fmt: skip
     pictures += [
-        ImageCase("noise (of full scale)", f"{n:g}", render={"noise": n}) for n in (0.0, 0.05, 0.15, 0.4)
+        ImageCase("noise (of full scale)", f"{n:g}", render={"noise": n})
+        for n in (0.0, 0.05, 0.15, 0.4)
     ]
     pictures += [
-        ImageCase("diameter (px)", f"{d:g}", render={"diameter_px": d}) for d in (0.5, 1.0, 2.5, 6.0, 15.0)
+        ImageCase("diameter (px)", f"{d:g}", render={"diameter_px": d})
+        for d in (0.5, 1.0, 2.5, 6.0, 15.0)
     ]
     pictures += [
         ImageCase("special", "no particles, noise", render={"density_ppp": 0.0}),
         ImageCase(
-            "special", "no particles, black", render={"density_ppp": 0.0, "noise": 0.0, "background": 0.0}
+            "special",
+            "no particles, black",
+            render={"density_ppp": 0.0, "noise": 0.0, "background": 0.0},
         ),
         ImageCase("special", "white", render={"background": 400.0}),
         ImageCase("special", "all mask", masked="all"),
@@ -64,7 +68,9 @@ def flow(case: ImageCase):
     def displacement(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         a, b = x - centre[0], y - centre[1]
         r2 = np.maximum(a**2 + b**2, 1e-12)
-        swirl = case.swirl / 0.638 * radius / np.sqrt(r2) * (1 - np.exp(-r2 / radius**2)) / np.sqrt(r2)
+        swirl = (
+            case.swirl / 0.638 * radius / np.sqrt(r2) * (1 - np.exp(-r2 / radius**2)) / np.sqrt(r2)
+        )
         return case.shift - swirl * b, swirl * a
 
     return displacement
@@ -94,14 +100,18 @@ def run_case(case: ImageCase, preset: str, seed: int = 3) -> dict[str, Any]:
     error = np.hypot(plane["u"].values - wanted[0], plane["v"].values - wanted[1])
     some = valid.any()
     wrong = float((error[valid] > WRONG_PX).mean()) if some else 0.0
-    nothing = settings["density_ppp"] == 0 or case.unlike or case.masked == "all"  # no vector can be right
+    nothing = (
+        settings["density_ppp"] == 0 or case.unlike or case.masked == "all"
+    )  # no vector can be right
     if nothing:
         wrong = float(valid.sum() / max(open_water.sum(), 1))
     ended = "WRONG" if wrong > MAX_UNFLAGGED else "completed" if some else "all flagged"
     return row | {
         "ended": ended,
         "valid": round(float(valid.sum() / max(open_water.sum(), 1)), 4),
-        "rms_px": round(float(np.sqrt(np.mean(np.minimum(error[valid], 10) ** 2))), 4) if some else "",
+        "rms_px": round(float(np.sqrt(np.mean(np.minimum(error[valid], 10) ** 2))), 4)
+        if some
+        else "",
         "wrong_unflagged": round(wrong, 4),
         "reason": "",
     }

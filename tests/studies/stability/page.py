@@ -19,7 +19,9 @@ from tests.damage import WAYS
 
 matplotlib.rcParams["svg.hashsalt"] = "softfinger"  # equal pictures give equal files
 
-STUDY = Path(__file__).resolve().parents[3] / "cases" / "single_finger" / "studies" / "stability.csv"
+STUDY = (
+    Path(__file__).resolve().parents[3] / "cases" / "single_finger" / "studies" / "stability.csv"
+)
 BASE = "pressure_20"  # from which one axis is changed at a time
 COLOURS = {
     "completed": "#4c9f70",
@@ -103,7 +105,9 @@ def tiles(lines: list[tuple[str, list[tuple[str, str]]]], width: int, **words: s
         for x, value, ended in values:
             seen.append(ended)
             span = tiles_of(value)
-            axes.add_patch(plt.Rectangle((x + 0.03, y - 0.42), span - 0.06, 0.84, color=COLOURS[ended], lw=0))
+            axes.add_patch(
+                plt.Rectangle((x + 0.03, y - 0.42), span - 0.06, 0.84, color=COLOURS[ended], lw=0)
+            )
             size = 8 if len(value) < 9 else 6.5
             colour = "white" if ended in DARK else "black"
             axes.text(x + span / 2, y, value, ha="center", va="center", fontsize=size, color=colour)
@@ -112,7 +116,12 @@ def tiles(lines: list[tuple[str, list[tuple[str, str]]]], width: int, **words: s
     words = MEANS | words
     handles = [Patch(color=COLOURS[key], label=words[key]) for key in COLOURS if key in seen]
     axes.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncol=4, frameon=False, fontsize=8
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.0),
+        ncol=4,
+        frameon=False,
+        fontsize=8,
     )
     return figure
 
@@ -122,11 +131,15 @@ def tiles_of(value: str) -> int:
     return 1 if len(value) < 12 else 1 + len(value) // 11
 
 
-def by_axis(rows: list[dict[str, str]], names: dict[str, str]) -> list[tuple[str, list[tuple[str, str]]]]:
+def by_axis(
+    rows: list[dict[str, str]], names: dict[str, str]
+) -> list[tuple[str, list[tuple[str, str]]]]:
     """Rows grouped by axis, in the table's order; numbers ascending."""
     groups: dict[str, list[tuple[str, str]]] = {}
     for row in rows:
-        groups.setdefault(names.get(row["axis"], row["axis"]), []).append((row["value"], row["ended"]))
+        groups.setdefault(names.get(row["axis"], row["axis"]), []).append(
+            (row["value"], row["ended"])
+        )
     return [(name, sorted(values, key=_number)) for name, values in groups.items()]
 
 
@@ -140,7 +153,9 @@ def _number(item: tuple[str, str]) -> float:
 def counts(rows: list[dict[str, str]], **words: str) -> str:
     """`12 completed, 3 refused beforehand`; `words` in place of those of MEANS."""
     number = {key: sum(row["ended"] == key for row in rows) for key in MEANS}
-    return ", ".join(f"{number[key]} {text}" for key, text in (MEANS | words).items() if number[key])
+    return ", ".join(
+        f"{number[key]} {text}" for key, text in (MEANS | words).items() if number[key]
+    )
 
 
 def runs_part(rows: list[dict[str, str]]) -> list[str]:
@@ -183,7 +198,9 @@ def chain_kills(rows: list[dict[str, str]]) -> list[str]:
     runs = {(r["scene"], r["level"], r["ranks"], r["end_time"]): r["compared"] for r in rows}
     struck = [r for r in rows if r["killed"] != "ended before"]
     of_all = sum(r["killed"] == "all" for r in struck)
-    lines = [f"| {' | '.join(run)} | {ended or 'not compared yet'} |" for run, ended in runs.items()]
+    lines = [
+        f"| {' | '.join(run)} | {ended or 'not compared yet'} |" for run, ended in runs.items()
+    ]
     return [
         "## Kills of whole runs (`python -m tests.studies.faults.campaign`)\n",
         f"kill -9 {len(struck)} times in {len(runs)} runs, in succession within each: {of_all} times of make and all that it has"

@@ -102,4 +102,6 @@ def judged(scene: Scene) -> dict[str, Any]:
         wrong.append("energy from nothing")
     if not FORCE_RANGE[0] < peak / plate < FORCE_RANGE[1]:
         wrong.append(f"a force of {peak / plate:.2g} of a plate's")
-    return {"ended": "WRONG" if wrong else "completed", "reason": "; ".join(wrong)} | motion | numbers
+    return (
+        {"ended": "WRONG" if wrong else "completed", "reason": "; ".join(wrong)} | motion | numbers
+    )

@@ -51,7 +51,10 @@ def run(names: list[str], quiet: bool, again: bool) -> None:
         write_result(result, DOCS / "verification" / f"{name}.json")
         if not quiet:
             missed = [c.id for c in result.checks if not c.met]
-            print(f"{name}: {len(result.checks)} checks, missed: {', '.join(missed) or 'none'}", flush=True)
+            print(
+                f"{name}: {len(result.checks)} checks, missed: {', '.join(missed) or 'none'}",
+                flush=True,
+            )
     missed_in_all = write_ledger()
     if not quiet:
         print(f"docs/verification.md: {missed_in_all} checks missed")
@@ -64,7 +67,9 @@ def main() -> None:
         "names", nargs="*", metavar="NAME", help=f"checks to run (default: all): {', '.join(ORDER)}"
     )
     parser.add_argument(
-        "--again", action="store_true", help="solve deforming_mesh again, which has a solver of its own"
+        "--again",
+        action="store_true",
+        help="solve deforming_mesh again, which has a solver of its own",
     )
     parser.add_argument(
         "--page", action="store_true", help="only write the page from the results that are there"
@@ -75,7 +80,9 @@ def main() -> None:
     def action() -> None:
         unknown = set(args.names) - set(ORDER)
         if unknown:
-            raise StageError(f"{', '.join(sorted(unknown))}: no such check; there are {', '.join(ORDER)}")
+            raise StageError(
+                f"{', '.join(sorted(unknown))}: no such check; there are {', '.join(ORDER)}"
+            )
         run([] if args.page else args.names or list(ORDER), args.quiet, args.again)
 
     sys.exit(guarded("validation", action))

@@ -39,7 +39,9 @@ def three_grids(size: np.ndarray, value: np.ndarray) -> Estimate:
     """
     size, value = np.asarray(size, float), np.asarray(value, float)
     if size.shape != (3,) or value.shape != (3,):
-        raise ValueError(f"three grids are wanted, {size.size} sizes and {value.size} values are given")
+        raise ValueError(
+            f"three grids are wanted, {size.size} sizes and {value.size} values are given"
+        )
     order = np.argsort(size)
     h, f = size[order], value[order]
     fine, coarse = f[1] - f[0], f[2] - f[1]
@@ -50,7 +52,9 @@ def three_grids(size: np.ndarray, value: np.ndarray) -> Estimate:
 
     # grows with the order; a fixed point of it need not converge for unequal ratios
     def excess(power: float) -> float:
-        return float(np.log((r_coarse**power - 1) / (r_fine**power - 1)) + power * np.log(r_fine) - ratio)
+        return float(
+            np.log((r_coarse**power - 1) / (r_fine**power - 1)) + power * np.log(r_fine) - ratio
+        )
 
     if excess(LEAST_ORDER) > 0 or excess(LARGEST_ORDER) < 0:
         raise ValueError(
@@ -65,7 +69,9 @@ def least_squares(size: np.ndarray, value: np.ndarray) -> Estimate:
     """Eça & Hoekstra's procedure for four grids or more (three: exact fit, no scatter)."""
     h, f = np.asarray(size, float), np.asarray(value, float)
     if len(h) < 3 or len(h) != len(f):
-        raise ValueError(f"three grids at least are wanted, {len(h)} sizes and {len(f)} values are given")
+        raise ValueError(
+            f"three grids at least are wanted, {len(h)} sizes and {len(f)} values are given"
+        )
     h = h / h.min()
     spread = (f.max() - f.min()) / (len(f) - 1)
     fits = [_power_fit(h, f, weight) for weight in _weights(h)]
@@ -73,9 +79,15 @@ def least_squares(size: np.ndarray, value: np.ndarray) -> Estimate:
     kind, order = "power", power
     if power is None or not SOUND[0] <= power <= SOUND[1]:
         terms: list[tuple[float, ...]] = [(1.0,), (2.0,)]
-        if len(h) > 3 and not (power is not None and power > SOUND[1]):  # super-convergence is not trusted
+        if len(h) > 3 and not (
+            power is not None and power > SOUND[1]
+        ):  # super-convergence is not trusted
             terms.append((1.0, 2.0))
-        tried = [(*_linear_fit(h, f, weight, powers), powers) for powers in terms for weight in _weights(h)]
+        tried = [
+            (*_linear_fit(h, f, weight, powers), powers)
+            for powers in terms
+            for weight in _weights(h)
+        ]
         limit, scatter, fitted, powers = min(tried, key=lambda t: t[1])
         kind, order = "h" + " + h²" * (len(powers) == 2) if powers[0] == 1.0 else "h²", None
     distance = np.abs(f - limit)
@@ -130,7 +142,9 @@ def _power_fit(
     at = int(np.argmin([misfit(p) for p in grid]))
     inside = 0 < at < len(grid) - 1
     low, high = grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
-    power = float(minimize_scalar(misfit, bounds=(low, high), method="bounded", options={"xatol": 1e-10}).x)
+    power = float(
+        minimize_scalar(misfit, bounds=(low, high), method="bounded", options={"xatol": 1e-10}).x
+    )
     limit, _, fitted = _linear_fit(h, f, weight, (power,))
     freedom = max(len(h) - 3, 1)
     scatter = np.sqrt(len(h) * np.sum(weight * (f - fitted) ** 2) / freedom)

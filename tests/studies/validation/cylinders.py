@@ -114,13 +114,17 @@ def impulsive(scene: Scene) -> Result:
         f" the wall remembers it: at T = 0.181 the drag would differ by about {_memory(0.181, smooth):.1%} from that"
         " of a sudden one (theory of the thin layer), later by less."
     )
-    return Result(scene.name, scene.title, text, tuple(checks), curves, provenance=provenance(scene))
+    return Result(
+        scene.name, scene.title, text, tuple(checks), curves, provenance=provenance(scene)
+    )
 
 
 def _memory(time: float, smooth: float) -> float:
     """Relative change of ∫ U̇/√(t−τ) dτ at `time` after the middle of a smooth step over `smooth`, against a sudden one."""
     x = (np.arange(4000) + 0.5) / 4000
-    return float(np.mean(smooth_step(x, 1) / np.sqrt(time - (x - 0.5) * smooth)) * np.sqrt(time) - 1)
+    return float(
+        np.mean(smooth_step(x, 1) / np.sqrt(time - (x - 0.5) * smooth)) * np.sqrt(time) - 1
+    )
 
 
 def accelerating(scene: Scene) -> Result:
@@ -129,7 +133,11 @@ def accelerating(scene: Scene) -> Result:
     assert law is not None
     assert body is not None
     assert body.diameter is not None
-    density, viscosity, radius = scene.fluid.density, scene.fluid.kinematic_viscosity, 0.5 * body.diameter
+    density, viscosity, radius = (
+        scene.fluid.density,
+        scene.fluid.kinematic_viscosity,
+        0.5 * body.diameter,
+    )
     history = forces(scene)
     path = travelled(law, scene.motion.end_time)
     acceleration = np.gradient(path.rate, path.time, edge_order=2)

@@ -46,7 +46,9 @@ def lamb_oseen(viscosity: float) -> Field:
         x, y = position[:, 0], position[:, 1] - 0.5
         square, core = x**2 + y**2, CORE_SQUARED + 4 * viscosity * time
         near = square < 1e-12 * core
-        turning = strength * np.where(near, 1 / core, -np.expm1(-square / core) / np.where(near, 1.0, square))
+        turning = strength * np.where(
+            near, 1 / core, -np.expm1(-square / core) / np.where(near, 1.0, square)
+        )
         return np.column_stack([-turning * y, turning * x])
 
     return field

@@ -148,7 +148,11 @@ def measure_images() -> list[Check]:
     for name, (field, centre, gamma, of_gamma, of_core, of_centre, of_rms) in limits.items():
         rows = np.array([_from_images(field, centre, seed) for seed in SEEDS])
         key = name.lower()
-        why = use if name == "Lamb-Oseen" else "a quarter of the particles leave the sheet on the axis"
+        why = (
+            use
+            if name == "Lamb-Oseen"
+            else "a quarter of the particles leave the sheet on the axis"
+        )
         checks += [
             Check(f"images.{key}.circulation", f"{name}, PIV: circulation (seeds scatter by {rows[:, 0].std(ddof=1) / gamma:.1%})", float(rows[:, 0].mean()), of_gamma, "relative",
                   why, gamma, EXACT, "px²/frame"),
@@ -161,7 +165,9 @@ def measure_images() -> list[Check]:
         ]  # fmt: skip
     for name, field, centre, radius, _ in OTHERS:
         exact = disc_circulation(field, centre, radius)
-        ratio = float(np.mean([around(_piv(field, seed), centre, radius) / exact for seed in SEEDS]))
+        ratio = float(
+            np.mean([around(_piv(field, seed), centre, radius) / exact for seed in SEEDS])
+        )
         checks.append(
             Check(f"images.{name.lower()}.contour", f"{name}, PIV: circulation round a circle of {radius:g} px, measured / exact",
                   ratio, 0.02, "relative", "twice the bound of the fitted circulation, which smooths over more vectors", 1.0, EXACT)
@@ -174,13 +180,17 @@ def _piv(field: Field, seed: int) -> xr.Dataset:
     return correlate_pair(a, b)
 
 
-def _from_images(field: Field, centre: tuple[float, float], seed: int) -> tuple[float, float, float, float]:
+def _from_images(
+    field: Field, centre: tuple[float, float], seed: int
+) -> tuple[float, float, float, float]:
     """Circulation, core radius, distance of the centre and rms error (px) from one pair."""
     plane = _piv(field, seed)
     vortex = nearest(find_vortices(plane), centre)
     exact = field(*np.meshgrid(plane["x"].values, plane["y"].values))[:2]
     inner = np.s_[3:-3, 3:-3]
-    error = np.stack([plane["u"].values - exact[0], plane["v"].values - exact[1]])[:, inner[0], inner[1]]
+    error = np.stack([plane["u"].values - exact[0], plane["v"].values - exact[1]])[
+        :, inner[0], inner[1]
+    ]
     gap = float(np.hypot(vortex.x - centre[0], vortex.y - centre[1]))
     return vortex.circulation, vortex.core_radius, gap, float(np.sqrt(np.nanmean(error**2)))
 
@@ -193,5 +203,8 @@ def measure() -> Result:
         " `piv.vortices.find` with their defaults."
     )
     return Result(
-        "exact_fields", "PIV and vortex code on exact fields", text, (*measure_planes(), *measure_images())
+        "exact_fields",
+        "PIV and vortex code on exact fields",
+        text,
+        (*measure_planes(), *measure_images()),
     )

@@ -20,7 +20,11 @@ def oscillating(curves: Curves, path: Path) -> None:
     axes.plot(curves["phase"][:-1], curves["fit"], color=GREY, lw=1, ls="--", label="Morison's fit")
     axes.plot(curves["phase"], curves["viscous"], color=THIRD, lw=1, label="of it friction")
     axes.plot(
-        curves["reference_phase"], curves["reference_force"], "o", color=PIV, label="Dütsch et al. 1998"
+        curves["reference_phase"],
+        curves["reference_force"],
+        "o",
+        color=PIV,
+        label="Dütsch et al. 1998",
     )
     axes.set(xlabel="t / T", ylabel="force / (ρU²D)")
     axes.legend(ncols=2)
@@ -63,13 +67,18 @@ def plate(curves: Curves, path: Path) -> None:
     inside = (time >= curves["from"]) & (time <= curves["to"])
     middle = np.sqrt(curves["from"] * curves["to"])
     span = np.array([curves["from"], curves["to"]])
-    parts = ((axes[0], ("circulation",), "circulation"), (axes[1], ("core", "centroid"), "displacement"))
+    parts = (
+        (axes[0], ("circulation",), "circulation"),
+        (axes[1], ("core", "centroid"), "displacement"),
+    )
     for ax, names, power in parts:
         for name, colour in zip(names, (CFD, THIRD), strict=False):
             value = np.array(curves[name])
             ax.loglog(time, value, ".-", ms=3, lw=1, color=colour, label=name)
             level = np.exp(np.interp(np.log(middle), np.log(time[inside]), np.log(value[inside])))
-            ax.loglog(span, level * (span / middle) ** curves["wanted"][power], color=PIV, lw=1, ls="--")
+            ax.loglog(
+                span, level * (span / middle) ** curves["wanted"][power], color=PIV, lw=1, ls="--"
+            )
         ax.plot([], [], color=PIV, lw=1, ls="--", label=f"slope {curves['wanted'][power]:.3g}")
         ax.set(xlabel="t (s)")
         ax.legend()
@@ -88,11 +97,18 @@ def deforming(curves: Curves, path: Path) -> None:
         size, error = np.array(curves[f"{part}size"]), np.array(curves[f"{part}error"])
         axes[0].loglog(size, error, "o-", color=colour, label=words)
         axes[0].loglog(
-            size, error[-1] * (size / size[-1]) ** slope, "--", color=PIV, lw=1, label=f"slope {slope}"
+            size,
+            error[-1] * (size / size[-1]) ** slope,
+            "--",
+            color=PIV,
+            lw=1,
+            label=f"slope {slope}",
         )
     axes[0].set(xlabel="cell size (m)", ylabel="velocity (m/s)")
     shared = np.array(curves["size"])[: len(curves["corrected"])]
-    axes[0].loglog(shared, curves["corrected"], "s--", color=GREY, ms=4, lw=1, label="skew-corrected")
+    axes[0].loglog(
+        shared, curves["corrected"], "s--", color=GREY, ms=4, lw=1, label="skew-corrected"
+    )
     step = np.array(curves["step"])
     for name, colour, words in (
         ("iterated", CFD, "iterated"), ("twice", GREY, "two outer correctors"), ("once", THIRD, "one outer corrector")
@@ -100,7 +116,12 @@ def deforming(curves: Curves, path: Path) -> None:
         axes[1].loglog(step, curves[name], "o-", color=colour, label=words)
     for name, slope in (("iterated", 2), ("once", 1)):
         axes[1].loglog(
-            step, curves[name][-1] * (step / step[-1]) ** slope, "--", color=PIV, lw=1, label=f"slope {slope}"
+            step,
+            curves[name][-1] * (step / step[-1]) ** slope,
+            "--",
+            color=PIV,
+            lw=1,
+            label=f"slope {slope}",
         )
     axes[1].set(xlabel="time step (s)")
     for ax in axes:

@@ -28,7 +28,10 @@ STEPS = ("dt200", "g100", "dt050", "dt025")
 STUDY = (
     Path("out") / "studies" / "tradeoff" / "plan.json"
 )  # its family of grids: make convergence, make tradeoff
-JUDGED = {"coarse": 0.08, "medium": 0.04}  # levels, and what the uncertainty of the circulation may be there
+JUDGED = {
+    "coarse": 0.08,
+    "medium": 0.04,
+}  # levels, and what the uncertainty of the circulation may be there
 NEAR_TIP = 3.0  # tip widths within which the tip's vortex is looked for
 QUANTITIES = {
     "dorsal": ("circulation of the tip's dorsal side", "m²/s"),
@@ -69,7 +72,9 @@ def tip_vortex(sheet: xr.Dataset, scene: Scene) -> pd.Series:
         if np.hypot(v.x - tip[0], v.y - tip[1]) < reach and np.dot((v.x - tip[0], v.y - tip[1]), dorsal) > 0
     ]  # fmt: skip
     if not near:
-        raise ValueError(f"no vortex at the dorsal side of the tip of {scene.name} at level {scene.level}")
+        raise ValueError(
+            f"no vortex at the dorsal side of the tip of {scene.name} at level {scene.level}"
+        )
     strongest = max(near, key=lambda v: abs(v.circulation))
     time = float(plane["time"])
     track = pd.DataFrame(
@@ -111,7 +116,9 @@ def read_run(scene: Scene, window: tuple[float, float] | None = None) -> Run:
         vortex = mean_vortex(sheet, scene, window) if window else tip_vortex(sheet, scene)
     flat = scene.model.kind == "2d"
     area = scene.tank.size[0] * scene.tank.water_depth
-    volume = area if flat else area * scene.tank.size[2] * (0.5 if scene.model.kind == "half" else 1.0)
+    volume = (
+        area if flat else area * scene.tank.size[2] * (0.5 if scene.model.kind == "half" else 1.0)
+    )
     values = {
         "dorsal": abs(vortex.dorsal),
         "circulation": abs(vortex.circulation),
@@ -178,7 +185,9 @@ def sentence(runs: list[Run], estimates: dict[str, Estimate], level: str) -> str
     e = estimates["circulation"]
     gap = abs(runs[at].values["circulation"] / e.extrapolated - 1)
     bound = float(e.uncertainty[at]) / abs(e.extrapolated)
-    return f"At `{level}` Γ is within {gap:.1%} of the extrapolated value (uncertainty {bound:.1%})."
+    return (
+        f"At `{level}` Γ is within {gap:.1%} of the extrapolated value (uncertainty {bound:.1%})."
+    )
 
 
 def finest_orders(runs: list[Run]) -> str:
@@ -208,7 +217,9 @@ def two_dimensional() -> Result:
         " on the second grid. Representative cell √(area / cells)."
     )
     curves = {"grid": curves_of(grids, "cell"), "step": curves_of(steps, "time_step")}
-    return Result("finger_2d", scene.title, text, tuple(checks), curves, remarks, _provenance(scene))
+    return Result(
+        "finger_2d", scene.title, text, tuple(checks), curves, remarks, _provenance(scene)
+    )
 
 
 def family(folder: Path) -> tuple[list[Scene], tuple[float, float]] | None:
@@ -226,7 +237,8 @@ def family(folder: Path) -> tuple[list[Scene], tuple[float, float]] | None:
     whole = [
         row
         for row in plan["runs"]
-        if PART_OF_STROKE not in row["overrides"] and files_of(row).optional("kinematics.h5") is not None
+        if PART_OF_STROKE not in row["overrides"]
+        and files_of(row).optional("kinematics.h5") is not None
     ]
     if len(grids) < 3 or not whole:
         return None

@@ -32,9 +32,13 @@ def read_results(folder: Path) -> list[dict[str, Any]]:
         try:
             result = json.loads(path.read_text(encoding="utf-8"))
         except ValueError as error:
-            raise StageError(f"{path}: not valid JSON ({error}); delete it and run make validate") from None
+            raise StageError(
+                f"{path}: not valid JSON ({error}); delete it and run make validate"
+            ) from None
         if result.get("format") != FORMAT:
-            raise StageError(f"{path}: format is {result.get('format')!r}, expected {FORMAT!r}; delete it")
+            raise StageError(
+                f"{path}: format is {result.get('format')!r}, expected {FORMAT!r}; delete it"
+            )
         results[result["name"]] = result
     known = [results.pop(name) for name in ORDER if name in results]
     return known + list(results.values())
@@ -45,7 +49,9 @@ def page(results: list[dict[str, Any]], figures: set[str]) -> str:
     checks = [check for result in results for check in result["checks"]]
     missed = [check for check in checks if not check["met"]]
     text = HEAD + f"\n{len(checks)} checks, {len(checks) - len(missed)} met, {len(missed)} missed."
-    text += "".join(f"\n- missed: {c['quantity']} (`{c['id']}`): {tolerated(c)}" for c in missed) + "\n"
+    text += (
+        "".join(f"\n- missed: {c['quantity']} (`{c['id']}`): {tolerated(c)}" for c in missed) + "\n"
+    )
     for result in results:
         text += f"\n## {result['title']}\n\n{result['text']}\n\n"
         text += "| quantity | reference | result | deviation | tolerance | why | |\n|---|---|---|---|---|---|---|\n"
@@ -53,7 +59,9 @@ def page(results: list[dict[str, Any]], figures: set[str]) -> str:
         sources = sorted({c["source"] for c in result["checks"] if c["source"]})
         text += f"\nReference: {'; '.join(sources)}. " if sources else "\n"
         text += f"{origin(result)}\n"
-        text += "".join(f"\n- {remark}" for remark in result["remarks"]) + ("\n" if result["remarks"] else "")
+        text += "".join(f"\n- {remark}" for remark in result["remarks"]) + (
+            "\n" if result["remarks"] else ""
+        )
         if result["name"] in figures:
             text += f"\n![{result['title']}](verification/{result['name']}.svg)\n"
     return text

@@ -17,9 +17,7 @@ REACH = 4.0  # distances of the core from the edge within which its vortex is lo
 LARGEST = 0.15  # chords from the edge within which the core is looked for at the last instant
 GROWTH = 1.1  # the core may have been so much farther out at the instant before: only there it is looked for
 CORE_PART = 0.3  # of that distance: radius in which the least pressure is fitted
-LEAST_VORTICITY = (
-    0.5  # mean speed so far / chord: below it lies what the coarse far mesh makes of a potential flow
-)
+LEAST_VORTICITY = 0.5  # mean speed so far / chord: below it lies what the coarse far mesh makes of a potential flow
 
 
 @dataclass(frozen=True)
@@ -39,13 +37,20 @@ def cell_vorticity(plane: pv.DataSet) -> tuple[np.ndarray, np.ndarray, np.ndarra
     cells = plane.point_data_to_cell_data().compute_cell_sizes(length=False, volume=False)
     gradient = np.asarray(cells["gradU"])
     centres = np.asarray(plane.cell_centers().points)
-    return centres, np.asarray(cells["Area"]), gradient[:, 1] - gradient[:, 3], np.asarray(cells["p"])
+    return (
+        centres,
+        np.asarray(cells["Area"]),
+        gradient[:, 1] - gradient[:, 3],
+        np.asarray(cells["p"]),
+    )
 
 
 def reattachment(surface: pv.DataSet, half_chord: float, centre_y: float) -> float:
     """x of the inner end of the longest stretch behind the right half of the plate where water runs outwards along it."""
     points = np.asarray(surface.cell_centers().points)
-    stress = np.asarray(surface["wallShearStress"])[:, 0]  # of the wall on the water: against the flow
+    stress = np.asarray(surface["wallShearStress"])[
+        :, 0
+    ]  # of the wall on the water: against the flow
     behind = (points[:, 1] < centre_y) & (points[:, 0] > 0) & (points[:, 0] < half_chord)
     order = np.argsort(points[behind, 0])
     x, outwards = points[behind, 0][order], stress[behind][order] < 0
@@ -95,7 +100,9 @@ def shed(scene: Scene, time: float, way: float, sheet: Path, wall: Path, within:
     strength = omega[mine] * area[mine]
     total = float(strength.sum())
     middle = strength @ centres[mine, :2] / total
-    return Shed(time, way, -total, (half - middle[0], y - middle[1]), (half - core[0], y - core[1]), inner)
+    return Shed(
+        time, way, -total, (half - middle[0], y - middle[1]), (half - core[0], y - core[1]), inner
+    )
 
 
 def history(scene: Scene, case: Path) -> list[Shed]:
@@ -113,7 +120,9 @@ def history(scene: Scene, case: Path) -> list[Shed]:
     for t, file in reversed(files):
         if t > law.start + 1.5 * law.smoothing:
             wall = folder / "fingerSurface" / file.parent.name / "finger.vtk"
-            rows.append(shed(scene, t, float(np.interp(t, path.time, path.distance)), file, wall, within))
+            rows.append(
+                shed(scene, t, float(np.interp(t, path.time, path.distance)), file, wall, within)
+            )
             within = GROWTH * float(np.hypot(*rows[-1].core))
     return rows[::-1]
 

@@ -59,13 +59,23 @@ def spent(scene: Scene) -> dict[str, float]:
     paths = [scene.out / "costs" / f"{stage}.json" for stage in STAGES]
     if not all(path.exists() for path in paths):
         return {}
-    return {"cpu_seconds": round(sum(json.loads(path.read_text())["cpu_time"] for path in paths), 1)}
+    return {
+        "cpu_seconds": round(sum(json.loads(path.read_text())["cpu_time"] for path in paths), 1)
+    }
 
 
 def provenance(scene: Scene) -> dict[str, Any]:
     """What a result must say of the run behind it."""
     record = json.loads((scene.out / "run" / "run.json").read_text())
-    kept = ("scene_hash", "cells", "time_step", "steps", "end_time", "courant_max", "continuity_max")
+    kept = (
+        "scene_hash",
+        "cells",
+        "time_step",
+        "steps",
+        "end_time",
+        "courant_max",
+        "continuity_max",
+    )
     settings = scene.model_dump(mode="json", include={"mesh", "numerics", "fluid", "body"})
     return {
         "versions": {"OpenFOAM": record["versions"]["OpenFOAM"]},

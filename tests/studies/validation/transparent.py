@@ -28,7 +28,9 @@ from pipeline.run.prepare import prepare
 from pipeline.run.solver import solve
 from pipeline.scene.scene import Scene
 
-Field = Callable[[np.ndarray, float], np.ndarray]  # positions (n, 2) m, time s -> velocities (n, 2) m/s
+Field = Callable[
+    [np.ndarray, float], np.ndarray
+]  # positions (n, 2) m, time s -> velocities (n, 2) m/s
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,9 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
         "PIMPLE\n{", "PIMPLE\n{\n    pRefCell            0;\n    pRefValue           0;"
     )
     solution = re.sub(
-        r"(relTol +)[\d.]+;", r"\g<1>0;", re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-11;", solution)
+        r"(relTol +)[\d.]+;",
+        r"\g<1>0;",
+        re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-11;", solution),
     )
     solution = re.sub(r"maxIter +\d+;", "", solution)
     (folder / "system" / "fvSolution").write_text(solution)
@@ -111,7 +115,9 @@ def cells(scene: Scene, time: float, folder: Path | None) -> Cells:
     nodes = read_motion(scene.out).nodes(time)
     centres = cell_centres(nodes, triangles, quads)[column]
     areas = cell_areas(nodes, triangles, quads)[column]
-    velocity = np.zeros_like(centres) if folder is None else read_field(folder / "U", len(column))[:, :2]
+    velocity = (
+        np.zeros_like(centres) if folder is None else read_field(folder / "U", len(column))[:, :2]
+    )
     return Cells(centres, areas, velocity)
 
 
@@ -123,12 +129,16 @@ def at_end(scene: Scene) -> Cells:
 
 def fixed_value(velocity: np.ndarray) -> bytes:
     """Entries of a patch whose faces have the velocities (face, 2)."""
-    return b"type fixedValue; value nonuniform List<vector> " + binary_list(in_space(velocity)) + b";"
+    return (
+        b"type fixedValue; value nonuniform List<vector> " + binary_list(in_space(velocity)) + b";"
+    )
 
 
 def write_velocity(path: Path, velocity: np.ndarray, walls: dict[str, bytes]) -> None:
     """Write U with the cells' velocities (cell, 2) and the entries of each outer patch."""
-    sides = b"".join(b"    %s { %s }\n" % (name.encode(), entries) for name, entries in walls.items())
+    sides = b"".join(
+        b"    %s { %s }\n" % (name.encode(), entries) for name, entries in walls.items()
+    )
     sides += b"    sheet { type empty; }\n    back { type empty; }\n"
     field = b"internalField nonuniform List<vector> " + binary_list(in_space(velocity)) + b";\n\n"
     body = b"dimensions [0 1 -1 0 0 0 0];\n\n" + field + b"boundaryField\n{\n" + sides + b"}\n"

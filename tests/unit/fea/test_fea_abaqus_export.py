@@ -38,14 +38,18 @@ def frame(share, double):
 
 
 def test_frames_become_states(tmp_path, monkeypatch):
-    step = SimpleNamespace(timePeriod=2.0, frames=[frame(0.0, False), frame(0.5, True), frame(1.0, True)])
+    step = SimpleNamespace(
+        timePeriod=2.0, frames=[frame(0.0, False), frame(0.5, True), frame(1.0, True)]
+    )
     odb = SimpleNamespace(steps={"Inflate": step}, close=lambda: None)
     access, constants = ModuleType("odbAccess"), ModuleType("abaqusConstants")
     access.openOdb = lambda path, readOnly: odb
     constants.DOUBLE_PRECISION = "double"
     monkeypatch.setitem(sys.modules, "odbAccess", access)
     monkeypatch.setitem(sys.modules, "abaqusConstants", constants)
-    monkeypatch.setattr(sys, "argv", ["script", "job.odb", "Inflate", "-30", str(tmp_path / "u.csv")])
+    monkeypatch.setattr(
+        sys, "argv", ["script", "job.odb", "Inflate", "-30", str(tmp_path / "u.csv")]
+    )
     runpy.run_path(str(SCRIPT), run_name="__main__")
 
     (tmp_path / "bar.inp").write_text(MODEL)

@@ -69,7 +69,9 @@ def test_smoothing_keeps_a_polynomial_and_removes_ripple():
     s = np.linspace(0, 0.07, 126)
     clean = np.stack([s, 5 * s**2], -1)[None]
     ripple = 3e-5 * np.sin(2 * np.pi * s / 0.009)
-    np.testing.assert_allclose(smoothed(clean, s), clean, atol=1e-12)  # it lies in the spline's space
+    np.testing.assert_allclose(
+        smoothed(clean, s), clean, atol=1e-12
+    )  # it lies in the spline's space
     rippled = clean + np.stack([np.zeros_like(s), ripple], -1)[None]
     inside = (s > 0.012) & (s < 0.058)  # at its ends a least-squares curve follows the last wave
     assert np.abs(smoothed(rippled, s) - clean)[:, inside].max() < 0.2 * 3e-5
@@ -130,7 +132,8 @@ def test_file_of_another_format_is_refused(tmp_path):
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file.attrs["format"] = "plane-series"
     with pytest.raises(
-        ValueError, match=r"other\.h5: format is 'plane-series', not 'bending-states'; write it again"
+        ValueError,
+        match=r"other\.h5: format is 'plane-series', not 'bending-states'; write it again",
     ):
         read(tmp_path / "other.h5")
 

@@ -25,8 +25,19 @@ def bar():
     )
     points = np.stack([axis.ravel() for axis in grid], -1)
     number = np.arange(len(points)).reshape(61, 3, 2)
-    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
-    cells = np.stack([number[i : i + 60, j : j + 2, k : k + 1] for i, j, k in corners], -1).reshape(-1, 8)
+    corners = [
+        (0, 0, 0),
+        (1, 0, 0),
+        (1, 1, 0),
+        (0, 1, 0),
+        (0, 0, 1),
+        (1, 0, 1),
+        (1, 1, 1),
+        (0, 1, 1),
+    ]
+    cells = np.stack([number[i : i + 60, j : j + 2, k : k + 1] for i, j, k in corners], -1).reshape(
+        -1, 8
+    )
     return points, cells
 
 
@@ -34,7 +45,9 @@ def bent(points, radius):
     """Displacements that bend the ventral line to a circle of `radius` towards +y."""
     x, y, _ = points.T
     angle = x / radius
-    moved = np.stack([(radius - y) * np.sin(angle), radius - (radius - y) * np.cos(angle), points[:, 2]], -1)
+    moved = np.stack(
+        [(radius - y) * np.sin(angle), radius - (radius - y) * np.cos(angle), points[:, 2]], -1
+    )
     return moved - points
 
 
@@ -53,7 +66,8 @@ def write_vtu(folder):
 def write_pvd(folder):
     write_vtu(folder)
     sets = "".join(
-        f'<DataSet timestep="{p}" part="0" file="state_{k}.vtu"/>' for k, p in enumerate(PRESSURES_KPA)
+        f'<DataSet timestep="{p}" part="0" file="state_{k}.vtu"/>'
+        for k, p in enumerate(PRESSURES_KPA)
     )
     text = f'<?xml version="1.0"?><VTKFile type="Collection" version="0.1"><Collection>{sets}</Collection></VTKFile>'
     (folder / "bar.pvd").write_text(text)
@@ -77,13 +91,15 @@ def write_abaqus(folder):
     text = f"*Heading\n** a comment\n*Part, name=Bar\n*Node\n{nodes}\n*End Part\n*Assembly, name=A\n*Instance, name=Bar-1, part=Bar\n"
     text += "5., 7., 0.\n0., 0., 0., 0., 0., 1., 90.\n*End Instance\n*Nset, nset=profile, instance=Bar-1\n"
     text += (
-        ",\n".join(", ".join(map(str, line[k : k + 8])) for k in range(0, len(line), 8)) + "\n*End Assembly\n"
+        ",\n".join(", ".join(map(str, line[k : k + 8])) for k in range(0, len(line), 8))
+        + "\n*End Assembly\n"
     )
     (folder / "bar.inp").write_text(text)
     rows = ["pressure_kpa,instance,node,u1,u2,u3"]
     for pressure, values in zip(PRESSURES_KPA, FIELDS, strict=True):
         rows += [
-            f"{pressure},BAR-1,{10 + i},{u[0]:.9f},{u[1]:.9f},{u[2]:.9f}" for i, u in enumerate(values * 1e3)
+            f"{pressure},BAR-1,{10 + i},{u[0]:.9f},{u[1]:.9f},{u[2]:.9f}"
+            for i, u in enumerate(values * 1e3)
         ]
     (folder / "u.csv").write_text("\n".join(rows) + "\n")
     return Import(file="bar.inp", displacements="u.csv", unit="mm", node_set="PROFILE")
@@ -91,13 +107,18 @@ def write_abaqus(folder):
 
 def write_frd(folder):
     lines = ["    1C", f"    2C{len(POINTS):30d}{1:38d}"]
-    lines += [f" -1{i + 1:10d}{p[0]:12.5E}{p[1]:12.5E}{p[2]:12.5E}" for i, p in enumerate(POINTS)] + [" -3"]
+    lines += [
+        f" -1{i + 1:10d}{p[0]:12.5E}{p[1]:12.5E}{p[2]:12.5E}" for i, p in enumerate(POINTS)
+    ] + [" -3"]
     for k, values in enumerate(FIELDS):
-        lines += [f"  100CL  101{(k + 1) / len(FIELDS):12.5E}{len(POINTS):12d}", " -4  DISP        4    1"]
-        lines += [" -5  D1          1    2    1    0"]
-        lines += [f" -1{i + 1:10d}{u[0]:12.5E}{u[1]:12.5E}{u[2]:12.5E}" for i, u in enumerate(values)] + [
-            " -3"
+        lines += [
+            f"  100CL  101{(k + 1) / len(FIELDS):12.5E}{len(POINTS):12d}",
+            " -4  DISP        4    1",
         ]
+        lines += [" -5  D1          1    2    1    0"]
+        lines += [
+            f" -1{i + 1:10d}{u[0]:12.5E}{u[1]:12.5E}{u[2]:12.5E}" for i, u in enumerate(values)
+        ] + [" -3"]
     (folder / "bar.frd").write_text("\n".join([*lines, " 9999"]) + "\n")
     return Import(file="bar.frd", pressures_kpa=PRESSURES_KPA)
 
@@ -121,7 +142,9 @@ def test_radii_come_back(tmp_path, writer):
     np.testing.assert_allclose(states.pressure, 1e3 * np.array(PRESSURES_KPA))
     # an .frd has six digits: 5e-8 m of 0.07 m, hence up to 3e-5 of the flattest radius
     np.testing.assert_allclose(states.radius, RADII, rtol=3e-5 if writer is write_frd else RTOL)
-    np.testing.assert_allclose(states.thickness, HEIGHT, rtol=2e-3)  # heights above chords of the circle
+    np.testing.assert_allclose(
+        states.thickness, HEIGHT, rtol=2e-3
+    )  # heights above chords of the circle
     np.testing.assert_allclose(states.profile[:, 0], 0, atol=1e-9)
 
 

@@ -70,7 +70,9 @@ def test_every_law_has_a_sample():
 @pytest.mark.parametrize("law", LAWS)
 @given(seed=st.integers(0, 2**16))
 def test_isochoric_part_makes_no_pressure(law, seed):
-    gradient = np.eye(3)[:, :, None, None] + 0.2 * np.random.default_rng(seed).uniform(-1, 1, (3, 3, 1, 4))
+    gradient = np.eye(3)[:, :, None, None] + 0.2 * np.random.default_rng(seed).uniform(
+        -1, 1, (3, 3, 1, 4)
+    )
     stress = strain_energy(material(law)).gradient([gradient, None])[0]
     trace = np.einsum("iJqc,iJqc->qc", stress, gradient)
     # Ogden and the extended tube perturb equal stretches by about 1e-6 to tell them apart.

@@ -36,7 +36,10 @@ def test_import_writes_states_that_the_scene_finds(tmp_path, capsys):
         for a in s
     ]
     (tmp_path / "curves.csv").write_text("\n".join(["pressure_kpa, s, x, y", *rows]))
-    write_case(tmp_path, '[fea]\nengine = "import"\n[fea.results]\nfile = "curves.csv"\nthickness = 0.0165\n')
+    write_case(
+        tmp_path,
+        '[fea]\nengine = "import"\n[fea.results]\nfile = "curves.csv"\nthickness = 0.0165\n',
+    )
     run(load_scene(tmp_path), False, 1)
     assert "warning" not in capsys.readouterr().out
     update_settings(load_scene(tmp_path), quiet=True)  # refuses states of another actuator
@@ -112,7 +115,9 @@ def test_a_study_of_actuators_is_read_by_its_plan(tmp_path):
         bends_of(planned)
     run(load_scene(planned["runs"][1]["folder"]), True, 1)
     bends = bends_of(planned)
-    assert abs(bends["narrow"].radius[-1]) > abs(bends["wide"].radius[-1])  # the narrower one bends less
+    assert abs(bends["narrow"].radius[-1]) > abs(
+        bends["wide"].radius[-1]
+    )  # the narrower one bends less
 
 
 def test_split_of_the_material_keeps_its_small_strain_stiffness():

@@ -34,12 +34,18 @@ def written(tmp_path_factory):
         x, y, t = np.arange(8.0), np.arange(6.0), np.arange(3.0)
         u = np.random.default_rng(0).normal(size=(3, 6, 8))
         write_plane(make_plane(x, y, u, u, time=t), folder / "sheet.h5", source="cfd")
-        with RecordingWriter(folder / "images.h5", (24, 32), np.uint8, 3, {"frame_rate_hz": 100.0}) as writer:
+        with RecordingWriter(
+            folder / "images.h5", (24, 32), np.uint8, 3, {"frame_rate_hz": 100.0}
+        ) as writer:
             for k in range(3):
                 writer.write(k, np.full((24, 32), k, np.uint8))
             writer.finish()
-        FORCES.write(folder / "forces.csv", np.random.default_rng(1).normal(size=(20, len(FORCES.columns))))
-        table = pd.DataFrame(np.random.default_rng(2).normal(size=(9, len(COLUMNS))), columns=COLUMNS)
+        FORCES.write(
+            folder / "forces.csv", np.random.default_rng(1).normal(size=(20, len(FORCES.columns)))
+        )
+        table = pd.DataFrame(
+            np.random.default_rng(2).normal(size=(9, len(COLUMNS))), columns=COLUMNS
+        )
         write_vortices(table, folder / "vortices.csv")
         RUN.write(folder / "run.json", {"wall_time": 1.5, "steps": 3})
         write_text(folder / "settings.json", json.dumps({"window": 32, "epsilon": 0.2}))
@@ -76,7 +82,8 @@ def test_what_is_damaged_is_refused_in_one_sentence(written, tmp_path, name, way
 
 
 @pytest.mark.parametrize(
-    "way", ["empty", "cut in half", "noise", "another format", "version 99", "a part taken out", "NaN"]
+    "way",
+    ["empty", "cut in half", "noise", "another format", "version 99", "a part taken out", "NaN"],
 )
 @pytest.mark.parametrize("name", ["kinematics.h5", "planform.h5"])
 def test_the_schema_refuses_most_without_a_checksum_too(written, tmp_path, name, way):
@@ -94,7 +101,9 @@ def test_a_file_that_is_written_anew_loses_the_checksum_of_the_old_one(written, 
     shutil.copy(checksum_file(written / "run.json"), tmp_path)
     RUN.write(tmp_path / "run.json", {"wall_time": 2.0})
     assert RUN.read(tmp_path / "run.json")["wall_time"] == 2.0
-    with RecordingWriter(tmp_path / "images.h5", (4, 4), np.uint8, 1, {"frame_rate_hz": 1.0}) as writer:
+    with RecordingWriter(
+        tmp_path / "images.h5", (4, 4), np.uint8, 1, {"frame_rate_hz": 1.0}
+    ) as writer:
         checksum_file(tmp_path / "images.h5").write_text("0  images.h5\n")
         writer.write(0, np.zeros((4, 4), np.uint8))
         writer.finish()

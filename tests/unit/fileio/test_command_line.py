@@ -35,10 +35,18 @@ class Command:
     [
         (None, 0, ""),
         (2, 2, ""),
-        (StageError("a.h5: x is missing; make it again"), 2, "p act: a.h5: x is missing; make it again\n"),
+        (
+            StageError("a.h5: x is missing; make it again"),
+            2,
+            "p act: a.h5: x is missing; make it again\n",
+        ),
         (FileNotFoundError(2, "No such file", "a.h5"), 2, "p act: a.h5: No such file\n"),
         (ValueError("a.h5: no number"), 2, "p act: a.h5: no number\n"),
-        (KeyboardInterrupt(), 130, "p act: interrupted; run it again to go on: what is finished is kept\n"),
+        (
+            KeyboardInterrupt(),
+            130,
+            "p act: interrupted; run it again to go on: what is finished is kept\n",
+        ),
     ],
 )
 def test_how_a_command_ends(end, code, said, capsys):
@@ -49,9 +57,15 @@ def test_how_a_command_ends(end, code, said, capsys):
 @pytest.mark.parametrize(
     "given, said",
     [
-        (["corelate"], "corelate: no such command; did you mean correlate? (--help lists what may be given)"),
+        (
+            ["corelate"],
+            "corelate: no such command; did you mean correlate? (--help lists what may be given)",
+        ),
         (["xyz"], "xyz: no such command (--help lists what may be given)"),
-        (["correlate", "a", "b", "-o", "c.h5", "--windw", "24"], "--windw 24; did you mean --window?"),
+        (
+            ["correlate", "a", "b", "-o", "c.h5", "--windw", "24"],
+            "--windw 24; did you mean --window?",
+        ),
         (["correlate", "a", "b", "-o", "c.h5", "--xyz"], "unrecognized arguments: --xyz (--help"),
     ],
 )
@@ -145,16 +159,17 @@ def test_a_pipe_or_a_device_is_no_file(tmp_path, words, capsys):
     words = [word.format(pipe=tmp_path / "pipe") for word in words]
     assert command_line("p", None, {"act": ("act", Reader())}, ["act", *words], prefix="p ") == 2
     assert (
-        capsys.readouterr().err == f"p act: {words[-1]}: is neither a file nor a folder; give another name\n"
+        capsys.readouterr().err
+        == f"p act: {words[-1]}: is neither a file nor a folder; give another name\n"
     )
 
 
 def test_a_console_that_knows_no_such_letter_does_not_end_a_stage():
-    code = (
-        "from fileio.command import guarded; raise SystemExit(guarded('mesh', lambda: print('640×512 … µm')))"
-    )
+    code = "from fileio.command import guarded; raise SystemExit(guarded('mesh', lambda: print('640×512 … µm')))"
     env = os.environ | {"PYTHONIOENCODING": "ascii"}
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=env, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=env, capture_output=True, text=True
+    )
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == "640?512 ? ?m\n"
 
@@ -187,7 +202,10 @@ def test_an_interrupt_that_a_library_takes_for_its_own_error_is_one(capsys):
             raise ImportError("the module cannot be loaded") from None
 
     assert guarded("mesh", imports, strict=True) == 130
-    assert capsys.readouterr().err == "mesh: interrupted; run it again to go on: what is finished is kept\n"
+    assert (
+        capsys.readouterr().err
+        == "mesh: interrupted; run it again to go on: what is finished is kept\n"
+    )
 
 
 def test_workers_end_at_ctrl_c_without_a_word(tmp_path):
@@ -218,5 +236,8 @@ def test_workers_end_at_ctrl_c_without_a_word(tmp_path):
 
 
 def test_a_folder_that_does_not_exist_is_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match="make it first"), exclusive(tmp_path / "none" / "a.h5"):
+    with (
+        pytest.raises(FileNotFoundError, match="make it first"),
+        exclusive(tmp_path / "none" / "a.h5"),
+    ):
         pass

@@ -20,10 +20,17 @@ from pipeline.run.checkpoint import first_damaged
 from pipeline.run.prepare import STATE, prepared_for
 from pipeline.run.solver import PROGRESS, read_progress
 from piv.commands.correlate import finger_of
-from postprocess.evidence.check_finite import check_finger, check_table, checked_frame, first_not_finite
+from postprocess.evidence.check_finite import (
+    check_finger,
+    check_table,
+    checked_frame,
+    first_not_finite,
+)
 
 
-@pytest.mark.parametrize("content", [b"", b'{"wall_time": 1', b"\x00" * 40, b"\xff\xfe", b"[1, 2]", b"null"])
+@pytest.mark.parametrize(
+    "content", [b"", b'{"wall_time": 1', b"\x00" * 40, b"\xff\xfe", b"[1, 2]", b"null"]
+)
 def test_half_written_json_is_one_sentence(tmp_path, content):
     for name, read in ((PROGRESS, read_progress), (STATE, prepared_for)):
         (tmp_path / name).write_bytes(content)
@@ -58,7 +65,9 @@ def surface(values):
             b"FIELD FieldData 1\nTimeValue 1 1 float\n" + struct.pack(">f", 0.1) + b"\n",
             b"POINTS 3 float\n" + np.eye(3).astype(">f4").tobytes() + b"\n\n",
             b"POLYGONS 1 4\n" + np.array([3, 0, 1, 2], ">i4").tobytes() + b"\n\n",
-            b"POINT_DATA 3\nFIELD FieldData 1\np 1 3 float\n" + np.array(values, ">f4").tobytes() + b"\n",
+            b"POINT_DATA 3\nFIELD FieldData 1\np 1 3 float\n"
+            + np.array(values, ">f4").tobytes()
+            + b"\n",
         ]
     )
 
@@ -144,7 +153,10 @@ def test_a_run_goes_on_before_its_first_damaged_sample(tmp_path):
 
 
 def test_recorders_of_different_rates_are_no_damage(tmp_path):
-    sampled(tmp_path, {"sheetSurface": (0.2, 0.4, 0.6), "fingerSurface": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)})
+    sampled(
+        tmp_path,
+        {"sheetSurface": (0.2, 0.4, 0.6), "fingerSurface": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)},
+    )
     assert first_damaged(tmp_path) == np.inf
     (tmp_path / "postProcessing" / "fingerSurface" / "0.5" / "a.vtk").unlink()
     (tmp_path / "postProcessing" / "fingerSurface" / "0.5").rmdir()
@@ -154,7 +166,9 @@ def test_recorders_of_different_rates_are_no_damage(tmp_path):
 def test_a_number_that_is_none_is_told_by_quantity_and_instant(tmp_path):
     time, axis = np.array([0.0, 0.1, 0.2]), np.arange(4.0)
     zero = np.zeros((3, 4, 4))
-    plane = make_plane(axis, axis, zero, zero, time=time, tip=np.zeros((3, 1, 2)), bend=np.zeros((3, 1)))
+    plane = make_plane(
+        axis, axis, zero, zero, time=time, tip=np.zeros((3, 1, 2)), bend=np.zeros((3, 1))
+    )
     check_finger(plane, ("tip", "bend"), tmp_path / "sheet.h5")
     plane["bend"][2, 0] = np.nan
     with pytest.raises(ValueError, match=r"sheet\.h5: bend at 0\.2 s \(frame 2\) is no number"):

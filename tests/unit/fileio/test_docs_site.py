@@ -34,5 +34,7 @@ def test_the_site(tmp_path):
 
     # Markdown in a docstring would be shown as it is
     assert not [
-        path for path in (site / "api").rglob("*.html") if "](../" in path.read_text(encoding="utf-8")
+        path
+        for path in (site / "api").rglob("*.html")
+        if "](../" in path.read_text(encoding="utf-8")
     ]

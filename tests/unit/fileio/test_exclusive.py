@@ -19,7 +19,10 @@ HOLD = "import sys, time; from pathlib import Path; from fileio.lock import excl
 def holder(tmp_path):
     """Another process that holds the lock on tmp_path/a.h5."""
     process = subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(tmp_path / "a.h5")], cwd=ROOT, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", HOLD, str(tmp_path / "a.h5")],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     assert process.stdout.readline() == "held\n"
     yield process
@@ -33,7 +36,8 @@ def test_a_second_writer_is_told_and_a_killed_one_leaves_no_lock(tmp_path, holde
     with pytest.raises(BlockingIOError) as caught, exclusive(target):
         pass
     assert (
-        sentence(caught.value) == f"{target}: another make or command is writing it; wait for it or stop it"
+        sentence(caught.value)
+        == f"{target}: another make or command is writing it; wait for it or stop it"
     )
     with exclusive(tmp_path / "b.h5"):  # another file is free
         assert held(tmp_path) == "a.h5"
@@ -58,7 +62,10 @@ def test_new_numbers_wait_for_a_stage_that_works_with_the_old_ones(tmp_path):
     other = write_scene(tmp_path / "s", more="[piv]\nspacing = 4")
     assert list(changed_settings(other)) == ["piv.json"]
     process = subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(scene.out / "mesh")], cwd=ROOT, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", HOLD, str(scene.out / "mesh")],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     try:
         assert process.stdout.readline() == "held\n"

@@ -36,7 +36,9 @@ def test_another_version_is_refused_in_one_sentence(tmp_path, written, version):
     read(path).close()
     with h5py.File(path, "a") as file:
         file.attrs["format_version"] = version
-    words = rf"a\.h5: format_version of this \S+ file is {version}, this program reads 1; make it again"
+    words = (
+        rf"a\.h5: format_version of this \S+ file is {version}, this program reads 1; make it again"
+    )
     with pytest.raises(ValueError, match=words):
         read(path)
 
@@ -53,17 +55,27 @@ def test_a_file_without_a_variable_is_refused(tmp_path, written, name):
 
 def test_a_series_written_instant_by_instant_is_the_one_written_whole(tmp_path):
     plane(tmp_path / "whole.h5")
-    fields = [{"u": U[k], "v": -U[k], "valid": np.ones((3, 4), np.uint8), "tip": TIP[k]} for k in range(2)]
+    fields = [
+        {"u": U[k], "v": -U[k], "valid": np.ones((3, 4), np.uint8), "tip": TIP[k]} for k in range(2)
+    ]
     with writing_planes(tmp_path / "new" / "parts.h5", X, Y, 2, {"source": "cfd"}) as file:
         for k, time in enumerate(TIME):
             file.write(k, time, fields[k])
-    with read_plane(tmp_path / "whole.h5") as whole, read_plane(tmp_path / "new" / "parts.h5") as parts:
+    with (
+        read_plane(tmp_path / "whole.h5") as whole,
+        read_plane(tmp_path / "new" / "parts.h5") as parts,
+    ):
         assert parts.attrs["source"] == "cfd"
         xr.testing.assert_equal(whole, parts)
-        assert all(parts[name].attrs == whole[name].attrs for name in whole.variables if name != "time")
+        assert all(
+            parts[name].attrs == whole[name].attrs for name in whole.variables if name != "time"
+        )
 
 
 def test_a_series_that_fails_halfway_leaves_no_file(tmp_path):
-    with pytest.raises(KeyError, match="nothing"), writing_planes(tmp_path / "a.h5", X, Y, 2, {}) as file:
+    with (
+        pytest.raises(KeyError, match="nothing"),
+        writing_planes(tmp_path / "a.h5", X, Y, 2, {}) as file,
+    ):
         file.write(0, 0.5, {"nothing": U[0]})
     assert not (tmp_path / "a.h5").exists()

@@ -17,13 +17,13 @@ def test_a_record_of_another_version_is_refused_with_what_to_do(tmp_path, record
     assert record.read(path)["value"] == 1.5
     for version in (record.version - 1, record.version + 1):
         path.write_text(json.dumps({"format": record.format, "format_version": version}))
-        words = (
-            f"format_version of this {record.format} file is {version}, this program reads {record.version}; "
-        )
+        words = f"format_version of this {record.format} file is {version}, this program reads {record.version}; "
         with pytest.raises(StageError, match=f"a.json: {words}.*again$"):
             record.read(path)
     path.write_text("{}")
-    with pytest.raises(StageError, match=f"a.json: format is None, not '{record.format}'; .*again$"):
+    with pytest.raises(
+        StageError, match=f"a.json: format is None, not '{record.format}'; .*again$"
+    ):
         record.read(path)
 
 

@@ -14,7 +14,12 @@ from tests.inner_make import inner_environment
 
 # A stage between the sheet and the comparison, as one would add it to the table.
 NEW = Stage(
-    "pressure", "pipeline.pressure", "pressure on the finger", ("sheet",), ("pressure.csv",), {"sheet": True}
+    "pressure",
+    "pipeline.pressure",
+    "pressure on the finger",
+    ("sheet",),
+    ("pressure.csv",),
+    {"sheet": True},
 )
 
 
@@ -84,11 +89,21 @@ def test_a_new_stage_is_known_to_make_and_its_help(project):
     def make(*words):
         command = ["make", "-n", "READY=Makefile", "LEVEL=smoke", *words]
         return subprocess.run(
-            command, cwd=project, capture_output=True, text=True, check=True, env=inner_environment()
+            command,
+            cwd=project,
+            capture_output=True,
+            text=True,
+            check=True,
+            env=inner_environment(),
         ).stdout
 
     lines = make("small").splitlines()
-    order = [name for line in lines for name in BY_NAME | {"pressure": NEW} if f"-m pipeline {name} " in line]
+    order = [
+        name
+        for line in lines
+        for name in BY_NAME | {"pressure": NEW}
+        if f"-m pipeline {name} " in line
+    ]
     assert "pressure" in order
     assert order.index("sheet") < order.index("pressure") < order.index("compare")
     assert "piv" not in " ".join(make("small.pressure").split("-m pipeline ")[1:])

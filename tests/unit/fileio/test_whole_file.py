@@ -59,7 +59,9 @@ def test_a_file_that_cannot_be_finished_is_not_there(tmp_path):
     def cut_off():
         with whole(path) as part:
             part.write_text("ne")
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as write() does: it names no file
+            raise OSError(
+                errno.ENOSPC, os.strerror(errno.ENOSPC)
+            )  # as write() does: it names no file
 
     with pytest.raises(OSError, match="No space") as caught:
         cut_off()
@@ -111,10 +113,14 @@ def test_hdf5_never_meets_a_full_disk(tmp_path, room, size):
 
     def fill():
         with whole_hdf5(path) as file:
-            data = file.create_dataset("u", (40, 32, 32), "f8", chunks=(1, 32, 32), compression="gzip")
+            data = file.create_dataset(
+                "u", (40, 32, 32), "f8", chunks=(1, 32, 32), compression="gzip"
+            )
             for k in range(40):
                 data[k] = np.random.default_rng(k).random((32, 32))
-            assert data[3, 0, 0] == np.random.default_rng(3).random()  # what was refused is read from memory
+            assert (
+                data[3, 0, 0] == np.random.default_rng(3).random()
+            )  # what was refused is read from memory
 
     with pytest.raises(OSError, match=r"No space|quota") as caught:
         fill()
@@ -137,7 +143,9 @@ def test_what_goes_through_the_disk_is_what_a_plain_file_holds(tmp_path):
         data.to_netcdf(disk, engine="h5netcdf")
         data.to_netcdf(disk, engine="h5netcdf", mode="a", group="more")
     for group in (None, "more"):
-        xr.testing.assert_identical(xr.load_dataset(tmp_path / "a.h5", engine="h5netcdf", group=group), data)
+        xr.testing.assert_identical(
+            xr.load_dataset(tmp_path / "a.h5", engine="h5netcdf", group=group), data
+        )
     with DiskFile(tmp_path / "a.h5", "r+") as file:
         file["a"][0] = 7.0
     with h5py.File(tmp_path / "a.h5") as file:

@@ -20,7 +20,14 @@ def quantity(error: float, *stds: float, scale: float = 10.0) -> ValidatedQuanti
     kinds = ("numerical", "input", "data")
     sources = [Source(f"s{k}", kinds[k % 3], np.array([s]), "") for k, s in enumerate(stds)]
     return ValidatedQuantity(
-        "q", "q", "m", np.array([10 + error]), np.array([10 + error + 0.5]), np.array([10.0]), scale, sources
+        "q",
+        "q",
+        "m",
+        np.array([10 + error]),
+        np.array([10 + error + 0.5]),
+        np.array([10.0]),
+        scale,
+        sources,
     )
 
 
@@ -99,7 +106,11 @@ def test_field_finds_a_model_error_of_its_detectable_size():
     size = field.detectable() / np.sqrt(np.mean(np.sum(pattern**2, axis=1)))
     found = 0
     for _ in range(300):
-        e = size * pattern + rng.standard_normal() * modes["a"][1] + noise * rng.standard_normal(shape)
+        e = (
+            size * pattern
+            + rng.standard_normal() * modes["a"][1]
+            + noise * rng.standard_normal(shape)
+        )
         found += FieldComparison(e, modes, noise).rms() > field.allowed_rms()
     assert (
         found / 300 > 0.90
@@ -108,7 +119,9 @@ def test_field_finds_a_model_error_of_its_detectable_size():
 
 def test_two_components_are_judged_together():
     source = Source("s", "data", np.array([1.0, 1.0]), "")
-    near = ValidatedQuantity("c", "c", "m", np.array([2.2, 1.0]), np.zeros(2), np.zeros(2), 100.0, [source])
+    near = ValidatedQuantity(
+        "c", "c", "m", np.array([2.2, 1.0]), np.zeros(2), np.zeros(2), 100.0, [source]
+    )
     assert coverage_factor(2) == pytest.approx(2.4477, abs=1e-4)
     assert near.verdict(0.5) == AGREES  # 2.2 alone would be beyond 1.96
     assert joint_level(7) == pytest.approx(0.95 ** (1 / 7))
@@ -125,7 +138,9 @@ def test_field_limit_is_exceeded_as_often_as_it_says():
     limit = FieldComparison(np.zeros(shape), modes, noise).allowed_rms()
     beyond = 0
     for _ in range(600):
-        e = sum(rng.standard_normal() * m for _, m in modes.values()) + noise * rng.standard_normal(shape)
+        e = sum(rng.standard_normal() * m for _, m in modes.values()) + noise * rng.standard_normal(
+            shape
+        )
         beyond += FieldComparison(e, modes, noise).rms() > limit
     assert beyond / 600 == pytest.approx(0.05, abs=0.027)  # three standard errors of 600 draws
 

@@ -26,7 +26,13 @@ from postprocess.lab.data.files import (
 )
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.judgement import causes as causes_module
-from postprocess.lab.judgement.causes import causes, coupled_run, sentences, write_modelled, write_scene
+from postprocess.lab.judgement.causes import (
+    causes,
+    coupled_run,
+    sentences,
+    write_modelled,
+    write_scene,
+)
 from tests.lab_scene import CASE, finger_kinematics
 from tests.unit.lab.test_lab_dpiv import WHOLE, written
 
@@ -92,7 +98,12 @@ def moved(files, kinematics, recorded_by, coupled_by, delay=DELAY, left=2e-3):
     (run / "out" / "smoke").mkdir(parents=True, exist_ok=True)
     values = {"step": TIME, "bend": bend + coupled_by, "bend_unloaded": bend, "unknown": ""}
     write_loads(run / "out" / "smoke", values, {})
-    motion = {"time": TIME, "pressure": 0 * TIME, "delta": np.zeros((43, 2)), "knot": np.arange(3.0)}
+    motion = {
+        "time": TIME,
+        "pressure": 0 * TIME,
+        "delta": np.zeros((43, 2)),
+        "knot": np.arange(3.0),
+    }
     # the run before had changed it by far more
     made = still | {"made_of": "", "tip_change": 1e-2, "bend_change": 0.5}
     write_elastic_motion(run / "elastic_motion.h5", made | motion)
@@ -108,7 +119,9 @@ def test_the_scene_has_the_measured_pressure_on_the_simulations_clock(lab):
         assert scene.motion.strokes == ()
         assert scene.title == 'A "soft" finger, at the pressure of the recording run7'
         structure = Structure(scene)  # what COUPLED=1 makes of it
-        assert np.abs(structure.pressure - kinematics.law(structure.time)).max() < most  # Pa, of 20 kPa
+        assert (
+            np.abs(structure.pressure - kinematics.law(structure.time)).max() < most
+        )  # Pa, of 20 kPa
 
 
 def test_the_clock_is_the_stated_one(lab):
@@ -175,7 +188,9 @@ def test_a_coupled_motion_becomes_that_of_a_recording(lab):
     for time in np.linspace(0.0, 0.42, 22):
         parameter = float(made.law(time))
         # rad and m; shapes are 1° apart
-        assert made.shape("bend", parameter) == pytest.approx(float(coupled.shape("bend", time)), abs=2e-3)
+        assert made.shape("bend", parameter) == pytest.approx(
+            float(coupled.shape("bend", time)), abs=2e-3
+        )
         off = made.shape("outline", parameter) - coupled.shape("outline", time)
         # the way back has other shapes at the same bend: 1.2 mm at the tip
         assert np.abs(off).max() < (5e-5 if time < structure.time[np.argmax(bend)] else 1.5e-3)
@@ -230,7 +245,9 @@ def test_the_command_that_judges_the_flow_takes_the_scene_that_is_registered(lab
     moved(files, kinematics, 0.0, 0.0)
     told = sentences(causes(files, dpiv), files, dpiv)[2]
     home, scene = files.stage.scene_folder.parent, "finger/out/smoke/lab/run7/modelled"
-    assert f"make compare-measured CASES={home} SCENE={scene} LEVEL=smoke DPIV={dpiv.folder}" in told
+    assert (
+        f"make compare-measured CASES={home} SCENE={scene} LEVEL=smoke DPIV={dpiv.folder}" in told
+    )
 
 
 def test_what_the_last_step_needs_is_asked_for_before_anything_is_solved(lab, monkeypatch):
@@ -266,10 +283,14 @@ def test_the_flow_is_that_of_the_measured_motion(lab):
     LAB_COMPARISON.write(judged, {"flow": "model error", "provenance": stated})
     told = sentences(causes(files, dpiv), files, dpiv)
     assert told[2] == "flow: model error, with the recording's own motion"
-    LAB_COMPARISON.write(judged, {"flow": "model error", "provenance": {"dpiv_sha256": "of another"}})
+    LAB_COMPARISON.write(
+        judged, {"flow": "model error", "provenance": {"dpiv_sha256": "of another"}}
+    )
     assert causes(files, dpiv).verdict[2] == "not judged"
     LAB_COMPARISON.write(judged, {"flow": "model error", "provenance": stated})
-    moved(files, kinematics, 0.01, 0.0)  # registered again: another motion than that of the comparison
+    moved(
+        files, kinematics, 0.01, 0.0
+    )  # registered again: another motion than that of the comparison
     assert causes(files, dpiv).verdict[2] == "not judged"
 
 
@@ -278,7 +299,10 @@ def test_bands_of_the_bending_analysis_count_for_a_nominal_finger(lab):
     files, dpiv, kinematics = lab
     write_scene(files, dpiv)
     text = (dpiv.folder / "dpiv.toml").read_text()
-    for off, measured, nominal in ((5, "model error", "too uncertain"), (40, "model error", "model error")):
+    for off, measured, nominal in (
+        (5, "model error", "too uncertain"),
+        (40, "model error", "model error"),
+    ):
         moved(files, kinematics, 0.0, np.radians(off))
         assert causes(files, dpiv).verdict[1] == measured
         other = read_dpiv(written(dpiv.folder, text.replace('"measured"', '"nominal"')))
@@ -292,8 +316,12 @@ def test_what_is_missing_is_told(lab):
     files, dpiv, kinematics = lab
     write_scene(files, dpiv)
     moved(files, kinematics, 0.0, 0.0)
-    (files.folder / "pressure" / "out" / "coupled" / "smoke_2" / "out" / "smoke" / "loads.h5").unlink()
-    with pytest.raises(StageError, match="holds no coupled run of level smoke; make compare-coupled"):
+    (
+        files.folder / "pressure" / "out" / "coupled" / "smoke_2" / "out" / "smoke" / "loads.h5"
+    ).unlink()
+    with pytest.raises(
+        StageError, match="holds no coupled run of level smoke; make compare-coupled"
+    ):
         causes(files, dpiv)
     with pytest.raises(
         StageError, match="vectors do not show the finger; make compare-coupled takes pictures"
@@ -303,5 +331,7 @@ def test_what_is_missing_is_told(lab):
     with pytest.raises(StageError, match=r"says no pressure; give pressure = \{ csv = "):
         write_scene(files, bare)
     (dpiv.folder / "p.csv").write_text("t,p\n0.1,0\n0.2,1e3\n0.3,2e3\n0.4,3e3\n0.5,4e3\n")
-    with pytest.raises(StageError, match=r"must reach from 0\.1 s, where the motion begins .* to 0\.52 s"):
+    with pytest.raises(
+        StageError, match=r"must reach from 0\.1 s, where the motion begins .* to 0\.52 s"
+    ):
         write_scene(files, dpiv)

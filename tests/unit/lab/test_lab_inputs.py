@@ -13,7 +13,14 @@ from pipeline.scene.scene import load_scene
 from pipeline.sheet import view_axes
 from pipeline.stage_settings import settings_of
 from postprocess.evidence.stage_files import StageFiles
-from postprocess.lab.data.inputs_toml import Input, Inputs, Numerics, read_inputs, write_runs, write_virtual
+from postprocess.lab.data.inputs_toml import (
+    Input,
+    Inputs,
+    Numerics,
+    read_inputs,
+    write_runs,
+    write_virtual,
+)
 from postprocess.lab.registration.profile import motion_values, strip_at_rest
 from tests.conftest import motion_of
 from tests.lab_scene import CASE, finger_kinematics

@@ -48,7 +48,9 @@ def case(tmp_path_factory):
 
 def test_the_motion_is_counted_in_changes_of_the_runs(case):
     pressure, duration = recorded_motion_parts(case)
-    assert pressure.share == pytest.approx(2.5, rel=0.02)  # the bend is not quite linear in the pressure
+    assert pressure.share == pytest.approx(
+        2.5, rel=0.02
+    )  # the bend is not quite linear in the pressure
     assert duration.share == pytest.approx(-1.0)
     assert duration.std == pytest.approx(0.04)
     assert duration.unlike == pytest.approx(0.2)  # 10 % faster, by a line through 10 % slower
@@ -70,11 +72,14 @@ def test_it_takes_the_place_of_the_inputs_bands(case):
     assert std["duration as recorded"] == pytest.approx(0.04 * 10e-5)
     # 1/(1 + x) at x = −0.1 is 1.111; the line through x = 0.1 has 1.091
     line = 1 + (1 / 1.1 - 1) / 0.1 * -0.1
-    assert std["duration, linear"] / 10e-5 == pytest.approx((1 / 0.9 - line) / (1 - 1 / 1.1), rel=0.15)
+    assert std["duration, linear"] / 10e-5 == pytest.approx(
+        (1 / 0.9 - line) / (1 - 1 / 1.1), rel=0.15
+    )
 
 
 @pytest.mark.parametrize(
-    "growth, gain, spread", [(1.0, 1.0, 0.0), (2.0, 1.5, 0.192), (9.0, 1.0, 0.577), (-1.0, 1.0, 0.577)]
+    "growth, gain, spread",
+    [(1.0, 1.0, 0.0), (2.0, 1.5, 0.192), (9.0, 1.0, 0.577), (-1.0, 1.0, 0.577)],
 )
 def test_what_piv_makes_of_the_motions_part_lies_between_it_and_the_growth(growth, gain, spread):
     """Half-way, and the standard deviation of a uniform distribution over it: (growth − 1)/√12; beyond 3 as at 3, about the part itself."""

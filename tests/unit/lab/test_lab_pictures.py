@@ -37,7 +37,9 @@ def images(folder, data) -> str:
 
 
 def video(folder, data) -> str:
-    out = cv2.VideoWriter(str(folder / "a.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 25, (COLUMNS, ROWS))
+    out = cv2.VideoWriter(
+        str(folder / "a.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 25, (COLUMNS, ROWS)
+    )
     for image in data:
         out.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
     out.release()
@@ -59,7 +61,9 @@ def recording(folder, data) -> str:
     return "a.h5"
 
 
-def opened(folder, files: str, rate: float = RATE, pairing: str = 'pairing = "1-2,2-3"') -> LabRecording:
+def opened(
+    folder, files: str, rate: float = RATE, pairing: str = 'pairing = "1-2,2-3"'
+) -> LabRecording:
     (folder / "dpiv.toml").write_text(TOML.format(files=files, rate=rate, pairing=pairing))
     return LabRecording(read_dpiv(folder))
 
@@ -77,7 +81,9 @@ def test_frames_and_times(tmp_path, write):
 
 
 def test_pairs_have_their_own_interval(tmp_path):
-    pictures = opened(tmp_path, images(tmp_path, frames()), 50.0, 'pairing = "1-2,3-4", interval_s = 0.001')
+    pictures = opened(
+        tmp_path, images(tmp_path, frames()), 50.0, 'pairing = "1-2,3-4", interval_s = 0.001'
+    )
     np.testing.assert_allclose(pictures.times, [0.0, 0.001, 0.02, 0.021, 0.04, 0.041])
 
 

@@ -18,14 +18,18 @@ INPUTS = Inputs(
 def solved(files: StageFiles, *names: str) -> None:
     """Runs that are there; "" is the nominal one."""
     for name in names:
-        path = files.out / "run" if not name else files.out / "inputs" / name / "out" / "smoke" / "run"
+        path = (
+            files.out / "run" if not name else files.out / "inputs" / name / "out" / "smoke" / "run"
+        )
         path.mkdir(parents=True)
         (path / "run.json").write_text("{}")
 
 
 def test_without_the_nominal_run_all_runs_are_named(tmp_path):
     told = plan.plan_text(StageFiles(tmp_path / "finger", "smoke"), INPUTS, 2)
-    assert "solved already: nothing; to be solved: the nominal run, pressure, grid, time_step" in told
+    assert (
+        "solved already: nothing; to be solved: the nominal run, pressure, grid, time_step" in told
+    )
     assert "make predict" in told
 
 
@@ -64,8 +68,9 @@ def test_the_time_is_said_before_the_nominal_run_by_what_its_solver_is_predicted
 def test_a_coupled_comparison_says_what_it_solves(tmp_path):
     """The nominal run took 60 s of set-up and 240 of its solver; three times that, the solver on two ranks."""
     files, home = StageFiles(tmp_path / "finger", "smoke"), tmp_path / "coupled"
-    assert "there already: none; all together about three times the nominal run" in plan.coupled_plan_text(
-        files, home, 2
+    assert (
+        "there already: none; all together about three times the nominal run"
+        in plan.coupled_plan_text(files, home, 2)
     )
     for stage, took in {**dict.fromkeys(plan.SET_UP, 20.0), "run": 240.0}.items():
         COST.write(files.out / "costs" / f"{stage}.json", {"stage": stage, "cpu_time": took})

@@ -32,7 +32,9 @@ piv = {{ window = 32, spacing = 8, pairing = "1-2,2-3" }}
 
 def folder(name: str) -> Path:
     root = os.environ.get("SHARED_DATA")
-    places = [Path(root)] if root else [p / "shared" / "data" for p in Path(__file__).resolve().parents]
+    places = (
+        [Path(root)] if root else [p / "shared" / "data" for p in Path(__file__).resolve().parents]
+    )
     path = next((place / name for place in places if (place / name).exists()), None)
     if path is None:
         pytest.skip("shared data are absent")
@@ -59,13 +61,18 @@ def test_edge_of_a_real_cylinder(tmp_path):
     turn = np.linspace(0, 2 * np.pi, 360, endpoint=False)
 
     def loss(a):
-        outline = np.column_stack([a[0] + a[2] * np.cos(turn), rows - 1 - a[1] + a[2] * np.sin(turn)])
+        outline = np.column_stack(
+            [a[0] + a[2] * np.cos(turn), rows - 1 - a[1] + a[2] * np.sin(turn)]
+        )
         return -sum(inside_sum(s, outline) for s in sums)
 
     a = np.array([745.0, 380.0, 45.0])
     for step in (6.0, 1.0):
         a = minimize(
-            loss, a, method="Nelder-Mead", options={"initial_simplex": np.vstack([a, a + step * np.eye(3)])}
+            loss,
+            a,
+            method="Nelder-Mead",
+            options={"initial_simplex": np.vstack([a, a + step * np.eye(3)])},
         ).x
     y, x = np.mgrid[:rows, :columns]
     away = np.hypot(x - a[0], y - a[1])

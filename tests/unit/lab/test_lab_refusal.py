@@ -12,12 +12,15 @@ from postprocess.lab.registration.step import refuse_what_does_not_fit
 
 @pytest.mark.parametrize("quick", [True, False])
 def test_a_quick_look_leaves_the_registration(tmp_path, quick):
-    files = SimpleNamespace(registration=tmp_path / "registration.json", refused=tmp_path / "refused.png")
+    files = SimpleNamespace(
+        registration=tmp_path / "registration.json", refused=tmp_path / "refused.png"
+    )
     files.registration.write_text("{}")
     square = np.array([[1.0, 1.0], [6.0, 1.0], [6.0, 6.0], [1.0, 6.0]])
     check = FitCheck(["it is askew"], np.ones((8, 8)), square, np.zeros(4, bool), profile=None)
     with pytest.raises(
-        StageError, match=r"dpiv\.toml: the registration is refused: it is askew; see .*refused\.png"
+        StageError,
+        match=r"dpiv\.toml: the registration is refused: it is askew; see .*refused\.png",
     ):
         refuse_what_does_not_fit(files, check, SimpleNamespace(folder=tmp_path), keep=quick)
     assert files.registration.exists() == quick

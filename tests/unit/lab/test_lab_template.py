@@ -29,7 +29,9 @@ def test_pictures_fill_in_files_and_root(tmp_path):
     assert (table["format"], table["format_version"], table["kind"]) == ("dpiv", 3, "pictures")
     assert (table["title"], table["files"]) == ("run7", "frames/*.tif")
     assert table["axes"]["y"] == "up"
-    assert np.allclose(table["axes"]["root_px"], [100, 240 - 1 - 40], atol=6)  # as near as the mask is
+    assert np.allclose(
+        table["axes"]["root_px"], [100, 240 - 1 - 40], atol=6
+    )  # as near as the mask is
     assert "\nframe_rate_hz = …" in text  # pictures do not state it
 
 

@@ -47,7 +47,9 @@ def test_uncertainty_is_asked_for(tmp_path):
 
 def test_units_that_a_file_does_not_state_are_asked_for(tmp_path):
     write_vectors(series(), tmp_path / "v.txt")
-    for path in tmp_path.glob("v*.txt"):  # as OpenPIV itself writes them: without the line that states units
+    for path in tmp_path.glob(
+        "v*.txt"
+    ):  # as OpenPIV itself writes them: without the line that states units
         path.write_text(path.read_text().partition("\n")[2])
     with pytest.raises(ValueError, match=r"give vectors\.length_unit"):
         lab_vectors(read_dpiv(stated(tmp_path, "v*.txt")))
@@ -68,7 +70,9 @@ def test_what_contradicts_the_file_is_refused(tmp_path, old, new, told):
         lab_vectors(read_dpiv(tmp_path))
 
 
-@pytest.mark.parametrize("y, rows, up", [("up", None, 0.015), ("down", None, -0.015), ("down", 201, 0.035)])
+@pytest.mark.parametrize(
+    "y, rows, up", [("up", None, 0.015), ("down", None, -0.015), ("down", 201, 0.035)]
+)
 def test_stated_pose_counts_y_as_the_file_does(tmp_path, y, rows, up):
     stated(tmp_path, "v.h5", y, f"image_rows = {rows}" if rows else "")
     registration = stated_registration(read_dpiv(tmp_path), finger_kinematics(tmp_path))

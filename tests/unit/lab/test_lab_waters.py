@@ -65,7 +65,9 @@ def case_at(lab, turn_deg):
     pose = set_up(lab.kinematics, turn_deg=turn_deg).pose(lab.kinematics.root)
     law = Law(np.array([1.0, 0.0, 1.0]), np.diag([1e-3, 2e-4, 1e-3]) ** 2, 0.0)
     covariance = np.diag([0.1, 0.1, 1e-3, 1e-3]) ** 2
-    registration = Registration(pose, covariance, NO_NUISANCE, law, INSTANTS, INSTANTS, INSTANTS, None)
+    registration = Registration(
+        pose, covariance, NO_NUISANCE, law, INSTANTS, INSTANTS, INSTANTS, None
+    )
     x, y = np.arange(0.01, 0.15, 2e-3), np.arange(0.01, 0.13, 2e-3)
     direct = camera_series(lab.sheet, pose, x, y, INSTANTS)
     return case_of(lab, registration, direct, direct, direct)
@@ -86,7 +88,9 @@ def test_runs_are_seen_as_the_recording_is(lab):
 @pytest.mark.parametrize("kind", ["viscous", "higher"])
 def test_the_true_errors_are_those_of_the_waters(lab, kind):
     case, rows = case_at(lab, 1.0), np.arange(1, 5)
-    field = SimpleNamespace(error=np.stack([case.direct[n].values for n in ("u", "v")], axis=1)[rows])
+    field = SimpleNamespace(
+        error=np.stack([case.direct[n].values for n in ("u", "v")], axis=1)[rows]
+    )
     pose: Pose = case.registration.pose
     bare = replace(case, effects=[])
     difference, of_model, law = true_errors(lab, kind, bare, field, rows, pose, 0.0)
@@ -116,7 +120,9 @@ def said(name, verdict="agrees", detectable=0.1):
     return {"name": name, "joint_verdict": verdict, "detectable": detectable}
 
 
-@pytest.mark.parametrize("name", ["final_bend", "duration", "circulation", "centre", "velocity_field"])
+@pytest.mark.parametrize(
+    "name", ["final_bend", "duration", "circulation", "centre", "velocity_field"]
+)
 def test_an_agreement_with_a_larger_true_error_than_was_promised_is_missed(name):
     true = {name: np.array([0.0, 0.2]) if name == "centre" else np.array([-0.2])}
     assert missed({"quantities": [said(name)]}, true) == [name]
@@ -184,16 +190,26 @@ def test_refusals_are_not_counted_as_judged():
 
 def test_what_misses_its_target_is_named():
     held = {"scale": pd.Series([True] * 15 + [False] * 5), "turn": pd.Series([True] * 19 + [False])}
-    assert below_target(held) == "Coverage below 90% (95 % interval): scale 15 of 20, 75% (51–91 %)."
+    assert (
+        below_target(held) == "Coverage below 90% (95 % interval): scale 15 of 20, 75% (51–91 %)."
+    )
     assert share_of(pd.Series([], dtype=bool)) == "0 of 0"
 
 
 def test_a_page_has_the_table_that_its_numbers_are_of(tmp_path):
-    page, trials = tmp_path / "comparison.md", pd.DataFrame({"seed": [301, 302], "factor": [0.1, 0.2]})
+    page, trials = (
+        tmp_path / "comparison.md",
+        pd.DataFrame({"seed": [301, 302], "factor": [0.1, 0.2]}),
+    )
     page.write_text("<!-- study at smoke -->\nold\n<!-- end of study at smoke -->\n")
     publish(page, "study at smoke", "new", trials)
-    assert "new\nEvery recording: [study_at_smoke.csv](comparison/study_at_smoke.csv).\n" in page.read_text()
-    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "comparison" / "study_at_smoke.csv"), trials)
+    assert (
+        "new\nEvery recording: [study_at_smoke.csv](comparison/study_at_smoke.csv).\n"
+        in page.read_text()
+    )
+    pd.testing.assert_frame_equal(
+        pd.read_csv(tmp_path / "comparison" / "study_at_smoke.csv"), trials
+    )
 
 
 def test_another_seed_or_finger_is_another_recording():
@@ -205,7 +221,9 @@ def test_another_seed_or_finger_is_another_recording():
         (TRUTHS[1], 1),
     ]
     folders = [recording_folder(truth, "draft", seed) for truth, seed in others]
-    assert len({folder.name for folder in folders}) == 4  # results lie in a folder of the recording's name
+    assert (
+        len({folder.name for folder in folders}) == 4
+    )  # results lie in a folder of the recording's name
     assert folders[0].parent == folders[1].parent  # one run of the solver for both seeds
 
 

@@ -30,9 +30,16 @@ def quantity(
 
 def result(*quantities, wrong=(), missing=(), measured=False):
     """comparison.json as far as the wording reads it; the answers are those of `compare`."""
-    law = {"pressure_factor": 1.05, "pressure_factor_std": 0.003, "stretch": 1.0, "stretch_std": 0.004}
+    law = {
+        "pressure_factor": 1.05,
+        "pressure_factor_std": 0.003,
+        "stretch": 1.0,
+        "stretch_std": 0.004,
+    }
     judged = [
-        q if q["verdict"] != "model error" or q["name"] in wrong else q | {"joint_verdict": "agrees"}
+        q
+        if q["verdict"] != "model error" or q["name"] in wrong
+        else q | {"joint_verdict": "agrees"}
         for q in quantities
     ]
     motion, flow = motion_verdict(judged), flow_verdict(judged)
@@ -55,7 +62,9 @@ JET = quantity("jet_speed", 1e-3, 1e-3, unit="m/s", scale=0.1, detectable=0.2)
 
 def test_a_motion_that_is_to_blame_is_named_with_what_it_does_to_the_flow():
     told = answers.answer(result(BEND, SAME, wrong=["final_bend"]))
-    assert told.startswith("Motion: no. Flow: yes. Final bend: the motion differs by about -4.47\u00a0° (5%)")
+    assert told.startswith(
+        "Motion: no. Flow: yes. Final bend: the motion differs by about -4.47\u00a0° (5%)"
+    )
     assert "The motion is to blame" in told
     assert "5.0\u00a0% higher" in told
     assert (
@@ -68,7 +77,10 @@ def test_where_no_error_is_found_the_answer_says_so():
     unseen = WIDE | {"detectable": None}
     unseen["sources"] = [*WIDE["sources"], {"name": "unlike flows", "share": 0.41}]
     told = answers.answer(result(STRAIGHT, unseen))
-    assert "circulation (no error for sure, however large: PIV takes 41% off the simulation's own)" in told
+    assert (
+        "circulation (no error for sure, however large: PIV takes 41% off the simulation's own)"
+        in told
+    )
 
 
 def test_without_runs_nothing_is_said_to_follow_from_the_motion():
@@ -84,7 +96,10 @@ def test_without_runs_nothing_is_said_to_follow_from_the_motion():
 def test_a_flow_that_differs_at_the_recordings_motion_is_told():
     told = answers.answer(result(BEND, WRONG, wrong=["final_bend", "circulation"]))
     assert told.startswith("Motion: no. Flow: no.")
-    assert "At the recording's own motion the flow differs (circulation): the flow model is to blame" in told
+    assert (
+        "At the recording's own motion the flow differs (circulation): the flow model is to blame"
+        in told
+    )
 
 
 def test_a_stroke_that_the_registration_knows_better_than_the_input_is_no_green_yes():
@@ -113,7 +128,10 @@ def test_a_wrong_flow_is_blamed_on_what_was_tested(quantities, measured, blamed)
     told = answers.answer(result(*quantities, wrong=["circulation"], measured=measured))
     assert blamed in told
     assert "The runs rule out the mesh as the cause" in told  # 1.96 of 3 cm²/s against 20
-    assert "Not told apart by any run: the time step, the viscosity, the two dimensions of this level" in told
+    assert (
+        "Not told apart by any run: the time step, the viscosity, the two dimensions of this level"
+        in told
+    )
 
 
 @pytest.mark.parametrize("motion", [UNSURE, LONGER])

@@ -30,7 +30,9 @@ FRAMES = 12
 def recording_file(tmp_path_factory):
     """Twelve small frames with mask, scale and a finger, whose directions must stay unit vectors."""
     path = tmp_path_factory.mktemp("recording") / "images.h5"
-    images = render(lambda x, y: (1.5 + 0 * x, 0 * y), shape=SHAPE, seed=4, frames=tuple(range(FRAMES)))
+    images = render(
+        lambda x, y: (1.5 + 0 * x, 0 * y), shape=SHAPE, seed=4, frames=tuple(range(FRAMES))
+    )
     attrs = {
         "scale_m_per_px": 1e-4,
         "origin_x_px": 3.0,
@@ -42,7 +44,9 @@ def recording_file(tmp_path_factory):
     with RecordingWriter(path, SHAPE, np.uint8, FRAMES, attrs, mask=True) as writer:
         for k, image in enumerate(images):
             writer.write(k, image, np.zeros(SHAPE, np.uint8))
-        writer.add("tip", ("time", "finger", "axis"), np.arange(2.0 * FRAMES).reshape(FRAMES, 1, 2), "m")
+        writer.add(
+            "tip", ("time", "finger", "axis"), np.arange(2.0 * FRAMES).reshape(FRAMES, 1, 2), "m"
+        )
         directions = np.stack([np.cos(angle), np.sin(angle)], -1)
         writer.add("tip_direction", ("time", "finger", "axis"), directions, "1")
         writer.finish()
@@ -59,7 +63,18 @@ def serial(recording_file, tmp_path_factory):
 def chunked(recording_file, out: Path, of: int, *more: str) -> None:
     for k in range(1, of + 1):
         assert (
-            main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--chunk", f"{k}/{of}", *more])
+            main(
+                [
+                    "correlate",
+                    str(recording_file),
+                    "-o",
+                    str(out),
+                    "--quiet",
+                    "--chunk",
+                    f"{k}/{of}",
+                    *more,
+                ]
+            )
             == 0
         )
 
@@ -75,7 +90,9 @@ def test_chunks_joined_are_the_serial_file_to_the_last_byte(recording_file, seri
 
 def test_processes_give_the_serial_file_to_the_last_byte(recording_file, serial, tmp_path):
     out = tmp_path / "piv.h5"
-    assert main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--processes", "2"]) == 0
+    assert (
+        main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--processes", "2"]) == 0
+    )
     assert out.read_bytes() == serial
 
 
@@ -125,7 +142,9 @@ def test_a_chunk_with_another_mask_is_made_anew_and_not_joined(recording_file, t
         join(parts_of(out), out)
 
 
-def test_a_chunk_that_is_missing_or_of_no_use_is_named_with_how_it_is_made(recording_file, tmp_path, capsys):
+def test_a_chunk_that_is_missing_or_of_no_use_is_named_with_how_it_is_made(
+    recording_file, tmp_path, capsys
+):
     out = tmp_path / "piv.h5"
     chunked(recording_file, out, 3)
     part = chunk_path(out, 2, 3)
@@ -138,14 +157,20 @@ def test_a_chunk_that_is_missing_or_of_no_use_is_named_with_how_it_is_made(recor
         assert str(part) in said
         assert "make it with the same piv correlate and --chunk 2/3" in said
         part.unlink(missing_ok=True)  # as it says
-        assert main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--chunk", "2/3"]) == 0
+        assert (
+            main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--chunk", "2/3"])
+            == 0
+        )
     assert main(["join", str(out)]) == 0
 
 
 @pytest.mark.parametrize("extra", [["--chunk", "3"], ["--chunk", "0/2"], ["--chunk", "1/99"], ["--processes", "0"],
                                    ["--chunk", "1/2", "--ensemble"], ["--chunk", "1/2", "--processes", "2"]])  # fmt: skip
 def test_bad_chunks_end_with_one_sentence(recording_file, tmp_path, capsys, extra):
-    assert main(["correlate", str(recording_file), "-o", str(tmp_path / "x.h5"), "--quiet", *extra]) == 2
+    assert (
+        main(["correlate", str(recording_file), "-o", str(tmp_path / "x.h5"), "--quiet", *extra])
+        == 2
+    )
     assert capsys.readouterr().err.count("\n") == 1
 
 
@@ -176,7 +201,9 @@ def test_memory_does_not_grow_with_the_chunk(tmp_path):
         session = Session(100_000)
         out = chunk_path(tmp_path / "piv.h5", of // 2, of)
         tracemalloc.start()
-        correlate_recording(session, out, Options(spacing=16), SequenceOptions(), chunk=(of // 2, of))
+        correlate_recording(
+            session, out, Options(spacing=16), SequenceOptions(), chunk=(of // 2, of)
+        )
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
         with h5py.File(out) as file:

@@ -157,7 +157,9 @@ def test_mirrored_images_give_mirrored_vectors(pair):
     mirrored = correlate_pair(a[:, ::-1], b[:, ::-1])
     # the FFT windows are not placed symmetrically; the refinement forgets them to 0.01 px
     inner = (slice(2, -2), slice(2, -2))
-    np.testing.assert_allclose(-mirrored["u"].values[:, ::-1][inner], ds["u"].values[inner], atol=0.01)
+    np.testing.assert_allclose(
+        -mirrored["u"].values[:, ::-1][inner], ds["u"].values[inner], atol=0.01
+    )
 
 
 def test_optical_flow_is_near(pair):
@@ -195,7 +197,9 @@ def test_normalised_median_against_sorting(radius):
         near = [f[part][others] for f in (u, v)]
         medians = [np.median(n) for n in near]
         spreads = [np.median(abs(n - m)) for n, m in zip(near, medians, strict=True)]
-        parts = [(f[j, i] - m) / (s + 0.2) for f, m, s in zip((u, v), medians, spreads, strict=True)]
+        parts = [
+            (f[j, i] - m) / (s + 0.2) for f, m, s in zip((u, v), medians, spreads, strict=True)
+        ]
         # single precision
         assert [median_u[j, i], median_v[j, i]] == pytest.approx(medians, abs=1e-6)
         assert residual[j, i] == pytest.approx(np.hypot(*parts), rel=1e-5)

@@ -36,7 +36,9 @@ def put(tmp_path):
         path = tmp_path / "a.mat"
         sound = {n: matrix(numbers(), name=n.encode()) for n in ("x", "y", "u_original", "v_original", "typevector_original")}  # fmt: skip
         path.write_bytes(
-            b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + b"".join((sound | variables).values())
+            b"MATLAB 5.0 MAT-file".ljust(124)
+            + b"\x00\x01IM"
+            + b"".join((sound | variables).values())
         )
         return path
 
@@ -44,7 +46,10 @@ def put(tmp_path):
 
 
 def test_a_sound_session_is_read(put):
-    for x in (matrix(numbers(), name=b"x"), matrix(matrix(numbers()), name=b"x", kind=CELL, shape=(1, 1))):
+    for x in (
+        matrix(numbers(), name=b"x"),
+        matrix(matrix(numbers()), name=b"x", kind=CELL, shape=(1, 1)),
+    ):
         ((vectors, units),) = instants(put(x=x))
         assert vectors[0].tolist() == [[0, 2, 4], [1, 3, 5]]
         assert units == ""
@@ -65,7 +70,9 @@ def test_text_of_a_data_type_that_does_not_exist(put):
     path = put(units=matrix(element(40, b"[px] "), name=b"units", kind=CHAR, shape=(1, 5)))
     with pytest.raises(ValueError, match=r"a\.mat: damaged"):
         read_vectors([path])
-    assert instants(put(other=matrix(element(40, b"[px] "), name=b"other", kind=CHAR, shape=(1, 5))))
+    assert instants(
+        put(other=matrix(element(40, b"[px] "), name=b"other", kind=CHAR, shape=(1, 5)))
+    )
 
 
 def test_cells_in_cells(put):

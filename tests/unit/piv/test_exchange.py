@@ -118,7 +118,9 @@ def test_openpiv_text_asks_for_what_it_does_not_state(tmp_path):
     plane = read_vectors([path], **told)
     np.testing.assert_allclose(plane["x"], [8e-4, 16e-4])
     np.testing.assert_allclose(plane["y"], [83e-4, 91e-4])  # 99 - 16, 99 - 8
-    assert plane["v"].values[1, 0] == pytest.approx(-2.0 * 1e-4 / 0.002)  # the top row; down becomes negative
+    assert plane["v"].values[1, 0] == pytest.approx(
+        -2.0 * 1e-4 / 0.002
+    )  # the top row; down becomes negative
     assert plane["v"].values[0, 0] == pytest.approx(-3.0 * 1e-4 / 0.002)
     assert plane["flag"].values.tolist() == [[0, 2], [0, 1]]
 
@@ -169,7 +171,9 @@ def test_pivlab(tmp_path, version):
             with h5py.File(path, "w") as file:
                 for name, values in names.items():
                     file[f"#refs#/{name}"] = values.T
-                    file.create_dataset(name, (1, 1), h5py.ref_dtype)[0, 0] = file[f"#refs#/{name}"].ref
+                    file.create_dataset(name, (1, 1), h5py.ref_dtype)[0, 0] = file[
+                        f"#refs#/{name}"
+                    ].ref
                 file["units"] = np.array([[ord(c)] for c in units], np.uint16)
     told = {"scale_m_per_px": 1e-3, "interval_s": 0.5, "image_rows": 32}
     plane = read_vectors([path], **told)
@@ -200,7 +204,9 @@ def test_a_session_of_pivlab_is_read_once(tmp_path, monkeypatch):
             cells[name][k, 0] = values
     savemat(tmp_path / "a.mat", cells | {"units": "[px] respectively [px/frame]"})
     loads = []
-    monkeypatch.setattr(pivlab_mat, "read_in_child", lambda *a: loads.append(a) or read_in_child(*a))
+    monkeypatch.setattr(
+        pivlab_mat, "read_in_child", lambda *a: loads.append(a) or read_in_child(*a)
+    )
     told = {"scale_m_per_px": 1e-3, "interval_s": 0.5, "image_rows": 32}
     series = read_vectors([tmp_path / "a.mat"], frame_rate_hz=2.0, **told)
     assert len(loads) == 1

@@ -75,7 +75,9 @@ def test_a_photograph_for_a_mask_is_refused_before_the_work(kind, frames, tmp_pa
     photograph[7, 9] = 0
     mask = tmp_path / kind
     if kind == "drawn.json":
-        mask.write_text(json.dumps({"bodies": [{"corners": [[0, 0], [200, 0], [200, 200], [0, 200]]}]}))
+        mask.write_text(
+            json.dumps({"bodies": [{"corners": [[0, 0], [200, 0], [200, 200], [0, 200]]}]})
+        )
     elif kind in ("folder", "pattern"):
         (tmp_path / kind).mkdir()
         for k in range(3):
@@ -112,7 +114,9 @@ def moved(by):
 def test_polygons_move_linearly_between_their_instants(frames, tmp_path, suffix):
     path = tmp_path / f"body{suffix}"
     if suffix == ".json":
-        path.write_text(json.dumps({"bodies": [{"frames": [0, 2], "corners": [SQUARE, moved(80)]}]}))
+        path.write_text(
+            json.dumps({"bodies": [{"frames": [0, 2], "corners": [SQUARE, moved(80)]}]})
+        )
     else:
         path.write_text(f"[[bodies]]\nframes = [0, 2]\ncorners = [{SQUARE}, {moved(80)}]\n")
     with open_recording(frames) as recording:
@@ -124,7 +128,10 @@ def test_polygons_move_linearly_between_their_instants(frames, tmp_path, suffix)
 
 def test_polygons_in_metres_and_seconds(frames, tmp_path):
     path = tmp_path / "body.json"
-    body = {"times": [0.0, 0.2], "corners": (np.array([SQUARE, moved(80)]) * 1e-3 - [0.01, 0]).tolist()}
+    body = {
+        "times": [0.0, 0.2],
+        "corners": (np.array([SQUARE, moved(80)]) * 1e-3 - [0.01, 0]).tolist(),
+    }
     path.write_text(json.dumps({"unit": "m", "bodies": [body], "roi": [0.0, 0.0, 0.09, 0.1]}))
     with open_recording(frames, frame_rate_hz=10) as recording:
         with pytest.raises(ValueError, match="metres need its scale"):
@@ -163,7 +170,9 @@ def test_a_region_keeps_the_coordinates_of_the_whole_picture(frames, tmp_path):
     assert correlate(frames, tmp_path / "px.h5", "--roi", 40, 20, 119, 99) == 0
     scale = ["--scale-mm-per-px", 1, "--origin-x-px", 10, "--frame-rate-hz", 100]
     assert (
-        correlate(frames, tmp_path / "m.h5", "--roi", 0.03, 0.02, 0.109, 0.099, "--roi-unit", "m", *scale)
+        correlate(
+            frames, tmp_path / "m.h5", "--roi", 0.03, 0.02, 0.109, 0.099, "--roi-unit", "m", *scale
+        )
         == 0
     )
     with read_plane(tmp_path / "px.h5") as px, read_plane(tmp_path / "m.h5") as m:

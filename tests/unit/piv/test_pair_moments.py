@@ -130,12 +130,15 @@ def test_windows_in_a_part_are_those_in_the_whole_images(window, spacing):
     whole, full = nodes.window_sums(nodes.moments(*images, dx, dx), sigma)
     found, _ = local.window_sums(local.moments(*crops, dx[part], dx[part]), sigma)
     inner = tuple(
-        slice(b.start - p.start, b.stop - p.start) for b, p in zip((rows, columns), part, strict=True)
+        slice(b.start - p.start, b.stop - p.start)
+        for b, p in zip((rows, columns), part, strict=True)
     )
     want, got = whole[:, rows, columns], found[(slice(None), *inner)]
     scale = np.sqrt(want[5] * want[6])  # the images' energy
     for m in range(MOMENTS):
-        assert (np.abs(got[m] - want[m]) < 2e-3 * (full[rows, columns] if m == MOMENTS - 1 else scale)).all()
+        assert (
+            np.abs(got[m] - want[m]) < 2e-3 * (full[rows, columns] if m == MOMENTS - 1 else scale)
+        ).all()
 
 
 def test_windows_at_the_border_of_a_part_are_whole():

@@ -42,15 +42,26 @@ def test_an_output_is_named_by_what_it_is(capsys, words):
 def test_a_result_beside_the_images_may_be_made_again(pair):
     output = pair[0].parent / "o.h5"
     for _ in range(2):
-        assert main(["correlate", str(pair[0].parent), "-o", str(output), "--preset", "fast", "--quiet"]) == 0
+        assert (
+            main(
+                ["correlate", str(pair[0].parent), "-o", str(output), "--preset", "fast", "--quiet"]
+            )
+            == 0
+        )
 
 
 @pytest.mark.parametrize(
     "options, words",
     [
-        (["--scale-mm-per-px", "0", "--frame-rate-hz", "500"], "scale_mm_per_px = 0: give a positive number"),
+        (
+            ["--scale-mm-per-px", "0", "--frame-rate-hz", "500"],
+            "scale_mm_per_px = 0: give a positive number",
+        ),
         (["--scale-mm-per-px", "nan", "--frame-rate-hz", "500"], "scale_mm_per_px = nan"),
-        (["--scale-mm-per-px", "0.1", "--frame-rate-hz", "5", "--origin-x-px", "inf"], "origin_x_px = inf"),
+        (
+            ["--scale-mm-per-px", "0.1", "--frame-rate-hz", "5", "--origin-x-px", "inf"],
+            "origin_x_px = inf",
+        ),
         (["--scale-mm-per-px", "0.1"], "give frame_rate_hz too"),
         (["--search", "5000"], "search must be between 16 and 1024 px, got 5000"),
         (
@@ -60,7 +71,9 @@ def test_a_result_beside_the_images_may_be_made_again(pair):
     ],
 )
 def test_numbers_of_the_camera_are_looked_at(pair, tmp_path, capsys, options, words):
-    assert main(["correlate", *map(str, pair), "-o", str(tmp_path / "o.h5"), "--quiet", *options]) == 2
+    assert (
+        main(["correlate", *map(str, pair), "-o", str(tmp_path / "o.h5"), "--quiet", *options]) == 2
+    )
     assert words in capsys.readouterr().err
     assert not (tmp_path / "o.h5").exists()
 

@@ -80,7 +80,9 @@ def test_with_peers_gives_our_vectors_beside_theirs(tmp_path, monkeypatch):
 
 def test_what_a_peer_fails_at_is_seen(tmp_path, monkeypatch, capfd):
     a, b = render(still, shape=SHAPE)
-    monkeypatch.setattr(with_peers, "peer_python", lambda: peer(tmp_path, "echo no module yaml >&2; exit 1"))
+    monkeypatch.setattr(
+        with_peers, "peer_python", lambda: peer(tmp_path, "echo no module yaml >&2; exit 1")
+    )
     pair = with_peers.Pair("one", (a, b), {"row": (still, inner(SHAPE))})
     with pytest.raises(subprocess.CalledProcessError):
         with_peers.compared(tmp_path / "kept", [pair])

@@ -25,7 +25,9 @@ SHAPE = (96, 128)
 
 
 def frames(count):
-    return render(lambda x, y: (2 + 0 * x, 1 + 0 * x), shape=SHAPE, seed=9, frames=tuple(range(count)))
+    return render(
+        lambda x, y: (2 + 0 * x, 1 + 0 * x), shape=SHAPE, seed=9, frames=tuple(range(count))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +61,12 @@ def recording_file(tmp_path_factory):
 
 def test_two_images_on_the_command_line(folder, tmp_path):
     out = tmp_path / "out.h5"
-    assert main(["correlate", str(folder / "f0.tif"), str(folder / "f1.tif"), "-o", str(out), "--quiet"]) == 0
+    assert (
+        main(
+            ["correlate", str(folder / "f0.tif"), str(folder / "f1.tif"), "-o", str(out), "--quiet"]
+        )
+        == 0
+    )
     with read_plane(out) as plane:
         assert plane.sizes["time"] == 1
         assert plane["u"].attrs["units"] == "px"
@@ -90,14 +97,18 @@ def test_pictures_that_lost_detail_are_told_before_the_work(folder, tmp_path, ca
 
 def test_recording_becomes_si_with_mask_and_finger(recording_file, tmp_path):
     out = tmp_path / "piv.h5"
-    assert main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--threads", "2"]) == 0
+    assert (
+        main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--threads", "2"]) == 0
+    )
     with read_plane(out) as plane:
         assert plane["u"].attrs["units"] == "m/s"
         assert float(plane["u"].median()) == pytest.approx(2 * 1e-4 * 500, rel=0.02)
         np.testing.assert_allclose(plane["time"], [0.001, 0.003, 0.005])
         assert plane["x"].values[0] == pytest.approx((3.5 - 10) * 1e-4)
         assert plane["y"].values[0] == pytest.approx((3.5 + 5) * 1e-4)
-        body = plane.isel(time=0).sel(x=slice((110 - 10) * 1e-4, None), y=slice((70 + 5) * 1e-4, None))
+        body = plane.isel(time=0).sel(
+            x=slice((110 - 10) * 1e-4, None), y=slice((70 + 5) * 1e-4, None)
+        )
         assert (body["flag"] == 2).all()
         np.testing.assert_allclose(plane["tip"][:, 0, 0], [1, 3, 5])  # the mean of both frames
         assert json.loads(plane.attrs["settings"])["window"] == 32
@@ -129,7 +140,9 @@ def test_interrupted_run_resumes_and_keeps_what_was_finished(folder, tmp_path, m
     arguments = ["correlate", str(folder), "-o", str(out), "--quiet"]
     assert main(arguments) == 130
     assert not out.exists()
-    monkeypatch.setattr(SeriesWriter, "write", lambda self, i, f: (written.append(i), original(self, i, f)))
+    monkeypatch.setattr(
+        SeriesWriter, "write", lambda self, i, f: (written.append(i), original(self, i, f))
+    )
     assert main(arguments) == 0
     assert sorted(written) == [0, 1, 2, 3, 4]
     straight = tmp_path / "straight.h5"
@@ -155,7 +168,17 @@ def test_settings_file_and_flags(folder, tmp_path):
     out = tmp_path / "out.h5"
     assert (
         main(
-            ["correlate", str(folder), "-o", str(out), "--quiet", "--settings", str(file), "--spacing", "16"]
+            [
+                "correlate",
+                str(folder),
+                "-o",
+                str(out),
+                "--quiet",
+                "--settings",
+                str(file),
+                "--spacing",
+                "16",
+            ]
         )
         == 0
     )
@@ -189,7 +212,9 @@ def test_ensemble_and_multi_frame_and_couples(folder, tmp_path, capsys):
             assert plane.sizes["time"] == count
             assert float(plane["u"].median()) == pytest.approx(2, abs=0.03)
         # frames of 96 px are too small to tell the camera's shake
-        assert ("could not be measured in 4 of 4 fields" in capsys.readouterr().err) == (name == "m")
+        assert ("could not be measured in 4 of 4 fields" in capsys.readouterr().err) == (
+            name == "m"
+        )
 
 
 def test_frame_sets():
@@ -216,7 +241,9 @@ def test_shake_of_the_camera_does_not_cost_the_multi_frame_mode_its_accuracy():
     def error(field):
         """RMS about the field's common error, px; the common error's size."""
         at = np.meshgrid(field["x"].values, field["y"].values)
-        off = np.array([field[n].values - w for n, w in zip("uv", flow(*at), strict=True)])[:, 4:-4, 4:-4]
+        off = np.array([field[n].values - w for n, w in zip("uv", flow(*at), strict=True)])[
+            :, 4:-4, 4:-4
+        ]
         assert np.isfinite(off).mean() > 0.99
         common = np.nanmean(off, axis=(1, 2), keepdims=True)
         return np.sqrt(np.nanmean((off - common) ** 2)), np.hypot(*common[:, 0, 0])
@@ -225,7 +252,9 @@ def test_shake_of_the_camera_does_not_cost_the_multi_frame_mode_its_accuracy():
     assert not five.attrs["shake_unknown"]
     assert error(five)[0] < error(pair)[0] / 1.5  # asked for; 4 to 5 measured
     slope = np.arange(-2, 3) @ camera / 10
-    assert error(five)[1] == pytest.approx(np.hypot(*slope), abs=0.03)  # frames' own shifts to 0.01 px
+    assert error(five)[1] == pytest.approx(
+        np.hypot(*slope), abs=0.03
+    )  # frames' own shifts to 0.01 px
     assert (
         error(correlate_frames(frames, shake=False))[0] > 1.2 * error(five)[0]
     )  # 1.5 here, 4 to 16 of other shakes

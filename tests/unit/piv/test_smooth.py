@@ -40,7 +40,9 @@ def smoothed(flow: np.ndarray, rms: float, seed: int = 1, known: np.ndarray | No
     known = np.ones(SHAPE, bool) if known is None else known
     measured = flow + measurement_noise(seed, rms)
     variance = np.full(SHAPE, rms**2)
-    out = damp_noise(*measured, variance, variance, known, sigma=SIGMA, spacing=SPACING, passes=PASSES)
+    out = damp_noise(
+        *measured, variance, variance, known, sigma=SIGMA, spacing=SPACING, passes=PASSES
+    )
     return np.stack(out[:2]) - flow, np.sqrt(np.stack(out[2:]))
 
 
@@ -65,11 +67,17 @@ def test_uniform_flow_loses_most_of_its_noise():
 
 def test_what_a_fine_band_keeps_by_chance_is_judged_again():
     # a variance that is 20 % too small lets many fine bands pass for flow
-    true, variance, known = np.ones((2, *SHAPE)), np.full(SHAPE, 0.8 * 0.04**2), np.ones(SHAPE, bool)
+    true, variance, known = (
+        np.ones((2, *SHAPE)),
+        np.full(SHAPE, 0.8 * 0.04**2),
+        np.ones(SHAPE, bool),
+    )
     e = []
     for seed in range(4):
         measured = true + measurement_noise(seed, 0.04)
-        out = damp_noise(*measured, variance, variance, known, sigma=SIGMA, spacing=SPACING, passes=PASSES)
+        out = damp_noise(
+            *measured, variance, variance, known, sigma=SIGMA, spacing=SPACING, passes=PASSES
+        )
         e.append(np.stack(out[:2]) - true)
     # 0.29 of 0.04 px; 0.35 where each band is judged once
     assert rms(np.stack(e)) < 0.32 * 0.04

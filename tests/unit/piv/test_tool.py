@@ -38,11 +38,19 @@ def series(tmp_path):
 @pytest.mark.parametrize("suffix", [".nc", ".csv", ".dat", ".txt", ".vc7"])
 def test_px_and_frames_come_back(tmp_path, suffix):
     if suffix == ".vc7":
-        pytest.importorskip("lvpyio", reason="the library of DaVis files, an extra, is not installed")
+        pytest.importorskip(
+            "lvpyio", reason="the library of DaVis files, an extra, is not installed"
+        )
     plane = series_px()
     files = write_vectors(plane, tmp_path / f"a{suffix}")
     back = read_vectors(files)
-    assert [back[n].attrs["units"] for n in ("x", "y", "u", "v", "time")] == ["px", "px", "px", "px", "frame"]
+    assert [back[n].attrs["units"] for n in ("x", "y", "u", "v", "time")] == [
+        "px",
+        "px",
+        "px",
+        "px",
+        "frame",
+    ]
     for name in ("x", "y", "u", "v"):  # DaVis has single precision
         np.testing.assert_allclose(back[name], plane[name], rtol=1e-6, atol=1e-5)
     np.testing.assert_array_equal(back["valid"], plane["valid"])
@@ -59,7 +67,8 @@ def test_pictures_and_vortices_of_every_own_format(tmp_path, suffix, capsys):
     assert main(["animate", source, "-o", str(tmp_path / "a.gif")]) == 0
     assert main(["vortices", source, "-o", str(tmp_path / "v.csv")]) == 0
     assert (
-        "3 vortices in 1 track; the strongest has a circulation of 600 px²/frame" in capsys.readouterr().out
+        "3 vortices in 1 track; the strongest has a circulation of 600 px²/frame"
+        in capsys.readouterr().out
     )
 
 
@@ -68,7 +77,10 @@ def test_a_single_export_is_drawn_as_it_is(tmp_path):
         write_vectors(series_px().isel(time=0, drop=True), tmp_path / f"a{suffix}")
         with open_vectors(tmp_path / f"a{suffix}") as plane:
             assert plane["u"].attrs["units"] == "px"
-        assert main(["plot", str(tmp_path / f"a{suffix}"), "-o", str(tmp_path / "a.png"), "--quiet"]) == 0
+        assert (
+            main(["plot", str(tmp_path / f"a{suffix}"), "-o", str(tmp_path / "a.png"), "--quiet"])
+            == 0
+        )
 
 
 @pytest.mark.parametrize("falling", [False, True])
@@ -100,7 +112,9 @@ def test_pivpy_opens_ours_and_we_open_its(tmp_path):
     np.testing.assert_array_equal(theirs["chc"].transpose("t", "y", "x"), plane["valid"])
     io.save_piv(theirs, tmp_path / "b.nc", format="nc")
     np.testing.assert_allclose(
-        read_vectors([tmp_path / "b.nc"], length_unit="px", velocity_unit="px/frame", y_axis="up")["v"],
+        read_vectors([tmp_path / "b.nc"], length_unit="px", velocity_unit="px/frame", y_axis="up")[
+            "v"
+        ],
         plane["v"],
     )
 

@@ -31,7 +31,8 @@ def folder(tmp_path_factory):
     (folder / "run").mkdir()
     for k in range(4):
         cv2.imwrite(
-            str(folder / f"run/{k}.png"), np.full(SHAPE, 10 * k, np.uint8) + np.eye(*SHAPE, dtype=np.uint8)
+            str(folder / f"run/{k}.png"),
+            np.full(SHAPE, 10 * k, np.uint8) + np.eye(*SHAPE, dtype=np.uint8),
         )
     x, y = np.arange(8, 128, 16.0), np.arange(8, 96, 16.0)
     u = np.arange(3)[:, None, None] + np.zeros((3, y.size, x.size))
@@ -195,11 +196,15 @@ def drag(browser, start, end):
     (x, y), (left, top) = place(browser, *start), place(browser, *end)
     at = {"button": "left", "modifiers": 8}
     browser.devtools("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, modifiers=8)
-    browser.devtools("Input.dispatchMouseEvent", type="mousePressed", clickCount=1, x=x, y=y, buttons=1, **at)
+    browser.devtools(
+        "Input.dispatchMouseEvent", type="mousePressed", clickCount=1, x=x, y=y, buttons=1, **at
+    )
     for part in (0.3, 0.7, 1.0):
         now = {"x": x + part * (left - x), "y": y + part * (top - y)}
         browser.devtools("Input.dispatchMouseEvent", type="mouseMoved", buttons=1, **now, **at)
-    browser.devtools("Input.dispatchMouseEvent", type="mouseReleased", clickCount=1, x=left, y=top, **at)
+    browser.devtools(
+        "Input.dispatchMouseEvent", type="mouseReleased", clickCount=1, x=left, y=top, **at
+    )
 
 
 def activate(browser, tool):
@@ -212,11 +217,17 @@ def activate(browser, tool):
 
 def test_the_page_shows_images_and_vectors_and_asks_nobody(page):
     assert model(page, "plot", "title.text") == "0.5 frame, 48 vectors"
-    assert [e for e in page.log("browser") if e["level"] == "SEVERE" and "favicon" not in e["message"]] == []
+    assert [
+        e for e in page.log("browser") if e["level"] == "SEVERE" and "favicon" not in e["message"]
+    ] == []
     events = [json.loads(e["message"])["message"] for e in page.log("performance")]
-    asked = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
+    asked = [
+        e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"
+    ]
     assert any("bokeh" in url for url in asked)
-    assert [u for u in asked if not u.startswith(("http://127.0.0.1", "data:", "blob:", "chrome"))] == []
+    assert [
+        u for u in asked if not u.startswith(("http://127.0.0.1", "data:", "blob:", "chrome"))
+    ] == []
 
 
 def test_a_click_on_a_vector_gives_its_numbers(page):

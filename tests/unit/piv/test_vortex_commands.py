@@ -30,12 +30,16 @@ def write_series(path, n=5, time=True, finger=True):
 
 def test_vortices_of_a_series_are_one_track_in_the_tip_frame(tmp_path):
     write_series(tmp_path / "piv.h5")
-    assert main(["vortices", str(tmp_path / "piv.h5"), "-o", str(tmp_path / "v.csv"), "--quiet"]) == 0
+    assert (
+        main(["vortices", str(tmp_path / "piv.h5"), "-o", str(tmp_path / "v.csv"), "--quiet"]) == 0
+    )
     table = read_vortices(tmp_path / "v.csv")
     assert list(table["track"]) == [0] * 5
     assert set(table["side"]) == {"dorsal"}
     np.testing.assert_allclose(table["x"], 0.018 + 2e-4 * np.arange(5), atol=1e-6)
-    np.testing.assert_allclose(table["tip_distance"], (0.008 + 2e-4 * np.arange(5)) / 0.004, rtol=1e-3)
+    np.testing.assert_allclose(
+        table["tip_distance"], (0.008 + 2e-4 * np.arange(5)) / 0.004, rtol=1e-3
+    )
     np.testing.assert_allclose(table["lifetime"], 4 / 500)
     first = (tmp_path / "v.csv").read_text().splitlines()[0]
     assert json.loads(first[2:])["format"] == "vortices"
@@ -44,14 +48,22 @@ def test_vortices_of_a_series_are_one_track_in_the_tip_frame(tmp_path):
 def test_processes_change_no_bit(tmp_path):
     write_series(tmp_path / "piv.h5")
     for count in ("1", "2"):
-        words = ["vortices", str(tmp_path / "piv.h5"), "-o", str(tmp_path / f"{count}.csv"), "--quiet"]
+        words = [
+            "vortices",
+            str(tmp_path / "piv.h5"),
+            "-o",
+            str(tmp_path / f"{count}.csv"),
+            "--quiet",
+        ]
         assert main([*words, "--threads", count]) == 0
     assert (tmp_path / "1.csv").read_bytes() == (tmp_path / "2.csv").read_bytes()
 
 
 def test_single_plane_in_pixels_needs_no_other_option(tmp_path):
     write_series(tmp_path / "pair.h5", time=False)
-    assert main(["vortices", str(tmp_path / "pair.h5"), "-o", str(tmp_path / "v.csv"), "--quiet"]) == 0
+    assert (
+        main(["vortices", str(tmp_path / "pair.h5"), "-o", str(tmp_path / "v.csv"), "--quiet"]) == 0
+    )
     table = read_vortices(tmp_path / "v.csv")
     assert len(table) == 1
     assert table["x"][0] == pytest.approx(0.018 / 1.25e-4, rel=1e-3)
@@ -78,16 +90,30 @@ def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path, capsys):
     args = ["render", str(tmp_path / "piv.h5"), "-o", str(tmp_path / "i.h5"), "--quiet"]
     assert main(args) == 2
     assert "the camera sees x from" in capsys.readouterr().err
-    assert main([*args, "--width-px", "64", "--height-px", "48", "--no-truth", "--density-ppp", "-1"]) == 2
+    assert (
+        main([*args, "--width-px", "64", "--height-px", "48", "--no-truth", "--density-ppp", "-1"])
+        == 2
+    )
     assert "density_ppp must be positive" in capsys.readouterr().err
 
 
 def test_render_writes_recording_and_truth(tmp_path):
     write_series(tmp_path / "piv.h5")
-    args = ["render", str(tmp_path / "piv.h5"), "-o", str(tmp_path / "i.h5"), "--quiet", "--seed", "3"]
+    args = [
+        "render",
+        str(tmp_path / "piv.h5"),
+        "-o",
+        str(tmp_path / "i.h5"),
+        "--quiet",
+        "--seed",
+        "3",
+    ]
     assert main([*args, "--width-px", "128", "--height-px", "96"]) == 0
     assert (tmp_path / "i.h5").exists()
-    assert main(["vortices", str(tmp_path / "i_truth.h5"), "-o", str(tmp_path / "t.csv"), "--quiet"]) == 0
+    assert (
+        main(["vortices", str(tmp_path / "i_truth.h5"), "-o", str(tmp_path / "t.csv"), "--quiet"])
+        == 0
+    )
     table = read_vortices(tmp_path / "t.csv")
     # at mid-times, in the middle between two frames' vortices; the frame interval's curvature moves it by micrometres
     np.testing.assert_allclose(table["x"], 0.0181 + 2e-4 * np.arange(4), atol=2e-5)

@@ -38,20 +38,42 @@ def test_statistics_then_their_derivatives_and_pictures(file, tmp_path, capsys):
         np.testing.assert_allclose(mean["vv"], 0.5 * XX**2 * 80 / 79, atol=1e-12)
         np.testing.assert_allclose(mean["uu_noise"], 1e-6)
     assert run("derive", tmp_path / "mean.h5", "-o", tmp_path / "d.h5") == 0
-    assert run("plot", tmp_path / "mean.h5", "-o", tmp_path / "a.png", "--colour-by", "v_rms", "--quiet") == 0
+    assert (
+        run(
+            "plot",
+            tmp_path / "mean.h5",
+            "-o",
+            tmp_path / "a.png",
+            "--colour-by",
+            "v_rms",
+            "--quiet",
+        )
+        == 0
+    )
     assert run("plot", tmp_path / "mean.h5", "-o", tmp_path / "b.png", "--colour-by", "speed") == 2
     assert "no 'speed' to colour by; it has vorticity, u, v" in capsys.readouterr().err
 
 
 def test_phase_average_then_vorticity_and_streamlines(file, tmp_path):
-    assert run("stats", file, "-o", tmp_path / "p.h5", "--period", 0.2, "--phases", 20, "--quiet") == 0
+    assert (
+        run("stats", file, "-o", tmp_path / "p.h5", "--period", 0.2, "--phases", 20, "--quiet") == 0
+    )
     assert run("derive", tmp_path / "p.h5", "-o", tmp_path / "d.h5", "--quiet") == 0
     with read_plane(tmp_path / "d.h5") as plane:
         exact = 2 * np.sin(2 * np.pi * np.arange(20) / 20)
         np.testing.assert_allclose(plane["vorticity"].mean(("y", "x")), exact, atol=1e-6)
         assert plane["time"].attrs["units"] == "cycle"
     assert (
-        run("plot", tmp_path / "d.h5", "-o", tmp_path / "a.png", "--streamlines", "--time", 0.275, "--quiet")
+        run(
+            "plot",
+            tmp_path / "d.h5",
+            "-o",
+            tmp_path / "a.png",
+            "--streamlines",
+            "--time",
+            0.275,
+            "--quiet",
+        )
         == 0
     )
     words = ("--quiet", "--streamlines", "--every", 10)
@@ -60,7 +82,16 @@ def test_phase_average_then_vorticity_and_streamlines(file, tmp_path):
     triggers.write_text("pulse\n" + "\n".join(map(str, np.arange(0, 0.81, 0.2))))
     assert (
         run(
-            "stats", file, "-o", tmp_path / "q.h5", "--triggers", triggers, "pulse", "--phases", 20, "--quiet"
+            "stats",
+            file,
+            "-o",
+            tmp_path / "q.h5",
+            "--triggers",
+            triggers,
+            "pulse",
+            "--phases",
+            20,
+            "--quiet",
         )
         == 0
     )
@@ -69,7 +100,10 @@ def test_phase_average_then_vorticity_and_streamlines(file, tmp_path):
 
 
 def test_a_phase_without_an_instant_has_no_valid_vector(file, tmp_path):
-    assert run("stats", file, "-o", tmp_path / "p.h5", "--period", 0.05, "--phases", 16, "--quiet") == 0
+    assert (
+        run("stats", file, "-o", tmp_path / "p.h5", "--period", 0.05, "--phases", 16, "--quiet")
+        == 0
+    )
     with read_plane(tmp_path / "p.h5") as found:
         # five instants in a period, 0.01 s apart: every 3.2nd phase
         assert np.flatnonzero(found["n"].max(("y", "x"))).tolist() == [0, 3, 6, 9, 12]
@@ -108,7 +142,12 @@ def test_profile_and_spectrum(file, tmp_path, capsys):
     assert run("spectrum", file, "-o", tmp_path / "s.csv", "--point", 0.01, 0.01) == 0
     assert "the peak is at 5" in capsys.readouterr().out
     assert run("spectrum", file, "-o", tmp_path / "s.csv", "--along", "x", "--quiet") == 0
-    assert list(pd.read_csv(tmp_path / "s.csv", comment="#")) == ["frequency", "psd_u", "psd_v", "averaged"]
+    assert list(pd.read_csv(tmp_path / "s.csv", comment="#")) == [
+        "frequency",
+        "psd_u",
+        "psd_v",
+        "averaged",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -124,7 +163,10 @@ def test_profile_and_spectrum(file, tmp_path, capsys):
         (["stats", "--least", "1"], "at least 2 samples"),
         (["stats", "--bins", "0", "1"], "--bins and --table go with --by"),
         (["stats", "--table", "bend.csv", "--period", "1"], "--bins and --table go with --by"),
-        (["stats", "--start", "0", "--by", "bend", "--bins", "0", "1"], "--start goes with --period"),
+        (
+            ["stats", "--start", "0", "--by", "bend", "--bins", "0", "1"],
+            "--start goes with --period",
+        ),
         (["stats", "--phases", "16"], "--phases goes with --period or --triggers"),
         (["spectrum", "--along", "x", "--segments", "7"], "they go with --point, not with --along"),
         (["derive", "--correlation-length", "-1"], "must not be negative"),

@@ -39,7 +39,9 @@ def test_moments_are_those_of_numpy_where_vectors_are_valid():
     u, v = rng.normal(1, 2, (40, *XX.shape)), rng.normal(-1, 1, (40, *XX.shape))
     valid = rng.random(u.shape) > 0.3
     valid[:, 0, 0] = False
-    moments = statistics(series(np.where(valid, u, np.nan), np.where(valid, v, np.nan), valid=valid))
+    moments = statistics(
+        series(np.where(valid, u, np.nan), np.where(valid, v, np.nan), valid=valid)
+    )
     u, v = (np.where(valid, f, np.nan)[:, 1:] for f in (u, v))
     rest = moments.isel(y=slice(1, None))
     np.testing.assert_allclose(rest["u"], np.nanmean(u, axis=0))
@@ -78,7 +80,9 @@ def test_phase_average_of_a_sine_under_noise():
     assert average.sizes["time"] == 20
     assert (average["n"].values == 20).all()
     mean = average["u"].mean(("y", "x")).values
-    np.testing.assert_allclose(mean, wave[:20], atol=0.01)  # 0.1/sqrt(20 * 432): ten times the standard error
+    np.testing.assert_allclose(
+        mean, wave[:20], atol=0.01
+    )  # 0.1/sqrt(20 * 432): ten times the standard error
     np.testing.assert_allclose(average["uu"].mean(), 0.01, rtol=0.05)
 
 
@@ -148,7 +152,9 @@ def test_propagated_uncertainty_is_the_scatter_of_many_noisy_fields(correlated):
     swirl = 30 * np.exp(-radius2 / 0.006**2)
     u, v = -swirl * (YY - 0.009), swirl * (XX - 0.012)
     noise = rng.normal(0, 1, (2, count, *XX.shape))
-    if correlated:  # white noise through a Gaussian of s: correlation exp(-d²/(4 s²)) = exp(-2 (d/length)²)
+    if (
+        correlated
+    ):  # white noise through a Gaussian of s: correlation exp(-d²/(4 s²)) = exp(-2 (d/length)²)
         s = length / 0.001 / np.sqrt(8)
         noise = gaussian_filter(noise, (0, 0, s, s), mode="wrap")
         noise /= noise.std()
@@ -186,7 +192,13 @@ def test_along_a_line():
     np.testing.assert_allclose(rows["along"], 0.6 * rows["u"] + 0.8 * rows["v"])
     np.testing.assert_allclose(rows["across"], 0.6 * rows["v"] - 0.8 * rows["u"])
     assert (
-        len(list(along_line(series(np.ones((3, *XX.shape)), np.ones((3, *XX.shape))), (0, 0), (0.01, 0))))
+        len(
+            list(
+                along_line(
+                    series(np.ones((3, *XX.shape)), np.ones((3, *XX.shape))), (0, 0), (0.01, 0)
+                )
+            )
+        )
         == 3
     )
     for end in ((0.002, 0.001), (1.0, 0.0)):
@@ -236,7 +248,9 @@ def long_file(tmp_path, monkeypatch):
     def write(n):
         rng = np.random.default_rng(0)
         std = np.full((n, *XX.shape), 0.1)
-        plane = series(rng.normal(size=(n, *XX.shape)), rng.normal(size=(n, *XX.shape)), u_std=std, v_std=std)
+        plane = series(
+            rng.normal(size=(n, *XX.shape)), rng.normal(size=(n, *XX.shape)), u_std=std, v_std=std
+        )
         write_plane(plane, tmp_path / f"{n}.h5")
         return tmp_path / f"{n}.h5"
 
@@ -280,7 +294,9 @@ def test_blocks_give_the_same_as_the_whole(long_file, tmp_path):
 
 def test_without_uncertainty_of_the_vectors_that_of_an_earlier_derivation_is_dropped(tmp_path):
     std = np.full((2, *XX.shape), 0.1)
-    earlier = derived(series(np.ones((2, *XX.shape)), np.ones((2, *XX.shape)), u_std=std, v_std=std))
+    earlier = derived(
+        series(np.ones((2, *XX.shape)), np.ones((2, *XX.shape)), u_std=std, v_std=std)
+    )
     plane = earlier.drop_vars(["u_std", "v_std"])
     assert "vorticity_std" not in derived(plane)
     assert "vorticity_std" in derived(plane, ("divergence",))

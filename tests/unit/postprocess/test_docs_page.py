@@ -19,7 +19,9 @@ def test_sections_written_by_hand_are_taken_in(monkeypatch):
     words = "## By hand\n\nAs it is.\n"
     text = docs_page.page("pinch", "smoke", comparison, RUN, "pinch.png", words)
     assert f"`.\n\n{words}\n**The run.**" in text
-    assert text.replace(f"\n{words}", "") == docs_page.page("pinch", "smoke", comparison, RUN, "pinch.png")
+    assert text.replace(f"\n{words}", "") == docs_page.page(
+        "pinch", "smoke", comparison, RUN, "pinch.png"
+    )
 
 
 def test_a_page_of_another_level_does_not_replace_the_default_ones(monkeypatch, tmp_path):

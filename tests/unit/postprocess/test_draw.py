@@ -58,7 +58,11 @@ def test_the_angle_is_that_of_the_instant_and_not_of_the_nearest_frame():
 
 def test_what_is_not_judged_is_marked_where_it_is_strong():
     table = pd.DataFrame(
-        {"time": [0.1] * 4 + [0.2], "track": [1, 2, 3, 4, 5], "circulation": [1.0, -0.9, 0.4, 0.1, 9.0]}
+        {
+            "time": [0.1] * 4 + [0.2],
+            "track": [1, 2, 3, 4, 5],
+            "circulation": [1.0, -0.9, 0.4, 0.1, 9.0],
+        }
     )
     judged = [table[table["track"] == 1]]
     assert list(others(table, judged, 0.1)["track"]) == [2, 3]
@@ -91,7 +95,9 @@ def test_no_mark_in_a_hole_of_the_vectors():
     hole = (float(plane["x"][42]), float(plane["y"][12]))
     water = (float(plane["x"][50]), float(plane["y"][12]))
     row = {"time": [0.0, 0.1], "core_radius": 0.01, "circulation": 1e-3}
-    tracks = [pd.DataFrame(row | {"track": k, "x": x, "y": y}) for k, (x, y) in enumerate((hole, water))]
+    tracks = [
+        pd.DataFrame(row | {"track": k, "x": x, "y": y}) for k, (x, y) in enumerate((hole, water))
+    ]
     figure, show = flow_figure({"cfd": plane}, {"cfd": tracks}, 0.1, 1.0)
     show(0.1)
     drawn = [line.get_xdata().size for line in figure.axes[0].lines]

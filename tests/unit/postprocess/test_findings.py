@@ -47,7 +47,9 @@ def finding(comparison, value, tolerance=0.0):
         "reason": "r",
         "window": Window("bend", (0.0, 1.0)),
     }
-    return Finding("a", "paper", "f", comparison=comparison, value=value, tolerance=tolerance, **more)
+    return Finding(
+        "a", "paper", "f", comparison=comparison, value=value, tolerance=tolerance, **more
+    )
 
 
 @pytest.mark.parametrize(
@@ -119,7 +121,11 @@ def test_single_finger_asks_for_what_the_project_promises():
     [
         ('id = "a"', "", "lacks the key 'id'"),
         ('reason = "Because."', 'reason = " "', "reason is empty"),
-        ('quantity = "centre_distance"', 'quantity = "beauty"', "quantity = 'beauty' is not one of"),
+        (
+            'quantity = "centre_distance"',
+            'quantity = "beauty"',
+            "quantity = 'beauty' is not one of",
+        ),
         ("window = [0.25, 0.75]", "window = [0.75, 0.25]", "must be two fractions"),
         ("window = [0.25, 0.75]", "window = [0.25, 0.75]\ncolour = 1", "unknown key 'colour'"),
         ('comparison = "<="', 'comparison = "in range"', r"needs value = \[low, high\]"),

@@ -32,7 +32,11 @@ def measure(name, rows, finger=0):
     plane = xr.Dataset({"tip": (dims, still), "dorsal_direction": (dims, down)}, {"time": TIME})
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     evidence = Evidence(
-        {"cfd": plane.assign_attrs(tip_width=WIDTH)}, {}, 0.3, Clock(TIME, TIME), integrals={"cfd": table}
+        {"cfd": plane.assign_attrs(tip_width=WIDTH)},
+        {},
+        0.3,
+        Clock(TIME, TIME),
+        integrals={"cfd": table},
     )
     return PINCH_QUANTITIES[name].measure(Part(evidence, "cfd", WINDOW, finger))
 
@@ -58,7 +62,10 @@ def test_what_jumps_or_is_hardly_there_is_not_followed():
 
 
 def test_the_side_is_that_of_the_strongest():
-    dorsal, ventral = vortices("dorsal", "downward", 2e-2, 0.16), vortices("ventral", "downward", 1e-2, 0.2)
+    dorsal, ventral = (
+        vortices("dorsal", "downward", 2e-2, 0.16),
+        vortices("ventral", "downward", 1e-2, 0.2),
+    )
     assert measure("pair_side", dorsal + ventral) == "dorsal"
     stronger_left = [[*row[:4], 3 * row[4], *row[5:]] if row[3] == 0 else row for row in ventral]
     assert measure("pair_side", dorsal + stronger_left) == "different"

@@ -27,7 +27,9 @@ def test_a_sentence_is_met_where_all_its_findings_are(met, verdict):
     names = tuple("abc"[: len(met)])
     checks = [{"id": name, "met": value} for name, value in zip(names, met, strict=True)]
     other = {"id": "other", "met": False}
-    assert judge_sentence(Sentence("q", "w", "", names, "why"), [*checks, other])["verdict"] == verdict
+    assert (
+        judge_sentence(Sentence("q", "w", "", names, "why"), [*checks, other])["verdict"] == verdict
+    )
 
 
 def test_every_finding_of_the_paper_answers_a_sentence():

@@ -23,10 +23,14 @@ def scene(tmp_path):
 
 
 def test_a_level_is_as_wrong_as_the_trade_says(scene):
-    told = trust.level_sentence(trust.level_errors(scene, "draft"), "finger", "draft").replace("\u00a0", " ")
+    told = trust.level_sentence(trust.level_errors(scene, "draft"), "finger", "draft").replace(
+        "\u00a0", " "
+    )
     assert "Level draft errs by 14.2 % at worst (circulation of the tip vortex)" in told
     assert "force on the finger 8.0 %" in told
-    assert "against level fine, the finest that was run, whose own error is estimated at 6.0 %" in told
+    assert (
+        "against level fine, the finest that was run, whose own error is estimated at 6.0 %" in told
+    )
     assert trust.trial(trust.level_errors(scene, "draft"), "draft") == ""
 
 
@@ -34,15 +38,21 @@ def test_the_dorsal_side_is_said_where_it_was_measured(scene):
     results = scene / "studies" / "results" / "tradeoff.csv"
     head, columns, fine, smoke, draft, piv = TABLE.splitlines()
     results.write_text(
-        "\n".join([head, f"{columns},error_dorsal", f"{fine},0.1", f"{smoke},0.9", f"{draft},0.02", piv])
+        "\n".join(
+            [head, f"{columns},error_dorsal", f"{fine},0.1", f"{smoke},0.9", f"{draft},0.02", piv]
+        )
     )
     errors = trust.level_errors(scene, "draft")
-    assert "on the dorsal side of the tip 2.0\u00a0%" in trust.level_sentence(errors, "finger", "draft")
+    assert "on the dorsal side of the tip 2.0\u00a0%" in trust.level_sentence(
+        errors, "finger", "draft"
+    )
     assert errors["error"] == 0.142
 
 
 def test_the_finest_level_is_extrapolated(scene):
-    assert "extrapolated" in trust.level_sentence(trust.level_errors(scene, "fine"), "finger", "fine")
+    assert "extrapolated" in trust.level_sentence(
+        trust.level_errors(scene, "fine"), "finger", "fine"
+    )
 
 
 def test_a_run_of_the_family_of_grids_judges_where_it_is_the_finest(scene):
@@ -50,12 +60,15 @@ def test_a_run_of_the_family_of_grids_judges_where_it_is_the_finest(scene):
     table.write_text(TABLE + "grid_reference,reference,grid,1700000,0.04,0.04,0.03,0.02,0.02\n")
     told = trust.level_sentence(trust.level_errors(scene, "draft"), "finger", "draft")
     assert (
-        "against level reference, the finest that was run, whose own error is estimated at 4.0\u00a0%" in told
+        "against level reference, the finest that was run, whose own error is estimated at 4.0\u00a0%"
+        in told
     )
 
 
 def test_smoke_is_a_trial(scene):
-    assert trust.trial(trust.level_errors(scene, "smoke"), "smoke").endswith("wrong by up to 172\u00a0%")
+    assert trust.trial(trust.level_errors(scene, "smoke"), "smoke").endswith(
+        "wrong by up to 172\u00a0%"
+    )
 
 
 def test_a_scene_that_extends_another_has_its_table(scene, tmp_path):

@@ -48,7 +48,8 @@ def test_known_errors_of_circulation_and_centre_are_recovered(gain, shift):
     reference = chosen(vortex_table(TIME, BEND))
     middle = 0.5 * (TIME[1:] + TIME[:-1])
     pair = tracks.within(
-        tracks.pair_tracks(reference, chosen(vortex_table(middle, BEND, gain=gain, shift=shift))), WINDOW
+        tracks.pair_tracks(reference, chosen(vortex_table(middle, BEND, gain=gain, shift=shift))),
+        WINDOW,
     )
     # 5 ms between instants: linear interpolation of a growth over 50 ms errs by (5/50)²/8 ≈ 0.1 %
     assert tracks.circulation_difference(pair) == pytest.approx(abs(gain - 1), abs=2e-3)
@@ -64,7 +65,9 @@ def test_identical_tables_give_zero():
 
 def test_a_reversed_circulation_differs_by_twice_itself():
     track = chosen(vortex_table(TIME, BEND))
-    pair = tracks.within(tracks.pair_tracks(track, track.assign(circulation=-track["circulation"])), WINDOW)
+    pair = tracks.within(
+        tracks.pair_tracks(track, track.assign(circulation=-track["circulation"])), WINDOW
+    )
     assert tracks.circulation_difference(pair) == pytest.approx(2.0)
 
 
@@ -84,7 +87,9 @@ def test_the_same_vortex_is_compared_where_two_of_one_sense_share_a_tip():
              "finger": 0, "side": "dorsal", "tip_distance": 1.0}
         )  # fmt: skip
 
-    reference = pd.concat([rows(0, 0.02, 6e-3), rows(1, 0.0, 5e-3), rows(2, 0.001, 1e-3)], ignore_index=True)
+    reference = pd.concat(
+        [rows(0, 0.02, 6e-3), rows(1, 0.0, 5e-3), rows(2, 0.001, 1e-3)], ignore_index=True
+    )
     seen = rows(7, 0.001, 4.9e-3)
     window = (0.1, 0.2)
     # track 2 is nearest of all, but too weak to be the vortex that the other source calls the strongest

@@ -114,7 +114,9 @@ def test_a_resumed_run_starts_at_the_time_that_was_reached_with_all_its_digits(t
     content = b'value           0.340000000000000246;\nname "0.34";' + END
     for folder in ranks.folders(tmp_path):
         write_bytes(folder / "0.34" / "uniform" / "time", content)
-    assert reached_time(tmp_path, ranks, "0.34") == "0.340000000000000246"  # 340 steps of 1 ms, added up
+    assert (
+        reached_time(tmp_path, ranks, "0.34") == "0.340000000000000246"
+    )  # 340 steps of 1 ms, added up
 
 
 def test_a_checkpoint_without_its_time_is_refused(tmp_path):
@@ -131,14 +133,17 @@ def test_a_log_that_was_cut_within_a_line_is_read(tmp_path):
         "ExecutionTime = {1} s  ClockTime = {1} s\n"
     )
     cut = "Courant Number mean: 0.1 max\nCourant Number mean: 0.1 max: 0.7\nTime = \n"
-    (tmp_path / "log").write_text(step.format(0.1, 3) + step.format(0.2, 5) + cut + step.format(0.2, 1))
+    (tmp_path / "log").write_text(
+        step.format(0.1, 3) + step.format(0.2, 5) + cut + step.format(0.2, 1)
+    )
     table = history(tmp_path / "log")
     assert table[:, 0].tolist() == [0.1, 0.2]
     assert table[1].tolist() == [0.2, 0.1, 0.5, 1e-8, -2e-10, 6, 6]
 
 
 @pytest.mark.parametrize(
-    "wanted, time_step, steps", [(0.02, 1e-3, 20), (0.0193, 1e-3, 20), (1e-4, 1e-3, 2), (0.61, 0.02, 30)]
+    "wanted, time_step, steps",
+    [(0.02, 1e-3, 20), (0.0193, 1e-3, 20), (1e-4, 1e-3, 2), (0.61, 0.02, 30)],
 )
 def test_checkpoints_are_an_even_number_of_steps_apart(wanted, time_step, steps):
     assert checkpoint_steps(wanted, time_step) == steps

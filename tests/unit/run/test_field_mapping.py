@@ -36,7 +36,9 @@ def test_a_field_mapping_is_recorded_where_both_intervals_were_solved(tmp_path):
     cases = [tmp_path / interval.name for interval in intervals]
     for case in cases:
         case.mkdir()
-    (cases[1] / FIELD_MAPPING).write_text(json.dumps({"mapped_at": 0.012, "mapping_jump_fraction": 0.0}))
+    (cases[1] / FIELD_MAPPING).write_text(
+        json.dumps({"mapped_at": 0.012, "mapping_jump_fraction": 0.0})
+    )
     force = [table(1, 20, np.cos, np.sin), table(13, 40, np.cos, np.sin)]
     energy = [table(1, 20, lambda t: 2 + t)[1::2], table(13, 40, lambda t: 1.01 * (2 + t))[1::2]]
     (mapping,) = field_mappings(intervals, cases, force, energy)

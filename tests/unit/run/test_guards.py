@@ -54,7 +54,9 @@ def test_the_log_of_a_step_gone_wrong_is_a_cause_and_a_sound_one_is_none(changes
 def test_an_openfoam_without_a_function_object_is_told():
     """It warns and goes on; the forces would be missed at the end."""
     guard = Guard(10)
-    assert guard.verdict("Unknown function type forces\n") == "OpenFOAM has no function object forces"
+    assert (
+        guard.verdict("Unknown function type forces\n") == "OpenFOAM has no function object forces"
+    )
     assert "install the whole" in guard.remedy
 
 
@@ -195,11 +197,14 @@ def test_the_resolved_dissipation_of_the_samples_is_held_against_the_work(tmp_pa
         (tmp_path / "fingerSurface" / name).mkdir(parents=True)
         (tmp_path / "fingerSurface" / name / "finger.vtk").touch()
     for viscosity, stops in ((1e-3, True), (0.0, False)):
-        energy = EnergyGuard(tmp_path, 1000.0, viscosity, Budget(1e-2), work_rate=lambda path, density: 0.0)
+        energy = EnergyGuard(
+            tmp_path, 1000.0, viscosity, Budget(1e-2), work_rate=lambda path, density: 0.0
+        )
         guard = Guard(20.0, energy)
         cause = guard.check_energy(ended=True)
         assert (
-            "does not close: the water has 0.0005 J of kinetic energy and has dissipated 0.6 J" in str(cause)
+            "does not close: the water has 0.0005 J of kinetic energy and has dissipated 0.6 J"
+            in str(cause)
         ) == stops
         assert (guard.remedy == HALVE) == stops
 
@@ -227,7 +232,10 @@ def test_the_watchdog_acts_once_when_nothing_is_written():
         ("[levels.tiny.mesh]\nfar_cell = 0.2", ["mesh.far_cell", "0.075"]),
         ("[levels.tiny.mesh]\nwall_first_layer = 0.004", ["mesh.wall_first_layer", "0.0035"]),
         ("[levels.tiny.mesh]\nnear_cell = 1e-7", ["mesh.near_cell", "thousandth"]),
-        ("[levels.tiny.numerics]\ntime_step = 1e-7", ["numerics.time_step", "4.2e+06 steps", "4.2e-06"]),
+        (
+            "[levels.tiny.numerics]\ntime_step = 1e-7",
+            ["numerics.time_step", "4.2e+06 steps", "4.2e-06"],
+        ),
         ("[sheet]\nspacing = 1e-6", ["sheet.spacing", "points"]),
         ("[sheet]\nspacing = 0.5", ["sheet.spacing", "at most 0.02"]),
     ],
@@ -240,7 +248,8 @@ def test_numbers_that_no_tank_has_are_refused_with_the_nearest_that_works(tmp_pa
         table, key = section.removeprefix("[levels.tiny.").removesuffix("]"), line.split(" = ")[0]
         lines = (folder / "scene.toml").read_text().splitlines()
         lines = [
-            re.sub(rf"\b{key} = [^,}}]+", line + " ", old) if old.startswith(table) else old for old in lines
+            re.sub(rf"\b{key} = [^,}}]+", line + " ", old) if old.startswith(table) else old
+            for old in lines
         ]
         (folder / "scene.toml").write_text("\n".join(lines) + "\n")
     with pytest.raises(StageError) as caught:
@@ -255,7 +264,9 @@ def test_the_courant_number_is_foreseen_from_the_walls_speed():
     outline = np.vstack([outline, outline[::-1] + np.array([0, 0.01])])
     positions = outline[None] + np.stack([np.zeros(5), 0.3e-3 * np.arange(5)], -1)[:, None]
     assert check_courant(positions, 1e-3 * np.arange(5), 20.0) == pytest.approx(1.2)
-    with pytest.raises(ValueError, match=r"time_step of at most 0\.00025 s .now 0\.001 s.") as caught:
+    with pytest.raises(
+        ValueError, match=r"time_step of at most 0\.00025 s .now 0\.001 s."
+    ) as caught:
         check_courant(positions, 1e-3 * np.arange(5), 0.3)
     assert "0.3 m/s along cells of 0.001 m" in str(caught.value)
 
@@ -292,7 +303,10 @@ def test_a_time_step_that_does_not_end_stops_the_run():
         watchdog.reset()
         assert watchdog.check(2.0) is None
     watchdog.reset()
-    assert watchdog.check(2.0) == "a time step has taken 102 s and has not ended, longer than 50 others"
+    assert (
+        watchdog.check(2.0)
+        == "a time step has taken 102 s and has not ended, longer than 50 others"
+    )
 
 
 def test_a_step_of_less_than_a_minute_is_never_too_long():

@@ -36,7 +36,9 @@ def test_intervals_cover_the_time_exactly_and_shapes_cover_the_intervals(
     knots, count, sampling, stride, overlap
 ):
     deformation = np.interp(
-        np.arange(stride * (len(knots) - 1) * sampling + 1), np.arange(len(knots)) * stride * sampling, knots
+        np.arange(stride * (len(knots) - 1) * sampling + 1),
+        np.arange(len(knots)) * stride * sampling,
+        knots,
     )
     parts = divide(deformation, count, sampling, overlap)
     assert 1 <= len(parts) <= count
@@ -61,7 +63,9 @@ def test_a_long_rest_at_the_end_is_an_interval_of_its_own_and_a_short_one_is_not
         (part,) = divide(deformation, 1, 4, overlap)
         assert len(part.intervals) == count
         if count == 2:
-            begin = part.intervals[1][0] - overlap  # where its solver starts, beside the moving interval's
+            begin = (
+                part.intervals[1][0] - overlap
+            )  # where its solver starts, beside the moving interval's
             assert last_move(deformation) == moving < begin < moving + 8
     assert last_move(np.zeros(50)) == 0
 
@@ -95,9 +99,9 @@ def test_one_planform_suffices_for_the_single_finger_and_a_long_stroke_takes_sev
     for each in (scene, far):
         kinematics.run(each, quiet=True)
         mesh.run(each, quiet=True)
-    assert [(interval.start, interval.end, interval.mesh) for interval in read_intervals(scene.out)] == [
-        (0.0, 0.42, 0)
-    ]
+    assert [
+        (interval.start, interval.end, interval.mesh) for interval in read_intervals(scene.out)
+    ] == [(0.0, 0.42, 0)]
     intervals = read_intervals(far.out)
     assert len({interval.mesh for interval in intervals}) > 1
     assert len(intervals) > len(
@@ -105,7 +109,9 @@ def test_one_planform_suffices_for_the_single_finger_and_a_long_stroke_takes_sev
     )  # it comes back to planforms it had left
     worst = np.loadtxt(far.out / "mesh_quality.csv", delimiter=",", skiprows=1)
     assert worst[:, 5].max() <= far.mesh.max_non_orthogonality_deg
-    assert worst[:, 2].sum() == pytest.approx(1.0, abs=1e-4)  # shares of the time, to the digits written
+    assert worst[:, 2].sum() == pytest.approx(
+        1.0, abs=1e-4
+    )  # shares of the time, to the digits written
     assert {int(interval) for interval in worst[:, 0]} == {interval.index for interval in intervals}
 
 

@@ -49,7 +49,9 @@ def test_wm_project_dir_alone_is_enough(monkeypatch, tmp_path):
 def test_wm_project_dir_goes_before_another_version_on_the_path(monkeypatch, tmp_path):
     fake(tmp_path / "old", "Using: OpenFOAM- (1912) - visit")
     fake(tmp_path / "new" / "bin", "Using: OpenFOAM-v2306 (2306) - visit")
-    (tmp_path / "new" / "etc" / "bashrc").write_text(f"[ $# = 0 ] && export PATH={tmp_path}/new/bin:$PATH\n")
+    (tmp_path / "new" / "etc" / "bashrc").write_text(
+        f"[ $# = 0 ] && export PATH={tmp_path}/new/bin:$PATH\n"
+    )
     monkeypatch.setenv("PATH", f"{tmp_path}/old:/usr/bin:/bin")
     monkeypatch.delenv("FOAM_APPBIN", raising=False)
     monkeypatch.setenv("WM_PROJECT_DIR", str(tmp_path / "new"))
@@ -115,7 +117,9 @@ def _which_without_system(which):
 
     def seen(name, path=None):
         program = which(name, path=path)
-        return None if program and program.startswith("/usr/bin") and name == "pimpleFoam" else program
+        return (
+            None if program and program.startswith("/usr/bin") and name == "pimpleFoam" else program
+        )
 
     return seen
 

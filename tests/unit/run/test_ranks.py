@@ -33,7 +33,9 @@ def test_a_cut_file_is_not_whole(tmp_path):
 
 def test_blocks_of_later_versions_are_named_with_a_small_letter():
     content = collated_content("points", [b"abc", b"// Processor1"])
-    assert read_blocks(content.replace(b"\n// Processor", b"\n// processor")) == read_blocks(content)
+    assert read_blocks(content.replace(b"\n// Processor", b"\n// processor")) == read_blocks(
+        content
+    )
 
 
 @pytest.mark.parametrize("collated", [False, True])
@@ -44,7 +46,9 @@ def test_labels_of_each_rank(tmp_path, collated):
     name = "constant/polyMesh/pointProcAddressing"
     if collated:
         blocks = [head + binary_list(lists[0]), b"\n" + binary_list(lists[1])]
-        write_bytes(tmp_path / "processors2" / name, collated_content("pointProcAddressing", blocks))
+        write_bytes(
+            tmp_path / "processors2" / name, collated_content("pointProcAddressing", blocks)
+        )
     else:
         for rank, labels in enumerate(lists):
             write_bytes(tmp_path / f"processor{rank}" / name, head + binary_list(labels))

@@ -14,7 +14,9 @@ WIDTH = 0.1  # m
 @pytest.fixture
 def plane(tmp_path):
     """The half x <= 0 of a stream that turns away from the plane x = 0, as OpenFOAM samples it: u = -a x, v = a y."""
-    grid = pv.ImageData(dimensions=(41, 31, 1), spacing=(0.0025, 0.0025, 1), origin=(-WIDTH, 0.0, 0.0))
+    grid = pv.ImageData(
+        dimensions=(41, 31, 1), spacing=(0.0025, 0.0025, 1), origin=(-WIDTH, 0.0, 0.0)
+    )
     surface = grid.extract_surface(algorithm=None).triangulate()
     x, y, _ = surface.points.T.astype(float)
     surface["U"] = np.stack([-3 * x, 3 * y, 0 * x], -1)

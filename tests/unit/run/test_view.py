@@ -51,7 +51,9 @@ def write_fields(scene, interval, time: float, layout: str) -> None:
             parts.setdefault(f"{name}/{field}", []).append(path.read_bytes())
     for file, contents in parts.items():
         if layout == "collated":
-            write_bytes(case / "processors2" / file, collated_content(file.rpartition("/")[2], contents))
+            write_bytes(
+                case / "processors2" / file, collated_content(file.rpartition("/")[2], contents)
+            )
         for rank, content in enumerate(contents if layout == "two" else ()):
             write_bytes(case / f"processor{rank}" / file, content)
     state = '{"ranks": 2, "mesh": 0' + (', "collated": true}' if layout == "collated" else "}")
@@ -70,13 +72,17 @@ def shown(folder, part: str = "water") -> list[tuple[float, pv.UnstructuredGrid]
 @pytest.fixture(scope="module")
 def closing(tmp_path_factory):
     """A quarter of a pinch in two mesh intervals or more, with one instant of each written, and one of an overlap."""
-    scene = prepare(write_scene(tmp_path_factory.mktemp("view"), "quarter", CLOSING, parent="pinch"))
+    scene = prepare(
+        write_scene(tmp_path_factory.mktemp("view"), "quarter", CLOSING, parent="pinch")
+    )
     intervals = read_intervals(scene.out)
     assert len(intervals) > 1
     layouts = ("one", "two", "collated")
     for k, interval in enumerate(intervals):
         write_fields(scene, interval, round(interval.end, 8), layouts[k % 3])
-    write_fields(scene, intervals[1], round(intervals[1].start, 8), layouts[1])  # the interval before has it
+    write_fields(
+        scene, intervals[1], round(intervals[1].start, 8), layouts[1]
+    )  # the interval before has it
     return scene
 
 
@@ -94,7 +100,9 @@ def test_every_instant_of_every_interval_is_shown_once(closing, quarter):
     for (time, grid), interval in zip(series, read_intervals(closing.out), strict=True):
         cells = cells_of(closing.out, interval, time)
         volume = grid.compute_cell_sizes(length=False, area=False)["Volume"]
-        np.testing.assert_allclose(volume, cells.volume, rtol=1e-3)  # faces of VTK's hexahedra are no planes
+        np.testing.assert_allclose(
+            volume, cells.volume, rtol=1e-3
+        )  # faces of VTK's hexahedra are no planes
         assert grid.volume == pytest.approx(cells.volume.sum(), rel=1e-5)
 
 
@@ -112,7 +120,9 @@ def test_velocity_pressure_and_vorticity_are_those_of_the_run(closing, quarter):
 
 
 def test_the_walls_are_the_finger_where_it_is_then(closing, quarter):
-    for (time, grid), interval in zip(shown(quarter, "walls"), read_intervals(closing.out), strict=True):
+    for (time, grid), interval in zip(
+        shown(quarter, "walls"), read_intervals(closing.out), strict=True
+    ):
         planform = read_planform(closing.out, interval.mesh)
         outline = read_motion(closing.out, interval.mesh).nodes(time)[planform["wall"].values]
         np.testing.assert_allclose(grid.bounds[:4:2], outline.min(axis=0), atol=1e-6)
@@ -127,7 +137,9 @@ def test_the_whole_tank_is_the_quarter_and_its_images(closing, quarter, tmp_path
         assert tank.volume == pytest.approx(4 * part.volume, rel=1e-6)
         volume = tank.compute_cell_sizes(length=False, area=False)["Volume"]
         assert (volume > 0).all()  # images are not turned inside out
-        np.testing.assert_allclose(tank.bounds[::2], -np.array(tank.bounds[1::2]) * [1, 0, 1], atol=1e-6)
+        np.testing.assert_allclose(
+            tank.bounds[::2], -np.array(tank.bounds[1::2]) * [1, 0, 1], atol=1e-6
+        )
         images = tank["velocity"].reshape(4, -1, 3)
         signs = np.array([[1, 1, 1], [1, 1, -1], [-1, 1, 1], [-1, 1, -1]])
         np.testing.assert_array_equal(images, signs[:, None] * part["velocity"])
@@ -150,7 +162,9 @@ def test_what_is_there_stays_and_what_is_missing_or_old_is_written(closing, quar
 
 
 def test_without_a_run_the_cure_is_said(tiny, tmp_path):
-    with pytest.raises(StageError, match=r"no run has written its fields.*make tiny\.view LEVEL=tiny"):
+    with pytest.raises(
+        StageError, match=r"no run has written its fields.*make tiny\.view LEVEL=tiny"
+    ):
         write_series(tiny, tmp_path, (), quiet=True)
     assert not list(tmp_path.glob("*.pvd"))
     prepare(tiny)

@@ -39,10 +39,15 @@ def test_every_key_of_the_shipped_scenes_is_in_the_reference():
     for path in (ROOT / "cases").glob("*/scene.toml"):
         scene = tomllib.loads(path.read_text(encoding="utf-8"))
         tables = [scene, *scene.get("levels", {}).values()]
-        for section, values in ((s, v) for table in tables for s, v in table.items() if isinstance(v, dict)):
+        for section, values in (
+            (s, v) for table in tables for s, v in table.items() if isinstance(v, dict)
+        ):
             for key in values if section != "levels" else ():
                 entry = f"{section}.{key}"
-                assert any(name == entry or name.startswith(f"{entry}.") for name in known), (path, entry)
+                assert any(name == entry or name.startswith(f"{entry}.") for name in known), (
+                    path,
+                    entry,
+                )
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.__name__.rpartition(".")[2])
@@ -58,7 +63,9 @@ def test_a_template_filled_in_is_valid_toml_and_asks_for_what_is_required(page, 
 
 def test_all_that_is_wrong_in_a_scene_is_told_at_once_with_the_nearest_spelling(tmp_path):
     with pytest.raises(StageError) as caught:
-        write_scene(tmp_path / "s", more="[camera]\nscale_mm_px = 0.1\n[piv]\nwindows = 32\nspacing = -1")
+        write_scene(
+            tmp_path / "s", more="[camera]\nscale_mm_px = 0.1\n[piv]\nwindows = 32\nspacing = -1"
+        )
     text = str(caught.value)
     assert "camera.scale_mm_px: this key is not known; 'scale_mm_per_px' is" in text
     assert "piv.windows: this key is not known; 'window' is" in text

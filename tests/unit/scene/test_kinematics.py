@@ -39,7 +39,9 @@ def test_csv_states_give_the_bend_they_show(tmp_path):
     (tmp_path / "s.csv").write_text(csv_of(GOOD))
     states = read_states(tmp_path / "s.csv", 0.0145)
     assert states.pressure.tolist() == [0, 10e3, 20e3]
-    scene = write_scene(tmp_path / "scene", more=STROKE.format(p=20, more=f'states = "{tmp_path / "s.csv"}"'))
+    scene = write_scene(
+        tmp_path / "scene", more=STROKE.format(p=20, more=f'states = "{tmp_path / "s.csv"}"')
+    )
     kinematics = motion_of(scene).shapes
     for kpa, gamma in ((0, 0.0), (10, 0.8), (20, 1.6)):
         # 30 digitised points resample with a chord error of (s/R)^2/24 of a point's turn: below 1e-3 rad
@@ -107,7 +109,9 @@ def test_bad_pressure_histories_are_one_sentence(tmp_path, text, words):
 
 
 def test_a_pressure_history_that_is_not_there_is_named_once(tmp_path):
-    with pytest.raises(StageError, match=r"^\S+p\.csv: no such file; give a table of t,p in s and Pa$"):
+    with pytest.raises(
+        StageError, match=r"^\S+p\.csv: no such file; give a table of t,p in s and Pa$"
+    ):
         measured_law(tmp_path / "p.csv")
 
 
@@ -124,11 +128,17 @@ def test_a_length_that_the_states_contradict_is_refused(tmp_path):
 def test_a_stroke_beyond_the_states_or_out_of_the_water_is_refused(tmp_path):
     with pytest.raises(StageError, match="states cover"):
         motion_of(write_scene(tmp_path / "a", more=STROKE.format(p=60, more="")))
-    tall = STROKE.format(p=39, more="") + "[tank]\nwater_depth = 0.252\n[finger.tip]\nlength = 0.04\n"
+    tall = (
+        STROKE.format(p=39, more="") + "[tank]\nwater_depth = 0.252\n[finger.tip]\nlength = 0.04\n"
+    )
     with pytest.raises(StageError, match="leaves the water"):
         kinematics_values(write_scene(tmp_path / "b", more=tall))
     with pytest.raises(StageError, match=r"set motion\.source"):
-        motion_of(write_scene(tmp_path / "c", more=STROKE.format(p=-30, more='source = "paper_equations"')))
+        motion_of(
+            write_scene(
+                tmp_path / "c", more=STROKE.format(p=-30, more='source = "paper_equations"')
+            )
+        )
     (tmp_path / "curl.csv").write_text(csv_of({0: bent(0.0), 10: bent(3.5), 20: bent(7.0)}))
     curled = STROKE.format(p=20, more=f'states = "{tmp_path / "curl.csv"}"')
     with pytest.raises(StageError, match="crosses itself"):
@@ -137,7 +147,9 @@ def test_a_stroke_beyond_the_states_or_out_of_the_water_is_refused(tmp_path):
 
 def test_the_finger_hangs_from_its_root_and_bends_to_its_ventral_side(tmp_path):
     for side, sign in (("+x", 1), ("-x", -1)):
-        scene = write_scene(tmp_path / side, more=f'[finger]\nventral = "{side}"\nroot = [0.01, 0.24]\n')
+        scene = write_scene(
+            tmp_path / side, more=f'[finger]\nventral = "{side}"\nroot = [0.01, 0.24]\n'
+        )
         data = kinematics_values(scene)
         rest, bent_ = data["shape_outline"][[0, -1]]
         assert rest[:, 1].max() == pytest.approx(0.24, abs=1e-9)

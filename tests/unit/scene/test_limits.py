@@ -78,7 +78,9 @@ def smoke(folder: Path, more: str) -> Scene:
     return load_scene(folder, "smoke")
 
 
-@pytest.mark.parametrize("more, words", NONSENSE, ids=[more.replace("\n", " ")[:60] for more, _ in NONSENSE])
+@pytest.mark.parametrize(
+    "more, words", NONSENSE, ids=[more.replace("\n", " ")[:60] for more, _ in NONSENSE]
+)
 def test_nonsense_is_refused_before_anything_runs(tmp_path, more, words):
     with pytest.raises(StageError) as caught:
         smoke(tmp_path / "bad", more)

@@ -90,7 +90,9 @@ def test_rate_is_the_derivative_of_the_way(kind):
     more = {"amplitude": 0.7, "period": 0.8} if kind == "sine" else {"rate": 1.3, "exponent": 1.5}
     path = travelled(Law(kind=kind, smoothing=0.2, start=0.1, **more), 1.5)
     assert CubicSpline(path.time, path.distance)(path.time, 1) == pytest.approx(path.rate, abs=1e-5)
-    assert np.abs(path.distance[path.time <= 0.1]).max() < 1e-12  # rounding of the spline's integral
+    assert (
+        np.abs(path.distance[path.time <= 0.1]).max() < 1e-12
+    )  # rounding of the spline's integral
 
 
 @pytest.mark.parametrize("angle", [0.0, 30.0])
@@ -102,7 +104,9 @@ def test_outlines_are_closed_counter_clockwise_and_of_the_right_area(angle):
     circle = rest_outline(RigidBody(shape="circle", diameter=2.0, centre=(0, 0)))
     assert area(circle) == pytest.approx(np.pi, rel=1e-4)
     plate = rest_outline(
-        RigidBody(shape="plate", chord=1.0, thickness=0.1, centre=(0, 0), angle_deg=angle, points=4000)
+        RigidBody(
+            shape="plate", chord=1.0, thickness=0.1, centre=(0, 0), angle_deg=angle, points=4000
+        )
     )
     assert area(plate) == pytest.approx(0.9 * 0.1 + np.pi * 0.05**2, rel=1e-4)
     assert np.hypot(*plate.T).max() == pytest.approx(0.5, rel=1e-4)
@@ -151,12 +155,16 @@ def test_a_body_that_leaves_the_water_or_never_moves_is_refused(tmp_path):
     with pytest.raises(StageError, match="leaves the water"):
         kinematics_values(scene_of(tmp_path, CIRCLE, SINE.replace("-0.5", "-4.8")))
     with pytest.raises(StageError, match="never moves"):
-        kinematics_values(scene_of(tmp_path, CIRCLE, SINE.replace("smoothing", "start = 2.0, smoothing")))
+        kinematics_values(
+            scene_of(tmp_path, CIRCLE, SINE.replace("smoothing", "start = 2.0, smoothing"))
+        )
 
 
 def test_every_shipped_validation_scene_is_valid():
     folders = sorted((ROOT / "cases" / "validation").glob("*/scene.toml"))
     assert len(folders) >= 6
     for path in folders:
-        for level in [line[8:-1] for line in path.read_text().splitlines() if line.startswith("[levels.")]:
+        for level in [
+            line[8:-1] for line in path.read_text().splitlines() if line.startswith("[levels.")
+        ]:
             assert load_scene(path.parent, level).level == level

@@ -14,7 +14,13 @@ from pipeline.kinematics.stage import kinematics_values
 from pipeline.openfoam.base_case import template_files, templates_digest
 from pipeline.scene.scene import load_scene
 from pipeline.scene.sections import Numerics
-from pipeline.stage_settings import STAGE_SECTIONS, VERSIONS, make_rules, settings_of, write_settings
+from pipeline.stage_settings import (
+    STAGE_SECTIONS,
+    VERSIONS,
+    make_rules,
+    settings_of,
+    write_settings,
+)
 from tests.conftest import ROOT, write_scene
 
 SCENES = sorted(p.parent for p in (ROOT / "cases").glob("*/scene.toml"))
@@ -83,7 +89,11 @@ def test_a_finger_near_the_bottom_is_warned_of_and_one_that_hits_it_refused(tmp_
 
 def test_lengths_that_are_not_given_go_with_the_size_of_the_finger(tmp_path):
     shipped = write_scene(tmp_path / "shipped").mesh
-    assert (shipped.tip_distance, shipped.tip_transition, shipped.wall_distance) == (0.012, 0.02, 0.002)
+    assert (shipped.tip_distance, shipped.tip_transition, shipped.wall_distance) == (
+        0.012,
+        0.02,
+        0.002,
+    )
     more = "[finger]\nlength = 0.14\n[mesh]\ntip_transition = 0.03"
     twice = write_scene(tmp_path / "twice", more=more).mesh
     assert (twice.tip_distance, twice.tip_transition, twice.wall_distance) == (0.024, 0.03, 0.004)
@@ -98,7 +108,8 @@ def test_missing_scene_and_level_name_what_there_is(tmp_path):
         load_scene(ROOT / "cases" / "single_finger", "smok")
     (tmp_path / "scene.toml").write_text(f"extends = '{ROOT}/cases/single_fingr'\n")
     with pytest.raises(
-        StageError, match=r"scene.toml: extends = .*: no scene is there; did you mean single_finger[?]"
+        StageError,
+        match=r"scene.toml: extends = .*: no scene is there; did you mean single_finger[?]",
     ):
         load_scene(tmp_path)
 
@@ -129,12 +140,16 @@ def test_a_key_that_came_later_and_is_not_given_begins_nothing_anew(tmp_path):
         assert write_settings(scene) == ["kinematics"]
 
 
-@pytest.mark.parametrize("stage", [stage for stage in STAGES if stage.format], ids=lambda stage: stage.name)
+@pytest.mark.parametrize(
+    "stage", [stage for stage in STAGES if stage.format], ids=lambda stage: stage.name
+)
 def test_a_new_version_of_a_stages_file_makes_the_stage_again(tmp_path, monkeypatch, stage):
     scene = write_scene(tmp_path / "s")
     write_settings(scene)
     monkeypatch.setitem(VERSIONS, stage.format, VERSIONS[stage.format] + 1)
-    assert set(write_settings(scene)) == {other.target for other in STAGES if other.format == stage.format}
+    assert set(write_settings(scene)) == {
+        other.target for other in STAGES if other.format == stage.format
+    }
     assert f"settings/{stage.target}.format" in stage.settings
 
 
@@ -191,7 +206,10 @@ def test_the_grid_of_the_sheet_and_the_seeding_do_not_solve_again(tmp_path):
 
 @pytest.mark.parametrize(
     "old, new",
-    [("time_step = 1e-3", "time_step = 5e-4"), ("[levels.tiny]", "[sheet]\nrate_hz = 250.0\n[levels.tiny]")],
+    [
+        ("time_step = 1e-3", "time_step = 5e-4"),
+        ("[levels.tiny]", "[sheet]\nrate_hz = 250.0\n[levels.tiny]"),
+    ],
 )
 def test_the_mesh_is_made_again_where_its_legs_begin_elsewhere(tmp_path, old, new):
     """Mesh intervals begin with pictures, and shapes cover overlaps of so many steps: at another step they would be continued beyond."""
@@ -201,7 +219,9 @@ def test_the_mesh_is_made_again_where_its_legs_begin_elsewhere(tmp_path, old, ne
     path.write_text(path.read_text().replace(old, new))
     assert {"mesh", "case"} <= set(write_settings(load_scene(scene.folder, "tiny")))
     path.write_text(path.read_text().replace("write_interval = 0.01", "write_interval = 0.02"))
-    assert write_settings(load_scene(scene.folder, "tiny")) == ["case"]  # of the rest nothing is the mesh's
+    assert write_settings(load_scene(scene.folder, "tiny")) == [
+        "case"
+    ]  # of the rest nothing is the mesh's
 
 
 @pytest.mark.parametrize("level", ["smoke", "coarse"])
@@ -233,7 +253,13 @@ def test_any_text_is_a_scene_or_one_sentence(tmp_path_factory, text):
 
 @pytest.mark.parametrize(
     "time_step, rate, steps",
-    [(1e-3, 125.0, 2), (0.5e-3, 500.0, 4), (0.5e-3, 250.0, 4), (4e-3, 250.0, 1), (1e-3, 1000 / 3, 1)],
+    [
+        (1e-3, 125.0, 2),
+        (0.5e-3, 500.0, 4),
+        (0.5e-3, 250.0, 4),
+        (4e-3, 250.0, 1),
+        (1e-3, 1000 / 3, 1),
+    ],
 )
 def test_power_is_sampled_at_least_every_2_ms_and_whenever_the_sheet_is(time_step, rate, steps):
     numerics = Numerics(time_step=time_step)

@@ -78,8 +78,16 @@ def test_what_a_child_says_wins_over_a_level_of_its_parent(child, level, near_ce
     "more, kept, gone",
     [
         ('[motion]\npressure_csv = "p.csv"', "pressure_csv", ["strokes", "start_pressure_kpa"]),
-        ('[levels.smoke.motion]\npressure_csv = "p.csv"', "pressure_csv", ["strokes", "start_pressure_kpa"]),
-        ('[motion]\nstrokes = []\npressure_csv = "p.csv"', "pressure_csv", []),  # as before this was so
+        (
+            '[levels.smoke.motion]\npressure_csv = "p.csv"',
+            "pressure_csv",
+            ["strokes", "start_pressure_kpa"],
+        ),
+        (
+            '[motion]\nstrokes = []\npressure_csv = "p.csv"',
+            "pressure_csv",
+            [],
+        ),  # as before this was so
     ],
 )
 def test_a_measured_pressure_takes_the_place_of_the_strokes_and_back(tmp_path, more, kept, gone):
@@ -106,7 +114,9 @@ def test_a_scenes_own_states_hold_in_place_of_its_parents(tmp_path):
     child = tmp_path / "scene.toml"
     parent = ROOT / "cases" / "single_finger"
     child.write_text(f'extends = "{parent}"\n')
-    assert resolve(child, "smoke")[0]["motion"]["states"] == str(parent / "kinematics" / "states.h5")
+    assert resolve(child, "smoke")[0]["motion"]["states"] == str(
+        parent / "kinematics" / "states.h5"
+    )
     (tmp_path / "kinematics").mkdir()
     (tmp_path / "kinematics" / "states.h5").touch()
     assert resolve(child, "smoke")[0]["motion"]["states"] == "kinematics/states.h5"
@@ -120,7 +130,11 @@ def test_the_settings_stage_says_what_a_child_replaces(tmp_path, capsys):
     more = 'extends = "{}"\n[model]\nkind = "half"\n[mesh]\ntip_cell = 1.3e-3\n[numerics]\ntime_step = 5e-4\n'
     (child / "scene.toml").write_text(more.format(ROOT / "cases" / "single_finger"))
     scene = load_scene(child, "smoke")
-    assert (scene.model.kind, scene.mesh.tip_cell, scene.numerics.time_step) == ("half", 1.3e-3, 5e-4)
+    assert (scene.model.kind, scene.mesh.tip_cell, scene.numerics.time_step) == (
+        "half",
+        1.3e-3,
+        5e-4,
+    )
     update_settings(scene)
     told = capsys.readouterr().out.splitlines()[0]
     for word in ("mesh.tip_cell", "model.kind", "numerics.time_step", "[levels.smoke]"):

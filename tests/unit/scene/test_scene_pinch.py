@@ -18,7 +18,10 @@ SUPPORT = "[support]\nsize = [{x}, {h}, 0.05]\nbottom = {y}\n"
         ("[finger]\nroot = [0.01, 0.245]", ["finger.root[0]", "half_distance only"]),
         ('[finger]\nventral = "-x"', ["finger.ventral", "towards each other"]),
         ("[pinch]\nhalf_distance = 0.3", ["pinch.half_distance", "walls", "0.29275"]),
-        ("[pinch]\nhalf_distance = 0.0105", ["pinch.half_distance", "0.0035", "raise half_distance"]),
+        (
+            "[pinch]\nhalf_distance = 0.0105",
+            ["pinch.half_distance", "0.0035", "raise half_distance"],
+        ),
         ("[pinch]\nresidual_gap = 0.0", ["pinch.residual_gap", "got 0"]),
         ('[pinch]\nclosing_law = "sudden"', ["pinch.closing_law", "ramp", "sudden"]),
         ("[pinch]\ngap = 0.001", ["pinch.gap", "not known"]),
@@ -68,10 +71,14 @@ def test_shapes_beyond_the_plane_are_refused(tmp_path):
     tilted = "[finger]\ntilt_deg = 40.0\n"
     with pytest.raises(StageError, match=r"gap of -\d\.\d\d mm to the plane"):
         kinematics_values(write_scene(tmp_path / "b", "quarter", tilted, parent="pinch"))
-    inside = OBJECT.format(d=0.07, y=0.18) + "[pinch]\nhalf_distance = 0.045\nresidual_gap = 0.0005\n"
+    inside = (
+        OBJECT.format(d=0.07, y=0.18) + "[pinch]\nhalf_distance = 0.045\nresidual_gap = 0.0005\n"
+    )
     with pytest.raises(StageError, match="to the plane or the object"):
         kinematics_values(
-            write_scene(tmp_path / "c", "quarter", inside + "[finger]\ntilt_deg = 20.0", parent="pinch")
+            write_scene(
+                tmp_path / "c", "quarter", inside + "[finger]\ntilt_deg = 20.0", parent="pinch"
+            )
         )
 
 
@@ -79,7 +86,9 @@ def test_a_finger_that_curls_into_the_support_is_refused(tmp_path):
     curl = "[motion]\nstrokes = [{ pressure_kpa = 39.0, start = 0.005, duration = 0.4 }]\n"
     more = curl + SUPPORT.format(x=0.3, h=0.02, y=0.2451)
     with pytest.raises(StageError, match=r"touches the support at 1\d\d\.\d° of bend; raise"):
-        kinematics_values(write_scene(tmp_path / "s", "half", more + "[finger.tip]\nlength = 0.03\n"))
+        kinematics_values(
+            write_scene(tmp_path / "s", "half", more + "[finger.tip]\nlength = 0.03\n")
+        )
     kinematics_values(write_scene(tmp_path / "t", "half", SUPPORT.format(x=0.3, h=0.02, y=0.245)))
 
 

@@ -34,7 +34,13 @@ def test_what_the_states_follow_from_is_refused_with_key_and_remedy_and_nothing_
     scene = write_scene(tmp_path / "scene", more=more)
     with pytest.raises(StageError) as caught:
         update_settings(scene, quiet=True)
-    for word in (*words, "scene.toml", "states.h5", "python -m pipeline fea", "take the change back"):
+    for word in (
+        *words,
+        "scene.toml",
+        "states.h5",
+        "python -m pipeline fea",
+        "take the change back",
+    ):
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not list((scene.out / "settings").glob("*"))
@@ -68,7 +74,10 @@ def test_the_remedy_is_of_the_scene_whose_actuator_it_is(tmp_path):
     parent = write_scene(tmp_path / "parent", more=WIDER + OWN)
     (parent.folder / "kinematics").unlink()
     shutil.copytree(ROOT / "cases" / "single_finger" / "kinematics", parent.folder / "kinematics")
-    for name, more, folder in (("child", "", "parent"), ("other", "[actuator]\nwidth = 0.02\n", "other")):
+    for name, more, folder in (
+        ("child", "", "parent"),
+        ("other", "[actuator]\nwidth = 0.02\n", "other"),
+    ):
         (tmp_path / name).mkdir()
         (tmp_path / name / "scene.toml").write_text(f'extends = "../parent"\n{more}')
         with pytest.raises(StageError, match=f"pipeline.fea {tmp_path / folder}[ ,]"):
@@ -81,6 +90,8 @@ def test_a_study_is_refused_but_for_its_runs_that_are_analysed_first(tmp_path):
     table = scene.folder / "studies" / "trial.csv"
     table.write_text("run, level, until, actuator.width\nnarrow, tiny, kinematics, 0.02\n")
     assert json.loads(plan(table).read_text())["runs"][0]["fea"]
-    table.write_text("run, level, until, actuator.width\nnarrow, tiny, kinematics, 0.02\nplain, tiny, run,\n")
+    table.write_text(
+        "run, level, until, actuator.width\nnarrow, tiny, kinematics, 0.02\nplain, tiny, run,\n"
+    )
     with pytest.raises(StageError, match=r"run plain: .*actuator\.width"):
         plan(table)

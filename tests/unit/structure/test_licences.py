@@ -23,7 +23,11 @@ GOOD = {
 
 def table():
     lines = (ROOT / "docs" / "licences.md").read_text().splitlines()
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| ")]
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in lines
+        if line.startswith("| ")
+    ]
     return {name: (licence, lock.split(" and ")) for name, licence, lock in rows[1:]}
 
 

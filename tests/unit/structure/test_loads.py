@@ -21,7 +21,9 @@ LENGTH, EI = 0.07, 0.48e-3
 
 def straight(**law):
     line = np.stack([np.linspace(0, LENGTH, 125), np.zeros(125)], -1)
-    states = States(np.array([-1e3, 0.0, 1e3]), np.repeat(line[None], 3, 0), np.full((3, 125), 0.0167))
+    states = States(
+        np.array([-1e3, 0.0, 1e3]), np.repeat(line[None], 3, 0), np.full((3, 125), 0.0167)
+    )
     return Chain(states, replace(constant_law(EI, 0.0, 3), **law), 0.028)
 
 
@@ -64,7 +66,9 @@ def test_weight_and_buoyancy_are_in_it():
         chain = straight(**rubber | {"rubber_mass": mass * rubber["rubber_mass"]})
         at, rates = prescribed(chain, lambda t: 0 * t, np.zeros(1))
         around = Surroundings(9.81j, 998.2)
-        deflection = deflections(chain, np.zeros(1), at, rates, around, np.zeros((1, chain.slices, 3)))
+        deflection = deflections(
+            chain, np.zeros(1), at, rates, around, np.zeros((1, chain.slices, 3))
+        )
         wanted = factor * rubber["rubber_mass"] * 9.81 * LENGTH**3 / (6 * EI)
         assert deflection[0] == pytest.approx(wanted, rel=0.01, abs=1e-9)
 
@@ -72,7 +76,9 @@ def test_weight_and_buoyancy_are_in_it():
 def test_given_stiffness_takes_the_place_of_the_analysis():
     law = bending_law(STATES, 1e-3)
     joint = law_at(law, STATES.pressure, -2e4)
-    np.testing.assert_allclose(joint.change(np.array([-1e-3, 0.0, 5e-4])), [-1.0, 0.0, 0.5], atol=1e-9)
+    np.testing.assert_allclose(
+        joint.change(np.array([-1e-3, 0.0, 5e-4])), [-1.0, 0.0, 0.5], atol=1e-9
+    )
     assert law.rubber_mass == STATES.law.rubber_mass
     plain = States(STATES.pressure, STATES.profile, STATES.thickness)
     assert bending_law(plain, None) is None
@@ -96,5 +102,7 @@ def test_the_check_in_words():
         "unknown": "",
     }
     assert "at 0.038 s, where the finger is at 2.3°" in deflection_sentence(values)
-    assert "by -17.2°, 20% of the stroke, if giving way did not lessen them" in deflection_sentence(values)
+    assert "by -17.2°, 20% of the stroke, if giving way did not lessen them" in deflection_sentence(
+        values
+    )
     assert deflection_sentence({"unknown": "The body is rigid."}) == "The body is rigid."

@@ -45,8 +45,12 @@ def made(monkeypatch):
         )
         delta = read_elastic_motion(home / name / "elastic_motion.h5")["delta"].values
         truth = replace(structure.around, added_mass=1.0, drag=3.0)
-        values = loads_of_model(structure.chain, structure.pressure, delta, structure.step, truth)[1:]
-        values = np.concatenate([np.zeros((len(values), 1, 3)), values], axis=1)  # the clamped length
+        values = loads_of_model(structure.chain, structure.pressure, delta, structure.step, truth)[
+            1:
+        ]
+        values = np.concatenate(
+            [np.zeros((len(values), 1, 3)), values], axis=1
+        )  # the clamped length
         scene.out.mkdir(parents=True, exist_ok=True)
         write_loads(
             scene.out,
@@ -117,9 +121,13 @@ def test_the_last_run_leaves_what_its_own_loads_would_change(scene_of, made):
     folder = couple.couple(scene, ranks=1, quiet=True)
     own, after = (read_elastic_motion(folder / name) for name in ("elastic_motion.h5", "after.h5"))
     loads = read_loads(folder / "out" / "smoke" / "loads.h5")
-    np.testing.assert_allclose(after["delta"], couple.Structure(scene).next(own["delta"].values, loads))
+    np.testing.assert_allclose(
+        after["delta"], couple.Structure(scene).next(own["delta"].values, loads)
+    )
     assert (
-        after.attrs["tip_change"] <= scene.structure.tolerance * scene.finger.length < own.attrs["tip_change"]
+        after.attrs["tip_change"]
+        <= scene.structure.tolerance * scene.finger.length
+        < own.attrs["tip_change"]
     )
     assert not (folder.parent / "smoke_1" / "after.h5").exists()
 
@@ -133,7 +141,8 @@ def test_too_few_runs_end_with_a_sentence(scene_of, made):
 def test_too_few_runs_for_the_fine_level_end_with_a_sentence(scene_of, made):
     """The first run is near enough at draft, and none is left for coarse."""
     with pytest.raises(
-        StageError, match=r"after 1 runs the motion of level coarse is not reached: .* energy was open"
+        StageError,
+        match=r"after 1 runs the motion of level coarse is not reached: .* energy was open",
     ):
         couple.couple(scene_of("[structure]\niterations = 1\n", "coarse"), ranks=1, quiet=True)
     assert [level for _, level, _ in made] == ["draft"]
@@ -202,7 +211,9 @@ def test_a_pinch_that_ends_before_its_contact_is_coupled_as_a_whole(tmp_path, ma
 
 
 def test_what_cannot_be_coupled_is_refused(tmp_path):
-    (tmp_path / "scene.toml").write_text(f'extends = "{CASE}"\n[motion]\nsource = "paper_equations"\n')
+    (tmp_path / "scene.toml").write_text(
+        f'extends = "{CASE}"\n[motion]\nsource = "paper_equations"\n'
+    )
     with pytest.raises(StageError, match="COUPLED=1 takes fingers"):
         couple.couple(load_scene(tmp_path, "smoke"), ranks=1, quiet=True)
 

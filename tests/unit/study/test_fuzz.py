@@ -25,7 +25,9 @@ def test_damaged_files_are_read_or_refused_in_one_sentence(name, tmp_path):
     files.mkdir()
     whole = target.seeds(seeds)
     assert any(check(target, content, files) is None for content in whole), "no seed is read"
-    outcomes = [check(target, damaged(whole, draw), files) for _ in range(max(2, INPUTS // target.costs))]
+    outcomes = [
+        check(target, damaged(whole, draw), files) for _ in range(max(2, INPUTS // target.costs))
+    ]
     assert any(outcome is not None for outcome in outcomes), (
         "nothing was ever refused: the damage is not seen"
     )

@@ -80,7 +80,9 @@ def test_morison_coefficients_are_recovered():
     force = -0.5 * 2.1 * np.abs(u) * u - 0.25 * np.pi * 1.45 * a
     assert morison(u, a, force, 1.0, 1.0) == pytest.approx((2.1, 1.45))
     time = np.linspace(0, 3, 601)
-    assert cycle_of(time, np.sin(2 * np.pi * time), 1.0, np.array([0.25]))[0] == pytest.approx(1, abs=1e-4)
+    assert cycle_of(time, np.sin(2 * np.pi * time), 1.0, np.array([0.25]))[0] == pytest.approx(
+        1, abs=1e-4
+    )
 
 
 def test_the_history_integral_of_a_constant_and_of_a_ramp():

@@ -13,7 +13,20 @@ from tests.conftest import ROOT
 from tests.inner_make import inner_environment
 
 SPARED = ("cases", ".venv", ".git", "Makefile")
-REFUSED = ["help", "a b", "c$(touch pwned)", "u$(x", "x:y", "x;y", "x#y", "q'q", '"', "-n", "%", "a\\"]
+REFUSED = [
+    "help",
+    "a b",
+    "c$(touch pwned)",
+    "u$(x",
+    "x:y",
+    "x;y",
+    "x#y",
+    "q'q",
+    '"',
+    "-n",
+    "%",
+    "a\\",
+]
 
 
 def checkout(folder):
@@ -49,7 +62,9 @@ def test_a_scene_of_another_name_is_left_out_with_a_sentence(project, name):
     done = make(project, "good.kinematics")
     assert done.returncode == 0, done.stderr
     assert "pipeline kinematics cases/good" in done.stdout
-    assert done.stderr.startswith(f"cases/{name} is left out: a scene is named by letters, digits, _ and -")
+    assert done.stderr.startswith(
+        f"cases/{name} is left out: a scene is named by letters, digits, _ and -"
+    )
     assert "the whole test suite" in subprocess.run(
         ["make", "help"], cwd=project, env=inner_environment(), capture_output=True, text=True
     ).stdout  # fmt: skip
@@ -102,7 +117,10 @@ def test_a_switch_that_goes_with_a_whole_scene_is_refused_with_a_stage(project, 
 
 def test_a_misspelt_scene_is_told_with_the_nearest():
     done = make(ROOT, "singel_finger")
-    assert "singel_finger: no such scene or target; did you mean single_finger? make help" in done.stderr
+    assert (
+        "singel_finger: no such scene or target; did you mean single_finger? make help"
+        in done.stderr
+    )
     done = make(ROOT, "single_finger", "LEVLE=smoke")
     assert "LEVLE: no such switch; did you mean LEVEL? make help" in done.stderr
 
@@ -128,7 +146,9 @@ def test_numbers_that_are_some_pass(project, words):
         ("run/run.json", ""),
     ],
 )
-def test_a_small_file_that_was_deleted_is_made_again_and_a_large_one_is_not(tmp_path, deleted, made):
+def test_a_small_file_that_was_deleted_is_made_again_and_a_large_one_is_not(
+    tmp_path, deleted, made
+):
     project = checkout(tmp_path)
     out = project / "cases" / "good" / "out" / "coarse"
     needs = [line.split(" := ")[1].split() for line in (ROOT / "fileio" / "stages.mk").read_text().splitlines() if line.startswith("NEEDS.")]  # fmt: skip
@@ -165,10 +185,17 @@ def test_a_path_in_other_letters_is_none_of_these(tmp_path):
 def test_without_a_network_the_set_up_ends_soon_in_one_sentence(tmp_path):
     (tmp_path / "pipeline").mkdir()
     shutil.copy(ROOT / "pipeline" / "setup.sh", tmp_path / "pipeline")
-    (tmp_path / "requirements.lock").write_text("no-such-package==1.0 --hash=sha256:" + "0" * 64 + "\n")
+    (tmp_path / "requirements.lock").write_text(
+        "no-such-package==1.0 --hash=sha256:" + "0" * 64 + "\n"
+    )
     env = os.environ | {"PIP_INDEX_URL": "http://127.0.0.1:9/simple", "PIP_NO_CACHE_DIR": "1", "PIP_CONFIG_FILE": os.devnull}  # fmt: skip
     done = subprocess.run(
-        ["sh", "pipeline/setup.sh"], cwd=tmp_path, env=env, capture_output=True, text=True, timeout=120
+        ["sh", "pipeline/setup.sh"],
+        cwd=tmp_path,
+        env=env,
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     assert done.returncode == 1
     said = done.stderr.splitlines()

@@ -11,39 +11,55 @@ from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT
 from tests.inner_make import inner_environment
 
-MAKEFILES = [ROOT / "Makefile", ROOT / "postprocess" / "lab" / "compare.mk", ROOT / "fileio" / "stages.mk"]
+MAKEFILES = [
+    ROOT / "Makefile",
+    ROOT / "postprocess" / "lab" / "compare.mk",
+    ROOT / "fileio" / "stages.mk",
+]
 TEXT = "\n".join(path.read_text(encoding="utf-8") for path in MAKEFILES)
 LISTED = [page.split(":")[:2] for page in re.search(r"(?m)^DOCS \?= (.*)$", TEXT).group(1).split()]
 # a page is named by its scene, at the default level, or by scene and level
 DOCUMENTED = {
-    scene if level == DEFAULT_LEVEL else f"{scene}_{level}": (scene, level) for scene, level in LISTED
+    scene if level == DEFAULT_LEVEL else f"{scene}_{level}": (scene, level)
+    for scene, level in LISTED
 }
 
 
 @pytest.fixture(scope="module")
 def told():
     """What `make help` prints."""
-    done = subprocess.run(["make", "-s", "help"], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        ["make", "-s", "help"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
     return done.stdout
 
 
 def phony():
     """Targets for a user that are no scene's."""
     return set(
-        re.search(r"(?m)^USER_TARGETS := ((?:.*\\\n)*.*)$", TEXT).group(1).replace("\\\n", " ").split()
+        re.search(r"(?m)^USER_TARGETS := ((?:.*\\\n)*.*)$", TEXT)
+        .group(1)
+        .replace("\\\n", " ")
+        .split()
     )
 
 
 def test_every_target_for_a_user_has_a_line_of_help(told):
     listed = set(re.findall(r"(?m)^make ([a-z-]+) ", told))
     assert phony() <= listed
-    assert set(re.findall(r"(?m)^([a-z][a-z-]+):(?!=).*##", TEXT)) == phony()  # and the other way round
+    assert (
+        set(re.findall(r"(?m)^([a-z][a-z-]+):(?!=).*##", TEXT)) == phony()
+    )  # and the other way round
 
 
 def test_what_the_readme_and_the_docs_tell_to_make_is_there(told):
     scenes = {path.parent.name for path in (ROOT / "cases").glob("*/scene.toml")} | {"SCENE"}
     scenes.add("slurm_test")  # of tests/slurm, in its log
-    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "fea").glob("*.md")]
+    pages = [
+        ROOT / "README.md",
+        *(ROOT / "docs").glob("*.md"),
+        *(ROOT / "docs" / "fea").glob("*.md"),
+    ]
     for page in pages:
         asked = set(re.findall(r"`make ([a-z][a-z_.-]*)", page.read_text(encoding="utf-8")))
         assert {name.split(".")[0] for name in asked} <= phony() | scenes, page
@@ -56,7 +72,9 @@ def test_the_makefiles_can_be_read():
 @pytest.mark.parametrize("page", sorted(DOCUMENTED))
 def test_the_docs_are_made_at_the_level_that_their_page_says(page):
     scene, level = DOCUMENTED[page]
-    assert f"`cases/{scene}/out/{level}/`" in (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    assert f"`cases/{scene}/out/{level}/`" in (ROOT / "docs" / f"{page}.md").read_text(
+        encoding="utf-8"
+    )
     assert load_scene(ROOT / "cases" / scene, level).level == level
 
 

@@ -16,7 +16,12 @@ TRACE = "Traceback (most recent call last):\n  File x\nKeyError: 'a'\n"
     "code, said, ended, reason",
     [
         (2, "mesh: cases/a/scene.toml: mesh.tip_cell: too coarse\n", "refused", "too coarse"),
-        (2, "run: stopped at 0.0125 s by a guard: Courant number 31\n", "stopped", "Courant number 31"),
+        (
+            2,
+            "run: stopped at 0.0125 s by a guard: Courant number 31\n",
+            "stopped",
+            "Courant number 31",
+        ),
         (2, "run: pimpleFoam failed at 0.1 s (log: x); its last lines:\nwhat\n", "failed", "what"),
         (1, TRACE, "crashed", "KeyError: 'a'"),
         (2, TRACE, "crashed", "KeyError: 'a'"),

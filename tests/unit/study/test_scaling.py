@@ -13,7 +13,9 @@ from pipeline.study.scaling_model import Network, Solver, fit, imbalance, step_t
 from tests.conftest import write_scene
 
 NETWORK = Network(latency=2e-6, bandwidth=1e9, ranks_per_node=64, saturated=2.0)
-SOLVER = Solver(seconds_per_cell=4e-6, pair_slowdown=1.1, serial_seconds_per_cell=0.0, pressure_cycles=6.0)
+SOLVER = Solver(
+    seconds_per_cell=4e-6, pair_slowdown=1.1, serial_seconds_per_cell=0.0, pressure_cycles=6.0
+)
 FREE = Network(latency=0.0, bandwidth=1e30, ranks_per_node=10**6, saturated=1.0)
 
 
@@ -29,7 +31,12 @@ def test_without_communication_only_imbalance_is_lost():
 
 
 def test_fit_recovers_the_solver_that_made_the_measurements():
-    one = {"cells": 6e4, "columns": 4.9e3, "step_s": step_time(6e4, 1, 4.9e3, SOLVER, NETWORK), "cycles": 6.0}
+    one = {
+        "cells": 6e4,
+        "columns": 4.9e3,
+        "step_s": step_time(6e4, 1, 4.9e3, SOLVER, NETWORK),
+        "cycles": 6.0,
+    }
     two = one | {"alone_s": one["step_s"], "step_s": step_time(6e4, 2, 4.9e3, SOLVER, NETWORK)}
     solver = fit(one, two, NETWORK)
     assert solver.seconds_per_cell == pytest.approx(4e-6)
@@ -90,7 +97,9 @@ def test_a_prediction_says_what_it_does_not_know(tmp_path):
     assert "InfiniBand" in text
 
 
-@pytest.mark.parametrize("seconds, text", [(6.2, "6 s"), (89, "89 s"), (600, "10 min"), (7200, "2.0 h")])
+@pytest.mark.parametrize(
+    "seconds, text", [(6.2, "6 s"), (89, "89 s"), (600, "10 min"), (7200, "2.0 h")]
+)
 def test_times_are_in_the_unit_that_is_read(seconds, text):
     assert duration(seconds) == text
 

@@ -17,7 +17,9 @@ def test_every_run_of_the_single_finger_has_its_own_time_step():
 def test_the_base_is_told_as_the_table_has_it(tmp_path, monkeypatch, step):
     stroke = '"[{""pressure_kpa"": 15, ""start"": 0.005, ""duration"": 0.2}]"'
     study = tmp_path / "study.csv"
-    study.write_text(f"run,level,motion.strokes,numerics.time_step\n{page.BASE},draft,{stroke},{step}\n")
+    study.write_text(
+        f"run,level,motion.strokes,numerics.time_step\n{page.BASE},draft,{stroke},{step}\n"
+    )
     monkeypatch.setattr(page, "STUDY", study)
     text = "\n".join(page.runs_part([DONE]))
     assert f"level draft, 0 → 15 kPa in 0.2 s, time step {1e3 * float(step):g} ms" in text

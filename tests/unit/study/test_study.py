@@ -36,7 +36,8 @@ def study(folder: Path, rows: str) -> Path:
 def test_rows_become_scenes_that_differ_in_what_the_table_says(tmp_path):
     scene = write_scene(tmp_path / "small")
     table = study(
-        scene.folder, 'fine, tiny, run, 2, 5e-4, , , \nwide, tiny, vortices, , , half, 48, "[0.01, 0.2]"\n'
+        scene.folder,
+        'fine, tiny, run, 2, 5e-4, , , \nwide, tiny, vortices, , , half, 48, "[0.01, 0.2]"\n',
     )
     written_plan = json.loads(plan(table).read_text())
     assert written_plan["scene"] == "small"
@@ -48,7 +49,9 @@ def test_rows_become_scenes_that_differ_in_what_the_table_says(tmp_path):
     assert fine.mesh == wide.mesh == scene.mesh
     assert len({scene.digest(), fine.digest(), wide.digest()}) == 3
     assert (wide.out / "settings" / "piv.json").exists()
-    assert (wide.folder / wide.motion.states).exists()  # the parent's path, seen from the new folder
+    assert (
+        wide.folder / wide.motion.states
+    ).exists()  # the parent's path, seen from the new folder
 
 
 def test_a_table_that_changed_does_not_reach_under_a_stage_at_work(tmp_path):
@@ -70,8 +73,18 @@ def test_equal_stages_are_computed_once(tmp_path):
     )
     owners = {row["run"]: row["owners"] for row in json.loads(plan(table).read_text())["runs"]}
     assert {o["kinematics"] for o in owners.values()} == {"a"}
-    assert [owners[r]["mesh"] for r in "abcd"] == ["a", "a", "c", "a"]  # its intervals begin at time steps
-    assert [owners[r]["run"] for r in "abcd"] == ["a", "b", "c", "a"]  # other ranks and steps are other runs
+    assert [owners[r]["mesh"] for r in "abcd"] == [
+        "a",
+        "a",
+        "c",
+        "a",
+    ]  # its intervals begin at time steps
+    assert [owners[r]["run"] for r in "abcd"] == [
+        "a",
+        "b",
+        "c",
+        "a",
+    ]  # other ranks and steps are other runs
     assert owners["d"]["images"] == "a"
     assert owners["d"]["piv"] == "d"
 
@@ -79,7 +92,9 @@ def test_equal_stages_are_computed_once(tmp_path):
 def test_the_plan_says_what_each_result_is_to_be_made_with(tmp_path):
     scene = write_scene(tmp_path / "small")
     written_plan = json.loads(
-        plan(study(scene.folder, "a, tiny, vortices, 1, , , 48, \nb, tiny, run, 1, 5e-4, , , \n")).read_text()
+        plan(
+            study(scene.folder, "a, tiny, vortices, 1, , , 48, \nb, tiny, run, 1, 5e-4, , , \n")
+        ).read_text()
     )
     a, b = written_plan["runs"]
     assert a["stages"] == [
@@ -100,13 +115,17 @@ def test_the_plan_says_what_each_result_is_to_be_made_with(tmp_path):
     assert len(a["wanted"]) == len(a["stages"]) - 1
     assert a["settings"]["piv"]["window"] == 48
     assert b["settings"]["case"]["numerics"]["time_step"] == 5e-4
-    assert a["settings"]["kinematics"] == b["settings"]["kinematics"]  # whatever the folders are called
+    assert (
+        a["settings"]["kinematics"] == b["settings"]["kinematics"]
+    )  # whatever the folders are called
     assert set(written_plan["files"]) >= set(a["stages"])
 
 
 def test_scene_text_is_toml_that_says_only_what_differs():
     row = Row(
-        "r", "coarse", overrides={"fluid.turbulence": "WALE", "sheet.rate_hz": 100, "actuator.width": 0.02}
+        "r",
+        "coarse",
+        overrides={"fluid.turbulence": "WALE", "sheet.rate_hz": 100, "actuator.width": 0.02},
     )
     table = tomllib.loads(scene_text("../..", row))
     assert table["extends"] == "../.."
@@ -213,7 +232,9 @@ def test_the_table_says_how_runs_ended_and_what_actuators_gave(tmp_path):
     scene = write_scene(tmp_path / "small")
     (scene.folder / "studies").mkdir()
     table = scene.folder / "studies" / "mixed.csv"
-    table.write_text("run, level, until, actuator.width\nwide, tiny, fea, 0.03\nplain, tiny, run, \n")
+    table.write_text(
+        "run, level, until, actuator.width\nwide, tiny, fea, 0.03\nplain, tiny, run, \n"
+    )
     planned = read_plan(plan(table))
     wide, plain = (Path(row["folder"]) for row in planned["runs"])
     (wide / "kinematics").mkdir()
@@ -280,7 +301,9 @@ def test_two_rows_in_one_place_are_refused(tmp_path):
     write_scene(tmp_path / "one")
     (tmp_path / "studies").mkdir()
     table = tmp_path / "studies" / "all.csv"
-    table.write_text("run, scene, level, until, ranks\na, one, tiny, run, 1\nb, one, tiny, run, 2\n")
+    table.write_text(
+        "run, scene, level, until, ranks\na, one, tiny, run, 1\nb, one, tiny, run, 2\n"
+    )
     with pytest.raises(StageError, match=r"runs a and b: both are .*one at level tiny"):
         plan(table)
 
@@ -314,7 +337,9 @@ def test_a_refused_run_that_may_fail_is_planned_beside_the_others(tmp_path, monk
     assert runs["odd"]["estimates"] == {}
     before = (Path(runs["good"]["folder"]) / "out" / "tiny" / "asked.json").stat().st_mtime_ns
     plan(table)  # nothing changed: nothing is to be run again
-    assert (Path(runs["good"]["folder"]) / "out" / "tiny" / "asked.json").stat().st_mtime_ns == before
+    assert (
+        Path(runs["good"]["folder"]) / "out" / "tiny" / "asked.json"
+    ).stat().st_mtime_ns == before
 
 
 @pytest.mark.parametrize(
@@ -343,7 +368,9 @@ def test_a_run_of_the_studys_own_scene_lies_beneath_the_study(tmp_path):
 SHIPPED = sorted((ROOT / "cases").glob("*/studies/*.csv"))
 
 
-@pytest.mark.parametrize("table", SHIPPED, ids=lambda path: f"{path.parent.parent.name}-{path.stem}")
+@pytest.mark.parametrize(
+    "table", SHIPPED, ids=lambda path: f"{path.parent.parent.name}-{path.stem}"
+)
 def test_every_row_of_a_shipped_study_is_a_scene(table, tmp_path):
     """A slip in a table is found here, not after the runs before it; rows that may fail may be refused."""
     for row in read_study(table):

@@ -30,7 +30,9 @@ def made(row, settings=None):
             with h5py.File(path, "w") as file:
                 file.attrs["settings"] = text
         elif path.suffix == ".csv":
-            path.write_text("# " + json.dumps({"format": "vortices", "settings": text}) + "\ntime\n")
+            path.write_text(
+                "# " + json.dumps({"format": "vortices", "settings": text}) + "\ntime\n"
+            )
         else:
             path.write_text("{}")
 
@@ -77,10 +79,16 @@ def test_a_hole_on_the_way_is_no_result_though_what_was_made_of_it_before_is_the
             {"numerics": {"time_step": 2e-3}},
             "sweep.h5 was made with another numerics.time_step (0.002, not 0.001)",
         ),
-        ("kinematics", {"files": {"other/states.h5": "0"}}, "kinematics.h5 was made with another files"),
+        (
+            "kinematics",
+            {"files": {"other/states.h5": "0"}},
+            "kinematics.h5 was made with another files",
+        ),
     ],
 )
-def test_results_of_an_older_plan_are_not_taken_for_those_of_the_new(planned, stage, settings, words):
+def test_results_of_an_older_plan_are_not_taken_for_those_of_the_new(
+    planned, stage, settings, words
+):
     row = planned["runs"][1]
     made(row, {stage: merge(row["settings"][stage], settings)})
     assert words in unfinished(planned, row)
@@ -88,27 +96,46 @@ def test_results_of_an_older_plan_are_not_taken_for_those_of_the_new(planned, st
 
 def test_names_of_files_do_not_count():
     wanted = {"motion": {"end_time": 0.4}, "files": ["1e3b"]}
-    made = {"motion": {"end_time": 0.4, "states": "../a/states.h5"}, "files": {"../a/states.h5": "1e3b"}}
+    made = {
+        "motion": {"end_time": 0.4, "states": "../a/states.h5"},
+        "files": {"../a/states.h5": "1e3b"},
+    }
     assert differing("kinematics", wanted, made) is None
 
 
 def test_a_key_that_came_later_and_is_not_given_is_no_difference():
-    assert differing("kinematics", {"motion": {"path_csv": None}, "body": None}, {"motion": {}}) is None
+    assert (
+        differing("kinematics", {"motion": {"path_csv": None}, "body": None}, {"motion": {}})
+        is None
+    )
     assert differing("kinematics", {"body": None}, {"body": {"length": 1.0}}) is not None
     assert differing("kinematics", {"body": {"length": 1.0}}, {"body": None}) is not None
 
 
 def test_groups_of_flags_count_for_images_only():
-    wanted = {"background": 8.0, "truth": True}  # what is written beside the images is not recorded in them
+    wanted = {
+        "background": 8.0,
+        "truth": True,
+    }  # what is written beside the images is not recorded in them
     assert differing("images", wanted, {"camera": {"background": 8.0}}) is None
-    assert differing("images", wanted, {"camera": {"background": 9.0}}) == "background (9.0, not 8.0)"
-    assert differing("piv", {"window": 32}, {"first": {"window": 32}}) == "window (none is recorded, not 32)"
+    assert (
+        differing("images", wanted, {"camera": {"background": 9.0}}) == "background (9.0, not 8.0)"
+    )
+    assert (
+        differing("piv", {"window": 32}, {"first": {"window": 32}})
+        == "window (none is recorded, not 32)"
+    )
 
 
 def test_what_is_not_recorded_is_not_what_was_asked_for(planned):
     """A result of before a number was recorded may have been made with any."""
     row = planned["runs"][1]
-    for stage, key in (("mesh", "numerics"), ("piv", "window"), ("images", "seed"), ("case", "templates")):
+    for stage, key in (
+        ("mesh", "numerics"),
+        ("piv", "window"),
+        ("images", "seed"),
+        ("case", "templates"),
+    ):
         made(row, {stage: {k: v for k, v in row["settings"][stage].items() if k != key}})
         assert f"another {key}" in unfinished(planned, row)
         assert "none is recorded" in unfinished(planned, row)
@@ -118,8 +145,9 @@ def test_what_the_plan_leaves_out_at_its_default_must_not_be_recorded_otherwise(
     row = planned["runs"][1]
     case = row["settings"]["case"]
     made(row, {"case": case | {"numerics": case["numerics"] | {"interpolation": "skewCorrected"}}})
-    assert 'numerics.interpolation ("skewCorrected", which the plan does not ask for)' in unfinished(
-        planned, row
+    assert (
+        'numerics.interpolation ("skewCorrected", which the plan does not ask for)'
+        in unfinished(planned, row)
     )
 
 
@@ -169,7 +197,10 @@ def test_the_page_of_a_study_says_what_was_run_and_with_what():
     rows = [[*run, "number", "contact_time", 0.25, "s", None, ""] for run in about]
     rows += [[*run, *told] for run, told in zip(about, finding, strict=True)]
     text = studies.page(
-        "# Trial", pd.DataFrame(rows, columns=studies.COLUMNS), {"lost": "run.json is not there"}, "trial"
+        "# Trial",
+        pd.DataFrame(rows, columns=studies.COLUMNS),
+        {"lost": "run.json is not there"},
+        "trial",
     )
     assert "| near | gap = 1 | 2d | 2600 | 640 |" in text
     assert "OpenFOAM v1912 and v2306" in text
@@ -178,7 +209,9 @@ def test_the_page_of_a_study_says_what_was_run_and_with_what():
     assert "lost (run.json is not there)" in text
 
 
-def test_a_bending_analysis_and_a_run_that_may_fail_are_missing_until_they_are_there(tmp_path, monkeypatch):
+def test_a_bending_analysis_and_a_run_that_may_fail_are_missing_until_they_are_there(
+    tmp_path, monkeypatch
+):
     monkeypatch.setattr("pipeline.study.plan.foam_version", lambda: "v1912")
     scene = write_scene(tmp_path / "small")
     (scene.folder / "studies").mkdir()
@@ -242,9 +275,17 @@ def judged(planned, monkeypatch, tmp_path):
     )
 
     def measure(run, change):
-        about = {"run": run["run"], "change": change, "made_with": studies.made_with(run), "note": ""}
+        about = {
+            "run": run["run"],
+            "change": change,
+            "made_with": studies.made_with(run),
+            "note": "",
+        }
         rows = [("side", "dorsal", "", True), ("size", 1.5, "m", None)]
-        rows = [about | dict(zip(("quantity", "value", "unit", "met"), row, strict=True)) for row in rows]
+        rows = [
+            about | dict(zip(("quantity", "value", "unit", "met"), row, strict=True))
+            for row in rows
+        ]
         return pd.DataFrame(rows, columns=studies.COLUMNS)
 
     monkeypatch.setattr(studies, "measure", measure)
@@ -283,12 +324,17 @@ def test_rows_made_with_other_settings_or_findings_do_not_stay(judged):
 
 def test_words_have_the_tables_numbers():
     table = pd.DataFrame(
-        [("one", "speed", 0.2, "m/s"), ("two", "speed", 0.25, "m/s"), ("one", "side", "dorsal", "")],
+        [
+            ("one", "speed", 0.2, "m/s"),
+            ("two", "speed", 0.25, "m/s"),
+            ("one", "side", "dorsal", ""),
+        ],
         columns=["run", "quantity", "value", "unit"],
     )
     words = "{one:speed} and {two:speed} ({two:speed/one}), {three:speed} ({three:speed/one}, {one:speed/three}), {one:side}"
     assert (
-        studies.with_numbers(words, table) == "0.2\u00a0m/s and 0.25\u00a0m/s (+25\u00a0%), – (–, –), dorsal"
+        studies.with_numbers(words, table)
+        == "0.2\u00a0m/s and 0.25\u00a0m/s (+25\u00a0%), – (–, –), dorsal"
     )
     with pytest.raises(ValueError, match="quantity 'spede'"):
         studies.with_numbers("{one:spede}", table)

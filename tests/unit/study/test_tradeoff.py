@@ -52,7 +52,9 @@ def test_errors_of_known_size():
     errors = vortex_errors(table, moved, (0.1, 0.3), 0.02)
     assert errors["error_circulation"] == pytest.approx(0.1)
     assert errors["error_centre_mm"] == pytest.approx(5.0)
-    assert worst(errors | {"error_velocity": 0.05}) == {"error": pytest.approx(0.25)}  # 5 mm of a tip of 20
+    assert worst(errors | {"error_velocity": 0.05}) == {
+        "error": pytest.approx(0.25)
+    }  # 5 mm of a tip of 20
     assert vortex_errors(table[:0], moved, (0.1, 0.3), 0.02) == {}
     assert vortex_errors(table, moved[:0], (0.1, 0.3), 0.02) == {}
     assert worst({"error_velocity": 0.05}) == {}  # without a vortex nothing is judged
@@ -60,7 +62,9 @@ def test_errors_of_known_size():
 
 def test_the_dorsal_circulation_is_judged_by_what_the_water_decides():
     """The finger's own surface gives two thirds of it on every grid: that would make any error look a third of what it is."""
-    reference = pd.DataFrame({"time": [0.1, 0.2], "circulation": [-6e-3, -9e-3], "of_water": [-2e-3, -3e-3]})
+    reference = pd.DataFrame(
+        {"time": [0.1, 0.2], "circulation": [-6e-3, -9e-3], "of_water": [-2e-3, -3e-3]}
+    )
     other = pd.DataFrame({"time": [0.1, 0.15, 0.2], "circulation": [-6.2e-3, -7.75e-3, -9.3e-3]})
     assert dorsal_error(reference, other) == pytest.approx(0.1)
 
@@ -179,8 +183,13 @@ def test_page_figure_and_results_that_can_be_chosen_from(tmp_path):
     assert "against medium, whose own is estimated at 6.0%" in judges_doubt(head, 0.05)
     assert judges_doubt(head, 0.07) == ""
     assert judges_doubt({"best": "medium"}, 0.01) == ""  # a table of before
-    assert [s.row.run for s in settings] == ["draft", "draft_2d"]  # the best has no error, PIV is no flow
-    assert settings[1].row.overrides == {"model.kind": "2d"}  # how often the study sampled is no setting
+    assert [s.row.run for s in settings] == [
+        "draft",
+        "draft_2d",
+    ]  # the best has no error, PIV is no flow
+    assert settings[1].row.overrides == {
+        "model.kind": "2d"
+    }  # how often the study sampled is no setting
     assert settings[1].seconds == {"run": 9.0}
 
 
