@@ -32,9 +32,10 @@ def power(table: pd.DataFrame) -> Figure:
     """Power balance: rates above, energies below, with what the gradients in the cells do not resolve of the dissipation."""
     time = table["time"].to_numpy()
     storage = np.gradient(table["kinetic_energy"].to_numpy(), time)
-    total = lambda rate: np.concatenate(
-        [[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))]
-    )  # noqa: E731
+
+    def total(rate):
+        return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])
+
     work, lost = total(table["finger_power"].to_numpy()), total(table["dissipation"].to_numpy())
     gain = (table["kinetic_energy"] - table["kinetic_energy"].iloc[0]).to_numpy()
     figure, axes = new_figure(8.6, 6.0, 2, 1, sharex=True)

@@ -79,9 +79,10 @@ def answer(comparison: dict[str, Any], trial: str = "") -> str:
 
 def _numbers(pair: dict[str, Any], comparison: dict[str, Any]) -> str:
     allowed = {c["quantity"]: c["value"] for c in comparison["checks"] if c["kind"] == "agreement"}
-    limit = lambda name, unit: (
-        f" (allowed {quantity(allowed[name], unit)})" if name in allowed else ""
-    )  # noqa: E731
+
+    def limit(name, unit):
+        return f" (allowed {quantity(allowed[name], unit)})" if name in allowed else ""
+
     vortex = (
         "the flow has no tip vortex"
         if pair["centre_rms_distance"] is None and "cfd" not in comparison["summary"]
