@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -41,49 +41,10 @@ def check_output(path: Path) -> None:
         )
 
 
-def checksum_file(path: Path) -> Path:
-    """Where the checksum of a file stands (fileio.checksum)."""
-    return path.with_name(f".{path.name}.sha256")
-
-
 def sha256(path: Path) -> str:
     """SHA-256 of a file's bytes, hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-_CHECKED: set[Path] = set()  # files, or folders of files, of `checksums_of`
-
-
-def _resolved(path: Path) -> Path:
-    return path.parent.resolve() / path.name
-
-
-@contextmanager
-def checksums_of(paths: Iterable[Path]) -> Iterator[None]:
-    """Give each of `paths`, or each file in one that is a folder, a checksum where it is written while the block runs."""
-    added = {_resolved(path) for path in paths} - _CHECKED
-    _CHECKED.update(added)
-    try:
-        yield
-    finally:
-        _CHECKED.difference_update(added)
-
-
-def put_in_place(part: Path, path: Path) -> None:
-    """Give a finished file its name; a checksum beside it was that of the file before.
-
-    Its own checksum comes first: a kill between the two leaves no file that nobody checks, at worst an old one that is refused.
-    """
-    beside, place = checksum_file(path), _resolved(path)
-    if {place, place.parent} & _CHECKED:
-        new = beside.with_name(f"{beside.name}.part")
-        new.write_text(f"{sha256(part)}  {path.name}\n", encoding="utf-8")
-        settle(new)
-        os.replace(new, beside)
-    else:
-        beside.unlink(missing_ok=True)
-    os.replace(part, path)
 
 
 @contextmanager
@@ -102,7 +63,7 @@ def whole(path: str | Path, *, suffix: bool = False, sync: bool = True) -> Itera
             yield part
             if sync:
                 settle(part)
-            put_in_place(part, path)
+            os.replace(part, path)
     except BaseException:
         part.unlink(missing_ok=True)
         raise
@@ -132,10 +93,3 @@ def check_room(folder: Path) -> None:
         write_bytes(path, bytes(ROOM))
     finally:
         path.unlink(missing_ok=True)
-
-
-def unlink_folders(out: Path) -> None:
-    """Take away the names of another run's folders in a level's folder, so that nothing is written into that run."""
-    for path in (out / "case", out / "run"):
-        if path.is_symlink():
-            path.unlink()

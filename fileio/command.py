@@ -87,7 +87,7 @@ def guarded(name: str, action: Callable[[], int | None], strict: bool = False) -
         message = None if defect and system_error(error) is None else sentence(error)
         if message is None:
             raise
-        print(f"{name}: {message}", file=sys.stderr)
+        print(f"{name}: {message}" if name else message, file=sys.stderr)
         return 2
 
 

@@ -10,10 +10,10 @@ import h5netcdf
 import xarray as xr
 
 from fileio.atomic import whole
-from fileio.checksum import check_whole
 from fileio.child_process import check_walkable
 from fileio.errors import one_line
 from fileio.hdf5_disk import Disk
+from fileio.record import check_whole
 
 # h5netcdf 1.8.2 sets it once the file is open: of one that it cannot open it would print a traceback where it is tidied up
 h5netcdf.File._writable = False

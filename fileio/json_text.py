@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-from fileio.checksum import check_whole
 from fileio.errors import StageError
+from fileio.record import check_whole
 
 
 def parse_json(text: str | bytes, place: str | Path, remedy: str, kind: type = dict) -> Any:

@@ -43,16 +43,3 @@ def exclusive(target: Path, *, wait: bool = False) -> Iterator[None]:
     finally:
         path.unlink(missing_ok=True)
         os.close(descriptor)
-
-
-def held(folder: Path) -> str | None:
-    """Name of a file in `folder` that another process holds the lock on, or None."""
-    for path in sorted(folder.glob(".*.lock")):
-        try:
-            with path.open() as file:
-                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except FileNotFoundError:
-            continue
-        except OSError:
-            return path.name[1:].removesuffix(".lock")
-    return None

@@ -11,11 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import h5py
-
-from fileio import json_text
 from fileio.errors import StageError
-from fileio.json_text import AGAIN
 
 
 def digest(value: Any) -> str:
@@ -33,11 +29,6 @@ def versions(*names: str) -> dict[str, str]:
     return libraries
 
 
-def recorded(settings: dict[str, Any]) -> dict[str, str]:
-    """Attributes that say with which settings a stage made a file: themselves, and their digest."""
-    return {"settings": json.dumps(settings), "settings_digest": digest(settings)}
-
-
 def check_version(
     attributes: Mapping[str, Any], path: Path | str, name: str, version: int, remedy: str
 ) -> None:
@@ -49,16 +40,3 @@ def check_version(
         raise StageError(
             f"{path}: format_version of this {name} file is {file_version}, this program reads {version}; {remedy}"
         )
-
-
-def settings_in(attributes: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """The scene's sections that a stage recorded among the attributes of its file `path`; StageError where it has none."""
-    if "settings" not in attributes:
-        raise StageError(f"{path}: attribute 'settings' is missing; {AGAIN}")
-    return json_text.parse_json(attributes["settings"], f"{path}: attribute 'settings'", AGAIN)
-
-
-def read_settings(path: Path) -> dict[str, Any]:
-    """`settings_in` an HDF5 file."""
-    with h5py.File(path, "r") as file:
-        return settings_in(file.attrs, path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
@@ -11,7 +12,7 @@ from typing import Any, Self
 import h5py
 import numpy as np
 
-from fileio.atomic import put_in_place, settle
+from fileio.atomic import settle
 from fileio.child_process import check_walkable
 from fileio.errors import system_error
 from fileio.hdf5_disk import DiskFile
@@ -127,7 +128,7 @@ class ResumableFile:
         del self._file.attrs["_identity"]
         self._file.close()
         settle(self.part)
-        put_in_place(self.part, self.path)
+        os.replace(self.part, self.path)
         return self.path
 
     def close(self) -> None:

@@ -13,11 +13,11 @@ import pandas as pd
 import xarray as xr
 
 from fileio.atomic import write_text
-from fileio.checksum import check_whole
 from fileio.errors import StageError, one_line
 from fileio.hdf5 import open_netcdf, whole_netcdf
 from fileio.json_text import read_json
 from fileio.provenance import check_version, versions
+from fileio.record import check_whole
 
 
 @dataclass(frozen=True)
@@ -60,17 +60,6 @@ class Variable:
         if self.finite and variable.dtype.kind == "f" and not np.isfinite(variable.values).all():
             return f"{self.name!r} holds NaN or infinite values"
         return None
-
-
-RECORDED = (
-    Variable(
-        "settings",
-        "-",
-        "",
-        "JSON: the scene's sections that the stage depends on, and digests of its files",
-    ),
-    Variable("settings_digest", "-", "", "digest of `settings`"),
-)
 
 
 @dataclass(frozen=True)

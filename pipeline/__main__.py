@@ -1,132 +1,309 @@
-"""The stages of a scene, one at a time (make runs them in order), and the tools around them."""
+"""The program `softfinger`: runs of a scene and their results."""
 
 from __future__ import annotations
 
-import argparse
+import os
+import shlex
+import shutil
+import subprocess
 import sys
-import time
-from dataclasses import dataclass
-from importlib import import_module
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from fileio.atomic import checksums_of
-from fileio.checksum import check_whole
-from fileio.command import Commands, add_scene, command_line
+from cyclopts import App, CycloptsError, Parameter
+
+from fileio import __version__
+from fileio.command import guarded
 from fileio.errors import StageError
-from fileio.lock import exclusive
-from fileio.stages import BY_NAME, STAGES, Stage, until
-from pipeline.cost import NOTHING, Spent, record_cost
 
-TOOLS: Commands = {
-    "settings": (
-        "write what each stage depends on to settings/, where it changed",
-        "pipeline.stage_settings",
-    ),
-    "couple": (
-        "the motion that pressure and water make together, by whole runs",
-        "pipeline.study.couple",
-    ),
-    "openfoam": ("say which OpenFOAM is found", "pipeline.openfoam.environment"),
-    "plan": ("write the scenes of a study and its plan.json", "pipeline.study.plan"),
-    "reuse": ("take over a stage's results from another run of a study", "pipeline.study.reuse"),
-    "outcome": (
-        "run a scene's stages to their end, whatever it is, and note it",
-        "pipeline.study.outcome",
-    ),
-    "view": ("a time series of a run for ParaView", "pipeline.view.command"),
-    "predict": (
-        "how long a run takes on n ranks, and how many ranks pay",
-        "pipeline.study.predict",
-    ),
-    "choose": ("the cheapest setting measured to reach an accuracy", "pipeline.study.ask_accuracy"),
-    "speed": ("how fast this machine is now", "pipeline.study.machine_speed"),
-    "scene-reference": (
-        "write docs/scene_reference.md: every key of a scene",
-        "pipeline.scene_reference",
-    ),
-    "fea-studies": ("pages of the bending analysis' studies", "pipeline.fea.studies.studies"),
-}
+PROJECT = Path(__file__).resolve().parents[1]
+STUDY_PYTHON = PROJECT / ".venv-study" / "bin" / "python"
+CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+USUAL = min(4, CORES)  # ranks, where no number is given: more rarely pay
+
+app = App("softfinger", help=__doc__, version=__version__)
+
+Scene = Annotated[Path, Parameter(help="Folder of the scene, as cases/single_finger.")]
+Level = Annotated[str, Parameter(env_var="LEVEL", help="Level of the scene.")]
+Ranks = Annotated[int, Parameter(["--ranks", "-n"], env_var="NP", help="MPI ranks.")]
+Quiet = Annotated[bool, Parameter(env_var="QUIET", negative="", help="Print errors alone.")]
+Overrides = Annotated[
+    list[str],
+    Parameter("--set", negative="", help="KEY=VALUE of the scene, as mesh.tip_cell=0.001."),
+]
+Switch = Annotated[bool, Parameter(negative="")]
 
 
-@dataclass(frozen=True)
-class StageCommand:
-    """A stage of the table as a subcommand.
+def _text(name: str, about: str) -> Any:
+    return Annotated[str, Parameter(env_var=name, help=about)]
 
-    Its module has run(scene, quiet, **options), or in postprocess run(scene_folder, level, quiet), and add_arguments(parser)
-    where it takes options; a stage of piv is one of piv's commands.
+
+@app.command
+def run(
+    scene: Scene,
+    *,
+    until: Annotated[str, Parameter(help="Last stage: see softfinger stages.")] = "report",
+    level: Level = "coarse",
+    set_: Overrides = [],  # noqa: B006
+    name: Annotated[str, Parameter(help="Folder of the results of a run with --set.")] = "",
+    ranks: Ranks = USUAL,
+    hosts: Annotated[Path | None, Parameter(env_var="HOSTS", help="MPI host file.")] = None,
+    collated: Annotated[bool, Parameter(env_var="COLLATED", negative="")] = False,
+    coupled: Annotated[bool, Parameter(env_var="COUPLED", negative="")] = False,
+    accuracy: _text("ACCURACY", "Largest error, as 12%.") = "",
+    budget: _text("BUDGET", "Longest time, as 10min.") = "",
+    slurm: Annotated[bool, Parameter(env_var="SLURM", negative="")] = False,
+    dry_run: Switch = False,
+    quiet: Quiet = False,
+) -> None:
+    """Make what is stale of a scene's results, up to a stage.
+
+    Parameters
+    ----------
+    collated
+        One file for all ranks, not one for each.
+    coupled
+        Pressure and water make the motion together.
+    slurm
+        As batch jobs.
+    dry_run
+        Say what would be made and why, and make nothing.
     """
+    from pipeline.runs.make import Machine, make
 
-    stage: Stage
+    if ranks < 1:
+        raise StageError(f"NP={ranks}: give 1 or more")
+    machine = Machine(ranks, min(ranks, CORES), hosts, collated)
+    if coupled and (slurm or accuracy or budget or hosts or collated or set_):
+        raise StageError("COUPLED=1 takes LEVEL, NP and QUIET alone")
+    if slurm and until != "report":
+        raise StageError("SLURM=1 goes with a whole scene or a study, not with one stage")
+    if coupled and until != "report":
+        raise StageError("COUPLED=1 goes with a whole scene, not with one stage")
+    if accuracy or budget:
+        from pipeline.study.ask_accuracy import run_asked
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        add_scene(parser)
-        if self.stage.threads:
-            parser.add_argument("--threads", type=int, default=1, help="(default: %(default)s)")
-        if not self.stage.piv and (
-            add := getattr(import_module(self.stage.module), "add_arguments", None)
-        ):
-            add(parser)
+        made = run_asked(scene, accuracy, budget, machine.jobs, quiet)
+    elif slurm:
+        from pipeline.study.plan import plan_scene
 
-    def run(self, args: argparse.Namespace) -> int:
-        options = {
-            k: v for k, v in vars(args).items() if k not in ("command", "scene", "level", "quiet")
-        }
-        begin = time.monotonic()
-        out = args.scene / "out" / args.level
-        for before in until(self.stage.name):
-            for name in before.outputs if before != self.stage else ():
-                check_whole(out / name)
-        own = self.stage in STAGES and not options.get(
-            "output"
-        )  # not into another file than the stage's own
-        with checksums_of(out / name for name in self.stage.outputs if own):
-            earlier = _run(self.stage, args.scene, args.level, args.quiet, options) or NOTHING
-        if isinstance(earlier, int):
-            return earlier
-        if not options.get("output"):
-            path = out / "costs" / f"{self.stage.name}.json"
-            record_cost(path, self.stage.name, time.monotonic() - begin, earlier)
+        _snakemake(plan_scene(scene, level, ranks), slurm=True, collated=collated)
+        made = _open(scene, level)
+    else:
+        made = _open(scene, level, set_, name)
+        if coupled:
+            from pipeline.study.couple import couple
+
+            made = couple(made.scene, machine, quiet)
+        elif dry_run:
+            print(
+                "\n".join(f"{k}: {why}" for k, why in made.stale(until).items()) or "nothing to do"
+            )
+            return
+        else:
+            make(made, until, machine, quiet)
+    if until == "report":
+        print(f"report: {made.path('report').resolve()}")
+
+
+@app.command
+def stages(scene: Annotated[Path | None, Parameter()] = None, *, level: Level = "coarse") -> None:
+    """List the stages; of a scene, whether each is made or why not."""
+    from pipeline.runs.stages import STAGES
+
+    made = _open(scene, level) if scene else None
+    for stage in STAGES:
+        text = (made.why_stale(stage.name) or "made") if made else f"{stage.done:20s} {stage.about}"
+        print(f"{stage.name:14s} {text}")
+
+
+@app.command
+def study(
+    table: Annotated[Path, Parameter(help="Runs (.csv), as cases/single_finger/studies/x.csv.")],
+    *,
+    scene: Annotated[Path | None, Parameter(help="Another scene than the table's.")] = None,
+    only: _text("STUDIES", "Names of some of its runs.") = "",
+    slurm: Annotated[bool, Parameter(env_var="SLURM", negative="", help="As batch jobs.")] = False,
+) -> Path:
+    """Make the runs of a table, equal stages once, and tabulate them."""
+    from fileio.json_text import parse_json
+    from pipeline.study.plan import plan_study
+    from pipeline.study.rows import read_study
+    from postprocess.studies.table import write_table
+
+    home = scene or table.resolve().parents[1].relative_to(Path.cwd(), walk_up=True)
+    plan = plan_study(home, table.stem, read_study(table))
+    code = 0
+    if parse_json(plan.read_bytes(), plan, "")["jobs"]:
+        code = _snakemake(plan, slurm, only=",".join(only.replace(",", " ").split()))
+    print(f"table: {write_table(plan)}")
+    if code:
+        raise SystemExit(code)
+    return plan
+
+
+@app.command
+def tradeoff(scene: Scene = Path("cases/single_finger")) -> None:
+    """Measure what accuracy costs: the study of a scene that ACCURACY and BUDGET need."""
+    from postprocess.studies.tradeoff import write_tradeoff
+
+    write_tradeoff(study(scene / "studies" / "tradeoff.csv"))
+
+
+@app.command
+def fea(scene: Scene, *, level: Level = "coarse", ranks: Ranks = 2, quiet: Quiet = False) -> None:
+    """Analyse the actuator of a scene: kinematics/states.h5 beside its scene.toml."""
+    from pipeline.fea.stage import run as analyse
+
+    analyse(_open(scene, level).scene, quiet, processes=ranks)
+
+
+@app.command
+def predict(scene: Scene, *, level: Level = "coarse", quiet: Quiet = False) -> None:
+    """Predict the time of a run on 1 to 256 ranks, and how many ranks pay."""
+    from pipeline.runs.make import Machine, make
+    from pipeline.study.predict import report
+
+    run_ = _open(scene, level)
+    make(run_, "case", Machine(), quiet)
+    print(report(run_.scene))
+
+
+@app.command
+def view(scene: Scene, *, level: Level = "coarse", ranks: Ranks = 1, quiet: Quiet = False,
+         whole: Annotated[bool, Parameter(env_var="WHOLE", negative="")] = False) -> None:  # fmt: skip
+    """Write a run as a time series for ParaView.
+
+    Parameters
+    ----------
+    whole
+        Mirror at the planes of symmetry: the whole tank.
+    """
+    from pipeline.runs.make import Machine, make
+    from pipeline.view.command import view as write
+
+    made = _open(scene, level)
+    make(made, "run", Machine(ranks), quiet)
+    write(made.scene, whole, quiet)
+
+
+@app.command
+def new(folder: Annotated[Path, Parameter(help="Folder of the new scene.")], *,
+        extends: Annotated[Path | None, Parameter(help="A scene it differs from.")] = None) -> None:  # fmt: skip
+    """Begin a scene: all keys with their meaning, or one that says what differs from another."""
+    from fileio.atomic import write_text
+    from pipeline.scene_reference import scene_template
+
+    path = folder / "scene.toml"
+    if path.exists():
+        raise StageError(f"{path}: is there already; give another folder, or edit it")
+    if extends is not None and not (extends / "scene.toml").is_file():
+        raise StageError(f"{extends}: holds no scene.toml; give the folder of a scene")
+    parent = extends and os.path.relpath(extends, folder)
+    write_text(path, f'extends = "{parent}"\n' if parent else scene_template())
+    print(path)
+
+
+@app.command
+def openfoam() -> None:
+    """Say which OpenFOAM is found."""
+    from pipeline.openfoam.environment import foam_version
+
+    print(f"OpenFOAM {foam_version()}")
+
+
+@app.command
+def reference() -> None:
+    """Write the pages of every key of scene.toml and dpiv.toml, in docs/."""
+    from pipeline.scene_reference import write_reference
+    from postprocess.lab.data.dpiv_reference import write_reference as write_dpiv
+
+    write_reference()
+    write_dpiv()
+
+
+@app.command
+def completion(shell: Annotated[str, Parameter(help="bash, zsh or fish.")]) -> None:
+    """Print the completion of a shell: eval "$(softfinger completion bash)"."""
+    print(app.generate_completion(shell=shell))  # type: ignore[arg-type]
+
+
+@app.command(show=False)
+def job(plan: Path, name: str, stage: str, *, threads: int = 1, collated: Switch = False) -> None:
+    """Make one stage of a run of a plan (Snakemake)."""
+    from pipeline.study.plan import run_job
+
+    run_job(plan, name, stage, threads, collated)
+
+
+def _open(scene: Path, level: str, values: list[str] = [], name: str = "") -> Any:  # noqa: B006
+    """The run of a scene, with KEY=VALUE pairs in place of its numbers in a folder of their own."""
+    from fileio.provenance import digest
+    from pipeline.runs.run import open_run
+    from pipeline.study.rows import parse_cell
+
+    if not (scene / "scene.toml").is_file():
+        from fileio.errors import meant
+
+        known = sorted(path.parent.name for path in Path("cases").glob("*/scene.toml"))
+        raise StageError(f"{scene}: no such scene{meant(scene.name, known)}; make help lists them")
+    if wrong := [text for text in values if "=" not in text]:
+        raise StageError(f"--set {wrong[0]}: give KEY=VALUE, as mesh.tip_cell=0.001")
+    if name and not values:
+        raise StageError("--name goes with --set: a run as the scene says has its own place")
+    overrides = {k.strip(): parse_cell(v.strip()) for k, _, v in (t.partition("=") for t in values)}
+    place = name or digest([level, overrides])[:8]
+    out = scene / "out" / "variations" / place if overrides else None
+    return open_run(scene, level, overrides, out)
+
+
+def _snakemake(plan: Path, slurm: bool, only: str = "", collated: bool = False) -> int:
+    """Schedule a plan's jobs by Snakemake; returns its exit code."""
+    if not STUDY_PYTHON.exists():
+        raise StageError(
+            f"{STUDY_PYTHON.parents[1]}: Snakemake is missing; run make .venv-study/.ready"
+        )
+    file = Path(__file__).parent / "study" / "Snakefile"
+    words = [str(STUDY_PYTHON), "-m", "snakemake", "-s", str(file)]
+    words += shlex.split(os.environ.get("SNAKEFLAGS", ""))
+    if slurm:
+        if shutil.which("sbatch") is None:
+            raise StageError("SLURM=1: there is no sbatch here; leave it out, or load Slurm")
+        words += ["--executor", "slurm", "--slurm-requeue", "-j100"]
+        words += ["--retries", os.environ.get("RETRIES", "5"), *_slurm_place()]
+    else:
+        words += [f"-j{os.environ.get('NP') or CORES}"]
+    config = {"plan": plan, "python": sys.executable, "only": only, "collated": collated or ""}
+    words += ["--config", *(f"{key}={value}" for key, value in config.items() if value)]
+    return subprocess.run(words, check=False).returncode
+
+
+def _slurm_place() -> list[str]:
+    """Options of Snakemake for PARTITION, ACCOUNT, and NODES and MINUTES of the solver."""
+    env = os.environ
+    place = {"slurm_partition": env.get("PARTITION"), "slurm_account": env.get("ACCOUNT")}
+    solver = {"nodes": env.get("NODES"), "runtime": env.get("MINUTES")}
+    default = [f"{key}={value}" for key, value in place.items() if value]
+    of_run = [f"run:{key}={value}" for key, value in solver.items() if value]
+    return (["--default-resources", *default] if default else []) + (
+        ["--set-resources", *of_run] if of_run else []
+    )
+
+
+def main(words: list[str] | None = None) -> int:
+    """Command line; returns the exit code."""
+
+    def action() -> int:
+        command: Callable[..., Any]
+        try:
+            command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
+        except CycloptsError as error:
+            raise StageError(" ".join(str(error).split())) from None
+        command(*bound.args, **bound.kwargs)
         return 0
 
-
-def _run(
-    stage: Stage, folder: Path, level: str, quiet: bool, options: dict[str, Any]
-) -> Spent | int | None:
-    """Run a stage; returns what the runs that it resumed had spent, or the exit code of a command of piv."""
-    out = folder / "out" / level
-    if stage.piv:
-        source, settings = (
-            out / BY_NAME[stage.inputs[0]].done,
-            out / "settings" / f"{stage.target}.json",
-        )
-        words = [stage.piv, str(source), "-o", str(out / stage.done), "--settings", str(settings)]
-        words += [word for key, value in options.items() for word in (f"--{key}", str(value))]
-        return import_module("piv.__main__").main(words + ["--quiet"] * quiet)
-    run = import_module(stage.module).run
-    if stage.module.startswith("pipeline."):
-        from pipeline.scene.scene import load_scene
-
-        scene = load_scene(folder, level)
-        target = options.get("output") or out / stage.name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with exclusive(target):
-            return run(scene, quiet, **options)
-    if not out.is_dir():
-        raise StageError(
-            f"{out}: nothing was run at level {level}; make {folder.name} LEVEL={level} does"
-        )
-    try:
-        with exclusive(out / stage.name):
-            return run(folder, level, quiet, **options)
-    except ValueError as error:  # postprocess says so what is wrong with a file
-        raise StageError(str(error)) from error
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns the exit code."""
-    stages: Commands = {name: (stage.about, StageCommand(stage)) for name, stage in BY_NAME.items()}
-    return command_line("softfinger", __doc__, {**stages, **TOOLS}, argv, strict=True)
+    return guarded("", action, strict=True)
 
 
 if __name__ == "__main__":

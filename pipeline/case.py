@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from fileio.atomic import checksums_of, unlink_folders, write_text
+from fileio.atomic import write_text
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
@@ -28,7 +28,6 @@ from pipeline.openfoam.covering_columns import covering_cells
 from pipeline.openfoam.displacement_files import checkpoint_steps, steps_of, time_name
 from pipeline.openfoam.foamfile import write_bytes
 from pipeline.scene.scene import Scene
-from pipeline.stage_settings import settings_of
 
 SYMMETRIC = ("half", "quarter")
 INTERPOLATION = {"linear": "linear", "skewCorrected": "skewCorrected linear"}
@@ -183,10 +182,7 @@ def write_case(folder: Path, entries: dict[str, str], first: bool, planform: xr.
     write_text(folder / "system" / "numbers", numbers_text(entries))
     write_text(folder / "system" / "regions", regions_text(kind))
     faces, cells = zones(mesh, planform)
-    with checksums_of([folder / "constant" / "polyMesh"]):
-        write_polymesh(
-            mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells
-        )
+    write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
     write_text(folder / "case.foam", "")
     names = ("node", "level", "cell_column", "cell_layer")
     return {name: getattr(mesh, name) for name in names}
@@ -205,8 +201,7 @@ def check_intervals(intervals: tuple[Interval, ...], time_step: float, planform:
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write the folders `case/interval_<k>` and `sweep.h5` (the columns of their meshes)."""
     folder = scene.out / "case"
-    # before the old case is deleted: refuses where a template is missing
-    settings = settings_of(scene, "case")
+    template_files()  # refuses where a template is missing, before the old case is deleted
     intervals = read_intervals(scene.out)
     check_intervals(intervals, scene.numerics.time_step, scene.out / "planform.h5")
     planforms = {
@@ -214,12 +209,10 @@ def run(scene: Scene, quiet: bool = False) -> None:
         for number in {interval.mesh for interval in intervals}
     }
     meshes = {number: build_mesh(planform) for number, planform in planforms.items()}
-    unlink_folders(scene.out)  # of a study's run that was equal to another one and no longer is
-    (scene.out / "run" / "run.json").unlink(
-        missing_ok=True
-    )  # it was of the case that is now deleted
+    # the run was of the case that is now deleted
+    (scene.out / "run" / "run.json").unlink(missing_ok=True)
     folder.mkdir(exist_ok=True)
-    with exclusive(folder.resolve().with_name("solver")):  # no run may be using it
+    with exclusive(scene.out / "solver"):  # no run may be using it
         for old in folder.iterdir():
             shutil.rmtree(old) if old.is_dir() else old.unlink()
         columns = {}
@@ -234,7 +227,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
             columns[interval.name] = write_case(
                 folder / interval.name, entries, not interval.index, planform, mesh, points
             )
-    write_sweep(scene.out, columns, settings)
+    write_sweep(scene.out, columns)
     if not quiet:
         cells = [len(columns[interval.name]["cell_column"]) for interval in intervals]
         print(f"case: {' + '.join(map(str, cells))} cells in {folder}")

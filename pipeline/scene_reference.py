@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 from fileio.atomic import write_text
@@ -16,9 +15,9 @@ SHIPPED = Path("cases/single_finger")
 PAGE = Path("docs/scene_reference.md")
 HEAD = """# Every key of scene.toml
 
-Written by `make scene-reference` from the models that check a scene; a test keeps them equal. SI, but for keys whose name says otherwise.
+Written by `softfinger reference` from the models that check a scene; a test keeps them equal. SI, but for keys whose name says otherwise.
 A list of tables has its keys under `[name[]]`. *levels*: those of `cases/single_finger` that say otherwise. A file to start from:
-`python -m pipeline scene-reference --template`. What a level or a child scene says wins as [formats](formats.md) has it.
+`softfinger new --template`. What a level or a child scene says wins as [formats](formats.md) has it.
 """
 OWN = [
     Key("title", "text", "", MISSING, "Of the scene, for people"),
@@ -41,7 +40,9 @@ OWN = [
 
 def keys() -> list[Key]:
     """All keys of a scene."""
-    made = frozenset({"name", "title", "level", "folder", "actuator", "fea"})
+    made = frozenset(
+        {"name", "title", "level", "folder", "parents", "out", "notes", "actuator", "fea"}
+    )
     all_keys = [*OWN, *keys_of(Scene, without=made), *keys_of(Actuator, "actuator.", optional=True)]
     all_keys += keys_of(Fea, "fea.", optional=True)
     tables = [
@@ -60,14 +61,11 @@ def reference() -> str:
     return HEAD + markdown(keys(), levels)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command `scene-reference`."""
-    parser.add_argument("--template", action="store_true", help="print a scene.toml to start from")
+def write_reference() -> None:
+    """Write docs/scene_reference.md."""
+    write_text(PAGE, reference())
 
 
-def run(args: argparse.Namespace) -> None:
-    """Command `scene-reference`: docs/scene_reference.md."""
-    if args.template:
-        print(template(keys()), end="")
-    else:
-        write_text(PAGE, reference())
+def scene_template() -> str:
+    """A scene.toml to start from: required keys are open, others are comments with defaults."""
+    return template(keys())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,11 +15,10 @@ from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.plane_writer import writing_planes
-from fileio.provenance import recorded, versions
+from fileio.provenance import versions
 from pipeline.openfoam.surface_vtk import read_surface, sampled_surfaces
 from pipeline.scene.measurement import Camera
 from pipeline.scene.scene import Scene
-from pipeline.stage_settings import settings_of
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
 ODD = ("u",)  # across the plane x = 0 between two fingers; the other fields are even
@@ -115,14 +113,6 @@ def frames(
 View = tuple[float, float, float, float]
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the stage: another view, for a laboratory's camera."""
-    parser.add_argument(
-        "--view", nargs=4, type=float, metavar=("X0", "X1", "Y0", "Y1"), help="m; needs -o"
-    )
-    parser.add_argument("-o", "--output", type=Path, help="file to write in place of sheet.h5")
-
-
 def run(
     scene: Scene, quiet: bool = False, view: View | None = None, output: Path | None = None
 ) -> None:
@@ -143,7 +133,6 @@ def run(
     flat, density, count = scene.model.kind == "2d", scene.fluid.density, len(planes)
     path = output or scene.out / "sheet.h5"
     about = {"source": "cfd", "tip_width": kinematics.tip_width, "versions": json.dumps(versions())}
-    about |= {"scene_hash": scene.digest()} | recorded(settings_of(scene, "sheet"))
     pictures = frames(planes, mirrored, flat, density, kinematics, x, y)
     with writing_planes(path, x, y, count, about) as file:
         for k, (time, fields) in enumerate(tqdm(pictures, "sheet", count, disable=quiet or None)):

@@ -12,8 +12,7 @@ from typing import Any
 
 import xarray as xr
 
-from fileio.provenance import recorded
-from fileio.schema import RECORDED, Schema, Variable
+from fileio.schema import Schema, Variable
 
 SCHEMA = Schema(
     "finger-loads",
@@ -46,14 +45,13 @@ SCHEMA = Schema(
         Variable("largest_at", "-", "s", "when", True),
         Variable("bend_then", "-", "rad", "bend angle of the prescribed motion then", True),
         Variable("stroke", "-", "rad", "range of the bend angle", True),
-        *RECORDED,
     ),
 )  # fmt: skip
 
 
-def write_loads(out: Path, values: Mapping[str, Any], settings: dict[str, Any]) -> None:
-    """Write loads.h5 of a level's folder from SCHEMA's variables and attributes by name, but for its settings."""
-    SCHEMA.write(out / "loads.h5", dict(values) | recorded(settings))
+def write_loads(out: Path, values: Mapping[str, Any]) -> None:
+    """Write loads.h5 of a level's folder from SCHEMA's variables and attributes by name."""
+    SCHEMA.write(out / "loads.h5", dict(values))
 
 
 def read_loads(path: Path) -> xr.Dataset:

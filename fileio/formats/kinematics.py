@@ -11,8 +11,7 @@ import numpy as np
 import xarray as xr
 
 from fileio.errors import StageError, one_line
-from fileio.provenance import recorded, settings_in
-from fileio.schema import RECORDED, Schema, Variable
+from fileio.schema import Schema, Variable
 
 if TYPE_CHECKING:  # slow to import: who reads no motion needs none
     from scipy.interpolate import CubicSpline
@@ -116,7 +115,6 @@ SCHEMA = Schema(
             "pinch: first instant within 0.1 mm of the residual gap, if any",
             True,
         ),
-        *RECORDED,
     ),
 )
 
@@ -127,11 +125,10 @@ class Kinematics:
 
     The parameter is the pressure (Pa), or the time where the motion does not follow from the pressure alone.
 
-    `data` are all variables of the file, `settings` the scene's sections; `mirror`: a second finger, the image in x = 0.
+    `data` are all variables of the file; `mirror`: a second finger, the image in x = 0.
     """
 
     data: xr.Dataset
-    settings: dict[str, Any]
     law: CubicSpline
     splines: dict[str, CubicSpline]
     mirror: bool
@@ -155,25 +152,6 @@ class Kinematics:
     def tip_width(self) -> float:
         """Thickness of the finger's end at rest, m: the measure of lengths around the tip."""
         return float(self.data.attrs["tip_thickness"])
-
-    @property
-    def root(self) -> tuple[float, float]:
-        """Middle of the finger's root, m."""
-        x, y = self.settings["finger"]["root"]
-        return float(x), float(y)
-
-    @property
-    def length(self) -> float:
-        """Length of the finger with its passive tip, m."""
-        finger = self.settings["finger"]
-        return float(finger["length"]) + float(finger.get("tip", {}).get("length", 0.0))
-
-    @property
-    def starts(self) -> tuple[float, ...]:
-        """When the strokes of the motion start, s."""
-        return tuple(
-            float(stroke["start"]) for stroke in self.settings["motion"].get("strokes", [])
-        )
 
     def values(self, name: str) -> np.ndarray | None:
         """A variable of SCHEMA; None where the file has none."""
@@ -232,11 +210,10 @@ class Kinematics:
 def write_kinematics(
     path: Path,
     values: Mapping[str, Any],
-    settings: dict[str, Any],
     units: Mapping[str, str] | None = None,
 ) -> None:
-    """Write a kinematics.h5 from SCHEMA's variables and attributes by name, but for its settings; `units` of some by name."""
-    SCHEMA.write(path, dict(values) | recorded(settings), units=units)
+    """Write a kinematics.h5 from SCHEMA's variables and attributes by name; `units` of some by name."""
+    SCHEMA.write(path, dict(values), units=units)
 
 
 def read_kinematics(path: Path) -> Kinematics:
@@ -252,9 +229,7 @@ def read_kinematics(path: Path) -> Kinematics:
         }
     except ValueError as error:
         raise StageError(f"{path}: damaged ({one_line(error)}); {SCHEMA.remedy}") from None
-    return Kinematics(
-        data, settings_in(data.attrs, path), law, splines, bool(data.attrs.get("mirror", 0))
-    )
+    return Kinematics(data, law, splines, bool(data.attrs.get("mirror", 0)))
 
 
 def mirrored_finger(name: str, values: np.ndarray) -> np.ndarray:

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from fileio.provenance import recorded
-from fileio.schema import RECORDED, Schema, Variable
+from fileio.schema import Schema, Variable
 
 PER_FINGER = {"2d": 1, "half": 2, "quarter": 2, "full": 1}  # computed parts of one, by `model`
 
@@ -63,7 +62,6 @@ SCHEMA = Schema(
         ),
         Variable("model", "-", "", "`2d`, `quarter`, `half` or `full`"),
         Variable("mirror", "-", "1", "1: the planform ends at the plane x = 0 between two fingers"),
-        *RECORDED,
     ),
     (
         Variable(
@@ -109,7 +107,6 @@ SCHEMA = Schema(
 
 def write_planform(
     path: Path, intervals: Sequence[Interval], attributes: dict[str, Any], meshes: Sequence[dict[str, Any]],
-    settings: dict[str, Any],
 ) -> None:  # fmt: skip
     """Write planform.h5: the intervals, `attributes` of the root, and variables and attributes of each mesh by name."""
     columns = {
@@ -118,7 +115,7 @@ def write_planform(
     }
     columns["interval_moving"] = columns["interval_moving"].astype(int)
     groups = {f"mesh_{number}": mesh for number, mesh in enumerate(meshes)}
-    SCHEMA.write(path, columns | attributes | recorded(settings), groups)
+    SCHEMA.write(path, columns | attributes, groups)
 
 
 def read_intervals(out: Path) -> tuple[Interval, ...]:

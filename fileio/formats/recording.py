@@ -9,11 +9,11 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fileio.checksum import check_whole
 from fileio.child_process import check_walkable
 from fileio.errors import StageError, one_line
 from fileio.formats.plane_series import FINGERS, ORIGIN, REMEDY
 from fileio.provenance import check_version
+from fileio.record import check_whole
 from fileio.resumable_file import ResumableFile, attribute
 from fileio.schema import Schema, Variable
 

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from fileio.provenance import recorded
-from fileio.schema import RECORDED, Schema, Variable
+from fileio.schema import Schema, Variable
 
 SCHEMA = Schema(
     "sweep",
     3,
     "delete it and run make again",
-    RECORDED,
+    (),
     (
         Variable("node", "point", "1", "planform node of each mesh point"),
         Variable("level", "point", "1", "level of each mesh point, from the back wall"),
@@ -26,11 +24,9 @@ SCHEMA = Schema(
 )
 
 
-def write_sweep(
-    out: Path, cases: Mapping[str, Mapping[str, np.ndarray]], settings: dict[str, Any]
-) -> None:
+def write_sweep(out: Path, cases: Mapping[str, Mapping[str, np.ndarray]]) -> None:
     """Write sweep.h5 of a level's folder: SCHEMA's variables of the mesh of each case by its name."""
-    SCHEMA.write(out / "sweep.h5", recorded(settings), cases)
+    SCHEMA.write(out / "sweep.h5", {}, cases)
 
 
 def read_sweep(out: Path, case: str) -> xr.Dataset:

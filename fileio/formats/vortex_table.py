@@ -9,11 +9,11 @@ from typing import Any
 import pandas as pd
 
 from fileio.atomic import write_text
-from fileio.checksum import check_whole
 from fileio.errors import one_line
 from fileio.formats.plane_series import provenance
 from fileio.json_text import parse_json
 from fileio.provenance import check_version
+from fileio.record import check_whole
 
 FORMAT, VERSION = "vortices", 1
 REMEDY = "find the vortices again"

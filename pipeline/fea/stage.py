@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-import os
 import sys
+from pathlib import Path
 
 from tqdm import tqdm
 
@@ -14,20 +13,14 @@ from pipeline.fea.engines import bending_states
 from pipeline.fea.sections import sections
 from pipeline.fea.sensitivity import variations, with_uncertainty
 from pipeline.scene.read_toml import OWN_STATES
-from pipeline.scene.scene import Scene, load_scene
-
-USED_BY = ("fea", "structure")  # of motion.source
+from pipeline.scene.scene import Scene
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the stage."""
-    parser.add_argument(
-        "--processes", type=int, default=2, help="for the variations (default: %(default)s)"
-    )
+def run(scene: Scene, quiet: bool = False, output: Path | None = None, processes: int = 2) -> None:
+    """Analyse, add the uncertainty of the unit cell's inputs, write `output`.
 
-
-def run(scene: Scene, quiet: bool = False, processes: int = 2) -> None:
-    """Analyse, add the uncertainty of the unit cell's inputs, write."""
+    Without one: kinematics/states.h5 beside scene.toml, where it holds for all levels.
+    """
     actuator, fea = sections(scene)
     try:
         with tqdm(total=len(fea.pressures), unit="state", disable=not sys.stderr.isatty()) as bar:
@@ -38,17 +31,7 @@ def run(scene: Scene, quiet: bool = False, processes: int = 2) -> None:
                 states = with_uncertainty(states, actuator, fea, processes, bar.update)
     except (ValueError, RuntimeError, FileNotFoundError) as error:
         raise StageError(str(error)) from error
-    target = scene.folder / OWN_STATES
+    target = output or scene.folder / OWN_STATES
     write(target, states)
     if not quiet:
         print(f"fea: {len(states.pressure)} states → {target}")
-    motion = load_scene(
-        scene.folder, scene.level
-    ).motion  # the file that was written may hold in place of a parent's
-    if motion.source not in USED_BY or os.path.normpath(
-        scene.folder / str(motion.states)
-    ) != os.path.normpath(target):
-        print(
-            f"fea: warning: {scene.folder / 'scene.toml'} has motion.source = {motion.source!r} and motion.states ="
-            f" {motion.states!r}, so nothing uses these states; give motion.source = 'fea' and motion.states = '{OWN_STATES}'"
-        )

@@ -15,7 +15,6 @@ from pipeline.kinematics.rigid_body import rigid_values
 from pipeline.kinematics.shape_checks import check_body, check_shapes
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.scene import Scene
-from pipeline.stage_settings import settings_of
 
 GAP_STEP = 0.2  # of the logarithm of the gap from shape to shape: the mesh between the tips shrinks with it
 
@@ -146,7 +145,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
         )  # its distance
     elif SHAPE_OF_TIME in values:
         units = {SHAPE: "s"}
-    write_kinematics(scene.out / "kinematics.h5", values, settings_of(scene, "kinematics"), units)
+    write_kinematics(scene.out / "kinematics.h5", values, units)
     if not quiet and scene.body:
         print(f"kinematics: a {scene.body.shape} in {len(values['shape_parameter'])} places")
     elif not quiet:

@@ -31,7 +31,6 @@ from pipeline.mesh.shape_sequence import ShapeSequence, between, morph_shapes
 from pipeline.mesh.sweep_levels import graded_layers
 from pipeline.scene.scene import Scene
 from pipeline.scene.sections import Mesh, Tank
-from pipeline.stage_settings import settings_of
 
 MOST_MESHES = 6
 USUAL_SHARE = 0.95  # of the time in which mesh.usual_non_orthogonality_deg is not exceeded
@@ -249,7 +248,6 @@ def run(scene: Scene, quiet: bool = False) -> None:
         intervals_of([morphed.part for morphed in meshes], numerics.time_step, rest),
         {"model": scene.model.kind, "mirror": int(scene.pinch is not None and not both)},
         [mesh_values(morphed, bodies, width, both, levels) for morphed in meshes],
-        settings_of(scene, "mesh"),
     )
     if not quiet:
         cells = ", ".join(str(len(s.planform.triangles) + len(s.planform.quads)) for s in meshes)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import ctypes
 import os
@@ -199,8 +198,3 @@ def open_mpi_flags(alone: bool, hosts: Path | None, names: list[str]) -> list[st
 def hydra_flags(hosts: Path | None, names: list[str]) -> list[str]:
     """Hydra's options: it binds no rank, and lets there be more than cores, without being asked."""
     return ["-f", str(hosts), "-genvlist", ",".join(names)] if hosts else []
-
-
-def run(args: argparse.Namespace) -> None:
-    """Command `openfoam`."""
-    print(f"setup: OpenFOAM {foam_version()}")

@@ -17,6 +17,7 @@ import pyvista as pv
 from fileio.atomic import check_room
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval
+from fileio.record import check_whole
 
 SIZES = {"float": 4, "double": 8, "int": 4, "long": 8}  # bytes
 
@@ -91,11 +92,11 @@ def read_surface(path: Path) -> pv.PolyData:
     """A surface. StageError where it was cut off; OSError where that is because the disk is full."""
     if not is_whole_vtk(path):
         check_room(path.parent)
-        case = path.parents[3]  # <case>/postProcessing/<recorder>/<time>/<surface>.vtk
         raise StageError(
-            f"{path}: missing or cut off, as by a full disk; delete {case / 'progress.json'} and run/run.json, if they are"
-            " there, and run make again: the solver resumes before that time"
+            f"{path}: missing or cut off, as by a full disk; run make again: the solver resumes"
+            " before that time"
         )
+    check_whole(path, "run make again: the solver resumes before that time")
     return cast(pv.PolyData, pv.read(path))
 
 

@@ -13,12 +13,12 @@ import xarray as xr
 from tqdm import tqdm
 
 from fileio.atomic import write_text
-from fileio.checksum import check_whole
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_planform
 from fileio.formats.node_motion import NodeMotion, read_motion
 from fileio.formats.sweep import read_sweep
 from fileio.json_text import read_json
+from fileio.record import check_whole
 from pipeline.geometry.quality import cell_centres, neighbours, planform_edges
 from pipeline.openfoam.displacement_files import Steps, frames_laid, time_name, write_frames
 from pipeline.openfoam.environment import COLLATED, foam_version, run_tool
@@ -26,7 +26,7 @@ from pipeline.openfoam.foamfile import labels_of, write_list
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.map_fields import map_fields
 from pipeline.run.partition import partition_columns
-from pipeline.run.solver import PROGRESS, read_progress, set_number
+from pipeline.run.solver import PROGRESS, has_ended, set_number
 
 STATE = "state.json"  # the mesh, ranks and OpenFOAM for which an interval's folder was prepared
 
@@ -64,7 +64,7 @@ def prepare(out: Path, intervals: tuple[Interval, ...], interval: Interval, rank
         # the frames are removed where an interval has ended: one that is to be solved again needs them
         if (
             interval.moving
-            and not read_progress(case).get("ended")
+            and not has_ended(case, interval)
             and not frames_laid(ranks.folders(case)[0])
         ):
             planform, sweep = read_planform(out, interval.mesh), read_sweep(out, interval.name)

@@ -53,6 +53,11 @@ def read_progress(case: Path) -> dict[str, Any]:
     return {"wall_time": 0.0, "cpu_time": 0.0, "resumed": []} | known
 
 
+def has_ended(case: Path, interval: Interval) -> bool:
+    """Whether an interval was solved to its end and all its sampled surfaces are there."""
+    return bool(read_progress(case).get("ended")) and first_damaged(case) >= interval.end
+
+
 def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
     """Change one entry of system/numbers, or of another file there."""
     path = case / "system" / file
@@ -69,9 +74,9 @@ def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar:
     StageError where `guard` stops it, it fails by itself, or what it has sampled for a guard of the energy ends before the
     interval; its files are kept.
     """
-    record = read_progress(case)
-    if record.get("ended"):
+    if has_ended(case, interval):
         return
+    record = read_progress(case)
     checkpoint = last_checkpoint(case, ranks, interval.moving) if resumes else None
     first = time_name(interval.begin)
     start, name = checkpoint or (interval.begin, first)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
@@ -53,15 +52,6 @@ def resumes_rightly(version: str, kind: str, pinch: bool, moving: bool) -> bool:
     return version == "v1912" or not moving or (kind == "2d" and not pinch)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the stage."""
-    parser.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
-    parser.add_argument("--hosts", type=Path, help="MPI host file")
-    parser.add_argument(
-        "--collated", action="store_true", help="one file for all ranks, not one for each"
-    )
-
-
 def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
         collated: bool = False) -> Spent:  # fmt: skip
     """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns the cost of the earlier, interrupted runs.
@@ -69,9 +59,9 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     `collated`: the ranks share their files.
     """
     if ranks < 1:
-        raise StageError(f"--ranks {ranks}: give 1 or more")
+        raise StageError(f"ranks = {ranks}: give 1 or more")
     if hosts is not None and not hosts.is_file():
-        raise StageError(f"--hosts {hosts}: no such file; give an MPI host file, one host per line")
+        raise StageError(f"hosts = {hosts}: no such file; give an MPI host file, one host per line")
     hosts = hosts and hosts.resolve()  # the solver runs in another folder
     version = foam_version()
     earlier = Spent()
@@ -91,7 +81,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         raise StageError(f"{scene.folder / 'scene.toml'}: {error}") from None
     cells = [read_sweep(out, interval.name).sizes["cell"] for interval in intervals]
     cases = [out / "case" / interval.name for interval in intervals]
-    with exclusive((out / "case").resolve().with_name("solver")):
+    with exclusive(out / "solver"):
         useful = max(1, min(ranks, min(cells) // LEAST_CELLS))
         if useful < ranks and not quiet:
             print(f"run: {min(cells)} cells are too few for {ranks} ranks; {useful} used")
@@ -135,7 +125,6 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         )
     about = {
         "versions": {"OpenFOAM": version} | versions(),
-        "scene_hash": scene.digest(),
         "scene": scene.name,
         "level": scene.level,
         "model": scene.model.kind,

@@ -82,13 +82,12 @@ def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
     return [*inherited, *layers]
 
 
-def resolve(path: Path, level: str) -> tuple[dict[str, Any], dict[str, Path]]:
+def resolve(layers: list[Layer], level: str) -> tuple[dict[str, Any], dict[str, Path]]:
     """The tables of a scene at a level, and the values of a parent's level that a child's own replaced.
 
     Order: what a parent says, what it adds at the level, what its child says, what that adds at the level. The second
     result has dotted keys and the file whose value, given for all levels, holds. Raises StageError.
     """
-    layers = read_layers(path)
     names = _level_chain(layers, level)
     table: dict[str, Any] = {}
     of_levels: dict[str, Any] = {}

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Mapping
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
 from fileio.errors import StageError
-from fileio.provenance import digest
 from pipeline.scene.limits import check_scene
 from pipeline.scene.measurement import Camera, Piv, Sheet, Vortices
 from pipeline.scene.pinch import Pinch, Support
 from pipeline.scene.predicted import predicted
-from pipeline.scene.read_toml import resolve
+from pipeline.scene.read_toml import merge, read_layers, resolve
 from pipeline.scene.rigid_body import RigidBody
 from pipeline.scene.section import Section, validation_sentence
 from pipeline.scene.sections import (
@@ -41,6 +42,9 @@ class Scene(Section):
     title: str
     level: str
     folder: Path
+    parents: tuple[Path, ...] = ()  # folders of the scenes that it extends, nearest first
+    out: Path  # folder of everything that is generated
+    notes: tuple[str, ...] = ()  # on how the scene was read
     tank: Tank = Tank()
     fluid: Fluid = Fluid()
     finger: Finger
@@ -111,7 +115,7 @@ class Scene(Section):
 
     def remarks(self) -> list[str]:
         """What holds otherwise than a reader of the scene may think, a sentence each."""
-        said = []
+        said = list(self.notes)
         above = self.finger.root[1] - self.finger.length - self.finger.tip.length
         if self.body is None and above < PAPER_CLEARANCE:
             said.append(
@@ -148,34 +152,39 @@ class Scene(Section):
                 )
         return said
 
-    @property
-    def out(self) -> Path:
-        """Folder of everything generated at this level."""
-        return self.folder / "out" / self.level
 
-    def digest(self) -> str:
-        """Hash of every number of the scene at this level."""
-        return digest(self.model_dump(mode="json", exclude={"folder"}))
+def load_scene(
+    folder: str | Path,
+    level: str = "coarse",
+    overrides: Mapping[str, Any] | None = None,
+    out: Path | None = None,
+) -> Scene:
+    """Read `<folder>/scene.toml` at a level, with values in place of others by dotted keys.
 
-
-def load_scene(folder: str | Path, level: str = "coarse") -> Scene:
-    """Read `<folder>/scene.toml` at a level, and check it.
-
-    A scene may say `extends = "../other"`: it then holds only what differs. Raises StageError in one sentence.
+    A scene may say `extends = "../other"`: it then holds only what differs. `out`: folder of the
+    results, `<folder>/out/<level>` where none is named. Raises StageError in one sentence.
     """
     folder = Path(folder)
     path = folder / "scene.toml"
-    table, _ = resolve(path, level)
-    for key in ("name", "level", "folder"):
+    layers = read_layers(path)
+    table, replaced = resolve(layers, level)
+    values = ", ".join(f"{key} of {where}" for key, where in sorted(replaced.items()))
+    notes = (f"{values}: used in place of the parent's [levels.{level}]",) if values else ()
+    for key in ("name", "level", "folder", "parents", "out", "notes"):
         if key in table:
             raise StageError(
                 f"{path}: {key}: this key is not known; check its spelling or remove it"
             )
+    for key, value in (overrides or {}).items():
+        names = key.split(".")
+        table = merge(table, reduce(lambda inner, name: {name: inner}, reversed(names), value))
+    parents = tuple(layer.path.parent for layer in layers[-2::-1])
+    place = {"parents": parents, "out": out or folder / "out" / level, "notes": notes}
     try:
-        return Scene(**table, name=folder.name, level=level, folder=folder).placed()
+        return Scene(**table, name=folder.name, level=level, folder=folder, **place).placed()
     except ValidationError as error:
         raise StageError(f"{path}: {validation_sentence(error, Scene)}") from None
     except ArithmeticError as error:
         raise StageError(
-            f"{path}: a number is too large or too small to reckon with ({error}); lengths are in m, times in s"
+            f"{path}: a number is too large or too small ({error}); lengths are in m, times in s"
         ) from None

@@ -17,7 +17,6 @@ from fileio.formats.mesh_intervals import PER_FINGER, read_intervals
 from pipeline.kinematics.finger import axes, finger_states
 from pipeline.openfoam.surface_vtk import sampled_surfaces
 from pipeline.scene.scene import Scene
-from pipeline.stage_settings import settings_of
 from pipeline.structure.chain import Chain, ComplexArray, placed
 from pipeline.structure.coupling import loads_at
 from pipeline.structure.deflection import deflections, prescribed
@@ -171,9 +170,8 @@ def history(
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write loads.h5."""
     kinematics = read_kinematics(scene.out / "kinematics.h5")
-    settings = settings_of(scene, "loads")
     if scene.body is not None:
-        write_loads(scene.out, {"unknown": RIGID}, settings)
+        write_loads(scene.out, {"unknown": RIGID})
         return
     chain, known = finger_chain(scene, kinematics)
     chambers = CubicSpline(kinematics.data["time"].values, kinematics.data["pressure"].values)
@@ -191,6 +189,6 @@ def run(scene: Scene, quiet: bool = False) -> None:
         values |= check(chain, kinematics, chambers, around, values) | {"unknown": ""}
     else:
         values["unknown"] = UNKNOWN
-    write_loads(scene.out, values, settings)
+    write_loads(scene.out, values)
     if not quiet:
         print(f"loads: {deflection_sentence(values)}")

@@ -5,23 +5,21 @@ Command: python -m pipeline choose cases/single_finger --accuracy 5% (make singl
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
 import re
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fileio.atomic import write_text
 from fileio.errors import StageError
-from fileio.formats.records import COST
-from fileio.json_text import parse_json, read_json
-from fileio.stages import BY_NAME, STAGES
+from fileio.json_text import parse_json
+from fileio.record import read_record
+from pipeline.runs.make import Machine, make
+from pipeline.runs.run import Run, open_run
+from pipeline.runs.stages import BY_NAME, STAGES
 from pipeline.study.machine_speed import probe
-from pipeline.study.plan import write_scenes
-from pipeline.study.table import Row, parse_cell
+from pipeline.study.rows import Row, parse_cell
 
 STUDY = "asked"
 NUMBER = r"(\d+\.?\d*|\.\d+)"
@@ -135,58 +133,30 @@ def judges_doubt(head: dict[str, Any], error: float) -> str:
     return f"the errors are those against {head['best']}, whose own is estimated at {own:.1%}: below that they are not known"
 
 
-def spent(out: Path) -> tuple[float, float]:
-    """CPU and wall seconds of all stages in out/<level>/costs/."""
-    costs = [COST.read(path) for path in sorted((out / "costs").glob("*.json"))]
-    return sum(c["cpu_time"] for c in costs), sum(c["wall_time"] for c in costs)
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command `choose`."""
-    parser.add_argument("scene", type=Path, help="folder of the scene, as cases/single_finger")
-    what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--accuracy", help="largest error, as 5%%")
-    what.add_argument("--budget", help="longest time, as 10min")
-    what.add_argument(
-        "--after", action="store_true", help="compare the time that it took with the predicted"
-    )
-
-
-def run(args: argparse.Namespace) -> None:
-    """Command `choose`: before the run, or with --after what it took."""
-    noted = args.scene / "out" / "studies" / STUDY / "choice.json"
-    if args.after:
-        _say_what_it_took(args.scene.name, noted)
-        return
-    error, time = (
-        read(text) if text else None
-        for read, text in ((accuracy, args.accuracy), (budget, args.budget))
-    )
-    settings, head = read_results(results_of(args.scene))
+def run_asked(folder: Path, accuracy_text: str, budget_text: str, jobs: int, quiet: bool) -> Run:
+    """Make the run of the setting that is asked for, to its report. StageError."""
+    error = accuracy(accuracy_text) if accuracy_text else None
+    time = budget(budget_text) if budget_text else None
+    settings, head = read_results(results_of(folder))
     here = probe()
     times = [predicted(setting, head["probe"], here) for setting in settings]
     index = choose(settings, times, error, time)
-    row = settings[index].row
-    write_scenes(args.scene, STUDY, [row])
-    choice = {"run": row.run, "level": row.level, "ranks": row.ranks, "error": settings[index].error,
-              "seconds": round(times[index], 1), "probe": here}  # fmt: skip
-    write_text(noted, json.dumps(choice, indent=1) + "\n")
-    print(
-        f"choose: {row.run} (level {row.level}, {json.dumps(row.overrides)}): measured error {settings[index].error:.1%};"
-        f" about {times[index]:.0f} s of CPU on this machine",
-        file=sys.stderr,
-    )
-    if doubt := judges_doubt(head, max(error or 0.0, settings[index].error)):
-        print(f"choose: {doubt}", file=sys.stderr)
-    if unknown := [stage.name for stage in STAGES if stage.name not in settings[index].seconds]:
-        print(f"choose: not counted, as nothing measured it: {', '.join(unknown)}", file=sys.stderr)
-    print(row.run, row.level, row.ranks)  # for make
-
-
-def _say_what_it_took(scene: str, noted: Path) -> None:
-    choice = read_json(noted, f"run make {scene} ACCURACY=… again, which writes it")
-    cpu, wall = spent(noted.parent / choice["run"] / "out" / choice["level"])
-    print(
-        f"choose: took {cpu:.0f} s of CPU ({wall:.0f} s by the clock, stage by stage); predicted {choice['seconds']:.0f} s,"
-        f" {cpu / choice['seconds'] - 1:+.0%}"
-    )
+    row, found = settings[index].row, settings[index].error
+    run = open_run(folder, row.level, row.overrides, folder / "out" / "asked" / row.run)
+    if not quiet:
+        print(
+            f"{row.run} (level {row.level}, {json.dumps(row.overrides)}): measured error"
+            f" {found:.1%}; about {times[index]:.0f} s of CPU on this machine"
+        )
+        if doubt := judges_doubt(head, max(error or 0.0, found)):
+            print(doubt)
+        if unknown := [s.name for s in STAGES if s.name not in settings[index].seconds]:
+            print(f"not counted, as nothing measured it: {', '.join(unknown)}")
+    make(run, "report", Machine(row.ranks, jobs), quiet)
+    if not quiet:
+        records = [read_record(run.out, stage.name) for stage in STAGES]
+        cpu = sum(record["cpu_time"] for record in records if record)
+        print(
+            f"took {cpu:.0f} s of CPU; predicted {times[index]:.0f} s, {cpu / times[index] - 1:+.0%}"
+        )
+    return run

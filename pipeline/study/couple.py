@@ -3,34 +3,31 @@
 Fingers that touch are coupled until the contact law slows them down. From there they go on as the modelled water has it,
 slowed down and held by that law like prescribed ones: what a contact does to an elastic finger is not computed.
 
-The runs are scenes of their own below out/coupled, so that one that was cut off resumes like any other, and none is repeated.
+The runs lie below out/<level>/coupled, so that one that was cut off resumes like any other, and none is repeated.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from fileio.atomic import update_text
-from fileio.checksum import sha256
-from fileio.command import add_scene
+from fileio.atomic import sha256
 from fileio.errors import StageError
 from fileio.formats.bending_states import FloatArray
 from fileio.formats.elastic_motion import read_elastic_motion, write_elastic_motion
 from fileio.formats.finger_loads import read_loads
-from fileio.key_reference import toml_value
 from fileio.provenance import digest
 from pipeline.kinematics.contact import gap
 from pipeline.kinematics.finger import finger_motion, finger_states
-from pipeline.scene.scene import Scene, load_scene
-from pipeline.stage_settings import settings_of
+from pipeline.runs.make import Machine, make
+from pipeline.runs.run import Run, open_run
+from pipeline.scene.scene import Scene
 from pipeline.structure.chain import Chain
 from pipeline.structure.coupling import check_change, knots, loads_at, motion_values, next_delta
 from pipeline.structure.energy import energies, open_share
@@ -47,22 +44,6 @@ FIRST = {
 OPEN = 4  # times the tolerance, of the pressure's work: what may be open where a run's own loads stand for those its motion bears
 SHAPES = "elastic_motion.h5"
 AFTER = "after.h5"  # beside it in the last run: the motion that the loads of this one make, and its change
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command."""
-    add_scene(parser)
-    parser.add_argument("--ranks", type=int, default=1, help="MPI ranks (default: %(default)s)")
-    parser.add_argument(
-        "--target",
-        default="report",
-        help="stage up to which the last run goes (default: %(default)s)",
-    )
-
-
-def run(args: argparse.Namespace) -> None:
-    """Command `couple`."""
-    couple(load_scene(args.scene, args.level), args.ranks, args.quiet, args.target)
 
 
 class Structure:
@@ -135,51 +116,43 @@ class Structure:
         return open_share(energies(self.chain, self.pressure, delta, self.step, water, computed))
 
 
-def couple(scene: Scene, ranks: int, quiet: bool = False, target: str = "report") -> Path:
-    """The coupled run of a scene up to `target`, and those that its motion follows from; returns its folder. StageError."""
+def couple(scene: Scene, machine: Machine, quiet: bool = False, target: str = "report") -> Run:
+    """The coupled run of a scene up to `target`, and those that its motion follows from. StageError."""
     structure = Structure(scene)
     end = _end_of_approach(scene, structure)
     if end is None:
-        return couple_free(scene, ranks, quiet, target)
+        return _couple_free(scene, machine, quiet, target)
     approach = scene.motion.model_copy(update={"end_time": end})
-    last = (
-        couple_free(scene.model_copy(update={"motion": approach}), ranks, quiet, "loads") / SHAPES
-    )
-    folder = last.parents[1] / f"contact_{scene.level}"
+    free = scene.model_copy(update={"motion": approach})
+    last = _couple_free(free, machine, quiet, "loads").out / SHAPES
+    out = scene.out / "coupled" / "contact"
     delta = structure.prolonged(read_elastic_motion(last)["delta"].values)
-    _kept(structure, folder / SHAPES, delta, None, digest([scene.digest(), sha256(last)]))
-    update_text(folder / "scene.toml", _scene_text(scene, folder))
-    make_run(folder.parent, folder.name, scene.level, target, ranks, quiet)
-    return folder
+    _kept(structure, out / SHAPES, delta, None, digest([_numbers(scene), sha256(last)]))
+    run = _coupled_run(scene, scene.level, out)
+    make(run, target, machine, quiet)
+    return run
 
 
-def couple_free(scene: Scene, ranks: int, quiet: bool, target: str) -> Path:
-    """Runs until the motion changes no more, the last at the scene's level and up to `target`; returns its folder. StageError."""
+def _couple_free(scene: Scene, machine: Machine, quiet: bool, target: str) -> Run:
+    """Runs until the motion changes no more, the last one at the scene's level. StageError."""
     structure = Structure(scene)
-    home = scene.folder / "out" / "coupled"
-    limit, open_limit = (
-        scene.structure.tolerance * scene.finger.length,
-        OPEN * scene.structure.tolerance,
-    )
+    home = scene.out / "coupled"
+    where = scene.folder / "scene.toml"
+    limit = scene.structure.tolerance * scene.finger.length
+    open_limit = OPEN * scene.structure.tolerance
     level = CHEAP if scene.level in FINE_LEVELS else scene.level
-    # the content of its files too, but not the number of runs: where that is raised, the runs that are there stay
-    one_run = scene.model_copy(
-        update={"structure": scene.structure.model_copy(update={"iterations": 1})}
-    )
-    asked = digest([one_run.digest(), settings_of(scene, "kinematics")])
-    delta, before, made_of = structure.first(), None, digest([asked, "first"])
+    delta, before, made_of = structure.first(), None, digest([_numbers(scene), "first"])
     changes: list[float] = []
     last = left = np.inf
     for number in range(1, scene.structure.iterations + 1):
-        folder = home / f"{scene.level}_{number}"
-        delta = _kept(structure, folder / SHAPES, delta, before, made_of)
-        update_text(folder / "scene.toml", _scene_text(scene, folder))
-        make_run(home, folder.name, level, "loads", ranks, quiet)
-        path = folder / "out" / level / "loads.h5"
-        loads = read_loads(path)
+        out = home / str(number)
+        delta = _kept(structure, out / SHAPES, delta, before, made_of)
+        run = _coupled_run(scene, level, out)
+        make(run, "loads", machine, quiet)
+        loads = read_loads(run.path("loads"))
         left = structure.open_energy(delta, loads)
         before, delta = delta, structure.next(delta, loads)
-        made_of = digest([asked, sha256(path)])
+        made_of = digest([_numbers(scene), sha256(run.path("loads"))])
         values = motion_values(structure.chain, structure.time, structure.pressure, delta, before)
         last = values["tip_change"]
         changes.append(last)
@@ -190,23 +163,40 @@ def couple_free(scene: Scene, ranks: int, quiet: bool, target: str) -> Path:
                 f" {np.degrees(values['bend_change']):.2f}°; {allowed * 1e3:.2g} mm are allowed; {left:.1%} of the energy is open",
                 flush=True,
             )
-        near = check_change(changes, allowed, scene.folder / "scene.toml")
+        near = check_change(changes, allowed, where)
         if not near or (level == scene.level and left > open_limit):
             continue
         if level == scene.level:
-            write_elastic_motion(folder / AFTER, values | {"made_of": made_of})
-            make_run(home, folder.name, level, target, ranks, quiet)
-            for later in range(
-                number + 1, scene.structure.iterations + 1
-            ):  # of a motion that took more runs
-                shutil.rmtree(home / f"{scene.level}_{later}", ignore_errors=True)
-            return folder
+            write_elastic_motion(out / AFTER, values | {"made_of": made_of})
+            make(run, target, machine, quiet)
+            for later in range(number + 1, scene.structure.iterations + 1):
+                shutil.rmtree(home / str(later), ignore_errors=True)  # of another motion
+            return run
         level, changes = scene.level, []
     raise StageError(
-        f"{scene.folder / 'scene.toml'}: after {scene.structure.iterations} runs the motion of level {scene.level} is not"
+        f"{where}: after {scene.structure.iterations} runs the motion of level {scene.level} is not"
         f" reached: the last change was {last * 1e3:.2g} mm, {limit * 1e3:.2g} mm are allowed, and {left:.1%} of the energy was"
         f" open, {open_limit:.2g} is allowed; raise structure.iterations"
     )
+
+
+def _coupled_run(scene: Scene, level: str, out: Path) -> Run:
+    """The run whose motion lies in its folder."""
+    overrides = {
+        "title": f"{scene.title}, coupled",
+        "motion.source": "structure",
+        "motion.shapes": os.path.relpath(out / SHAPES, scene.folder),
+        "motion.end_time": scene.motion.end_time,
+    }
+    return open_run(scene.folder, level, overrides, out)
+
+
+def _numbers(scene: Scene) -> list[Any]:
+    """What a coupled motion follows from, but for the number of runs: where that is raised, the runs that are there stay."""
+    about = scene.model_dump(mode="json", exclude={"folder", "out", "parents", "notes"})
+    about["structure"].pop("iterations")
+    files = Run(scene).made_from("kinematics")["files"]
+    return [about, files]
 
 
 def _kept(
@@ -233,9 +223,11 @@ def _end_of_approach(scene: Scene, structure: Structure) -> float | None:
     """When (s) the contact law begins to slow down the fingers as the modelled water moves them; None where they do not touch."""
     if scene.pinch is None:
         return None
-    shapes = Path("out", "coupled", f"modelled_{scene.level}.h5")
-    _write(structure, scene.folder / shapes, structure.modelled(), None, "")
-    motion = scene.motion.model_copy(update={"source": "structure", "shapes": str(shapes)})
+    shapes = scene.out / "coupled" / "modelled.h5"
+    _write(structure, shapes, structure.modelled(), None, "")
+    motion = scene.motion.model_copy(
+        update={"source": "structure", "shapes": os.path.relpath(shapes, scene.folder)}
+    )
     free = finger_motion(motion, scene.finger, None, scene.folder)
     time = knots(motion.end_time)
     gaps = gap(np.array([free.outline(float(t)) for t in time]), scene.pinch)
@@ -244,30 +236,3 @@ def _end_of_approach(scene: Scene, structure: Structure) -> float | None:
     return float(
         time[np.argmax(gaps <= scene.pinch.residual_gap + scene.pinch.slowing_distance) - 1]
     )
-
-
-def _scene_text(scene: Scene, folder: Path) -> str:
-    parent = os.path.relpath(scene.folder.resolve(), folder.resolve())
-    extends, title, shapes = map(toml_value, (parent, f"{scene.title}, coupled", SHAPES))
-    motion = f'source = "structure"\nshapes = {shapes}\nend_time = {scene.motion.end_time!r}\n'
-    return f"extends = {extends}\ntitle = {title}\n\n[motion]\n{motion}"
-
-
-def make_run(
-    home: Path, name: str, level: str, target: str, ranks: int, quiet: bool = False
-) -> None:
-    """Make a stage of the scene `name` in the folder `home`. StageError where it fails."""
-    words = ["make", "--no-print-directory", f"CASES={home}", f"LEVEL={level}", f"NP={ranks}"]
-    # what the make around this one was given is in the environment
-    words += ["COUPLED=", f"SCENE={name}"]
-    words += ["QUIET=1"] if quiet else []
-    inner = {
-        key: value
-        for key, value in os.environ.items()
-        if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
-    }
-    done = subprocess.run([*words, f"{name}.{target}"], env=inner, check=False)
-    if done.returncode:
-        raise StageError(
-            f"{home / name}: make {name}.{target} failed; see above, mend it, and start COUPLED=1 again"
-        )

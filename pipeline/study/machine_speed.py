@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sparse
-
-from fileio.atomic import write_text
 
 SIDE = 40  # cells along the edge of the cube of 64,000 that the solver's piece works on
 REPEATS = 3
@@ -55,13 +50,3 @@ def _image_work() -> Callable[[], None]:
         np.fft.irfft2(spectrum * spectrum.conj())
 
     return work
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command `speed`."""
-    parser.add_argument("output", type=Path, help="file to write (.json)")
-
-
-def run(args: argparse.Namespace) -> None:
-    """Command `speed`."""
-    write_text(args.output, json.dumps(probe()) + "\n")

@@ -1,27 +1,26 @@
 """How long a run takes on n ranks, predicted (pipeline.study.scaling_model), and how many ranks pay.
 
-Command: python -m pipeline predict cases/pinch --level fine (make predict SCENE=pinch LEVEL=fine)
+Command: softfinger predict cases/pinch --level fine
 """
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 
-from fileio.command import add_scene
-from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_intervals
 from pipeline.openfoam.ranks import LEAST_CELLS
+from pipeline.runs.estimate import duration
 from pipeline.scene.predicted import predicted
-from pipeline.scene.scene import Scene, load_scene
-from pipeline.study.scaling_data import measured, read_data, size
+from pipeline.scene.scene import Scene
+from pipeline.study.scaling_data import read_data, size
 from pipeline.study.scaling_model import Network, fit, step_time, useful_ranks
 
+RANKS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 WEAK_CELLS = 20000  # of a rank, in the weak-scaling column
 
 
-def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
+def report(scene: Scene) -> str:
     """The prediction as text, with its assumptions."""
+    cells, columns = size(scene)
     one, two, network = read_data()
     solver = fit(one, two, network)
     steps, factor = round(predicted(scene).steps), pressure_solves(scene) / one["correctors"]
@@ -42,7 +41,7 @@ def report(scene: Scene, cells: int, columns: int, ranks: list[int]) -> str:
         "ranks     time   speed-up   efficiency   weak efficiency",
     ]
     base, per_cell = step_time(WEAK_CELLS, 1, 1, solver, network), columns / cells
-    for n in (n for n in ranks if n == 1 or n * LEAST_CELLS <= cells):
+    for n in (n for n in RANKS if n == 1 or n * LEAST_CELLS <= cells):
         weak = base / step_time(WEAK_CELLS * n, n, WEAK_CELLS * n * per_cell, solver, network)
         lines.append(
             f"{n:5d} {duration(seconds(n)):>8s} {seconds(1) / seconds(n):10.1f} {seconds(1) / seconds(n) / n:11.0%} {weak:16.0%}"
@@ -75,45 +74,3 @@ def solver_time(scene: Scene, cells: int) -> float:
     one, two, network = read_data()
     step = step_time(cells, 1, cells, fit(one, two, network), network)
     return pressure_solves(scene) / one["correctors"] * predicted(scene).steps * step
-
-
-def duration(seconds: float) -> str:
-    """A time in the unit in which it is read most easily."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command `predict`."""
-    add_scene(parser)
-    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 4, 8, 16, 32, 64, 128, 256])
-    parser.add_argument(
-        "--seconds",
-        action="store_true",
-        help="print the solver's time on one rank alone, s, for programs",
-    )
-    parser.add_argument(
-        "--measure",
-        action="store_true",
-        help="print this run's measured step, for pipeline/study/scaling.toml, instead",
-    )
-
-
-def run(args: argparse.Namespace) -> None:
-    """Command `predict`."""
-    if min(args.ranks) < 1:
-        raise StageError(f"--ranks {min(args.ranks)}: give 1 or more")
-    scene = load_scene(args.scene, args.level)
-    cells, columns = size(scene)
-    if args.measure:
-        step = measured(
-            scene.out / "case" / read_intervals(scene.out)[0].name,
-            scene.numerics.sampling_steps(scene.sheet.rate_hz),
-        )
-        print(f"cells = {cells}\ncolumns = {columns}\ncorrectors = {pressure_solves(scene)}")
-        print("\n".join(f"{key} = {value:.5g}" for key, value in step.items()))
-    elif args.seconds:
-        print(f"{solver_time(scene, cells):.3g}")
-    else:
-        print(report(scene, cells, columns, args.ranks))

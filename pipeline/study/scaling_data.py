@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -59,40 +58,6 @@ def read_data(
         steps, one.get("serial_s", 0.0) / one["cells"], one.get("fixed_s", 0.0)
     )
     return (*(measured_here or (one, two or None)), Network(**network))
-
-
-def measured(case: Path, sampling: int) -> dict[str, float]:
-    """What a run's log says of a step: CPU seconds of a rank (of the quiet quarter of the steps), pressure cycles.
-
-    `serial_s` is what a picture of the sheet adds, spread over the `sampling` steps between two of them.
-    """
-    clock, cycles = [], []
-    for line in (case / "log.pimpleFoam").read_text(errors="replace").splitlines():
-        if line.startswith("Time = "):
-            cycles.append(0)
-        elif "Solving for p," in line and cycles:
-            cycles[-1] += int(line.split()[-1])
-        elif line.startswith("ExecutionTime"):
-            clock.append(float(line.split()[2]))
-    steps = [b - a for a, b in pairwise(clock)]  # step k + 1 is element k
-    with_picture = [t for k, t in enumerate(steps) if (k + 2) % sampling == 0]
-    plain = steps if sampling == 1 else [t for k, t in enumerate(steps) if (k + 2) % sampling]
-    if len(plain) < 20 or not with_picture:
-        raise StageError(f"{case}: {len(clock)} steps are too few to measure by; run more")
-    quiet = _low(plain)
-    picture = max(0.0, _low(with_picture) - quiet) if sampling > 1 else 0.0
-    return {
-        "step_s": quiet + picture / sampling,
-        "serial_s": picture / sampling,
-        "cycles": sum(cycles) / len(cycles),
-    }
-
-
-def _low(values: list[float]) -> float:
-    """Mean of the lowest quarter but the very lowest: the clock of the log ticks in hundredths of a second."""
-    ordered = sorted(values)
-    part = ordered[1 : max(2, len(ordered) // 4)]
-    return sum(part) / len(part)
 
 
 def size(scene: Scene) -> tuple[int, int]:

@@ -1,11 +1,10 @@
 """A run as a time series that opens in ParaView: water.pvd and walls.pvd, with a script for a first picture.
 
-Command: python -m pipeline view cases/single_finger --level coarse (make single_finger.view)
+Command: softfinger view cases/single_finger --level coarse (make single_finger.view)
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Iterator
 from itertools import groupby
@@ -17,7 +16,6 @@ import pyvista as pv
 from tqdm import tqdm
 
 from fileio.atomic import whole, write_bytes, write_text
-from fileio.command import add_scene
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
 from fileio.formats.node_motion import read_motion
@@ -28,21 +26,13 @@ from pipeline.openfoam.ranks import Ranks
 from pipeline.run.checkpoint import saved_times
 from pipeline.run.map_fields import read_cells
 from pipeline.run.prepare import prepared_for
-from pipeline.scene.scene import Scene, load_scene
+from pipeline.scene.scene import Scene
 from pipeline.view.grids import X, Z, topology, walls, water, with_mirror_image
 
 PARTS = ("water", "walls")
 SCRIPT = Path(__file__).with_name("first_picture.py")
 
 Instant = tuple[Interval, Ranks, float, str]  # with the name of the folder of its fields
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The scene, and whether the whole tank is wanted."""
-    add_scene(parser)
-    parser.add_argument(
-        "--whole", action="store_true", help="mirror at the planes of symmetry: the whole tank"
-    )
 
 
 def instants(out: Path) -> list[Instant]:
@@ -149,20 +139,19 @@ def write_series(scene: Scene, target: Path, planes: tuple[int, ...], quiet: boo
     return len(shown)
 
 
-def run(args: argparse.Namespace) -> None:
-    """Command `view`."""
-    scene = load_scene(args.scene, args.level)
-    target = scene.out / ("view_whole" if args.whole else "view")
+def view(scene: Scene, whole: bool = False, quiet: bool = False) -> None:
+    """Write the series of a run; `whole`: mirrored at the planes of symmetry, the whole tank."""
+    target = scene.out / ("view_whole" if whole else "view")
     planes: tuple[int, ...] = ()
-    if args.whole and scene.model.kind in ("half", "quarter"):
+    if whole and scene.model.kind in ("half", "quarter"):
         planes += (Z,)
-    if args.whole and scene.pinch is not None and scene.model.kind in ("quarter", "2d"):
+    if whole and scene.pinch is not None and scene.model.kind in ("quarter", "2d"):
         planes += (X,)
     with exclusive(target):
-        count = write_series(scene, target, planes, args.quiet)
+        count = write_series(scene, target, planes, quiet)
         write_text(target / "picture.json", json.dumps(picture_settings(scene)) + "\n")
         write_bytes(target / "picture.py", SCRIPT.read_bytes())
-    if not args.quiet:
+    if not quiet:
         print(
             f"view: {count} instants; open {target / 'water.pvd'}, or start paraview --script={target / 'picture.py'}"
         )

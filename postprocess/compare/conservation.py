@@ -8,17 +8,17 @@ import xarray as xr
 
 from fileio.formats.records import FORCES
 from postprocess.evidence.conservation import half_circulation, running_integral, vertical_impulse
-from postprocess.evidence.stage_files import StageFiles, scene_numbers
+from postprocess.evidence.stage_files import StageFiles
 
 NEEDED = {"p", "outline_velocity"}
 
 
 def conservation(files: StageFiles, plane: xr.Dataset) -> pd.DataFrame:
     """Columns of `half_circulation`, and `impulse` and `given` (m³/s): of the plane flow, and by the fingers' forces per width."""
-    scene = scene_numbers(files)
-    density, viscosity = scene["fluid"]["density"], scene["fluid"]["kinematic_viscosity"]
+    fluid, width = files.numbers.fluid, files.numbers.finger.width
+    density, viscosity = fluid.density, fluid.kinematic_viscosity
     forces = FORCES.read(files.required("run/forces.csv", "run"))
-    time, width = forces["time"].to_numpy(), scene["finger"]["width"]
+    time = forces["time"].to_numpy()
     given = -2 * running_integral(forces["fy"].to_numpy(), time) / (density * width)
     table = half_circulation(plane, density, viscosity)
     return table.assign(

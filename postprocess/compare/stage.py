@@ -11,10 +11,11 @@ from typing import Any
 
 import xarray as xr
 
-from fileio.atomic import write_text
-from fileio.checksum import sha256
+from fileio.atomic import sha256, write_text
 from fileio.formats.records import COMPARISON, RUN
-from fileio.provenance import settings_in, versions
+from fileio.provenance import versions
+from fileio.record import read_record
+from pipeline.scene.scene import Scene
 from postprocess.compare.conservation import NEEDED, conservation, conservation_numbers
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.pinch_summary import pinch_summary
@@ -24,21 +25,13 @@ from postprocess.compare.series import series_table, summary
 from postprocess.draw.quantity_text import measured_text
 from postprocess.evidence.check_finite import first_not_finite
 from postprocess.evidence.evidence import Evidence, Measured, Part
-from postprocess.evidence.load import FILES, load_evidence
+from postprocess.evidence.load import load_evidence
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.evidence.time_windows import interval
 from postprocess.evidence.tip_vortex import strengths
 
-INPUTS = (
-    "sheet.h5",
-    "piv.h5",
-    "images.h5",
-    "vortices_cfd.csv",
-    "vortices_piv.csv",
-    "kinematics.h5",
-    "run/run.json",
-)
+INPUTS = ("run", "sheet", "images", "piv", "vortices_cfd", "vortices_piv")
 COPIED = ("id", "kind", "finding", "figure", "quantity", "comparison")
 AGREEMENT = Path(__file__).parent / "agreement.toml"  # for a scene that has no findings of its own
 
@@ -111,21 +104,16 @@ def verdict(checks: list[dict[str, Any]]) -> dict[str, Any]:
 def provenance(
     out: Path, run: dict[str, Any], findings: Path | None, planes: dict[str, xr.Dataset]
 ) -> dict[str, Any]:
-    """Versions, hashes of the inputs in `out`, seeds and settings that the result rests on; `run` as in run.json."""
+    """What the result rests on: versions, what the stages before were made from, seeds."""
     names = ("numpy", "scipy", "xarray", "h5py", "pandas")
+    records = {stage: read_record(out, stage) for stage in INPUTS}
     return {
         "versions": {"python": platform.python_version()}
         | versions(*names)
         | run.get("versions", {}),
-        "scene_hash": str(run.get("scene_hash", "")),
-        "inputs_sha256": {n: sha256(out / n) for n in INPUTS if (out / n).exists()},
+        "made_from": {stage: record["digest"] for stage, record in records.items() if record},
         "findings_sha256": None if findings is None else sha256(findings),
         "seeds": {s: int(p.attrs["seed"]) for s, p in planes.items() if "seed" in p.attrs},
-        "settings": {
-            s: settings_in(p.attrs, out / FILES[s])
-            for s, p in planes.items()
-            if p.attrs.get("settings")
-        },
     }
 
 
@@ -182,9 +170,9 @@ def compare(files: StageFiles) -> dict[str, Any]:
     return result
 
 
-def run(scene_folder: Path, level: str, quiet: bool = False) -> None:
+def run(scene: Scene, quiet: bool = False) -> None:
     """Stage compare."""
-    files = StageFiles(scene_folder, level)
+    files = StageFiles(scene)
     result = compare(files)
     if quiet:
         return

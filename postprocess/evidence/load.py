@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,6 +10,7 @@ import xarray as xr
 
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.plane_series import read_plane
+from pipeline.scene.scene import Scene
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.centreline import centreline
@@ -18,7 +18,7 @@ from postprocess.evidence.check_finite import check_finger
 from postprocess.evidence.evidence import Evidence
 from postprocess.evidence.half_planes import half_planes
 from postprocess.evidence.pair_integrals import pair_integrals
-from postprocess.evidence.stage_files import StageFiles, extended_scenes
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import peak_tip_speed, progress
 from postprocess.evidence.time_windows import Clock
 from postprocess.evidence.vortex_pairs import pair_vortices
@@ -47,7 +47,7 @@ def load_evidence(files: StageFiles, single_level: str | None = None) -> Evidenc
         check_finger(plane, FINGER & set(plane), files.out / FILES[source])
     scale, _ = peak_tip_speed(planes["cfd"]["time"].values, planes["cfd"]["tip"].values)
     sums = {"piv-cfd": fields.field_sums(planes["cfd"], planes["piv"])} if piv is not None else {}
-    clock = read_clock(files.required("kinematics.h5", "kinematics"), planes["cfd"])
+    clock = read_clock(files.numbers, planes["cfd"])
     evidence = Evidence(planes, vortices, scale, clock, sums)
     if planes["cfd"].sizes["finger"] < 2:
         return evidence
@@ -55,27 +55,27 @@ def load_evidence(files: StageFiles, single_level: str | None = None) -> Evidenc
     lines = {source: centreline(plane, scale) for source, plane in planes.items()}
     integrals = {source: pair_integrals(plane, scale) for source, plane in planes.items()}
     halves = {source: half_planes(plane) for source, plane in planes.items()}
-    single, absent = single_finger(files.scene_folder, single_level or files.level)
+    single, absent = single_finger(files.numbers, single_level or files.level)
     evidence = replace(evidence, pairs=pairs, lines=lines, integrals=integrals, halves=halves)
     return replace(evidence, single=single, single_absent=absent)
 
 
-def single_finger(folder: Path, level: str) -> tuple[dict[str, pd.DataFrame], str]:
+def single_finger(pinch: Scene, level: str) -> tuple[dict[str, pd.DataFrame], str]:
     """Vortices of the single finger that the scene of a pinch extends, by source, with its `bend` (rad); why there are none."""
-    extended = extended_scenes(folder)[1:]
-    if not extended:
+    if not pinch.parents:
         return {}, "the scene extends no scene of a single finger, so nothing is compared with one"
-    beside = StageFiles(extended[-1], level)
-    sheet = beside.optional("sheet.h5")
+    folder = pinch.parents[-1]
+    beside = folder / "out" / level
+    sheet = beside / "sheet.h5"
     tables = {}
     for source in ("cfd", "piv"):
-        path = beside.optional(f"vortices_{source}.csv")
-        if path is not None and sheet is not None:
+        path = beside / f"vortices_{source}.csv"
+        if path.exists() and sheet.exists():
             table = tracks.read_vortices(path)
             with read_plane(sheet) as plane:
                 bend = np.interp(table["time"], plane["time"].values, plane["bend"].values[:, 0])
             tables[source] = table.assign(bend=bend)
-    run = f"make {beside.scene} LEVEL={level}"
+    run = f"make {folder.name} LEVEL={level}"
     if tables:
         return (
             tables,
@@ -87,11 +87,13 @@ def single_finger(folder: Path, level: str) -> tuple[dict[str, pd.DataFrame], st
     )
 
 
-def read_clock(path: Path, plane: xr.Dataset) -> Clock:
-    """What windows of time are defined by: the stroke's progress on the sheet, gap and strokes of kinematics.h5."""
-    time, done, kinematics = plane["time"].values, progress(plane), read_kinematics(path)
+def read_clock(scene: Scene, plane: xr.Dataset) -> Clock:
+    """What windows of time are defined by: the stroke's progress on the sheet, gap and strokes."""
+    time, done = plane["time"].values, progress(plane)
+    kinematics = read_kinematics(scene.out / "kinematics.h5")
+    starts = tuple(float(stroke.start) for stroke in scene.motion.strokes)
     gap = kinematics.values("gap")
     if gap is None:
-        return Clock(time, done, starts=kinematics.starts)
+        return Clock(time, done, starts=starts)
     residual = float(kinematics.data.attrs["residual_gap"])
-    return Clock(time, done, kinematics.law.x, gap, residual, kinematics.starts)
+    return Clock(time, done, kinematics.law.x, gap, residual, starts)

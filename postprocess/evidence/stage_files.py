@@ -1,4 +1,4 @@
-"""Where a scene's stage files are, and reading them with one-sentence errors."""
+"""Where a run's files are, and reading them with one-sentence errors."""
 
 from __future__ import annotations
 
@@ -9,24 +9,30 @@ from typing import Any
 from fileio import json_text
 from fileio.atomic import write_text as write_text
 from fileio.json_text import AGAIN
-from fileio.provenance import read_settings
-from fileio.toml_text import read_toml
+from pipeline.scene.scene import Scene
 
 
 @dataclass(frozen=True)
 class StageFiles:
-    """Paths of one scene at one level; `scene_folder` is cases/<scene>."""
+    """Paths of a run; `numbers` is its scene."""
 
-    scene_folder: Path
-    level: str
+    numbers: Scene
 
     @property
     def scene(self) -> str:
-        return self.scene_folder.resolve().name
+        return self.numbers.name
+
+    @property
+    def scene_folder(self) -> Path:
+        return self.numbers.folder
+
+    @property
+    def level(self) -> str:
+        return self.numbers.level
 
     @property
     def out(self) -> Path:
-        return self.scene_folder / "out" / self.level
+        return self.numbers.out
 
     @property
     def figures(self) -> Path:
@@ -37,16 +43,17 @@ class StageFiles:
         return self.scene_folder / "reference" / "findings.toml"
 
     def required(self, name: str, stage: str) -> Path:
-        """Path of out/<level>/<name>; FileNotFoundError in one sentence that names the stage to run."""
+        """Path of a file of the run; FileNotFoundError that names the stage to run."""
         path = self.out / name
         if not path.exists():
             raise FileNotFoundError(
-                f"{path} is missing; run the stage '{stage}' of {self.scene} at level {self.level} first"
+                f"{path} is missing; run the stage '{stage}' of {self.scene} at level {self.level}"
+                " first"
             )
         return path
 
     def optional(self, name: str) -> Path | None:
-        """Path of out/<level>/<name>, or None where the stage that makes it was not run."""
+        """Path of a file of the run, or None where the stage that makes it was not run."""
         path = self.out / name
         return path if path.exists() else None
 
@@ -57,32 +64,6 @@ def read_json(path: Path, kind: type = dict) -> Any:
 
 
 def scene_numbers(files: StageFiles) -> dict[str, Any]:
-    """The scene's sections (tank, finger, motion, model, fluid …) as the stages that used them recorded them."""
-    numbers: dict[str, Any] = {}
-    for name, stage in (
-        ("kinematics.h5", "kinematics"),
-        ("planform.h5", "mesh"),
-        ("sweep.h5", "case"),
-    ):
-        numbers |= read_settings(files.required(name, stage))
-    missing = [key for key in ("tank", "finger", "fluid", "model") if key not in numbers]
-    if missing:
-        raise ValueError(
-            f"{files.out}: no stage recorded the scene's section {missing[0]!r}; run kinematics and mesh again"
-        )
-    return numbers
-
-
-def scene_title(folder: Path) -> str:
-    """`title` of scene.toml, or of the nearest scene that it extends; ValueError where there is none."""
-    for path in extended_scenes(folder):
-        table = read_toml(path / "scene.toml")
-        if "title" in table:
-            return str(table["title"])
-    raise ValueError(f'{folder / "scene.toml"}: title is missing; add title = "…"')
-
-
-def extended_scenes(folder: Path) -> list[Path]:
-    """A scene's folder, and those of the scenes that it extends, nearest first."""
-    table = read_toml(folder / "scene.toml")
-    return [folder, *(extended_scenes(folder / table["extends"]) if "extends" in table else [])]
+    """The sections of the run's scene as plain values."""
+    own = {"name", "title", "level", "folder", "parents", "out", "notes"}
+    return files.numbers.model_dump(mode="json", exclude=own)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
 from functools import partial
 from itertools import chain, islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from fileio.child_process import worker_pool
 from fileio.formats.mesh_intervals import read_planforms
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import COMPARISON, FIGURES
+from pipeline.scene.scene import Scene
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.load import read_clock, single_finger
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
@@ -93,7 +93,7 @@ def _evidence(files: StageFiles) -> Iterator[tuple[Flow, dict[str, Any]]]:
         if files.optional("piv.h5") is not None:
             planes["piv"] = opened.enter_context(read_plane(out / "piv.h5"))
             tables["piv"] = tracks.read_vortices(files.required("vortices_piv.csv", "vortices"))
-        clock = read_clock(out / "kinematics.h5", planes["cfd"])
+        clock = read_clock(files.numbers, planes["cfd"])
         dominant = tip_vortices(planes["cfd"], tables, _middle(comparison))
         yield Flow(planes, tables, dominant, comparison["scale"]["value"], clock), comparison
 
@@ -123,7 +123,7 @@ def _other_figures(files: StageFiles) -> list[dict[str, Any]]:
             album, pd.read_csv(out / "comparison.csv"), plane, flow.dominant, middle, scale
         )
         if plane.sizes["finger"] > 1:
-            single, absent = single_finger(files.scene_folder, files.level)
+            single, absent = single_finger(files.numbers, files.level)
             pair = comparison["summary"]["pinch"]
             pinch_figures(album, out, plane, flow.clock, pair, single, absent, scale)
         rigid = scene.get("body") is not None
@@ -141,9 +141,9 @@ def _other_figures(files: StageFiles) -> list[dict[str, Any]]:
     return album.entries
 
 
-def run(scene_folder: Path, level: str, quiet: bool = False, threads: int = 1) -> None:
+def run(scene: Scene, quiet: bool = False, threads: int = 1) -> None:
     """Stage figures."""
-    files = StageFiles(scene_folder, level)
+    files = StageFiles(scene)
     entries = make_figures(files, threads)
     if not quiet:
         print(f"{len(entries)} pictures in {files.figures}")

@@ -10,11 +10,13 @@ from typing import Any
 from fileio.atomic import write_text
 from fileio.formats.finger_loads import deflection_sentence, read_loads
 from fileio.formats.plane_series import read_plane
-from fileio.formats.records import COMPARISON, COST, FIGURES, RUN
-from fileio.stages import BY_NAME
+from fileio.formats.records import COMPARISON, FIGURES, RUN
+from fileio.record import read_record
+from pipeline.runs.stages import STAGES
+from pipeline.scene.scene import Scene
 from postprocess.draw.solver import costs as draw_costs
 from postprocess.draw.style import save
-from postprocess.evidence.stage_files import StageFiles, scene_numbers, scene_title
+from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.report import trust, wording
 from postprocess.report.assumptions import statements
 from postprocess.report.page_template import page_template
@@ -47,22 +49,17 @@ def pictures(index: Path) -> dict[str, list[dict[str, Any]]]:
     return sections
 
 
-def read_costs(folder: Path, solver_time: float) -> list[dict[str, Any]]:
-    """The costs of a folder in the order of the stages; unknown stages last. The report's own cost is not known yet.
+def read_costs(out: Path, solver_time: float) -> list[dict[str, Any]]:
+    """What each stage has cost, but for the report itself.
 
-    A run that was resumed records its last part alone, so its time is at least `solver_time` (s), that of the whole run.
+    A run that was resumed records its last part alone: its time is at least `solver_time` (s).
     """
-    order = list(BY_NAME)
-    costs = {
-        path.stem: COST.read(path)
-        for path in sorted(folder.glob("*.json"))
-        if path.stem != "report"
-    }
-    if "run" in costs:
-        costs["run"]["wall_time"] = max(costs["run"]["wall_time"], solver_time)
-    return [
-        costs[n] for n in sorted(costs, key=lambda n: order.index(n) if n in order else len(order))
-    ]
+    records = (read_record(out, stage.name) for stage in STAGES if stage.name != "report")
+    costs = [dict(record) for record in records if record]
+    for cost in costs:
+        if cost["stage"] == "run":
+            cost["wall_time"] = max(cost["wall_time"], solver_time)
+    return costs
 
 
 def absences(comparison: dict[str, Any], sections: dict[str, Any], finger: bool) -> list[str]:
@@ -90,9 +87,9 @@ def render(files: StageFiles) -> str:
     run = RUN.read(files.required("run/run.json", "run"))
     sections = pictures(files.required("figures/figures.json", "figures"))
     loads = files.optional("loads.h5")
-    errors = trust.level_errors(files.scene_folder, files.level)
+    errors = trust.level_errors(files.numbers)
     trial = trust.trial(errors, files.level)
-    stages = read_costs(files.out / "costs", run["wall_time"])
+    stages = read_costs(files.out, run["wall_time"])
     if stages:
         save(draw_costs(stages), files.figures / "costs.svg")
     scene = scene_numbers(files)
@@ -102,7 +99,7 @@ def render(files: StageFiles) -> str:
     pinch = comparison["summary"].get("pinch")
     pinch_columns, pinch_rows = pinch_table(pinch) if pinch else ([], [])
     return page_template("report.html").render(
-        title=scene_title(files.scene_folder),
+        title=files.numbers.title,
         scene=files.scene,
         level=files.level,
         agrees=None if trial else comparison["verdict"]["agrees"],
@@ -148,8 +145,8 @@ def make_report(files: StageFiles) -> Path:
     return path
 
 
-def run(scene_folder: Path, level: str, quiet: bool = False) -> None:
+def run(scene: Scene, quiet: bool = False) -> None:
     """Stage report."""
-    path = make_report(StageFiles(scene_folder, level))
+    path = make_report(StageFiles(scene))
     if not quiet:
         print(path)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from pipeline.scene.scene import Scene
 from postprocess.draw.quantity_text import NBSP
-from postprocess.evidence.stage_files import extended_scenes
 
 ERRORS = {
     "error_dorsal": "circulation on the dorsal side of the tip",
@@ -20,19 +19,19 @@ ERRORS = {
 TRIAL = 0.5  # a level whose worst error is larger shows that everything works, and no number of the finger
 
 
-def level_errors(folder: Path, level: str) -> dict[str, Any]:
+def level_errors(run: Scene) -> dict[str, Any]:
     """ERRORS of a level against the finest run, with `scene` and `error`, the largest; empty where not measured.
 
     `best` is that run's level, `best_error` its own estimated error.
 
     From studies/results/tradeoff.csv of the scene, or of the nearest that it extends.
     """
-    for scene in extended_scenes(folder):
+    for scene in (run.folder, *run.parents):
         path = scene / "studies" / "results" / "tradeoff.csv"
         if path.exists():
             table = pd.read_csv(path, comment="#")
             rows = table[
-                (table["run"] == level) & (table["kind"] == "flow") & table["error"].notna()
+                (table["run"] == run.level) & (table["kind"] == "flow") & table["error"].notna()
             ]
             if len(rows):
                 best = table.loc[table["cells"].idxmax()]

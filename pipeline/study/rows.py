@@ -1,41 +1,50 @@
-"""Reading the table of a study: a row per run, and what each says of itself."""
+"""Rows of a study's table: runs that are a scene at a level with overrides."""
 
 from __future__ import annotations
 
 import csv
 import json
+import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from fileio.errors import StageError
-from fileio.stages import STAGES
+from pipeline.runs.run import Run, open_run
+from pipeline.runs.stages import FEA, TARGETS
 
-LAST = tuple(
-    dict.fromkeys(["fea", *(name for stage in STAGES for name in (stage.name, stage.target))])
-)
-# what pipeline.study.outcome runs
-MAY_FAIL_UNTIL = tuple(stage.name for stage in STAGES if stage.module.startswith("pipeline."))
-OWN_COLUMNS = {"run", "scene", "level", "ranks", "until", "piv_chunks", "may_fail"}
+OWN_COLUMNS = {"run", "scene", "level", "ranks", "until", "may_fail"}
 
 
 @dataclass(frozen=True)
 class Row:
     """One run of a study.
 
-    overrides: dotted keys of the scene; until: the last stage wanted; scene: another scene's folder, relative to that of
-    the study; may_fail: whether a refusal, or a stop by a guard, is a result like any other.
+    overrides: values by dotted keys of the scene; until: the last stage; scene: another scene's
+    folder, relative to that of the study; may_fail: whether a refusal, or a stop by a guard, is a
+    result like any other.
     """
 
     run: str
     level: str
     ranks: int = 1
     until: str = "vortices"
-    piv_chunks: int = 1
     overrides: dict[str, Any] = field(default_factory=dict)
-    scene: str | None = None
+    scene: str = "."
     may_fail: bool = False
+
+
+def open_row(home: Path, study: str, row: Row) -> Run:
+    """The run of a row of a study of the scene in `home`. StageError where it is refused."""
+    folder = Path(os.path.normpath(home / row.scene))
+    out = home / "out" / "studies" / study / row.run
+    try:
+        run = open_run(folder, row.level, row.overrides, out)
+        run.check(row.until)
+    except StageError as error:
+        raise StageError(f"run {row.run}: {error}") from None
+    return run
 
 
 def read_study(path: Path) -> list[Row]:
@@ -78,25 +87,24 @@ def _row(path: Path, record: dict[str | None, Any]) -> Row:
             f"{path}: run {name}: more cells than columns; put a cell with a comma in quotes"
         )
     given = {key: value.strip() for key, value in record.items() if key and value and value.strip()}
-    counts = {}
-    for key in ("ranks", "piv_chunks"):
-        if not given.get(key, "1").isdecimal() or int(given.get(key, "1")) < 1:
-            raise StageError(
-                f"{path}: run {name}: {key} = {given[key]!r}: give a whole number, 1 or more"
-            )
-        counts[key] = int(given.get(key, "1"))
+    ranks = given.get("ranks", "1")
+    if not ranks.isdecimal() or int(ranks) < 1:
+        raise StageError(f"{path}: run {name}: ranks = {ranks!r}: give a whole number, 1 or more")
     until, may_fail = given.get("until", "vortices"), given.get("may_fail", "no")
-    if until not in LAST:
-        raise StageError(f"{path}: run {name}: until = {until!r}: give one of {', '.join(LAST)}")
+    if until not in (FEA.name, *TARGETS):
+        raise StageError(f"{path}: run {name}: until = {until!r}: give one of {', '.join(TARGETS)}")
     if may_fail not in ("yes", "no"):
         raise StageError(f"{path}: run {name}: may_fail = {may_fail!r}: give yes or no")
-    if may_fail == "yes" and until not in MAY_FAIL_UNTIL:
-        raise StageError(
-            f"{path}: run {name}: until = {until!r}: a run that may fail ends with one of {', '.join(MAY_FAIL_UNTIL)}"
-        )
     overrides = {key: parse_cell(text) for key, text in given.items() if key not in OWN_COLUMNS}
-    return Row(name, given.get("level", "coarse"), until=until, overrides=overrides, scene=given.get("scene"),
-               may_fail=may_fail == "yes", **counts)  # fmt: skip
+    return Row(
+        name,
+        given.get("level", "coarse"),
+        int(ranks),
+        until,
+        overrides,
+        given.get("scene", "."),
+        may_fail == "yes",
+    )
 
 
 def parse_cell(text: str) -> Any:

@@ -1,0 +1,107 @@
+"""The record of a stage, `made/<stage>.json` in a run's folder: what its files were made from, and what they are.
+
+Whoever opens a file that a record names checks it. Files that no record names, as those of other
+programs, pass.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from fileio.atomic import sha256, write_text
+from fileio.errors import StageError
+
+FOLDER = "made"
+FORMAT = {"format": "stage-record", "format_version": 1}
+DEPTH = 6  # of a file in a run's folder: case/interval_0/postProcessing/sheet/0.1/sheet.vtk
+REMEDY = "delete it and run make again"
+
+
+def record_path(out: Path, stage: str) -> Path:
+    """Where the record of a stage of the run in `out` lies."""
+    return out / FOLDER / f"{stage}.json"
+
+
+def read_record(out: Path, stage: str) -> dict[str, Any] | None:
+    """The record of a stage; None where there is none, or none of this version."""
+    return _parsed(record_path(out, stage))
+
+
+def write_record(out: Path, stage: str, about: dict[str, Any], outputs: list[Path]) -> None:
+    """Write a stage's record: `about` it, and size, time and SHA-256 of each file in `outputs`."""
+    files = {path.relative_to(out).as_posix(): _state(path) for path in sorted(outputs)}
+    for state, path in zip(files.values(), sorted(outputs), strict=True):
+        state["sha256"] = sha256(path)
+    record = FORMAT | {"stage": stage} | about | {"outputs": files}
+    write_text(record_path(out, stage), json.dumps(record, indent=1) + "\n")
+
+
+def changed_outputs(out: Path, record: dict[str, Any]) -> dict[str, str]:
+    """What is wrong with each file of a record that is gone or is not the recorded one.
+
+    A file of the recorded size and time is taken for the recorded one; any other is read.
+    """
+    changed = {}
+    for name, known in record["outputs"].items():
+        path = out / name
+        if not path.is_file():
+            changed[name] = f"{name} is missing"
+        elif _state(path) | {"sha256": known["sha256"]} != known and _sum(path) != known["sha256"]:
+            changed[name] = f"{name} has changed since it was written"
+    return changed
+
+
+def check_whole(path: str | Path, remedy: str = REMEDY) -> None:
+    """StageError where a file that a record names is not the recorded one."""
+    path = Path(os.path.abspath(path))
+    if not path.is_file():
+        return
+    for out in path.parents[:DEPTH]:
+        if not (out / FOLDER).is_dir():
+            continue
+        known = _known(out, (out / FOLDER).stat().st_mtime_ns).get(path.relative_to(out).as_posix())
+        if known is not None and _sum(path) != known:
+            raise StageError(f"{path}: damaged or changed since it was written; {remedy}")
+        return
+
+
+@lru_cache(maxsize=64)
+def _known(out: Path, changed: int) -> dict[str, str]:
+    """SHA-256 of every recorded file in `out`, whose records last `changed` then."""
+    return {name: state["sha256"] for r in _records(out) for name, state in r["outputs"].items()}
+
+
+def _records(out: Path) -> Iterator[dict[str, Any]]:
+    for path in sorted((out / FOLDER).glob("*.json")):
+        if (record := _parsed(path)) is not None:
+            yield record
+
+
+def _parsed(path: Path) -> dict[str, Any] | None:
+    try:
+        record = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    known = isinstance(record, dict) and FORMAT.items() <= record.items()
+    return record if known and isinstance(record.get("outputs"), dict) else None
+
+
+def _state(path: Path) -> dict[str, Any]:
+    state = path.stat()
+    return {"bytes": state.st_size, "time_ns": state.st_mtime_ns}
+
+
+def _sum(path: Path) -> str:
+    state = path.stat()
+    return _sum_of(path, state.st_mtime_ns, state.st_size, state.st_ino)
+
+
+@lru_cache(maxsize=256)
+def _sum_of(path: Path, *state: int) -> str:
+    """SHA-256 of a file in this state, computed once."""
+    return sha256(path)

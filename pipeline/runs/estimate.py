@@ -1,0 +1,30 @@
+"""What a stage will probably cost: as it did before, else as single_finger did, scaled."""
+
+from __future__ import annotations
+
+from fileio.record import read_record
+from pipeline.runs.run import Run
+from pipeline.runs.stages import BY_NAME
+from pipeline.scene.predicted import predicted
+
+SCALE = {"smoke": 0.15, "draft": 0.5, "medium": 2.0, "fine": 4.0, "reference": 8.0}  # of coarse
+
+
+def estimate(run: Run, stage: str) -> tuple[float, float]:
+    """CPU seconds and memory (MB) of a stage."""
+    record = read_record(run.out, stage)
+    if record is not None:
+        return float(record["cpu_time"]), record["peak_memory"] / 1e6
+    seconds, memory = BY_NAME[stage].cost
+    scale = SCALE.get(run.scene.level, 1.0)
+    if BY_NAME[stage].ranks:
+        size = predicted(run.scene)
+        return size.cpu, max(memory, size.memory / 1e6)
+    return seconds * scale, memory * max(1.0, scale)
+
+
+def duration(seconds: float) -> str:
+    """A time in the unit in which it is read most easily."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -1,0 +1,257 @@
+"""Make the stages of a run that are stale, each in a process of its own, side by side where it pays."""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import import_module
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import ForkProcess
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from fileio.errors import StageError, one_line, sentence
+from fileio.lock import exclusive
+from fileio.provenance import versions
+from fileio.record import changed_outputs, read_record, record_path, write_record
+from pipeline.cost import Spent
+from pipeline.openfoam.environment import die_with_parent
+from pipeline.runs.estimate import duration, estimate
+from pipeline.runs.run import Run, take_over
+from pipeline.runs.stages import BY_NAME, FEA, Stage
+from pipeline.scene.measurement import piv_settings, render_settings
+from pipeline.scene.scene import Scene
+
+TICK = 0.5  # s between two looks at the processes
+SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
+    "images": lambda scene: render_settings(scene.camera, scene.sheet),
+    "piv": lambda scene: piv_settings(scene.piv, scene.camera),
+    "vortices_cfd": lambda scene: scene.vortices.model_dump(mode="json"),
+    "vortices_piv": lambda scene: scene.vortices.model_dump(mode="json"),
+}
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Where stages run: MPI ranks, threads and stages at a time, MPI host file, files of ranks."""
+
+    ranks: int = 1
+    jobs: int = 1
+    hosts: Path | None = None
+    collated: bool = False
+
+    def options(self, stage: Stage) -> dict[str, Any]:
+        """Options of a stage's function."""
+        if stage.ranks:
+            return {"ranks": self.ranks, "hosts": self.hosts, "collated": self.collated}
+        if stage is FEA:
+            return {"processes": self.jobs}
+        return {"threads": self.jobs} if stage.threads else {}
+
+
+@dataclass
+class _Job:
+    """A stage in its process; `words`: what it prints, and how it ended."""
+
+    stage: str
+    process: ForkProcess
+    words: Connection
+    begin: float
+    ended: tuple[int, str] | None = None
+
+
+def make(
+    run: Run, target: str, machine: Machine, quiet: bool = False, longest: float = float("inf")
+) -> None:
+    """Make what is stale of a target; no stage may take longer than `longest` (s).
+
+    StageError with the sentence of the stage that failed; RuntimeError for a defect in a stage.
+    """
+    run.check(target)
+    waiting = list(run.stale(target))
+    if not quiet:
+        for remark in run.scene.remarks():
+            print(remark, flush=True)
+    seconds = {stage: _expected(run, stage, machine) for stage in waiting}
+    running: list[_Job] = []
+    failed: _Job | None = None
+    bar = tqdm(
+        total=sum(seconds.values()), disable=quiet or not waiting or None,
+        bar_format="{desc} {percentage:3.0f}%|{bar}| {elapsed} of about {postfix}",
+    )  # fmt: skip
+    with bar:
+        try:
+            while running or (waiting and failed is None):
+                for stage in waiting[:] if failed is None else ():
+                    ahead = {*waiting, *(job.stage for job in running)}
+                    if len(running) < machine.jobs and not ahead & {*run.inputs(BY_NAME[stage])}:
+                        waiting.remove(stage)
+                        running.append(_start(run, stage, machine, quiet))
+                _show(bar, running, waiting, seconds)
+                _end_hung(running, longest)
+                for job in _finished(running, bar):
+                    running.remove(job)
+                    failed = failed or (job if job.ended and job.ended[0] else None)
+        except BaseException:
+            for job in running:
+                job.process.join()  # an interruption reaches them too, and they tidy up
+            raise
+    if failed is not None and failed.ended is not None:
+        code, text = failed.ended
+        if code == 130:
+            raise KeyboardInterrupt
+        if code == 1:
+            raise RuntimeError(f"{failed.stage}: {text}")  # its traceback is printed
+        raise StageError(f"{failed.stage}: {text}")
+
+
+def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> None:
+    """Make one stage in this process, whose inputs are there; take it over from an equal run."""
+    step, begin = BY_NAME[stage], time.monotonic()
+    run.out.mkdir(parents=True, exist_ok=True)
+    with exclusive(run.out / f"{stage}.stage"):
+        if run.why_stale(stage) is None:
+            return  # made by another process since
+        if (twin := run.twin(stage)) is not None:
+            take_over(run, stage, twin)
+            if not quiet:
+                print(f"{stage}: the same as in {twin}, taken over", flush=True)
+            return
+        about = {"scene": run.scene.name, "level": run.scene.level, "digest": run.digest(stage)}
+        about |= {"made_from": run.made_from(stage), "versions": versions()}
+        if (record := read_record(run.out, stage)) is not None:
+            for name in changed_outputs(run.out, record):
+                (run.out / name).unlink(missing_ok=True)  # a solver must not go on from it
+        record_path(run.out, stage).unlink(missing_ok=True)
+        earlier = _call(run, step, machine, quiet) or Spent()
+        found = {path for name in step.outputs for path in run.out.glob(name) if path.is_file()}
+        about |= _cost(time.monotonic() - begin, earlier)
+        write_record(run.out, stage, about, sorted(found))
+
+
+def _call(run: Run, step: Stage, machine: Machine, quiet: bool) -> Spent | None:
+    """Call a stage's function; returns what the runs that it resumed had spent."""
+    module, options = import_module(step.module), machine.options(step)
+    if step.piv:
+        (source,) = run.inputs(step)
+        settings = SETTINGS[step.name](run.scene)
+        module.make(run.path(source), run.path(step.name), settings, quiet=quiet, **options)
+        return None
+    if step is FEA:
+        options["output"] = run.path(FEA.name)
+    spent: Spent | None = module.run(run.scene, quiet, **options)
+    return spent
+
+
+def _cost(wall_time: float, earlier: Spent) -> dict[str, Any]:
+    """Wall and CPU time (s) and peak memory (bytes) of this process and its children."""
+    usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    cpu = sum(usage.ru_utime + usage.ru_stime for usage in usages)
+    return {
+        "wall_time": round(earlier.wall_time + wall_time, 3),
+        "cpu_time": round(earlier.cpu_time + cpu, 3),
+        "peak_memory": max(usage.ru_maxrss for usage in usages) * 1024,
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def _expected(run: Run, stage: str, machine: Machine) -> float:
+    """Seconds that a stage will take by the clock."""
+    step = BY_NAME[stage]
+    return estimate(run, stage)[0] / (machine.ranks if step.ranks else 1)
+
+
+def _start(run: Run, stage: str, machine: Machine, quiet: bool) -> _Job:
+    here, there = get_context("fork").Pipe(duplex=False)
+    process = get_context("fork").Process(
+        target=_child, args=(run, stage, machine, quiet, there), name=stage
+    )
+    sys.stdout.flush()
+    process.start()
+    there.close()
+    return _Job(stage, process, here, time.monotonic())
+
+
+def _child(run: Run, stage: str, machine: Machine, quiet: bool, words: Connection) -> None:
+    """Make a stage; its lines and its end go to the parent through `words`."""
+    die_with_parent()
+    sys.stdout = sys.stderr = _Lines(words)
+    try:
+        make_stage(run, stage, machine, quiet)
+        words.send((0, ""))
+    except KeyboardInterrupt:
+        words.send((130, ""))
+    except Exception as error:
+        text = sentence(error)
+        if text is None:
+            traceback.print_exc(file=sys.__stderr__)
+        words.send((1, one_line(error, 400)) if text is None else (2, text))
+
+
+class _Lines:
+    """What a stage prints, line by line to its parent; no terminal, so progress bars stay away."""
+
+    encoding = "utf-8"
+
+    def __init__(self, words: Connection) -> None:
+        self._words, self._begun = words, ""
+
+    def write(self, text: str) -> int:
+        *lines, self._begun = (self._begun + text).split("\n")
+        for line in lines:
+            self._words.send(line)
+        return len(text)
+
+    def flush(self) -> None:
+        """Nothing is kept back but the line that is begun."""
+
+    def isatty(self) -> bool:
+        return False
+
+
+def _show(bar: tqdm, running: list[_Job], waiting: list[str], seconds: dict[str, float]) -> None:
+    if bar.disable:
+        return
+    now = time.monotonic()
+    left = sum(seconds[stage] for stage in waiting)
+    left += sum(max(seconds[job.stage] - (now - job.begin), 0.0) for job in running)
+    bar.n = bar.total - left
+    bar.set_description_str(", ".join(job.stage for job in running), refresh=False)
+    bar.set_postfix_str(duration(bar.format_dict["elapsed"] + left), refresh=False)
+    bar.refresh()
+
+
+def _end_hung(running: list[_Job], longest: float) -> None:
+    for job in running:
+        if time.monotonic() - job.begin > longest and job.ended is None:
+            job.ended = (2, f"is not over after {longest / 60:g} minutes")
+            job.process.kill()
+
+
+def _finished(running: list[_Job], bar: tqdm) -> list[_Job]:
+    """The jobs that have ended, after some time; the lines of all are printed."""
+    done = []
+    for words in wait([job.words for job in running], TICK):
+        job = next(job for job in running if job.words is words)
+        try:
+            while job.words.poll():
+                message = job.words.recv()
+                if isinstance(message, str):
+                    bar.write(message, file=sys.stdout)
+                else:
+                    job.ended = message
+        except EOFError:
+            job.process.join()
+            code = job.process.exitcode or 0
+            if job.ended is None:
+                job.ended = (2, f"its process ended with signal {-code}; memory may be short")
+            done.append(job)
+    return done

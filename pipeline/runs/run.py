@@ -1,0 +1,239 @@
+"""A run: a scene at a level with overrides, resolved once; what its stages were made from."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from fileio.atomic import sha256
+from fileio.errors import StageError
+from fileio.json_text import flat
+from fileio.provenance import digest
+from fileio.record import changed_outputs, read_record, record_path
+from pipeline.fea.up_to_date import check_states
+from pipeline.openfoam.base_case import BASE, template_files
+from pipeline.runs.stages import BY_NAME, FEA, STAGES, TARGETS, Stage, until
+from pipeline.scene.read_toml import FILE_KEYS
+from pipeline.scene.scene import Scene, load_scene
+
+FILES = {f"motion.{key}" for key in FILE_KEYS}
+ANALYSED = ("actuator", "fea")  # sections of the bending analysis
+DEPTHS = ("*", "*/*", "*/*/*")  # of runs below a scene's folder out/
+
+
+@dataclass(frozen=True)
+class Run:
+    """The stages of one scene at one level, and their files in `scene.out`.
+
+    `analysed`: the run computes the bending states of its own actuator first.
+    """
+
+    scene: Scene
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    analysed: bool = False
+
+    @property
+    def out(self) -> Path:
+        """Folder of the results."""
+        return self.scene.out
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """The stages of this run in order."""
+        return (FEA, *STAGES) if self.analysed else STAGES
+
+    def path(self, stage: str) -> Path:
+        """The first file of a stage."""
+        return self.out / BY_NAME[stage].done
+
+    def inputs(self, stage: Stage) -> tuple[str, ...]:
+        """Names of the stages that a stage reads."""
+        return ("fea",) if self.analysed and stage.name == "kinematics" else stage.inputs
+
+    @cached_property
+    def _numbers(self) -> dict[str, Any]:
+        return self.scene.model_dump(mode="json")
+
+    def made_from(self, stage: str) -> dict[str, Any]:
+        """What the result of a stage follows from: version, numbers, files, digests of inputs.
+
+        Keys without a value are left out, so that a new key with none makes nothing again.
+        """
+        step = BY_NAME[stage]
+        numbers = {}
+        for section, keys in step.sections.items():
+            part = self._numbers[section]
+            chosen = part if keys is True else {k: v for k, v in part.items() if k in keys}
+            numbers |= flat({section: chosen})
+        numbers = {k: v for k, v in numbers.items() if v is not None and k not in FILES}
+        files = {name: _sum(path) for name, path in sorted(_files(step, self.scene).items())}
+        if self.analysed:
+            files.pop("motion.states", None)  # the result of the stage fea, an input
+        inputs = {name: self.digest(name) for name in self.inputs(step)}
+        return {"version": step.version, "numbers": numbers, "files": files, "inputs": inputs}
+
+    def digest(self, stage: str) -> str:
+        """Digest of `made_from`: two results with the same digest are equal."""
+        if stage not in self._digests:
+            self._digests[stage] = digest([stage, self.made_from(stage)])
+        return self._digests[stage]
+
+    @cached_property
+    def _digests(self) -> dict[str, str]:
+        return {}
+
+    def why_stale(self, stage: str) -> str | None:
+        """Why a stage must be made; None where its result is there and follows from this run."""
+        record = read_record(self.out, stage)
+        if record is None:
+            return "not made yet"
+        if record["digest"] != self.digest(stage):
+            return _difference(record["made_from"], self.made_from(stage))
+        return next(iter(changed_outputs(self.out, record).values()), None)
+
+    def stale(self, target: str) -> dict[str, str]:
+        """The stages to be made for a target, in order, and why each."""
+        reasons: dict[str, str] = {}
+
+        def visit(stage: str) -> None:
+            if stage in reasons or (why := self.why_stale(stage)) is None:
+                return
+            for name in self.inputs(BY_NAME[stage]):
+                visit(name)
+            reasons[stage] = why
+
+        for stage in targets(target):
+            visit(stage)
+        return reasons
+
+    def twin(self, stage: str) -> Path | None:
+        """Folder of another run of this scene with the same result of a stage; None without one."""
+        for out in _other_runs(self.scene, stage):
+            record = read_record(out, stage)
+            same = record and record["digest"] == self.digest(stage) and out != self.out
+            if record and same and not changed_outputs(out, record):
+                return out
+        return None
+
+    def check(self, target: str) -> None:
+        """StageError where the run cannot be started: bending states of another actuator."""
+        if not self.analysed and target != "fea":
+            check_states(self.scene)
+
+
+def open_run(
+    folder: str | Path,
+    level: str = "coarse",
+    overrides: Mapping[str, Any] | None = None,
+    out: Path | None = None,
+) -> Run:
+    """The run of a scene's folder at a level, with `overrides` by dotted keys. StageError.
+
+    Overrides need a folder `out` of their own. Where they change the actuator or its analysis,
+    the bending states are computed in that folder.
+    """
+    overrides = dict(overrides or {})
+    analysed = any(key.split(".")[0] in ANALYSED for key in overrides)
+    if analysed:
+        states = os.path.relpath((out or Path()) / FEA.done, folder)
+        overrides = {"motion.source": "fea"} | overrides | {"motion.states": states}
+    return Run(load_scene(folder, level, overrides, out), overrides, analysed)
+
+
+def targets(target: str) -> list[str]:
+    """The stages that a target names: a stage, or a group of them. StageError for another name."""
+    if target == FEA.name:
+        return [FEA.name]
+    if target not in TARGETS:
+        raise StageError(f"{target}: no such stage; the stages are {', '.join(TARGETS)}")
+    return [stage.name for stage in until(target) if target in (stage.name, stage.group)]
+
+
+def take_over(run: Run, stage: str, source: Path) -> None:
+    """Give a run the files of a stage that another run has made in the folder `source`.
+
+    They become further names of the same files: no stage writes into a file that is finished.
+    """
+    step = BY_NAME[stage]
+    record_path(run.out, stage).unlink(missing_ok=True)
+    for name in step.folders:
+        if (source / name).is_dir():
+            shutil.rmtree(run.out / name, ignore_errors=True)
+            shutil.copytree(source / name, run.out / name, copy_function=_link)
+    record = read_record(source, stage) or {"outputs": {}}
+    apart = [name for name in record["outputs"] if name.split("/")[0] not in step.folders]
+    for name in (*apart, record_path(Path(), stage)):
+        new = run.out / name
+        new.parent.mkdir(parents=True, exist_ok=True)
+        part = new.with_name(f"{new.name}.part")
+        part.unlink(missing_ok=True)
+        _link(source / name, part)
+        os.replace(part, new)
+
+
+def _link(old: str | Path, new: str | Path) -> None:
+    try:
+        os.link(old, new)
+    except OSError:  # a file system without further names of a file
+        shutil.copy2(old, new)
+
+
+def _other_runs(scene: Scene, stage: str) -> Iterator[Path]:
+    roots = dict.fromkeys([scene.folder / "out", scene.out.parent])
+    for root in roots:
+        for depth in DEPTHS:
+            for path in sorted(root.glob(f"{depth}/{record_path(Path(), stage)}")):
+                yield path.parents[1]
+
+
+def _files(stage: Stage, scene: Scene) -> dict[str, Path]:
+    """The files besides the inputs that a stage reads, by a name that holds in every folder."""
+    if stage.name == "kinematics":
+        named = {key: getattr(scene.motion, key) for key in FILE_KEYS}
+        return {f"motion.{key}": scene.folder / name for key, name in named.items() if name}
+    if stage.name == "case":
+        return {path.relative_to(BASE).as_posix(): path for path in template_files()}
+    if stage.name == "fea":
+        results = scene.fea.get("results", {})
+        names = {key: results[key] for key in ("file", "displacements") if results.get(key)}
+        return {f"fea.results.{key}": scene.folder / name for key, name in names.items()}
+    if stage.name == "compare":
+        files = {path.name: path for path in (scene.folder / "reference").glob("*.toml")}
+        if scene.pinch is not None and scene.parents:  # compared with the single finger's
+            beside = scene.parents[-1] / "out" / scene.level
+            files |= {path.name: path for path in beside.glob("vortices_*.csv")}
+        return files
+    if stage.name == "report":
+        return {
+            f"tradeoff of {folder.name}": folder / "studies" / "results" / "tradeoff.csv"
+            for folder in (scene.folder, *scene.parents)
+        }
+    return {}
+
+
+def _sum(path: Path) -> str:
+    if path.is_file():
+        return sha256(path)[:16]
+    total = hashlib.sha256()  # a pattern of files, as fea.results.file may be
+    for found in sorted(path.parent.glob(path.name)) if "*" in path.name else ():
+        total.update(f"{found.name} {sha256(found)}\n".encode())
+    return total.hexdigest()[:16]
+
+
+def _difference(was: dict[str, Any], now: dict[str, Any]) -> str:
+    """The first thing in which what a result was made from is not what it follows from now."""
+    old, new = was.get("numbers", {}), now["numbers"]
+    for key in sorted(old.keys() | new.keys()):
+        if old.get(key) != new.get(key):
+            return f"{key} changed from {old.get(key)} to {new.get(key)}"
+    for kind, text in (("files", "the file of {} changed"), ("inputs", "{} is made again")):
+        for key in sorted(was.get(kind, {}).keys() | now[kind].keys()):
+            if was.get(kind, {}).get(key) != now[kind].get(key):
+                return text.format(key)
+    return "this version of the program makes it differently"

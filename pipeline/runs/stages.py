@@ -1,0 +1,123 @@
+"""The table of stages: runs, studies, estimates, reports and `softfinger stages` follow from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A step from files to files in a run's folder.
+
+    `module`: has run(scene, quiet, **options); of the stages that `piv` names, one of its commands.
+    `outputs`: files, the first of which the next stages read; `*` stands for any name.
+    `folders`: all that another run with the same numbers needs besides. `sections`: what of the
+    scene the result depends on besides the inputs; True: all keys. `version`: a higher one makes
+    the stage again. `cost`: CPU seconds and memory (MB) of single_finger at level coarse.
+    """
+
+    name: str
+    module: str
+    about: str
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    sections: dict[str, Any] = field(default_factory=dict)
+    version: int = 1
+    group: str = ""
+    piv: bool = False
+    folders: tuple[str, ...] = ()
+    cost: tuple[float, float] = (60, 500)
+    ranks: bool = False  # solves through MPI: its cost grows with the level
+    threads: bool = False
+
+    @property
+    def done(self) -> str:
+        """The file that the next stages read."""
+        return self.outputs[0]
+
+
+SHEET_GRID = {"columns", "rows", "scale_mm_per_px", "centre"}  # of the camera: the sheet covers it
+MOTION = ("tank", "finger", "body", "pinch", "support", "motion")
+FEA = Stage(
+    "fea", "pipeline.fea.stage", "bending states of the actuator",
+    outputs=("states.h5",), sections={"actuator": True, "fea": True}, cost=(300, 600),
+)  # fmt: skip
+STAGES = (
+    Stage(
+        "kinematics", "pipeline.kinematics.stage", "pressure history and shapes of the finger",
+        outputs=("kinematics.h5",), sections=dict.fromkeys(MOTION, True), cost=(5, 400),
+    ),
+    # an interval begins with a picture of the sheet, and its shapes overlap by some time steps
+    Stage(
+        "mesh", "pipeline.mesh.stage", "planforms that follow the motion",
+        ("kinematics",), ("planform.h5", "mesh_quality.csv"),
+        {"mesh": True, "model": True, "support": True, "numerics": {"time_step"},
+         "sheet": {"rate_hz"}},
+        cost=(40, 500),
+    ),
+    # the solver needs no more of the sheet than this: a finer grid does not solve again
+    Stage(
+        "case", "pipeline.case", "the OpenFOAM case",
+        ("mesh",), ("sweep.h5", "case/*/constant/polyMesh/*"),
+        {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
+        folders=("case",), cost=(10, 500),
+    ),
+    Stage(
+        "run", "pipeline.run.stage", "the flow, by OpenFOAM; resumes after an interruption",
+        ("case",), ("run/run.json", "run/*.csv", "case/*/postProcessing/*/*/*.vtk"),
+        folders=("case",), cost=(300, 600), ranks=True,
+    ),
+    Stage(
+        "sheet", "pipeline.sheet", "the flow in the laser sheet",
+        ("run",), ("sheet.h5",), {"sheet": {"spacing", "margin"}, "camera": SHEET_GRID},
+    ),
+    Stage(
+        "images", "piv.commands.render", "what a camera would see",
+        ("sheet",), ("images.h5",), {"camera": True, "sheet": {"rate_hz", "thickness"}},
+        piv=True, cost=(120, 600),
+    ),
+    Stage(
+        "piv", "piv.commands.correlate", "vectors of those images",
+        ("images",), ("piv.h5",), {"piv": True},
+        piv=True, cost=(120, 800), threads=True,
+    ),
+    Stage(
+        "vortices_cfd", "piv.commands.vortices", "vortices of the CFD and their tracks",
+        ("sheet",), ("vortices_cfd.csv",), {"vortices": True},
+        group="vortices", piv=True, threads=True,
+    ),
+    Stage(
+        "vortices_piv", "piv.commands.vortices", "vortices of the PIV and their tracks",
+        ("piv",), ("vortices_piv.csv",), {"vortices": True},
+        group="vortices", piv=True, threads=True,
+    ),
+    Stage(
+        "compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",
+        ("vortices_cfd", "vortices_piv"), ("comparison.json", "*.csv"), cost=(30, 600),
+    ),
+    Stage(
+        "loads", "pipeline.structure.stage", "the water's loads, and how far they would bend",
+        ("run",), ("loads.h5",), {"structure": {"bending_stiffness", "damping"}}, cost=(14, 500),
+    ),
+    Stage(
+        "figures", "postprocess.report.figures", "pictures of the report",
+        ("compare", "loads"), ("figures/figures.json", "figures/*"),
+        cost=(60, 900), threads=True,
+    ),
+    Stage(
+        "report", "postprocess.report.stage", "the page, report.html",
+        ("figures",), ("report.html",), {"title": True}, cost=(30, 900),
+    ),
+)  # fmt: skip
+BY_NAME = {stage.name: stage for stage in (FEA, *STAGES)}
+TARGETS = tuple(dict.fromkeys(word for s in STAGES for word in (s.name, s.group) if word))
+
+
+def until(target: str) -> list[Stage]:
+    """The stages that a stage or a group of them needs, and those themselves, in order."""
+    needed = {stage.name for stage in STAGES if target in (stage.name, stage.group)}
+    for stage in reversed(STAGES):
+        if stage.name in needed:
+            needed.update(stage.inputs)
+    return [stage for stage in STAGES if stage.name in needed]
