@@ -4,33 +4,32 @@ from __future__ import annotations
 
 import argparse
 import sys
-from concurrent.futures import as_completed
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
-from tqdm import tqdm
 
-from fileio.child_process import worker_pool
 from fileio.formats.plane_series import FINGER_VARIABLES
 from fileio.hdf5 import open_netcdf
-from piv.commands.settings import add_fields, add_settings, build, merged, report
+from piv.commands.settings import add_fields, build, report, run_with
 from piv.correlation.options import Options
 from piv.images.image_files import COLOURS
 from piv.images.open_recording import open_recording
 from piv.images.part_of_recording import part_of_recording
-from piv.sequence.chunks import chunk_path, join, parse, parts_of
+from piv.sequence.chunks import chunk_path, parse
 from piv.sequence.ensemble import correlate_ensemble_to
 from piv.sequence.sequence import SequenceOptions, correlate_recording
 
-CHUNKS_PER_PROCESS = 4  # so that no process waits long for the last
+# flags that no dataclass has
+FURTHER = ("ensemble", "chunk", "mask", "roi", "roi_unit", "colour")
 
 
 @dataclass(frozen=True)
 class RecordingCamera:
-    """What is given in place of what the recording says."""
+    """Scale, origin and frame rate that replace those of the recording."""
 
     scale_mm_per_px: Annotated[
         float | None, "mm per pixel (default the recording's, else results in px)"
@@ -91,12 +90,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="K/N",
         help="only the K-th of N parts, into a file beside the output; then: piv join OUTPUT",
     )
-    parser.add_argument(
-        "--processes",
-        type=int,
-        default=1,
-        help="share the recording out over so many processes, and join their parts (default 1)",
-    )
     add_fields(parser, RecordingCamera)
     parser.add_argument(
         "--colour",
@@ -104,63 +97,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=argparse.SUPPRESS,
         help="how to make coloured images grey (default refuse)",
     )
-    add_settings(parser)
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
-def run(args: argparse.Namespace) -> None:
-    """Correlate and write."""
-    known = {f.name for kind in (Options, SequenceOptions, RecordingCamera) for f in fields(kind)}
-    given = merged(args, known | {"ensemble", "colour"})
-    build(RecordingCamera, given)
-    chunk = parse(args.chunk) if args.chunk else None
-    if args.processes < 1:
-        raise ValueError(f"processes must be at least 1, got {args.processes}")
-    if (chunk or args.processes > 1) and given.get("ensemble"):
-        raise ValueError(
-            "an ensemble is one field of all pairs: it cannot be made in chunks or by processes"
-        )
-    if chunk and args.processes > 1:
-        raise ValueError("give either --chunk or --processes")
-    if args.processes > 1:
-        share_out(args)
-        path = Path(args.output)
-    else:
-        path = correlate(args, given, chunk)
-    if not args.quiet:
-        report(path)
+def make(
+    source: str | Path | list[str],
+    output: str | Path,
+    settings: dict[str, Any],
+    *,
+    threads: int = 1,
+    quiet: bool = False,
+) -> None:
+    """Correlate the recording `source` into the plane series `output`.
 
-
-def share_out(args: argparse.Namespace) -> None:
-    """The chunks of a recording by several processes, joined; finished fields survive an interruption."""
-    of = args.processes * CHUNKS_PER_PROCESS
-    alone = argparse.Namespace(**vars(args) | {"processes": 1, "quiet": True})
-    jobs = [argparse.Namespace(**vars(alone) | {"chunk": f"{k}/{of}"}) for k in range(1, of + 1)]
-    with worker_pool(args.processes) as pool:
-        waiting = [pool.submit(run, job) for job in jobs]
-        try:
-            for future in tqdm(
-                as_completed(waiting),
-                "correlate",
-                len(jobs),
-                unit="chunk",
-                disable=args.quiet or None,
-            ):
-                future.result()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-    parts = parts_of(args.output)
-    join(parts, args.output)
-    for part in parts:
-        part.unlink()
-
-
-def correlate(args: argparse.Namespace, given: dict, chunk: tuple[int, int] | None) -> Path:
-    """The whole recording, or one chunk of it."""
-    options, sequence = build(Options, given), build(SequenceOptions, given)
-    source = args.source[0] if len(args.source) == 1 else args.source
+    `settings`: the flags by name; ValueError for other keys. `threads` fields are computed at a time.
+    """
+    options, sequence, camera = build(
+        {"threads": threads} | settings, Options, SequenceOptions, RecordingCamera, more=FURTHER
+    )
+    chunk = parse(settings["chunk"]) if settings.get("chunk") else None
+    if chunk and settings.get("ensemble"):
+        raise ValueError("an ensemble is one field of all pairs; leave out --chunk or --ensemble")
+    sources = [source] if isinstance(source, str | Path) else source
     with open_recording(
-        source, frame_rate_hz=given.get("frame_rate_hz"), colour=given.get("colour", "refuse")
+        sources, frame_rate_hz=camera.frame_rate_hz, colour=settings.get("colour", "refuse")
     ) as recording:
         if len(recording) < 2:
             raise ValueError(
@@ -168,33 +128,47 @@ def correlate(args: argparse.Namespace, given: dict, chunk: tuple[int, int] | No
             )
         if recording.lossy and (chunk is None or chunk[0] == 1):
             print(
-                f"{recording.name}: JPEG loses detail of the particles; save TIFF or PNG where you can",
+                f"{recording.name}: JPEG loses detail of the particles; "
+                "save TIFF or PNG where you can",
                 file=sys.stderr,
                 flush=True,
             )
-        recording.attrs |= {
-            name: float(given[name]) for name in ("origin_x_px", "origin_y_px") if name in given
-        }
-        if "scale_mm_per_px" in given:
+        for name in ("origin_x_px", "origin_y_px"):
+            if (value := getattr(camera, name)) is not None:
+                recording.attrs[name] = float(value)
+        if camera.scale_mm_per_px is not None:
             if recording.times is None:
                 raise ValueError(
-                    f"{recording.name}: scale_mm_per_px gives m/s with the times of its frames; give frame_rate_hz too"
+                    f"{recording.name}: scale_mm_per_px gives m/s with the times of its frames; "
+                    "give frame_rate_hz too"
                 )
-            recording.attrs["scale_m_per_px"] = float(given["scale_mm_per_px"]) * 1e-3
-        part = part_of_recording(recording, args.mask, args.roi, roi_unit=args.roi_unit)
-        if given.get("ensemble"):
-            return correlate_ensemble_to(part, args.output, options, sequence, quiet=args.quiet)
-        output = chunk_path(args.output, *chunk) if chunk else args.output
-        finger = finger_of(args.source)
-        path = correlate_recording(
-            part, output, options, sequence, finger=finger, chunk=chunk, quiet=args.quiet
+            recording.attrs["scale_m_per_px"] = camera.scale_mm_per_px * 1e-3
+        part = part_of_recording(
+            recording,
+            settings.get("mask"),
+            settings.get("roi"),
+            roi_unit=settings.get("roi_unit", "px"),
         )
-        if finger is not None:
-            finger.close()
-        return path
+        if settings.get("ensemble"):
+            path = correlate_ensemble_to(part, output, options, sequence, quiet=quiet)
+        else:
+            finger = finger_of(sources)
+            path = correlate_recording(
+                part,
+                chunk_path(output, *chunk) if chunk else output,
+                options,
+                sequence,
+                finger=finger,
+                chunk=chunk,
+                quiet=quiet,
+            )
+            if finger is not None:
+                finger.close()
+    if not quiet:
+        report(path)
 
 
-def finger_of(sources: list[str]) -> xr.Dataset | None:
+def finger_of(sources: list[Any]) -> xr.Dataset | None:
     """The finger's variables of a recording file, lazily, or None where there are none."""
     if len(sources) != 1 or Path(sources[0]).suffix.lower() not in (".h5", ".hdf5"):
         return None
@@ -203,3 +177,6 @@ def finger_of(sources: list[str]) -> xr.Dataset | None:
         dataset.close()
         return None
     return dataset
+
+
+run = partial(run_with, make)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import fields
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 from fileio.formats.plane_series import read_plane
-from piv.commands.settings import add_fields, add_settings, build, existing, merged
+from piv.commands.settings import add_fields, build, existing, run_with
 from piv.images.open_recording import open_recording
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.render_recording import render_recording
@@ -14,7 +16,7 @@ from piv.synthetic.render_recording import render_recording
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Flags of the subcommand."""
-    parser.add_argument("plane_series", help="plane series (.h5) to render")
+    parser.add_argument("source", help="plane series (.h5) to render")
     parser.add_argument("-o", "--output", required=True, help="recording to write (.h5)")
     add_fields(parser, Camera)
     add_fields(parser, Seeding)
@@ -24,7 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         metavar=("X", "Y"),
         default=argparse.SUPPRESS,
-        help="tank origin in px, right and up from the bottom left pixel (default: the plane's middle is the picture's)",
+        help="tank origin, px right and up from the bottom left pixel "
+        "(default: the plane's middle is the picture's)",
     )
     parser.add_argument(
         "--seed", type=int, default=argparse.SUPPRESS, help="of all random numbers (default 0)"
@@ -35,26 +38,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=argparse.SUPPRESS,
         help="write the exact truth beside (default yes)",
     )
-    add_settings(parser)
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
-def run(args: argparse.Namespace) -> None:
-    """Render the recording."""
-    known = {f.name for kind in (Camera, Seeding) for f in fields(kind)} | {"seed", "truth"}
-    given = merged(args, known)
-    if given.get("origin_px") is not None:
-        given["origin_px"] = tuple(given["origin_px"])
-    with read_plane(existing(args.plane_series)) as series:
+def make(
+    source: str | Path,
+    output: str | Path,
+    settings: dict[str, Any],
+    *,
+    threads: int = 1,
+    quiet: bool = False,
+) -> None:
+    """Render the plane series `source` into the recording `output`.
+
+    `settings`: the flags by name; ValueError for other keys. One thread renders, whatever `threads`.
+    """
+    camera, seeding = build(settings, Camera, Seeding, more=("seed", "truth"))
+    with read_plane(existing(source)) as series:
         path = render_recording(
             series,
-            args.output,
-            build(Camera, given),
-            build(Seeding, given),
-            seed=int(given.get("seed", 0)),
-            truth=bool(given.get("truth", True)),
-            quiet=args.quiet,
+            output,
+            camera,
+            seeding,
+            seed=settings.get("seed", 0),
+            truth=settings.get("truth", True),
+            quiet=quiet,
         )
-    if not args.quiet:
+    if not quiet:
         with open_recording(path) as recording:
             rows, columns = recording.shape
             print(f"{path}: {len(recording)} frames of {columns} x {rows} px")
+
+
+run = partial(run_with, make)

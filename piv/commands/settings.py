@@ -1,27 +1,19 @@
-"""Settings of a subcommand: defaults, then the JSON file of --settings, then the flags."""
+"""Settings of a subcommand: dataclass fields as flags, flags as numbers in memory."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from fileio.formats.plane_series import read_plane
-from fileio.json_text import read_json
 from piv.fields.summary import summary
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add --settings and --quiet."""
-    parser.add_argument(
-        "--settings", metavar="FILE", help="JSON with the same keys as the flags; flags win"
-    )
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
-
-
 def add_fields(parser: argparse.ArgumentParser, kind: Any) -> None:
-    """One flag per field of the dataclass `kind` that is annotated with a help; absent flags leave no trace."""
+    """One flag per field of the dataclass `kind` that has a help; an absent flag sets nothing."""
     hints = get_type_hints(kind, include_extras=True)
     for field in fields(kind):
         if get_origin(hints[field.name]) is not Annotated:
@@ -35,26 +27,27 @@ def add_fields(parser: argparse.ArgumentParser, kind: Any) -> None:
         parser.add_argument(flag, default=argparse.SUPPRESS, help=text, **options)
 
 
-def merged(args: argparse.Namespace, known: set[str]) -> dict[str, Any]:
-    """The `known` settings given in the file of --settings or as flags; ValueError for unknown keys in the file."""
-    given: dict[str, Any] = {}
-    if getattr(args, "settings", None):
-        path = existing(args.settings)
-        given = read_json(path, "settings are one JSON object of keys and values")
-        given = {key.replace("-", "_"): value for key, value in given.items()}
-        unknown = sorted(set(given) - known)
-        if unknown:
-            raise ValueError(
-                f"{path}: unknown setting {unknown[0]!r}; known are {', '.join(sorted(known))}"
-            )
-    return given | {key: value for key, value in vars(args).items() if key in known}
+def run_with(make: Callable[..., None], args: argparse.Namespace) -> None:
+    """Call `make(source, output, settings, threads=, quiet=)` with the flags of a command line."""
+    settings = {key: value for key, value in vars(args).items() if key != "command"}
+    own = {key: settings.pop(key) for key in ("threads", "quiet") if key in settings}
+    make(settings.pop("source"), settings.pop("output"), settings, **own)
 
 
-def build(kind: Any, given: dict[str, Any]) -> Any:
-    """A dataclass `kind` from those of the `given` settings that are its fields."""
-    names = {field.name for field in fields(kind)}
+def build(settings: dict[str, Any], *kinds: Any, more: tuple[str, ...] = ()) -> list[Any]:
+    """One dataclass of each of `kinds`, from its fields in `settings`.
+
+    ValueError for a key that is neither a field nor in `more`, and for a wrong type.
+    """
+    names = [{field.name for field in fields(kind)} for kind in kinds]
+    known = set(more).union(*names)
+    if unknown := sorted(set(settings) - known):
+        raise ValueError(f"unknown setting {unknown[0]!r}; known are {', '.join(sorted(known))}")
     try:
-        return kind(**{key: value for key, value in given.items() if key in names})
+        return [
+            kind(**{key: settings[key] for key in own & settings.keys()})
+            for kind, own in zip(kinds, names, strict=True)
+        ]
     except TypeError as error:
         raise ValueError(f"a setting has the wrong type: {error}") from error
 
@@ -65,10 +58,11 @@ def report(path: str | Path) -> None:
         print(f"{path}: {summary(plane)}")
 
 
-def existing(path: str) -> Path:
+def existing(path: str | Path) -> Path:
     """`path` as a Path; FileNotFoundError with one sentence where there is no such file."""
-    if not Path(path).is_file():
+    path = Path(path)
+    if not path.is_file():
         raise FileNotFoundError(
-            f"{path}: {'is a folder; give a file' if Path(path).is_dir() else 'no such file'}"
+            f"{path}: {'is a folder; give a file' if path.is_dir() else 'no such file'}"
         )
-    return Path(path)
+    return path

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict, fields
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from fileio.formats.vortex_table import write_vortices
-from piv.commands.settings import add_fields, add_settings, build, existing, merged
+from piv.commands.settings import add_fields, build, existing, run_with
 from piv.foreign.read import open_vectors
 from piv.foreign.write import units_of
 from piv.vortices.find import VortexSettings
@@ -18,7 +20,7 @@ from piv.vortices.tracking import TrackingSettings
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Flags of the subcommand."""
     parser.add_argument(
-        "plane_series", help="vectors, in m or px: .h5, .nc or another file of piv convert"
+        "source", help="vectors, in m or px: .h5, .nc or another file of piv convert"
     )
     parser.add_argument("-o", "--output", required=True, help="table to write (.csv)")
     add_fields(parser, VortexSettings)
@@ -26,35 +28,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--threads", type=int, default=1, help="processes that share the planes (default 1)"
     )
-    add_settings(parser)
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
-def run(args: argparse.Namespace) -> None:
-    """Write the table."""
-    known = {f.name for kind in (VortexSettings, TrackingSettings) for f in fields(kind)}
-    given = merged(args, known)
-    settings, tracking = build(VortexSettings, given), build(TrackingSettings, given)
-    with open_vectors(existing(args.plane_series)) as series:
-        table = tabulate_vortices(
-            series, settings, tracking, processes=args.threads, quiet=args.quiet
-        )
+def make(
+    source: str | Path,
+    output: str | Path,
+    settings: dict[str, Any],
+    *,
+    threads: int = 1,
+    quiet: bool = False,
+) -> None:
+    """Write the table of the vortices in the vectors `source`.
+
+    `settings`: the flags by name; ValueError for other keys. `threads` processes share the planes.
+    """
+    vortex, tracking = build(settings, VortexSettings, TrackingSettings)
+    with open_vectors(existing(source)) as series:
+        table = tabulate_vortices(series, vortex, tracking, processes=threads, quiet=quiet)
         length = units_of(series)[0]
-    write_vortices(
-        table,
-        args.output,
-        source=Path(args.plane_series).name,
-        **asdict(settings),
-        **asdict(tracking),
-    )
-    if not args.quiet:
-        tracks = table["track"].nunique()
-        vortices = "vortex" if len(table) == 1 else "vortices"
-        text = f"{args.output}: {len(table)} {vortices} in {tracks} track{'s' * (tracks != 1)}"
-        if len(table):
-            strongest = table.loc[table["circulation"].abs().idxmax()]
-            unit = "px²/frame" if length == "px" else f"{length}²/s"
-            text += (
-                f"; the strongest has a circulation of {strongest['circulation']:.3g} {unit} "
-                f"and a core radius of {strongest['core_radius']:.3g} {length}"
-            )
-        print(text)
+    write_vortices(table, output, source=Path(source).name, **asdict(vortex), **asdict(tracking))
+    if quiet:
+        return
+    tracks = table["track"].nunique()
+    vortices = "vortex" if len(table) == 1 else "vortices"
+    text = f"{output}: {len(table)} {vortices} in {tracks} track{'s' * (tracks != 1)}"
+    if len(table):
+        strongest = table.loc[table["circulation"].abs().idxmax()]
+        unit = "px²/frame" if length == "px" else f"{length}²/s"
+        text += (
+            f"; the strongest has a circulation of {strongest['circulation']:.3g} {unit} "
+            f"and a core radius of {strongest['core_radius']:.3g} {length}"
+        )
+    print(text)
+
+
+run = partial(run_with, make)

@@ -10,7 +10,6 @@ from tests.studies.faults.project import out_of
 
 # Arguments of `piv`; {} is the folder of the scene's results, which is the full disk.
 COMMANDS = {
-    "correlate --processes": "correlate {}/images.h5 -o {}/shared.h5 --processes 2 --preset fast --every 4",
     "correlate --ensemble": "correlate {}/images.h5 -o {}/mean.h5 --ensemble --preset fast --every 4",
     "calibrate": "calibrate --scale-mm-per-px 0.2 -o {}/calibration.json",
     "mask": "mask {}/images.h5 --image {}/camera.png -o {}/mask.png",

@@ -26,7 +26,6 @@ from fileio.formats.plane_series import make_plane, read_checked_plane
 from fileio.formats.recording import RecordingWriter
 from pipeline.kinematics.pressure_law import measured_law
 from pipeline.scene.scene import load_scene
-from piv.commands.settings import merged
 from piv.foreign.read import read_vectors
 from piv.foreign.write import write_vectors
 from piv.images.calibration import load_calibration
@@ -366,15 +365,6 @@ def kinematics_seeds(folder: Path) -> list[bytes]:
     return [(folder / "k.h5").read_bytes()]
 
 
-def use_settings(path: Path) -> None:
-    """Read a settings file as every command of piv does."""
-
-    class Arguments:
-        settings = str(path)
-
-    merged(Arguments, {"window", "spacing", "preset"})  # type: ignore[arg-type]
-
-
 CALIBRATION = b'{"format": "piv-calibration", "format_version": 1, "scale_m_per_px": 1e-4, "origin_x_px": 3.0,'
 LENS = (
     CALIBRATION
@@ -412,7 +402,6 @@ TARGETS = [
     Target("states.csv", use_states, states_csv_seeds, STAGE),
     Target("pressure.csv", use_pressure, lambda _: [b"t,p\n0,0\n0.1,5000\n0.2,20000\n0.4,2e4\n"], STAGE),
     Target("kinematics.h5", use_kinematics, kinematics_seeds, STAGE),
-    Target("settings.json", use_settings, lambda _: [b'{"window": 32, "spacing": 8, "preset": "fast"}']),
     Target("calibration.json", use_calibration, lambda _: [LENS, CALIBRATION + b' "origin_y_px": 2.0}']),
 ]  # fmt: skip
 

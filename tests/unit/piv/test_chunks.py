@@ -88,14 +88,6 @@ def test_chunks_joined_are_the_serial_file_to_the_last_byte(recording_file, seri
     assert [p.name for p in tmp_path.iterdir()] == ["piv.h5"]
 
 
-def test_processes_give_the_serial_file_to_the_last_byte(recording_file, serial, tmp_path):
-    out = tmp_path / "piv.h5"
-    assert (
-        main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--processes", "2"]) == 0
-    )
-    assert out.read_bytes() == serial
-
-
 def test_a_finished_chunk_is_kept_unless_settings_changed(recording_file, tmp_path, capsys):
     out = tmp_path / "piv.h5"
     chunked(recording_file, out, 2)
@@ -164,8 +156,10 @@ def test_a_chunk_that_is_missing_or_of_no_use_is_named_with_how_it_is_made(
     assert main(["join", str(out)]) == 0
 
 
-@pytest.mark.parametrize("extra", [["--chunk", "3"], ["--chunk", "0/2"], ["--chunk", "1/99"], ["--processes", "0"],
-                                   ["--chunk", "1/2", "--ensemble"], ["--chunk", "1/2", "--processes", "2"]])  # fmt: skip
+@pytest.mark.parametrize(
+    "extra",
+    [["--chunk", "3"], ["--chunk", "0/2"], ["--chunk", "1/99"], ["--chunk", "1/2", "--ensemble"]],
+)
 def test_bad_chunks_end_with_one_sentence(recording_file, tmp_path, capsys, extra):
     assert (
         main(["correlate", str(recording_file), "-o", str(tmp_path / "x.h5"), "--quiet", *extra])

@@ -14,6 +14,7 @@ from fileio.formats.plane_series import read_plane
 from fileio.formats.recording import RecordingWriter
 from fileio.formats.resumable import SeriesWriter
 from piv.__main__ import main
+from piv.commands.correlate import make
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
 from piv.images.open_recording import open_recording
@@ -162,30 +163,22 @@ def test_part_of_other_settings_or_damaged_is_begun_anew(folder, tmp_path):
         assert "_done" not in file
 
 
-def test_settings_file_and_flags(folder, tmp_path):
-    file = tmp_path / "settings.json"
-    file.write_text(json.dumps({"window": 24, "spacing": 12, "every": 5}))
+def test_settings_in_memory(folder, tmp_path):
     out = tmp_path / "out.h5"
-    assert (
-        main(
-            [
-                "correlate",
-                str(folder),
-                "-o",
-                str(out),
-                "--quiet",
-                "--settings",
-                str(file),
-                "--spacing",
-                "16",
-            ]
-        )
-        == 0
-    )
+    make(folder, out, {"window": 24, "spacing": 16, "every": 5}, threads=2, quiet=True)
     with read_plane(out) as plane:
         used = json.loads(plane.attrs["settings"])
         assert (used["window"], used["spacing"], used["every"]) == (24, 16, 5)
         assert np.diff(plane["x"])[0] == 16
+
+
+@pytest.mark.parametrize(
+    "settings, message",
+    [({"windows": 24}, "unknown setting 'windows'"), ({"window": "24"}, "has the wrong type")],
+)
+def test_wrong_settings_in_memory(folder, tmp_path, settings, message):
+    with pytest.raises(ValueError, match=message):
+        make(folder, tmp_path / "out.h5", settings, quiet=True)
 
 
 @pytest.mark.parametrize(

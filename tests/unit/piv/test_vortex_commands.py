@@ -8,6 +8,7 @@ import pytest
 from fileio.formats.plane_series import make_plane, write_plane
 from fileio.formats.vortex_table import read_vortices
 from piv.__main__ import main
+from piv.commands import render, vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 
 
@@ -69,18 +70,16 @@ def test_single_plane_in_pixels_needs_no_other_option(tmp_path):
     assert table["x"][0] == pytest.approx(0.018 / 1.25e-4, rel=1e-3)
 
 
-def test_settings_file_and_flags(tmp_path, capsys):
+def test_settings_in_memory(tmp_path):
     write_series(tmp_path / "piv.h5", finger=False)
-    good, bad = tmp_path / "good.json", tmp_path / "bad.json"
-    good.write_text('{"min-circulation": 1.0, "seed": 1}')
-    bad.write_text('{"min_circulation": 1.0}')
-    args = ["vortices", str(tmp_path / "piv.h5"), "-o", str(tmp_path / "v.csv"), "--quiet"]
-    assert main([*args, "--settings", str(good)]) == 2
-    assert "unknown setting 'seed'" in capsys.readouterr().err
-    assert main([*args, "--settings", str(bad)]) == 0
-    assert len(read_vortices(tmp_path / "v.csv")) == 0
-    assert main([*args, "--settings", str(bad), "--min-circulation", "0.001"]) == 0  # flags win
-    assert len(read_vortices(tmp_path / "v.csv")) == 5
+    for least, count in ((1.0, 0), (0.001, 5)):
+        vortices.make(
+            tmp_path / "piv.h5", tmp_path / "v.csv", {"min_circulation": least}, quiet=True
+        )
+        assert len(read_vortices(tmp_path / "v.csv")) == count
+    for command in (vortices, render):
+        with pytest.raises(ValueError, match="unknown setting 'colour'"):
+            command.make(tmp_path / "piv.h5", tmp_path / "out", {"colour": 1})
 
 
 def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path, capsys):
