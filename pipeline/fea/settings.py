@@ -138,17 +138,6 @@ class UnitCellMesh(_Frozen):
         )
 
 
-class SolidMesh(UnitCellMesh):
-    """The same of the whole finger in 3-D; the cavity and the gap over all their length."""
-
-    side: Count = 1
-    """Elements from the bridge up to h2"""
-    wedge: Count = 2
-    """Elements from h2 up to h1"""
-    span: Count = 4
-    """Elements over half the cavity's width"""
-
-
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 
 
@@ -188,7 +177,7 @@ class Import(_Frozen):
 class Fea(_Frozen):
     """How the analysis is run."""
 
-    engine: Literal["unit_cell", "calculix", "import"] = "unit_cell"
+    engine: Literal["unit_cell", "import"] = "unit_cell"
     """How bending is found"""
     first_pressure_kpa: Annotated[float, Field(ge=-90, le=500)] = -40.0
     """Of the states [kPa]"""
@@ -198,8 +187,6 @@ class Fea(_Frozen):
     """Between states [kPa]"""
     mesh: UnitCellMesh = UnitCellMesh()
     """Elements of the unit cell"""
-    solid_mesh: SolidMesh = SolidMesh()
-    """Elements of the whole finger in 3-D"""
     results: Import | None = None
     """The user's own results, for engine = "import" """
     uncertainty: bool = True

@@ -29,7 +29,7 @@ def test_the_page_is_what_the_models_say(page):
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: key.name)
 def test_every_key_has_a_meaning_and_every_length_a_unit(key):
     assert key.meaning
-    counted = "correctors" in key.name or key.name.startswith(("fea.mesh.", "fea.solid_mesh."))
+    counted = "correctors" in key.name or key.name.startswith("fea.mesh.")
     if "number" in key.type and not counted and key.name.rpartition(".")[2] not in BARE:
         assert key.unit, f"{key.name}: add its unit in brackets to its docstring"
 

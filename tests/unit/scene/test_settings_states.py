@@ -52,7 +52,6 @@ def test_what_the_states_follow_from_is_refused_with_key_and_remedy_and_nothing_
         "",
         "[fea]\nuncertainty = false",
         '[actuator.materials.lower]\nname = "the same, of another batch"',
-        "[fea.solid_mesh]\nspan = 5",  # of the other engine
         WIDER + '\n[motion]\nsource = "paper_equations"',
     ],
 )

@@ -1,1 +1,0 @@
-"""The whole finger in 3-D by CalculiX."""
