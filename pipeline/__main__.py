@@ -230,6 +230,24 @@ def completion(shell: Annotated[str, Parameter(help="bash, zsh or fish.")]) -> N
 
 
 @app.command(show=False)
+def target(name: str) -> None:
+    """Make SCENE.STAGE, or SCENE.view (the Makefile)."""
+    from fileio.errors import meant
+    from pipeline.runs.stages import TARGETS
+
+    scene, _, stage = name.rpartition(".")
+    known = [path.parent.name for path in Path("cases").glob("*/scene.toml")]
+    if scene in known and stage == "view":
+        app(["view", f"cases/{scene}"])
+    elif scene in known and stage in TARGETS:
+        app(["run", f"cases/{scene}", "--until", stage])
+    else:
+        stages_ = [f"{scene or known[0]}.{word}" for word in (*TARGETS, "view")]
+        near = meant(name, [*known, *stages_])
+        raise StageError(f"{name}: no such scene or target{near}; make help lists what there is")
+
+
+@app.command(show=False)
 def job(plan: Path, name: str, stage: str, *, threads: int = 1, collated: Switch = False) -> None:
     """Make one stage of a run of a plan (Snakemake)."""
     from pipeline.study.plan import run_job
@@ -293,6 +311,9 @@ def _slurm_place() -> list[str]:
 
 def main(words: list[str] | None = None) -> int:
     """Command line; returns the exit code."""
+
+    for name in [name for name, value in os.environ.items() if not value]:
+        del os.environ[name]  # make hands on the values that are left out, empty
 
     def action() -> int:
         command: Callable[..., Any]

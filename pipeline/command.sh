@@ -1,12 +1,14 @@
 #!/bin/sh
-# The command `piv`, and the packages in Python, from any folder: writes both into the environment $1, which is .venv of a clone.
+# The commands `piv` and `softfinger`, and the packages in Python, from any folder: writes both into the environment $1, which is .venv of a clone.
 # They belong to the clone that the environment is in, or is linked from, also after it was moved.
 echo 'import os, sys; sys.path.append(os.path.dirname(sys.prefix))' \
     >"$("$1/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/softfinger.pth"
-cat >"$1/bin/piv" <<'END'
+for command in piv:piv softfinger:pipeline; do
+    cat >"$1/bin/${command%:*}" <<END
 #!/bin/sh
-self=$0
-[ ! -L "$self" ] || self=$(readlink -f "$self")
-exec "$(dirname "$self")/python" -P -m piv "$@"
+self=\$0
+[ ! -L "\$self" ] || self=\$(readlink -f "\$self")
+exec "\$(dirname "\$self")/python" -P -m ${command#*:} "\$@"
 END
-chmod +x "$1/bin/piv"
+    chmod +x "$1/bin/${command%:*}"
+done

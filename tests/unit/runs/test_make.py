@@ -1,0 +1,141 @@
+"""Making the stages of a run: what is made, taken over, refused, and what a kill leaves behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from fileio.errors import StageError
+from fileio.formats.kinematics import read_kinematics
+from fileio.lock import exclusive
+from fileio.record import read_record, record_path
+from pipeline.runs.make import Machine, make
+from pipeline.runs.run import Run, open_run
+from tests.conftest import ROOT, write_scene
+
+ONE = Machine()
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """A small scene whose motion and mesh are made."""
+    made = Run(write_scene(tmp_path / "scene"))
+    make(made, "mesh", ONE, quiet=True)
+    return made
+
+
+def again(run: Run, **values) -> Run:
+    """The run of the scene's folder as it is now, with overrides."""
+    return open_run(run.scene.folder, "tiny", values, run.out)
+
+
+def test_nothing_is_made_twice(run: Run) -> None:
+    """A fresh run has nothing to do, and says so without a look into its files."""
+    first = {stage: read_record(run.out, stage) for stage in ("kinematics", "mesh")}
+    assert run.stale("mesh") == {}
+    make(run, "mesh", ONE, quiet=True)
+    assert {stage: read_record(run.out, stage) for stage in first} == first
+
+
+def test_record_says_what_a_stage_cost_and_wrote(run: Run) -> None:
+    """The record of a stage holds its costs, its numbers, and its files."""
+    record = read_record(run.out, "mesh")
+    assert record is not None
+    assert set(record["outputs"]) == {"planform.h5", "mesh_quality.csv"}
+    assert record["outputs"]["planform.h5"]["bytes"] == run.path("mesh").stat().st_size
+    assert record["made_from"]["numbers"]["mesh.wall_cell"] == run.scene.mesh.wall_cell
+    assert record["wall_time"] > 0
+    assert record["cpu_time"] > 0
+    assert record["peak_memory"] > 1e7  # bytes: no Python with numpy takes less than 10 MB
+
+
+def test_reason_names_the_key_and_both_values(run: Run) -> None:
+    """What is stale is told with the number that changed."""
+    tip = run.scene.mesh.tip_cell
+    assert again(run, **{"mesh.tip_cell": 0.003}).stale("mesh") == {
+        "mesh": f"mesh.tip_cell changed from {tip} to 0.003"
+    }
+
+
+def test_an_equal_stage_of_another_run_is_taken_over(run: Run, capfd) -> None:
+    """Two runs with the same numbers up to a stage share its files, which are then one file."""
+    other = open_run(run.scene.folder, "tiny", {"fluid.density": 1000.0}, run.out.parent / "other")
+    make(other, "mesh", ONE)
+    assert "taken over" in capfd.readouterr().out
+    assert other.path("mesh").samefile(run.path("mesh"))
+    assert other.stale("mesh") == {}
+
+
+def test_a_changed_file_is_refused_by_its_readers_and_made_again(run: Run) -> None:
+    """A file that is not the recorded one is not read; make makes it anew."""
+    path = run.path("kinematics")
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+    with pytest.raises(StageError, match="damaged or changed"):
+        read_kinematics(path)
+    assert again(run).stale("kinematics") == {
+        "kinematics": "kinematics.h5 has changed since it was written"
+    }
+    make(again(run), "kinematics", ONE, quiet=True)
+    read_kinematics(path)
+
+
+def test_a_file_of_another_run_is_not_used(run: Run, tmp_path: Path) -> None:
+    """A whole file of another scene in the place of a stage's file is no result of this run."""
+    other = Run(write_scene(tmp_path / "other", more="[finger]\ntilt_deg = 5.0\n"))
+    make(other, "kinematics", ONE, quiet=True)
+    run.path("kinematics").write_bytes(other.path("kinematics").read_bytes())
+    assert "kinematics" in again(run).stale("kinematics")
+
+
+def test_a_large_file_that_was_deleted_is_not_needed(run: Run) -> None:
+    """What was made of a deleted file stands; the file is made again where it is asked for."""
+    run.path("kinematics").unlink()
+    assert again(run).stale("mesh") == {}
+    assert again(run).stale("kinematics") == {"kinematics": "kinematics.h5 is missing"}
+
+
+def test_a_stage_that_another_process_makes_is_refused(run: Run) -> None:
+    """Two makes at once: the second is refused, and nothing is written."""
+    stale = again(run, **{"mesh.tip_cell": 0.003})
+    with exclusive(run.out / "mesh.stage"), pytest.raises(StageError, match="^mesh: .*writing"):
+        make(stale, "mesh", ONE, quiet=True)
+    assert "mesh" in stale.stale("mesh")
+
+
+def test_a_failing_stage_is_one_sentence_with_its_name(run: Run) -> None:
+    """The error of a stage reaches the caller; its record is gone, so that it is made again."""
+    bad = again(run, **{"mesh.max_non_orthogonality_deg": 1.0})
+    with pytest.raises(StageError, match="^mesh: .*non-orthogonality"):
+        make(bad, "mesh", ONE, quiet=True)
+    assert read_record(run.out, "mesh") is None
+
+
+def test_a_kill_leaves_a_run_that_goes_on(tmp_path: Path) -> None:
+    """Killed at any moment, the next make ends with the same files."""
+    scene = write_scene(tmp_path / "scene")
+    words = [sys.executable, "-m", "pipeline", "run", str(scene.folder), "--level", "tiny"]
+    words += ["--until", "mesh", "--quiet"]
+    for wait in (0.7, 1.5, 2.5):
+        process = subprocess.Popen(words, cwd=ROOT, start_new_session=True)
+        time.sleep(wait)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    assert subprocess.run(words, cwd=ROOT, check=False).returncode == 0
+    whole = Run(write_scene(tmp_path / "whole"))
+    make(whole, "mesh", ONE, quiet=True)
+    for stage in ("kinematics", "mesh"):
+        assert Run(scene).path(stage).read_bytes() == whole.path(stage).read_bytes()
+
+
+def test_record_of_another_version_is_none(run: Run) -> None:
+    """A record that this program does not know makes the stage again."""
+    path = record_path(run.out, "mesh")
+    path.write_text(path.read_text().replace('"format_version": 1', '"format_version": 9'))
+    assert again(run).stale("mesh") == {"mesh": "not made yet"}

@@ -1,0 +1,138 @@
+"""What a change of a scene makes stale: the stages whose result it changes, and no other."""
+
+from __future__ import annotations
+
+import shutil
+from functools import cache
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+
+from pipeline.runs.run import Run, open_run
+from pipeline.runs.stages import STAGES
+from pipeline.scene.read_toml import FILE_KEYS
+from pipeline.scene.scene import Scene, load_scene
+from tests.conftest import ROOT, write_scene
+
+REPORT = ["report"]
+PAGE = ["compare", "figures", "report"]
+OF_PIV = ["piv", "vortices_piv", *PAGE]
+OF_IMAGES = ["images", *OF_PIV]
+OF_SHEET = ["sheet", "vortices_cfd", *OF_IMAGES]
+OF_CASE = ["case", "run", "loads", *OF_SHEET]
+OF_MESH = ["mesh", *OF_CASE]
+ALL = ["kinematics", *OF_MESH]
+
+# The stages whose result a section, or one of its keys, changes.
+EXPECTED = {
+    "title": REPORT,
+    "tank": ALL,
+    "finger": ALL,
+    "body": ALL,
+    "pinch": ALL,
+    "support": ALL,
+    "motion": ALL,
+    "mesh": OF_MESH,
+    "model": OF_MESH,
+    "numerics": OF_CASE,
+    "numerics.time_step": OF_MESH,
+    "fluid": OF_CASE,
+    "sheet.rate_hz": OF_MESH,
+    "sheet.z": OF_CASE,
+    "sheet.spacing": OF_SHEET,
+    "sheet.margin": OF_SHEET,
+    "sheet.thickness": OF_IMAGES,
+    "camera": OF_IMAGES,
+    "camera.columns": OF_SHEET,
+    "camera.rows": OF_SHEET,
+    "camera.scale_mm_per_px": OF_SHEET,
+    "camera.centre": OF_SHEET,
+    "piv": OF_PIV,
+    "vortices": ["vortices_cfd", "vortices_piv", *PAGE],
+    "structure": [],  # of coupled runs alone
+    "structure.bending_stiffness": ["loads", "figures", "report"],
+    "structure.damping": ["loads", "figures", "report"],
+    "actuator": [],  # make fea, whose result is a file of the motion
+    "fea": [],
+}
+FILES = {f"motion.{key}" for key in FILE_KEYS}  # whose content counts, not the name
+PLACES = {"name", "level", "folder", "parents", "out", "notes"}  # of the run, not of its scene
+
+
+def changed(value: Any) -> Any:
+    """Another value of the same kind."""
+    if isinstance(value, bool) or value is None:
+        return not value
+    if isinstance(value, int | float):
+        return value + 1
+    if isinstance(value, tuple | list):
+        return (*value, changed(value[-1])) if value else (1,)
+    return {**value, "more": 1} if isinstance(value, dict) else f"{value} more"
+
+
+def variants(model: BaseModel, above: str = ""):
+    """The dotted name of each key of a scene, and the scene with that key changed."""
+    for name in type(model).model_fields:
+        if not above and name in PLACES:
+            continue
+        value = getattr(model, name)
+        if isinstance(value, BaseModel):
+            for key, inner in variants(value, f"{above}{name}."):
+                yield key, model.model_copy(update={name: inner})
+        else:
+            yield f"{above}{name}", model.model_copy(update={name: changed(value)})
+
+
+@cache
+def scenes() -> dict[str, Scene]:
+    """A scene with each section: those of a pinch, of a support and of a rigid body are added."""
+    names = ("single_finger", "pinch", "validation/oscillating_cylinder")
+    return {name: load_scene(ROOT / "cases" / name, "coarse") for name in names}
+
+
+def keys() -> list[tuple[str, str]]:
+    """Every key of every scene."""
+    known = [(name, key) for name, scene in scenes().items() for key, _ in variants(scene)]
+    return [(name, key) for name, key in known if key not in FILES]
+
+
+@pytest.mark.filterwarnings("ignore:Pydantic serializer")
+@pytest.mark.parametrize("name, key", keys())
+def test_a_key_makes_stale_what_it_changes(name: str, key: str) -> None:
+    """Digests tell what is stale; the expected stages are a list written by hand."""
+    scene = scenes()[name]
+    before = digests(name)
+    after = Run(dict(variants(scene))[key])
+    found = {stage.name for stage in STAGES if after.digest(stage.name) != before[stage.name]}
+    assert found == set(EXPECTED[key if key in EXPECTED else key.partition(".")[0]])
+
+
+@cache
+def digests(name: str) -> dict[str, str]:
+    """Of all stages of a scene as it is."""
+    run = Run(scenes()[name])
+    return {stage.name: run.digest(stage.name) for stage in STAGES}
+
+
+def test_content_of_a_file_counts_not_its_name(tmp_path) -> None:
+    """A motion's file makes all stages stale where its content changes, wherever it lies."""
+    text = 'motion = { source = "fea", states = "states.h5" }\n'
+    runs = []
+    for place in ("one", "two"):
+        scene = write_scene(tmp_path / place, more=text)
+        shutil.copy(ROOT / "cases/single_finger/kinematics/states.h5", scene.folder)
+        runs.append(Run(scene))
+    assert runs[0].digest("sheet") == runs[1].digest("sheet")
+    (tmp_path / "two" / "states.h5").write_bytes(b"another")
+    assert Run(runs[1].scene).digest("kinematics") != runs[0].digest("kinematics")
+
+
+def test_overrides_are_the_scene_with_another_number(tmp_path) -> None:
+    """A run with an override has the digests of a scene that says so, and a place of its own."""
+    scene = write_scene(tmp_path / "plain")
+    other = write_scene(tmp_path / "other", more="[fluid]\ndensity = 1000.0\n")
+    run = open_run(scene.folder, "tiny", {"fluid.density": 1000.0}, tmp_path / "place")
+    assert run.out == tmp_path / "place"
+    assert run.digest("sheet") == Run(other).digest("sheet")
+    assert run.digest("kinematics") == Run(scene).digest("kinematics")
