@@ -44,7 +44,7 @@ $(READY): requirements.lock pipeline/setup.sh pipeline/command.sh
 	@sh pipeline/setup.sh
 	@touch $@
 
-$(SCENES): $(READY)
+$(SCENES): $(READY) $(if $(SLURM),.venv-study/.ready)
 	@$(RUN) run cases/$@
 
 # Anything else: a stage of a scene, or a name that the program answers.

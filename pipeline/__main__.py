@@ -242,8 +242,8 @@ def target(name: str) -> None:
     elif scene in known and stage in TARGETS:
         app(["run", f"cases/{scene}", "--until", stage])
     else:
-        stages_ = [f"{scene or known[0]}.{word}" for word in (*TARGETS, "view")]
-        near = meant(name, [*known, *stages_])
+        words = [f"{one}.{stage_}" for one in known for stage_ in (*TARGETS, "view")]
+        near = meant(name, [*known, *words])
         raise StageError(f"{name}: no such scene or target{near}; make help lists what there is")
 
 

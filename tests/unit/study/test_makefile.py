@@ -1,102 +1,73 @@
-"""The Makefile says what it can do, and the docs are made at the levels that they say they were made at."""
+"""The Makefile: a façade that lists its targets and hands every name and value to the program."""
+
+from __future__ import annotations
 
 import re
 import subprocess
 
 import pytest
 
-from fileio.command import DEFAULT_LEVEL
-from pipeline.openfoam.base_case import template_files
-from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT
 from tests.inner_make import inner_environment
 
-MAKEFILES = [
-    ROOT / "Makefile",
-    ROOT / "postprocess" / "lab" / "compare.mk",
-    ROOT / "fileio" / "stages.mk",
-]
-TEXT = "\n".join(path.read_text(encoding="utf-8") for path in MAKEFILES)
-LISTED = [page.split(":")[:2] for page in re.search(r"(?m)^DOCS \?= (.*)$", TEXT).group(1).split()]
-# a page is named by its scene, at the default level, or by scene and level
-DOCUMENTED = {
-    scene if level == DEFAULT_LEVEL else f"{scene}_{level}": (scene, level)
-    for scene, level in LISTED
-}
+TEXT = (ROOT / "Makefile").read_text(encoding="utf-8")
+TARGETS = set(re.findall(r"(?m)^([a-z][a-z-]*):(?!=).*##", TEXT))
+SCENES = {path.parent.name for path in (ROOT / "cases").glob("*/scene.toml")}
 
 
-@pytest.fixture(scope="module")
-def told():
-    """What `make help` prints."""
-    done = subprocess.run(
-        ["make", "-s", "help"], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    return done.stdout
-
-
-def phony():
-    """Targets for a user that are no scene's."""
-    return set(
-        re.search(r"(?m)^USER_TARGETS := ((?:.*\\\n)*.*)$", TEXT)
-        .group(1)
-        .replace("\\\n", " ")
-        .split()
+def make(*words: str) -> subprocess.CompletedProcess[str]:
+    """A make as a user types it."""
+    command = ["make", "--no-print-directory", *words]
+    return subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=False, env=inner_environment()
     )
 
 
-def test_every_target_for_a_user_has_a_line_of_help(told):
-    listed = set(re.findall(r"(?m)^make ([a-z-]+) ", told))
-    assert phony() <= listed
-    assert (
-        set(re.findall(r"(?m)^([a-z][a-z-]+):(?!=).*##", TEXT)) == phony()
-    )  # and the other way round
+def test_help_lists_every_target_and_scene() -> None:
+    """At most 18 targets, each with a line."""
+    text = make("help").stdout
+    assert set(re.findall(r"(?m)^make ([a-z-]+) ", text)) >= TARGETS
+    assert len(TARGETS) <= 18
+    assert all(scene in text for scene in SCENES)
 
 
-def test_what_the_readme_and_the_docs_tell_to_make_is_there(told):
-    scenes = {path.parent.name for path in (ROOT / "cases").glob("*/scene.toml")} | {"SCENE"}
-    scenes.add("slurm_test")  # of tests/slurm, in its log
-    pages = [
-        ROOT / "README.md",
-        *(ROOT / "docs").glob("*.md"),
-        *(ROOT / "docs" / "fea").glob("*.md"),
-    ]
+def test_the_makefile_is_short() -> None:
+    """At most 150 lines of at most 100 columns."""
+    lines = TEXT.splitlines()
+    assert len(lines) <= 150
+    assert max(map(len, lines)) <= 100
+
+
+def test_what_the_readme_and_the_docs_tell_to_make_is_there() -> None:
+    """Finished studies in docs/record name targets of their time."""
+    pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")]
     for page in pages:
-        asked = set(re.findall(r"`make ([a-z][a-z_.-]*)", page.read_text(encoding="utf-8")))
-        assert {name.split(".")[0] for name in asked} <= phony() | scenes, page
+        named = set(re.findall(r"`make ([a-z][a-z_.-]*)", page.read_text(encoding="utf-8")))
+        assert {name.split(".")[0] for name in named} <= TARGETS | SCENES | {"slurm_test"}, page
 
 
-def test_the_makefiles_can_be_read():
-    assert max(len(line) for line in TEXT.splitlines()) <= 120
-
-
-@pytest.mark.parametrize("page", sorted(DOCUMENTED))
-def test_the_docs_are_made_at_the_level_that_their_page_says(page):
-    scene, level = DOCUMENTED[page]
-    assert f"`cases/{scene}/out/{level}/`" in (ROOT / "docs" / f"{page}.md").read_text(
-        encoding="utf-8"
-    )
-    assert load_scene(ROOT / "cases" / scene, level).level == level
-
-
-def test_settings_are_looked_at_again_when_a_template_of_the_case_changes():
-    """And when one is added or goes, which dates its folder."""
-    stamp = "cases/single_finger/out/coarse/settings/.stamp"
-    asked = ["make", "-npr", "READY=Makefile", "LEVEL=coarse", "single_finger.kinematics"]
-    rules = subprocess.run(
-        asked, cwd=ROOT, capture_output=True, text=True, check=False, env=inner_environment()
-    ).stdout
-    named = set(re.search(rf"(?m)^{re.escape(stamp)}: ([^|\n]*)", rules).group(1).split())
-    base = ROOT / "cases" / "_base"
-    assert named >= {
-        str(path.relative_to(ROOT))
-        for path in (base, *(p.parent for p in template_files()), *template_files())
-    }
-
-
-def test_every_page_that_comes_from_a_run_is_made_by_make_docs():
-    made = {
-        p.stem
-        for p in (ROOT / "docs").glob("*.md")
-        if "Written by `make docs`" in p.read_text(encoding="utf-8")
-    }
-    assert made == set(DOCUMENTED)
+@pytest.mark.parametrize(
+    "words, sentence",
+    [
+        (["singel_finger"], "did you mean single_finger?"),
+        (["single_finger.msh"], "did you mean single_finger.mesh?"),
+        (["single_finger", "LEVLE=smoke"], "LEVLE: no such value"),
+        (["single_finger", "LEVEL=smok"], "did you mean smoke?"),
+        (["single_finger", "LEVEL=smoke", "NP=0"], "NP=0: give 1 or more"),
+        (["single_finger", "LEVEL=smoke", "NP=two"], 'unable to convert "two"'),
+        (["single_finger.run", "COUPLED=1"], "COUPLED=1 goes with a whole scene"),
+        (["single_finger", "COUPLED=1", "BUDGET=1min"], "COUPLED=1 takes"),
+        (["single_finger", "ACCURACY=many"], "ACCURACY=many: give a share"),
+        (["single_finger", "BUDGET=1"], "BUDGET=1: give a time"),
+        (["fea", "SCENE=pinsh"], "did you mean pinch?"),
+        (["study", "STUDY=no.csv"], "no.csv: no such study"),
+        (["single_finger", 'LEVEL=$$(touch made; echo "smoke)'], "no level"),
+    ],
+)
+def test_a_wrong_name_or_value_is_one_sentence(words: list[str], sentence: str) -> None:
+    """The program checks it before anything is made; a shell reads nothing of it."""
+    done = make(*words)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (ROOT / "made").exists()

@@ -1,403 +1,161 @@
-"""A study's table to scenes: overrides, owners of equal stages, linked results, one sentence for what is wrong."""
+"""A study's table: its rows, the jobs that are left, what runs share, how a run may end."""
 
 from __future__ import annotations
 
 import json
-import shutil
-import tomllib
 from pathlib import Path
 
 import pytest
 
-from fileio.atomic import unlink_folders
 from fileio.errors import StageError
-from fileio.formats.records import COST
-from fileio.lock import exclusive
-from pipeline.scene.scene import load_scene
-from pipeline.study.plan import folder_of, plan, scene_text, toml
-from pipeline.study.reuse import reuse
-from pipeline.study.table import Row, read_study
-from postprocess.evidence.stage_files import StageFiles
-from postprocess.studies.judge import changes
-from postprocess.studies.state import missing_runs
-from postprocess.studies.table import read_plan, stage_costs, study_table
+from fileio.record import read_record
+from pipeline.runs.make import Machine, make
+from pipeline.study.outcome import write_outcome
+from pipeline.study.plan import plan_study, run_job
+from pipeline.study.rows import open_row, read_study
 from tests.conftest import ROOT, write_scene
 
-HEADER = "run, level, until, ranks, numerics.time_step, model.kind, piv.window, camera.centre\n"
+HEADER = "run, level, until, ranks, may_fail, numerics.time_step, model.kind, camera.centre\n"
+SHIPPED = sorted((ROOT / "cases").glob("*/studies/*.csv"))
 
 
-def study(folder: Path, rows: str) -> Path:
+def table(folder: Path, rows: str) -> Path:
+    """A study's table of a scene."""
     (folder / "studies").mkdir(parents=True, exist_ok=True)
     path = folder / "studies" / "trial.csv"
     path.write_text("# a comment\n" + HEADER + rows, encoding="utf-8")
     return path
 
 
-def test_rows_become_scenes_that_differ_in_what_the_table_says(tmp_path):
+def planned(folder: Path, rows: str) -> dict:
+    """The plan of a table."""
+    path = plan_study(folder, "trial", read_study(table(folder, rows)))
+    return json.loads(path.read_text()) | {"path": path}
+
+
+def jobs(plan: dict) -> list[tuple[str, str]]:
+    """Run and stage of each job."""
+    return [(job["run"], job["stage"]) for job in plan["jobs"].values()]
+
+
+def test_rows_become_runs_that_differ_in_what_the_table_says(tmp_path: Path) -> None:
+    """Numbers, tables and texts of cells take the place of the scene's; all else is the scene's."""
     scene = write_scene(tmp_path / "small")
-    table = study(
-        scene.folder,
-        'fine, tiny, run, 2, 5e-4, , , \nwide, tiny, vortices, , , half, 48, "[0.01, 0.2]"\n',
-    )
-    written_plan = json.loads(plan(table).read_text())
-    assert written_plan["scene"] == "small"
-    assert [row["ranks"] for row in written_plan["runs"]] == [2, 1]
-    fine, wide = (load_scene(row["folder"], "tiny") for row in written_plan["runs"])
-    assert fine.numerics.time_step == 5e-4
-    assert (wide.model.kind, wide.piv.window, wide.camera.centre) == ("half", 48, (0.01, 0.2))
-    assert wide.numerics == scene.numerics
-    assert fine.mesh == wide.mesh == scene.mesh
-    assert len({scene.digest(), fine.digest(), wide.digest()}) == 3
-    assert (wide.out / "settings" / "piv.json").exists()
-    assert (
-        wide.folder / wide.motion.states
-    ).exists()  # the parent's path, seen from the new folder
+    rows = 'fine, tiny, run, 2, , 5e-4, , \nwide, tiny, vortices, , , , half, "[0.01, 0.2]"\n'
+    fine, wide = read_study(table(scene.folder, rows))
+    assert (fine.ranks, fine.until, wide.ranks, wide.until) == (2, "run", 1, "vortices")
+    runs = [open_row(scene.folder, "trial", row) for row in (fine, wide)]
+    assert runs[0].scene.numerics.time_step == 5e-4
+    assert (runs[1].scene.model.kind, runs[1].scene.camera.centre) == ("half", (0.01, 0.2))
+    assert runs[0].scene.mesh == runs[1].scene.mesh == scene.mesh
+    assert runs[0].out == scene.folder / "out" / "studies" / "trial" / "fine"
 
 
-def test_a_table_that_changed_does_not_reach_under_a_stage_at_work(tmp_path):
-    """It would end later than the new settings, and its results of the old numbers pass for results of the new."""
+def test_equal_stages_are_computed_once(tmp_path: Path) -> None:
+    """The second run with the same numbers waits for the first, and takes its files over."""
     scene = write_scene(tmp_path / "small")
-    written_plan = json.loads(plan(study(scene.folder, "a, tiny, run, 1, , , 48, \n")).read_text())
-    out = load_scene(written_plan["runs"][0]["folder"], "tiny").out
-    with exclusive(out / "piv.h5"):
-        plan(study(scene.folder, "a, tiny, run, 1, , , 48, \n"))
-        with pytest.raises(StageError, match=r"another make is at work here \(piv.h5\)"):
-            plan(study(scene.folder, "a, tiny, run, 1, , , 32, \n"))
+    plan = planned(scene.folder, "a, tiny, mesh, , , , , \nb, tiny, mesh, , , , , \n")
+    assert jobs(plan) == [(r, s) for r in "ab" for s in ("kinematics", "mesh")]
+    mine, its = list(plan["jobs"])[1], list(plan["jobs"])[3]
+    assert mine in plan["jobs"][its]["inputs"]
+    for run, stage in jobs(plan):
+        run_job(plan["path"], run, stage, 1)
+    root = scene.folder / "out" / "studies" / "trial"
+    assert (root / "a" / "planform.h5").samefile(root / "b" / "planform.h5")
+    assert planned(scene.folder, "a, tiny, mesh, , , , , \n")["jobs"] == {}
 
 
-def test_equal_stages_are_computed_once(tmp_path):
+def test_only_what_a_change_makes_stale_is_planned(tmp_path: Path) -> None:
+    """A table that changed makes its runs again from the stage that the change reaches."""
     scene = write_scene(tmp_path / "small")
-    table = study(
-        scene.folder,
-        "a, tiny, run, 1, , , , \nb, tiny, run, 2, , , , \nc, tiny, run, 1, 5e-4, , , \nd, tiny, vortices, 1, , , 48, \n",
-    )
-    owners = {row["run"]: row["owners"] for row in json.loads(plan(table).read_text())["runs"]}
-    assert {o["kinematics"] for o in owners.values()} == {"a"}
-    assert [owners[r]["mesh"] for r in "abcd"] == [
-        "a",
-        "a",
-        "c",
-        "a",
-    ]  # its intervals begin at time steps
-    assert [owners[r]["run"] for r in "abcd"] == [
-        "a",
-        "b",
-        "c",
-        "a",
-    ]  # other ranks and steps are other runs
-    assert owners["d"]["images"] == "a"
-    assert owners["d"]["piv"] == "d"
+    plan = planned(scene.folder, "a, tiny, mesh, , , , , \n")
+    for run, stage in jobs(plan):
+        run_job(plan["path"], run, stage, 1)
+    assert jobs(planned(scene.folder, "a, tiny, mesh, , , 5e-4, , \n")) == [("a", "mesh")]
 
 
-def test_the_plan_says_what_each_result_is_to_be_made_with(tmp_path):
-    scene = write_scene(tmp_path / "small")
-    written_plan = json.loads(
-        plan(
-            study(scene.folder, "a, tiny, vortices, 1, , , 48, \nb, tiny, run, 1, 5e-4, , , \n")
-        ).read_text()
-    )
-    a, b = written_plan["runs"]
-    assert a["stages"] == [
-        "kinematics",
-        "mesh",
-        "case",
-        "run",
-        "sheet",
-        "images",
-        "piv",
-        "vortices_cfd",
-        "vortices_piv",
-    ]
-    assert b["stages"] == ["kinematics", "mesh", "case", "run"]
-    names = ("kinematics.h5", "planform.h5", "sweep.h5", "run/run.json")
-    assert b["wanted"] == [f"out/tiny/{name}" for name in names]
-    assert "out/tiny/images.h5" not in a["wanted"]  # may go when PIV is done
-    assert len(a["wanted"]) == len(a["stages"]) - 1
-    assert a["settings"]["piv"]["window"] == 48
-    assert b["settings"]["case"]["numerics"]["time_step"] == 5e-4
-    assert (
-        a["settings"]["kinematics"] == b["settings"]["kinematics"]
-    )  # whatever the folders are called
-    assert set(written_plan["files"]) >= set(a["stages"])
-
-
-def test_scene_text_is_toml_that_says_only_what_differs():
-    row = Row(
-        "r",
-        "coarse",
-        overrides={"fluid.turbulence": "WALE", "sheet.rate_hz": 100, "actuator.width": 0.02},
-    )
-    table = tomllib.loads(scene_text("../..", row))
-    assert table["extends"] == "../.."
-    level = table["levels"]["coarse"]
-    assert level["fluid"] == {"turbulence": "WALE"}
-    assert level["actuator"] == {"width": 0.02}
-    assert level["motion"] == {
-        "source": "fea",
-        "states": "kinematics/states.h5",
-    }  # another actuator bends otherwise
+def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
+    """A run with another actuator has states of its own, which its motion waits for."""
+    path = tmp_path / "s.csv"
+    path.write_text("run, level, until, actuator.width\nthin, smoke, kinematics, 0.02\n")
+    (row,) = read_study(path)
+    run = open_row(ROOT / "cases" / "single_finger", "s", row)
+    assert list(run.stale("kinematics")) == ["fea", "kinematics"]
+    assert (run.scene.folder / run.scene.motion.states).resolve() == (
+        run.out / "states.h5"
+    ).resolve()
 
 
 @pytest.mark.parametrize(
-    "rows, said",
-    [("a, tiny, run, 0, , , , \n", "ranks = '0'"), ("a, tiny, dance, 1, , , , \n", "until = 'dance'"),
-     ("../a, tiny, run, 1, , , , \n", "run = '../a'"), ("a, tiny, run, 1, , , , \na, tiny, run, 1, , , , \n", "occurs twice"),
-     ("", "no rows"), ("a, tiny, run, 1, , 4d, , \n", "run a: "), ("a, tiny, run, 1, 3e-4, , , \n", "numerics.time_step")],
-)  # fmt: skip
-def test_a_bad_table_ends_with_one_sentence(tmp_path, rows, said):
+    "rows, part",
+    [
+        ("a, tiny, run, 0, , , , \n", "ranks = '0'"),
+        ("a, tiny, dance, 1, , , , \n", "until = 'dance'"),
+        ("../a, tiny, run, 1, , , , \n", "run = '../a'"),
+        ("a, tiny, run, 1, , , , \na, tiny, run, 1, , , , \n", "occurs twice"),
+        ("", "no rows"),
+        ("a, tiny, run, 1, , , 4d, \n", "run a: "),
+        ("a, tiny, run, 1, , 3e-4, , \n", "numerics.time_step"),
+        ("a, tiny, run, 1, perhaps, , , \n", "may_fail = 'perhaps'"),
+        ("a, tiny, run, 1, no, , , , 7, 8\n", "more cells than columns"),
+    ],
+)
+def test_a_bad_table_ends_with_one_sentence(tmp_path: Path, rows: str, part: str) -> None:
+    """Named are the file or the run, and what is wrong."""
     scene = write_scene(tmp_path / "small")
-    with pytest.raises(StageError, match=r".") as error:
-        plan(study(scene.folder, rows))
-    assert said in str(error.value)
+    with pytest.raises(StageError) as error:
+        planned(scene.folder, rows)
+    assert part in str(error.value)
     assert "\n" not in str(error.value)
 
 
-def test_unknown_columns_are_refused(tmp_path):
+def test_unknown_columns_are_refused(tmp_path: Path) -> None:
+    """A column is one of the table's own, or a dotted key."""
     path = tmp_path / "s.csv"
     path.write_text("run, level, colour\na, tiny, red\n")
     with pytest.raises(StageError, match="'colour'"):
         read_study(path)
 
 
-def test_results_are_taken_over(tmp_path):
-    a, b = tmp_path / "a", tmp_path / "b"
-    (a / "run").mkdir(parents=True)
-    (a / "costs").mkdir()
-    (a / "case").mkdir()
-    (a / "run" / "run.json").write_text("{}")
-    (a / "costs" / "run.json").write_text('{"stage": "run"}')
-    reuse(a, b, "run")
-    reuse(a, b, "run")  # again, over what is there
-    assert (b / "run" / "run.json").read_text() == "{}"
-    assert (b / "costs" / "run.json").exists()
-    assert (b / "case").resolve() == a / "case"
-
-
-def test_a_run_that_is_no_longer_equal_leaves_the_other_alone(tmp_path):
-    """What is deleted or written in a run that had taken over another's results is its own."""
-    a, b = tmp_path / "a", tmp_path / "b"
-    for name in ("run/run.json", "case/interval_0/U"):
-        (a / name).parent.mkdir(parents=True)
-        (a / name).write_text("of a")
-    reuse(a, b, "run")
-    (b / "run" / "run.json").unlink()  # as Snakemake does before it runs a rule again
-    unlink_folders(b)  # as the case stage does first
-    assert not (b / "case").exists()
-    assert {(a / name).read_text() for name in ("run/run.json", "case/interval_0/U")} == {"of a"}
-
-
-def test_the_name_of_a_folder_does_not_lead_into_the_other_run(tmp_path):
-    """Studies of before had run/ linked by name as well."""
-    a, b = tmp_path / "a", tmp_path / "b"
-    (a / "run").mkdir(parents=True)
-    (a / "run" / "run.json").write_text('{"of": "a"}')
-    b.mkdir()
-    (b / "run").symlink_to("../a/run")
-    reuse(a, b, "run")
-    assert not (b / "run").is_symlink()
-    assert (b / "run" / "run.json").read_text() == '{"of": "a"}'
-    assert not (a / "run" / "run.json").samefile(b / "run" / "run.json")
-
-
-def test_what_was_taken_over_of_a_run_stays_when_a_later_stage_is_taken_over(tmp_path):
-    """Eleven PIV runs had lost their run.json so, and with it their rows on the page of the trade."""
-    a, b = tmp_path / "a", tmp_path / "b"
-    for name in ("run/run.json", "case/interval_0/U", "sheet.h5"):
-        (a / name).parent.mkdir(parents=True, exist_ok=True)
-        (a / name).write_text("of a")
-    b.mkdir()
-    (b / "run").symlink_to("../a/run")  # of before
-    (b / "case").symlink_to("../a/case")
-    reuse(a, b, "sheet")
-    assert (b / "run" / "run.json").exists()
-    assert (b / "case" / "interval_0" / "U").exists()
-    reuse(a, b, "run")
-    reuse(a, b, "sheet")
-    assert (b / "run" / "run.json").exists()
-    assert (b / "case" / "interval_0" / "U").exists()
-
-
-def test_a_study_that_was_not_run_gives_a_table_of_what_was_asked(tmp_path):
-    scene = write_scene(tmp_path / "small")
-    path = plan(study(scene.folder, "a, tiny, run, 1, 5e-4, , , \n"))
-    planned = read_plan(path)
-    table = study_table(planned, missing_runs(planned))
-    assert list(table["run"]) == ["a"]
-    assert table["numerics.time_step"][0] == 5e-4
-    assert table["missing"][0] == "kinematics.h5 is not there"
-
-
-def test_the_table_says_how_runs_ended_and_what_actuators_gave(tmp_path):
-    """What Snakemake leaves behind of a run that was stopped, and of a bending analysis."""
-    scene = write_scene(tmp_path / "small")
-    (scene.folder / "studies").mkdir()
-    table = scene.folder / "studies" / "mixed.csv"
-    table.write_text(
-        "run, level, until, actuator.width\nwide, tiny, fea, 0.03\nplain, tiny, run, \n"
-    )
-    planned = read_plan(plan(table))
-    wide, plain = (Path(row["folder"]) for row in planned["runs"])
-    (wide / "kinematics").mkdir()
-    shutil.copy2(ROOT / "cases" / "single_finger" / "kinematics" / "states.h5", wide / "kinematics")
-    (plain / "out" / "tiny" / "outcome.json").write_text(
-        json.dumps(
-            {
-                "format": "outcome",
-                "format_version": 1,
-                "ended": "stopped",
-                "stopped_at_s": 0.1,
-                "reason": "Courant",
-            }
-        )
-    )
-    missing = missing_runs(planned)
-    assert missing == {"plain": "kinematics.h5 is not there"}
-    rows = study_table(planned, missing).set_index("run")
-    assert rows.loc["wide", "states"] == 81
-    assert rows.loc["wide", "pressure_max_Pa"] == 40e3
-    assert rows.loc["plain", "ended"] == "stopped"
-    assert rows.loc["plain", "stopped_at_s"] == 0.1
-
-
-def test_wall_time_is_not_taken_for_cpu_time(tmp_path):
-    files = StageFiles(tmp_path, "tiny")
-    cost = {"stage": "run", "wall_time": 10.0, "cpu_time": 38.0, "peak_memory": 4 * 10**8}
-    COST.write(files.out / "costs" / "run.json", cost)
-    assert stage_costs(files, ["run", "piv"]) == ({"cpu_run_s": 38.0}, 400.0)
-    del cost["cpu_time"]
-    COST.write(files.out / "costs" / "run.json", cost)
-    with pytest.raises(KeyError, match="cpu_time"):
-        stage_costs(files, ["run"])
-
-
-def test_the_shipped_study_is_sound():
-    """Every row of the study of the trade loads, and its runs are named by their level or as PIV."""
-    rows = read_study(ROOT / "cases" / "single_finger" / "studies" / "tradeoff.csv")
-    with open(ROOT / "cases" / "single_finger" / "scene.toml", "rb") as file:
-        levels = tomllib.load(file)["levels"]
-    assert {row.level for row in rows} <= set(levels)
-    assert "medium" in {row.run for row in rows}
-
-
-def test_a_row_may_name_another_scene_and_then_runs_where_that_does(tmp_path):
-    """Rows of several scenes in one table; what changes nothing of its scene is that scene's own run."""
-    for name in ("one", "two"):
-        write_scene(tmp_path / name)
-    (tmp_path / "studies").mkdir()
-    table = tmp_path / "studies" / "all.csv"
-    table.write_text(
-        "run, scene, level, until, numerics.time_step\n"
-        "one, one, tiny, run, \ntwo, two, tiny, run, \nfine, two, tiny, run, 5e-4\n"
-    )
-    runs = {row["run"]: row for row in json.loads(plan(table).read_text())["runs"]}
-    assert Path(runs["one"]["folder"]) == tmp_path / "one"
-    assert Path(runs["two"]["folder"]) == tmp_path / "two"
-    assert Path(runs["fine"]["folder"]) == tmp_path / "out" / "studies" / "all" / "fine"
-    assert load_scene(runs["fine"]["folder"], "tiny").numerics.time_step == 5e-4
-    assert (tmp_path / "two" / "out" / "tiny" / "settings" / "case.json").exists()
-
-
-def test_two_rows_in_one_place_are_refused(tmp_path):
-    write_scene(tmp_path / "one")
-    (tmp_path / "studies").mkdir()
-    table = tmp_path / "studies" / "all.csv"
-    table.write_text(
-        "run, scene, level, until, ranks\na, one, tiny, run, 1\nb, one, tiny, run, 2\n"
-    )
-    with pytest.raises(StageError, match=r"runs a and b: both are .*one at level tiny"):
-        plan(table)
-
-
-def test_the_states_of_a_shipped_scene_are_not_written_over(tmp_path):
-    write_scene(tmp_path / "one")
-    (tmp_path / "studies").mkdir()
-    table = tmp_path / "studies" / "all.csv"
-    table.write_text("run, scene, level, until\na, one, tiny, fea\n")
-    with pytest.raises(StageError, match="would write over the states"):
-        plan(table)
-
-
-def test_a_refused_run_that_may_fail_is_planned_beside_the_others(tmp_path, monkeypatch):
-    monkeypatch.setattr("pipeline.study.plan.foam_version", lambda: "v1912")
-    scene = write_scene(tmp_path / "small")
-    (scene.folder / "studies").mkdir()
-    table = scene.folder / "studies" / "edges.csv"
-    table.write_text(
-        "run, level, until, may_fail, numerics.time_step, model.kind\n"
-        "good, tiny, run, yes, , \nodd, tiny, run, yes, 3e-4, \nsure, tiny, run, no, , \n"
-    )
-    runs = {row["run"]: row for row in json.loads(plan(table).read_text())["runs"]}
-    assert runs["good"]["owners"] == {}  # shares nothing, and nobody shares it
-    assert runs["sure"]["owners"]["mesh"] == "sure"
-    asked = {
-        name: json.loads((Path(runs[name]["folder"]) / "out" / "tiny" / "asked.json").read_text())
-        for name in ("good", "odd")
-    }
-    assert "numerics.time_step" in asked["odd"]["scene"]
-    assert runs["odd"]["estimates"] == {}
-    before = (Path(runs["good"]["folder"]) / "out" / "tiny" / "asked.json").stat().st_mtime_ns
-    plan(table)  # nothing changed: nothing is to be run again
-    assert (
-        Path(runs["good"]["folder"]) / "out" / "tiny" / "asked.json"
-    ).stat().st_mtime_ns == before
-
-
-@pytest.mark.parametrize(
-    "rows, said",
-    [("a, tiny, vortices, yes\n", "may fail ends with one of"), ("a, tiny, run, perhaps\n", "may_fail = 'perhaps'"),
-     ("a, tiny, run, no, 7, 8\n", "more cells than columns")],
-)  # fmt: skip
-def test_what_may_fail_is_said_in_one_word(tmp_path, rows, said):
-    path = tmp_path / "s.csv"
-    path.write_text("run, level, until, may_fail\n" + rows)
-    with pytest.raises(StageError) as error:
-        read_study(path)
-    assert said in str(error.value)
-
-
-def test_tables_in_cells_are_toml():
-    assert tomllib.loads(f"a = {toml([{'pressure_kpa': -20.0, 'start': 0}, True])}") == {
-        "a": [{"pressure_kpa": -20.0, "start": 0}, True]
-    }
-
-
-def test_a_run_of_the_studys_own_scene_lies_beneath_the_study(tmp_path):
-    assert folder_of(tmp_path, "s", Row("r", "coarse")) == tmp_path / "out" / "studies" / "s" / "r"
-
-
-SHIPPED = sorted((ROOT / "cases").glob("*/studies/*.csv"))
-
-
-@pytest.mark.parametrize(
-    "table", SHIPPED, ids=lambda path: f"{path.parent.parent.name}-{path.stem}"
-)
-def test_every_row_of_a_shipped_study_is_a_scene(table, tmp_path):
-    """A slip in a table is found here, not after the runs before it; rows that may fail may be refused."""
-    for row in read_study(table):
-        folder = tmp_path / row.run
-        folder.mkdir()
-        parent = ROOT / "cases" / table.parent.parent.name / (row.scene or ".")
-        (folder / "scene.toml").write_text(scene_text(str(parent), row))
-        (folder / "kinematics").symlink_to(ROOT / "cases" / "single_finger" / "kinematics")
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: f"{path.parents[1].name}-{path.stem}")
+def test_every_row_of_a_shipped_study_is_a_run(path: Path) -> None:
+    """A slip in a table is found here, not after the runs before it; some rows may be refused."""
+    for row in read_study(path):
         try:
-            load_scene(folder, row.level)
+            open_row(path.parents[1], path.stem, row)
         except StageError:
             assert row.may_fail, row.run
 
 
-def test_what_sets_a_run_apart_leaves_out_what_all_have_in_common():
-    runs = [
-        {"run": "base", "overrides": {"sheet.rate_hz": 125}},
-        {"run": "gap", "overrides": {"sheet.rate_hz": 125, "pinch.residual_gap": 0.001}},
-        {"run": "flat", "overrides": {"sheet.rate_hz": 125, "model.kind": "2d"}},
-    ]
-    assert changes(runs) == {
-        "base": "as it is", "gap": "pinch.residual_gap = 0.001", "flat": "model.kind = 2d",
-    }  # fmt: skip
+@pytest.mark.parametrize(
+    "key, value, ended, stage",
+    [
+        ("numerics.time_step", 0.001, "completed", "mesh"),
+        ("finger.length", -1.0, "refused", "scene"),
+        ("mesh.max_non_orthogonality_deg", 1.0, "refused", "mesh"),
+    ],
+)
+def test_how_a_run_ends_is_a_result(tmp_path: Path, key, value, ended, stage) -> None:
+    """A run that may fail notes its end, the stage and the reason, and is not made again."""
+    scene = write_scene(tmp_path / "small")
+    out = tmp_path / "place"
+    about = {"folder": str(scene.folder), "level": "tiny", "overrides": {key: value},
+             "out": str(out), "until": "mesh", "ranks": 1}  # fmt: skip
+    write_outcome(about, Machine())
+    record = read_record(out, "outcome")
+    assert record is not None
+    assert (record["ended"], record["ended_at"]) == (ended, stage)
+    assert bool(record["reason"]) == (ended != "completed")
 
 
-def test_snakemakes_settings_lie_where_it_looks_for_them():
-    """Beside the Snakefile; elsewhere they are ignored without a word, and a study that was killed does not go on."""
-    settings = ROOT / "pipeline" / "study" / "profiles" / "default" / "config.yaml"
-    assert "rerun-incomplete: true" in settings.read_text()
-    assert (settings.parents[2] / "Snakefile").exists()
+def test_a_stage_that_hangs_is_ended(tmp_path: Path) -> None:
+    """A limit on the time of a stage ends it with a sentence."""
+    run = open_row(ROOT / "cases" / "single_finger", "s", read_study(
+        table(tmp_path, "a, coarse, mesh, 1, , , , \n"))[0])  # fmt: skip
+    with pytest.raises(StageError, match="is not over after"):
+        make(run, "mesh", Machine(), quiet=True, longest=0.01)
+
+
+def test_snakemakes_settings_lie_where_it_looks_for_them() -> None:
+    """Beside the Snakefile; elsewhere they are ignored, and a study that was killed stops."""
+    assert (ROOT / "pipeline" / "study" / "profiles" / "default" / "config.yaml").exists()
