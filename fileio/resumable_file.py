@@ -1,11 +1,11 @@
-"""HDF5 files written item by item in any order, so that an interrupted run loses none that was finished."""
+"""HDF5 files written item by item in any order; an interrupted run loses no finished item."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,10 +19,11 @@ from fileio.hdf5_disk import DiskFile
 
 
 class ResumableFile:
-    """Items of a kind (`ITEM`) written to `<path>.part`, which becomes `path` when `finish` is called.
+    """Items of a kind (`ITEM`) written to `<path>.part`, which `finish` renames to `path`.
 
-    `identity`: what the items depend on. A `.part` of the same identity is continued (`done` names its items, `resumed` is
-    True), any other or a damaged one is begun anew: `_create` makes its datasets and `attrs` become its root attributes.
+    `identity`: the inputs of the items. A `.part` of the same identity is continued (`done`: its
+    items; `resumed` is True); any other or a damaged one is begun anew: `_create` makes its
+    datasets, and `attrs` become its root attributes.
     """
 
     ITEM = "item"
@@ -33,9 +34,7 @@ class ResumableFile:
         self.path = Path(path)
         self.part = self.path.with_name(self.path.name + ".part")
         self.count = count
-        self._open: dict[
-            str, h5py.Dataset
-        ] = {}  # as they were opened: to look them up takes as long as to write
+        self._open: dict[str, h5py.Dataset] = {}  # a look-up takes as long as a write
         text = json.dumps(identity, sort_keys=True, default=_plain)
         self._identity = hashlib.sha256(text.encode()).hexdigest()
         self.resumed = self._continue()
@@ -44,7 +43,7 @@ class ResumableFile:
         self.done: set[int] = set(np.flatnonzero(self._file["_done"][...]).tolist())
 
     def _continue(self) -> bool:
-        """Whether there is an unfinished file of this identity to go on with, which is then open."""
+        """Open an unfinished file of this identity; False without one."""
         if not self.part.exists():
             return False
         try:
@@ -64,11 +63,10 @@ class ResumableFile:
             self._file.create_dataset("_done", data=np.zeros(self.count, np.uint8))
             # h5py reads them in this order: a file joined of others is equal to the last byte
             for name in sorted(attrs):
-                self._file.attrs[name] = attribute(attrs[name])
+                self._file.attrs[name] = _attribute(attrs[name])
             self._file.flush()
-            self._file.attrs["_identity"] = (
-                self._identity
-            )  # last: a file that has it is whole but for its items
+            # last: a file with it lacks nothing but items
+            self._file.attrs["_identity"] = self._identity
             self._file.flush()
         except BaseException:
             self.part.unlink(missing_ok=True)  # not an item in it
@@ -84,8 +82,12 @@ class ResumableFile:
         axis.make_scale(name)
         axis.attrs["units"] = units
 
-    def items(self, name: str, size: tuple[int, ...], dtype: Any) -> None:
-        """Create a variable of one chunk per item, placed now: a kill while one is written cannot break the file's index."""
+    def items(self, name: str, dims: Sequence[str], units: str, dtype: Any) -> None:
+        """Create a variable of one chunk per item over the coordinates `dims`.
+
+        Its chunks are placed now, so that a kill during a write cannot break the file's index.
+        """
+        size = tuple(len(self._file[dim]) for dim in dims)
         early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
         early.set_chunk((1, *size[1:]))
         early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
@@ -95,12 +97,35 @@ class ResumableFile:
         h5py.h5d.create(
             self._file.id, name.encode(), h5py.h5t.py_create(np.dtype(dtype)), space, early
         )
+        self.label(name, dims, units)
 
     def label(self, name: str, dims: Sequence[str], units: str) -> None:
-        """Say over which coordinates a variable is, and its units."""
+        """Attach a variable's coordinates and units."""
         for k, dim in enumerate(dims):
             self._file[name].dims[k].attach_scale(self._file[dim])
         self._file[name].attrs["units"] = units
+
+    def _add(
+        self, name: str, dims: Sequence[str], shape: tuple[int, ...], blocks: Iterable[np.ndarray],
+        units: str,
+    ) -> None:  # fmt: skip
+        """Add or replace a variable (float64), in blocks along its first axis."""
+        if name in self._file:
+            del self._file[name]
+        for dim, size in zip(dims, shape, strict=True):
+            if dim not in self._file:
+                self.axis(dim, np.arange(size, dtype=np.int32))
+            elif len(self._file[dim]) != size:
+                raise ValueError(
+                    f"{self.path}: dimension {dim} of {name} is {size}, in the file"
+                    f" {len(self._file[dim])}"
+                )
+        variable = self._file.create_dataset(name, shape, "f8")
+        begin = 0
+        for values in blocks:
+            variable[begin : begin + len(values)] = values
+            begin += len(values)
+        self.label(name, dims, units)
 
     def store(self, index: int, values: Mapping[str, Any]) -> None:
         """Write an item of the variables in `values`; on disk when this returns."""
@@ -116,14 +141,15 @@ class ResumableFile:
         return self._open[name]
 
     def finish(self) -> Path:
-        """Give the file its name, without what tells how far it is; ValueError where items are missing."""
+        """Rename the file, without the state of its items; ValueError where items are missing."""
         missing = np.flatnonzero(self._file["_done"][...] == 0)
         if missing.size:
             raise ValueError(
-                f"{self.path}: {missing.size} of {self.count} {self.ITEM}s were not written, the first is {missing[0]}"
+                f"{self.path}: {missing.size} of {self.count} {self.ITEM}s were not written, the"
+                f" first is {missing[0]}"
             )
         self._file.flush()
-        settle(self.part)  # what is lacking room is told while the file can still be gone on with
+        settle(self.part)  # a full disk shows while the file can still be continued
         del self._file["_done"]
         del self._file.attrs["_identity"]
         self._file.close()
@@ -145,7 +171,7 @@ class ResumableFile:
             self.part.unlink(missing_ok=True)  # a later run would end alike
 
 
-def attribute(value: Any) -> Any:
+def _attribute(value: Any) -> Any:
     """HDF5 attributes hold numbers and text; anything nested becomes JSON."""
     nested = isinstance(value, dict | list | tuple) or value is None
     return json.dumps(value, default=_plain) if nested else value

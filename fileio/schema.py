@@ -1,8 +1,9 @@
-"""What the files of a format hold: declared once, checked wherever one is read or written, shown in docs/formats.md."""
+"""Formats declared once: checked wherever a file is read or written, and shown in docs/formats.md."""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,9 +23,10 @@ from fileio.record import check_whole
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable over `dims` ("time, axis"); an attribute where they are "-". Where `finite`, NaN and ∞ are damage.
+    """A variable over `dims` ("time, axis"), or an attribute where they are "-".
 
-    A dimension with a question mark ("time?, y, x") may be absent.
+    A dimension with a question mark ("time?, y, x") may be absent. Where `finite`, NaN and ∞ are
+    damage.
     """
 
     name: str
@@ -36,16 +38,16 @@ class Variable:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The dimensions' names."""
+        """Names of all dimensions."""
         return tuple(self.dims.replace("?", "").split(", "))
 
     @property
     def least_axes(self) -> tuple[str, ...]:
-        """The names of those that are never absent."""
+        """Names of the dimensions that are never absent."""
         return tuple(axis for axis in self.dims.split(", ") if not axis.endswith("?"))
 
     def fault(self, dataset: xr.Dataset) -> str | None:
-        """What is wrong with it in a dataset; None where nothing is."""
+        """The first fault of this variable in a dataset; None without one."""
         attribute = self.dims == "-"
         if self.name not in (dataset.attrs if attribute else dataset.variables):
             kind = "attribute" if attribute else "variable"
@@ -54,31 +56,45 @@ class Variable:
             return None
         variable = dataset[self.name]
         if variable.dims not in (self.axes, self.least_axes):
-            return (
-                f"{self.name!r} is over ({', '.join(map(str, variable.dims))}), not ({self.dims})"
-            )
+            dims = ", ".join(map(str, variable.dims))
+            return f"{self.name!r} is over ({dims}), not ({self.dims})"
         if self.finite and variable.dtype.kind == "f" and not np.isfinite(variable.values).all():
             return f"{self.name!r} holds NaN or infinite values"
         return None
 
 
+def variables(table: str) -> tuple[Variable, ...]:
+    """Variables from rows of name, dimensions, units ("-": none) and meaning, two spaces apart.
+
+    `?` after a name: optional; `~`: NaN and ∞ are allowed. An indented line continues its row.
+    """
+    rows = [
+        re.split(r" {2,}", row, maxsplit=3)
+        for row in re.sub(r"\n +", " ", table.strip()).split("\n")
+    ]
+    return tuple(
+        Variable(name.rstrip("?~"), dims, units.strip("-"), meaning, "?" in name, "~" not in name)
+        for name, dims, units, meaning in rows
+    )
+
+
 @dataclass(frozen=True)
 class Schema:
-    """A format's name and version, what the root of its files and each group hold, and what to do with a file of no use."""
+    """An HDF5 format: its name, the remedy for an unusable file, its root and each of its groups."""
 
     format: str
-    version: int
     remedy: str
     root: tuple[Variable, ...]
     group: tuple[Variable, ...] = ()
+    version: int = 1
 
     @property
     def label(self) -> dict[str, Any]:
-        """The attributes that say what a file is."""
+        """The attributes that name format and version."""
         return {"format": self.format, "format_version": self.version}
 
     def check(self, dataset: xr.Dataset, path: Path, group: bool = False) -> None:
-        """StageError where a dataset is not of this format and version, or a variable is missing or wrong."""
+        """StageError where format or version differ, or a variable is missing or wrong."""
         check_version(dataset.attrs, path, self.format, self.version, self.remedy)
         for variable in self.group if group else self.root:
             fault = variable.fault(dataset)
@@ -86,9 +102,9 @@ class Schema:
                 raise StageError(f"{path}: {fault}; {self.remedy}")
 
     def read(self, path: Path, group: str | None = None) -> xr.Dataset:
-        """A file's root, or a group of it with the root's attributes, loaded and checked.
+        """A file's root, or a group with the root's attributes, loaded and checked.
 
-        StageError in one sentence where the file is missing, damaged, of another format or version, or incomplete.
+        StageError where the file is missing, damaged, incomplete or of another format or version.
         """
         if not path.exists():
             raise StageError(f"{path}: missing; {self.remedy}")
@@ -116,9 +132,9 @@ class Schema:
         *,
         units: Mapping[str, str] | None = None,
     ) -> None:
-        """Write a file, whole or not at all, from its variables and attributes by name, and those of its `groups`.
+        """Write variables and attributes by name, and those of `groups`, whole or not at all.
 
-        `units`: of variables by name, in place of those declared.
+        `units` of variables by name replace the declared ones.
         """
         root = _dataset(self.root, values, units or {})
         root.attrs = {"versions": json.dumps(versions())} | root.attrs
@@ -136,59 +152,54 @@ def _dataset(
     declared: tuple[Variable, ...], values: Mapping[str, Any], units: Mapping[str, str]
 ) -> xr.Dataset:
     known = {variable.name: variable for variable in declared}
-    variables = {
+    arrays = {
         name: (v.axes, value, {"units": units.get(name, v.units), "long_name": v.meaning})
         for name, value in values.items()
         if (v := known[name]).dims != "-"
     }
-    return xr.Dataset(
-        variables, attrs={n: value for n, value in values.items() if known[n].dims == "-"}
-    )
+    return xr.Dataset(arrays, attrs={n: v for n, v in values.items() if n not in arrays})
 
 
 @dataclass(frozen=True)
 class JsonFormat:
-    """A JSON object in a file that says its format and version, and what to do with one of no use."""
+    """A JSON object that names its format and version; `remedy` for an unusable file."""
 
     format: str
-    version: int
     remedy: str
+    version: int = 1
 
     def write(self, path: Path, content: Mapping[str, Any]) -> None:
-        """Write a file, whole or not at all; ValueError where a number is none."""
+        """Write a file whole or not at all; ValueError for a NaN or infinite number."""
         whole = {"format": self.format, "format_version": self.version} | dict(content)
         write_text(path, json.dumps(whole, indent=1, allow_nan=False, default=plain) + "\n")
 
     def read(self, path: Path) -> dict[str, Any]:
-        """What a file holds; StageError in one sentence where it is damaged, or of another format or version."""
+        """The object; StageError where it is damaged, or of another format or version."""
         content = read_json(path, self.remedy)
         check_version(content, path, self.format, self.version, self.remedy)
         return dict(content)
 
 
 def plain(value: Any) -> Any:
-    """Numbers and arrays of numpy as JSON takes them."""
+    """NumPy's numbers and arrays as JSON takes them."""
     return value.tolist() if hasattr(value, "tolist") else float(value)
 
 
 @dataclass(frozen=True)
 class Table:
-    """A CSV of numbers with one header line: its columns, the digits written, and what to do with one of no use."""
+    """A CSV of numbers with one header line; `remedy` for an unusable file."""
 
     columns: tuple[str, ...]
     remedy: str
     digits: int = 12
 
     def write(self, path: Path, rows: Iterable[Iterable[float]]) -> None:
-        """Write a file, whole or not at all."""
-        lines = [
-            ",".join(self.columns),
-            *(",".join(f"{v:.{self.digits}g}" for v in row) for row in rows),
-        ]
-        write_text(path, "\n".join(lines) + "\n")
+        """Write a file whole or not at all."""
+        cells = [self.columns, *([f"{v:.{self.digits}g}" for v in row] for row in rows)]
+        write_text(path, "".join(",".join(row) + "\n" for row in cells))
 
     def read(self, path: Path) -> pd.DataFrame:
-        """All columns; StageError in one sentence where the file is missing, or is no such table."""
+        """All columns; StageError where the file is missing or another kind."""
         if not path.exists():
             raise StageError(f"{path}: missing; {self.remedy}")
         check_whole(path)
@@ -209,13 +220,13 @@ def markdown(schema: Schema) -> str:
     text = f'`format = "{schema.format}"`, version {schema.version}\n'
     for title, declared in (("", schema.root), ("Each group:\n\n", schema.group)):
         attributes = "| attribute | units | |\n|---|---|---|\n"
-        variables = "| variable | dimensions | units | |\n|---|---|---|---|\n"
+        arrays = "| variable | dimensions | units | |\n|---|---|---|---|\n"
         for v in declared:
             meaning = ("optional: " if v.optional else "") + v.meaning
             if v.dims == "-":
                 attributes += f"| `{v.name}` | {v.units} | {meaning} |\n"
             else:
-                variables += f"| `{v.name}` | {v.dims} | {v.units} | {meaning} |\n"
-        tables = [table for table in (variables, attributes) if table.count("\n") > 2]
+                arrays += f"| `{v.name}` | {v.dims} | {v.units} | {meaning} |\n"
+        tables = [table for table in (arrays, attributes) if table.count("\n") > 2]
         text += "\n" + title + "\n".join(tables) if tables else ""
     return text

@@ -325,15 +325,9 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
         }
     ).to_csv(out / "run/power.csv", index=False)
     parts = {"viscous": 0.5, "convection": 0.3, "coupling": 0.2}
-    pd.DataFrame(
-        {"time": t}
-        | {name: part * loss for name, part in parts.items()}
-        | {
-            f"{name}_{region}": part * loss / 3
-            for name, part in parts.items()
-            for region in ("wall", "edge", "wake")
-        }
-    ).to_csv(out / "run/power_terms.csv", index=False)
+    pd.DataFrame({"time": t} | {name: part * loss for name, part in parts.items()}).to_csv(
+        out / "run/power_terms.csv", index=False
+    )
     pd.DataFrame(
         {
             "time": t,
@@ -371,7 +365,7 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
     }
     run = {
         "format": "run",
-        "format_version": 4,
+        "format_version": 1,
         "versions": {"openfoam": "v1912"},
         "scene_hash": "0123abcd",
     }

@@ -1,4 +1,4 @@
-"""Write the tables of docs/formats.md from the formats' schemas: python -m fileio.formats (a test keeps them equal)."""
+"""Write the tables of docs/formats.md: python -m fileio.formats."""
 
 from __future__ import annotations
 
@@ -17,32 +17,26 @@ from fileio.formats import (
     recording,
     sweep,
 )
-from fileio.schema import Schema, markdown
+from fileio.schema import markdown
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
-MODULES = (
-    plane_series,
-    recording,
-    bending_states,
-    kinematics,
-    recorded_motion,
-    mesh_intervals,
-    sweep,
-    finger_loads,
-    lab_fields,
-    elastic_motion,
-)
-SCHEMAS = tuple(module.SCHEMA for module in MODULES)
+SCHEMAS = tuple(
+    module.SCHEMA
+    for module in (
+        plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals,
+        sweep, finger_loads, lab_fields, elastic_motion,
+    )
+)  # fmt: skip
 
 
-def with_tables(page: str, schemas: tuple[Schema, ...] = SCHEMAS) -> str:
-    """The page with what lies between `<!-- schema: NAME -->` and `<!-- end -->` written anew; ValueError without a place."""
-    for schema in schemas:
+def with_tables(page: str) -> str:
+    """The page with the lines from `<!-- schema: NAME -->` to `<!-- end -->` written anew."""
+    for schema in SCHEMAS:
         before, begin, rest = page.partition(f"<!-- schema: {schema.format} -->\n")
         _, end, after = rest.partition("<!-- end -->")
         if not end:
             raise ValueError(
-                f"docs/formats.md: no place for {schema.format!r}; add '<!-- schema: {schema.format} -->'"
+                f"{PAGE}: no place for {schema.format!r}; add '<!-- schema: {schema.format} -->'"
             )
         page = before + begin + markdown(schema) + end + after
     return page

@@ -1,4 +1,4 @@
-"""The motion of one finger or rigid body, `kinematics.h5`: its pressure over time and its shapes over the pressure."""
+"""The motion of one finger or rigid body, `kinematics.h5`: pressure over time, shapes over it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from fileio.errors import StageError, one_line
-from fileio.schema import Schema, Variable
+from fileio.schema import Schema, variables
 
 if TYPE_CHECKING:  # slow to import: who reads no motion needs none
     from scipy.interpolate import CubicSpline
@@ -22,110 +22,44 @@ SHAPE_OF_TIME = "shape_parameter_of_time"
 
 SCHEMA = Schema(
     "kinematics",
-    3,
     "delete it and run make again",
-    (
-        Variable("time", "time", "s", "instants of the law"),
-        Variable(
-            "pressure",
-            "time",
-            "Pa",
-            "of the shape; of a rigid body the distance travelled (m, or rad)",
-        ),
-        Variable(
-            SHAPE_OF_TIME,
-            "time",
-            "s",
-            "of each instant; where it is not given, it is the pressure, else the time itself",
-            True,
-        ),
-        Variable(
-            "free_pressure",
-            "time",
-            "Pa",
-            "pinch: in the chambers; goes on when the fingers are held",
-            True,
-        ),
-        Variable(
-            "gap",
-            "time",
-            "m",
-            "pinch: least distance of the outline to x = 0 or to the object",
-            True,
-        ),
-        Variable(SHAPE, SHAPE, "Pa", "of each shape, ascending: its pressure, or the time"),
-        Variable("shape_outline", f"{SHAPE}, point, axis", "m", "closed outline"),
-        Variable(
-            "shape_tip", f"{SHAPE}, axis", "m", "middle of the tip; of a rigid body its centre"
-        ),
-        Variable(
-            "shape_tip_direction",
-            f"{SHAPE}, axis",
-            "1",
-            "unit vector out of the tip, along the finger",
-        ),
-        Variable(
-            "shape_dorsal_direction",
-            f"{SHAPE}, axis",
-            "1",
-            "unit vector to the dorsal side at the tip",
-        ),
-        Variable("shape_bend", SHAPE, "rad", "bend angle; of a rigid body its turn"),
-        Variable("shape_gap", SHAPE, "m", "pinch: `gap` of each shape", True),
-        Variable(
-            "shape_edges", f"{SHAPE}, edge, axis", "m", "rigid body: where the mesh is fine", True
-        ),
-        Variable("state_pressure", "state", "Pa", "finger: pressure of each bending state", True),
-        Variable("state_bend", "state", "rad", "finger: bend angle of each state", True),
-        Variable(
-            "paper_bend",
-            "state",
-            "rad",
-            "finger: bend angle by the paper's equations (1)–(6)",
-            True,
-        ),
-        Variable(
-            "state_bend_std",
-            "state",
-            "rad",
-            "standard uncertainty of `state_bend`, where known",
-            True,
-        ),
-        Variable("source", "-", "", "`motion.source` of the scene"),
-        Variable(
-            "tip_thickness", "-", "m", "of the finger's end at rest; of a rigid body its size"
-        ),
-        Variable("peak_tip_speed", "-", "m/s", "finger: largest speed of the tip", True),
-        Variable(
-            "mirror", "-", "1", "pinch: 1, a second finger is the mirror image in x = 0", True
-        ),
-        Variable("residual_gap", "-", "m", "pinch: gap at which a finger is held", True),
-        Variable("least_gap", "-", "m", "pinch: smallest value of `gap`", True),
-        Variable(
-            "peak_closing_speed",
-            "-",
-            "m/s",
-            "pinch: largest rate at which one finger's gap falls",
-            True,
-        ),
-        Variable(
-            "contact_time",
-            "-",
-            "s",
-            "pinch: first instant within 0.1 mm of the residual gap, if any",
-            True,
-        ),
-    ),
+    variables("""
+time  time  s  instants of the law
+pressure  time  Pa  of the shape; of a rigid body the distance travelled (m, or rad)
+shape_parameter_of_time?  time  s  of each instant; absent: the pressure, else the time itself
+free_pressure?  time  Pa  pinch: in the chambers; goes on when the fingers are stopped
+gap?  time  m  pinch: least distance of the outline to x = 0 or to the object
+shape_parameter  shape_parameter  Pa  of each shape, ascending: its pressure, or the time
+shape_outline  shape_parameter, point, axis  m  closed outline
+shape_tip  shape_parameter, axis  m  middle of the tip; of a rigid body its centre
+shape_tip_direction  shape_parameter, axis  1  unit vector out of the tip, along the finger
+shape_dorsal_direction  shape_parameter, axis  1  unit vector to the dorsal side at the tip
+shape_bend  shape_parameter  rad  bend angle; of a rigid body its turn
+shape_gap?  shape_parameter  m  pinch: `gap` of each shape
+shape_edges?  shape_parameter, edge, axis  m  rigid body: where the mesh is fine
+state_pressure?  state  Pa  finger: pressure of each bending state
+state_bend?  state  rad  finger: bend angle of each state
+paper_bend?  state  rad  finger: bend angle by the paper's equations (1)–(6)
+state_bend_std?  state  rad  standard uncertainty of `state_bend`, where known
+source  -  -  `motion.source` of the scene
+tip_thickness  -  m  of the finger's end at rest; of a rigid body its size
+peak_tip_speed?  -  m/s  finger: largest speed of the tip
+mirror?  -  1  pinch: 1, a second finger is the mirror image in x = 0
+residual_gap?  -  m  pinch: gap at which a finger is stopped
+least_gap?  -  m  pinch: smallest value of `gap`
+peak_closing_speed?  -  m/s  pinch: largest rate at which one finger's gap falls
+contact_time?  -  s  pinch: first instant within 0.1 mm of the residual gap, if any
+"""),
 )
 
 
 @dataclass(frozen=True)
 class Kinematics:
-    """A motion in the tank frame: the `law` of the shape parameter over time (s), and `splines` of each of SHAPES over it.
+    """A motion in the tank frame: the `law` of the shape parameter over time (s), SHAPES over it.
 
-    The parameter is the pressure (Pa), or the time where the motion does not follow from the pressure alone.
-
-    `data` are all variables of the file; `mirror`: a second finger, the image in x = 0.
+    The parameter is the pressure (Pa), or the time where the motion does not follow from the
+    pressure alone. `data`: the file's variables; `mirror`: there
+    is a second finger, the image in x = 0.
     """
 
     data: xr.Dataset
@@ -150,7 +84,7 @@ class Kinematics:
 
     @property
     def tip_width(self) -> float:
-        """Thickness of the finger's end at rest, m: the measure of lengths around the tip."""
+        """Thickness of the finger's end at rest, m: the unit of lengths around the tip."""
         return float(self.data.attrs["tip_thickness"])
 
     def values(self, name: str) -> np.ndarray | None:
@@ -158,9 +92,10 @@ class Kinematics:
         return self.data[name].values if name in self.data.variables else None
 
     def shape(self, name: str, pressure: float | np.ndarray) -> np.ndarray:
-        """`outline` (point, 2), `tip`, `tip_direction`, `dorsal_direction` (2,) or `bend` at a pressure, or at each of many (…, of one).
+        """One of SHAPES at pressures (…): `outline` (…, point, 2), `bend` (…), else (…, 2).
 
-        Outside the range of the shapes it goes on linearly: a recording may bend further than the simulation.
+        Outside the range of the shapes it goes on linearly: a recording may bend further than the
+        simulation.
         """
         at = np.asarray(pressure, float)
         inside, spline = np.clip(at, self.low, self.high), self.splines[name]
@@ -170,7 +105,9 @@ class Kinematics:
 
     def fingers(self, name: str, pressure: float) -> np.ndarray:
         """`shape` of every finger, (finger, …)."""
-        own = np.asarray(self.shape(name, pressure))
+        return self._of_fingers(name, np.asarray(self.shape(name, pressure)))
+
+    def _of_fingers(self, name: str, own: np.ndarray) -> np.ndarray:
         return np.stack([own, mirrored_finger(name, own)]) if self.mirror else own[None]
 
     def at(self, time: float) -> dict[str, np.ndarray]:
@@ -180,19 +117,14 @@ class Kinematics:
         shapes["outline_velocity"] = self.splines["outline"](p, 1) * float(self.law(time, 1))
         for name in ("tip_direction", "dorsal_direction"):
             shapes[name] = shapes[name] / np.hypot(*shapes[name])
-        if not self.mirror:
-            return {name: values[None] for name, values in shapes.items()}
-        return {
-            name: np.stack([values, mirrored_finger(name, values)])
-            for name, values in shapes.items()
-        }
+        return {name: self._of_fingers(name, own) for name, own in shapes.items()}
 
     def bend(self, pressure: np.ndarray) -> np.ndarray:
         """Bend angles (rad) at pressures (n,)."""
         return np.ravel(self.shape("bend", pressure))
 
     def pressure_of_bend(self, bend: np.ndarray) -> np.ndarray:
-        """Pressures (Pa) at which the finger has these bend angles (rad); inverse of `bend`."""
+        """Pressures (Pa) of bend angles (rad); inverse of `bend`."""
         from scipy.interpolate import PchipInterpolator
 
         reach = 0.25 * (self.high - self.low)
@@ -202,7 +134,7 @@ class Kinematics:
         return PchipInterpolator(angle[order], fine[order], extrapolate=True)(bend)
 
     def bend_std(self, pressure: float) -> float | None:
-        """Standard uncertainty of the bend angle (rad) at a pressure; None where the states carry none."""
+        """Standard uncertainty of the bend angle (rad) at a pressure; None where unknown."""
         std = self.values("state_bend_std")
         return None if std is None else float(np.interp(pressure, self.data["state_pressure"], std))
 
@@ -212,12 +144,12 @@ def write_kinematics(
     values: Mapping[str, Any],
     units: Mapping[str, str] | None = None,
 ) -> None:
-    """Write a kinematics.h5 from SCHEMA's variables and attributes by name; `units` of some by name."""
+    """Write a kinematics.h5 from SCHEMA's variables by name; `units` replace the declared ones."""
     SCHEMA.write(path, dict(values), units=units)
 
 
 def read_kinematics(path: Path) -> Kinematics:
-    """The motion in a kinematics.h5. StageError in one sentence where the file is of no use."""
+    """The motion in a kinematics.h5; StageError where the file is damaged or of another format."""
     from scipy.interpolate import CubicSpline
 
     data = SCHEMA.read(path)
@@ -233,7 +165,7 @@ def read_kinematics(path: Path) -> Kinematics:
 
 
 def mirrored_finger(name: str, values: np.ndarray) -> np.ndarray:
-    """What belongs to the right finger: vectors and points mirrored in x = 0, the bend towards the ventral side as it is."""
+    """The right finger's vectors and points, mirrored in x = 0; its bend angle is the same."""
     return values if name == "bend" else values * np.array([-1.0, 1.0])
 
 

@@ -1,25 +1,26 @@
-"""The mesh intervals of a run: spans of time, each with the planform mesh that serves in it, as the mesh stage chose them."""
+"""The mesh intervals of a run, `planform.h5`: spans of time, each with its planform mesh."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from fileio.schema import Schema, Variable
+from fileio.schema import Schema, variables
 
 PER_FINGER = {"2d": 1, "half": 2, "quarter": 2, "full": 1}  # computed parts of one, by `model`
 
 
 @dataclass(frozen=True)
 class Interval:
-    """From `start` to `end` (s) results are those of mesh number `mesh` of planform.h5; its solver starts at `begin`.
+    """Results from `start` to `end` (s) are those of mesh number `mesh`.
 
-    `begin` is earlier than `start` but for the first interval: the overlap. Not `moving`: the mesh stands still, also there.
+    Its solver starts at `begin`: earlier by the overlap, but for the first interval. Where it is
+    not `moving`, the mesh stands still, also in the overlap.
     """
 
     index: int
@@ -35,104 +36,60 @@ class Interval:
         return f"interval_{self.index}"
 
 
+COLUMNS = [f"interval_{name}" for name in ("begin", "start", "end", "mesh", "moving")]
 SCHEMA = Schema(
     "planform",
-    5,
     "delete it and run make again",
-    (
-        Variable(
-            "interval_begin",
-            "interval",
-            "s",
-            "when its solver starts: before interval_start by the overlap",
-        ),
-        Variable(
-            "interval_start",
-            "interval",
-            "s",
-            "where it begins: a whole number of time steps, without a gap",
-        ),
-        Variable("interval_end", "interval", "s", "where it ends"),
-        Variable("interval_mesh", "interval", "1", "number of the mesh that serves"),
-        Variable(
-            "interval_moving",
-            "interval",
-            "1",
-            "0: the mesh stands still, as in a long rest at the end of a run",
-        ),
-        Variable("model", "-", "", "`2d`, `quarter`, `half` or `full`"),
-        Variable("mirror", "-", "1", "1: the planform ends at the plane x = 0 between two fingers"),
-    ),
-    (
-        Variable(
-            "shape_parameter",
-            "shape_parameter",
-            "Pa",
-            "of the shapes that the mesh's intervals take",
-        ),
-        Variable(
-            "points", "shape_parameter, node, axis", "m", "nodes of the planform in each shape"
-        ),
-        Variable("bend", "shape_parameter", "rad", "bend angle of each shape"),
-        Variable("triangles", "triangle, corner3", "1", "nodes of each"),
-        Variable(
-            "quads",
-            "quad, corner4",
-            "1",
-            "nodes of each; with both fingers the second half of the cells mirrors the first",
-        ),
-        Variable(
-            "body", "triangle", "1", "number of the body in whose footprint it lies, 0 in the water"
-        ),
-        Variable(
-            "body_name",
-            "number",
-            "",
-            "`water`, `finger`, `object` (one per step of a sphere), `support`, `mirrored_finger`",
-        ),
-        Variable("body_half_width", "number", "m", "reach of each body in |z|"),
-        Variable("wall", "wall_node", "1", "nodes of finger 0's outline, counter-clockwise"),
-        Variable("material", "wall_node", "1", "their positions along the outline, point index"),
-        Variable(
-            "outer",
-            "outer_node",
-            "1",
-            "nodes of the tank's outline, counter-clockwise from the lower left",
-        ),
-        Variable("levels", "level", "m", "z of the sweep; the same in all meshes"),
-        Variable("corners", "-", "m", "x, y of the tank's lower left and upper right corner"),
-    ),
+    variables("""
+interval_begin  interval  s  when its solver starts: before interval_start by the overlap
+interval_start  interval  s  where it begins: a whole number of time steps, without a gap
+interval_end  interval  s  where it ends
+interval_mesh  interval  1  number of the mesh that serves
+interval_moving  interval  1  0: the mesh stands still, as in a long rest at the end of a run
+model  -  -  `2d`, `quarter`, `half` or `full`
+mirror  -  1  1: the planform ends at the plane x = 0 between two fingers
+"""),
+    variables("""
+shape_parameter  shape_parameter  Pa  of the shapes that the mesh's intervals take
+points  shape_parameter, node, axis  m  nodes of the planform in each shape
+bend  shape_parameter  rad  bend angle of each shape
+triangles  triangle, corner3  1  nodes of each
+quads  quad, corner4  1  nodes of each; with both fingers the second half mirrors the first
+body  triangle  1  number of the body in whose footprint it lies, 0 in the water
+body_name  number  -  `water`, `finger`, `object` (one per step of a sphere), `support`,
+  `mirrored_finger`
+body_half_width  number  m  reach of each body in |z|
+wall  wall_node  1  nodes of finger 0's outline, counter-clockwise
+material  wall_node  1  their positions along the outline, point index
+outer  outer_node  1  nodes of the tank's outline, counter-clockwise from the lower left
+levels  level  m  z of the sweep; the same in all meshes
+corners  -  m  x, y of the tank's lower left and upper right corner
+"""),
 )
 
 
 def write_planform(
     path: Path, intervals: Sequence[Interval], attributes: dict[str, Any], meshes: Sequence[dict[str, Any]],
 ) -> None:  # fmt: skip
-    """Write planform.h5: the intervals, `attributes` of the root, and variables and attributes of each mesh by name."""
-    columns = {
-        f"interval_{name}": np.array([getattr(interval, name) for interval in intervals])
-        for name in ("begin", "start", "end", "mesh", "moving")
-    }
-    columns["interval_moving"] = columns["interval_moving"].astype(int)
+    """Write planform.h5: intervals, `attributes` of the root, variables and attributes of meshes."""
+    columns = dict(
+        zip(COLUMNS, zip(*(astuple(i)[1:] for i in intervals), strict=True), strict=True)
+    )
+    arrays = {name: np.array(values) for name, values in columns.items()}
+    arrays["interval_moving"] = arrays["interval_moving"].astype(int)
     groups = {f"mesh_{number}": mesh for number, mesh in enumerate(meshes)}
-    SCHEMA.write(path, columns | attributes, groups)
+    SCHEMA.write(path, arrays | attributes, groups)
 
 
 def read_intervals(out: Path) -> tuple[Interval, ...]:
-    """The intervals of `planform.h5`, in order."""
+    """The intervals of a level's planform.h5, in order."""
     file = SCHEMA.read(out / "planform.h5")
-    columns = [
-        file[f"interval_{name}"].values.tolist()
-        for name in ("begin", "start", "end", "mesh", "moving")
-    ]
-    return tuple(
-        Interval(k, begin, start, end, mesh, bool(moving))
-        for k, (begin, start, end, mesh, moving) in enumerate(zip(*columns, strict=True))
-    )
+    rows = zip(*(file[name].values.tolist() for name in COLUMNS), strict=True)
+    return tuple(Interval(k, *row, bool(moving)) for k, (*row, moving) in enumerate(rows))
 
 
 def read_planform(out: Path, mesh: int) -> xr.Dataset:
-    """One planform of `planform.h5`, loaded, with the attributes that all meshes share."""
+    """One planform of a level's planform.h5, loaded, with the attributes that all share."""
     return SCHEMA.read(out / "planform.h5", f"mesh_{mesh}")
 
 
@@ -140,6 +97,4 @@ def read_planforms(path: Path) -> list[dict[str, np.ndarray]]:
     """The variables of all planforms of a planform.h5, in order."""
     count = int(SCHEMA.read(path)["interval_mesh"].max()) + 1
     planforms = [SCHEMA.read(path, f"mesh_{mesh}") for mesh in range(count)]
-    return [
-        {str(name): v.values for name, v in planform.variables.items()} for planform in planforms
-    ]
+    return [{str(name): v.values for name, v in p.variables.items()} for p in planforms]

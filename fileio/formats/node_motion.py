@@ -1,4 +1,4 @@
-"""Where every node of the planform is at any time: shapes of the mesh stage, run through by the pressure law."""
+"""Motion of the planform's nodes: shapes of the mesh stage, driven by the pressure law."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # slow to import: who reads no motion needs none
 
 @dataclass(frozen=True)
 class NodeMotion:
-    """Twice continuously differentiable motion of planform nodes; exact at the knots of the shape parameter."""
+    """Twice continuously differentiable motion of nodes, exact at the knots of the parameter."""
 
     pressure: CubicSpline
     shape: CubicSpline
@@ -34,7 +34,7 @@ class NodeMotion:
 
 
 def read_motion(out: Path, mesh: int = 0) -> NodeMotion:
-    """Motion of the nodes of one mesh of planform.h5, from `kinematics.h5` and `planform.h5` of a level's folder."""
+    """Motion of one mesh's nodes, from kinematics.h5 and planform.h5 of a level's folder."""
     from scipy.interpolate import CubicSpline
 
     law = read_kinematics(out / "kinematics.h5").law

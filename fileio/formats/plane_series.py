@@ -13,68 +13,62 @@ import xarray as xr
 from fileio.errors import StageError, one_line
 from fileio.hdf5 import open_netcdf, whole_netcdf
 from fileio.provenance import versions
-from fileio.schema import Schema, Variable
+from fileio.schema import Schema, variables
 
-FIELD, FINGER = "time?, y, x", "time?, finger"
 FLAGS = ("valid", "outlier", "masked", "second peak taken", "replaced on request", "uncertain")
 VALID, OUTLIER, MASKED, SECOND_PEAK, REPLACED, UNCERTAIN = range(len(FLAGS))
 REMEDY = "make it again with this version of the program"
-FINGERS = (
-    Variable("outline", f"{FINGER}, point, axis", "m", "closed polygon of the body in the sheet (last point ≠ first)", True, finite=False),
-    Variable("outline_velocity", f"{FINGER}, point, axis", "m/s", "of the outline's points; with it particles are carried along by the body", True, finite=False),
-    Variable("tip", f"{FINGER}, axis", "m", "middle of the finger's tip", True, finite=False),
-    Variable("tip_direction", f"{FINGER}, axis", "1", "unit vector out of the tip, along the finger", True, finite=False),
-    Variable("dorsal_direction", f"{FINGER}, axis", "1", "unit vector from the ventral to the dorsal side at the tip", True, finite=False),
-    Variable("bend", FINGER, "rad", "bend angle, positive towards the ventral side", True, finite=False),
-)  # fmt: skip
-ORIGIN = (
-    Variable("source", "-", "", "`cfd`, `piv`, `truth` or `lab`", True),
-    Variable("tip_width", "-", "m", "of the finger", True),
-    Variable("seed", "-", "", "where something was drawn", True),
-    Variable("versions", "-", "", "JSON: of the libraries", True),
-    Variable("settings", "-", "", "JSON: what it was made with", True),
-    Variable("scene_hash", "-", "", "digest of the scene", True),
-)
+FINGERS = variables("""
+outline?~  time?, finger, point, axis  m  closed polygon of the body in the sheet, last ≠ first
+outline_velocity?~  time?, finger, point, axis  m/s  of its points; with it the body moves particles
+tip?~  time?, finger, axis  m  middle of the finger's tip
+tip_direction?~  time?, finger, axis  1  unit vector out of the tip, along the finger
+dorsal_direction?~  time?, finger, axis  1  unit vector at the tip, from ventral to dorsal side
+bend?~  time?, finger  rad  bend angle, positive towards the ventral side
+""")
+ORIGIN = variables("""
+source?  -  -  `cfd`, `piv`, `truth` or `lab`
+tip_width?  -  m  of the finger
+seed?  -  -  of random numbers
+versions?  -  -  JSON: of the libraries
+settings?  -  -  JSON: with which it was made
+scene_hash?  -  -  digest of the scene
+""")
 SCHEMA = Schema(
-    "plane-series", 1, REMEDY,
-    (
-        Variable("time", "time", "s", "ascending; of PIV: the middle of the two exposures", True),
-        Variable("y", "y", "m", "ascending, regular"),
-        Variable("x", "x", "m", "ascending, regular"),
-        Variable("u", FIELD, "m/s", "velocity along x; absent (NaN) where `valid` is 0 and `flag` not 5", finite=False),
-        Variable("v", FIELD, "m/s", "velocity along y, likewise", finite=False),
-        Variable("valid", FIELD, "1", "uint8: 1 = measured; 0 = inside a body, masked, or rejected", finite=False),
-        Variable("flag", FIELD, "1", "uint8: " + ", ".join(f"{k} {name}" for k, name in enumerate(FLAGS))
-                 + " (`u`, `v` and `u_std` are given, `valid` is 0)", True, finite=False),
-        Variable("u_std", FIELD, "m/s", "standard uncertainty of u", True, finite=False),
-        Variable("v_std", FIELD, "m/s", "standard uncertainty of v", True, finite=False),
-        Variable("correlation", FIELD, "1", "of PIV: height of the peak, 1 = the two windows are alike", True, finite=False),
-        Variable("w", FIELD, "m/s", "out-of-plane velocity on the sheet", True, finite=False),
-        Variable("dwdz", FIELD, "1/s", "its gradient across the sheet", True, finite=False),
-        Variable("p", FIELD, "Pa", "pressure without the hydrostatic part, zero far away", True, finite=False),
-        *FINGERS,
-        *ORIGIN,
-    ),
-)  # fmt: skip
+    "plane-series",
+    REMEDY,
+    variables("""
+time?  time  s  ascending; of PIV: the middle of the two exposures
+y  y  m  ascending, regular
+x  x  m  ascending, regular
+u~  time?, y, x  m/s  velocity along x; absent (NaN) where `valid` is 0 and `flag` not 5
+v~  time?, y, x  m/s  velocity along y, likewise
+valid~  time?, y, x  1  uint8: 1 = measured; 0 = inside a body, masked, or rejected
+flag?~  time?, y, x  1  uint8: 0 valid, 1 outlier, 2 masked, 3 second peak taken, 4 replaced on
+  request, 5 uncertain (`u`, `v` and `u_std` are there, `valid` is 0)
+u_std?~  time?, y, x  m/s  standard uncertainty of u
+v_std?~  time?, y, x  m/s  standard uncertainty of v
+correlation?~  time?, y, x  1  of PIV: height of the peak, 1 = the two windows are alike
+w?~  time?, y, x  m/s  out-of-plane velocity on the sheet
+dwdz?~  time?, y, x  1/s  its gradient across the sheet
+p?~  time?, y, x  Pa  pressure without the hydrostatic part, zero far away
+""")
+    + FINGERS
+    + ORIGIN,
+)
 AXES = {v.name: v.axes for v in SCHEMA.root}  # dimensions of a series, by variable
 UNITS = {v.name: v.units for v in SCHEMA.root if v.dims != "-"}
-BLOCK = 2**18  # vectors looked at at once
+BLOCK = 2**18  # vectors in memory at once
 FINGER_VARIABLES = tuple(v.name for v in FINGERS)
-VECTORS = (
-    "u",
-    "v",
-    "valid",
-    "flag",
-    "u_std",
-    "v_std",
-)  # what a vector is, as far as a series has it
-LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "numba", "xarray", "h5py")
+# of a vector, where a series has them
+VECTORS = ("u", "v", "valid", "flag", "u_std", "v_std")
+_LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "numba", "xarray", "h5py")
 
 
 def provenance(**settings: Any) -> dict[str, str]:
-    """Attributes that say what made a file: library versions and the settings given, as JSON."""
+    """Attributes with the library versions and settings that made a file, as JSON."""
     return {
-        "versions": json.dumps(versions(*LIBRARIES)),
+        "versions": json.dumps(versions(*_LIBRARIES)),
         "settings": json.dumps(settings, sort_keys=True, default=str),
     }
 
@@ -91,7 +85,7 @@ def make_plane(
 ) -> xr.Dataset:
     """A checked plane (y, x) or plane series (time, y, x) from arrays in SI.
 
-    `more` holds further variables of docs/formats.md by name. Raises ValueError where shapes or axes do not fit.
+    `more`: further variables of docs/formats.md by name. ValueError where shapes or axes do not fit.
     """
     series = time is not None
     coords = {"x": np.asarray(x, float), "y": np.asarray(y, float)}
@@ -117,7 +111,8 @@ def check_plane(plane: xr.Dataset, path: Path | None = None) -> None:
         c = plane[axis].values
         if c.ndim != 1 or c.size < 2 or not np.all(np.diff(c) > 0):
             raise ValueError(
-                f"axis {axis!r} of a plane must be one-dimensional and ascending, got shape {c.shape}"
+                f"axis {axis!r} of a plane must be one-dimensional and ascending, got shape"
+                f" {c.shape}"
             )
         if np.ptp(np.diff(c)) > 1e-6 * (c[-1] - c[0]):
             raise ValueError(f"axis {axis!r} of a plane must be regularly spaced")
@@ -125,7 +120,7 @@ def check_plane(plane: xr.Dataset, path: Path | None = None) -> None:
 
 
 class Planes:
-    """The planes of a series by their number, in memory a few at a time: to read one of them costs little less than many."""
+    """The planes of a series by number, read in blocks: one costs little less than many."""
 
     def __init__(self, series: xr.Dataset) -> None:
         self.series = series
@@ -146,7 +141,7 @@ def vectors_of(plane: xr.Dataset) -> xr.Dataset:
 
 
 def usable(plane: xr.Dataset) -> xr.DataArray:
-    """Which vectors enter what is computed from a plane (series), bool with the axes of `valid`: see the glossary's usable vector."""
+    """The usable vectors (glossary) of a plane or series, bool with the axes of `valid`."""
     ok = plane["valid"] != 0
     if {"flag", "u_std", "v_std"} <= set(plane.variables):
         known = np.logical_and.reduce([np.isfinite(plane[n]) for n in ("u", "v", "u_std", "v_std")])
@@ -155,7 +150,7 @@ def usable(plane: xr.Dataset) -> xr.DataArray:
 
 
 def check_vectors(plane: xr.Dataset) -> None:
-    """ValueError where a vector marked valid is no number; a series that is not in memory is read a block at a time."""
+    """ValueError where a vector marked valid is no number; a series on disk is read in blocks."""
     u, v, valid = (plane[name].variable for name in ("u", "v", "valid"))
     if not (u.dims == v.dims == valid.dims and u.dims in (("y", "x"), ("time", "y", "x"))):
         dims = ", ".join(f"{n} over {a.dims}" for n, a in (("u", u), ("v", v), ("valid", valid)))
@@ -163,7 +158,7 @@ def check_vectors(plane: xr.Dataset) -> None:
     series = u.ndim == 3
     step = max(1, BLOCK // max(1, u.shape[-1] * u.shape[-2]))
     for k in range(0, u.shape[0], step) if series else (0,):
-        # one instant as it is: what is read of it stays for the caller
+        # a single instant as it is: its values stay for the caller
         a, b, good = (f[k : k + step].values if series else f.values for f in (u, v, valid))
         wrong = ~(np.isfinite(a) & np.isfinite(b)) & (good != 0)
         if wrong.any():
@@ -183,14 +178,14 @@ def write_plane(plane: xr.Dataset, path: str | Path, **attrs: Any) -> None:
 
 
 def read_plane(path: str | Path) -> xr.Dataset:
-    """Open a plane series lazily; ValueError where the file is damaged, of another format or version, or not whole."""
+    """Open a plane series lazily; ValueError where it is damaged or of another format."""
     return checked(open_netcdf(path, "HDF5 plane series"), path, SCHEMA.check)
 
 
 def read_checked_plane(path: str | Path) -> xr.Dataset:
-    """`read_plane` of a file that may be another program's: its grid and every vector are looked at, block by block.
+    """`read_plane` of a file of any program, with its grid and every vector checked.
 
-    That reads the file once more: what goes through a long series once anyway opens it with `read_plane` and calls
+    It reads the file once more: whoever goes through a long series anyway uses `read_plane` and
     `check_vectors` on each instant.
     """
     return checked(read_plane(path), path)
@@ -199,7 +194,7 @@ def read_checked_plane(path: str | Path) -> xr.Dataset:
 def checked(
     plane: xr.Dataset, path: str | Path, check: Callable[[xr.Dataset, Path], None] = check_plane
 ) -> xr.Dataset:
-    """The plane as it is, after `check`; where that refuses it, it is closed and the ValueError names the file."""
+    """The plane after `check`; where that fails, the plane is closed and the error names the file."""
     try:
         check(plane, Path(path))
     except StageError:

@@ -1,4 +1,4 @@
-"""A plane series written instant by instant or block by block, whole or not at all: no more of it is in memory at once."""
+"""A plane series written instant by instant or block by block, whole or not at all."""
 
 from __future__ import annotations
 
@@ -16,26 +16,24 @@ from fileio.atomic import whole
 from fileio.formats.plane_series import AXES, SCHEMA, UNITS
 from fileio.hdf5_disk import Disk
 
-DEFLATE = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+_DEFLATE = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 
-class PlaneWriter:
-    """Instants of a plane series in an open file; what the first holds, all of them hold."""
+class _PlaneWriter:
+    """Instants of a plane series in an open file; all hold the variables of the first."""
 
     def __init__(
         self, disk: h5py.File, file: h5netcdf.File, x: np.ndarray, y: np.ndarray, count: int
     ) -> None:
         self._disk, self._file = disk, file
-        self._made: dict[
-            str, h5py.Dataset
-        ] = {}  # to look one up costs more than to write an instant of it
+        self._made: dict[str, h5py.Dataset] = {}  # a look-up costs more than to write an instant
         for name, values in (("time", np.zeros(count)), ("y", y), ("x", x)):
             file.dimensions[name] = len(values)
             self._variable(name, (name,), np.float64)
             self._made[name][...] = values
 
     def write(self, index: int, time: float, fields: Mapping[str, np.ndarray]) -> None:
-        """The variables of one instant (s) by their names in the schema."""
+        """Write the variables of one instant (s) by their names in the schema."""
         self._made["time"][index] = time
         for name, values in fields.items():
             if name not in self._made:
@@ -47,10 +45,10 @@ class PlaneWriter:
         for axis, size in zip(axes[1:], values.shape, strict=True):
             if axis not in self._file.dimensions:
                 self._file.dimensions[axis] = size
-        if axes[1:] != ("y", "x"):
+        if axes[1:] == ("y", "x"):
+            self._variable(name, axes, values.dtype.type, chunks=(1, *values.shape), **_DEFLATE)
+        else:
             self._variable(name, axes, np.float64)
-            return
-        self._variable(name, axes, values.dtype.type, chunks=(1, *values.shape), **DEFLATE)
 
     def _variable(self, name: str, axes: tuple[str, ...], kind: type, **more: Any) -> None:
         self._file.create_variable(name, axes, kind, **more).attrs["units"] = UNITS[name]
@@ -60,16 +58,17 @@ class PlaneWriter:
 @contextmanager
 def writing_planes(
     path: Path, x: np.ndarray, y: np.ndarray, count: int, attributes: Mapping[str, Any]
-) -> Iterator[PlaneWriter]:
-    """A new plane series of `count` instants on the grid `x`, `y` (m), in its place when the block has ended well."""
+) -> Iterator[_PlaneWriter]:
+    """A new plane series of `count` instants on the grid `x`, `y` (m), renamed at the block's end."""
     with _new_file(path, attributes) as (disk, file):
-        yield PlaneWriter(disk, file, x, y, count)
+        yield _PlaneWriter(disk, file, x, y, count)
 
 
 def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset) -> None:
-    """Write a series from its parts along time; attributes, and variables that are not over the grid, are those of `like`.
+    """Write a series from its parts along time; the rest, off the grid, is that of `like`.
 
-    `like` without time: the one instant becomes a single plane. ValueError where the parts are not as many instants as `like`.
+    `like` without time: the one instant becomes a single plane. ValueError where the parts are not
+    as many instants as `like`.
     """
     dims, count = like["u"].dims, like.sizes.get("time", 1)
     with _new_file(path, like.attrs) as (_, file):
@@ -81,7 +80,7 @@ def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset
                 if name not in file.variables:
                     chunks = (1, *values.shape)[-len(dims) :]
                     variable = file.create_variable(
-                        name, dims, values.dtype, chunks=chunks, **DEFLATE
+                        name, dims, values.dtype, chunks=chunks, **_DEFLATE
                     )
                     variable.attrs.update(
                         {k: v for k, v in field.attrs.items() if k != "_FillValue"}

@@ -1,4 +1,4 @@
-"""A plane series written vector field by vector field, so that an interrupted run loses none that was finished."""
+"""A plane series written field by field; an interrupted run loses no finished field."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ FIELDS = {
 
 
 class SeriesWriter(ResumableFile):
-    """Fields of a plane series in any order; `finish` gives the file its name.
+    """Fields of a plane series in any order; `finish` renames the file.
 
-    x, y, time: coordinates; units: of x, y, time and u (with v, u_std, v_std); attrs: root attributes; identity:
-    what the fields depend on. An interrupted series of the same identity is continued.
+    x, y, time: coordinates; units: of x, y, time and u (with v, u_std, v_std); attrs: root
+    attributes; identity: the inputs of the fields. A series of the same identity is continued.
     """
 
     ITEM = "field"
@@ -42,9 +42,7 @@ class SeriesWriter(ResumableFile):
         identity: Any,
     ):
         self._axes = {
-            "x": np.asarray(x, float),
-            "y": np.asarray(y, float),
-            "time": np.asarray(time, float),
+            name: np.asarray(values, float) for name, values in (("x", x), ("y", y), ("time", time))
         }
         self._units = units
         key = [identity, *(values.tolist() for values in self._axes.values())]
@@ -54,8 +52,8 @@ class SeriesWriter(ResumableFile):
         for name, values in self._axes.items():
             self.axis(name, values, self._units[name])
         for name, kind in FIELDS.items():
-            self.items(name, tuple(len(self._axes[dim]) for dim in AXES[name]), kind)
-            self.label(name, AXES[name], self._units["u"] if UNITS[name] == "m/s" else UNITS[name])
+            units = self._units["u"] if UNITS[name] == "m/s" else UNITS[name]
+            self.items(name, AXES[name], units, kind)
 
     def write(self, index: int, fields: dict[str, np.ndarray]) -> None:
         """Store one field (y, x each); on disk when this returns."""
@@ -64,15 +62,5 @@ class SeriesWriter(ResumableFile):
     def add(
         self, name: str, dims: tuple[str, ...], shape: tuple[int, ...], blocks: Iterable[np.ndarray]
     ) -> None:
-        """A further variable of docs/formats.md, float64, in blocks along its first axis; new dimensions are numbered."""
-        if name in self._file:
-            del self._file[name]
-        for dim, size in zip(dims, shape, strict=True):
-            if dim not in self._file:
-                self.axis(dim, np.arange(size, dtype=np.int32))
-        variable = self._file.create_dataset(name, shape, "f8")
-        begin = 0
-        for values in blocks:
-            variable[begin : begin + len(values)] = values
-            begin += len(values)
-        self.label(name, dims, UNITS.get(name, "1"))
+        """A further variable of docs/formats.md, float64, in blocks along its first axis."""
+        self._add(name, dims, shape, blocks, UNITS.get(name, "1"))

@@ -18,35 +18,11 @@ from fileio.record import check_whole
 FORMAT, VERSION = "vortices", 1
 REMEDY = "find the vortices again"
 COLUMNS = [
-    "time",
-    "track",
-    "x",
-    "y",
-    "circulation",
-    "core_radius",
-    "peak_swirl_velocity",
-    "x_std",
-    "y_std",
-    "circulation_std",
-    "core_radius_std",
-    "circulation_area",
-    "circulation_contour",
-    "finger",
-    "side",
-    "tip_distance",
-    "along_tip",
-    "across_tip",
-    "peak_swirl_velocity_std",
-    "contour_radius",
-    "drift_u",
-    "drift_v",
-    "shear",
-    "explained",
-    "n_vectors",
-    "lifetime",
-]
-
-
+    "time", "track", "x", "y", "circulation", "core_radius", "peak_swirl_velocity", "x_std", "y_std",
+    "circulation_std", "core_radius_std", "circulation_area", "circulation_contour", "finger", "side",
+    "tip_distance", "along_tip", "across_tip", "peak_swirl_velocity_std", "contour_radius", "drift_u",
+    "drift_v", "shear", "explained", "n_vectors", "lifetime",
+]  # fmt: skip
 NEEDED = ("time", "x", "y", "circulation", "core_radius")
 
 
@@ -58,7 +34,7 @@ def write_vortices(table: pd.DataFrame, path: str | Path, **settings: Any) -> No
 
 
 def read_vortices(path: str | Path, needed: tuple[str, ...] = NEEDED) -> pd.DataFrame:
-    """Read a table of vortices, also one of another program; ValueError where `needed` columns are missing."""
+    """Read a table of vortices of any program; ValueError where `needed` columns are missing."""
     check_whole(path)
     with open(path, encoding="utf-8") as file:
         head = file.readline()

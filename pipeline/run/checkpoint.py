@@ -1,4 +1,4 @@
-"""The last checkpoint that is complete, and the removal of tables that a resumed run will write again."""
+"""The last complete checkpoint of a run, and the removal of tables that a resumed run rewrites."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from pipeline.openfoam.ranks import Ranks, is_whole
 from pipeline.openfoam.surface_vtk import is_whole_vtk
 
 LOG = "log.pimpleFoam"
-LOGGED_STEP = re.compile(r"(?m)^ExecutionTime = .*ClockTime = \d+ s$")
+_LOGGED_STEP = re.compile(r"(?m)^ExecutionTime = .*ClockTime = \d+ s$")
 FIELDS = ("U", "p", "phi", "uniform/time")
 MOVED = ("pointDisplacement", "polyMesh/points")  # written where the mesh moves
 
 
 def saved_times(folder: Path, ranks: Ranks, wanted: tuple[str, ...]) -> list[tuple[float, str]]:
-    """Times in a case's folder, or in one of its ranks', at which the `wanted` files are there and every file is whole, ascending."""
+    """Times and folders' names of a case or rank with whole files, the `wanted` among them."""
     saved = []
     for place in folder.iterdir() if folder.is_dir() else ():
         time = _number(place.name)
         if time is None or time <= 0 or not all((place / name).exists() for name in wanted):
             continue
-        # the old-time fields of the second-order scheme count as well, whatever their names; frames of the motion do not
+        # old-time fields of the second-order scheme count as well; frames of the motion do not
         if all(
             is_whole(path, ranks)
             for path in place.rglob("*")
@@ -37,8 +37,8 @@ def saved_times(folder: Path, ranks: Ranks, wanted: tuple[str, ...]) -> list[tup
 
 
 def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[float, str] | None:
-    """Latest time that all ranks have written whole, whose samples and log are on disk; None where there is none."""
-    sampled = min(sampled_until(case), np.nextafter(first_damaged(case), 0.0), logged_until(case))
+    """Latest time that all ranks, samples and the log have on disk; None without one."""
+    sampled = min(sampled_until(case), np.nextafter(first_damaged(case), 0.0), _logged_until(case))
     wanted = FIELDS + (MOVED if moving else ())
     common: dict[float, str] | None = None
     for folder in ranks.folders(case):
@@ -48,10 +48,10 @@ def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[floa
 
 
 def reached_time(case: Path, ranks: Ranks, name: str) -> str:
-    """The time of the checkpoint `name` (s) with all its digits, of which the folder's name shows eight.
+    """The time of the checkpoint `name` (s) with all its digits; the folder's name shows eight.
 
-    The solver adds up its time steps with a rounding error each: started at the rounded time, it would interpolate the
-    mesh motion elsewhere and differ from an undisturbed run.
+    Started at the rounded time, the solver would interpolate the mesh motion elsewhere and differ
+    from an undisturbed run.
     """
     path = ranks.folders(case)[0] / name / "uniform" / "time"
     value = re.search(r"(?m)^value\s+(\S+);", path.read_text(errors="replace"))
@@ -63,20 +63,18 @@ def reached_time(case: Path, ranks: Ranks, name: str) -> str:
 
 
 def first_damaged(case: Path) -> float:
-    """Earliest time (s) of which a sampled surface is missing or cut off, as where the disk was full; infinite without one.
+    """Earliest time (s) whose sampled surface is missing or cut off; infinite without one.
 
-    Each kind of surface is sampled at an interval of its own, the least between two of its times.
+    Each kind of surface has its own sampling interval: the least between two of its times.
     """
-    surfaces_whole: list[dict[float, bool]] = []
-    for surfaces in (case / "postProcessing").glob("*Surface"):
-        folders = [
-            (time, folder)
+    surfaces_whole = [
+        {
+            time: any(map(is_whole_vtk, folder.glob("*.vtk")))
             for folder in surfaces.iterdir()
             if (time := _number(folder.name)) is not None
-        ]
-        surfaces_whole.append(
-            {t: any(map(is_whole_vtk, folder.glob("*.vtk"))) for t, folder in folders}
-        )
+        }
+        for surfaces in (case / "postProcessing").glob("*Surface")
+    ]
     last = max((time for whole in surfaces_whole for time in whole), default=0.0)
     damaged = [time for whole in surfaces_whole for time, good in whole.items() if not good]
     for whole in surfaces_whole:
@@ -90,7 +88,7 @@ def first_damaged(case: Path) -> float:
 
 
 def force_times(case: Path) -> list[float]:
-    """When the solver was last started (s), and the times in its table of forces since then."""
+    """The solver's last start (s), and the times in its table of forces since then."""
     parts = _parts(case / "postProcessing" / "forces")
     if not parts:
         return [0.0]
@@ -104,32 +102,29 @@ def force_times(case: Path) -> list[float]:
 
 
 def sampled_until(case: Path) -> float:
-    """Latest time (s) whose samples are surely whole.
-
-    OpenFOAM writes the fields of a time before its samples: those are whole when the forces of the step after are there.
-    """
+    """Latest time (s) whose samples are surely whole: the forces of the next step are there."""
     times = force_times(case)
     return times[-3] if len(times) > 3 else times[0]
 
 
-def logged_until(case: Path) -> float:
-    """Time (s) of the last whole step in the solver's log; infinite where there is no log.
+def _logged_until(case: Path) -> float:
+    """Time (s) of the last whole step in the solver's log; infinite without a log.
 
-    MPI hands the log on late: a kill may take the lines of steps whose fields are on disk, and history.csv is made of them.
+    MPI passes the log on late: a kill may lose lines, needed by history.csv, of steps on disk.
     """
     if not (case / LOG).exists():
         return np.inf
     text = (case / LOG).read_text(errors="replace")
-    ends = [step.start() for step in LOGGED_STEP.finditer(text)]
+    ends = [step.start() for step in _LOGGED_STEP.finditer(text)]
     times = re.findall(r"(?m)^Time = (\S+)$", text[: ends[-1]]) if ends else []
     return float(times[-1]) if times else 0.0
 
 
 def drop_tables(case: Path, start: float) -> None:
-    """Remove the tables that a run (re)started at `start` (s) or later has written.
+    """Remove the tables of solvers started at `start` (s) or later.
 
-    OpenFOAM would not overwrite them but write `<name>_<time>.dat` beside them, and what began at a later, damaged
-    checkpoint must not replace what is computed anew.
+    OpenFOAM would write `<name>_<time>.dat` beside them, and tables from a later, damaged
+    checkpoint must not replace new ones.
     """
     for recorder in (case / "postProcessing").glob("*"):
         for time, folder in _parts(recorder):
@@ -139,7 +134,7 @@ def drop_tables(case: Path, start: float) -> None:
 
 
 def _parts(recorder: Path) -> list[tuple[float, Path]]:
-    """Folders of a function object that hold tables, by the time at which the run began, ascending."""
+    """Folders of a function object's tables by the time of the solver's start, ascending."""
     folders = recorder.iterdir() if recorder.is_dir() else ()
     timed = [(_number(folder.name), folder) for folder in folders if any(folder.glob("*.dat"))]
     return sorted((time, folder) for time, folder in timed if time is not None)

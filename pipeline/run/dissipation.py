@@ -1,7 +1,7 @@
-"""Where the flow's energy goes, face by face: viscosity, the convection scheme, and the coupling of pressure and velocity.
+"""Losses of the flow's energy by viscosity, convection scheme and pressure-velocity coupling.
 
-The solver's own discrete terms, each times the velocity of the cell: what a term takes from the kinetic energy beyond what it
-moves to other cells or through a wall is summed over faces, half to each cell beside it (docs/schemes.md).
+They are the solver's own discrete terms times the velocity of the cell, less what moves to other
+cells or through a wall; sums over faces, half to each cell beside it (docs/schemes.md).
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ import numpy as np
 from fileio.formats.records import LOSSES
 from pipeline.openfoam.polymesh_files import Faces
 
-UPWIND_SHARE = {"LUST": 0.25, "linearUpwind": 1.0}
-LIMIT = 0.5  # of the non-orthogonal correction: system/fvSchemes
-LEAST_COSINE = 0.05  # below which OpenFOAM holds the distance of two cells along the face's normal
+_UPWIND_SHARE = {"LUST": 0.25, "linearUpwind": 1.0}
+_LIMIT = 0.5  # of the non-orthogonal correction: system/fvSchemes
+_LEAST_COSINE = 0.05  # OpenFOAM's least distance of two cells along the face's normal
 
 
 @dataclass(frozen=True)
 class FaceGeometry:
-    """Faces of a mesh in one shape: area vectors (face, 3; m²) and centres, centres (cell, 3) and volumes of the cells.
+    """Faces and cells of a mesh in one shape, m: area vectors and centres, centres and volumes.
 
-    The rows of patches of no extent (2-D) have area vectors of zero.
+    Faces of patches of no extent (2-D) have area vectors of zero.
     """
 
     faces: Faces
@@ -39,7 +39,7 @@ class FaceGeometry:
 
 def face_geometry(faces: Faces, points: np.ndarray, cell_centre: np.ndarray, volume: np.ndarray,
                   empty: tuple[str, ...]) -> FaceGeometry:  # fmt: skip
-    """Geometry of plane faces whose corners are at `points` (point, 3); patches `empty` have no extent."""
+    """Geometry of plane faces with corners `points` (point, 3); patches `empty`: no extent."""
     corner = points[faces.corners]
     first, second = (
         np.cross(corner[:, k] - corner[:, 0], corner[:, k + 1] - corner[:, 0]) / 2 for k in (1, 2)
@@ -54,11 +54,18 @@ def face_geometry(faces: Faces, points: np.ndarray, cell_centre: np.ndarray, vol
     return FaceGeometry(faces, area, np.asarray(centre), cell_centre, volume)
 
 
-def face_terms(mesh: FaceGeometry, velocity: np.ndarray, pressure: np.ndarray, on_boundary: np.ndarray,
-               swept: np.ndarray, viscosity: np.ndarray, convection: str) -> dict[str, np.ndarray]:  # fmt: skip
-    """Power that each of LOSSES takes from the flow's kinetic energy over density, in each cell (cell,), m⁵/s³.
+def face_terms(
+    mesh: FaceGeometry,
+    velocity: np.ndarray,
+    pressure: np.ndarray,
+    on_boundary: np.ndarray,
+    swept: np.ndarray,
+    viscosity: np.ndarray,
+    convection: str,
+) -> dict[str, np.ndarray]:
+    """Power over density that each of LOSSES takes in each cell (cell,), m⁵/s³.
 
-    `velocity` (cell, 3) m/s, `pressure` (cell,) m²/s²; `on_boundary` (boundary face, 3): velocity there;
+    `velocity` (cell, 3) m/s; `pressure` (cell,) m²/s²; `on_boundary` (boundary face, 3) m/s;
     `swept` (face,) m³/s: flux of the mesh's own motion; `viscosity` (cell,) m²/s.
     """
     n, own, other = mesh.inner, mesh.faces.owner, mesh.faces.neighbour
@@ -80,22 +87,22 @@ def face_terms(mesh: FaceGeometry, velocity: np.ndarray, pressure: np.ndarray, o
     change = velocity[other] - velocity[own]
     flux = _dot(linear, inside) - swept[:n]
 
-    # convection: what the value carried over differs from the mean of both sides, which would keep the energy
+    # convection: the convected value less the mean of both sides, which would keep the energy
     upwind = np.where(flux > 0, own, other)
     ahead = mesh.centre[:n] - mesh.cell_centre[upwind]
     carried = velocity[upwind] + np.einsum("fi,fij->fj", ahead, gradient[upwind])
-    part = UPWIND_SHARE[convection]
+    part = _UPWIND_SHARE[convection]
     carried = part * carried + (1 - part) * linear
     mean = 0.5 * (velocity[own] + velocity[other])
     convected = -flux * _dot(carried - mean, change)
 
     # viscosity: with the limited correction of the normal gradient
-    cosine = np.maximum(_dot(normal, across), LEAST_COSINE * np.linalg.norm(across, axis=1))
+    cosine = np.maximum(_dot(normal, across), _LEAST_COSINE * np.linalg.norm(across, axis=1))
     slope = change / cosine[:, None]
     skew = normal - across / cosine[:, None]
     correction = np.einsum("fi,fij->fj", skew, at_faces(gradient))
     scale = np.linalg.norm(slope, axis=1) / np.maximum(np.linalg.norm(correction, axis=1), 1e-30)
-    correction *= np.minimum(1.0, LIMIT / (1 - LIMIT) * scale)[:, None]
+    correction *= np.minimum(1.0, _LIMIT / (1 - _LIMIT) * scale)[:, None]
     inner_viscous = at_faces(viscosity) * size * _dot(slope + correction, change)
     edge = np.linalg.norm(outside, axis=1)
     real = edge > 0
@@ -105,7 +112,7 @@ def face_terms(mesh: FaceGeometry, velocity: np.ndarray, pressure: np.ndarray, o
         real, viscosity[rim] * edge / np.where(real, away, 1.0) * _dot(jump, jump), 0.0
     )
 
-    # pressure: its gradient's work on the cells' velocity beyond that on the walls', which moves no energy if both fluxes agree
+    # pressure: work of its gradient on the cells' velocity, less that on the walls'
     coupled = -at_faces(pressure) * _dot(inside, change)
     rim_coupled = -pressure[rim] * _dot(outside, jump)
 

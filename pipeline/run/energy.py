@@ -1,4 +1,4 @@
-"""The energy balance of the water against the work done on it, at every sample and over a whole run."""
+"""The energy of the water against the work done on it, by sample and over a whole run."""
 
 from __future__ import annotations
 
@@ -13,26 +13,25 @@ from fileio.errors import StageError
 from pipeline.openfoam.function_objects import table_rows
 from pipeline.openfoam.surface_vtk import area_vectors, read_surface
 
-# of the largest energy so far; sound runs: 0 to 0.015, the most where a step covers 16 cells
+# of the largest energy so far; sound runs have 0 to 0.015
 ENERGY_TOLERANCE = 0.05
-# of the energy that the finger's volume of water has at its peak speed: below it nothing is judged
-FLOOR = 1e-3
-HALVE = (
-    "halve numerics.time_step, and again where it stops again"  # finer cells would make it worse
-)
-# part of the peak speed by which a wall may change within one time step for its work to be sampled
-UNRESOLVED = 0.2
+# of the energy of the finger's volume of water at its peak speed: the guard ignores less
+_FLOOR = 1e-3
+# finer cells would make it worse
+HALVE = "halve numerics.time_step, and again where it stops again"
+# of the peak speed: a wall whose velocity changes by more in a time step does unsampled work
+_UNRESOLVED = 0.2
 
 
 @dataclass
 class Budget:
     """Detects energy that no work accounts for, sample by sample.
 
-    Kinetic energy plus dissipated energy less the work done can only fall, by what the schemes dissipate. Where it rises
-    above its least value so far by more than a tolerance, the numerical solution has produced energy. Dissipation must
-    count: a flow that is fed at a wall and dissipates that at once would pass otherwise. Between two samples the larger
-    of their powers and the smaller of their dissipations is taken, so that a peak between samples does not stop a run.
-    `floor`: energy (J) below which nothing is judged; `unresolved(a, b)`: whether the wall's velocity jumps between two times.
+    Kinetic plus dissipated energy less the work can only fall, by what the schemes dissipate. Where
+    it rises above its least value by more than a tolerance, the numerical solution has produced
+    energy. Between two samples the larger power and the smaller dissipation count, so that a peak
+    between them stops no run. `floor` (J): a smaller excess is ignored; `unresolved(a, b)`: whether
+    the wall's velocity jumps between two times.
     """
 
     floor: float
@@ -47,12 +46,12 @@ class Budget:
     worst: float = 0.0  # energy from nothing so far, J
 
     def begin(self, time: float, power: float, kinetic: float, dissipation: float) -> None:
-        """Take what is there at the start."""
+        """Take the first sample."""
         self.time, self.power, self.dissipation = time, power, dissipation
         self.largest = self.least = kinetic
 
     def add(self, time: float, power: float, kinetic: float, dissipation: float) -> float | None:
-        """Take the next sample (s, W, J, W); the energy from nothing (J) where there is too much of it, else None."""
+        """Take the next sample (s, W, J, W); the excess of energy (J) where it is too large."""
         if not np.isfinite([power, kinetic, dissipation]).all():
             return np.inf
         step = max(time - self.time, 0.0)
@@ -71,7 +70,7 @@ class Budget:
 def resolved_dissipation(
     density: float, viscosity: float, gradient: Any, half_vorticity: Any
 ) -> Any:
-    """Power (W) that viscosity takes from the resolved flow, of the volume integrals of |grad u|^2 and half of |curl u|^2.
+    """Power (W) that viscosity takes, from volume integrals of |grad u|^2 and half of |curl u|^2.
 
     2 S:S = 2 |grad u|^2 - |curl u|^2, and OpenFOAM's enstrophy is half of |curl u|^2.
     """
@@ -84,27 +83,29 @@ def finger_power(path: Path, density: float) -> float:
     pressure, shear, velocity = (
         np.asarray(surface.cell_data[name]) for name in ("p", "wallShearStress", "U")
     )
-    # OpenFOAM's wall normals point out of the water, into the finger; wallShearStress is that of the wall on the water.
+    # normals point into the finger; wallShearStress is that of the wall on the water
     area = area_vectors(surface)
     on_water = -density * (pressure[:, None] * area - shear * np.linalg.norm(area, axis=1)[:, None])
     return float(np.einsum("fi,fi->", on_water, velocity))
 
 
-def energy_cause(budget: Budget, kinetic: float, excess: float) -> str:
-    """The cause of a stop, in words."""
+def _energy_cause(budget: Budget, kinetic: float, excess: float) -> str:
+    """The cause of a stop as a sentence."""
     if not np.isfinite(excess):
         return "the water's energy is not a number"
     return (
-        f"the power balance does not close: the water has {kinetic:.3g} J of kinetic energy and has dissipated"
-        f" {budget.dissipated:.3g} J, {excess:.3g} J more than the finger's work accounts for"
+        f"the power balance does not close: the water has {kinetic:.3g} J of kinetic energy and has"
+        f" dissipated {budget.dissipated:.3g} J, {excess:.3g} J more than the finger's work"
+        " accounts for"
     )
 
 
 @dataclass
 class EnergyGuard:
-    """Reads the samples that the solver writes to `samples` (postProcessing) and compares the energy with the work done.
+    """Compares energy and work in the solver's `samples` (postProcessing).
 
-    `density` (kg/m³) and `viscosity` (m²/s) are the fluid's. Not `from_rest`: the budget begins with the first sample.
+    `density` (kg/m³), `viscosity` (m²/s): of the fluid. Not `from_rest`: the budget begins with the
+    first sample.
     """
 
     samples: Path
@@ -112,13 +113,11 @@ class EnergyGuard:
     viscosity: float
     budget: Budget
     from_rest: bool = True
-    work_rate: Callable[[Path, float], float] = (
-        finger_power  # W, of a sampled surface and the density
-    )
+    work_rate: Callable[[Path, float], float] = finger_power  # W, of a surface and the density
     rows: int = 0
 
     def check(self, ended: bool = False) -> str | None:
-        """The cause where the budget is violated, else None. A sample is read once the next one exists: then it is whole."""
+        """The cause where the budget is violated. A sample is whole once the next one exists."""
         table = self._table()
         for time, square, gradient, half_vorticity in table[self.rows : len(table) - (not ended)]:
             surface = next(iter((self.samples / "fingerSurface").glob(f"{time:.8g}/*.vtk")), None)
@@ -133,11 +132,11 @@ class EnergyGuard:
                 continue
             excess = self.budget.add(*sample)
             if excess is not None:
-                return energy_cause(self.budget, kinetic, excess)
+                return _energy_cause(self.budget, kinetic, excess)
         return None
 
     def _table(self) -> np.ndarray:
-        """Times and integrals of |u|^2, |grad u|^2 and half of |curl u|^2 (time, 4) since the solver's last start."""
+        """Rows since the last start: time, integrals of |u|^2, |grad u|^2, half of |curl u|^2."""
         tables = list((self.samples / "volumes").glob("*/volFieldValue*.dat"))
         if not tables:
             return np.empty((0, 4))
@@ -145,28 +144,27 @@ class EnergyGuard:
 
 
 def energy_budget(positions: np.ndarray, times: np.ndarray, depth: float, density: float) -> Budget:
-    """The budget of a run whose wall nodes, in order along the outline, are at `positions` (time, node, 2) m at `times` s.
+    """The budget of a run with wall nodes, in order, at `positions` (time, node, 2) m, `times` s.
 
-    `depth` (m) is the finger's extent in z within the computed part. The wall's work is not resolved in a time step in
-    which the velocity of a node jumps by more than UNRESOLVED of the peak speed.
+    `depth` (m): the finger's extent in z within the computed part.
     """
     velocity = np.diff(positions, axis=0) / np.diff(times)[:, None, None]
     peak = float(np.hypot(velocity[..., 0], velocity[..., 1]).max(initial=0.0))
     change = np.diff(velocity, axis=0, prepend=0 * velocity[:1])
-    jumps = np.hypot(change[..., 0], change[..., 1]).max(axis=1) > UNRESOLVED * peak
+    jumps = np.hypot(change[..., 0], change[..., 1]).max(axis=1) > _UNRESOLVED * peak
     x, y = positions[0].T
     area = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
 
     def unresolved(after: float, until: float) -> bool:
         return bool(jumps[(times[1:] > after + 1e-9) & (times[:-1] < until + 1e-9)].any())
 
-    return Budget(FLOOR * 0.5 * density * peak**2 * area * depth, unresolved, time=float(times[0]))
+    return Budget(_FLOOR * 0.5 * density * peak**2 * area * depth, unresolved, time=float(times[0]))
 
 
 def energy_from_nothing(power: np.ndarray, budgets: list[Budget], copies: int) -> float:
-    """The largest excess of energy and dissipation over the work in a whole run, as a part of its largest energy.
+    """The largest excess of energy over the work in a whole run, over its largest energy.
 
-    `power` (n, 4) as in power.csv, of the whole tank, which holds `copies` of the computed part; `budgets` of the
+    `power` (n, 4): power.csv, of the tank, with `copies` of the computed part; `budgets`: of the
     intervals. StageError where the excess is too large.
     """
     whole = Budget(
@@ -177,6 +175,7 @@ def energy_from_nothing(power: np.ndarray, budgets: list[Budget], copies: int) -
         excess = whole.add(time, rate, kinetic, dissipation)
         if excess is not None:
             raise StageError(
-                f"stopped at {time:g} s by a guard: {energy_cause(whole, kinetic, excess)}; the tables are kept: {HALVE}"
+                f"stopped at {time:g} s by a guard: {_energy_cause(whole, kinetic, excess)};"
+                f" the tables are kept: {HALVE}"
             )
     return whole.worst / whole.largest if whole.largest else 0.0

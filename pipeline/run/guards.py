@@ -1,4 +1,4 @@
-"""Guards that stop a run that has gone wrong: the numbers in the solver's log, the energy balance, and silence."""
+"""Guards that stop a run gone wrong: the solver's log, the energy balance, and silence."""
 
 from __future__ import annotations
 
@@ -17,15 +17,12 @@ from pipeline.openfoam.displacement_files import PADDING, Steps
 from pipeline.run.energy import HALVE, EnergyGuard, energy_budget
 from pipeline.scene.limits import check_courant
 
-MAX_CONTINUITY = 1e-2  # sum of the local errors per step; a sound run has 1e-5 or less
-MAX_PRESSURE_ITERATIONS = 1000  # OpenFOAM's own limit for one solution
-UNSOLVED_STEPS = 5  # steps in a row whose pressure does not converge
+_MAX_CONTINUITY = 1e-2  # sum of the local errors per step; a sound run has 1e-5 or less
+_MAX_PRESSURE_ITERATIONS = 1000  # OpenFOAM's own limit for one solution
+_UNSOLVED_STEPS = 5  # steps in a row whose pressure does not converge
 SILENCE = 900.0  # s without a line from the solver
-LONG_STEP = (
-    60.0,
-    50.0,
-)  # s, and times the median of those before: a time step that takes longer than both does not end
-FIRST_STEP = 3600.0  # s: the longest first step, which has none before it
+_LONG_STEP = (60.0, 50.0)  # s, and times the median step: one that exceeds both does not end
+_FIRST_STEP = 3600.0  # s: the longest first step, which has none before it
 
 FINER = "lower numerics.time_step or refine the mesh"
 
@@ -49,42 +46,46 @@ class Guard:
         if line.startswith("Courant Number"):
             courant = float(line.split()[-1])
             if not courant <= self.max_courant:
-                return f"Courant number {courant:.3g} exceeds numerics.max_courant = {self.max_courant:g}"
+                return (
+                    f"Courant number {courant:.3g} exceeds numerics.max_courant ="
+                    f" {self.max_courant:g}"
+                )
         elif line.startswith("time step continuity errors"):
             local = float(re.split(r"[=,]", line)[1])
-            if not local < MAX_CONTINUITY:
+            if not local < _MAX_CONTINUITY:
                 return f"continuity error {local:.3g}"
-        elif line.startswith(
-            "Unknown function type"
-        ):  # OpenFOAM would only warn, and record nothing
+        elif line.startswith("Unknown function type"):  # OpenFOAM only warns, and records nothing
             self.remedy = "install the whole of that OpenFOAM, then run make again"
             return f"OpenFOAM has no function object {line.split()[-1]}"
         elif "Solving for" in line:
             if re.search(r"residual = [-+]?(nan|inf)", line):
-                return f"the equations for {line.split('Solving for ')[1].split(',')[0]} have no number for a solution"
+                field = line.split("Solving for ")[1].split(",")[0]
+                return f"the equations for {field} have no number for a solution"
             if "Solving for p," in line:
                 self._iterations = max(self._iterations, int(line.split()[-1]))
         return None
 
     def _step(self) -> str | None:
         """The verdict on the time step that has just ended."""
-        self._unsolved = self._unsolved + 1 if self._iterations >= MAX_PRESSURE_ITERATIONS else 0
+        self._unsolved = self._unsolved + 1 if self._iterations >= _MAX_PRESSURE_ITERATIONS else 0
         self._iterations = 0
-        if self._unsolved >= UNSOLVED_STEPS:
-            return f"the pressure did not converge in {UNSOLVED_STEPS} steps in a row"
+        if self._unsolved >= _UNSOLVED_STEPS:
+            return f"the pressure did not converge in {_UNSOLVED_STEPS} steps in a row"
         return self.check_energy()
 
     def check_energy(self, ended: bool = False) -> str | None:
-        """The verdict of the energy balance on the samples so far, on all of them once the solver has `ended`."""
+        """The verdict of the energy balance: on all samples once the solver has `ended`."""
         cause = self.energy.check(ended) if self.energy else None
         if cause:
             self.remedy = HALVE
         return cause
 
 
-def guard_of(out: Path, interval: Interval, steps: Steps, max_courant: float, depth: float, density: float,
-             viscosity: float) -> Guard:  # fmt: skip
-    """The guard of one mesh interval; `out` is the level's folder, `depth` (m) the finger's extent in z of the computed part.
+def guard_of(
+    out: Path, interval: Interval, steps: Steps, max_courant: float, depth: float, density: float,
+    viscosity: float,
+) -> Guard:  # fmt: skip
+    """The guard of one mesh interval in the level's folder `out`; SI, `depth` as in energy_budget.
 
     ValueError where the motion of the wall is sure to exceed `max_courant`.
     """
@@ -100,12 +101,12 @@ def guard_of(out: Path, interval: Interval, steps: Steps, max_courant: float, de
 
 
 class Watchdog:
-    """Calls `stop` once when the solver is silent for `limit` s of a machine that is awake, or a time step does not end.
+    """Calls `stop` once when the solver is silent for `limit` s or a time step does not end.
 
-    `cause` then says which.
+    Only time of an awake machine counts. `cause` names the reason.
     """
 
-    TICK = 5.0  # s; a sleep that lasts much longer was the machine's or the job's, not the solver's
+    TICK = 5.0  # s
 
     def __init__(self, limit: float, stop: Callable[[], None]) -> None:
         self.limit, self.stop = limit, stop
@@ -128,14 +129,14 @@ class Watchdog:
         self._step = 0.0
 
     def longest_step(self) -> float:
-        """How long (s) this time step may take."""
-        least, factor = LONG_STEP
-        return (
-            max(least, factor * float(np.median(list(self._steps)))) if self._steps else FIRST_STEP
-        )
+        """The longest duration (s) of this time step."""
+        least, factor = _LONG_STEP
+        if not self._steps:
+            return _FIRST_STEP
+        return max(least, factor * float(np.median(list(self._steps))))
 
     def check(self, passed: float) -> str | None:
-        """What is wrong once another `passed` s have gone by, else None."""
+        """The cause of a stop after another `passed` s, else None."""
         self._quiet += passed
         self._step += passed
         if self._quiet > self.limit:
@@ -143,7 +144,10 @@ class Watchdog:
         if self._step > self.longest_step():
             if not self._steps:
                 return f"the solver's first time step has not ended after {self._step:.0f} s"
-            return f"a time step has taken {self._step:.0f} s and has not ended, longer than {LONG_STEP[1]:g} others"
+            return (
+                f"a time step has taken {self._step:.0f} s and has not ended, longer than"
+                f" {_LONG_STEP[1]:g} others"
+            )
         return None
 
     def _watch(self) -> None:

@@ -1,4 +1,4 @@
-"""Field mapping between two mesh intervals: the flow of the earlier one on the mesh of the later one."""
+"""Field mapping between two mesh intervals: the earlier one's flow on the later one's mesh."""
 
 from __future__ import annotations
 
@@ -27,9 +27,8 @@ from pipeline.openfoam.foamfile import (
 )
 from pipeline.openfoam.ranks import Ranks
 
-SETTLED = (
-    0.02  # of the peak force of the run: the forces of two intervals that differ by less agree
-)
+# of the run's peak force: the forces of two intervals that differ by less agree
+_AGREED = 0.02
 FIELD_MAPPING = "field_mapping.json"  # in an interval's folder: the change of energy by the mapping
 
 
@@ -62,16 +61,16 @@ def read_cells(case: Path, time: str, name: str, ranks: Ranks, cells: int) -> np
 
 
 def square_sum(cells: SweptCells, a: np.ndarray, b: np.ndarray) -> float:
-    """Integral of the product of two velocity fields (cell, 3) over the computed part of the tank, m⁵/s²."""
+    """Integral of the product of two velocity fields (cell, 3) over the cells, m⁵/s²."""
     return float(np.sum(cells.volume * (a * b).sum(1)))
 
 
 def energy_share(source: SweptCells, target: SweptCells, velocity: np.ndarray, averaged: np.ndarray,
                  sampled: np.ndarray) -> float:  # fmt: skip
-    """The share s of `sampled` at which averaged + s (sampled - averaged) has the kinetic energy of the source.
+    """The share s of `sampled` at which averaged + s (sampled - averaged) has the source's energy.
 
-    Both are of second order; averages over cells like the source's have lost some energy, over finer cells gained some.
-    Held to -1…2, so that a flow which neither describes is not forced to have the energy.
+    Both are of second order. The share is limited to -1…2, so that a flow which neither describes
+    is not forced to have the energy.
     """
     change = sampled - averaged
     a, b = square_sum(target, change, change), 2 * square_sum(target, averaged, change)
@@ -82,7 +81,7 @@ def energy_share(source: SweptCells, target: SweptCells, velocity: np.ndarray, a
 
 
 def map_fields(out: Path, before: Interval, interval: Interval, ranks: Ranks, step: int) -> None:
-    """Write the fields with which `interval` begins, at time step number `step`, from those of the interval before it."""
+    """Write the first fields of `interval`, at time step number `step`, from the one before it."""
     old, new = out / "case" / before.name, out / "case" / interval.name
     name = time_name(interval.begin)
     source, target = (cells_of(out, of, interval.begin) for of in (before, interval))
@@ -104,18 +103,16 @@ def map_fields(out: Path, before: Interval, interval: Interval, ranks: Ranks, st
     index = b"index %d;\n" % step
     time_header = header("dictionary", f"{name}/uniform", "time", binary=False)
     write_bytes(new / name / "uniform" / "time", time_header + index + END)
-    squares = [
-        square_sum(*pair) for pair in ((source, velocity, velocity), (target, mapped, mapped))
-    ]
-    jump = squares[1] / squares[0] - 1 if squares[0] else 0.0
+    energy = square_sum(source, velocity, velocity)
+    jump = square_sum(target, mapped, mapped) / energy - 1 if energy else 0.0
     write_text(
         new / FIELD_MAPPING,
         json.dumps({"mapped_at": interval.begin, "mapping_jump_fraction": jump}),
     )
 
 
-def common(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The rows of two tables (time, …) at the times that both hold."""
+def _common(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rows of two tables (time, …) at their common times."""
     first, second = (np.round(table[:, 0] * 1e9).astype(np.int64) for table in (before, after))
     _, first, second = np.intersect1d(first, second, return_indices=True)
     return before[first], after[second]
@@ -124,23 +121,22 @@ def common(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def settling_time(
     before: np.ndarray, after: np.ndarray, mapped_at: float, peak: float
 ) -> float | None:
-    """Time (s) after `mapped_at` until the forces (time, component …) of two intervals agree to SETTLED of `peak`.
+    """Time (s) after `mapped_at` until forces (time, component …) of two intervals agree.
 
-    None where they still differ by more at the end of the overlap.
+    To agree is to differ by less than _AGREED of `peak`. None where they do not within the overlap.
     """
-    old, new = common(before, after)
-    off = np.abs(old[:, 1:] - new[:, 1:]).max(1) > SETTLED * peak
+    old, new = _common(before, after)
+    off = np.abs(old[:, 1:] - new[:, 1:]).max(1) > _AGREED * peak
     if not len(off) or off[-1]:
         return None
-    settled = np.flatnonzero(off)
-    return float(old[settled[-1] + 1, 0] - mapped_at) if len(settled) else 0.0
+    return float(old[np.flatnonzero(off)[-1] + 1, 0] - mapped_at) if off.any() else 0.0
 
 
 def field_mappings(intervals: tuple[Interval, ...], cases: list[Path], force: list[np.ndarray],
              energy: list[np.ndarray]) -> list[dict[str, Any]]:  # fmt: skip
-    """The records of the field mappings in run.json: kinetic energy of the tank (J) on both sides, and when the force had settled.
+    """The field mappings of run.json: kinetic energy (J) on both sides, settling time of the force.
 
-    `force` (time, component …) and `energy` (time, energy) are those of each interval, its overlap included.
+    `force` (time, component …) and `energy` (time, energy): of each interval with its overlap.
     """
     peak = max(float(np.abs(table[:, 1:3]).max()) for table in force)
     records = []
@@ -149,7 +145,7 @@ def field_mappings(intervals: tuple[Interval, ...], cases: list[Path], force: li
             cases[k] / FIELD_MAPPING,
             f"delete {cases[k] / 'state.json'} and run make again: that interval is solved anew",
         )
-        before, after = (float(table[-1, 1]) for table in common(energy[k - 1], energy[k]))
+        before, after = (float(table[-1, 1]) for table in _common(energy[k - 1], energy[k]))
         settled = settling_time(force[k - 1][:, :3], force[k][:, :3], record["mapped_at"], peak)
         records.append(
             {

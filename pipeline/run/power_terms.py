@@ -1,17 +1,16 @@
-"""The parts of the power balance at the instants whose fields were written, over the tank and by region."""
+"""The terms of the power balance at the instants whose fields were written."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-import shapely
 import xarray as xr
 from scipy.interpolate import PchipInterpolator
 
 from fileio.formats.mesh_intervals import Interval, read_planform
 from fileio.formats.node_motion import read_motion
-from fileio.formats.records import LOSSES, POWER_TERMS, REGIONS
+from fileio.formats.records import LOSSES, POWER_TERMS
 from fileio.formats.sweep import read_sweep
 from pipeline.geometry.quality import cell_areas, cell_centres
 from pipeline.openfoam.polymesh_files import Faces, read_faces
@@ -20,48 +19,36 @@ from pipeline.run.checkpoint import saved_times
 from pipeline.run.dissipation import FaceGeometry, face_geometry, face_terms
 from pipeline.run.map_fields import read_cells
 
-NEAR = 1 / 60  # of the length of the finger's outline: 2.8 mm of the shipped one
-FREE = ("sheet", "mirror", "top")  # patches along which the water slips
+_FREE = ("sheet", "mirror", "top")  # patches along which the water slips
 
 
 def term_rows(out: Path, interval: Interval, ranks: Ranks, density: float, viscosity: float,
               convection: str) -> np.ndarray:  # fmt: skip
     """Rows POWER_TERMS (W) of the computed part of the tank, of the fields written in an interval.
 
-    `out`: the level's folder; `density` in kg/m³, `viscosity` in m²/s; `convection` as in numerics.convection.
+    `out`: the level's folder; `density` kg/m³; `viscosity` m²/s; `convection`: numerics.convection.
     """
     case = out / "case" / interval.name
     faces = read_faces(case / "constant" / "polyMesh")
     planform, motion = read_planform(out, interval.mesh), read_motion(out, interval.mesh)
     sweep = read_sweep(out, interval.name)
     flat = planform.attrs["model"] == "2d"
-    reach = np.inf if flat else float(planform["body_half_width"].values[1])
-    mirrored = bool(planform.attrs["mirror"]) or "mirrored_finger" in planform["body_name"].values
-    column = sweep["cell_column"].values
     rows = []
     for time, name in saved_times(ranks.folders(case)[0], ranks, ("U", "p")):
         if time < interval.start + 1e-9:
             continue  # in the overlap with the interval before
-        nodes = motion.nodes(time)
-        mesh = geometry_at(faces, planform, sweep, nodes, flat)
+        mesh = geometry_at(faces, planform, sweep, motion.nodes(time), flat)
         cells = len(mesh.volume)
         velocity, pressure = (read_cells(case, name, field, ranks, cells) for field in ("U", "p"))
         effective = np.full(cells, viscosity)
         if (ranks.folders(case)[0] / name / "nut").exists():
             effective += read_cells(case, name, "nut", ranks, cells)
-        moving = face_velocity(faces, sweep, motion.velocity(time))
+        moving = _face_velocity(faces, sweep, motion.velocity(time))
         terms = face_terms(
-            mesh, velocity, pressure, boundary_velocity(mesh, velocity, moving),
+            mesh, velocity, pressure, _boundary_velocity(mesh, velocity, moving),
             np.einsum("fi,fi->f", moving, mesh.area), effective, convection,
         )  # fmt: skip
-        columns = cell_centres(nodes, planform["triangles"].values, planform["quads"].values)
-        region = regions(
-            columns, column, mesh.cell_centre[:, 2], nodes[planform["wall"].values], reach, mirrored
-        )
-        parts = density * np.array(
-            [np.bincount(region, terms[name], len(REGIONS)) for name in LOSSES]
-        )
-        rows.append([time, *parts.sum(axis=1), *parts.ravel()])
+        rows.append([time, *(density * terms[name].sum() for name in LOSSES)])
     return np.array(rows).reshape(-1, len(POWER_TERMS.columns))
 
 
@@ -69,26 +56,23 @@ def geometry_at(
     faces: Faces, planform: xr.Dataset, sweep: xr.Dataset, nodes: np.ndarray, flat: bool
 ) -> FaceGeometry:
     """Geometry of a mesh interval's mesh with its planform's nodes at `nodes` (node, 2), m."""
-    levels, cells = (
-        planform["levels"].values,
-        (planform["triangles"].values, planform["quads"].values),
-    )
+    levels = planform["levels"].values
+    cells = planform["triangles"].values, planform["quads"].values
     column, layer = sweep["cell_column"].values, sweep["cell_layer"].values
     points = np.column_stack([nodes[sweep["node"].values], levels[sweep["level"].values]])
     middle = 0.5 * (levels[1:] + levels[:-1])
-    return face_geometry(
-        faces, points, np.column_stack([cell_centres(nodes, *cells)[column], middle[layer]]),
-        cell_areas(nodes, *cells)[column] * np.diff(levels)[layer], ("back", "sheet") if flat else (),
-    )  # fmt: skip
+    centres = np.column_stack([cell_centres(nodes, *cells)[column], middle[layer]])
+    volumes = cell_areas(nodes, *cells)[column] * np.diff(levels)[layer]
+    return face_geometry(faces, points, centres, volumes, ("back", "sheet") if flat else ())
 
 
-def face_velocity(faces: Faces, sweep: xr.Dataset, velocity: np.ndarray) -> np.ndarray:
-    """Velocity (face, 3) of the mesh's faces whose planform's nodes move with `velocity` (node, 2), m/s."""
+def _face_velocity(faces: Faces, sweep: xr.Dataset, velocity: np.ndarray) -> np.ndarray:
+    """Velocity (face, 3) of faces from that of the planform's nodes (node, 2), m/s."""
     plane = velocity[sweep["node"].values][faces.corners].mean(1)
     return np.column_stack([plane, np.zeros(len(plane))])
 
 
-def boundary_velocity(mesh: FaceGeometry, velocity: np.ndarray, moving: np.ndarray) -> np.ndarray:
+def _boundary_velocity(mesh: FaceGeometry, velocity: np.ndarray, moving: np.ndarray) -> np.ndarray:
     """Velocity (boundary face, 3) at the patches as the case's boundary conditions give it."""
     patch_velocity = np.zeros((len(mesh.faces.owner) - mesh.inner, 3))
     for name, faces in mesh.faces.patches.items():
@@ -98,7 +82,7 @@ def boundary_velocity(mesh: FaceGeometry, velocity: np.ndarray, moving: np.ndarr
             patch_velocity[rows] = moving[faces]
         elif name == "gap":
             patch_velocity[rows] = inside
-        elif name in FREE:
+        elif name in _FREE:
             area = mesh.area[faces]
             size = np.maximum(np.einsum("fi,fi->f", area, area), 1e-300)
             patch_velocity[rows] = (
@@ -107,29 +91,9 @@ def boundary_velocity(mesh: FaceGeometry, velocity: np.ndarray, moving: np.ndarr
     return patch_velocity
 
 
-def regions(columns: np.ndarray, column: np.ndarray, height: np.ndarray, outline: np.ndarray, reach: float,
-            mirrored: bool) -> np.ndarray:  # fmt: skip
-    """Index into REGIONS of cells: near the finger's side edge, else near its surface, else wake.
-
-    Cells lie in a `column` (cell,) with its centre in `columns` (column, 2), m, at `height` z (cell,), m. `outline` (node, 2)
-    of the finger, which reaches to |z| = `reach`, infinite in 2-D; `mirrored`: there is another one in x = 0. Near is within
-    NEAR of the outline's length.
-    """
-    plane, z = columns, np.abs(height)
-    if mirrored:
-        plane = np.column_stack([-np.abs(columns[:, 0]), columns[:, 1]])
-    finger = shapely.Polygon(outline)
-    shapely.prepare(finger)
-    near, beyond = NEAR * finger.length, np.maximum(z - reach, 0.0)
-    at = shapely.points(plane)
-    to_edge = np.hypot(shapely.distance(finger.exterior, at)[column], z - reach)
-    to_surface = np.hypot(shapely.distance(finger, at)[column], beyond)
-    return np.where(to_edge < near, 1, np.where(to_surface < near, 0, 2))
-
-
 def integrals(table: np.ndarray) -> dict[str, float]:
-    """Energy (J) that each term, and each in each region, has taken by the last row of a table POWER_TERMS, from rest at 0."""
+    """Energy (J) that each term has taken by the end of a table POWER_TERMS, from rest at 0 s."""
     time = np.concatenate([[0.0], table[:, 0]])
     rates = np.vstack([np.zeros(table.shape[1] - 1), table[:, 1:]])
     taken = PchipInterpolator(time, rates).integrate(time[0], time[-1])
-    return dict(zip(POWER_TERMS.columns[1:], map(float, taken), strict=True))
+    return dict(zip(LOSSES, map(float, taken), strict=True))

@@ -1,4 +1,4 @@
-"""Preparation of an interval's case for the solver: decomposition, mapped fields, and displacement files of the motion."""
+"""Preparation of an interval's case: decomposition, mapped fields, files of the motion."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ STATE = "state.json"  # the mesh, ranks and OpenFOAM for which an interval's fol
 
 
 def case_state(case: Path, ranks: Ranks) -> dict[str, Any]:
-    """The mesh (time of its file), ranks and version of OpenFOAM to which displacement files, decomposition and fields in `case` belong."""
+    """The mesh (time of its file), ranks and OpenFOAM to which the files in `case` belong."""
     points = case / "constant" / "polyMesh" / "points"
     if not points.exists():
         raise StageError(f"{case}: no mesh; run the case stage first")
@@ -41,70 +41,68 @@ def case_state(case: Path, ranks: Ranks) -> dict[str, Any]:
 
 
 def prepared_for(case: Path) -> dict[str, Any]:
-    """The state for which `case` was last prepared; empty where it never was. StageError where the file is damaged."""
-    path = case / STATE
-    return (
-        read_json(path, f"delete it and run make again: {case.name} is solved from its beginning")
-        if path.exists()
-        else {}
-    )
+    """The state for which `case` was last prepared, or {}. StageError where the file is damaged."""
+    path, remedy = case / STATE, "delete it and run make again"
+    if not path.exists():
+        return {}
+    return read_json(path, f"{remedy}: {case.name} is solved from its beginning")
 
 
-def prepare(out: Path, intervals: tuple[Interval, ...], interval: Interval, ranks: Ranks, steps: Steps,
-            quiet: bool) -> None:  # fmt: skip
-    """Decompose an interval's case, map the fields to it and write its displacement files, unless that is done.
+def prepare(
+    out: Path, intervals: tuple[Interval, ...], interval: Interval, ranks: Ranks, steps: Steps,
+    quiet: bool,
+) -> None:  # fmt: skip
+    """Decompose an interval's case, map its first fields and write its motion, unless done.
 
-    `out` is the level's folder. Done counts only for the same mesh, ranks and version of OpenFOAM.
+    `out`: the level's folder. Done counts only for the same mesh, ranks and version of OpenFOAM.
     """
     case = out / "case" / interval.name
     wanted = case_state(case, ranks)
     for path in (case / "constant" / "polyMesh").iterdir():
         check_whole(path, f"delete {out / 'sweep.h5'} and run make again")
-    if prepared_for(case) == wanted:
-        # the frames are removed where an interval has ended: one that is to be solved again needs them
-        if (
-            interval.moving
-            and not has_ended(case, interval)
-            and not frames_laid(ranks.folders(case)[0])
-        ):
-            planform, sweep = read_planform(out, interval.mesh), read_sweep(out, interval.name)
-            motion = read_motion(out, interval.mesh)
-            _write_motion(case, motion, sweep, planform, ranks, steps.times, quiet)
+    done = prepared_for(case) == wanted
+    # the frames are removed after an interval: one that is solved again needs them
+    if done and (has_ended(case, interval) or frames_laid(ranks.folders(case)[0])):
         return
-    # interrupted from here on, this interval and those after it start from the beginning
-    for later in reversed(intervals[interval.index :]):
-        for stale in (STATE, PROGRESS):
-            (out / "case" / later.name / stale).unlink(missing_ok=True)
-    for folder in case.glob("processor*"):
-        shutil.rmtree(folder)
-    for folder in case.iterdir():
-        if folder.is_dir() and re.fullmatch(r"[0-9.e-]+", folder.name) and folder.name != "0":
-            shutil.rmtree(folder)
-    shutil.rmtree(case / "postProcessing", ignore_errors=True)
-    set_number(case, "startTime", time_name(interval.begin))
-    if interval.index:
-        map_fields(out, intervals[interval.index - 1], interval, ranks, steps.first)
-    sweep = read_sweep(out, interval.name)
-    planform = read_planform(out, interval.mesh)
-    if ranks.count > 1:
-        _decompose(case, sweep, planform, ranks)
+    planform, sweep = read_planform(out, interval.mesh), read_sweep(out, interval.name)
+    if not done:
+        # interrupted from here on, this interval and those after it start from the beginning
+        for later in reversed(intervals[interval.index :]):
+            for stale in (STATE, PROGRESS):
+                (out / "case" / later.name / stale).unlink(missing_ok=True)
+        for folder in case.iterdir():
+            time = re.fullmatch(r"[0-9.e-]+", folder.name) and folder.name != "0"
+            if folder.is_dir() and (
+                time or folder.name.startswith(("processor", "postProcessing"))
+            ):
+                shutil.rmtree(folder)
+        set_number(case, "startTime", time_name(interval.begin))
+        if interval.index:
+            map_fields(out, intervals[interval.index - 1], interval, ranks, steps.first)
+        if ranks.count > 1:
+            _decompose(case, sweep, planform, ranks)
     if interval.moving:
-        _write_motion(
-            case, read_motion(out, interval.mesh), sweep, planform, ranks, steps.times, quiet
-        )
-    write_text(case / STATE, json.dumps(wanted))
+        motion = read_motion(out, interval.mesh)
+        _write_motion(case, motion, sweep, planform, ranks, steps.times, quiet)
+    if not done:
+        write_text(case / STATE, json.dumps(wanted))
 
 
-def _write_motion(case: Path, motion: NodeMotion, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks, times: np.ndarray,
-                  quiet: bool) -> None:  # fmt: skip
+def _write_motion(
+    case: Path,
+    motion: NodeMotion,
+    sweep: xr.Dataset,
+    planform: xr.Dataset,
+    ranks: Ranks,
+    times: np.ndarray,
+    quiet: bool,
+) -> None:
     node, level, kind = sweep["node"].values, sweep["level"].values, str(planform.attrs["model"])
     driving = (level == 0) | ((level == planform.sizes["level"] - 1) & (kind == "full"))
     points = [np.arange(len(node))]
     if ranks.count > 1:
-        points = [
-            labels_of(block)
-            for block in ranks.contents(case, "constant/polyMesh/pointProcAddressing")
-        ]
+        addressing = ranks.contents(case, "constant/polyMesh/pointProcAddressing")
+        points = [labels_of(block) for block in addressing]
     done = write_frames(
         ranks.folders(case), motion, [node[p] for p in points], [driving[p] for p in points],
         times, flat=kind == "2d", collated=ranks.collated,

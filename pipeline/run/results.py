@@ -20,7 +20,7 @@ from pipeline.run.map_fields import field_mappings
 from pipeline.run.power_terms import integrals
 
 
-def forces(case: Path, per_finger: int) -> np.ndarray:
+def _forces(case: Path, per_finger: int) -> np.ndarray:
     """Columns FORCES: force of the water on one whole finger (the left of two), N."""
     raw = read_function_object(case / "postProcessing" / "forces", "force.dat")
     table = raw[:, [0, 1, 2, 3, 4, 5, 7, 8]].copy()
@@ -30,7 +30,7 @@ def forces(case: Path, per_finger: int) -> np.ndarray:
     return table
 
 
-def power(case: Path, density: float, viscosity: float, copies: int) -> np.ndarray:
+def _power(case: Path, density: float, viscosity: float, copies: int) -> np.ndarray:
     """Columns POWER for the whole tank (all fingers), which holds `copies` of the computed part."""
     raw = read_function_object(case / "postProcessing" / "volumes", "volFieldValue.dat")
     times, square, gradient, half_vorticity = raw.T
@@ -43,9 +43,9 @@ def power(case: Path, density: float, viscosity: float, copies: int) -> np.ndarr
 
 
 def power_balance(table: np.ndarray, terms: np.ndarray) -> dict[str, Any]:
-    """Work = kinetic energy + what each term of `terms` (POWER_TERMS) has taken + what is left unexplained.
+    """Work = kinetic energy + energy taken by each of `terms` (POWER_TERMS) + an unexplained rest.
 
-    `closure` is what the resolved dissipation of `table` (POWER), by gradients in the cells, does not account for.
+    `closure`: the rest after the resolved dissipation of `table` (POWER).
     """
     time = np.concatenate([[0.0], table[:, 0]])
     rate = np.vstack([np.zeros(2), table[:, [1, 3]]])
@@ -67,28 +67,28 @@ def power_balance(table: np.ndarray, terms: np.ndarray) -> dict[str, Any]:
     }
 
 
-STEP = re.compile(
+_STEP = re.compile(
     r" (\S+) max: (\S+)\n.*?^Time = (\S+)\n(.*)^ExecutionTime = .*ClockTime = (\d+) s",
     re.MULTILINE | re.DOTALL,
 )
-CONTINUITY = re.compile(r"time step continuity errors : sum local = (\S+), global = (\S+),")
-PRESSURE = re.compile(r"Solving for p,.* No Iterations (\d+)")
+_CONTINUITY = re.compile(r"time step continuity errors : sum local = (\S+), global = (\S+),")
+_PRESSURE = re.compile(r"Solving for p,.* No Iterations (\d+)")
 
 
 def history(log: Path) -> np.ndarray:
-    """Columns HISTORY from the solver's log; a resumed run replaces what it repeats, and its clock is added."""
+    """Columns HISTORY from the solver's log; a resumed run replaces the rows that it repeats."""
     rows: dict[float, list[float]] = {}
     earlier = clock = 0.0
     for block in re.split(r"(?m)^Courant Number mean:", log.read_text(errors="replace"))[1:]:
-        step = STEP.match(block)
+        step = _STEP.match(block)
         if step is None:
             continue  # cut off where the run was killed; the resumed run repeats it
         mean, largest, time, solution, seconds = step.groups()
         if float(seconds) < clock:  # resumed: the solver's clock starts again
             earlier += clock
         clock = float(seconds)
-        continuity = CONTINUITY.findall(solution)[-1]
-        iterations = sum(map(int, PRESSURE.findall(solution)))
+        continuity = _CONTINUITY.findall(solution)[-1]
+        iterations = sum(map(int, _PRESSURE.findall(solution)))
         rows[float(time)] = [
             *map(float, (time, mean, largest, *continuity, iterations)),
             earlier + clock,
@@ -96,8 +96,8 @@ def history(log: Path) -> np.ndarray:
     return np.array([rows[time] for time in sorted(rows)])
 
 
-def mesh_quality(path: Path) -> dict[str, float]:
-    """Worst of each measure of mesh_quality.csv over the stroke; StageError where there is no such table."""
+def _mesh_quality(path: Path) -> dict[str, float]:
+    """Worst of each measure of mesh_quality.csv over the stroke."""
     table = MESH_QUALITY.read(path)
     worst = {"max_non_orthogonality_deg": max, "max_skewness": max, "min_area_ratio": min}
     return {name: float(pick(table[name])) for name, pick in worst.items()}
@@ -108,8 +108,8 @@ def copies_of(planform: xr.Dataset) -> int:
     return PER_FINGER[str(planform.attrs["model"])] * (2 if planform.attrs["mirror"] else 1)
 
 
-def joined(intervals: tuple[Interval, ...], tables: list[np.ndarray]) -> np.ndarray:
-    """One table of those of all intervals, whose first column is the time: overlaps are left out."""
+def _joined(intervals: tuple[Interval, ...], tables: list[np.ndarray]) -> np.ndarray:
+    """One table (time, …) of those of all intervals, without their overlaps."""
     return np.vstack(
         [
             table[table[:, 0] > interval.start + 1e-9]
@@ -120,7 +120,7 @@ def joined(intervals: tuple[Interval, ...], tables: list[np.ndarray]) -> np.ndar
 
 def collect_results(out: Path, intervals: tuple[Interval, ...], cells: list[int], density: float,
                     viscosity: float, terms: np.ndarray) -> dict[str, Any]:  # fmt: skip
-    """Write run/forces.csv, power.csv, power_terms.csv and history.csv of all intervals joined; returns their summary for run.json.
+    """Write the tables of run/, all intervals joined; returns their summary for run.json.
 
     `cells`: of the mesh of each interval; `terms`: rows POWER_TERMS of the computed part.
     """
@@ -129,20 +129,20 @@ def collect_results(out: Path, intervals: tuple[Interval, ...], cells: list[int]
     logs = [history(case / LOG) for case in cases]
     for earlier, later in pairwise(logs):
         later[:, -1] += earlier[-1, -1]  # the clocks add up
-    log = joined(intervals, logs)
-    force = [forces(case, PER_FINGER[str(planform.attrs["model"])]) for case in cases]
-    parts = [power(case, density, viscosity, copies_of(planform)) for case in cases]
-    energy = joined(intervals, parts)
+    log = _joined(intervals, logs)
+    force = [_forces(case, PER_FINGER[str(planform.attrs["model"])]) for case in cases]
+    parts = [_power(case, density, viscosity, copies_of(planform)) for case in cases]
+    energy = _joined(intervals, parts)
     terms = np.column_stack([terms[:, 0], copies_of(planform) * terms[:, 1:]])
     POWER_TERMS.write(out / "run" / "power_terms.csv", terms)
-    FORCES.write(out / "run" / "forces.csv", joined(intervals, force))
+    FORCES.write(out / "run" / "forces.csv", _joined(intervals, force))
     POWER.write(out / "run" / "power.csv", energy)
     HISTORY.write(out / "run" / "history.csv", log)
     return {
         "cells": cells[0],
         "courant_max": float(np.nanmax(log[:, 2])),
         "continuity_max": float(np.nanmax(np.abs(log[:, 3]))),
-        "mesh_quality": mesh_quality(out / "mesh_quality.csv"),
+        "mesh_quality": _mesh_quality(out / "mesh_quality.csv"),
         "power_balance": power_balance(energy, terms),
         "intervals": [
             {"start": i.start, "end": i.end, "mesh": i.mesh, "moving": i.moving, "cells": count}

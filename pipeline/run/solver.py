@@ -1,4 +1,4 @@
-"""The solver of one mesh interval: started from the last complete checkpoint and stopped where a guard finds it wrong."""
+"""The solver of one mesh interval: started from the last checkpoint, stopped by a guard."""
 
 from __future__ import annotations
 
@@ -37,18 +37,21 @@ from pipeline.run.checkpoint import (
 from pipeline.run.guards import FINER, SILENCE, Guard, Watchdog
 
 PROGRESS = "progress.json"  # cost of the interval so far, and whether it has ended
-OUTSIDE = signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGXCPU
-NOTE_EVERY = 10.0  # s between notes of the time spent, for a run that is killed
+_OUTSIDE = signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGXCPU
+_NOTE_EVERY = 10.0  # s between updates of the cost, for a run that is killed
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
 
 
 def read_progress(case: Path) -> dict[str, Any]:
-    """Cost of an interval so far (`wall_time`, `cpu_time`, s), the times it was resumed at, and whether it has `ended`.
+    """Cost of an interval (`wall_time`, `cpu_time`, s), times of its resumptions, whether `ended`.
 
     StageError where the file is damaged.
     """
     path = case / PROGRESS
-    remedy = "delete it and run make again: the solver resumes from its last checkpoint, its cost counts from there"
+    remedy = (
+        "delete it and run make again: the solver resumes from its last checkpoint, its cost counts"
+        " from there"
+    )
     known = read_json(path, remedy) if path.exists() else {}
     return {"wall_time": 0.0, "cpu_time": 0.0, "resumed": []} | known
 
@@ -67,12 +70,20 @@ def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
     write_text(path, text)
 
 
-def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar: tqdm, guard: Guard, resumes: bool = True) -> None:  # fmt: skip
-    """Run the solver to the end of an interval from its last whole checkpoint, or from its beginning where this OpenFOAM
-    does not go on rightly (not `resumes`), unless it has got there before.
+def solve(
+    case: Path,
+    interval: Interval,
+    ranks: Ranks,
+    hosts: Path | None,
+    bar: tqdm,
+    guard: Guard,
+    resumes: bool = True,
+) -> None:
+    """Run the solver to the end of an interval, unless it has ended before.
 
-    StageError where `guard` stops it, it fails by itself, or what it has sampled for a guard of the energy ends before the
-    interval; its files are kept.
+    It starts from the last whole checkpoint, or from the beginning where this OpenFOAM cannot
+    resume (not `resumes`). StageError where `guard` stops it, it fails, or its samples for a guard
+    of the energy end before the interval; its files are kept.
     """
     if has_ended(case, interval):
         return
@@ -104,10 +115,11 @@ def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar:
 
     def stopped(cause: str) -> StageError:
         return StageError(
-            f"stopped at {guard.time:g} s by a guard: {cause}; the fields are kept in {case}: {guard.remedy}"
+            f"stopped at {guard.time:g} s by a guard: {cause}; the fields are kept in {case}:"
+            f" {guard.remedy}"
         )
 
-    # line by line: what a kill leaves in the log is whole lines
+    # line by line: a kill leaves whole lines in the log
     with (
         naming(log),
         open(log, "a" if checkpoint else "w", buffering=1, encoding="utf-8") as output,
@@ -137,7 +149,7 @@ def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar:
                         cpu = ranks.count * float(line.split()[2])
                     if line.startswith("Time = "):
                         watchdog.advance()
-                        if time.monotonic() - noted > NOTE_EVERY:
+                        if time.monotonic() - noted > _NOTE_EVERY:
                             noted = time.monotonic()
                             note()
                         bar.update(min(guard.time, interval.end) - bar.n)
@@ -153,46 +165,40 @@ def solve(case: Path, interval: Interval, ranks: Ranks, hosts: Path | None, bar:
         raise stopped(watchdog.cause)
     if code != 0:
         raise failed(case, guard, code)
-    # of a flow without a body nothing is sampled, and no energy guarded (tests/studies/validation)
+    # a flow without a body has no samples and no guard of the energy (tests/studies/validation)
     sampled = force_times(case)[-1] * (1 + 1e-6) if guard.energy else interval.end
     until = min(sampled, first_damaged(case))
     if until < interval.end:
         check_room(case)
         raise StageError(
-            f"{case / 'postProcessing'}: what the solver has sampled is cut off at {until:g} s, as by a full disk;"
-            " run make again: it resumes before that time"
+            f"{case / 'postProcessing'}: the solver's samples are cut off at {until:g} s, as by a"
+            " full disk; run make again: it resumes before that time"
         )
     if cause := guard.check_energy(ended=True):
         raise stopped(cause)
     for table in [log, *(case / "postProcessing").glob("*/*/*.dat")]:
-        # a power cut must not shorten these files once the interval counts as complete; cut fields and samples are detected
+        # a power cut must not shorten these files once the interval has ended
         settle(table)
     note(ended=True)
 
 
-def killed_by(code: int, tail: str) -> signal.Signals | None:
-    """The signal from outside that ended a solver of this exit code, or one of its ranks, as the `tail` of the log tells."""
-    rank = re.search(r"exited on signal (\d+)", tail)
-    number = -code if code < 0 else int(rank[1]) if rank else code - 128
-    return next((kind for kind in OUTSIDE if kind == number), None)
-
-
 def failed(case: Path, guard: Guard, code: int) -> StageError:
-    """The error for a solver that ended with an exit `code`: numbers that overflowed are a run gone wrong, not a defect.
-
-    OSError where its disk is full.
-    """
+    """The error for a solver that ended with an exit `code`; OSError where its disk is full."""
     check_room(case)
     log = case / LOG
     tail = last_lines(log)
     if re.search(r"Floating point exception|sigFpe|SIGFPE|signal 8", tail):
         return StageError(
-            f"stopped at {guard.time:g} s: the solver's numbers overflowed; the fields are kept in {case}: {FINER}"
+            f"stopped at {guard.time:g} s: the solver's numbers overflowed; the fields are kept in"
+            f" {case}: {FINER}"
         )
-    if kind := killed_by(code, tail):
-        memory = ", as where the memory is used up" if kind == signal.SIGKILL else ""
+    rank = re.search(r"exited on signal (\d+)", tail)
+    number = -code if code < 0 else int(rank[1]) if rank else code - 128
+    if number in _OUTSIDE:
+        memory = ", as where the memory is used up" if number == signal.SIGKILL else ""
         return StageError(
-            f"pimpleFoam was killed at {guard.time:g} s by {kind.name}{memory}; run make again: it resumes from its last checkpoint"
+            f"pimpleFoam was killed at {guard.time:g} s by {signal.Signals(number).name}{memory};"
+            " run make again: it resumes from its last checkpoint"
         )
     return StageError(
         f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{tail}"
@@ -200,12 +206,10 @@ def failed(case: Path, guard: Guard, code: int) -> StageError:
 
 
 def reset_displacement(folders: list[Path], first: str, resumed: str, whole: bool = False) -> None:
-    """Start a resumed run's pointDisplacement from that of the interval's first time; both are folders' names.
+    """Start a resumed run's pointDisplacement from that of the interval's first time's folder.
 
-    `whole`: the files need no closing rule to be whole, as collated ones do not.
-
-    It is computed anew from the frames in the first step, and v1912 cannot read back a list of values on a patch with a
-    patchType ("compound has already been transferred").
+    `whole`: the files are whole without a closing rule, as collated ones. The first step computes
+    it anew from the frames, and v1912 cannot read a list of values on a patch with a patchType.
     """
     for folder in folders:
         content = (folder / first / "pointDisplacement").read_bytes().rstrip()

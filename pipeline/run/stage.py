@@ -1,4 +1,4 @@
-"""Stage run: the solver, interval by interval, through MPI where asked; resumes, guards, and writes its results as tables."""
+"""Stage run: the solver, interval by interval; it resumes, guards and writes tables."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from pipeline.run.solver import BAR, read_progress, solve
 from pipeline.scene.scene import Scene
 
 
-def resumable_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Ranks:
-    """The ranks of an interrupted run where it can be resumed, whose fields lie in the files of its ranks; else `ranks`.
+def _resumable_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Ranks:
+    """The ranks of an interrupted run that can be resumed, else `ranks`.
 
-    `case` is the folder of the first interval, whose mesh is `moving` or not: the others follow it.
+    `case`: folder of the first interval, whose mesh is `moving` or not; the others follow it.
     """
     state = prepared_for(case)
     earlier = Ranks(state.get("ranks", 0), bool(state.get("collated", False)))
@@ -41,20 +41,24 @@ def resumable_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Rank
         return ranks
     if not quiet:
         print(
-            f"run: resumes with {earlier}, not {ranks} (remove {case.parent} to start again from the beginning)"
+            f"run: resumes with {earlier}, not {ranks} (remove {case.parent} to start again from"
+            " the beginning)"
         )
     return earlier
 
 
 def resumes_rightly(version: str, kind: str, pinch: bool, moving: bool) -> bool:
-    """Whether a run that is resumed ends as an undisturbed one. Later versions than v1912 lose the mesh flux of the checkpoint
-    where a symmetry plane needs the geometry first (docs/openfoam_versions.md); in 2-D only a pinch has one."""
+    """Whether a resumed run ends as an undisturbed one.
+
+    Versions after v1912 lose the checkpoint's mesh flux where a symmetry plane needs the geometry
+    first (docs/openfoam_versions.md); in 2-D only a pinch has one.
+    """
     return version == "v1912" or not moving or (kind == "2d" and not pinch)
 
 
 def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
         collated: bool = False) -> Spent:  # fmt: skip
-    """Solve and write run/forces.csv, power.csv, history.csv and, last, run.json; returns the cost of the earlier, interrupted runs.
+    """Solve and write the tables of run/ and, last, run.json; returns the cost of interrupted runs.
 
     `collated`: the ranks share their files.
     """
@@ -68,10 +72,11 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     out, end, step = scene.out, scene.motion.end_time, scene.numerics.time_step
     intervals = read_intervals(out)
     steps = [Steps.of(i.begin, i.end, step) for i in intervals]
-    depth = scene.finger.width * (1.0 if scene.model.kind in ("2d", "full") else 0.5)
+    kind = scene.model.kind
+    depth = scene.finger.width * (1.0 if kind in ("2d", "full") else 0.5)
     fluid = scene.fluid.density, scene.fluid.kinematic_viscosity
+    limit = scene.numerics.max_courant
     try:
-        limit = scene.numerics.max_courant
         guards = [
             guard_of(out, i, s, limit, depth, *fluid) for i, s in zip(intervals, steps, strict=True)
         ]
@@ -85,7 +90,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         useful = max(1, min(ranks, min(cells) // LEAST_CELLS))
         if useful < ranks and not quiet:
             print(f"run: {min(cells)} cells are too few for {ranks} ranks; {useful} used")
-        layout = resumable_ranks(
+        layout = _resumable_ranks(
             cases[0], intervals[0].moving, Ranks(useful, collated and useful > 1), quiet
         )
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver", bar_format=BAR) as bar:
@@ -93,17 +98,8 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                 prepare(out, intervals, interval, layout, its, quiet)
                 before = read_progress(case)
                 earlier += Spent(before["wall_time"], before["cpu_time"])
-                solve(
-                    case,
-                    interval,
-                    layout,
-                    hosts,
-                    bar,
-                    guard,
-                    resumes_rightly(
-                        version, scene.model.kind, scene.pinch is not None, interval.moving
-                    ),
-                )
+                rightly = resumes_rightly(version, kind, scene.pinch is not None, interval.moving)
+                solve(case, interval, layout, hosts, bar, guard, rightly)
                 for folder in layout.folders(case):
                     remove_frames(folder)
                 bar.update(interval.end - bar.n)
@@ -127,7 +123,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         "versions": {"OpenFOAM": version} | versions(),
         "scene": scene.name,
         "level": scene.level,
-        "model": scene.model.kind,
+        "model": kind,
         "ranks": layout.count,
         "collated": layout.collated,
         "time_step": step,
@@ -136,8 +132,9 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     }
     RUN.write(out / "run" / "run.json", about | record | summary)
     if not quiet:
-        balance = summary["power_balance"]
+        rest = 100 * abs(summary["power_balance"]["unexplained_fraction"])
         print(
-            f"run: {record['wall_time']:.0f} s of solver, {100 * abs(balance['unexplained_fraction']):.1f} % of the power balance unexplained"
+            f"run: {record['wall_time']:.0f} s of solver, {rest:.1f} % of the power balance"
+            " unexplained"
         )
     return earlier

@@ -1,4 +1,4 @@
-"""What is made of the flow: the laser sheet, the camera's pictures, their PIV, and what counts as a vortex."""
+"""The measurement: laser sheet, camera, PIV and vortices."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from pipeline.scene.section import Count, NotNegative, Number, Pair, Positive, Section, Whole
-from piv.correlation.options import Options
+from piv.correlation.options import WINDOW, Options
 
-MOST_PIXELS = 16_384  # along a side of the camera's picture
+_MOST_PIXELS = 16_384  # along a side of the camera's picture
 
 
 class Sheet(Section):
@@ -28,11 +28,11 @@ class Sheet(Section):
 
 
 class Camera(Section):
-    """The laboratory's camera and seeding; `centre` is the middle of the picture in the tank frame."""
+    """The laboratory's camera and seeding."""
 
-    columns: Annotated[Whole, Field(ge=64, le=MOST_PIXELS)] = 1280
+    columns: Annotated[Whole, Field(ge=64, le=_MOST_PIXELS)] = 1280
     """Of the picture [px]"""
-    rows: Annotated[Whole, Field(ge=64, le=MOST_PIXELS)] = 1024
+    rows: Annotated[Whole, Field(ge=64, le=_MOST_PIXELS)] = 1024
     """Of the picture [px]"""
     scale_mm_per_px: Positive = 0.125
     """Size of a pixel in the sheet [mm/px]"""
@@ -57,7 +57,7 @@ class Camera(Section):
     pairs_every: Annotated[Count, Field(le=10_000)] = 1
     """1: every frame is taken; n: two frames in a row out of every n"""
     truth: bool = False
-    """Whether the exact displacements are written beside the recording: nothing here reads them, and they take a third of the time"""
+    """Write the exact displacements beside the recording: it takes a third of the time"""
     seed: Annotated[Whole, Field(ge=0, lt=2**32)] = 2017
     """Of the particles and the noise"""
 
@@ -71,7 +71,7 @@ class Camera(Section):
 class Piv(Section):
     """How the recording is correlated."""
 
-    window: Annotated[Whole, Field(ge=8, le=512)] = int(Options.window)
+    window: Annotated[Whole, Field(ge=WINDOW[0], le=WINDOW[1])] = int(Options.window)
     """Side of the last windows [px]"""
     spacing: Annotated[Count, Field(le=512)] = Options.spacing
     """Between vectors [px]"""
@@ -92,7 +92,7 @@ class Piv(Section):
 
 
 class Vortices(Section):
-    """What counts as a vortex."""
+    """Which vortices count, and how they are fitted."""
 
     min_circulation: Annotated[Positive, Field(le=1e3)] = 2e-4
     """Least size that counts [m²/s]"""

@@ -1,4 +1,4 @@
-"""What a run of a scene will take, roughly: cells, steps, memory, disk and time, before anything is made."""
+"""The predicted size of a scene's run: cells, steps, memory, disk and time."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-MEMORY_PER_CELL = 2e3  # bytes: of pimpleFoam with GAMG
-SECONDS_PER_CELL = 2.4e-6  # a run, kinematics to solver, over cells, time steps and pressure correctors (docs/tradeoff.md: 2.1 to 2.5e-6)
-CHECKPOINT_PER_CELL = 400.0  # bytes: fields, fluxes and points with their old times
-SHEET_PER_POINT = 21.0  # bytes: five fields and a mark
+_MEMORY_PER_CELL = 2e3  # bytes: of pimpleFoam with GAMG
+# of a run by cell, time step and pressure corrector (docs/tradeoff.md: 2.1 to 2.5e-6)
+_SECONDS_PER_CELL = 2.4e-6
+_CHECKPOINT_PER_CELL = 400.0  # bytes: fields, fluxes and points with their old times
+_SHEET_PER_POINT = 21.0  # bytes: five fields and a mark
 
 
 @dataclass(frozen=True)
@@ -26,13 +27,13 @@ class Size:
 
     def __str__(self) -> str:
         return (
-            f"about {self.cells:.2g} cells, {self.steps:.3g} steps, {self.memory / 1e9:.2g} GB of memory,"
-            f" {self.disk / 1e9:.2g} GB of disk, {self.cpu / 3600:.2g} h of CPU time"
+            f"about {self.cells:.2g} cells, {self.steps:.3g} steps, {self.memory / 1e9:.2g} GB of"
+            f" memory, {self.disk / 1e9:.2g} GB of disk, {self.cpu / 3600:.2g} h of CPU time"
         )
 
 
 def predicted(scene: Any) -> Size:
-    """Each within a factor of three or so."""
+    """The size of a scene's run, each number within a factor of about three."""
     numerics, camera, end = scene.numerics, scene.camera, scene.motion.end_time
     cells, steps = estimated_cells(scene), end / numerics.time_step
     rate = camera.frame_rate_hz or scene.sheet.rate_hz
@@ -42,17 +43,11 @@ def predicted(scene: Any) -> Size:
         * numerics.pressure_correctors
         * (1 + numerics.non_orthogonal_correctors)
     )
-    disk = checkpoints(scene) * cells * CHECKPOINT_PER_CELL
-    disk += end * scene.sheet.rate_hz * sheet_points(scene) * SHEET_PER_POINT
+    disk = checkpoints(scene) * cells * _CHECKPOINT_PER_CELL
+    disk += end * scene.sheet.rate_hz * sheet_points(scene) * _SHEET_PER_POINT
     disk += frames * camera.columns * camera.rows * (1 if camera.bits == 8 else 2)
-    return Size(
-        cells,
-        steps,
-        frames,
-        cells * MEMORY_PER_CELL,
-        disk,
-        cells * steps * solutions * SECONDS_PER_CELL,
-    )
+    cpu = cells * steps * solutions * _SECONDS_PER_CELL
+    return Size(cells, steps, frames, cells * _MEMORY_PER_CELL, disk, cpu)
 
 
 def checkpoints(scene: Any) -> float:
@@ -77,9 +72,8 @@ def estimated_cells(scene: Any) -> float:
     mesh, finger, body = scene.mesh, scene.finger, scene.body
     length = body.size if body else finger.length + finger.tip.length
     perimeter = 2 * (length + (body.thickness or body.size if body else finger.thickness))
-    around = (
-        2 * length * 2 * mesh.near_distance + np.pi * mesh.near_distance**2
-    )  # of the path of the tip
+    near = mesh.near_distance
+    around = 2 * length * 2 * near + np.pi * near**2  # of the path of the tip
     triangles = 2.3 * (
         around / mesh.near_cell**2
         + scene.tank.size[0] * scene.tank.water_depth / mesh.far_cell**2

@@ -1,4 +1,4 @@
-"""Reading scene.toml: tables, and what they inherit from the scene that they extend."""
+"""Reading scene.toml: its tables, merged with those of the scenes that it extends."""
 
 from __future__ import annotations
 
@@ -11,34 +11,31 @@ from fileio.errors import StageError, meant
 from fileio.json_text import flat
 from fileio.toml_text import read_toml
 
-FILE_KEYS = {
-    "states",
-    "pressure_csv",
-    "recording",
-    "shapes",
-    "path_csv",
-}  # of [motion]: relative to the scene that gives them
-REPLACED = {"parameters"}  # of a material's law: those of another law would be left over
-# of [motion]: one of them that is given, and not empty, takes the place of the others
-HISTORIES = {"pressure_csv": {"strokes", "start_pressure_kpa"}, "strokes": {"pressure_csv"}}
-OWN_STATES = "kinematics/states.h5"  # where make fea writes them; in a scene's folder they hold for the scene
+# of [motion]: files, relative to the scene that names them
+FILE_KEYS = {"states", "pressure_csv", "recording", "shapes", "path_csv"}
+_REPLACED = {"parameters"}  # of a material's law: those of another law would be left over
+# of [motion]: a key that is not empty replaces the others
+_HISTORIES = {"pressure_csv": {"strokes", "start_pressure_kpa"}, "strokes": {"pressure_csv"}}
+OWN_STATES = "kinematics/states.h5"  # of make fea: in a scene's folder they replace a parent's
 
 
 def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     """`base` with the entries of `over`, table by table."""
     merged = dict(base)
-    for key in HISTORIES.keys() & over.keys():
-        for other in HISTORIES[key] if over[key] else ():
+    for key in _HISTORIES.keys() & over.keys():
+        for other in _HISTORIES[key] if over[key] else ():
             merged.pop(other, None)
     for key, value in over.items():
-        both = isinstance(value, dict) and isinstance(merged.get(key), dict) and key not in REPLACED
+        both = (
+            isinstance(value, dict) and isinstance(merged.get(key), dict) and key not in _REPLACED
+        )
         merged[key] = merge(merged[key], value) if both else value
     return merged
 
 
 @dataclass(frozen=True)
 class Layer:
-    """One scene.toml of a chain of `extends`: what it says at every level, and what it adds at each."""
+    """One scene.toml of a chain of `extends`: its tables for all levels, and those of each."""
 
     path: Path
     base: dict[str, Any]
@@ -46,7 +43,7 @@ class Layer:
 
 
 def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
-    """A scene.toml after all that it extends in turn; names of files hold from the folder of the last. Raises StageError."""
+    """A scene.toml after all that it extends; file names are relative to its folder. StageError."""
     try:
         table = read_toml(path)
     except FileNotFoundError:
@@ -55,9 +52,7 @@ def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
         ) from None
     parent = table.pop("extends", None)
     levels = table.pop("levels", {})
-    if not isinstance(levels, dict) or not all(
-        isinstance(level, dict) for level in levels.values()
-    ):
+    if not (isinstance(levels, dict) and all(isinstance(v, dict) for v in levels.values())):
         raise StageError(f"{path}: levels: give tables, as [levels.coarse]")
     layers = [Layer(path, table, levels)]
     if parent is None:
@@ -73,7 +68,8 @@ def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
     if not base.is_file():
         beside = (found.parent.name for found in base.parent.parent.glob("*/scene.toml"))
         raise StageError(
-            f"{path}: extends = {parent!r}: no scene is there{meant(base.parent.name, beside)}; give its folder"
+            f"{path}: extends = {parent!r}: no scene is there{meant(base.parent.name, beside)};"
+            " give its folder"
         )
     inherited = read_layers(base, chain)
     for layer in inherited:
@@ -83,10 +79,10 @@ def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
 
 
 def resolve(layers: list[Layer], level: str) -> tuple[dict[str, Any], dict[str, Path]]:
-    """The tables of a scene at a level, and the values of a parent's level that a child's own replaced.
+    """The tables of a scene at a level, and values of a parent's level that a child replaced.
 
-    Order: what a parent says, what it adds at the level, what its child says, what that adds at the level. The second
-    result has dotted keys and the file whose value, given for all levels, holds. Raises StageError.
+    Later ones win: the parent's tables, those of its level, the child's, those of its level. The
+    second result: the file that replaced a level's value for all levels, by dotted key. StageError.
     """
     names = _level_chain(layers, level)
     table: dict[str, Any] = {}
@@ -113,8 +109,9 @@ def _level_chain(layers: list[Layer], level: str) -> list[str]:
     for layer in layers:
         levels = merge(levels, layer.levels)
     if level not in levels:
+        known = ", ".join(sorted(levels)) or "missing"
         raise StageError(
-            f"{path}: no level {level!r}{meant(level, levels)}; the levels are {', '.join(sorted(levels)) or 'missing'}"
+            f"{path}: no level {level!r}{meant(level, levels)}; the levels are {known}"
         )
     names = [level]
     while (parent := levels[names[0]].get("extends")) is not None:
@@ -128,9 +125,9 @@ def _level_chain(layers: list[Layer], level: str) -> list[str]:
 
 
 def _move_files(motion: Any, folder: str, own_states: bool) -> None:
-    """Change names of files that are relative to the parent's `folder` so that they hold for the scene that extends it.
+    """Make file names in the parent's `folder` relative to the scene that extends it.
 
-    With `own_states`, the scene's own bending states take the place of the parent's.
+    With `own_states`, the scene's own bending states replace the parent's.
     """
     for key in FILE_KEYS & motion.keys() if isinstance(motion, dict) else ():
         if isinstance(motion[key], str):

@@ -1,4 +1,4 @@
-"""What a scene says of a rigid body in place of a finger: its shape, and how it moves."""
+"""The table of a rigid body in place of a finger, and the law of its motion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pipeline.scene.section import NotNegative, Number, Pair, Positive, Section,
 
 
 class RigidBody(Section):
-    """A rigid body, m; `centre` is where it begins, `depth` its extent along z (2-D: forces are those on this depth)."""
+    """A rigid body in place of a finger; lengths in m."""
 
     shape: Literal["circle", "plate"]
     """Of its section"""
@@ -51,8 +51,8 @@ class RigidBody(Section):
 class Law(Section):
     """A displacement (m, along `direction_deg`) or a rotation (deg, counter-clockwise) over time.
 
-    `sine`: amplitude · sin(2π (t − start) / period). `power`: the speed is rate · (t − start)^exponent. Both begin
-    through a smooth step of `smoothing` s that multiplies the amplitude, or the speed.
+    Both kinds begin through a smooth step of `smoothing` s that multiplies the amplitude, or the
+    speed.
     """
 
     kind: Literal["sine", "power"]
@@ -79,6 +79,7 @@ class Law(Section):
             for key in keys:
                 if (kind == self.kind) != (getattr(self, key) is not None):
                     raise ValueError(
-                        f"kind = '{self.kind}' takes {' and '.join(wanted[self.kind])}, no more and no less"
+                        f"kind = '{self.kind}' takes {' and '.join(wanted[self.kind])}, no more and"
+                        " no less"
                     )
         return self

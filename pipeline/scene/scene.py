@@ -32,7 +32,7 @@ from pipeline.scene.sections import (
     Tank,
 )
 
-PAPER_CLEARANCE = 0.1  # m of water, or more, below the tip in the experiment
+_PAPER_CLEARANCE = 0.1  # m of water, or more, below the tip in the experiment
 
 
 class Scene(Section):
@@ -48,7 +48,7 @@ class Scene(Section):
     tank: Tank = Tank()
     fluid: Fluid = Fluid()
     finger: Finger
-    body: RigidBody | None = None  # in the finger's place: validation against what is known of it
+    body: RigidBody | None = None  # in the finger's place
     pinch: Pinch | None = None
     support: Support | None = None
     motion: Motion
@@ -66,8 +66,9 @@ class Scene(Section):
     @model_validator(mode="before")
     @classmethod
     def _follow_from_other_sections(cls, table: dict[str, Any]) -> dict[str, Any]:
-        """What is not given: a pinch is a quarter; a rigid body takes the finger's place, its centre the root and its depth the
-        width; lengths are those of a finger of 70 mm, scaled with the finger or body.
+        """Defaults from other sections: a pinch is a quarter; a rigid body replaces the finger.
+
+        Lengths are those of a finger of 70 mm, scaled with the finger or body.
         """
         table = dict(table)
         if table.get("pinch") is not None:
@@ -77,14 +78,13 @@ class Scene(Section):
             if "finger" in table:
                 raise ValueError("give either finger or body")
             table["finger"] = {"root": body["centre"], "width": body.get("depth", 1.0)}
-        given = body or table.get("finger")
-        given = given if isinstance(given, dict) else {}
-        size = given.get("diameter", given.get("chord", given.get("length", FINGER_LENGTH)))
+        thing = body or table.get("finger")
+        thing = thing if isinstance(thing, dict) else {}
+        size = thing.get("diameter", thing.get("chord", thing.get("length", FINGER_LENGTH)))
         for name, section, keys in (("mesh", Mesh, SCALED), ("sheet", Sheet, ("margin",))):
             own = table.get(name, {})
-            if isinstance(own, dict) and isinstance(
-                size, int | float
-            ):  # else the section's own check tells
+            # otherwise the section's own check complains
+            if isinstance(own, dict) and isinstance(size, int | float):
                 scale = size / FINGER_LENGTH
                 table[name] = {key: section.model_fields[key].default * scale for key in keys} | own
         return table
@@ -114,43 +114,41 @@ class Scene(Section):
         return self.model_copy(update={"finger": finger})
 
     def remarks(self) -> list[str]:
-        """What holds otherwise than a reader of the scene may think, a sentence each."""
-        said = list(self.notes)
+        """Warnings about a scene that is valid but may not be as its author thinks."""
+        remarks, motion = list(self.notes), self.motion
         above = self.finger.root[1] - self.finger.length - self.finger.tip.length
-        if self.body is None and above < PAPER_CLEARANCE:
-            said.append(
-                f"warning: finger.root = {list(self.finger.root)} leaves the straight finger {above:.3g} m above the"
-                f" bottom, less than the experiment's {PAPER_CLEARANCE:g} m: the bottom may be felt"
+        if self.body is None and above < _PAPER_CLEARANCE:
+            remarks.append(
+                f"warning: finger.root = {list(self.finger.root)} leaves the straight finger"
+                f" {above:.3g} m above the bottom, less than the experiment's {_PAPER_CLEARANCE:g}"
+                " m: the bottom may be felt"
             )
-        if self.motion.states and self.motion.source not in ("fea", "structure"):
-            said.append(f"motion.states is not used: motion.source = {self.motion.source!r}")
-        elif (self.motion.states or "").endswith(".h5") and self.actuator.get("width") not in (
-            None,
-            self.finger.width,
-        ):
-            said.append(
-                f"warning: finger.width = {self.finger.width:g} m, but the bending states are of actuator.width ="
-                f" {self.actuator['width']:g} m; make them equal for an own finger"
+        width, analysed = self.finger.width, self.actuator.get("width")
+        if motion.states and motion.source not in ("fea", "structure"):
+            remarks.append(f"motion.states is not used: motion.source = {motion.source!r}")
+        elif (motion.states or "").endswith(".h5") and analysed not in (None, width):
+            remarks.append(
+                f"warning: finger.width = {width:g} m, but the bending states are of"
+                f" actuator.width = {analysed:g} m; make them equal for an own finger"
             )
-        said += [
-            f"warning: motion.strokes[{k}] starts at {stroke.start:g} s, not before motion.end_time = {self.motion.end_time:g} s:"
-            " it does nothing"
-            for k, stroke in enumerate(self.motion.strokes)
-            if stroke.start >= self.motion.end_time
+        remarks += [
+            f"warning: motion.strokes[{k}] starts at {stroke.start:g} s, not before motion.end_time"
+            f" = {motion.end_time:g} s: it does nothing"
+            for k, stroke in enumerate(motion.strokes)
+            if stroke.start >= motion.end_time
         ]
         size = predicted(self)
-        room = next(
-            shutil.disk_usage(p).free
-            for p in (self.out, *self.out.absolute().parents)
-            if p.exists()
-        )
+        folder = next(p for p in (self.out, *self.out.absolute().parents) if p.exists())
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-        for kind, wanted, there in (("memory", size.memory, memory), ("disk", size.disk, room)):
+        for kind, wanted, there in (
+            ("memory", size.memory, memory),
+            ("disk", size.disk, shutil.disk_usage(folder).free),
+        ):
             if wanted > there:
-                said.append(
+                remarks.append(
                     f"warning: this takes {size}, but there are {there / 1e9:.3g} GB of {kind} here"
                 )
-        return said
+        return remarks
 
 
 def load_scene(

@@ -1,4 +1,4 @@
-"""What every table of a scene shares: frozen, no unknown keys, no infinities; how one that is wrong is told."""
+"""The base of a scene's tables (frozen, no unknown keys, no infinities), and its complaints."""
 
 from __future__ import annotations
 
@@ -24,5 +24,5 @@ class Section(BaseModel):
 
 
 def validation_sentence(error: ValidationError, model: type[BaseModel], section: str = "") -> str:
-    """All keys that are wrong in a table of a model, below `section` where that was checked by itself, and what to do."""
+    """All complaints about a table of a model; `section`: its name where it was checked alone."""
     return "; ".join(complaints(error.errors(), model, section)) or "scene"

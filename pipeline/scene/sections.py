@@ -51,7 +51,7 @@ class Tip(Section):
 
 
 class Chambers(Section):
-    """The finger's chambers, seen from the gaps between them at rest, which the dorsal side then has; lengths in m."""
+    """The gaps between the finger's chambers at rest, on its dorsal side; lengths in m."""
 
     count: Annotated[Whole, Field(ge=2, le=50)]
     """Of chambers, evenly along the finger [1]"""
@@ -68,7 +68,8 @@ class Chambers(Section):
     def _wedge_above_floor(self) -> Chambers:
         if self.wedge_from < self.floor:
             raise ValueError(
-                f"finger.chambers.wedge_from = {self.wedge_from:g} m lies below floor = {self.floor:g} m; raise it"
+                f"finger.chambers.wedge_from = {self.wedge_from:g} m lies below floor ="
+                f" {self.floor:g} m; raise it"
             )
         return self
 
@@ -76,7 +77,7 @@ class Chambers(Section):
 class Finger(Section):
     """Pose and envelope, m; `root` is the middle of the root in the tank frame.
 
-    Of a pinch it is finger 0, the left one: `root` in scene.toml says x = 0, the loaded scene -pinch.half_distance.
+    Of a pinch it is the left one: `root` is at x = 0 in scene.toml, then at -pinch.half_distance.
     """
 
     root: Pair
@@ -95,15 +96,15 @@ class Finger(Section):
     """Side to which it bends under pressure"""
     tip: Tip = Tip()
     """End of the finger"""
-    chambers: Chambers | None = Field(None, exclude_if=lambda chambers: chambers is None)
+    chambers: Chambers | None = None
     """Gaps between the chambers; absent: the dorsal side is smooth"""
 
 
 Pressure = Annotated[Number, Field(ge=-100, le=500)]  # kPa: no less than a vacuum
 
 
-class Segment(Section):
-    """One stroke of a motion: go to `pressure_kpa` from `start` on, 2 % settled after `duration`, s."""
+class _Segment(Section):
+    """One stroke of a motion: a smooth change to a pressure."""
 
     pressure_kpa: Pressure
     """To go to [kPa]"""
@@ -117,18 +118,18 @@ class Motion(Section):
     """Where shapes and the pressure history come from."""
 
     source: Literal["fea", "paper_equations", "recording", "rigid", "structure"] = "paper_equations"
-    """Where the shapes come from: a bending analysis, the paper's equations, a recording, a rigid body, or loads (COUPLED=1)"""
+    """Of the shapes; "structure": under the water's loads (COUPLED=1)"""
     states: str | None = None
-    """File of the bending states (states.h5 or CSV), for source = "fea" or "structure"; the scene's own kinematics/states.h5, where it is, in place of an inherited one"""
+    """Bending states (states.h5 or CSV), for "fea" and "structure"; own before a parent's"""
     recording: str | None = None
     """File of a motion as a camera saw it (motion.h5), for source = "recording" """
     shapes: str | None = None
-    """File of a motion as pressure and water make it (elastic_motion.h5), for source = "structure" """
+    """File of a motion under loads (elastic_motion.h5), for source = "structure" """
     recording_factor: Annotated[Positive, Field(le=10)] = 1.0
     """On the recording's bending, to measure what an error of it does"""
     start_pressure_kpa: Pressure = 0.0
     """Before the first stroke [kPa]"""
-    strokes: tuple[Segment, ...] = ()
+    strokes: tuple[_Segment, ...] = ()
     """Changes of the pressure, one after the other"""
     pressure_csv: str | None = None
     """File of a measured pressure over time, a CSV with columns t,p (s, Pa), in place of strokes"""
@@ -142,18 +143,18 @@ class Motion(Section):
     rotation: Law | None = None
     """Of a rigid body: law of its turn [deg]"""
     path_csv: str | None = None
-    """Of a rigid body: file of its place along x over time, columns t, x [s, m], in place of a law"""
+    """Of a rigid body: file of its place along x, columns t, x [s, m], in place of a law"""
     path_step: Positive | None = None
     """Of a rigid body: distance between two shapes of the mesh [m or rad]"""
 
     @model_validator(mode="after")
     def _one_history(self) -> Motion:
-        rigid = sum(
-            given is not None for given in (self.displacement, self.rotation, self.path_csv)
-        )
+        laws = (self.displacement, self.rotation, self.path_csv)
+        rigid = sum(law is not None for law in laws)
         if rigid != (self.source == "rigid") or (rigid and (self.strokes or self.pressure_csv)):
             raise ValueError(
-                "motion.source = 'rigid' takes one of motion.displacement, rotation and path_csv, and no strokes"
+                "motion.source = 'rigid' takes one of motion.displacement, rotation and path_csv,"
+                " and no strokes"
             )
         if rigid:
             unused = {
@@ -163,9 +164,9 @@ class Motion(Section):
                 "start_pressure_kpa",
                 "max_bend_step_deg",
             }
-            if given := sorted(unused & self.model_fields_set):
+            for key in sorted(unused & self.model_fields_set):
                 raise ValueError(
-                    f"motion.{given[0]} is a finger's; remove it beside motion.source = 'rigid'"
+                    f"motion.{key} is a finger's; remove it beside motion.source = 'rigid'"
                 )
             return self
         if self.path_step:
@@ -175,13 +176,14 @@ class Motion(Section):
         if self.source == "recording":
             if not self.recording or self.strokes or self.pressure_csv:
                 raise ValueError(
-                    "motion.source = 'recording' needs motion.recording, the path of a motion.h5, and no strokes (strokes = [])"
-                    " and no pressure_csv beside it"
+                    "motion.source = 'recording' needs motion.recording, the path of a motion.h5,"
+                    " and no strokes (strokes = []) and no pressure_csv beside it"
                 )
             return self
         if self.recording or self.recording_factor != 1:
             raise ValueError(
-                "motion.recording and recording_factor belong to motion.source = 'recording'; remove them"
+                "motion.recording and recording_factor belong to motion.source = 'recording';"
+                " remove them"
             )
         if bool(self.strokes) == bool(self.pressure_csv):
             raise ValueError(
@@ -189,26 +191,28 @@ class Motion(Section):
             )
         if self.pressure_csv and self.start_pressure_kpa != 0:
             raise ValueError(
-                "motion.start_pressure_kpa belongs to motion.strokes; remove it beside motion.pressure_csv"
+                "motion.start_pressure_kpa belongs to motion.strokes; remove it beside"
+                " motion.pressure_csv"
             )
         if any(b.start <= a.start for a, b in pairwise(self.strokes)):
             raise ValueError("motion.strokes must start one after the other; sort them by start")
         if self.source in ("fea", "structure") and not self.states:
             raise ValueError(
-                f"motion.source = {self.source!r} needs motion.states, the path of a states.h5 or CSV"
+                f"motion.source = {self.source!r} needs motion.states, the path of a states.h5 or"
+                " CSV"
             )
         if (self.source == "structure") != (self.shapes is not None):
             raise ValueError(
-                "motion.source = 'structure' and motion.shapes, the path of an elastic_motion.h5, belong together; give both"
-                " or neither (make with COUPLED=1 writes them)"
+                "motion.source = 'structure' and motion.shapes, the path of an elastic_motion.h5,"
+                " belong together; give both or neither (make with COUPLED=1 writes them)"
             )
         return self
 
 
 class Structure(Section):
-    """How the finger answers loads, and how its motion is found that pressure and water make together (COUPLED=1).
+    """The finger's answer to loads, and the iteration of its motion under them (COUPLED=1).
 
-    The modelled water (coefficients `added_mass`, `drag`) steers the iteration alone: the larger, the surer and slower.
+    The modelled water steers the iteration alone: larger coefficients make it safer and slower.
     """
 
     bending_stiffness: Positive | None = None
@@ -220,27 +224,22 @@ class Structure(Section):
     drag: Annotated[Positive, Field(le=100)] = 5.0
     """Coefficient of the modelled water's drag, for COUPLED=1 [1]"""
     first_motion: Literal["modelled water", "prescribed"] = "modelled water"
-    """Of the first run of COUPLED=1: under the modelled water alone, or as without load; the last motion must not depend on it"""
+    """Of the first run of COUPLED=1; the last motion must not depend on it"""
     iterations: Annotated[int, Field(ge=1, le=20)] = 8
     """Runs at most, for COUPLED=1 [1]"""
     tolerance: Annotated[Positive, Field(le=1)] = 0.005
-    """What ends COUPLED=1: change of the tip's place from run to run, over the finger's length; energy that is open, over four times the pressure's work [1]"""
+    """Of COUPLED=1: the tip's change over the length, open energy over four times the work [1]"""
 
 
 FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled
-SCALED = (
-    "near_distance",
-    "tip_distance",
-    "tip_transition",
-    "wall_distance",
-    "jet_reach",
-)  # of [mesh]
+# of [mesh]
+SCALED = ("near_distance", "tip_distance", "tip_transition", "wall_distance", "jet_reach")
 
 
 class Mesh(Section):
     """Planform and sweep: target cell sizes and layers, m.
 
-    Defaults of `SCALED` are those of a finger of 70 mm; a scene with another, or with a rigid body, scales them with its size.
+    Defaults of `SCALED` are those of a finger of 70 mm; others scale them with their size.
     """
 
     wall_cell: Positive
@@ -271,17 +270,14 @@ class Mesh(Section):
     """Largest thickness along z between the side edges: what the sheet's vortex needs [m]"""
     layer_growth: Annotated[Number, Field(gt=1, le=5)] = 1.5
     """Of the layers along z with the distance from the edge"""
-    # growth with the distance of the water's cells that begin as large as those beside them at the wall; 0: they jump to wall_cell
     wall_grading: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """Growth, with the distance, of the water's cells that begin as large as those beside them at the wall; 0: they jump to wall_cell"""
+    """Growth of cells with the distance from the wall's; 0: they jump to wall_cell"""
     planform: Literal["triangles", "quads"] = "triangles"
     """Cells beyond the layers at the wall"""
     max_non_orthogonality_deg: Annotated[Positive, Field(lt=90)] = 65.0
     """Of any cell at any time [deg]"""
-    # not exceeded for 95 % of the time
     usual_non_orthogonality_deg: Annotated[Positive, Field(lt=90)] = 70.0
     """Not exceeded for 95 % of the time [deg]"""
-    # pinch: along the plane from the contact, cells stay small
     jet_reach: NotNegative = 0.03
     """Of a pinch: along the plane from the contact, where cells stay small [m]"""
 
@@ -289,15 +285,15 @@ class Mesh(Section):
 class Model(Section):
     """How much of the tank is computed: a plane, half of it (symmetry at the sheet), or all.
 
-    A pinch has a second symmetry plane, x = 0 between its fingers: a `quarter` uses both, and `2d` uses that one too;
-    `half` and `full` then hold both fingers.
+    A pinch has a second symmetry plane, x = 0: `quarter` and `2d` use it, `half` and `full` have
+    both fingers.
     """
 
     kind: Literal["2d", "quarter", "half", "full"] = "half"
     """A plane, a quarter or half of the tank by its planes of symmetry, or all of it"""
 
 
-LONGEST_BALANCE = 2e-3  # s between two samples of power and energy: bursts of 8 ms have been seen
+_LONGEST_BALANCE = 2e-3  # s between two samples of power and energy: bursts of 8 ms have been seen
 
 
 class Numerics(Section):
@@ -311,10 +307,7 @@ class Numerics(Section):
     """OpenFOAM's scheme in time"""
     convection: Literal["LUST", "linearUpwind"] = "LUST"
     """OpenFOAM's scheme of convection"""
-    # values and gradients at faces; a scene that does not ask keeps the hash that it had before this could be asked
-    interpolation: Literal["linear", "skewCorrected"] = Field(
-        default="linear", exclude_if=lambda value: value == "linear"
-    )
+    interpolation: Literal["linear", "skewCorrected"] = "linear"
     """Values and gradients at faces"""
     outer_correctors: Annotated[Count, Field(le=50)] = 1
     """Iterations over momentum and pressure in a step"""
@@ -326,7 +319,7 @@ class Numerics(Section):
     """Courant number at which the run is stopped"""
 
     def sampling_steps(self, rate_hz: float) -> int:
-        """Time steps between two pictures of the sheet; ValueError where that is no whole number."""
+        """Time steps between two pictures of the sheet; ValueError unless a whole number."""
         steps = 1 / (rate_hz * self.time_step)
         if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
             raise ValueError(
@@ -336,10 +329,10 @@ class Numerics(Section):
         return round(steps)
 
     def balance_steps(self, rate_hz: float) -> int:
-        """Time steps between two samples of power and energy: those of the sheet, or a part of them where they are rare.
+        """Time steps between two samples of power and energy: a part of the sheet's, where rare.
 
-        A burst of work between two samples would be missed, and the energy guard take it for energy from nothing.
+        The energy guard would take a burst of work between two samples for energy from nothing.
         """
         sampling = self.sampling_steps(rate_hz)
-        most = max(1, int(LONGEST_BALANCE / self.time_step * (1 + 1e-9)))
+        most = max(1, int(_LONGEST_BALANCE / self.time_step * (1 + 1e-9)))
         return next(k for k in range(min(most, sampling), 0, -1) if sampling % k == 0)

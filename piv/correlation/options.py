@@ -10,6 +10,7 @@ PRESETS = {  # Newton steps at half and at full resolution; how often the freque
     "balanced": (3, 3, 1),
     "accurate": (4, 6, 2),
 }
+WINDOW = (8, 512)  # px: bounds of Options.window
 METHODS = ("correlation", "optical_flow")
 
 
@@ -50,8 +51,9 @@ class Options:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
         if self.method not in METHODS:
             raise ValueError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
-        if not 8 <= self.window <= 512:
-            raise ValueError(f"window must be between 8 and 512 px, got {self.window}")
+        least, most = WINDOW
+        if not least <= self.window <= most:
+            raise ValueError(f"window must be between {least} and {most} px, got {self.window}")
         most = max(self.window, Options.least_window)
         if not 8 <= self.least_window <= most:
             raise ValueError(

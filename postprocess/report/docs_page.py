@@ -13,7 +13,7 @@ from typing import Any
 
 from fileio.atomic import write_bytes, write_text
 from fileio.command import DEFAULT_LEVEL, add_scene
-from fileio.formats.records import COMPARISON, LOSSES, REGIONS, RUN
+from fileio.formats.records import COMPARISON, LOSSES, RUN
 from postprocess.draw.quantity_text import measured_text
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.report.pinch_wording import pinch_table
@@ -76,12 +76,10 @@ The reasons of the tolerances are in `cases/{scene}/reference/findings.toml`.
 
 
 def power_table(balance: dict[str, Any]) -> str:
-    """What has taken the fingers' work, by part and region, as parts of the work."""
+    """The share of the fingers' work that each term has taken."""
     taken, work = balance["taken"], abs(balance["work"]) or 1.0
-    rows = [f"| taken by | {' | '.join(REGIONS)} | in all |", f"|{'---|' * (len(REGIONS) + 2)}"]
-    for loss in LOSSES:
-        cells = [f"{taken[name] / work:.1%}" for name in (*(f"{loss}_{r}" for r in REGIONS), loss)]
-        rows.append(f"| {loss} | {' | '.join(cells)} |")
+    rows = ["| taken by | of the work |", "|---|---|"]
+    rows += [f"| {loss} | {taken[loss] / work:.1%} |" for loss in LOSSES]
     return "\n".join(rows)
 
 

@@ -40,7 +40,7 @@ def finger(tmp_path_factory):
     settings = {"stencil_radius": 0.004, "min_circulation": 2e-4, "weights": "equal"}
     (out / "settings" / "vortices.json").write_text(json.dumps(settings))
     (out / "run" / "run.json").write_text(
-        json.dumps({"format": "run", "format_version": 4, "versions": {}, "scene_hash": "0"})
+        json.dumps({"format": "run", "format_version": 1, "versions": {}, "scene_hash": "0"})
     )
     kinematics = finger_kinematics(out)
     return StageFiles(case, "smoke"), kinematics, vortex_series(kinematics, TIMES, spacing=SPACING)

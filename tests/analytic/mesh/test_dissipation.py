@@ -9,7 +9,7 @@ from fileio.formats.records import POWER_TERMS
 from fileio.formats.sweep import read_sweep
 from pipeline.openfoam.polymesh_files import read_faces
 from pipeline.run.dissipation import face_terms
-from pipeline.run.power_terms import geometry_at, integrals, regions
+from pipeline.run.power_terms import geometry_at, integrals
 from tests.conftest import prepare, write_scene
 
 
@@ -68,18 +68,6 @@ def test_a_uniform_flow_loses_nothing(mesh):
         "linearUpwind",
     )
     assert all(np.abs(term).max() < 1e-12 for term in terms.values())
-
-
-def test_regions_are_told_by_the_distance_from_the_finger():
-    outline = np.array(
-        [[0.0, 0.0], [1.0, 0.0], [1.0, 5.0], [0.0, 5.0]]
-    )  # 12 long: near is within 0.2
-    columns, column = np.array([[1.1, 2.0], [0.5, 2.0], [2.0, 2.0]]), np.array([0, 0, 1, 1, 2])
-    height = np.array([0.0, -1.1, -1.1, -1.3, 0.0])
-    assert regions(columns, column, height, outline, 1.0, False).tolist() == [0, 1, 0, 2, 2]
-    assert regions(columns, column, height, outline, np.inf, False).tolist() == [0, 0, 0, 0, 2]
-    mirrored = np.array([[-1.0, -5.0], [0.0, -5.0], [0.0, 0.0], [-1.0, 0.0]])
-    assert regions(-columns, column[:1], height[:1], mirrored, 1.0, True).tolist() == [0]
 
 
 def test_energies_are_the_integrals_of_powers_from_rest():

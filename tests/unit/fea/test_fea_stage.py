@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from pipeline.stage_settings import update_settings
 
 from fileio.errors import StageError
 from fileio.formats.bending_states import read
 from pipeline.fea.sensitivity import variations
 from pipeline.fea.stage import run
 from pipeline.scene.scene import load_scene
-from pipeline.stage_settings import update_settings
 from tests.finger_cell import ACTUATOR, CASE, FEA
 
 SMALL = (

@@ -5,16 +5,23 @@ import numpy as np
 import pytest
 
 from fileio.errors import StageError
-from fileio.formats.__main__ import PAGE, SCHEMAS, with_tables
+from fileio.formats.__main__ import PAGE, with_tables
 from fileio.hdf5 import whole_netcdf
-from fileio.schema import Schema, Variable
+from fileio.schema import Schema, variables
 
 SCHEMA = Schema(
-    "track", 3, "make it again",
-    (Variable("time", "time", "s", "instants"), Variable("at", "time, axis", "Pa", "place"),
-     Variable("std", "time", "1", "if known", True, finite=False), Variable("width", "-", "m", "of it")),
-    (Variable("node", "node", "1", "number"),),
-)  # fmt: skip
+    "track",
+    "make it again",
+    variables("""
+time  time  s  instants
+at  time, axis  Pa  place
+std?~  time  1  if
+  known
+width  -  m  of it
+"""),
+    variables("node  node  1  number"),
+    version=3,
+)
 GOOD = {"time": np.arange(3.0), "at": np.zeros((3, 2)), "width": 0.1}
 
 
@@ -27,6 +34,7 @@ def test_what_is_written_is_read_with_units_and_the_roots_attributes(tmp_path):
         units={"at": "m"},
     )
     assert SCHEMA.read(path)["at"].attrs == {"units": "m", "long_name": "place"}
+    assert SCHEMA.read(path)["std"].attrs["long_name"] == "if known"
     group = SCHEMA.read(path, "g")
     assert group["node"].values.tolist() == [0, 1, 2, 3]
     assert group.attrs["width"] == 0.1
@@ -73,7 +81,7 @@ def test_missing_damaged_and_foreign_files_are_one_sentence(tmp_path, group):
     path.write_bytes(b"no HDF5")
     with pytest.raises(StageError, match=r"a\.h5: not a readable HDF5 file .*; make it again$"):
         SCHEMA.read(path, group)
-    Schema("other", 3, "", ()).write(path, {})
+    Schema("other", "", ()).write(path, {})
     with pytest.raises(StageError, match=r"a\.h5: format is 'other', not 'track'; make it again$"):
         SCHEMA.read(path, group)
 
@@ -94,5 +102,5 @@ def test_the_page_of_formats_shows_the_schemas():
     """`python -m fileio.formats` writes the tables."""
     page = PAGE.read_text(encoding="utf-8")
     assert with_tables(page) == page
-    with pytest.raises(ValueError, match="no place for 'track'"):
-        with_tables(page, (*SCHEMAS, SCHEMA))
+    with pytest.raises(ValueError, match="no place for 'plane-series'"):
+        with_tables("")

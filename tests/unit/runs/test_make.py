@@ -104,7 +104,7 @@ def test_a_large_file_that_was_deleted_is_not_needed(run: Run) -> None:
 def test_a_stage_that_another_process_makes_is_refused(run: Run) -> None:
     """Two makes at once: the second is refused, and nothing is written."""
     stale = again(run, **{"mesh.tip_cell": 0.003})
-    with exclusive(run.out / "mesh.stage"), pytest.raises(StageError, match="^mesh: .*writing"):
+    with exclusive(run.out / "mesh.stage"), pytest.raises(StageError, match=r"^mesh: .*writing"):
         make(stale, "mesh", ONE, quiet=True)
     assert "mesh" in stale.stale("mesh")
 
@@ -112,7 +112,7 @@ def test_a_stage_that_another_process_makes_is_refused(run: Run) -> None:
 def test_a_failing_stage_is_one_sentence_with_its_name(run: Run) -> None:
     """The error of a stage reaches the caller; its record is gone, so that it is made again."""
     bad = again(run, **{"mesh.max_non_orthogonality_deg": 1.0})
-    with pytest.raises(StageError, match="^mesh: .*non-orthogonality"):
+    with pytest.raises(StageError, match=r"^mesh: .*non-orthogonality"):
         make(bad, "mesh", ONE, quiet=True)
     assert read_record(run.out, "mesh") is None
 

@@ -4,11 +4,11 @@ import json
 import shutil
 
 import pytest
+from pipeline.stage_settings import update_settings
 
 from fileio.errors import StageError
 from pipeline.fea.up_to_date import check_states
 from pipeline.scene.scene import load_scene
-from pipeline.stage_settings import update_settings
 from pipeline.study.plan import plan
 from tests.conftest import ROOT, write_scene
 
