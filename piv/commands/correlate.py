@@ -10,21 +10,16 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import xarray as xr
 
-from fileio.formats.plane_series import FINGER_VARIABLES
-from fileio.hdf5 import open_netcdf
 from piv.commands.settings import add_fields, build, report, run_with
 from piv.correlation.options import Options
 from piv.images.image_files import COLOURS
 from piv.images.open_recording import open_recording
 from piv.images.part_of_recording import part_of_recording
-from piv.sequence.chunks import chunk_path, parse
-from piv.sequence.ensemble import correlate_ensemble_to
 from piv.sequence.sequence import SequenceOptions, correlate_recording
 
 # flags that no dataclass has
-FURTHER = ("ensemble", "chunk", "mask", "roi", "roi_unit", "colour")
+FURTHER = ("chunk", "mask", "roi", "roi_unit", "colour")
 
 
 @dataclass(frozen=True)
@@ -80,12 +75,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_fields(parser, Options)
     add_fields(parser, SequenceOptions)
     parser.add_argument(
-        "--ensemble",
-        action=argparse.BooleanOptionalAction,
-        default=argparse.SUPPRESS,
-        help="one mean field from the summed correlations of all pairs (default no)",
-    )
-    parser.add_argument(
         "--chunk",
         metavar="K/N",
         help="only the K-th of N parts, into a file beside the output; then: piv join OUTPUT",
@@ -115,9 +104,7 @@ def make(
     options, sequence, camera = build(
         {"threads": threads} | settings, Options, SequenceOptions, RecordingCamera, more=FURTHER
     )
-    chunk = parse(settings["chunk"]) if settings.get("chunk") else None
-    if chunk and settings.get("ensemble"):
-        raise ValueError("an ensemble is one field of all pairs; leave out --chunk or --ensemble")
+    chunk = _chunk(settings["chunk"]) if settings.get("chunk") else None
     sources = [source] if isinstance(source, str | Path) else source
     with open_recording(
         sources, frame_rate_hz=camera.frame_rate_hz, colour=settings.get("colour", "refuse")
@@ -149,34 +136,17 @@ def make(
             settings.get("roi"),
             roi_unit=settings.get("roi_unit", "px"),
         )
-        if settings.get("ensemble"):
-            path = correlate_ensemble_to(part, output, options, sequence, quiet=quiet)
-        else:
-            finger = finger_of(sources)
-            path = correlate_recording(
-                part,
-                chunk_path(output, *chunk) if chunk else output,
-                options,
-                sequence,
-                finger=finger,
-                chunk=chunk,
-                quiet=quiet,
-            )
-            if finger is not None:
-                finger.close()
+        path = correlate_recording(part, output, options, sequence, chunk=chunk, quiet=quiet)
     if not quiet:
         report(path)
 
 
-def finger_of(sources: list[Any]) -> xr.Dataset | None:
-    """The finger's variables of a recording file, lazily, or None where there are none."""
-    if len(sources) != 1 or Path(sources[0]).suffix.lower() not in (".h5", ".hdf5"):
-        return None
-    dataset = open_netcdf(sources[0], decode_times=False)
-    if not any(name in dataset for name in FINGER_VARIABLES):
-        dataset.close()
-        return None
-    return dataset
+def _chunk(text: str) -> tuple[int, int]:
+    """(k, n) of "k/n"."""
+    number, _, of = text.partition("/")
+    if not (number.isdecimal() and of.isdecimal()):
+        raise ValueError(f"chunk must be k/n, such as 2/8, got {text!r}")
+    return int(number), int(of)
 
 
 run = partial(run_with, make)

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import xarray as xr
 
-from piv.correlation.options import Options
+from piv.correlation.options import Options, grid
 from piv.correlation.pair_images import check_images, check_masks
-from piv.correlation.passes import grid, vector_dataset
+from piv.correlation.passes import vector_dataset
 
 
 def optical_flow(a: Any, b: Any, mask: Any, options: Options) -> xr.Dataset:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+
 PRESETS = {  # Newton steps at half and at full resolution; how often the frequency weights are measured
     "fast": (2, 2, 1),
     "balanced": (3, 3, 1),
@@ -12,6 +14,12 @@ PRESETS = {  # Newton steps at half and at full resolution; how often the freque
 }
 WINDOW = (8, 512)  # px: bounds of Options.window
 METHODS = ("correlation", "optical_flow")
+
+
+def grid(length: int, spacing: float) -> np.ndarray:
+    """Positions `spacing` px apart, as many as fit into `length`, centred."""
+    n = max(int(length // spacing), 2)
+    return (length - 1 - (n - 1) * spacing) / 2 + spacing * np.arange(n)
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,11 @@ class Options:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
         if not 0 <= self.max_masked < 1 or not -1 <= self.min_correlation < 1:
             raise ValueError("max_masked must be within 0 … 1 and min_correlation within -1 … 1")
+
+    def axes(self, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """x and y (px, y up, ascending) of the vectors of images of `shape`."""
+        x, rows = (grid(length, self.spacing) for length in shape[::-1])
+        return x, shape[0] - 1 - rows[::-1]
 
     @property
     def sigma(self) -> float:

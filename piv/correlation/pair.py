@@ -31,7 +31,7 @@ from piv.correlation.buffers import image_buffers
 from piv.correlation.deform import Nodes
 from piv.correlation.fft_pass import window_maps
 from piv.correlation.newton_step import CELL
-from piv.correlation.options import Options
+from piv.correlation.options import Options, grid
 from piv.correlation.pair_images import Prepared
 from piv.correlation.passes import Displacements, vector_dataset
 from piv.correlation.steep_regions import measure_steep_regions
@@ -115,13 +115,6 @@ def both_seen(seen: list[np.ndarray | None]) -> np.ndarray | None:
     return np.logical_and.reduce(masks) if masks else None
 
 
-def vector_axes(shape: tuple[int, int], options: Options) -> tuple[np.ndarray, np.ndarray]:
-    """x and y (px, y up, ascending) of the vectors of images of `shape`."""
-    return passes.grid(shape[1], options.spacing), shape[0] - 1 - passes.grid(
-        shape[0], options.spacing
-    )[::-1]
-
-
 @lru_cache(4)
 def nodes_of(shape: tuple[int, int], options: Options) -> tuple[Nodes, Nodes, tuple[slice, slice]]:
     """The nodes at half and at full resolution, and the slices (rows, columns) that select the requested vectors.
@@ -132,7 +125,7 @@ def nodes_of(shape: tuple[int, int], options: Options) -> tuple[Nodes, Nodes, tu
     k = int(np.ceil(options.spacing / max(options.window / 4, 1)))
     axes, keep = [], []
     for length in (shape[1], shape[0]):
-        asked = passes.grid(length, options.spacing)
+        asked = grid(length, options.spacing)
         if k > 1:
             step = options.spacing / k
             before = int((asked[0] + 0.5) // step)

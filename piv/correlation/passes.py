@@ -15,7 +15,7 @@ from piv.correlation import fft_pass, prefilter
 from piv.correlation.deform import Image, Nodes, spline_value
 from piv.correlation.interpolate import bilinear
 from piv.correlation.newton_step import newton_step
-from piv.correlation.options import Options
+from piv.correlation.options import Options, grid
 from piv.validation.outliers import fill_absent, normalised_median
 
 FFT_WINDOWS = (64, 32)  # at half resolution
@@ -52,12 +52,6 @@ class Displacements:
     def near(self) -> np.ndarray | None:
         """Vectors (bool) of small windows, to be tested against the nearest neighbours only."""
         return None if self.ratio is None else self.ratio < NEAR
-
-
-def grid(length: int, spacing: float) -> np.ndarray:
-    """Positions `spacing` px apart, as many as fit into `length`, centred."""
-    n = max(int(length // spacing), 2)
-    return (length - 1 - (n - 1) * spacing) / 2 + spacing * np.arange(n)
 
 
 def vector_dataset(

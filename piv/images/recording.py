@@ -9,9 +9,8 @@ import cv2
 import numpy as np
 
 LARGEST_CHUNK = 2**28  # px that reading one frame may bring into memory
-cv2.utils.logging.setLogLevel(
-    cv2.utils.logging.LOG_LEVEL_SILENT
-)  # each failure becomes one sentence of ours
+# each failure becomes one sentence of ours
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
 class Recording:
@@ -31,11 +30,11 @@ class Recording:
         self.attrs: dict[str, Any] = {}
         self.times: np.ndarray | None = None
         self.lossy = False  # saved in a format that leaves out detail
-        self.corner_px = (
-            0.0,
-            0.0,
-        )  # of the lower left pixel, in the picture that coordinates are of
+        # of the lower left pixel, in the picture that coordinates refer to
+        self.corner_px = (0.0, 0.0)
         self.key: Any = None  # of what is not in the frames: masks, region
+        # shape per frame of the finger variables, which `variable` reads
+        self.finger: dict[str, tuple[int, ...]] = {}
         if frame_rate_hz is not None:
             self.attrs["frame_rate_hz"] = float(frame_rate_hz)
             self.times = np.arange(count) / float(frame_rate_hz)
@@ -67,14 +66,18 @@ class Recording:
             self.attrs.setdefault("bits", 8 * image.dtype.itemsize)
         elif image.shape != self._shape:
             raise ValueError(
-                f"{self._frame_name(i)}: {image.shape[1]}x{image.shape[0]} px, "
-                f"but the recording began with {self._shape[1]}x{self._shape[0]} px; give pictures of one size"
+                f"{self._frame_name(i)}: {image.shape[1]}x{image.shape[0]} px, but the recording "
+                f"began with {self._shape[1]}x{self._shape[0]} px; give pictures of one size"
             )
         return image
 
     def mask(self, i: int) -> np.ndarray | None:
         """The body in frame `i` where the recording knows it."""
         return None
+
+    def variable(self, name: str, frames: slice) -> np.ndarray:
+        """A variable of `finger` at some frames (frame, ...)."""
+        raise NotImplementedError
 
     def __iter__(self) -> Iterator[np.ndarray]:
         return (self.frame(i) for i in range(self.count))

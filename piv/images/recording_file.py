@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fileio.errors import one_line
+from fileio.formats.plane_series import FINGER_VARIABLES
 from fileio.formats.recording import open_recording_file
 from piv.images.recording import LARGEST_CHUNK, Recording
 
@@ -21,6 +22,8 @@ ATTRIBUTES = (
     "frame_rate_hz",
     "camera",
     "seed",
+    "scene_hash",
+    "tip_width",
 )
 
 
@@ -36,6 +39,9 @@ class RecordingFile(Recording):
                 k: _scalar(v) for k, v in self._file.attrs.items() if k in ATTRIBUTES
             } | self.attrs
             self._check_attributes()
+            self.finger = {
+                name: self._file[name].shape[1:] for name in FINGER_VARIABLES if name in self._file
+            }
             if frame_rate_hz is None and "time" in self._file:
                 self.times = self._numbers("time", (count,))
         except HDF5_ERRORS as error:
@@ -49,7 +55,8 @@ class RecordingFile(Recording):
         frames = self._file["frames"]
         if 0 in frames.shape or frames.dtype not in (np.uint8, np.uint16):
             raise ValueError(
-                f"frames are {frames.shape} {frames.dtype}, expected (time, row, column) of uint8 or uint16"
+                f"frames are {frames.shape} {frames.dtype}, "
+                "expected (time, row, column) of uint8 or uint16"
             )
         if "mask" in self._file and (
             self._file["mask"].shape != frames.shape or self._file["mask"].dtype.kind not in "uib"
@@ -74,23 +81,23 @@ class RecordingFile(Recording):
         return values
 
     def _read(self, i: int) -> np.ndarray:
-        return self._part("frames", i)
+        return self._part("frames", i, self._frame_name(i))
 
     def mask(self, i: int) -> np.ndarray | None:
         """The stored mask of frame `i`, True = body, or None."""
-        return self._part("mask", i).astype(bool) if "mask" in self._file else None
+        if "mask" not in self._file:
+            return None
+        return self._part("mask", i, self._frame_name(i)).astype(bool)
 
-    def _part(self, name: str, i: int) -> np.ndarray:
+    def variable(self, name: str, frames: slice) -> np.ndarray:
+        """A variable of `finger` at some frames (frame, ...)."""
+        return self._part(name, frames, f"{self.name}: {name}")
+
+    def _part(self, name: str, where: int | slice, place: str) -> np.ndarray:
         try:
-            return self._file[name][i]
+            return self._file[name][where]
         except HDF5_ERRORS as error:
-            raise ValueError(
-                f"{self._frame_name(i)}: cannot be read ({one_line(error)})"
-            ) from error
-
-    def variable(self, name: str) -> np.ndarray | None:
-        """A further variable, such as `outline` or `tip`, whole; None where the file has none."""
-        return self._file[name][...] if name in self._file else None
+            raise ValueError(f"{place}: cannot be read ({one_line(error)})") from error
 
     def close(self) -> None:
         """Close the file."""

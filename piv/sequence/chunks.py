@@ -51,14 +51,6 @@ def series_key(identity: Any) -> str:
     return hashlib.sha256(json.dumps(identity, default=str).encode()).hexdigest()
 
 
-def parse(text: str) -> tuple[int, int]:
-    """(k, n) of "k/n"; ValueError where it is not that."""
-    number, _, of = text.partition("/")
-    if not (number.isdecimal() and of.isdecimal()):
-        raise ValueError(f"chunk must be k/n, such as 2/8, got {text!r}")
-    return int(number), int(of)
-
-
 def chunk_path(output: str | Path, number: int, of: int) -> Path:
     """Where part `number` of the series `output` lies: beside it."""
     path = Path(output)

@@ -14,20 +14,20 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from fileio.formats.plane_series import FINGER_VARIABLES, provenance
+from fileio.formats.plane_series import AXES, provenance
 from fileio.formats.resumable import SeriesWriter
 from piv.correlation.options import Options
-from piv.correlation.pair import correlate_pair, vector_axes
+from piv.correlation.pair import correlate_pair
 from piv.images.open_recording import pairs
 from piv.images.preprocess import Preprocessor
 from piv.images.recording import Recording
 from piv.sequence.camera_shake import LEAST_SIDE, LEAST_VECTORS
-from piv.sequence.chunks import BLOCK, Chunk, is_chunk, series_key
+from piv.sequence.chunks import BLOCK, Chunk, chunk_path, is_chunk, series_key
+from piv.sequence.ensemble import correlate_ensemble
 from piv.sequence.multiframe import correlate_frames
 
-HAND_OVER = (
-    5e-4  # s: a thread that needs Python's lock for a moment does not wait ten times as long for it
-)
+# s: a thread that needs Python's lock for a moment does not wait ten times as long for it
+HAND_OVER = 5e-4
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,15 @@ class SequenceOptions:
     shake: Annotated[bool, "multi-frame mode: take the camera's shake out"] = True
     preprocess: Annotated[
         str,
-        "steps of piv.images.preprocess with commas, such as background=min,cap=3; none = as recorded",
+        "steps of piv.images.preprocess with commas, such as background=min,cap=3; "
+        "none = as recorded",
     ] = "background=static"
     threads: Annotated[int, "fields computed at a time"] = 1
+    ensemble: Annotated[bool, "one mean field from the summed correlations of all pairs"] = False
 
     @property
     def steps(self) -> list[str]:
-        """Of pre-processing, one by one."""
+        """Steps of the pre-processing."""
         return [step for step in self.preprocess.split(",") if step not in ("", "none")]
 
     def __post_init__(self) -> None:
@@ -59,13 +61,17 @@ class SequenceOptions:
             )
         if self.frames == 2 and not self.shake:
             raise ValueError("shake = false is of the multi-frame mode; give frames = 3 or more")
+        if self.ensemble and self.frames != 2:
+            raise ValueError("the ensemble is of pairs; leave out --frames")
         if not isinstance(self.preprocess, str):
             raise ValueError(
-                f"preprocess must be one text of steps with commas, such as 'background=min,cap=3', got {self.preprocess!r}"
+                "preprocess must be one text of steps with commas, such as "
+                f"'background=min,cap=3', got {self.preprocess!r}"
             )
         if "none" in self.preprocess.split(",") and self.preprocess != "none":
             raise ValueError(
-                f"preprocess = {self.preprocess!r}: 'none' stands alone; leave out either it or the steps"
+                f"preprocess = {self.preprocess!r}: 'none' stands alone; "
+                "leave out either it or the steps"
             )
         if self.frames > 2 and (self.pairing != "1-2,2-3" or self.skip):
             raise ValueError(
@@ -89,70 +95,74 @@ def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
     ]
 
 
-def correlate_set(
-    images: list[np.ndarray], masks: list[Any], options: Options, shake: bool = True
-) -> xr.Dataset:
-    """Vector field of a pair or a multi-frame set, in px per frame interval."""
-    if len(images) == 2:
-        return correlate_pair(*images, mask=masks, **asdict(options))
-    return correlate_frames(images, mask=masks, shake=shake, **asdict(options))
-
-
 def correlate_recording(
     recording: Recording,
     output: str | Path,
     options: Options,
     sequence: SequenceOptions,
     *,
-    finger: xr.Dataset | None = None,
     chunk: tuple[int, int] | None = None,
     quiet: bool = True,
 ) -> Path:
-    """Correlate a recording into the plane series `output` (docs/formats.md).
+    """Correlate a recording into the plane series `output` (docs/formats.md); returns its path.
 
-    SI where the recording knows its scale and its times, else px, with time in frames. finger: dataset whose finger variables (one per
-    frame) are passed on. Finished
-    fields survive an interruption in `<output>.part` and are not computed again; the result does not depend on
-    that nor on the number of threads. chunk: (k, n) computes only the k-th of n parts of the fields, which
-    piv.sequence.chunks.join puts together again.
+    SI where the recording has scale and times, else px and frames. Its finger variables are copied.
+    Finished fields survive an interruption in `<output>.part` and are not computed again.
+    The result depends neither on that nor on the number of threads.
+    chunk: (k, n) writes only the k-th of n parts of the fields, beside `output`, for `chunks.join`.
     """
     sets = frame_sets(len(recording), sequence)
     part = Chunk.of_series(len(sets), *chunk) if chunk else None
-    if part is not None:
+    if chunk and part:
+        if sequence.ensemble:
+            raise ValueError("an ensemble is one field: leave out --chunk or --ensemble")
         sets = sets[part.first : part.first + part.count]
+        output = chunk_path(output, *chunk)
     clean = Preprocessor(sequence.steps, recording)
-
-    held: dict[
-        int, tuple[np.ndarray, Any]
-    ] = {}  # frames of the last set: most sets share some with the next
-
-    def frame(i: int) -> tuple[np.ndarray, Any]:
-        return clean(recording.frame(i)), clean.mask(recording.mask(i))
+    cleaned: dict[int, tuple[np.ndarray, Any]] = {}  # of the last set: most share some
 
     def load(indices: tuple[int, ...]) -> tuple[list[np.ndarray], list[Any]]:
-        now = {i: held[i] if i in held else frame(i) for i in indices}
-        held.clear()
-        held.update(now)
-        return [image for image, _ in now.values()], [hidden for _, hidden in now.values()]
+        now = {
+            i: cleaned[i]
+            if i in cleaned
+            else (clean(recording.frame(i)), clean.mask(recording.mask(i)))
+            for i in indices
+        }
+        cleaned.clear()
+        cleaned.update(now)
+        return [image for image, _ in now.values()], [mask for _, mask in now.values()]
 
     units = SeriesUnits.of(recording, sets)
-    x, y = units.axes(*vector_axes(recording.shape, options))
+    x, y = units.axes(*options.axes(recording.shape))
     settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps}
-    settings.pop("threads")
-    attrs = {"source": "piv", **provenance(**settings), **carried(recording, finger)}
+    for key in ("threads", "ensemble")[: 1 if sequence.ensemble else 2]:
+        del settings[key]
+    attrs = {"source": "piv", **provenance(**settings), **_carried(recording)}
     identity = series_key([_seen(recording), settings, units.scale, units.origin])
     if part is not None:
-        attrs["chunk"] = part.to_json(identity)
-        if is_chunk(output, attrs["chunk"]):
+        attrs["chunk"] = identity = part.to_json(identity)
+        if is_chunk(output, identity):
             return Path(output)
-        identity = attrs["chunk"]
-    writer = SeriesWriter(output, x, y, units.time, units.names, attrs, identity)
-    threads_before = cv2.getNumThreads()
-    cv2.setNumThreads(1)  # fields are the unit of parallel work
-    interval_before = sys.getswitchinterval()
-    sys.setswitchinterval(HAND_OVER)
+    time = units.time
+    if sequence.ensemble:
+        if np.ptp(units.interval) > 1e-6 * units.interval[0]:
+            raise ValueError(f"{recording.name}: an ensemble needs pairs of equal intervals")
+        time = time.mean(keepdims=True)
+    writer = SeriesWriter(output, x, y, time, units.names, attrs, identity)
+    threads_before, interval_before = cv2.getNumThreads(), sys.getswitchinterval()
     shake_unknown = 0
     try:
+        if sequence.ensemble:
+
+            def pair(i: int) -> tuple[Any, Any, Any]:
+                (a, b), masks = load(sets[i])
+                return a, b, masks
+
+            plane = correlate_ensemble(pair, len(sets), quiet=quiet, **asdict(options))
+            writer.write(0, units.fields(plane, 0))
+            return writer.finish()
+        cv2.setNumThreads(1)  # fields are the unit of parallel work
+        sys.setswitchinterval(HAND_OVER)
         missing = [k for k in range(len(sets)) if k not in writer.done]
         bar = tqdm(
             total=len(sets),
@@ -166,14 +176,9 @@ def correlate_recording(
             shake_unknown += plane.attrs.get("shake_unknown", 0)
             bar.update()
         bar.close()
-        if finger is not None:
-            for name in FINGER_VARIABLES:
-                if name in finger:
-                    variable = finger[name]
-                    shape = (len(sets), *variable.shape[1:])
-                    writer.add(
-                        name, tuple(map(str, variable.dims)), shape, finger_in_sets(variable, sets)
-                    )
+        for name, shape in recording.finger.items():
+            values = _finger_in_sets(recording, name, sets)
+            writer.add(name, AXES[name], (len(sets), *shape), values)
         return writer.finish()
     finally:
         sys.setswitchinterval(interval_before)
@@ -181,14 +186,16 @@ def correlate_recording(
         writer.close()
         if shake_unknown:
             print(
-                f"{output}: the camera's shake could not be measured in {shake_unknown} of {len(sets)} fields, which use their frames as recorded: it needs "
-                f"{LEAST_SIDE} px each way and {LEAST_VECTORS} vectors that all pairs have; --no-shake (shake = false) does not look for it",
+                f"{output}: the camera's shake could not be measured in {shake_unknown} of "
+                f"{len(sets)} fields, which use their frames as recorded: it needs "
+                f"{LEAST_SIDE} px each way and {LEAST_VECTORS} vectors that all pairs have; "
+                "--no-shake (shake = false) does not look for it",
                 file=sys.stderr,
             )
 
 
 def _seen(recording: Recording) -> list[Any]:
-    """What tells one recording from another: name, length, size, first frame's mean, first and last time, key."""
+    """Identity of a recording: name, length, size, first frame's mean, ends in time, key."""
     times = recording.times
     ends = None if times is None else [float(times[0]), float(times[-1])]
     mean = float(np.mean(recording.frame(0)))
@@ -199,14 +206,17 @@ def _in_parallel(
     missing, sets, load, options: Options, sequence: SequenceOptions
 ) -> Iterator[tuple[int, xr.Dataset]]:
     """Fields in order; frames are read here, at most threads + 1 sets wait in memory."""
+
+    def field(images: list[np.ndarray], masks: list[Any]) -> xr.Dataset:
+        if len(images) == 2:
+            return correlate_pair(*images, mask=masks, **asdict(options))
+        return correlate_frames(images, mask=masks, shake=sequence.shake, **asdict(options))
+
     with ThreadPoolExecutor(sequence.threads) as pool:
         running: list[tuple[int, Future]] = []
         try:
             for k in missing:
-                images, masks = load(sets[k])
-                running.append(
-                    (k, pool.submit(correlate_set, images, masks, options, sequence.shake))
-                )
+                running.append((k, pool.submit(field, *load(sets[k]))))
                 if len(running) > sequence.threads:
                     done, future = running.pop(0)
                     yield done, future.result()
@@ -245,7 +255,8 @@ class SeriesUnits:
         interval = np.array([(times[s[-1]] - times[s[0]]) / (len(s) - 1) for s in sets])
         if not (interval > 0).all():
             raise ValueError(
-                f"{recording.name}: the frames' times do not ascend; give --frame-rate-hz in their place"
+                f"{recording.name}: the frames' times do not ascend; "
+                "give --frame-rate-hz in their place"
             )
         return cls(
             float(scale), origin, middle, interval, {"x": "m", "y": "m", "time": "s", "u": "m/s"}
@@ -261,22 +272,22 @@ class SeriesUnits:
         return {str(n): plane.variables[n].values * factor.get(str(n), 1) for n in plane.data_vars}
 
 
-def carried(recording: Recording, finger: xr.Dataset | None) -> dict[str, Any]:
+def _carried(recording: Recording) -> dict[str, Any]:
     """Root attributes of the recording that stay true of its vectors."""
-    names = ("scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz", "seed")
-    out = {n: recording.attrs[n] for n in names if recording.attrs.get(n) is not None}
-    if finger is not None:
-        out |= {n: finger.attrs[n] for n in ("scene_hash", "tip_width") if n in finger.attrs}
-    return out
+    names = ["scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz", "seed"]
+    names += ["scene_hash", "tip_width"] if recording.finger else []
+    return {n: recording.attrs[n] for n in names if recording.attrs.get(n) is not None}
 
 
-def finger_in_sets(variable: xr.DataArray, sets: list[tuple[int, ...]]) -> Iterator[np.ndarray]:
+def _finger_in_sets(
+    recording: Recording, name: str, sets: list[tuple[int, ...]]
+) -> Iterator[np.ndarray]:
     """A finger variable at the middle of each set, block by block; directions stay unit vectors."""
     for begin in range(0, len(sets), BLOCK):
         block = sets[begin : begin + BLOCK]
         first = block[0][0]
-        values = variable[first : block[-1][-1] + 1].values
+        values = recording.variable(name, slice(first, block[-1][-1] + 1))
         middle = np.stack([0.5 * (values[s[0] - first] + values[s[-1] - first]) for s in block])
-        if str(variable.name).endswith("_direction"):
+        if name.endswith("_direction"):
             middle /= np.linalg.norm(middle, axis=-1, keepdims=True)
         yield middle

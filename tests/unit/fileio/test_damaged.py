@@ -19,7 +19,7 @@ from pipeline.openfoam.surface_vtk import is_whole_vtk, read_surface
 from pipeline.run.checkpoint import first_damaged
 from pipeline.run.prepare import STATE, prepared_for
 from pipeline.run.solver import PROGRESS, read_progress
-from piv.commands.correlate import finger_of
+from piv.images.open_recording import open_recording
 from postprocess.evidence.check_finite import (
     check_finger,
     check_table,
@@ -114,7 +114,7 @@ def test_a_damaged_or_foreign_hdf5_file_is_one_sentence_wherever_it_is_opened(tm
     path = tmp_path / "a.h5"
     path.write_bytes(b"no HDF5")
     remedies = (
-        (lambda: finger_of([str(path)]), ValueError, "not a readable HDF5 file"),
+        (lambda: open_recording(path), ValueError, "not a readable HDF5 file"),
         (lambda: open_netcdf(path, "netCDF-4 file"), ValueError, "not a readable netCDF-4 file"),
         (lambda: read_states(path, 0.01), StageError, "write it again with make fea"),
         (lambda: recorded_law(path, 1.0), StageError, "write it again"),

@@ -121,9 +121,7 @@ def test_a_chunk_with_another_mask_is_made_anew_and_not_joined(recording_file, t
     def part(k: int, mask: np.ndarray | None) -> int:
         with open_recording(recording_file) as recording:
             seen = part_of_recording(recording, mask)
-            path = correlate_recording(
-                seen, chunk_path(out, k, 2), Options(), SequenceOptions(), chunk=(k, 2)
-            )
+            path = correlate_recording(seen, out, Options(), SequenceOptions(), chunk=(k, 2))
         return path.stat().st_mtime_ns
 
     first = part(1, None)
@@ -193,10 +191,13 @@ def test_memory_does_not_grow_with_the_chunk(tmp_path):
     for fields in (8, 32):
         of = 99_999 // fields
         session = Session(100_000)
-        out = chunk_path(tmp_path / "piv.h5", of // 2, of)
         tracemalloc.start()
-        correlate_recording(
-            session, out, Options(spacing=16), SequenceOptions(), chunk=(of // 2, of)
+        out = correlate_recording(
+            session,
+            tmp_path / "piv.h5",
+            Options(spacing=16),
+            SequenceOptions(),
+            chunk=(of // 2, of),
         )
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()

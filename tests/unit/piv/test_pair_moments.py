@@ -7,7 +7,7 @@ import pytest
 from piv.correlation import prefilter
 from piv.correlation.deform import Image, Nodes, cut, with_border
 from piv.correlation.newton_step import CELL, MOMENTS, cell_moments
-from piv.correlation.passes import grid
+from piv.correlation.options import grid
 
 
 def by_whole_images(nodes, a, b, dx, dy):
