@@ -36,16 +36,21 @@ def read_frd(path: Path, results: Import) -> Fields:
             block[line[3:13]] = [float(line[i : i + 12]) for i in (13, 25, 37)]
     if block is not None:
         raise ValueError(
-            f"{path}: the file ends within a block of {'nodes' if block is nodes else 'displacements'}: let the CalculiX run finish and import again"
+            f"{path}: the file ends within a block of"
+            f" {'nodes' if block is nodes else 'displacements'}:"
+            " let the CalculiX run finish and import again"
         )
     if not states or not nodes:
         raise ValueError(
-            f"{path}: no {'displacements' if nodes else 'nodes'} found: request them with *NODE FILE and U in ASCII"
+            f"{path}: no {'displacements' if nodes else 'nodes'} found:"
+            " request them with *NODE FILE and U in ASCII"
         )
     for time, state in zip(times, states, strict=True):
         if state.keys() != nodes.keys():
             raise ValueError(
-                f"{path}: {len(state)} displacements for {len(nodes)} nodes at time {time:g}: export all nodes of every state"
+                f"{path}: {len(state)} displacements for {len(nodes)} nodes at time {time:g}:"
+                " export all nodes of every state"
             )
+    points = np.array(list(nodes.values()))
     displacements = np.array([[state[label] for label in nodes] for state in states])
-    return Fields(np.array(list(nodes.values())), displacements, np.array(times), {})
+    return Fields(points, displacements, np.array(times), np.empty(0, int))
