@@ -11,7 +11,6 @@ from pathlib import Path
 from fileio.errors import StageError
 from fileio.formats.bending_states import BendingStates
 from pipeline.fea import analyse
-from pipeline.fea.imported.frd import read_frd
 from pipeline.fea.imported.importing import profiles_of, states_of
 from pipeline.fea.imported.nodes import read_nodes
 from pipeline.fea.imported.profiles import read_profiles
@@ -19,13 +18,7 @@ from pipeline.fea.imported.series import read_vtk, read_xdmf
 from pipeline.fea.settings import Actuator, Fea, Import
 
 LIBRARIES = ("felupe", "gmsh", "meshio", "numpy", "pyvista", "scipy", "tensortrax")
-READERS = {
-    ".csv": read_nodes,
-    ".frd": read_frd,
-    ".pvd": read_vtk,
-    ".vtu": read_vtk,
-    ".xdmf": read_xdmf,
-}
+READERS = {".csv": read_nodes, ".pvd": read_vtk, ".vtu": read_vtk, ".xdmf": read_xdmf}
 
 
 def bending_states(

@@ -148,7 +148,7 @@ class Import(_Frozen):
     """The user's own results, and their frame and unit (docs/fea.md)."""
 
     file: Path
-    """.csv, .pvd, .vtu, .xdmf or .frd, relative to the scene"""
+    """.csv, .pvd, .vtu or .xdmf, relative to the scene"""
     unit: Literal["m", "mm"] = "m"
     """Of the file's lengths"""
     along: Axis = "x"
