@@ -1,1 +1,1 @@
-"""Bending states of the finger by finite elements: run (FElupe or CalculiX), import, write `states.h5`."""
+"""Bending states of the finger by finite elements: compute, import, write `states.h5`."""

@@ -6,17 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fileio.formats.bending_states import BendingStates
+from fileio.formats.bending_states import BendingStates, FloatArray
 from pipeline.fea.cell import plane
 from pipeline.fea.cell.bending_law import TURNS, bending_law
 from pipeline.fea.cell.path import follow
 from pipeline.fea.cell.unit_cell import State, UnitCell
-from pipeline.fea.finger import FloatArray, arc_length, chain, fit_circle, smoothed
+from pipeline.fea.finger import arc_length, chain, fit_circle, smoothed
 from pipeline.fea.settings import Actuator, Fea
 
 
-def cell_thickness(cell: UnitCell, state: State) -> float:
-    """Height (m) of the roof above the ventral surface in the plane of symmetry, averaged along the roof."""
+def _thickness(cell: UnitCell, state: State) -> float:
+    """Height (m) of the roof above the ventral surface, averaged along the roof at z = 0."""
     placed = cell.points + cell.displacement(state)
     roof, line = placed[cell.grid.top, :2], placed[cell.grid.ventral, :2]
     fine = np.linspace(line[0, 0], line[-1, 0], 400)
@@ -26,13 +26,10 @@ def cell_thickness(cell: UnitCell, state: State) -> float:
     return float(np.trapezoid(height, along) / along[-1])
 
 
-def wall_gap(cell: UnitCell, state: State) -> float:
+def _wall_gap(cell: UnitCell, state: State) -> float:
     """Least distance (m) between the outer walls of neighbouring chambers; 0 where they touch."""
-    points = cell.walls[0][0]
-    placed = (cell.points + cell.displacement(state))[points]
-    distance = plane.gap(
-        placed[:, 0], placed[:, 1], state.plane_shift, state.plane_angle, cell.x_plane
-    )
+    x, y, _ = (cell.points + cell.displacement(state))[cell.walls[0][0]].T
+    distance = plane.gap(x, y, state.plane_shift, state.plane_angle, cell.x_plane)
     return 2 * max(float(distance.min()), 0.0)
 
 
@@ -40,9 +37,8 @@ def profile(cell: UnitCell, state: State, actuator: Actuator) -> FloatArray:
     """Lower surface (point, 2) of the whole finger (m)."""
     rest = cell.points[cell.grid.ventral]
     half = (rest + cell.displacement(state)[cell.grid.ventral])[:, :2]
-    return chain(
-        half, state.plane_angle, rest[:, 0], actuator.chambers, actuator.l2 / 2 + actuator.l1
-    )
+    end = actuator.l2 / 2 + actuator.l1
+    return chain(half, state.plane_angle, rest[:, 0], actuator.chambers, end)
 
 
 def bend(
@@ -52,26 +48,27 @@ def bend(
     pressures: FloatArray | None = None,
     turns: tuple[float, ...] = TURNS,
 ) -> BendingStates:
-    """Bending states over `pressures` (Pa, else those of `fea`) by the unit cell; only converged ones are returned.
+    """Converged bending states at `pressures` (Pa, else those of `fea`) by the unit cell.
 
-    Their law of bending has the moments that would turn the finger by `turns` (rad); raises NotConverged.
-    The bend angle is the arc of the fitted circle, γ = length / R, as in the paper's equation (6).
+    Their law of bending has the moments that would turn the finger by `turns` (rad). The bend angle
+    is the arc of the fitted circle, γ = length / R, equation (6). Raises NotConverged.
     """
     cell = UnitCell(actuator, fea.mesh)
-    states = follow(cell, fea.pressures if pressures is None else pressures, done)
-    profiles = np.array([profile(cell, state, actuator) for state in states.values()])
+    path = follow(cell, fea.pressures if pressures is None else pressures, done)
+    states = list(path.values())
+    profiles = np.array([profile(cell, state, actuator) for state in states])
     radius, residual = np.array([fit_circle(line) for line in profiles]).T
     at_rest = profile(cell, cell.rest(), actuator)[:, 0]
-    thickness = np.array([cell_thickness(cell, state) for state in states.values()])
+    thickness = np.array([_thickness(cell, state) for state in states])
     return BendingStates(
-        pressure=np.array(list(states)),
+        pressure=np.array(list(path)),
         profile=smoothed(profiles, at_rest, max(1, int(actuator.length / (1.25 * actuator.pitch)))),
         thickness=np.repeat(thickness[:, None], profiles.shape[1], 1),
         bend_angle=arc_length(profiles)[:, -1] / radius,
         radius=radius,
         fit_residual=residual,
-        wall_gap=np.array([wall_gap(cell, state) for state in states.values()]),
+        wall_gap=np.array([_wall_gap(cell, state) for state in states]),
         converged=np.ones(len(states), dtype=np.uint8),
         width=actuator.width,
-        law=bending_law(cell, list(states.values()), actuator, turns) if fea.under_load else None,
+        law=bending_law(cell, states, actuator, turns) if fea.under_load else None,
     )

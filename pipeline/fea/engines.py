@@ -11,15 +11,14 @@ from pathlib import Path
 from fileio.errors import StageError
 from fileio.formats.bending_states import BendingStates
 from pipeline.fea import analyse
-from pipeline.fea.imported.abaqus import read_abaqus
-from pipeline.fea.imported.frd import read_frd
 from pipeline.fea.imported.importing import profiles_of, states_of
+from pipeline.fea.imported.nodes import read_nodes
 from pipeline.fea.imported.profiles import read_profiles
 from pipeline.fea.imported.series import read_vtk, read_xdmf
 from pipeline.fea.settings import Actuator, Fea, Import
 
 LIBRARIES = ("felupe", "gmsh", "meshio", "numpy", "pyvista", "scipy", "tensortrax")
-READERS = {".pvd": read_vtk, ".vtu": read_vtk, ".xdmf": read_xdmf, ".frd": read_frd}
+READERS = {".csv": read_nodes, ".pvd": read_vtk, ".vtu": read_vtk, ".xdmf": read_xdmf}
 
 
 def bending_states(
@@ -57,16 +56,10 @@ def imported(folder: Path, results: Import, width: float) -> BendingStates:
     path = folder / results.file
     if "*" not in path.name and not path.exists():
         raise StageError(f"{path}: no such file: correct file in [fea.results]")
-    if path.suffix == ".csv":
+    if path.suffix == ".csv" and ",node," not in path.read_text("utf-8"):
         profiles = read_profiles(path, results)
-    elif path.suffix == ".inp" and results.displacements:
-        fields = read_abaqus(path, folder / results.displacements)
-        profiles = profiles_of(path, fields, results)
     elif path.suffix in READERS:
         profiles = profiles_of(path, READERS[path.suffix](path, results), results)
     else:
-        raise StageError(
-            f"{path}: give a .csv, .pvd, .vtu, .xdmf or .frd file, or an .inp with displacements,"
-            " the CSV of docs/abaqus_export.py"
-        )
+        raise StageError(f"{path}: give a file of kind {', '.join(READERS)}")
     return states_of(path, profiles, width, results.pitch)

@@ -1,24 +1,25 @@
-"""From unit cells to the finger: profile of the lower layer in the actuator's frame, and its circle."""
+"""From unit cells to the finger: profile of the lower layer in the actuator's frame, its circle."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
-FloatArray = NDArray[np.float64]
+from fileio.formats.bending_states import FloatArray
+
+_STRICT = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
 
 
 def chain(
     half: FloatArray, angle: float, rest: FloatArray, chambers: int, end: float
 ) -> FloatArray:
-    """Profile (point, 2) of a finger of unit cells, from the root's ventral edge, in the actuator's frame.
+    """Profile (point, 2) of a finger of unit cells, from the root's ventral edge.
 
-    `half` (m, 2) is the deformed profile from the middle of a chamber to the middle of a gap, in the frame of the unit
-    cell, and `angle` (rad) the turn of its end; `rest` (m) holds the undeformed x. The outer walls are at `end` from
-    the middle of a chamber. The root half of the first chamber is clamped and stays as it was, the tip half of the
-    last one bends as any other: 2 n − 1 halves bend.
+    `half` (m, 2) is the deformed profile from the middle of a chamber to the middle of a gap, in
+    the frame of the unit cell, `angle` (rad) the turn of its end, `rest` (m) its undeformed x. The
+    outer walls are at `end` from the middle of a chamber. The root half of the first chamber is
+    clamped, so that 2 n − 1 halves bend.
     """
     within = rest <= end * (1 + 1e-9)
     z = half[:, 0] - 1j * half[:, 1]  # y towards the ventral side
@@ -39,57 +40,50 @@ def chain(
 
 
 def fit_circle(profile: FloatArray) -> tuple[float, float]:
-    """Signed radius (m) of the least-squares circle through a profile (point, 2), and the rms distance from it (m).
+    """Signed radius (m) of the least-squares circle through a profile (point, 2), and rms distance.
 
-    Positive where the profile turns towards its left (+y for one that starts along +x); infinite where it is straight
-    to 1e-6 of its length. The distances are geometric.
+    Positive where the profile turns towards +y; infinite where it is straight to 1e-6 of its
+    length. The distances (m) are geometric.
     """
     steps = np.diff(profile, axis=0)
     direction = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     turn = direction[-1] - direction[0]
-    return (
-        _flat_circle(profile)
-        if abs(turn) < np.pi / 2
-        else _round_circle(profile, float(np.sign(turn)))
-    )
+    if abs(turn) < np.pi / 2:
+        return _flat_circle(profile)
+    return _round_circle(profile, float(np.sign(turn)))
 
 
 def _round_circle(profile: FloatArray, sign: float) -> tuple[float, float]:
     """By centre and radius, from the algebraic fit."""
     x, y = profile.T
-    a, b, c = np.linalg.lstsq(
-        np.stack([2 * x, 2 * y, np.ones(len(x))], -1), x**2 + y**2, rcond=None
-    )[0]
+    columns = np.stack([2 * x, 2 * y, np.ones(len(x))], -1)
+    a, b, c = np.linalg.lstsq(columns, x**2 + y**2, rcond=None)[0]
     start = [a, b, np.sqrt(c + a**2 + b**2)]
-    fit = least_squares(
-        lambda q: np.hypot(x - q[0], y - q[1]) - q[2], start, xtol=1e-14, ftol=1e-14, gtol=1e-14
-    )
+    fit = least_squares(lambda q: np.hypot(x - q[0], y - q[1]) - q[2], start, **_STRICT)
     return sign * float(fit.x[2]), float(np.sqrt(np.mean(fit.fun**2)))
 
 
 def _flat_circle(profile: FloatArray) -> tuple[float, float]:
-    """By curvature, offset and direction at the middle of the profile, so that a straight line is no special case."""
-    middle = profile.mean(0)
+    """By curvature, offset and direction at the middle, which holds for a straight line too."""
     along = profile[-1] - profile[0]
     length = float(np.linalg.norm(along))
     along = along / length
-    across = np.array([-along[1], along[0]])
-    s, h = ((profile - middle) @ along) / length, ((profile - middle) @ across) / length
+    from_middle = profile - profile.mean(0)
+    s, h = (from_middle @ along) / length, (from_middle @ [-along[1], along[0]]) / length
 
     def distance(unknowns: FloatArray) -> FloatArray:
         curvature, offset, direction = unknowns
         c, d = np.cos(direction), np.sin(direction)
         x, y = c * s + d * (h - offset), -d * s + c * (h - offset)
         # |x − centre| − R, without dividing by the curvature
-        return (curvature * (x**2 + y**2) - 2 * y) / (
-            1 + np.hypot(curvature * x, 1 - curvature * y)
-        )
+        root = np.hypot(curvature * x, 1 - curvature * y)
+        return (curvature * (x**2 + y**2) - 2 * y) / (1 + root)
 
     start = np.polyfit(s, h, 2)
-    fit = least_squares(distance, [2 * start[0], start[2], 0.0], xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    residual = float(np.sqrt(np.mean(fit.fun**2))) * length
+    fit = least_squares(distance, [2 * start[0], start[2], 0.0], **_STRICT)
     curvature = float(fit.x[0])
-    return (length / curvature if abs(curvature) > 8e-6 else np.inf), residual
+    radius = length / curvature if abs(curvature) > 8e-6 else np.inf
+    return radius, float(np.sqrt(np.mean(fit.fun**2))) * length
 
 
 def arc_length(profile: FloatArray) -> FloatArray:
@@ -99,11 +93,11 @@ def arc_length(profile: FloatArray) -> FloatArray:
 
 
 def smoothed(profiles: FloatArray, rest: FloatArray, intervals: int = 6) -> FloatArray:
-    """Profiles (state, point, 2) without the ripple of the single chambers, at the same material points.
+    """Profiles (state, point, 2) without the chambers' ripple, at the same material points.
 
-    Cubic splines over the undeformed length `rest` (point), by least squares, on intervals longer than a chamber's
-    pitch; the root stays in place and keeps its direction, as it is clamped. The ripple is below 0.1 mm, but where it
-    bends locally to less than the finger's height, normals of the bare profile would cross within the finger.
+    Least-squares cubic splines over the undeformed length `rest` (point), on intervals longer than
+    a pitch; the root keeps its place and direction. The ripple is below 0.1 mm, but normals of the
+    bare profile would cross within the finger where it bends sharply.
     """
     s = (rest - rest[0]) / (rest[-1] - rest[0])
     knots = np.concatenate([np.zeros(3), np.linspace(0, 1, intervals + 1), np.ones(3)])

@@ -6,7 +6,7 @@ import felupe
 
 from pipeline.fea.settings import Material
 
-LAWS = (
+_LAWS = (
     "neo_hooke",
     "mooney_rivlin",
     "yeoh",
@@ -21,12 +21,7 @@ LAWS = (
 
 
 def strain_energy(material: Material) -> felupe.Hyperelastic:
-    """The isochoric part of a law (FElupe material, by automatic differentiation); raises ValueError."""
-    if material.law not in LAWS:
-        raise ValueError(f"law = {material.law!r} is not known: choose one of {', '.join(LAWS)}")
+    """The isochoric part of a law, by automatic differentiation; raises ValueError."""
+    if material.law not in _LAWS:
+        raise ValueError(f"law = {material.law!r} is not known: choose one of {', '.join(_LAWS)}")
     return felupe.Hyperelastic(getattr(felupe.constitution, material.law), **material.parameters)
-
-
-def law(material: Material) -> felupe.CompositeMaterial:
-    """The whole law: its isochoric part and the volumetric one, K/2 (J − 1)²; raises ValueError."""
-    return strain_energy(material) & felupe.Volumetric(bulk=material.bulk)

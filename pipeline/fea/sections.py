@@ -11,13 +11,12 @@ from pipeline.scene.section import validation_sentence
 
 
 def sections(scene: Scene) -> tuple[Actuator, Fea]:
-    """What a scene says of its actuator and its analysis; StageError naming all keys that are wrong."""
-    section = "actuator"
+    """The actuator and its analysis; StageError naming all keys that are wrong."""
     try:
+        kind, name = Actuator, "actuator"
         actuator = Actuator(**scene.actuator)
-        section = "fea"
+        kind, name = Fea, "fea"
         return actuator, Fea(**scene.fea)
     except ValidationError as error:
-        raise StageError(
-            f"{scene.folder / 'scene.toml'}: {validation_sentence(error, Fea if section == 'fea' else Actuator, section)}"
-        ) from None
+        sentence = validation_sentence(error, kind, name)
+        raise StageError(f"{scene.folder / 'scene.toml'}: {sentence}") from None

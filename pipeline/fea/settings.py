@@ -1,4 +1,4 @@
-"""What the user gives: the sections `[actuator]`, `[actuator.materials.*]` and `[fea]` of a scene."""
+"""The sections `[actuator]`, `[actuator.materials.*]` and `[fea]` of a scene."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class _Frozen(BaseModel):
 
 
 class Material(_Frozen):
-    """A nearly incompressible hyperelastic law by its FElupe name, its parameters and its bulk modulus (Pa)."""
+    """A nearly incompressible hyperelastic law by its FElupe name."""
 
     law: str
     """Name of a hyperelastic law of FElupe"""
@@ -51,7 +51,7 @@ class Materials(_Frozen):
 
 
 class Actuator(_Frozen):
-    """Geometry of the bidirectional actuator (paper, Fig. 2), in m; the names are the paper's where it has one."""
+    """Geometry of the bidirectional actuator (paper, Fig. 2), in m, by the paper's names."""
 
     chambers: Count
     """n, number of chambers"""
@@ -84,21 +84,24 @@ class Actuator(_Frozen):
     def _sensible(self) -> Actuator:
         if self.h2 >= self.h1:
             raise ValueError(
-                f"h2 = {self.h2} m must be below h1 = {self.h1} m: it is the rectangular part of the cavity"
+                f"h2 = {self.h2} m must be below h1 = {self.h1} m:"
+                " it is the rectangular part of the cavity"
             )
         if self.bridge >= self.h2:
             raise ValueError(
-                f"channel + roof = {self.bridge} m must be below h2 = {self.h2} m: the gap between chambers needs a depth"
+                f"channel + roof = {self.bridge} m must be below h2 = {self.h2} m:"
+                " the gap between chambers needs a depth"
             )
         if 2 * self.b1 >= self.width:
             raise ValueError(
-                f"width = {self.width} m leaves no cavity between two side walls of b1 = {self.b1} m"
+                f"width = {self.width} m leaves no cavity between two side walls of"
+                f" b1 = {self.b1} m: give a larger width"
             )
         return self
 
     @property
     def bridge(self) -> float:
-        """Height (m) above the base layer of what joins two chambers: the air channel and its roof."""
+        """Height (m) of the air channel and its roof, which join two chambers."""
         return self.channel + self.roof
 
     @property
@@ -107,7 +110,7 @@ class Actuator(_Frozen):
 
     @property
     def length(self) -> float:
-        """Length of the chambered part, from the first chamber's outer wall to the last one's."""
+        """From the first chamber's outer wall to the last one's, m."""
         return self.chambers * self.pitch - self.gap
 
 
@@ -142,12 +145,10 @@ Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 
 
 class Import(_Frozen):
-    """Where the user's own results are, and how their frame and unit relate to the actuator's frame (docs/fea.md)."""
+    """The user's own results, and their frame and unit (docs/fea.md)."""
 
     file: Path
-    """.csv, .pvd, .vtu, .xdmf, .inp or .frd, relative to the scene"""
-    displacements: Path | None = None
-    """The CSV that goes with an .inp"""
+    """.csv, .pvd, .vtu or .xdmf, relative to the scene"""
     unit: Literal["m", "mm"] = "m"
     """Of the file's lengths"""
     along: Axis = "x"
@@ -156,8 +157,6 @@ class Import(_Frozen):
     """Axis from the chambers to the lower layer"""
     sheet: float = 0.0
     """The plane across in which the profile is taken [m]"""
-    node_set: str | None = None
-    """Nodes of the profile, where the model names them"""
     displacement_field: str = "displacement"
     """Its name in a .vtu or .xdmf"""
     pressures_kpa: list[float] | None = None
@@ -190,7 +189,7 @@ class Fea(_Frozen):
     results: Import | None = None
     """The user's own results, for engine = "import" """
     uncertainty: bool = True
-    """Whether the uncertainty of the radius is found, from what is not known of the actuator: six more analyses"""
+    """Whether six more analyses give the uncertainty of the radius"""
     under_load: bool = True
     """Whether the states say how the finger bends under a moment, and what it weighs"""
     partial: bool = False
@@ -200,15 +199,18 @@ class Fea(_Frozen):
     def _three_states(self) -> Fea:
         if len(self.pressures) < 3:
             raise ValueError(
-                "first_pressure_kpa to last_pressure_kpa by pressure_step_kpa gives fewer than three states"
+                "first_pressure_kpa to last_pressure_kpa by pressure_step_kpa gives fewer than"
+                " three states: give a smaller step"
             )
         if (self.engine == "import") != (self.results is not None):
             raise ValueError(
-                'engine = "import" and the section [fea.results] belong together: give both or neither'
+                'engine = "import" and the section [fea.results] belong together:'
+                " give both or neither"
             )
         if self.partial and self.uncertainty:
             raise ValueError(
-                "partial = true goes with uncertainty = false: a variation may end sooner than the states"
+                "partial = true goes with uncertainty = false:"
+                " a variation may end sooner than the states"
             )
         return self
 

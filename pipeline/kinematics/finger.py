@@ -25,19 +25,17 @@ from pipeline.kinematics.shapes import (
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.sections import Finger, Motion
 
-PAPER_LOWEST_PRESSURE = paper_model.LOWEST_VALID_PRESSURE
-LAW_SAMPLES_PER_SECOND = 4000
-LENGTH_TOLERANCE = (
-    0.02  # of finger.length against that of its states: digitised profiles are no better
-)
+_LAW_SAMPLES_PER_SECOND = 4000
+# of finger.length against that of its states: digitised profiles are no better
+_LENGTH_TOLERANCE = 0.02
 
 
 @dataclass(frozen=True)
 class FingerMotion:
     """A law of the shape parameter and the shapes it runs through, with the placement in the tank.
 
-    `free_law` is the chambers' own pressure: in a pinch it goes on where the fingers meet and their shape stops. The
-    parameter is a pressure, or where the shapes are given `over_time`, the time.
+    `free_law` is the chambers' own pressure: in a pinch it goes on after the shape has stopped. The
+    parameter is a pressure or, where the shapes are given `over_time`, the time.
     """
 
     law: PressureLaw
@@ -48,11 +46,11 @@ class FingerMotion:
     over_time: bool = False
 
     def to_tank(self, points: np.ndarray) -> np.ndarray:
-        """Points (…, 2) from the actuator's frame (origin at the middle of the root) to the tank's."""
+        """Points (…, 2) from the actuator's frame, origin at the root's middle, to the tank's."""
         return self.turn(points) + np.asarray(self.finger.root)
 
     def outline(self, pressure: float) -> np.ndarray:
-        """Closed outline (point, 2) of finger 0 in the tank frame at a pressure of the shape in Pa."""
+        """Closed outline (point, 2) of finger 0 in the tank frame at a pressure of the shape."""
         return self.to_tank(self.shapes.outline(pressure))
 
     def turn(self, vectors: np.ndarray) -> np.ndarray:
@@ -61,7 +59,7 @@ class FingerMotion:
 
 
 def axes(finger: Finger) -> np.ndarray:
-    """Rows: the actuator's axes, along the finger and towards the ventral side, in the tank frame."""
+    """Rows: the actuator's axes, along the finger and to the ventral side, in the tank frame."""
     side = 1.0 if finger.ventral == "+x" else -1.0
     c, s = np.cos(np.radians(finger.tilt_deg)), np.sin(np.radians(finger.tilt_deg))
     return np.array([[0.0, -1.0], [side, 0.0]]) @ np.array([[c, s], [-s, c]])
@@ -70,60 +68,63 @@ def axes(finger: Finger) -> np.ndarray:
 def finger_motion(
     motion: Motion, finger: Finger, pinch: Pinch | None, folder: Path
 ) -> FingerMotion:
-    """The motion that a scene in `folder` asks for. Raises StageError where it cannot be."""
+    """The motion of a scene in `folder`; StageError where it cannot be."""
     where = folder / "scene.toml"
     law = free_law = _pressure_law(motion, folder)
     time = law_times(motion.end_time)
     if motion.shapes is not None:
         path = folder / motion.shapes
-        law, states = time_itself, shapes_of(read_elastic_motion(path), "knot", path)
+        law, states = _time_itself, shapes_of(read_elastic_motion(path), "knot", path)
     pressure = law(time)
+    lowest, highest = float(pressure.min()), float(pressure.max())
     if motion.shapes is None:
-        states = finger_states(motion, finger, folder, float(pressure.min()), float(pressure.max()))
+        states = finger_states(motion, finger, folder, lowest, highest)
     low, high = states.pressure[0], states.pressure[-1]
-    if motion.shapes is not None and pressure.max() > high + 1e-6:
+    if motion.shapes is not None and highest > high + 1e-6:
         raise StageError(
-            f"{path}: ends at {high:g} s, before motion.end_time = {motion.end_time:g} s; compute it anew"
+            f"{path}: ends at {high:g} s, before motion.end_time = {motion.end_time:g} s;"
+            " compute it anew"
         )
-    if pressure.min() < low - 1e-6 or pressure.max() > high + 1e-6:
-        given = folder / (motion.recording or motion.pressure_csv or "scene.toml")
+    if lowest < low - 1e-6 or highest > high + 1e-6:
+        source = folder / (motion.recording or motion.pressure_csv or "scene.toml")
         raise StageError(
-            f"{given}: the motion runs over {pressure.min() / 1e3:.3g}…{pressure.max() / 1e3:.3g} kPa"
-            f" but the states cover {low / 1e3:.3g}…{high / 1e3:.3g} kPa; change it, or analyse more pressures ([fea] in {where})"
+            f"{source}: the motion runs over {lowest / 1e3:.3g}…{highest / 1e3:.3g} kPa"
+            f" but the states cover {low / 1e3:.3g}…{high / 1e3:.3g} kPa;"
+            f" change it, or analyse more pressures ([fea] in {where})"
         )
     rest = int(np.argmin(np.abs(states.pressure)))
-    length = float(np.hypot(*np.diff(states.profile[rest], axis=0).T).sum())
-    if abs(length - finger.length) > LENGTH_TOLERANCE * finger.length:
+    length = _arc_length(states.profile[rest])[-1]
+    if abs(length - finger.length) > _LENGTH_TOLERANCE * finger.length:
         raise StageError(
             f"{where}: finger.length = {finger.length:g} m but the states of motion.states are"
             f" {length:.4g} m long; give that length"
         )
     states = add_tip(states, finger.tip.length, finger.tip.thickness)
-    s = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(states.profile[rest], axis=0).T))])
-    strip = rounded_strip(
-        s[-1], states.thickness[rest], s, finger.root_corner_radius, finger.tip.corner_radius
-    )
+    s, thickness = _arc_length(states.profile[rest]), states.thickness[rest]
+    radii = finger.root_corner_radius, finger.tip.corner_radius
+    strip = rounded_strip(s[-1], thickness, s, *radii)
     if finger.chambers is not None:
         try:
-            strip = with_chambers(strip, finger.chambers, finger.length, states.thickness[rest], s)
+            strip = with_chambers(strip, finger.chambers, finger.length, thickness, s)
         except ValueError as error:
             raise StageError(f"{where}: {error}") from None
     shapes = FingerShapes(states, strip)
     free = FingerMotion(law, free_law, shapes, finger, states, over_time=motion.shapes is not None)
     if pinch is None:
         return free
-    closed = closing_law(
-        law,
-        lambda p: float(gap(free.outline(p), pinch)),
-        float(law(np.zeros(1))[0]),
-        float(high),
-        pinch,
-        str(where),
-    )
-    return replace(free, law=closed)
+
+    def gap_at(parameter: float) -> float:
+        return float(gap(free.outline(parameter), pinch))
+
+    start = float(law(np.zeros(1))[0])
+    return replace(free, law=closing_law(law, gap_at, start, float(high), pinch, str(where)))
 
 
-def time_itself(time: np.ndarray, derivative: int = 0) -> np.ndarray:
+def _arc_length(profile: np.ndarray) -> np.ndarray:
+    return np.concatenate([[0], np.cumsum(np.hypot(*np.diff(profile, axis=0).T))])
+
+
+def _time_itself(time: np.ndarray, derivative: int = 0) -> np.ndarray:
     """The law of shapes that are given over time."""
     time = np.asarray(time, float)
     return time if derivative == 0 else np.full(time.shape, float(derivative == 1))
@@ -131,13 +132,12 @@ def time_itself(time: np.ndarray, derivative: int = 0) -> np.ndarray:
 
 def law_times(end_time: float) -> np.ndarray:
     """Instants (s) at which the law is written; a spline through them is exact to rounding."""
-    return np.linspace(0.0, end_time, int(np.ceil(end_time * LAW_SAMPLES_PER_SECOND)) + 1)
+    return np.linspace(0.0, end_time, int(np.ceil(end_time * _LAW_SAMPLES_PER_SECOND)) + 1)
 
 
 def _pressure_law(motion: Motion, folder: Path) -> PressureLaw:
     if motion.source == "recording":
-        assert motion.recording is not None  # the scene's own check
-        return recorded_law(folder / motion.recording, motion.recording_factor)
+        return recorded_law(folder / str(motion.recording), motion.recording_factor)
     if motion.pressure_csv:
         return measured_law(folder / motion.pressure_csv)
     strokes = [(s.pressure_kpa * 1e3, s.start, s.duration) for s in motion.strokes]
@@ -147,18 +147,17 @@ def _pressure_law(motion: Motion, folder: Path) -> PressureLaw:
 def finger_states(
     motion: Motion, finger: Finger, folder: Path, lowest: float, highest: float
 ) -> States:
-    """Shapes without a passive tip, over pressures that hold `lowest` and `highest` (Pa). StageError where they cannot be."""
+    """Shapes without a passive tip over pressures from `lowest` to `highest` (Pa); StageError."""
     if motion.source == "recording":
-        assert motion.recording is not None  # the scene's own check
-        path = folder / motion.recording
+        path = folder / str(motion.recording)
         return shapes_of(read_recorded_motion(path), "state_pressure", path)
     if motion.source in ("fea", "structure"):
-        assert motion.states is not None  # the scene's own check
-        return read_states(folder / motion.states, finger.thickness)
-    if lowest < PAPER_LOWEST_PRESSURE:
+        return read_states(folder / str(motion.states), finger.thickness)
+    valid = paper_model.LOWEST_VALID_PRESSURE
+    if lowest < valid:
         raise StageError(
-            f"{folder / 'scene.toml'}: motion reaches {lowest / 1e3:.3g} kPa, but equations (1)-(6) let the chambers'"
-            f" walls cross below {PAPER_LOWEST_PRESSURE / 1e3:g} kPa; set motion.source = 'fea'"
+            f"{folder / 'scene.toml'}: motion reaches {lowest / 1e3:.3g} kPa, but equations (1)-(6)"
+            f" let the chambers' walls cross below {valid / 1e3:g} kPa; set motion.source = 'fea'"
         )
     pressure = np.linspace(min(lowest, -1e3), max(highest, 1e3), 41)
     bend, _ = paper_model.bend(pressure, length=finger.length)

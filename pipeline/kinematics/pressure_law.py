@@ -1,4 +1,4 @@
-"""Pressure over time: three-pole strokes, or a measured history; both twice continuously differentiable."""
+"""Twice continuously differentiable pressure over time: three-pole strokes, or a history."""
 
 from __future__ import annotations
 
@@ -21,19 +21,15 @@ class PressureLaw(Protocol):
 
 
 def three_pole(x: np.ndarray, derivative: int = 0) -> np.ndarray:
-    """Step response of three equal real poles, 0 for x <= 0; `derivative` (0, 1, 2) with respect to x."""
+    """Step response of three equal real poles, 0 for x <= 0, or its first or second derivative."""
     x = np.maximum(x, 0.0)
     if derivative == 0:
         return 1 - (1 + x + x**2 / 2) * np.exp(-x)
-    if derivative == 1:
-        return x**2 / 2 * np.exp(-x)
-    if derivative == 2:
-        return (x - x**2 / 2) * np.exp(-x)
-    raise ValueError(f"derivative = {derivative} of the pressure law: give 0, 1 or 2")
+    return (x**2 / 2 if derivative == 1 else x - x**2 / 2) * np.exp(-x)
 
 
 def stroke_law(start_pressure: float, strokes: list[tuple[float, float, float]]) -> PressureLaw:
-    """Strokes (pressure Pa, start s, duration s) superposed; each is 2 % from its end after its duration."""
+    """Superposed strokes (pressure Pa, start s, duration s), each then 2 % from its end."""
     steps = np.diff([start_pressure] + [stroke[0] for stroke in strokes])
 
     def law(time: np.ndarray, derivative: int = 0) -> np.ndarray:
@@ -58,11 +54,10 @@ def measured_law(path: Path) -> PressureLaw:
 
 
 def measured_table(path: Path, header: str, units: str) -> tuple[np.ndarray, np.ndarray]:
-    """Increasing times and values of a CSV with two columns. StageError, which names the `units` wanted."""
+    """Increasing times and values of a CSV with two columns; StageError names the `units`."""
     try:
-        table = np.array(
-            [row.split(",") for row in _data_rows(path, header, units)], float, ndmin=2
-        )
+        rows = _data_rows(path, header, units)
+        table = np.array([row.split(",") for row in rows], float, ndmin=2)
     except FileNotFoundError:
         raise StageError(f"{path}: no such file; give a table of {header} in {units}") from None
     except StageError:
@@ -73,22 +68,17 @@ def measured_table(path: Path, header: str, units: str) -> tuple[np.ndarray, np.
         raise StageError(
             f"{path}: needs two columns {header} and at least three rows, found shape {table.shape}"
         )
-    times, values = table.T
-    if not np.isfinite(table).all():
-        raise StageError(
-            f"{path}: row {int(np.argmin(np.isfinite(table).all(1))) + 1} is not a number; remove it"
-        )
-    if not np.all(np.diff(times) > 0):
-        raise StageError(
-            f"{path}: times must increase; row {int(np.argmin(np.diff(times) > 0)) + 2} does not"
-        )
-    return times, values
+    finite, later = np.isfinite(table).all(1), np.diff(table[:, 0]) > 0
+    if not finite.all():
+        raise StageError(f"{path}: row {finite.argmin() + 1} is not a number; remove it")
+    if not later.all():
+        raise StageError(f"{path}: times must increase; row {later.argmin() + 2} does not")
+    return table[:, 0], table[:, 1]
 
 
 def history_law(times: np.ndarray, pressure: np.ndarray) -> PressureLaw:
-    """Cubic spline through a history (s, Pa), held constant before and after; twice continuously differentiable."""
-    step = np.min(np.diff(times))
-    rest = step * np.arange(1, 5)
+    """Cubic spline through a history (s, Pa), held constant before and after."""
+    rest = np.min(np.diff(times)) * np.arange(1, 5)
     spline = CubicSpline(  # constant knots at both ends let the spline settle: C2 there too
         np.concatenate([times[0] - rest[::-1], times, times[-1] + rest]),
         np.concatenate([np.full(4, pressure[0]), pressure, np.full(4, pressure[-1])]),
@@ -106,13 +96,13 @@ def history_law(times: np.ndarray, pressure: np.ndarray) -> PressureLaw:
 
 
 def _data_rows(path: Path, header: str, units: str) -> list[str]:
-    """Lines without comments, blank ones and the header, if there is one; StageError where it names other columns."""
+    """Lines without comments and header; StageError where the header names other columns."""
     lines = [line.split("#")[0].strip() for line in path.read_text(encoding="utf-8").splitlines()]
     lines = [line for line in lines if line]
-    named = lines[0].replace(" ", "") if lines else ""
-    if not re.match(r"[A-Za-z]", named) or named.lower().startswith(("nan", "inf")):
+    named = lines[0].replace(" ", "").lower() if lines else ""
+    if not re.match(r"(?!nan|inf)[a-z]", named):
         return lines
-    if named.lower() != header:
+    if named != header:
         raise StageError(
             f"{path}: its first line is {lines[0]!r}; name the columns {header}, in {units}"
         )

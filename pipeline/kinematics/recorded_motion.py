@@ -1,4 +1,4 @@
-"""The history of a finger's motion as a recording shows it (motion.h5, docs/formats.md), for motion.source = "recording"."""
+"""The motion of a finger in a recording (motion.h5, docs/formats.md), as a pressure law."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.kinematics.pressure_law import PressureLaw, history_law
 
 
 def recorded_law(path: Path, factor: float) -> PressureLaw:
-    """The history of the bending, as the pressure (Pa) of the same bend, times `factor` from its first value on."""
+    """Pressure (Pa) of the recorded bend, its change times `factor`; StageError."""
     file = read_recorded_motion(path)
     time, pressure = file["time"].values, file["pressure"].values
     if time.size < 3:

@@ -1,4 +1,4 @@
-"""Kinematics of a rigid body: kinematics.h5 with the distance travelled in place of the pressure."""
+"""Kinematics of a rigid body: the distance travelled takes the place of the pressure."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from pipeline.kinematics.pressure_law import history_law, measured_table
 from pipeline.scene.rigid_body import Law, RigidBody
 from pipeline.scene.sections import Motion
 
-SAMPLES_PER_SMOOTHING = 200  # of the law: a cubic spline through them is exact to 1e-9 of its step
+_SAMPLES_PER_SMOOTHING = 200  # a cubic spline through them is exact to 1e-9 of the law's step
 
 
 def smooth_step(x: np.ndarray, derivative: int = 0) -> np.ndarray:
-    """0 before 0, 1 after 1, three times continuously differentiable between (degree 7); `derivative` 0 or 1."""
+    """0 before 0, 1 after 1, three times continuously differentiable, or its first derivative."""
     x = np.clip(x, 0.0, 1.0)
     if derivative == 0:
         return x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3)
@@ -27,7 +27,7 @@ def smooth_step(x: np.ndarray, derivative: int = 0) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Distance:
-    """The distance (m or rad) and its rate over `time` (s), and the smooth functions through them."""
+    """The distance (m or rad) and its rate over `time` (s)."""
 
     time: np.ndarray
     distance: np.ndarray
@@ -35,8 +35,8 @@ class Distance:
 
 
 def travelled(law: Law, end_time: float) -> Distance:
-    """The law sampled finely enough for a cubic spline; a rotation's degrees become radians elsewhere."""
-    count = int(np.ceil(end_time / law.smoothing * SAMPLES_PER_SMOOTHING)) + 1
+    """The law, sampled finely enough for a cubic spline; a rotation stays in degrees."""
+    count = int(np.ceil(end_time / law.smoothing * _SAMPLES_PER_SMOOTHING)) + 1
     time = np.linspace(0.0, end_time, min(max(count, 2001), 400_001))
     since = np.maximum(time - law.start, 0.0)
     begun = smooth_step(since / law.smoothing)
@@ -44,12 +44,10 @@ def travelled(law: Law, end_time: float) -> Distance:
         assert law.amplitude is not None
         assert law.period is not None
         turn = 2 * np.pi * since / law.period
-        distance = law.amplitude * begun * np.sin(turn)
         begins = smooth_step(since / law.smoothing, 1) / law.smoothing
-        rate = law.amplitude * (
-            begins * np.sin(turn) + begun * 2 * np.pi / law.period * np.cos(turn)
-        )
-        return Distance(time, distance, np.where(since > 0, rate, 0.0))
+        swing = begins * np.sin(turn) + begun * 2 * np.pi / law.period * np.cos(turn)
+        rate = np.where(since > 0, law.amplitude * swing, 0.0)
+        return Distance(time, law.amplitude * begun * np.sin(turn), rate)
     assert law.rate is not None
     assert law.exponent is not None
     rate = law.rate * begun * since**law.exponent
@@ -57,7 +55,7 @@ def travelled(law: Law, end_time: float) -> Distance:
 
 
 def rest_outline(body: RigidBody) -> np.ndarray:
-    """Closed outline (point, 2) about the body's centre, m, counter-clockwise; a plate's ends are half circles."""
+    """Closed counter-clockwise outline (point, 2) about the centre, m; a plate's ends are round."""
     if body.shape == "circle":
         turn = np.linspace(0, 2 * np.pi, body.points, endpoint=False)
         return 0.5 * body.size * np.column_stack([np.cos(turn), np.sin(turn)])
@@ -69,19 +67,11 @@ def rest_outline(body: RigidBody) -> np.ndarray:
     s = walk - side * (around + straight)
     turn = np.minimum(s, around) / radius - 0.5 * np.pi
     x = 0.5 * straight + radius * np.cos(turn) - np.maximum(s - around, 0)
-    y = radius * np.sin(turn)
-    sign = 1 - 2 * side
-    return turned(np.column_stack([sign * x, sign * y]), np.radians(body.angle_deg))
+    points = (1 - 2 * side)[:, None] * np.column_stack([x, radius * np.sin(turn)])
+    return _turned(points, np.radians(body.angle_deg))
 
 
-def edges(body: RigidBody) -> np.ndarray:
-    """Where the mesh must be fine (edge, 2), about the body's centre, m: a plate's ends, a circle's centre."""
-    half = 0.5 * body.size if body.shape == "plate" else 0.0
-    ends = np.array([[half, 0.0], [-half, 0.0]]) if half else np.zeros((1, 2))
-    return turned(ends, np.radians(body.angle_deg))
-
-
-def turned(points: np.ndarray, angle: float) -> np.ndarray:
+def _turned(points: np.ndarray, angle: float) -> np.ndarray:
     """Points (…, 2) rotated counter-clockwise by `angle` rad."""
     c, s = np.cos(angle), np.sin(angle)
     return points @ np.array([[c, s], [-s, c]])
@@ -91,20 +81,17 @@ def measured_path(path: Path, end_time: float) -> Distance:
     """A measured place over time: a cubic spline, at rest before and after."""
     time = np.linspace(0.0, end_time, 2001)
     law = history_law(*measured_table(path, "t,x", "s and m"))
-    start = law(np.zeros(1))
-    return Distance(time, law(time) - start, law(time, 1))
+    return Distance(time, law(time) - law(np.zeros(1)), law(time, 1))
 
 
 def rigid_values(body: RigidBody, motion: Motion, where: Path) -> dict[str, Any]:
-    """Variables and attributes of kinematics.h5 for a rigid body. Raises StageError where it does not move."""
+    """Variables and attributes of kinematics.h5; StageError where the body does not move."""
     law = motion.displacement or motion.rotation
-    path = (
-        travelled(law, motion.end_time)
-        if law
-        else measured_path(where.parent / str(motion.path_csv), motion.end_time)
-    )
-    unit = np.radians(1.0) if motion.rotation else 1.0
-    distance = unit * path.distance
+    if law:
+        path = travelled(law, motion.end_time)
+    else:
+        path = measured_path(where.parent / str(motion.path_csv), motion.end_time)
+    distance = (np.radians(1.0) if motion.rotation else 1.0) * path.distance
     low, high = float(distance.min()), float(distance.max())
     if high - low < 1e-12:
         raise StageError(
@@ -112,29 +99,25 @@ def rigid_values(body: RigidBody, motion: Motion, where: Path) -> dict[str, Any]
         )
     step = motion.path_step or (np.radians(5.0) if motion.rotation else 0.1 * body.size)
     knots = np.linspace(low, high, max(5, int(np.ceil((high - low) / step)) + 1))
-    outline, centre = rest_outline(body), np.asarray(body.centre)
-    direction = turned(np.array([1.0, 0.0]), np.radians(law.direction_deg if law else 0.0))
+    centre = np.asarray(body.centre)
+    direction = _turned(np.array([1.0, 0.0]), np.radians(law.direction_deg if law else 0.0))
 
-    def placed(at: np.ndarray, points: np.ndarray = outline) -> np.ndarray:
+    def placed(points: np.ndarray) -> np.ndarray:
         if motion.rotation:
-            return np.array([turned(points, q) for q in at]) + centre
-        return points + centre + at[:, None, None] * direction
+            return np.array([_turned(points, q) for q in knots]) + centre
+        return points + centre + knots[:, None, None] * direction
 
-    shapes = placed(knots)
+    half = 0.5 * body.size if body.shape == "plate" else 0.0
+    ends = np.array([[half, 0.0], [-half, 0.0]]) if half else np.zeros((1, 2))
     turn = knots if motion.rotation else np.zeros_like(knots)
-    middle = (
-        centre + np.zeros_like(knots)[:, None]
-        if motion.rotation
-        else centre + knots[:, None] * direction
-    )
     return {
         "time": path.time,
         "pressure": distance,
         "shape_parameter": knots,
-        "shape_outline": shapes,
-        "shape_edges": placed(knots, edges(body)),
+        "shape_outline": placed(rest_outline(body)),
+        "shape_edges": placed(_turned(ends, np.radians(body.angle_deg))),
         "shape_bend": turn,
-        "shape_tip": middle,
+        "shape_tip": centre + (0 * knots if motion.rotation else knots)[:, None] * direction,
         "shape_tip_direction": np.stack([np.cos(turn), np.sin(turn)], -1),
         "shape_dorsal_direction": np.stack([-np.sin(turn), np.cos(turn)], -1),
         "tip_thickness": body.size,

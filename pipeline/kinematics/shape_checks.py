@@ -12,8 +12,8 @@ from pipeline.kinematics.contact import gap
 from pipeline.scene.pinch import Pinch, Support
 from pipeline.scene.sections import Tank
 
-ROOT_PLAY = 1e-4  # m: the clamped root itself rises by microns as the finger bends
-GAP_TOLERANCE = 1e-9  # m: rounding of the pressure at which the tips are held
+_ROOT_PLAY = 1e-4  # m: the clamped root itself rises by microns as the finger bends
+_GAP_TOLERANCE = 1e-9  # m: rounding of the pressure at which the tips stop
 
 
 def check_shapes(
@@ -24,60 +24,47 @@ def check_shapes(
     support: Support | None,
     where: Path,
 ) -> None:
-    """StageError where an outline (knot, point, 2) crosses itself, another body, or leaves the water or the tank."""
-    half, depth = tank.size[0] / 2, tank.water_depth
+    """StageError where an outline (knot, point, 2) crosses itself, a body, or the tank's walls."""
     for outline, bend in zip(outlines, np.degrees(bends), strict=True):
-        if not shapely.Polygon(outline).is_valid:
-            raise StageError(
-                f"{where}: the finger's outline crosses itself at {bend:.1f}° of bend; bend it less"
-            )
-        if outline[:, 1].max() >= depth:
-            raise StageError(
-                f"{where}: the finger leaves the water at {bend:.1f}° of bend (it reaches y = {outline[:, 1].max():.3f} m,"
-                f" the surface is at {depth:g} m); lower finger.root"
-            )
-        if outline[:, 1].min() <= 0:
-            raise StageError(
-                f"{where}: the finger hits the bottom at {bend:.1f}° of bend (it reaches y ="
-                f" {outline[:, 1].min():.3f} m); raise finger.root"
-            )
-        if np.abs(outline[:, 0]).max() >= half:
-            raise StageError(
-                f"{where}: the finger touches a wall of the tank at {bend:.1f}° of bend; move finger.root"
-            )
-        if pinch is not None:
-            _check_gap(float(gap(outline, pinch)), bend, pinch, where)
-        if support is not None and _enters(outline, support):
-            raise StageError(
-                f"{where}: the finger touches the support at {bend:.1f}° of bend; raise support.bottom"
-            )
+        fault = _fault(outline, tank, pinch, support)
+        if fault is not None:
+            what, more = fault
+            raise StageError(f"{where}: the finger {what} at {bend:.1f}° of bend{more}")
 
 
-def _check_gap(gap_now: float, bend: float, pinch: Pinch, where: Path) -> None:
-    if gap_now < pinch.residual_gap - GAP_TOLERANCE:
-        what = (
-            "crosses the plane between the fingers"
-            if pinch.object is None
-            else "crosses plane or object"
+def _fault(
+    outline: np.ndarray, tank: Tank, pinch: Pinch | None, support: Support | None
+) -> tuple[str, str] | None:
+    """The fault of a shape, and its measure and remedy."""
+    polygon, (left, low), (right, high) = shapely.Polygon(outline), outline.min(0), outline.max(0)
+    if not polygon.is_valid:
+        return "crosses itself", "; bend it less"
+    if high >= tank.water_depth:
+        surface = f"the surface is at {tank.water_depth:g} m"
+        return "leaves the water", f" (it reaches y = {high:.3f} m, {surface}); lower finger.root"
+    if low <= 0:
+        return "hits the bottom", f" (it reaches y = {low:.3f} m); raise finger.root"
+    if max(-left, right) >= tank.size[0] / 2:
+        return "touches a wall of the tank", "; move finger.root"
+    if pinch is not None and (near := gap(outline, pinch)) < pinch.residual_gap - _GAP_TOLERANCE:
+        return (
+            f"crosses the plane between the fingers{' or the object' if pinch.object else ''}, or"
+            f" comes nearer than pinch.residual_gap = {pinch.residual_gap:g} m",
+            f" (gap {near * 1e3:.3f} mm); raise pinch.half_distance or begin more open",
         )
-        raise StageError(
-            f"{where}: the finger {what}, or comes nearer than pinch.residual_gap = {pinch.residual_gap:g} m, at"
-            f" {bend:.1f}° of bend (gap {gap_now * 1e3:.3f} mm); raise pinch.half_distance or begin more open"
-        )
-
-
-def _enters(outline: np.ndarray, support: Support) -> bool:
-    """Whether the outline (point, 2) enters the block; a root at the height of its lower face does not."""
-    half, bottom = 0.5 * support.size[0], support.bottom
-    block = shapely.box(-half, bottom + ROOT_PLAY, half, bottom + support.size[1])
-    return shapely.Polygon(outline).intersects(block)
+    if support is not None:
+        half, bottom = 0.5 * support.size[0], support.bottom
+        # a root at the height of the block's lower face does not enter it
+        block = shapely.box(-half, bottom + _ROOT_PLAY, half, bottom + support.size[1])
+        if polygon.intersects(block):
+            return "touches the support", "; raise support.bottom"
+    return None
 
 
 def check_body(shapes: np.ndarray, tank: Tank, where: Path) -> None:
     """StageError where a rigid body's outlines (knot, point, 2) leave the water."""
-    half, depth = 0.5 * tank.size[0], tank.water_depth
     x, y = shapes[..., 0], shapes[..., 1]
-    if np.abs(x).max() >= half or y.min() <= 0 or y.max() >= depth:
+    if np.abs(x).max() >= 0.5 * tank.size[0] or y.min() <= 0 or y.max() >= tank.water_depth:
         raise StageError(
             f"{where}: the body leaves the water (x {x.min():.3g}…{x.max():.3g} m,"
             f" y {y.min():.3g}…{y.max():.3g} m); enlarge tank.size or move body.centre"

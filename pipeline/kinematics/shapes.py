@@ -1,4 +1,4 @@
-"""Shapes of the finger over pressure: tables of states in, closed outlines and their rate of change out."""
+"""Shapes of the finger over pressure: states in, closed outlines and their rate of change out."""
 
 from __future__ import annotations
 
@@ -12,39 +12,38 @@ from fileio.formats.bending_states import States
 from pipeline.scene.sections import Chambers
 
 # of the width of a gap between two chambers
-ROUNDING = 0.35  # radius of its corners
-STEP = 0.1  # from point to point of an outline with gaps
+_ROUNDING = 0.35  # radius of its corners
+_STEP = 0.1  # from point to point of an outline with gaps
 
 
 @dataclass(frozen=True)
 class Strip:
-    """Material points of the outline: arc length `s` (m) at rest and height `eta` (0 ventral ... 1 dorsal)."""
+    """Points of the outline: arc length `s` (m) at rest, height `eta` (0 ventral, 1 dorsal)."""
 
     s: np.ndarray
     eta: np.ndarray
 
 
-def rounded_strip(length: float, thickness: np.ndarray, s: np.ndarray, root_radius: float, tip_radius: float,
-                  points: int = 480) -> Strip:  # fmt: skip
-    """Outline of the undeformed finger with rounded corners, counter-clockwise in (s, height to the dorsal side).
+def rounded_strip(
+    length: float,
+    thickness: np.ndarray,
+    s: np.ndarray,
+    root_radius: float,
+    tip_radius: float,
+    points: int = 480,
+) -> Strip:
+    """Outline of the undeformed finger with rounded corners, counter-clockwise, in even steps.
 
-    `thickness` (point,) is given at arc lengths `s` (point,); `points` are spread evenly along the outline.
+    `thickness` (point,) is at arc lengths `s` (point,), m.
     """
-    height_root, height_tip = thickness[0], thickness[-1]
-    limit = 0.49 * min(height_root, height_tip)
-    root_radius, tip_radius = min(root_radius, limit), min(tip_radius, limit)
+    limit = 0.49 * min(thickness[0], thickness[-1])
     fine = np.linspace(0, length, 2001)
     height = np.interp(fine, s, thickness)
-
-    def rounded(distance_root: np.ndarray, distance_tip: np.ndarray) -> np.ndarray:
-        """How far a corner's arc cuts into the strip at a distance from its end."""
-        cut = np.zeros_like(fine)
-        for r, d in ((root_radius, distance_root), (tip_radius, distance_tip)):
-            near = d < r
-            cut[near] += r - np.sqrt(np.maximum(r**2 - (r - d[near]) ** 2, 0))
-        return cut
-
-    cut = rounded(fine, length - fine)
+    cut = np.zeros_like(fine)  # how far the corners' arcs cut into the strip
+    for radius, distance in ((root_radius, fine), (tip_radius, length - fine)):
+        r = min(radius, limit)
+        near = distance < r
+        cut[near] += r - np.sqrt(np.maximum(r**2 - (r - distance[near]) ** 2, 0))
     lower = np.column_stack([fine, cut])
     upper = np.column_stack([fine, height - cut])[::-1]
     loop = np.vstack([lower, upper, lower[:1]])
@@ -57,34 +56,36 @@ def rounded_strip(length: float, thickness: np.ndarray, s: np.ndarray, root_radi
 def with_chambers(
     strip: Strip, chambers: Chambers, length: float, thickness: np.ndarray, s: np.ndarray
 ) -> Strip:
-    """A strip with the gaps between the chambers on its first `length` (m), corners rounded, counter-clockwise.
+    """A strip with gaps between the chambers on its first `length` (m), counter-clockwise.
 
-    `thickness` (point,) is given at arc lengths `s` (point,), m. ValueError where no wall stands between two gaps.
+    `thickness` (point,) is at arc lengths `s` (point,), m. ValueError where no wall stands between
+    two gaps.
     """
     half, top = 0.5 * chambers.gap, 1.01 * float(thickness.max())
     wide = half + np.tan(np.radians(chambers.wedge_deg)) * max(top - chambers.wedge_from, 0.0)
     pitch = (length + chambers.gap) / chambers.count
     if chambers.floor >= thickness.min() or 2 * wide >= pitch - chambers.gap:
         raise ValueError(
-            f"finger.chambers: {chambers.count} chambers, {pitch * 1e3:.3g} mm from one to the next, leave no walls between gaps"
-            f" of {2e3 * wide:.3g} mm at the top from {chambers.floor * 1e3:.3g} mm up in a finger {thickness.min() * 1e3:.3g} mm thick;"
+            f"finger.chambers: {chambers.count} chambers, {pitch * 1e3:.3g} mm from one to the"
+            f" next, leave no walls between gaps of {2e3 * wide:.3g} mm at the top from"
+            f" {chambers.floor * 1e3:.3g} mm up in a finger {thickness.min() * 1e3:.3g} mm thick;"
             " give fewer, smaller gap or wedge_deg, or a lower floor"
         )
-    if chambers.floor <= 2 * ROUNDING * chambers.gap:
+    r = _ROUNDING * chambers.gap
+    if chambers.floor <= 2 * r:
         raise ValueError(
-            f"finger.chambers.floor = {chambers.floor:g} m is too thin below gaps of {chambers.gap:g} m, whose corners are rounded;"
-            f" give more than {2 * ROUNDING * chambers.gap:.3g}, or a smaller gap"
+            f"finger.chambers.floor = {chambers.floor:g} m is too thin below gaps of"
+            f" {chambers.gap:g} m, whose corners are rounded; give more than {2 * r:.3g}, or a"
+            " smaller gap"
         )
     side = [(half, chambers.floor), (half, chambers.wedge_from), (wide, top)]
     gap = np.array([(-x, y) for x, y in side] + side[::-1])
     middles = pitch * np.arange(1, chambers.count) - half
-    solid = shapely.Polygon(
-        np.column_stack([strip.s, strip.eta * np.interp(strip.s, s, thickness)])
-    )
+    height = strip.eta * np.interp(strip.s, s, thickness)
+    solid = shapely.Polygon(np.column_stack([strip.s, height]))
     solid -= shapely.union_all([shapely.Polygon(gap + np.array([x, 0.0])) for x in middles])
-    r = ROUNDING * chambers.gap
     ring = shapely.orient_polygons(solid.buffer(-r).buffer(2 * r).buffer(-r)).exterior
-    at = np.linspace(0, ring.length, int(ring.length / (STEP * chambers.gap)), endpoint=False)
+    at = np.linspace(0, ring.length, int(ring.length / (_STEP * chambers.gap)), endpoint=False)
     x, y = shapely.get_coordinates(shapely.line_interpolate_point(ring, at)).T
     return Strip(s=x, eta=y / np.interp(x, s, thickness))
 
@@ -92,8 +93,8 @@ def with_chambers(
 class FingerShapes:
     """Finger shapes as smooth functions of pressure.
 
-    Between states the tangent angle, the stretch and the thickness of each piece of the profile are interpolated
-    by cubic splines, not the points, so that few states suffice and lengths stay true.
+    Cubic splines interpolate the tangent angle, the length and the thickness of each piece of the
+    profile, not its points, so that few states suffice and lengths stay true.
     """
 
     def __init__(self, states: States, strip: Strip) -> None:
@@ -109,45 +110,38 @@ class FingerShapes:
         self._root_thickness = float(states.thickness[rest, 0])
         self.tip_thickness = float(states.thickness[rest, -1])  # of the finger's end at rest, m
 
-    def bend(self, pressure: float, derivative: int = 0) -> float:
+    def bend(self, pressure: float) -> float:
         """Bend angle γ (rad): the turn of the tangent from root to tip."""
-        angle = self._node_angle(pressure, derivative)
+        angle = self._node_angle(pressure)
         return float(angle[-1] - angle[0])
 
     def outline(self, pressure: float) -> np.ndarray:
         """Closed outline (point, 2) in the actuator frame, origin at the middle of the root."""
-        return self._place(self._strip.s, self._strip.eta, pressure)
+        return self._place(self._strip, pressure)
 
     def tip(self, pressure: float) -> np.ndarray:
         """Rows: middle of the tip, unit tangent out of it, unit vector to the dorsal side."""
-        end = np.array([self._s[-1]])
-        middle = self._place(end, np.array([0.5]), pressure)[0]
-        angle = self._node_angle(pressure, 0)[-1]
+        middle = self._place(Strip(self._s[-1:], np.array([0.5])), pressure)[0]
+        angle = self._node_angle(pressure)[-1]
         return np.array([middle, [np.cos(angle), np.sin(angle)], [np.sin(angle), -np.cos(angle)]])
 
-    def _node_angle(self, pressure: float, derivative: int) -> np.ndarray:
+    def _node_angle(self, pressure: float) -> np.ndarray:
         """Tangent angle at the profile's points, from those of its pieces."""
-        angle = self._angle(pressure, derivative)
-        inner = 0.5 * (angle[1:] + angle[:-1])
-        return np.concatenate(
-            [[1.5 * angle[0] - 0.5 * angle[1]], inner, [1.5 * angle[-1] - 0.5 * angle[-2]]]
-        )
+        angle = self._angle(pressure)
+        first, last = 1.5 * angle[[0, -1]] - 0.5 * angle[[1, -2]]
+        return np.concatenate([[first], 0.5 * (angle[1:] + angle[:-1]), [last]])
 
-    def _place(self, s: np.ndarray, eta: np.ndarray, pressure: float) -> np.ndarray:
-        angle, length = self._angle(pressure), self._length(pressure)
-        node_angle = self._node_angle(pressure, 0)
+    def _place(self, strip: Strip, pressure: float) -> np.ndarray:
+        angle, s = self._angle(pressure), strip.s
         thickness = np.interp(s, self._s, self._thickness(pressure))
-        tangent = np.column_stack([np.cos(angle), np.sin(angle)])
-        turn = np.interp(s, self._s, node_angle)
+        turn = np.interp(s, self._s, self._node_angle(pressure))
         dorsal = np.column_stack([np.sin(turn), -np.cos(turn)])
-        offset = (eta * thickness)[:, None]
-        curve = _sum_from_root(length[:, None] * tangent)
+        tangent = np.column_stack([np.cos(angle), np.sin(angle)])
+        steps = self._length(pressure)[:, None] * tangent
+        curve = np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
         on_curve = np.column_stack([np.interp(s, self._s, c) for c in curve.T])
-        return on_curve + offset * dorsal - np.array([0.0, -0.5 * self._root_thickness])
-
-
-def _sum_from_root(pieces: np.ndarray) -> np.ndarray:
-    return np.vstack([np.zeros((1, 2)), np.cumsum(pieces, axis=0)])
+        root = np.array([0.0, -0.5 * self._root_thickness])
+        return on_curve + (strip.eta * thickness)[:, None] * dorsal - root
 
 
 def add_tip(states: States, length: float, thickness: float | None, pieces: int = 8) -> States:
@@ -169,15 +163,15 @@ def add_tip(states: States, length: float, thickness: float | None, pieces: int 
     )
 
 
-def circular_states(pressure: np.ndarray, bend: np.ndarray, length: float, thickness: float,
-                    points: int = 141) -> States:  # fmt: skip
+def circular_states(
+    pressure: np.ndarray, bend: np.ndarray, length: float, thickness: float, points: int = 141
+) -> States:
     """States of constant curvature: a profile of fixed `length` bent by `bend` (state,) rad."""
     s = np.linspace(0, 1, points)
-    middle = 0.5 * (s[1:] + s[:-1])
-    angle = np.asarray(bend)[:, None] * middle[None]
+    angle = bend[:, None] * (0.5 * (s[1:] + s[:-1]))[None]
     piece = (length / (points - 1)) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     # chords of a circle are shorter than its arc: keep the points on the circle
-    half = np.asarray(bend)[:, None] / (points - 1) / 2
+    half = bend[:, None] / (points - 1) / 2
     piece = piece * np.sinc(half / np.pi)[..., None]
     profile = np.concatenate([np.zeros((len(pressure), 1, 2)), np.cumsum(piece, axis=1)], axis=1)
-    return States(np.asarray(pressure, float), profile, np.full((len(pressure), points), thickness))
+    return States(pressure, profile, np.full((len(pressure), points), thickness))

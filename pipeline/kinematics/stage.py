@@ -1,4 +1,4 @@
-"""Stage kinematics: the pressure law and the finger's shapes, checked and written to kinematics.h5."""
+"""Stage kinematics: the pressure law and the finger's shapes, written to kinematics.h5."""
 
 from __future__ import annotations
 
@@ -16,120 +16,88 @@ from pipeline.kinematics.shape_checks import check_body, check_shapes
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.scene import Scene
 
-GAP_STEP = 0.2  # of the logarithm of the gap from shape to shape: the mesh between the tips shrinks with it
+_GAP_STEP = 0.2  # of the logarithm of the gap from shape to shape: the mesh there shrinks with it
 
 
-def shape_knots(
-    motion: FingerMotion, lowest: float, highest: float, step: float, pinch: Pinch | None = None
+def _shape_knots(
+    motion: FingerMotion, lowest: float, highest: float, step: float, pinch: Pinch | None
 ) -> np.ndarray:
-    """Pressures (Pa) from `lowest` to `highest` at even steps of at most `step` rad of bend; at least five.
+    """Parameters of at least five shapes, at even steps of at most `step` rad of bend.
 
-    In a pinch a step closes or opens the gap by no more than GAP_STEP of itself either, so that the last shapes lie close
-    together. Shapes over time lie no farther apart than they were given.
+    In a pinch a step changes the gap by no more than _GAP_STEP of itself. Shapes over time lie no
+    farther apart than those of their file.
     """
     fine = np.linspace(lowest, highest, 2001)
     steps = np.abs(np.diff([motion.shapes.bend(p) for p in fine])) / step
     if motion.over_time:
-        given = motion.states.pressure
-        steps = np.maximum(steps, np.diff(np.interp(fine, given, np.arange(len(given)))))
+        known = motion.states.pressure
+        steps = np.maximum(steps, np.diff(np.interp(fine, known, np.arange(len(known)))))
     if pinch is not None:
         gaps = gap(np.array([motion.outline(p) for p in fine]), pinch)
-        steps = np.maximum(
-            steps, np.abs(np.diff(np.log(np.maximum(gaps, 0.5 * pinch.residual_gap)))) / GAP_STEP
-        )
+        change = np.abs(np.diff(np.log(np.maximum(gaps, 0.5 * pinch.residual_gap))))
+        steps = np.maximum(steps, change / _GAP_STEP)
     walk = np.concatenate([[0], np.cumsum(steps)])
     count = max(5, int(np.ceil(walk[-1])) + 1)
     return np.interp(np.linspace(0, walk[-1], count), walk, fine)
 
 
-def input_uncertainty(motion: FingerMotion) -> dict[str, np.ndarray]:
-    """Bend of the states and of the paper's equations, and the standard uncertainty of the bend, where known."""
-    states, length = motion.states, motion.finger.length
-    paper, _ = paper_model.bend(states.pressure, length=length)
-    variables = {
-        "state_pressure": states.pressure,
-        "state_bend": np.array([motion.shapes.bend(p) for p in states.pressure]),
-        "paper_bend": paper,
-    }
-    if states.curvature_std is not None:
-        variables["state_bend_std"] = length * states.curvature_std
-    return variables
-
-
-def contact_values(
-    motion: FingerMotion,
-    time: np.ndarray,
-    knots: np.ndarray,
-    outlines: np.ndarray,
-    pinch: Pinch | None,
-) -> dict[str, Any]:
-    """What a pinch adds to the file: the gap over time and over the shapes, the chambers' own pressure, and attributes.
-
-    The gap over time is that of the spline through the shapes, which is what the mesh follows.
-    """
-    if pinch is None:
-        return {}
-    shapes, pressure = CubicSpline(knots, outlines), motion.law(time)
-    gaps = np.concatenate(
-        [gap(shapes(part), pinch) for part in np.array_split(pressure, len(time) // 200 + 1)]
-    )
-    return {
-        "free_pressure": motion.free_law(time),
-        "gap": gaps,
-        "shape_gap": gap(outlines, pinch),
-        "mirror": 1,
-    } | closing_summary(time, gaps, pinch)
-
-
-def finger_values(
+def _finger_values(
     motion: FingerMotion, end_time: float, bend_step: float, pinch: Pinch | None
 ) -> dict[str, Any]:
-    """Variables and attributes of kinematics.h5 for a finger whose shapes are `bend_step` rad apart, or less."""
+    """Variables and attributes of kinematics.h5 for a finger, shapes `bend_step` rad apart."""
     time = law_times(end_time)
     parameter = motion.law(time)
     low, high = float(parameter.min()), float(parameter.max())
     if high - low < 1e-9:
         high = low + 1.0
-    free = (
-        motion.over_time and high >= motion.states.pressure[-1]
-    )  # as computed: no contact holds it
-    knots = motion.states.pressure if free else shape_knots(motion, low, high, bend_step, pinch)
-    bends = np.array([motion.shapes.bend(p) for p in knots])
+    knots = states = motion.states.pressure
+    if not motion.over_time or high < states[-1]:  # else as computed: no contact stops it
+        knots = _shape_knots(motion, low, high, bend_step, pinch)
     outlines = np.array([motion.outline(p) for p in knots])
     tips = np.array([motion.shapes.tip(p) for p in knots])
     tip = motion.to_tank(tips[:, 0])
     speed = np.hypot(*(CubicSpline(knots, tip)(parameter, 1) * motion.law(time, 1)[:, None]).T)
-    return {
+    values = {
         "time": time,
-        **(
-            {"pressure": motion.free_law(time), SHAPE_OF_TIME: parameter}
-            if motion.over_time
-            else {"pressure": parameter}
-        ),
+        "pressure": parameter,
         "shape_parameter": knots,
         "shape_outline": outlines,
-        "shape_bend": bends,
+        "shape_bend": np.array([motion.shapes.bend(p) for p in knots]),
         "shape_tip": tip,
         "shape_tip_direction": motion.turn(tips[:, 1]),
         "shape_dorsal_direction": motion.turn(tips[:, 2]),
         "tip_thickness": motion.shapes.tip_thickness,
         "peak_tip_speed": float(speed.max()),
-        **contact_values(motion, time, knots, outlines, pinch),
-        **({} if motion.over_time else input_uncertainty(motion)),
     }
+    if motion.over_time:
+        values |= {"pressure": motion.free_law(time), SHAPE_OF_TIME: parameter}
+    else:
+        length = motion.finger.length
+        values["state_pressure"] = states
+        values["state_bend"] = np.array([motion.shapes.bend(p) for p in states])
+        values["paper_bend"], _ = paper_model.bend(states, length=length)
+        if motion.states.curvature_std is not None:
+            values["state_bend_std"] = length * motion.states.curvature_std
+    if pinch is not None:
+        # the gap over time is that of the spline through the shapes, which the mesh follows
+        spline = CubicSpline(knots, outlines)
+        parts = np.array_split(parameter, len(time) // 200 + 1)
+        gaps = np.concatenate([gap(spline(part), pinch) for part in parts])
+        values |= {"free_pressure": motion.free_law(time), "gap": gaps, "mirror": 1}
+        values |= {"shape_gap": gap(outlines, pinch)} | closing_summary(time, gaps, pinch)
+    return values
 
 
 def kinematics_values(scene: Scene) -> dict[str, Any]:
-    """Variables and attributes of kinematics.h5. Raises StageError where the motion cannot be."""
+    """Variables and attributes of kinematics.h5; StageError where the motion cannot be."""
     motion, where = scene.motion, scene.folder / "scene.toml"
     if scene.body is not None:
         values = rigid_values(scene.body, motion, where)
         check_body(values["shape_outline"], scene.tank, where)
     else:
         finger = finger_motion(motion, scene.finger, scene.pinch, scene.folder)
-        values = finger_values(
-            finger, motion.end_time, np.radians(motion.max_bend_step_deg) / 2, scene.pinch
-        )
+        bend_step = np.radians(motion.max_bend_step_deg) / 2
+        values = _finger_values(finger, motion.end_time, bend_step, scene.pinch)
         outlines, bends = values["shape_outline"], values["shape_bend"]
         check_shapes(outlines, bends, scene.tank, scene.pinch, scene.support, where)
     return values | {"source": motion.source}
@@ -139,10 +107,8 @@ def run(scene: Scene, quiet: bool = False) -> None:
     """Write kinematics.h5."""
     values = kinematics_values(scene)
     units = {}
-    if scene.body is not None:
-        units = dict.fromkeys(
-            ("pressure", SHAPE), "rad" if scene.motion.rotation else "m"
-        )  # its distance
+    if scene.body is not None:  # the distance travelled
+        units = dict.fromkeys(("pressure", SHAPE), "rad" if scene.motion.rotation else "m")
     elif SHAPE_OF_TIME in values:
         units = {SHAPE: "s"}
     write_kinematics(scene.out / "kinematics.h5", values, units)

@@ -1,27 +1,32 @@
 """Mesh of 20-node hexahedra of the unit cell: half a pitch and half the width of one chamber.
 
-Frame of the unit cell: x along the finger from the middle of the chamber to the middle of the gap, y from the
+Frame: x along the finger from the middle of the chamber to the middle of the gap, y from the
 ventral surface into the chamber, z from the plane of symmetry to the side.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import felupe
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.fea.lattice import hexahedra, lattice_line
+from fileio.formats.bending_states import FloatArray
 from pipeline.fea.settings import Actuator, UnitCellMesh
 
 # m; the wedge is cut where its half length would fall below this, for the sake of the elements
-APEX = 0.15e-3
+_APEX = 0.15e-3
+# Nodes on the lattice of half elements: corners, middles of the edges below, above, upright.
+_NODES = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
+_NODES += [(1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0), (1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2)]
+_NODES += [(0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1)]
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Mesh of the unit cell: `lower` marks the cells of the lower layer, the others are masks of points."""
+    """Mesh of the unit cell: `lower` marks the cells of the lower layer, the others mark points."""
 
     mesh: felupe.Mesh
     lower: NDArray[np.bool_]
@@ -34,24 +39,34 @@ class Grid:
     top: NDArray[np.intp]  # points of the roof's outer edge at z = 0, by x
 
 
-def wedge_height(actuator: Actuator) -> float:
+def _wedge_height(actuator: Actuator) -> float:
     """Height (m) of the cavity's wedge: h1 − h2, or less where the walls meet before."""
     slope = np.tan(np.deg2rad(actuator.wedge_deg))
     full = actuator.h1 - actuator.h2
-    return float(min(full, (actuator.l2 / 2 - APEX) / slope)) if slope > 0 else full
+    return float(min(full, (actuator.l2 / 2 - _APEX) / slope)) if slope > 0 else full
+
+
+def _lattice_line(breaks: Sequence[float], counts: Sequence[int]) -> FloatArray:
+    """Coordinates of the corners and middles of `counts` elements between breaks."""
+    ends = zip(breaks[:-1], breaks[1:], counts, strict=True)
+    parts = [np.linspace(a, b, 2 * n, endpoint=False) for a, b, n in ends]
+    return np.concatenate([*parts, [breaks[-1]]])
 
 
 def build(actuator: Actuator, counts: UnitCellMesh) -> Grid:
-    """Structured hexahedra, split into blocks (cavity, wall, gap) × (base, bridge, side, wedge, roof) × (span, wall)."""
+    """Structured hexahedra.
+
+    Blocks: (cavity, wall, gap) × (base, bridge, side, wedge, roof) × (span, wall).
+    """
     a, n = actuator, counts
-    wedge = wedge_height(a)
+    wedge = _wedge_height(a)
     heights = np.cumsum([0.0, a.b2, a.bridge, a.h2 - a.bridge, wedge, a.roof]).tolist()
-    x_line = lattice_line([0, a.l2 / 2, a.l2 / 2 + a.l1, a.pitch / 2], [n.cavity, n.wall, n.gap])
-    y_line = lattice_line(heights, [n.base, n.bridge, n.side, n.wedge, n.wall])
-    z_line = lattice_line([0, a.width / 2 - a.b1, a.width / 2], [n.span, n.wall])
-    i, j, k = np.meshgrid(
-        *(np.arange(len(line)) for line in (x_line, y_line, z_line)), indexing="ij"
-    )
+    lengths = [0, a.l2 / 2, a.l2 / 2 + a.l1, a.pitch / 2]
+    x_line = _lattice_line(lengths, [n.cavity, n.wall, n.gap])
+    y_line = _lattice_line(heights, [n.base, n.bridge, n.side, n.wedge, n.wall])
+    z_line = _lattice_line([0, a.width / 2 - a.b1, a.width / 2], [n.span, n.wall])
+    shape = len(x_line), len(y_line), len(z_line)
+    i, j, k = np.indices(shape)
     x, y, z = x_line[i], y_line[j], z_line[k]
     # indices of the lattice at which the blocks end
     x1, x2 = 2 * n.cavity, 2 * (n.cavity + n.wall)
@@ -59,7 +74,7 @@ def build(actuator: Actuator, counts: UnitCellMesh) -> Grid:
     y4 = y2 + 2 * (n.side + n.wedge)
     z1 = 2 * n.span
 
-    # above h2 the cavity's wall and the outer wall lean in by the wedge angle, with the same length of wall
+    # above h2 the cavity's wall and the outer wall lean in by the wedge angle, equally thick
     slope = np.tan(np.deg2rad(a.wedge_deg))
     inset = slope * np.clip(y - heights[3], 0, wedge)
     lean = slope * np.maximum(y - heights[3], 0)
@@ -71,24 +86,28 @@ def build(actuator: Actuator, counts: UnitCellMesh) -> Grid:
     sheared = (1 - rise) * sheared + rise * outer * i / x2
     x = np.where(i <= x2, sheared, x)
 
-    ci, cj, ck = 2 * np.indices([length // 2 for length in i.shape])
+    ci, cj, ck = 2 * np.indices([size // 2 for size in shape])
     void = (ci < x1) & (cj >= y1) & (cj < y4) & (ck < z1)
-    open_gap = (ci >= x2) & (cj >= y2)
-    kept = ~(void | open_gap)
-    cells, places = hexahedra(kept)
-    pi, pj, pk = places.T
+    kept = ~void & ~((ci >= x2) & (cj >= y2))
+    number = np.arange(x.size).reshape(shape)
+    ends = [tuple(slice(c, c + s - 1, 2) for c, s in zip(p, shape, strict=True)) for p in _NODES]
+    cells = np.stack([number[end] for end in ends], -1)[kept]
+    used, numbers = np.unique(cells, return_inverse=True)
+    pi, pj, pk = np.unravel_index(used, shape)
     points = np.stack([x, y, z], -1)[pi, pj, pk]
-    cavity = (pi <= x1) & (pj >= y1) & (pj <= y4) & (pk <= z1)
-    ventral = np.flatnonzero((pj == 0) & (pk == 0))
-    top = np.flatnonzero((pj == len(y_line) - 1) & (pk == 0))
+
+    def line(height: int) -> NDArray[np.intp]:
+        members = np.flatnonzero((pj == height) & (pk == 0))
+        return members[np.argsort(points[members, 0])]
+
     return Grid(
-        mesh=felupe.Mesh(points, cells, "hexahedron20"),
+        mesh=felupe.Mesh(points, numbers.reshape(cells.shape), "hexahedron20"),
         lower=(cj < y1)[kept],
         middle=pi == 0,
         symmetry=pk == 0,
-        plane=pi == len(x_line) - 1,
-        cavity=cavity,
+        plane=pi == shape[0] - 1,
+        cavity=(pi <= x1) & (pj >= y1) & (pj <= y4) & (pk <= z1),
         outer_wall=(pi == x2) & (pj >= y2),
-        ventral=ventral[np.argsort(points[ventral, 0])],
-        top=top[np.argsort(points[top, 0])],
+        ventral=line(0),
+        top=line(shape[1] - 1),
     )

@@ -1,4 +1,4 @@
-"""The pressure path of a unit cell: out from rest, warm-started, with smaller steps where Newton's method fails."""
+"""The pressure path of a unit cell, out from rest in steps that Newton's method can take."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ LARGEST_STEP = 2e3  # Pa
 def follow(
     cell: UnitCell, pressures: Iterable[float], done: Callable[[], object] = lambda: None
 ) -> dict[float, State]:
-    """States at `pressures` (Pa), by pressure; both branches start at rest. `done` is called after each.
+    """States at `pressures` (Pa), by pressure; `done` is called after each.
 
-    A branch ends where even `LEAST_STEP` fails: its further pressures are absent from the result.
+    A branch ends where even `LEAST_STEP` fails: its further pressures are absent.
     """
     states: dict[float, State] = {}
     wanted = sorted(set(pressures))
@@ -39,11 +39,9 @@ def _reach(
         return cell.solve(state, target), None
     while state.pressure != target:
         remaining = target - state.pressure
-        pressure = (
-            target
-            if abs(remaining) <= step
-            else state.pressure + step * (1 if remaining > 0 else -1)
-        )
+        pressure = target
+        if abs(remaining) > step:
+            pressure = state.pressure + (step if remaining > 0 else -step)
         try:
             solved = cell.solve(_extrapolated(state, before, pressure), pressure)
         except NotConverged:

@@ -1,8 +1,8 @@
-"""The rigid mid-gap plane: kinematics of the points joined to it, and frictionless contact with it.
+"""The rigid mid-gap plane: the points joined to it, and frictionless contact with it.
 
-By mirror symmetry the plane half way between two chambers stays plane. It moves along x by u and turns by φ (positive
-when the dorsal side opens); both are unknowns, so that neither a net force nor a moment acts on a cell. A wall that
-reaches the plane touches its own mirror image, the neighbouring chamber.
+By mirror symmetry the plane half way between two chambers stays plane. It moves along x by u and
+turns by φ, positive when the dorsal side opens. Both are unknowns, so that neither a net force nor
+a moment acts on a cell. A wall that reaches the plane touches its mirror image, the next chamber.
 """
 
 from __future__ import annotations
@@ -11,14 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-FloatArray = NDArray[np.float64]
-
-
-def joined_points(
-    distance: FloatArray, u: float, phi: float, x_plane: float
-) -> tuple[FloatArray, FloatArray]:
-    """Position (x, y) of points of the plane at `distance` from its foot (x_plane + u, 0)."""
-    return x_plane + u + distance * np.sin(phi), distance * np.cos(phi)
+from fileio.formats.bending_states import FloatArray
 
 
 def joined_tangent(
@@ -26,23 +19,24 @@ def joined_tangent(
 ) -> sparse.csr_matrix:
     """Derivative (3 n, 3 n + 2) of all displacements by the unknowns.
 
-    The unknowns are the displacements, but that the y slot of a joined point holds its distance along the plane and
-    its x slot is not used; u and φ come last.
+    The unknowns are the displacements, then u and φ. The y slot of a joined point holds its
+    `distance` along the plane; its x slot is not used.
     """
     n = 3 * n_points
+    c, s = np.cos(phi), np.sin(phi)
     free = np.ones(n)
     free[3 * points] = 0
-    free[3 * points + 1] = np.cos(phi)
-    diagonal = sparse.coo_matrix((free, (np.arange(n), np.arange(n))), shape=(n, n + 2))
-    rows = np.concatenate([3 * points, 3 * points, 3 * points, 3 * points + 1])
-    columns = np.concatenate(
-        [3 * points + 1, np.full(len(points), n), np.full(2 * len(points), n + 1)]
-    )
-    one = np.ones(len(points))
-    values = np.concatenate(
-        [np.sin(phi) * one, one, distance * np.cos(phi), -distance * np.sin(phi)]
-    )
-    return (diagonal + sparse.coo_matrix((values, (rows, columns)), shape=(n, n + 2))).tocsr()
+    free[3 * points + 1] = c
+    one = np.ones_like(points)
+    rows = [np.arange(n), 3 * points, 3 * points, 3 * points, 3 * points + 1]
+    columns = [np.arange(n), 3 * points + 1, n * one, (n + 1) * one, (n + 1) * one]
+    values = [free, s * one, one, distance * c, -distance * s]
+    return _matrix(values, rows, columns, (n, n + 2)).tocsr()
+
+
+def _matrix(values: list, rows: list, columns: list, shape: tuple[int, int]) -> sparse.coo_matrix:
+    values, rows, columns = (np.concatenate(part) for part in (values, rows, columns))
+    return sparse.coo_matrix((values, (rows, columns)), shape=shape)
 
 
 def joined_curvature(
@@ -53,13 +47,9 @@ def joined_curvature(
     fx, fy = residual[3 * points], residual[3 * points + 1]
     mixed = fx * np.cos(phi) - fy * np.sin(phi)
     turn = -np.sum(distance * (fx * np.sin(phi) + fy * np.cos(phi)))
-    slots = 3 * points + 1
-    last = np.full(len(points), n + 1)
-    rows = np.concatenate([slots, last, [n + 1]])
-    columns = np.concatenate([last, slots, [n + 1]])
-    return sparse.coo_matrix(
-        (np.concatenate([mixed, mixed, [turn]]), (rows, columns)), shape=(n + 2, n + 2)
-    )
+    slots, last = 3 * points + 1, np.full(len(points), n + 1)
+    rows, columns = [slots, last, [n + 1]], [last, slots, [n + 1]]
+    return _matrix([mixed, mixed, [turn]], rows, columns, (n + 2, n + 2))
 
 
 def gap(x: FloatArray, y: FloatArray, u: float, phi: float, x_plane: float) -> FloatArray:
@@ -77,29 +67,26 @@ def contact(
     x_plane: float,
     n_points: int,
 ) -> tuple[FloatArray, sparse.coo_matrix]:
-    """Force (3 n + 2) and stiffness of a penalty ½ k g² on points beyond the plane; `stiffness` k in N/m per point."""
+    """Force (3 n + 2) and stiffness of a penalty ½ k g² on points beyond the plane.
+
+    `stiffness` (point) is k in N/m.
+    """
     depth = -gap(x, y, u, phi, x_plane)
     active = depth > 0
-    points, x, y, k, depth = points[active], x[active], y[active], stiffness[active], depth[active]
+    points, x, y, k, depth = (v[active] for v in (points, x, y, stiffness, depth))
     n = 3 * n_points
     c, s = np.cos(phi), np.sin(phi)
     one = np.ones(len(points))
     slope = np.stack([c * one, -s * one, -c * one, -(x - x_plane - u) * s - y * c], -1)
-    slots = np.stack(
-        [3 * points, 3 * points + 1, (n * one).astype(int), ((n + 1) * one).astype(int)], -1
-    )
-    force = np.bincount(
-        slots.ravel(), (k * depth)[:, None].repeat(4, 1).ravel() * slope.ravel(), minlength=n + 2
-    )
+    last = np.ones_like(points)
+    slots = np.stack([3 * points, 3 * points + 1, n * last, (n + 1) * last], -1)
+    push = (k * depth)[:, None].repeat(4, 1) * slope
+    force = np.bincount(slots.ravel(), push.ravel(), minlength=n + 2)
     second = np.zeros((len(points), 4, 4))
-    for i, j, value in ((0, 3, -s * one), (1, 3, -c * one), (2, 3, s * one)):
-        second[:, i, j] = second[:, j, i] = value
-    second[:, 3, 3] = -depth
-    blocks = k[:, None, None] * (
-        slope[:, :, None] * slope[:, None, :] + depth[:, None, None] * second
-    )
+    for i, value in enumerate((-s * one, -c * one, s * one, -depth)):
+        second[:, i, 3] = second[:, 3, i] = value
+    blocks = slope[:, :, None] * slope[:, None, :] + depth[:, None, None] * second
     rows = slots[:, :, None].repeat(4, 2)
-    matrix = sparse.coo_matrix(
-        (blocks.ravel(), (rows.ravel(), rows.transpose(0, 2, 1).ravel())), shape=(n + 2, n + 2)
-    )
+    places = rows.ravel(), rows.transpose(0, 2, 1).ravel()
+    matrix = sparse.coo_matrix(((k[:, None, None] * blocks).ravel(), places), shape=(n + 2, n + 2))
     return np.asarray(force, dtype=float), matrix

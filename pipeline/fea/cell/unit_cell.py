@@ -1,4 +1,4 @@
-"""The unit cell in equilibrium: quadratic hexahedra with reduced integration, follower pressure, contact."""
+"""The unit cell in equilibrium: hexahedra, follower pressure and contact."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from fileio.formats.bending_states import FloatArray
 from pipeline.fea.cell import plane
 from pipeline.fea.cell.elements import follower_pressure, solid_body, surface
 from pipeline.fea.cell.grid import Grid, build
 from pipeline.fea.settings import Actuator, UnitCellMesh
 
-FloatArray = NDArray[np.float64]
-CONTACT_STIFFNESS = 2e10  # Pa/m of penetration: 40 kPa of contact pressure sink in by 0.002 mm
+_CONTACT_STIFFNESS = 2e10  # Pa/m of penetration: 40 kPa of contact pressure sink in by 0.002 mm
+_ITERATIONS = 25
+_TOLERANCE = 1e-9  # m and rad: of the last Newton correction
 
 
 class NotConverged(RuntimeError):
@@ -24,9 +26,9 @@ class NotConverged(RuntimeError):
 
 @dataclass(frozen=True)
 class State:
-    """Unknowns at one pressure: displacements with the plane's points by their distance, then u and φ.
+    """Unknowns at one pressure (Pa), as `plane.joined_tangent` orders them.
 
-    `moment` (N m): about the ventral edge, on the whole width of the actuator, positive where it bends towards that side.
+    `moment` (N m) acts on the whole width and bends towards the ventral side where positive.
     """
 
     pressure: float
@@ -43,7 +45,7 @@ class State:
 
 
 class UnitCell:
-    """Residual, stiffness and Newton's method of one unit cell. Lengths are in m, stresses in Pa."""
+    """Residual, stiffness and Newton's method of one unit cell; lengths in m, stresses in Pa."""
 
     def __init__(self, actuator: Actuator, counts: UnitCellMesh) -> None:
         self.grid: Grid = build(actuator, counts)
@@ -51,40 +53,34 @@ class UnitCell:
         self.points: FloatArray = mesh.points
         self.n = len(self.points)
         self.x_plane = actuator.pitch / 2
-        self.bodies = []
-        for material, cells in (
-            (actuator.materials.lower, self.grid.lower),
-            (actuator.materials.upper, ~self.grid.lower),
-        ):
-            self.bodies.append(solid_body(mesh, cells, material))
+        self.bodies = [
+            solid_body(mesh, self.grid.lower, actuator.materials.lower),
+            solid_body(mesh, ~self.grid.lower, actuator.materials.upper),
+        ]
         self.pressure = follower_pressure(mesh, self.grid.cavity)
         self.joined = np.flatnonzero(self.grid.plane)
         self.walls = [
             self._wall(self.grid.outer_wall),
             self._wall(self.grid.cavity & ~self.grid.middle),
         ]
-        self.free = self._free()
-
-    def _wall(self, mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], FloatArray]:
-        """Points of the faces whose corners are all in `mask` and that look along x, with their contact stiffness."""
-        region = surface(self.grid.mesh, mask)
-        normal = region.dA.sum(1)
-        along_x = np.abs(normal[0]) > 0.5 * np.linalg.norm(normal, axis=0)
-        # equal shares: the consistent ones of an 8-node face are negative at its corners
-        share = np.linalg.norm(normal, axis=0)[along_x] / 8
-        area = np.bincount(
-            region.mesh.cells_faces[along_x].ravel(), np.repeat(share, 8), minlength=self.n
-        )
-        points = np.flatnonzero(area)
-        return points, np.asarray(CONTACT_STIFFNESS * area[points], dtype=float)
-
-    def _free(self) -> NDArray[np.intp]:
         held = np.zeros((self.n, 3), dtype=bool)
         held[self.grid.middle, 0] = True
         held[self.grid.symmetry, 2] = True
         held[self.grid.ventral[0], 1] = True
         held[self.grid.plane, 0] = True  # their x follows from the plane
-        return np.append(np.flatnonzero(~held.ravel()), [3 * self.n, 3 * self.n + 1])
+        self.free = np.append(np.flatnonzero(~held.ravel()), [3 * self.n, 3 * self.n + 1])
+
+    def _wall(self, mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], FloatArray]:
+        """Points of the faces in `mask` that look along x, and their contact stiffness."""
+        region = surface(self.grid.mesh, mask)
+        normal = region.dA.sum(1)
+        along_x = np.abs(normal[0]) > 0.5 * np.linalg.norm(normal, axis=0)
+        # equal shares: the consistent ones of an 8-node face are negative at its corners
+        share = np.linalg.norm(normal, axis=0)[along_x] / 8
+        faces = region.mesh.cells_faces[along_x].ravel()
+        area = np.bincount(faces, np.repeat(share, 8), minlength=self.n)
+        points = np.flatnonzero(area)
+        return points, np.asarray(_CONTACT_STIFFNESS * area[points], dtype=float)
 
     def rest(self) -> State:
         unknowns = np.zeros(3 * self.n + 2)
@@ -95,9 +91,9 @@ class UnitCell:
         """Displacements (n, 3) in m."""
         values = state.unknowns[:-2].reshape(-1, 3).copy()
         u, phi = state.unknowns[-2:]
-        x, y = plane.joined_points(values[self.joined, 1], u, phi, self.x_plane)
-        values[self.joined, 0] = x - self.points[self.joined, 0]
-        values[self.joined, 1] = y - self.points[self.joined, 1]
+        distance = values[self.joined, 1]
+        x, y = self.x_plane + u + distance * np.sin(phi), distance * np.cos(phi)
+        values[self.joined, :2] = np.stack([x, y], -1) - self.points[self.joined, :2]
         return values
 
     def residual(self, state: State) -> tuple[FloatArray, sparse.csr_matrix]:
@@ -111,18 +107,16 @@ class UnitCell:
             stiffness = stiffness + body.assemble.matrix(body.field)
         self.pressure.field[0].values[:] = values
         # the pressure presses outwards on the wetted faces, whose normals look into the cavity
-        force += (
-            self.pressure.assemble.vector(self.pressure.field, state.pressure).toarray()[:, 0] * -1
-        )
-        stiffness = stiffness - self.pressure.assemble.matrix(self.pressure.field, state.pressure)
+        pressed = self.pressure.assemble
+        force -= pressed.vector(self.pressure.field, state.pressure).toarray()[:, 0]
+        stiffness = stiffness - pressed.matrix(self.pressure.field, state.pressure)
 
         u, phi = state.unknowns[-2:]
         distance = state.unknowns[3 * self.joined + 1]
         tangent = plane.joined_tangent(self.joined, distance, phi, self.n)
         out = tangent.T @ force
-        matrix = tangent.T @ stiffness @ tangent + plane.joined_curvature(
-            self.joined, distance, phi, force
-        )
+        matrix = tangent.T @ stiffness @ tangent
+        matrix = matrix + plane.joined_curvature(self.joined, distance, phi, force)
         position = self.points + values
         for (points, k), (shift, turn, foot, sign) in zip(
             self.walls, ((u, phi, self.x_plane, 1), (0.0, 0.0, 0.0, -1)), strict=True
@@ -132,27 +126,20 @@ class UnitCell:
             push[0 : 3 * self.n : 3] *= sign
             if sign < 0:  # the middle of the chamber is fixed: nothing of its own moves
                 push[-2:] = 0
-                addition = _only_x(addition, 3 * self.n)
+                keep = (addition.row < 3 * self.n) & (addition.col < 3 * self.n)
+                addition.data *= keep
             out = out + push
             matrix = matrix + addition
         out[-1] -= 0.5 * state.moment  # the cell is half the width
         return out, matrix.tocsr()
 
-    def solve(
-        self,
-        state: State,
-        pressure: float,
-        moment: float = 0.0,
-        *,
-        iterations: int = 25,
-        tolerance: float = 1e-9,
-    ) -> State:
-        """Equilibrium at `pressure` (Pa) under a moment (N m) from a neighbouring state; raises NotConverged.
+    def solve(self, state: State, pressure: float, moment: float = 0.0) -> State:
+        """Equilibrium at `pressure` (Pa) and `moment` (N m) from a neighbouring state.
 
-        `tolerance` bounds the last Newton correction, in m and rad.
+        Raises NotConverged.
         """
         unknowns = state.unknowns.copy()
-        for _ in range(iterations):
+        for _ in range(_ITERATIONS):
             force, matrix = self.residual(State(pressure, unknowns, moment))
             block = matrix[self.free][:, self.free].tocsc()
             with np.errstate(all="raise"):
@@ -164,15 +151,8 @@ class UnitCell:
             if not np.isfinite(size) or size > 0.5:
                 raise NotConverged(f"correction of {size:.3g} at {pressure / 1e3:.3g} kPa")
             unknowns[self.free] += step
-            if size < tolerance:
+            if size < _TOLERANCE:
                 return State(pressure, unknowns, moment)
         raise NotConverged(
-            f"no equilibrium at {pressure / 1e3:.3g} kPa after {iterations} iterations"
+            f"no equilibrium at {pressure / 1e3:.3g} kPa after {_ITERATIONS} iterations"
         )
-
-
-def _only_x(matrix: sparse.coo_matrix, n: int) -> sparse.coo_matrix:
-    keep = (matrix.row < n) & (matrix.col < n)
-    return sparse.coo_matrix(
-        (matrix.data[keep], (matrix.row[keep], matrix.col[keep])), shape=matrix.shape
-    )

@@ -14,53 +14,46 @@ from pipeline.fea.imported.importing import Fields
 from pipeline.fea.settings import Import
 
 
-def read_vtk(path: Path, given: Import) -> Fields:
-    """All states of a .pvd, or of name-numbered .vtu beside each other (`file` with a *); raises ValueError."""
-    meshes: list[Any] = []
+def read_vtk(path: Path, results: Import) -> Fields:
+    """All states of a .pvd, or of .vtu files numbered by name (*); raises ValueError."""
     if path.suffix == ".pvd":
         reader = pyvista.PVDReader(path)
-        times = [float(t) for t in reader.time_values]
+        meshes, times = [], list(reader.time_values)
         for time in times:
             reader.set_active_time_value(time)
             block = reader.read()
-            meshes.append(
-                block.combine()
-                if isinstance(block, pyvista.MultiBlock) and block.n_blocks > 1
-                else block[0]
-            )
+            meshes.append(block.combine() if block.n_blocks > 1 else block[0])
     else:
-        files = sorted(path.parent.glob(path.name))
-        times = [float(k + 1) for k in range(len(files))]
-        meshes = [pyvista.read(file) for file in files]
+        meshes = [pyvista.read(file) for file in sorted(path.parent.glob(path.name))]
+        times = list(range(1, len(meshes) + 1))
     if not meshes:
         raise ValueError(f"{path}: no file of that name: set file in [fea.results]")
-    return _fields(path, given, meshes[0].points, times, [mesh.point_data for mesh in meshes])
+    return _fields(path, results, meshes[0].points, times, [mesh.point_data for mesh in meshes])
 
 
-def read_xdmf(path: Path, given: Import) -> Fields:
+def read_xdmf(path: Path, results: Import) -> Fields:
     """All steps of an XDMF time series; raises ValueError."""
     with meshio.xdmf.TimeSeriesReader(path) as reader:
         points, _ = reader.read_points_cells()
         steps = [reader.read_data(step) for step in range(reader.num_steps)]
-    return _fields(
-        path, given, points, [float(step[0]) for step in steps], [step[1] for step in steps]
-    )
+    return _fields(path, results, points, [step[0] for step in steps], [step[1] for step in steps])
 
 
 def _fields(
-    path: Path, given: Import, points: Any, times: list[float], states: list[Mapping]
+    path: Path, results: Import, points: Any, times: list[float], states: list[Mapping]
 ) -> Fields:
-    """The displacements among the point data of each state."""
     fields = []
     for number, data in enumerate(states, 1):
-        if given.displacement_field not in data:
-            known = ", ".join(data.keys()) or "none"
+        if results.displacement_field not in data:
             raise ValueError(
-                f"{path}: state {number} has no point data {given.displacement_field!r} (it has: {known}): set displacement_field"
+                f"{path}: state {number} has no point data {results.displacement_field!r} (it has:"
+                f" {', '.join(data.keys()) or 'none'}): set displacement_field"
             )
-        fields.append(np.asarray(data[given.displacement_field], dtype=float))
+        fields.append(np.asarray(data[results.displacement_field], dtype=float))
         if len(fields[-1]) != len(points):
             raise ValueError(
-                f"{path}: state {number} has {len(fields[-1])} nodes, the first one {len(points)}: export the same mesh for every state"
+                f"{path}: state {number} has {len(fields[-1])} nodes, the first one {len(points)}:"
+                " export the same mesh for every state"
             )
-    return Fields(np.asarray(points, dtype=float), np.array(fields), np.array(times), {})
+    nobody = np.empty(0, int)
+    return Fields(np.asarray(points, float), np.array(fields), np.array(times, float), nobody)
