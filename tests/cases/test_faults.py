@@ -1,14 +1,13 @@
-"""A small version of `make faults` and `make stability`: kills, two makes at once, a full disk; the three outcomes."""
+"""A small version of `make faults` and `make stability`: kills, two makes, full disk; endings."""
 
 import json
-import random
 import shutil
 
 import pytest
+from pipeline.study.table import Row
 
 from pipeline.study.outcome import NAME, outcome
 from pipeline.study.plan import write_scene
-from pipeline.study.table import Row
 from tests.studies.faults.conditions import disks, twice
 from tests.studies.faults.kill import kills_in
 from tests.studies.faults.project import PRODUCTS, SCENE, copy_project, make, out_of
@@ -19,40 +18,38 @@ pytestmark = [
     pytest.mark.openfoam,
     pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
 ]
-STAGES = ("kinematics", "mesh", "case", "run")
 
 
 @pytest.fixture(scope="module")
 def solved(tmp_path_factory):
-    """A copy of the project, solved, and what its stages made."""
+    """A solved copy of the project, the files of its stages, and a folder for logs."""
     folder = tmp_path_factory.mktemp("faults")
     project, wanted = copy_project(folder / "project"), folder / "wanted"
     done = make(project, f"{SCENE}.run")
     assert done.returncode == 0, done.stderr[-2000:]
-    for name in (name for stage in STAGES for name in PRODUCTS[stage]):
-        (wanted / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(out_of(project) / name, wanted / name)
+    for stage in ("kinematics", "mesh", "case", "run"):
+        for name in PRODUCTS[stage]:
+            (wanted / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(out_of(project) / name, wanted / name)
     return project, wanted, folder
 
 
 @pytest.mark.parametrize("stage", ["mesh", "run"])
-def test_make_goes_on_after_kills_and_ends_alike(solved, stage):
+def test_make_goes_on_after_kills_and_gives_the_same_result(solved, stage):
     project, wanted, folder = solved
-    row = kills_in(project, wanted, stage, 4.0, 2, random.Random(stage), folder / "log")
+    row = kills_in(project, wanted, stage, 4.0, 2, stage, folder / "log")
     assert row["difference"] == ""
     assert row["kills"] == 2
 
 
-def test_two_makes_at_once_do_not_spoil_each_others_files(solved):
-    project, wanted, folder = solved
-    row = next(iter(twice(project, wanted, folder, ["mesh"])))
+def test_two_makes_at_once_keep_the_files_intact(solved):
+    row = next(iter(twice(*solved, ["mesh"])))
     assert row["ended"] in ("completed", "refused")
     assert row["afterwards"] == "as undisturbed"
 
 
-def test_a_full_and_a_read_only_disk_are_one_sentence(solved):
-    project, wanted, folder = solved
-    for row in disks(project, wanted, folder, ["mesh"]):
+def test_a_full_and_a_read_only_disk_give_one_sentence(solved):
+    for row in disks(*solved, ["mesh"]):
         if str(row["ended"]).startswith("not tried"):
             pytest.skip(str(row["ended"]))
         assert row["ended"] == "refused", row
@@ -62,9 +59,11 @@ def test_a_full_and_a_read_only_disk_are_one_sentence(solved):
 TINY = {
     "model.kind": "2d", "motion.end_time": 0.02, "numerics.time_step": 1e-3,
     "motion.strokes": [{"pressure_kpa": 10.0, "start": 0.002, "duration": 0.05}],
-    "mesh.wall_cell": 3.5e-3, "mesh.wall_first_layer": 1.2e-3, "mesh.wall_layers": 2, "mesh.tip_cell": 2.2e-3,
-    "mesh.near_cell": 5e-3, "mesh.near_distance": 0.01, "mesh.far_cell": 0.05,
+    "mesh.wall_cell": 3.5e-3, "mesh.wall_first_layer": 1.2e-3, "mesh.wall_layers": 2,
+    "mesh.tip_cell": 2.2e-3, "mesh.near_cell": 5e-3, "mesh.near_distance": 0.01,
+    "mesh.far_cell": 0.05,
 }  # fmt: skip
+BEYOND = {"motion.strokes": [{"pressure_kpa": 90.0, "start": 0.0, "duration": 0.02}]}
 
 
 @pytest.mark.parametrize(
@@ -73,11 +72,7 @@ TINY = {
         ({}, "completed", ""),
         ({"numerics.max_courant": 1.6}, "stopped", "Courant number"),  # it reaches 1.8
         ({"numerics.max_courant": 0.01}, "refused", "time_step of at most"),
-        (
-            {"motion.strokes": [{"pressure_kpa": 90.0, "start": 0.0, "duration": 0.02}]},
-            "refused",
-            "states cover",
-        ),
+        (BEYOND, "refused", "states cover"),
     ],
 )
 def test_a_run_ends_in_one_of_three_ways(solved, changes, ended, words):
@@ -90,8 +85,8 @@ def test_a_run_ends_in_one_of_three_ways(solved, changes, ended, words):
     assert str(folder) not in run_outcome["reason"]
     (folder / "out" / "tiny").mkdir(parents=True, exist_ok=True)
     (folder / "out" / "tiny" / NAME).write_text(json.dumps(run_outcome))
-    planned = {"run": row.run, "axis": "axis", "value": "", "level": "tiny", "ranks": 1, "scene": str(scene), "folder": str(folder)}  # fmt: skip
-    judged = result(planned)
+    planned = {"run": row.run, "axis": "axis", "value": "", "level": "tiny", "ranks": 1}
+    judged = result(planned | {"scene": str(scene), "folder": str(folder)})
     assert judged["ended"] == ended, judged
     if ended == "completed":
         assert judged["from_nothing_fraction"] < 0.01

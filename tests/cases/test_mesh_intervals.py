@@ -211,10 +211,7 @@ def test_a_run_killed_in_its_second_interval_and_while_mapping_ends_with_the_sam
 
 def test_the_case_of_a_run_at_work_is_not_written_anew(meshed):
     intervals = sorted((meshed.out / "case").iterdir())
-    with (
-        exclusive(meshed.out / "solver"),
-        pytest.raises(BlockingIOError, match="another make"),
-    ):
+    with exclusive(meshed.out / "solver"), pytest.raises(BlockingIOError, match="another make"):
         case_stage.run(meshed, quiet=True)
     assert sorted((meshed.out / "case").iterdir()) == intervals
 

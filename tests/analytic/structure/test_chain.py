@@ -13,7 +13,7 @@ from pipeline.kinematics.pressure_law import stroke_law
 from pipeline.structure.chain import Chain, placed
 from pipeline.structure.energy import energies, open_share
 from pipeline.structure.motion import Surroundings, at_rest, motion
-from tests.studies.elastic_benchmarks import beam
+from tests.analytic.structure.beams import beam
 
 STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
 LENGTH, WIDTH, HEIGHT, EI, MASS = 0.07, 0.028, 0.0167, 0.48e-3, 0.31  # MASS in kg/m

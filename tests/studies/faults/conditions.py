@@ -1,4 +1,4 @@
-"""Disks that are full, folders that cannot be written, odd paths, foreign files, no OpenFOAM, two makes at once."""
+"""Full disks, folders without write permission, odd paths, foreign files, OpenFOAM, two makes."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from pathlib import Path
 
 import h5py
 
-from tests.studies.faults.kill import undo
+from tests.studies.faults.kill import Row, undo
 from tests.studies.faults.piv_commands import piv_commands
 from tests.studies.faults.project import (
     PRODUCTS,
     SCENE,
     command,
-    compare_stage,
+    compare_stages,
     complaints,
     copy_project,
     make,
@@ -25,11 +25,10 @@ from tests.studies.faults.project import (
     start,
 )
 
-Row = dict[str, object]
-ROOM = 12  # KiB that a full disk has left: no stage's results fit
-ROOM_OF_RUN = 820  # KiB: the solver gets into its time steps
-HALF_OF_RUN = 2000  # KiB: and to where it saves them
-MADE_OF = {  # the file of an earlier stage that each stage reads first
+ROOM = 12  # KiB left on a full disk: no stage's results fit
+ROOM_OF_RUN = 820  # KiB: the solver reaches its time steps
+HALF_OF_RUN = 2000  # KiB: and the first time that it saves them
+FIRST_INPUT = {  # of each stage
     "mesh": "kinematics.h5",
     "case": "planform.h5",
     "run": "sweep.h5",
@@ -42,44 +41,52 @@ MADE_OF = {  # the file of an earlier stage that each stage reads first
 }
 
 
-def outcome(condition: str, stage: str, done: subprocess.CompletedProcess, folder: Path) -> Row:
-    """How a stage ended under a condition: refused in one sentence and nothing else, completed, or wrong."""
-    told = complaints(done.stderr + done.stdout)
-    besides = [line for line in done.stderr.splitlines() if line.strip() and line not in told]
+def _outcome(
+    condition: str, stage: str, done: subprocess.CompletedProcess, folder: Path, allowed: str = ""
+) -> Row:
+    """Ending of a stage: `refused` in one sentence and nothing else, `completed`, or `wrong`.
+
+    An ending other than `allowed`, if that is not empty, counts as wrong.
+    """
+    sentences = complaints(done.stderr + done.stdout)
+    besides = [line for line in done.stderr.splitlines() if line.strip() and line not in sentences]
+    own = all(re.match(r"make\S*: \*\*\* .* Error [12]$", line) for line in besides)
     if done.returncode == 0:
         ended = "completed"
-    elif len(told) == 1 and all(
-        re.match(r"make\S*: \*\*\* .* Error [12]$", line) for line in besides
-    ):
+    elif len(sentences) == 1 and own:
         ended = "refused"
     else:
-        ended, told = "wrong", [" | ".join((done.stderr + done.stdout).strip().splitlines()[-3:])]
-    sentence = told[0].replace(str(folder), "…") if told else ""
+        ended = "wrong"
+        sentences = [" | ".join((done.stderr + done.stdout).strip().splitlines()[-3:])]
     return {
         "condition": condition,
         "stage": stage,
-        "ended": ended,
-        "sentence": sentence[:300],
+        "ended": ended if allowed in ("", ended) else "wrong",
+        "sentence": sentences[0].replace(str(folder), "…")[:300] if sentences else "",
         "afterwards": "",
     }
 
 
-def afterwards(project: Path, wanted: Path, stage: str, target: str | None = None) -> str:
-    """What the stage ends with once the condition is over."""
-    done = make(project, f"{SCENE}.{target or stage}")
+def _compared(stages: list[str], wanted: Path, project: Path) -> str:
+    return compare_stages(stages, wanted, out_of(project)) or "as undisturbed"
+
+
+def _afterwards(project: Path, wanted: Path, stage: str) -> str:
+    """Result of the stage once the condition is over."""
+    done = make(project, f"{SCENE}.{stage}")
     if done.returncode != 0:
         return f"does not go on: {done.stderr.strip()[-200:]}"
-    return compare_stage(stage, wanted, out_of(project)) or "as undisturbed"
+    return _compared([stage], wanted, project)
 
 
-class SmallDisk:
-    """The scene's results on a file system of their own, whose size and permissions can be changed."""
+class _SmallDisk:
+    """The scene's results on a file system of their own, with variable size and permissions."""
 
     def __init__(self, project: Path) -> None:
         self.out = out_of(project)
         self.aside = self.out.with_name("aside")
 
-    def __enter__(self) -> SmallDisk:
+    def __enter__(self) -> _SmallDisk:
         os.rename(self.out, self.aside)
         self.out.mkdir()
         mount = ["mount", "-t", "tmpfs", "-o", "size=512m", "tmpfs", str(self.out)]
@@ -87,14 +94,12 @@ class SmallDisk:
         if done.returncode != 0:
             self.out.rmdir()
             os.rename(self.aside, self.out)
-            raise PermissionError(
-                f"mounting a file system is not allowed here: {done.stderr.strip()}"
-            )
+            raise PermissionError(f"a file system cannot be mounted here: {done.stderr.strip()}")
         subprocess.run(["cp", "-a", f"{self.aside}/.", str(self.out)], check=True)
         return self
 
-    def remount(self, options: str) -> None:
-        """Other options for the mounted file system, such as size=1m or ro."""
+    def remount(self, options: str = "rw,size=512m") -> None:
+        """Change the options of the mounted file system; default: room and write permission."""
         subprocess.run(["mount", "-o", f"remount,{options}", str(self.out)], check=True)
 
     def fill(self, room_kib: int) -> None:
@@ -103,140 +108,115 @@ class SmallDisk:
         used = (state.f_blocks - state.f_bfree) * state.f_frsize // 1024
         self.remount(f"size={used + room_kib}k")
 
-    def empty(self) -> None:
-        """Let it have room, and be written, again."""
-        self.remount("rw,size=512m")
-
     def __exit__(self, *_: object) -> None:
         subprocess.run(["umount", str(self.out)], check=True)
         self.out.rmdir()
         os.rename(self.aside, self.out)
 
 
-def half_of(stage: str, wanted: Path) -> int:
-    """KiB of half of what a stage makes."""
-    return sum((wanted / name).stat().st_size for name in PRODUCTS[stage]) // 2048
-
-
 def disks(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Iterator[Row]:
     """A full disk and a read-only one, for every stage; a normal one afterwards."""
+    disk = _SmallDisk(project)
     try:
-        disk = SmallDisk(project).__enter__()
+        disk.__enter__()
     except PermissionError as error:
-        yield {"condition": "full or read-only disk", "stage": "", "ended": f"not tried: {error}", "sentence": "", "afterwards": ""}  # fmt: skip
+        row = dict.fromkeys(("stage", "sentence", "afterwards"), "")
+        yield {"condition": "full or read-only disk", "ended": f"not tried: {error}", **row}
         return
     try:
         for stage in stages:
-            for condition in ("disk full", "disk full half-way", "read-only folder"):
+            half = sum((wanted / name).stat().st_size for name in PRODUCTS[stage]) // 2048
+            full, half = (ROOM_OF_RUN, HALF_OF_RUN) if stage == "run" else (ROOM, half)
+            rooms = {"disk full": full, "disk full half-way": half, "read-only folder": None}
+            for condition, room in rooms.items():
                 undo(project, stage)
-                if condition == "disk full":
-                    disk.fill(ROOM_OF_RUN if stage == "run" else ROOM)
-                elif condition == "disk full half-way":
-                    disk.fill(HALF_OF_RUN if stage == "run" else half_of(stage, wanted))
-                else:
-                    disk.remount("ro")
-                row = outcome(condition, stage, make(project, f"{SCENE}.{stage}"), folder)
-                if row["ended"] == "completed":
-                    row["ended"] = "wrong"
-                disk.empty()
-                yield row | {"afterwards": afterwards(project, wanted, stage)}
-        commands = piv_commands(project, disk.fill, disk.empty) if "piv" in stages else ()
+                disk.remount("ro") if room is None else disk.fill(room)
+                done = make(project, f"{SCENE}.{stage}")
+                row = _outcome(condition, stage, done, folder, "refused")
+                disk.remount()
+                yield row | {"afterwards": _afterwards(project, wanted, stage)}
+        commands = piv_commands(project, disk.fill, disk.remount) if "piv" in stages else ()
         for name, done, after in commands:
-            row = outcome("disk full", name, done, folder)
-            yield row | {
-                "ended": row["ended"] if row["ended"] == "refused" else "wrong",
-                "afterwards": after,
-            }
+            yield _outcome("disk full", name, done, folder, "refused") | {"afterwards": after}
     finally:
         disk.__exit__()
 
 
-def foreign_files(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Iterator[Row]:
+def _foreign_files(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Iterator[Row]:
     """A file of an earlier stage cut to half, of another format, or no HDF5 at all."""
-    out = out_of(project)
     other = folder / "other.h5"
     with h5py.File(other, "w") as file:
         file.attrs["format"] = "something else"
         file["values"] = [1.0, 2.0]
-    for stage in [s for s in stages if s in MADE_OF]:
-        path = out / MADE_OF[stage]
+    for stage in [s for s in stages if s in FIRST_INPUT]:
+        path = out_of(project) / FIRST_INPUT[stage]
         undo(project, stage)
-        whole, times = path.read_bytes(), path.stat()
-        for condition, content in (
-            ("half of the file before", whole[: len(whole) // 2]),
+        content, times = path.read_bytes(), path.stat()
+
+        def put(content: bytes, path: Path = path, times: os.stat_result = times) -> None:
+            path.write_bytes(content)
+            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+        for condition, damaged in (
+            ("half of the file before", content[: len(content) // 2]),
             ("foreign HDF5", other.read_bytes()),
             ("no HDF5", b"MATLAB 5.0 MAT-file" * 20),
         ):
-            path.write_bytes(content)
-            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
-            row = outcome(
-                f"{condition}: {path.name}", stage, make(project, f"{SCENE}.{stage}"), folder
-            )
-            if row["ended"] == "completed":
-                row["ended"] = "wrong"
-            path.write_bytes(whole)
-            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+            put(damaged)
+            done = make(project, f"{SCENE}.{stage}")
+            put(content)
+            row = _outcome(f"{condition}: {path.name}", stage, done, folder, "refused")
             yield row
-        after = afterwards(project, wanted, stage)
+        after = _afterwards(project, wanted, stage)
         if after != "as undisturbed":
             yield row | {"afterwards": after}
 
 
-def solvers(project: Path, wanted: Path, folder: Path) -> Iterator[Row]:
+def _solvers(project: Path, wanted: Path, folder: Path) -> Iterator[Row]:
     """No OpenFOAM, and one that is too old."""
-    undo(project, "run")
     empty, old = folder / "no-foam", folder / "old-foam"
     empty.mkdir(exist_ok=True)
     old.mkdir(exist_ok=True)
-    (old / "pimpleFoam").write_text(
-        "#!/bin/sh\necho 'Using: OpenFOAM- (1806) - visit www.openfoam.com'\n"
-    )
+    program = "#!/bin/sh\necho 'Using: OpenFOAM- (1806) - visit www.openfoam.com'\n"
+    (old / "pimpleFoam").write_text(program)
     (old / "pimpleFoam").chmod(0o755)
-    unset = {"WM_PROJECT_DIR": ""}
-    for condition, path in (
-        ("OpenFOAM missing", str(empty)),
-        ("OpenFOAM too old", f"{old}:/usr/bin:/bin"),
-    ):
-        done = make(project, f"{SCENE}.run", PATH=path, **unset)
-        yield outcome(condition, "run", done, folder) | {
-            "afterwards": afterwards(project, wanted, "run")
-        }
+    paths = {"OpenFOAM missing": str(empty), "OpenFOAM too old": f"{old}:/usr/bin:/bin"}
+    for condition, path in paths.items():
         undo(project, "run")
+        done = make(project, f"{SCENE}.run", PATH=path, WM_PROJECT_DIR="")
+        after = _afterwards(project, wanted, "run")
+        yield _outcome(condition, "run", done, folder) | {"afterwards": after}
+    undo(project, "run")
 
 
-def odd_paths(wanted: Path, folder: Path) -> Iterator[Row]:
-    """A project in a folder with a space, which OpenFOAM cannot read, and in one with other letters."""
-    for condition, name, ends in (
+def _odd_paths(wanted: Path, folder: Path) -> Iterator[Row]:
+    """A project in a folder with a space, which OpenFOAM cannot read, and with other letters."""
+    for condition, name, allowed in (
         ("letters beyond ASCII in the path", "Größe-測定", "completed"),
         ("a space in the path", "my project", "refused"),
     ):
         project = folder / name
         if not project.exists():
             copy_project(project)
-        row = outcome(condition, "sheet", make(project, f"{SCENE}.sheet"), folder)
+        done = make(project, f"{SCENE}.sheet")
+        row = _outcome(condition, "sheet", done, folder, allowed)
         if row["ended"] == "completed":
-            row["afterwards"] = next(
-                (
-                    d
-                    for s in ("kinematics", "mesh", "run", "sheet")
-                    if (d := compare_stage(s, wanted, out_of(project)))
-                ),
-                "as undisturbed",
-            )
-        if row["ended"] != ends:
-            row["ended"] = "wrong"
+            solved = ["kinematics", "mesh", "run", "sheet"]
+            row["afterwards"] = _compared(solved, wanted, project)
         yield row
-        shutil.copytree(wanted, out_of(project), dirs_exist_ok=True)
-        for stage in ("piv", "vortices"):  # PIV needs no OpenFOAM: it works wherever the files are
-            (out_of(project) / PRODUCTS[stage][-1]).unlink()
-        images, piv = (out_of(project) / n for n in ("images.h5", "piv.h5"))
-        settings = out_of(project) / "settings" / "piv.json"
-        run = [".venv/bin/python", "-m", "piv", "correlate", str(images), "-o", str(piv), "--settings", str(settings), "--quiet"]  # fmt: skip
+        # PIV needs no OpenFOAM: it works in any folder
+        out = out_of(project)
+        shutil.copytree(wanted, out, dirs_exist_ok=True)
+        for stage in ("piv", "vortices"):
+            (out / PRODUCTS[stage][-1]).unlink()
+        files = [str(out / "images.h5"), "-o", str(out / "piv.h5")]
+        settings = ["--settings", str(out / "settings" / "piv.json"), "--quiet"]
+        run = [".venv/bin/python", "-m", "piv", "correlate", *files, *settings]
         done = subprocess.run(run, cwd=project, capture_output=True, text=True, check=False)
-        row = outcome(condition, "piv", done, folder)
+        row = _outcome(condition, "piv", done, folder, "completed")
         if row["ended"] == "completed":
-            row["afterwards"] = compare_stage("piv", wanted, out_of(project)) or "as undisturbed"
-        yield row | {"ended": row["ended"] if row["ended"] == "completed" else "wrong"}
+            row["afterwards"] = _compared(["piv"], wanted, project)
+        yield row
 
 
 def twice(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Iterator[Row]:
@@ -251,33 +231,28 @@ def twice(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Itera
         codes = [process.wait() for process in makes]
         texts = [log.read_text(errors="replace") for log in logs]
         rows = [
-            outcome(
+            _outcome(
                 "two makes at once",
                 stage,
-                subprocess.CompletedProcess(command(target), c, t, ""),
+                subprocess.CompletedProcess(command(target), code, text, ""),
                 folder,
             )
-            for c, t in zip(codes, texts, strict=True)
+            for code, text in zip(codes, texts, strict=True)
         ]
         row = min(rows, key=lambda r: ["wrong", "refused", "completed"].index(str(r["ended"])))
-        if (
-            0 not in codes
-        ):  # both may have met the other once; a third make must then find everything in order
-            row = row | {"ended": "wrong" if stage != "all" else row["ended"]}
-        row["afterwards"] = afterwards(project, wanted, target)
+        if 0 not in codes and stage != "all":  # in the chain each may have met the other once
+            row["ended"] = "wrong"
+        row["afterwards"] = _afterwards(project, wanted, target)
         if stage == "all":
-            row["afterwards"] = next(
-                (d for s in PRODUCTS if (d := compare_stage(s, wanted, out_of(project)))),
-                "as undisturbed",
-            )
+            row["afterwards"] = _compared(list(PRODUCTS), wanted, project)
         yield row
 
 
 def all_conditions(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Iterator[Row]:
     """Every condition, one row each; the project is whole again after each."""
     folder = folder.resolve()
-    yield from solvers(project, wanted, folder)
+    yield from _solvers(project, wanted, folder)
     yield from disks(project, wanted, folder, stages)
-    yield from foreign_files(project, wanted, folder, stages)
-    yield from odd_paths(wanted, folder)
+    yield from _foreign_files(project, wanted, folder, stages)
+    yield from _odd_paths(wanted, folder)
     yield from twice(project, wanted, folder, stages)

@@ -1,4 +1,4 @@
-"""kill -9 in every stage: afterwards make goes on, and ends with what an undisturbed run ends with."""
+"""kill -9 in every stage: afterwards make goes on and ends as an undisturbed run does."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from tests.studies.faults.project import (
     PRODUCTS,
     SCENE,
-    compare_stage,
+    compare_stages,
     kill,
     make,
     out_of,
@@ -20,7 +20,7 @@ from tests.studies.faults.project import (
     start,
 )
 
-LEFTOVERS = {  # what a stage keeps to go on from: taken away before a new trial
+LEFTOVERS = {  # what a stage keeps in order to resume
     "images": ("images.h5.part", "images.h5.particles.npz", "images_truth.h5.part"),
     "piv": ("piv.h5.part",),
     "case": ("case",),
@@ -29,24 +29,24 @@ LEFTOVERS = {  # what a stage keeps to go on from: taken away before a new trial
     "figures": ("figures",),
 }
 ATTEMPTS = 30  # makes that may end before they are killed
+Row = dict[str, object]
 
 
 def undo(project: Path, stage: str) -> None:
-    """Take away what a stage has made."""
-    out = out_of(project)
+    """Remove the files of a stage."""
     for name in (*PRODUCTS[stage], *LEFTOVERS.get(stage, ())):
-        path = out / name
+        path = out_of(project) / name
         if path.is_dir():
             shutil.rmtree(path)
         else:
             path.unlink(missing_ok=True)
-    if stage == "run":  # the case is made anew, without what the solver has put into it
+    if stage == "run":  # a new case, without the solver's files
         done = make(project, f"{SCENE}.case")
         assert done.returncode == 0, done.stderr
 
 
 def undisturbed(project: Path, wanted: Path) -> dict[str, float]:
-    """Run every stage, keep what it makes in `wanted`, and return how long each takes (s)."""
+    """Run every stage, copy its files to `wanted`; the duration (s) of each."""
     out, durations = out_of(project), {}
     for stage, names in PRODUCTS.items():
         begin = time.monotonic()
@@ -59,9 +59,9 @@ def undisturbed(project: Path, wanted: Path) -> dict[str, float]:
     return durations
 
 
-def newest(out: Path, begun: float) -> bool:
-    """Whether a file has been written since `begun`: the stage is at its files."""
-    # os.walk passes over what the stage removes meanwhile, which Path.rglob does not before Python 3.13
+def _writes(out: Path, begun: float) -> bool:
+    """Whether a file has been written since `begun`."""
+    # os.walk passes over files that vanish meanwhile; Path.rglob does so only from Python 3.13 on
     for folder, _, names in os.walk(out):
         for path in (Path(folder) / name for name in names if not name.endswith(".lock")):
             with suppress(OSError):
@@ -70,15 +70,15 @@ def newest(out: Path, begun: float) -> bool:
     return False
 
 
-def strike(project: Path, stage: str, duration: float, draw: random.Random, log: Path) -> bool:
-    """Start a stage and kill it: at any time, or just after it has begun to write; False where it ended before."""
+def _strike(project: Path, stage: str, duration: float, draw: random.Random, log: Path) -> bool:
+    """Start a stage and kill it at any time or when it writes; False where it ended before."""
     out, writing = out_of(project), draw.random() < 0.5
     delay = draw.uniform(0, 1) * duration
     begun = time.time()
     process = start(project, f"{SCENE}.{stage}", log)
-    deadline = time.monotonic() + (delay if not writing else 20 * duration)
+    deadline = time.monotonic() + (20 * duration if writing else delay)
     while time.monotonic() < deadline and process.poll() is None:
-        if writing and newest(out, begun):
+        if writing and _writes(out, begun):
             time.sleep(draw.uniform(0, 0.1 * duration))
             break
         time.sleep(0.002)
@@ -89,47 +89,36 @@ def strike(project: Path, stage: str, duration: float, draw: random.Random, log:
 
 
 def kills_in(
-    project: Path,
-    wanted: Path,
-    stage: str,
-    duration: float,
-    count: int,
-    draw: random.Random,
-    log: Path,
-) -> dict[str, object]:
-    """Kill a stage `count` times, one to three times in a row, then let it end and compare; a row of the table."""
-    row: dict[str, object] = {"stage": stage, "kills": 0, "runs_compared": 0, "difference": ""}
-    kills, attempts = 0, 0
-    out = out_of(project)
+    project: Path, wanted: Path, stage: str, duration: float, count: int, seed: str, log: Path
+) -> Row:
+    """Kill a stage `count` times, one to three times in succession, let it end, and compare."""
+    draw, kills, attempts, compared = random.Random(seed), 0, 0, 0
+
+    def row(difference: str = "") -> Row:
+        return {
+            "stage": stage, "kills": kills, "runs_compared": compared, "difference": difference,
+        }  # fmt: skip
+
     while kills < count and attempts < ATTEMPTS:
         undo(project, stage)
-        in_a_row = draw.choice((1, 2, 3))
-        while in_a_row and kills < count and attempts < ATTEMPTS:
+        in_succession = draw.choice((1, 2, 3))
+        while in_succession and kills < count and attempts < ATTEMPTS:
             attempts += 1
             begun = time.monotonic()
-            if not strike(project, stage, duration, draw, log):
-                duration = min(
-                    duration, time.monotonic() - begun
-                )  # what was compiled before is compiled now
+            if not _strike(project, stage, duration, draw, log):
+                duration = min(duration, time.monotonic() - begun)  # numba has compiled by now
                 undo(project, stage)
                 continue
             kills += 1
-            in_a_row -= 1
+            in_succession -= 1
             if not solver_gone(project):
-                row["difference"] = "a solver lives on"
-                return row | {"kills": kills}
+                return row("a solver lives on")
         done = make(project, f"{SCENE}.{stage}")
-        row["runs_compared"] = int(str(row["runs_compared"])) + 1
+        compared += 1
         if done.returncode != 0:
-            return row | {
-                "kills": kills,
-                "difference": f"does not go on: {done.stderr.strip()[-300:]}",
-            }
-        difference = compare_stage(stage, wanted, out)
-        left = [path.name for path in out.rglob("*.part")]
+            return row(f"does not go on: {done.stderr.strip()[-300:]}")
+        left = ", ".join(path.name for path in out_of(project).rglob("*.part"))
+        difference = compare_stages([stage], wanted, out_of(project))
         if difference or left:
-            return row | {
-                "kills": kills,
-                "difference": difference or f"{', '.join(left)} left behind",
-            }
-    return row | {"kills": kills}
+            return row(difference or f"{left} left behind")
+    return row()

@@ -1,12 +1,13 @@
-"""Fuzz of the readers: every damaged file is read or refused in one sentence, never anything else.
+"""Fuzz of the readers: every damaged file is read, or refused in one sentence.
 
-`python -m tests.studies.fuzz` runs each reader in a process of its own, guided by coverage where atheris is installed, else with
-random changes; it writes a table, keeps each input that broke a reader, and exits 1 where one did.
+Each reader runs in a process of its own, guided by coverage where atheris is installed, else with
+random changes. The exit code is 1 where one broke; the input that broke it is kept.
 """
 
 from __future__ import annotations
 
 import argparse
+import atexit
 import csv
 import hashlib
 import json
@@ -20,57 +21,56 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
-from fileio.atomic import whole, write_bytes
+from fileio.atomic import write_bytes
+from tests.studies.pages import write_table
 
 COLUMNS = ("reader", "engine", "inputs", "read", "refused", "faults", "cpu_s", "date")
 NOTE_EVERY = 500  # inputs
-TIME_LIMIT = 900  # s for one input, on a machine that is busy with other things
+TIME_LIMIT = 900  # s for one input, on a busy machine
 MEMORY_MB = 6000
+KEPT = Path("tests/studies/fuzz/out")
 
 
 class Tally:
-    """Counts of one reader's outcomes, noted to a file as they come: a crash must not lose them."""
+    """Counts of one reader's outcomes, saved now and then: a crash must not lose them."""
 
     def __init__(self, target, folder: Path, kept: Path) -> None:
         self.target, self.folder, self.kept = target, folder, kept
-        self.counts = {"inputs": 0, "read": 0, "refused": 0, "faults": 0}
+        self.counts = dict.fromkeys(("inputs", "read", "refused", "faults"), 0)
         self.seen: set[str] = set()
 
     def one(self, content: bytes) -> None:
-        """Try one input."""
+        """Try one input; keep the first input of each kind of fault."""
         from tests.studies.fuzz.targets import Fault, check
 
         self.counts["inputs"] += 1
         try:
-            outcome = check(self.target, content, self.folder)
-            self.counts["read" if outcome is None else "refused"] += 1
+            refusal = check(self.target, content, self.folder)
+            self.counts["read" if refusal is None else "refused"] += 1
         except Fault as fault:
             self.counts["faults"] += 1
-            self._keep(str(fault), content)
+            kind = re.sub(r"[\d'\"].*", "", str(fault).replace(str(self.folder), ""))
+            if kind not in self.seen:
+                self.seen.add(kind)
+                path = self.kept / f"{hashlib.sha256(content).hexdigest()[:8]}-{self.target.name}"
+                write_bytes(path, content)
+                text = f"{fault}\n".encode(errors="replace")
+                write_bytes(path.with_name(path.name + ".txt"), text)
         if self.counts["inputs"] % NOTE_EVERY == 0:
             self.note()
 
-    def _keep(self, message: str, content: bytes) -> None:
-        """Save the first input of each kind of fault."""
-        kind = re.sub(r"[\d'\"].*", "", message.replace(str(self.folder), ""))
-        if kind in self.seen:
-            return
-        self.seen.add(kind)
-        name = f"{hashlib.sha256(content).hexdigest()[:8]}-{self.target.name}"
-        write_bytes(self.kept / name, content)
-        write_bytes(self.kept / (name + ".txt"), f"{message}\n".encode(errors="replace"))
-
     def note(self) -> None:
         """Write the counts beside the reader's folder."""
-        spent = time.process_time()
-        text = json.dumps(self.counts | {"cpu_s": round(spent, 1)})
+        text = json.dumps(self.counts | {"cpu_s": round(time.process_time(), 1)})
         write_bytes(self.folder.with_suffix(".json"), text.encode(), sync=False)
 
 
-def fuzz_one(name: str, inputs: int, seed: int, engine: str, work: Path, kept: Path) -> None:
-    """Fuzz one reader in this process."""
-    if engine == "atheris":
+def fuzz_one(args: argparse.Namespace) -> None:
+    """Fuzz the reader `args.one` in this process."""
+    name, work, kept = args.one, args.work, args.kept
+    if args.engine == "atheris":
         import atheris
 
         with atheris.instrument_imports(include=["piv", "pipeline"]):
@@ -79,20 +79,15 @@ def fuzz_one(name: str, inputs: int, seed: int, engine: str, work: Path, kept: P
     from tests.studies.fuzz.targets import named, quiet_libraries
 
     target = named(name)
-    inputs = max(1, inputs // target.costs)
-    folder, corpus = work / "files", work / "corpus"
-    folder.mkdir()
-    corpus.mkdir()
-    (work / "seeds").mkdir()
+    inputs = max(1, args.inputs // target.costs)
+    for folder in (work / "files", work / "corpus", work / "seeds", kept):
+        folder.mkdir(parents=True, exist_ok=True)
     seeds = target.seeds(work / "seeds")
-    for k, content in enumerate(seeds):
-        (corpus / f"seed{k}").write_bytes(content)
-    tally = Tally(target, folder, kept)
+    tally = Tally(target, work / "files", kept)
     quiet_libraries()
-    if engine == "random":
-        draw = random.Random(seed)
-        current = kept / f"crash-{name}"  # what is left here, the process did not survive
-        kept.mkdir(parents=True, exist_ok=True)
+    if args.engine == "random":
+        draw = random.Random(args.seed)
+        current = kept / f"crash-{name}"  # remains if the process does not survive it
         for _ in range(inputs):
             content = damaged(seeds, draw)
             current.write_bytes(content)
@@ -100,106 +95,78 @@ def fuzz_one(name: str, inputs: int, seed: int, engine: str, work: Path, kept: P
         current.unlink(missing_ok=True)
         tally.note()
         return
-    kept.mkdir(parents=True, exist_ok=True)
-    arguments = [
-        f"-runs={inputs}", f"-seed={seed + 1}", f"-timeout={TIME_LIMIT}", f"-rss_limit_mb={MEMORY_MB}",
-        f"-artifact_prefix={kept}/crash-{name}-", f"-max_len={4 * max(map(len, seeds))}", "-print_final_stats=0",
-    ]  # fmt: skip
-    import atexit
-
+    for k, content in enumerate(seeds):
+        (work / "corpus" / f"seed{k}").write_bytes(content)
+    options = {
+        "runs": inputs, "seed": args.seed + 1, "timeout": TIME_LIMIT, "rss_limit_mb": MEMORY_MB,
+        "artifact_prefix": f"{kept}/crash-{name}-", "max_len": 4 * max(map(len, seeds)),
+        "print_final_stats": 0,
+    }  # fmt: skip
+    arguments = [f"-{key}={value}" for key, value in options.items()]
     atexit.register(tally.note)
-    atheris.Setup([sys.argv[0], *arguments, str(corpus)], tally.one)
+    atheris.Setup([sys.argv[0], *arguments, str(work / "corpus")], tally.one)
     atheris.Fuzz()  # ends the process
 
 
-def run_reader(name: str, args: argparse.Namespace) -> dict[str, object]:
+def run_reader(name: str, args: argparse.Namespace) -> dict[str, Any]:
     """Fuzz one reader in a process of its own; its row of the table."""
-    with tempfile.TemporaryDirectory(
-        dir="/dev/shm" if Path("/dev/shm").is_dir() else None
-    ) as temporary:
+    memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
+    with tempfile.TemporaryDirectory(dir=memory) as work:
         command = [
-            sys.executable, "-m", "tests.studies.fuzz", "--one", name, "--inputs", str(args.inputs), "--seed", str(args.seed),
-            "--engine", args.engine, "--work", temporary, "--kept", str(args.kept.resolve()),
+            sys.executable, "-m", "tests.studies.fuzz", "--one", name, "--engine", args.engine,
+            "--inputs", str(args.inputs), "--seed", str(args.seed),
+            "--work", work, "--kept", str(args.kept.resolve()),
         ]  # fmt: skip
         done = subprocess.run(
             command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False
         )
-        note = Path(temporary) / "files.json"
+        note = Path(work) / "files.json"
         counts = json.loads(note.read_text()) if note.exists() else {}
-    counts = {"inputs": 0, "read": 0, "refused": 0, "faults": 0, "cpu_s": 0.0} | counts
+    counts = dict.fromkeys(COLUMNS[2:7], 0) | counts
     if done.returncode != 0:
         counts["faults"] += 1  # a crash, a hang or too much memory
-        print(
-            f"{name}: ended with {done.returncode}\n{done.stderr.decode(errors='replace')[-2000:]}"
-        )
+        end = done.stderr.decode(errors="replace")[-2000:]
+        print(f"{name}: ended with {done.returncode}\n{end}")
     label = f"atheris {version('atheris')}" if args.engine == "atheris" else "random"
-    today = datetime.now(UTC).date().isoformat()
-    return {"reader": name, "engine": label, "date": today} | counts
+    row = {"reader": name, "engine": label, **counts, "date": datetime.now(UTC).date().isoformat()}
+    print("  ".join(str(row[key]) for key in COLUMNS[:-1]), flush=True)
+    return row
 
 
-def merged(table: Path, rows: list[dict[str, object]]) -> list[dict[str, object]]:
-    """The rows of a table that is there, with those of the same readers and engine replaced by `rows`."""
+def merged(table: Path, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows of an existing table, with those of the same readers and engine replaced."""
     with table.open(encoding="utf-8", newline="") as file:
-        old: list[dict[str, object]] = list(csv.DictReader(file))
-    new = {(row["reader"], row["engine"]): row for row in rows}
-    kept = [new.pop((row["reader"], row["engine"]), row) for row in old]
-    return kept + list(new.values())
+        both = [*csv.DictReader(file), *rows]
+    return list({(row["reader"], row["engine"]): row for row in both}.values())
 
 
 def main() -> int:
     """Command line; 1 where a reader broke."""
     guided = "atheris" if find_spec("atheris") else "random"
+    default = "(default: %(default)s)"
     parser = argparse.ArgumentParser(prog="python -m tests.studies.fuzz", description=__doc__)
-    parser.add_argument(
-        "--inputs", type=int, default=5000, help="inputs per reader (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--seed", type=int, default=0, help="of the random changes (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--engine", choices=("atheris", "random"), default=guided, help="(default: %(default)s)"
-    )
+    parser.add_argument("--inputs", type=int, default=5000, help=f"per reader {default}")
+    parser.add_argument("--seed", type=int, default=0, help=f"of the random changes {default}")
+    parser.add_argument("--engine", choices=("atheris", "random"), default=guided, help=default)
     parser.add_argument("--readers", help="names with commas (default: all)")
-    parser.add_argument(
-        "--table", type=Path, help="CSV to write the counts to; with --readers, their rows"
-    )
-    parser.add_argument(
-        "--kept",
-        type=Path,
-        default=Path("tests/studies/fuzz/out"),
-        help="where inputs that broke a reader go",
-    )
+    parser.add_argument("--table", type=Path, help="CSV; with --readers only their rows change")
+    parser.add_argument("--kept", type=Path, default=KEPT, help="folder of inputs that broke one")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     parser.add_argument("--work", type=Path, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.one:
-        fuzz_one(args.one, args.inputs, args.seed, args.engine, args.work, args.kept)
+        fuzz_one(args)
         return 0
     from tests.studies.fuzz.targets import TARGETS
 
     names = args.readers.split(",") if args.readers else [target.name for target in TARGETS]
-    rows = []
-    print(
-        f"{'reader':18}{'inputs':>8}{'read':>8}{'refused':>9}{'faults':>8}{'CPU s':>8}", flush=True
-    )
-    for name in names:
-        rows.append(run_reader(name, args))
-        r = rows[-1]
-        print(
-            f"{name:18}{r['inputs']:>8}{r['read']:>8}{r['refused']:>9}{r['faults']:>8}{r['cpu_s']:>8}",
-            flush=True,
-        )
-    total, broken = (sum(int(str(r[key])) for r in rows) for key in ("inputs", "faults"))
-    print(
-        f"{total} inputs, {broken} faults" + (f"; the inputs are in {args.kept}" if broken else "")
-    )
+    print("  ".join(COLUMNS[:-1]), flush=True)
+    rows = [run_reader(name, args) for name in names]
+    total, broken = (sum(row[key] for row in rows) for key in ("inputs", "faults"))
+    print(f"{total} inputs, {broken} faults; inputs that broke a reader: {args.kept}")
     if args.table:
-        rows = merged(args.table, rows) if args.readers else rows
-        with whole(args.table) as part, part.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
-    return 1 if broken else 0
+        write_table(args.table, COLUMNS, merged(args.table, rows) if args.readers else rows)
+    return int(broken > 0)
 
 
 if __name__ == "__main__":

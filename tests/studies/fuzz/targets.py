@@ -1,6 +1,6 @@
-"""What is fuzzed: every reader of foreign files, with small valid files to begin from.
+"""Every reader of foreign files, with small valid files to start from.
 
-A reader may read an input or refuse it with one sentence; anything else that it does is a fault.
+A reader reads a damaged file or refuses it with one sentence; anything else is a fault.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from piv.images.calibration import load_calibration
 from piv.images.masks import read_mask
 from piv.images.open_recording import open_recording
 
-REFUSALS = (ValueError, OSError)  # what a command of piv turns into one sentence and exit code 2
-STAGE = (StageError, OSError)  # and one of the pipeline
+REFUSALS = (ValueError, OSError)  # a command of piv turns them into one sentence and exit code 2
+STAGE = (StageError, OSError)  # so does the pipeline with these
 LONGEST = 600  # characters of a sentence
 ROWS, COLUMNS = 24, 32
-TOLD = {
+PIXELS = {
     "length_unit": "px", "velocity_unit": "px/frame", "y_axis": "down", "scale_m_per_px": 1e-4,
     "interval_s": 0.002, "image_rows": 64,
 }  # fmt: skip
@@ -49,20 +49,18 @@ class Fault(AssertionError):
 
 @dataclass(frozen=True)
 class Target:
-    """A reader: `read(path)` of a file called `name`, and files it reads, from `seeds(folder)`."""
+    """A reader: `read(path)` of a file `name`, and contents of valid files, `seeds(folder)`."""
 
     name: str
     read: Callable[[Path], Any]
     seeds: Callable[[Path], list[bytes]]
     refusals: tuple[type[Exception], ...] = REFUSALS
-    beside: dict[str, bytes] = field(
-        default_factory=dict
-    )  # further files that the reader wants to find
-    costs: int = 1  # gets so many times fewer inputs
+    beside: dict[str, bytes] = field(default_factory=dict)  # further files that the reader needs
+    costs: int = 1  # divides the number of inputs
 
 
 def check(target: Target, content: bytes, folder: Path) -> str | None:
-    """None where `content` was read, else the sentence with which it was refused; Fault where it was neither."""
+    """None if the reader reads `content`, else its refusal; Fault if neither."""
     path = folder / target.name
     path.write_bytes(content)
     for name, more in target.beside.items():
@@ -74,11 +72,8 @@ def check(target: Target, content: bytes, folder: Path) -> str | None:
             target.read(path)
     except target.refusals as error:
         sentence = str(error.args[0] if isinstance(error, KeyError) and error.args else error)
-        if (
-            "\n" in sentence
-            or not sentence.strip()
-            or len(sentence) > LONGEST + 2 * len(str(folder))
-        ):
+        longest = LONGEST + 2 * len(str(folder))
+        if "\n" in sentence or not sentence.strip() or len(sentence) > longest:
             raise Fault(f"{target.name}: no clear sentence: {sentence[:LONGEST]!r}") from error
         return sentence
     except Exception as error:
@@ -86,11 +81,11 @@ def check(target: Target, content: bytes, folder: Path) -> str | None:
     return None
 
 
-# --- images -----------------------------------------------------------------------------------------------------
+# --- images ---------------------------------------------------------------------------------------
 
 
 def use_recording(path: Path) -> None:
-    """Read of a recording what the stages read of it."""
+    """Read the parts of a recording that the stages read."""
     with open_recording(path, colour="luma") as recording:
         for k in range(min(len(recording), 3)):
             assert recording.frame(k).shape == recording.shape
@@ -101,6 +96,12 @@ def use_recording(path: Path) -> None:
             raise Fault(f"{path.name}: {len(recording.times)} times for {len(recording)} frames")
 
 
+def use_mask(path: Path) -> None:
+    """Read a mask, which must have the size asked for."""
+    if read_mask(path, (ROWS, COLUMNS)).shape != (ROWS, COLUMNS):
+        raise Fault(f"{path.name}: a mask of another size")
+
+
 def picture(bits: int = 8) -> np.ndarray:
     """A small picture of noise."""
     top, kind = (256, np.uint8) if bits == 8 else (4096, np.uint16)
@@ -108,14 +109,11 @@ def picture(bits: int = 8) -> np.ndarray:
 
 
 def encoded(suffix: str, _: Path) -> list[bytes]:
-    """The picture as an image file, 8 bit, 16 bit where the format holds it, and in colour."""
-    bits = (8,) if suffix in (".bmp", ".jpg") else (8, 16)
-    images = [picture(b) for b in bits] + [np.dstack([picture()] * 2 + [picture() // 2])]
-    return [
-        bytes(cv2.imencode(suffix, image)[1])
-        for image in images
-        if suffix != ".pgm" or image.ndim == 2
-    ]
+    """The picture as an image file: 8 bit, and 16 bit and colour where the format has them."""
+    images = [picture()] if suffix in (".bmp", ".jpg") else [picture(), picture(16)]
+    if suffix != ".pgm":
+        images.append(np.dstack([picture()] * 2 + [picture() // 2]))
+    return [bytes(cv2.imencode(suffix, image)[1]) for image in images]
 
 
 def stack_seeds(folder: Path) -> list[bytes]:
@@ -158,11 +156,6 @@ END
 """
 
 
-def header_seeds(_: Path) -> list[bytes]:
-    """Headers of Photron recordings of 8, 12 and 16 bit."""
-    return [CIH.format(bits=b).encode() for b in (8, 12, 16)]
-
-
 def recording_seeds(folder: Path) -> list[bytes]:
     """Recordings of this project, with and without masks."""
     recordings = []
@@ -178,81 +171,57 @@ def recording_seeds(folder: Path) -> list[bytes]:
     return recordings
 
 
-def polygon_seeds(_: Path) -> list[bytes]:
-    """Polygons in px."""
-    return [b"x,y\n2,2\n20,2\n20,12\n2,12\n", b"2 2\n20 2\n20 12\n", b"# body\n1,1\n5.5,1\n5,9\n"]
+POLYGONS = b"x,y\n2,2\n20,2\n20,12\n2,12\n", b"2 2\n20 2\n20 12\n", b"# body\n1,1\n5.5,1\n5,9\n"
 
 
-# --- vectors ----------------------------------------------------------------------------------------------------
+# --- vectors --------------------------------------------------------------------------------------
 
 
 def use_vectors(path: Path) -> None:
-    """Read vectors whole; what is read must keep the format's rules."""
-    options = {
-        ".csv": {},
-        ".h5": {},
-        ".nc": {},
-        ".dat": {"y_axis": "up"},
-        ".vc7": {k: TOLD[k] for k in ("interval_s", "scale_m_per_px", "image_rows")},
-    }.get(path.suffix, TOLD)
-    if path.name == "vectors.txt":
-        options = METRES
-    with read_vectors([path], **options) as plane:
-        plane.load()
+    """Read all vectors of a file."""
+    of_davis = {k: PIXELS[k] for k in ("interval_s", "scale_m_per_px", "image_rows")}
+    own: dict[str, Any] = {".csv": {}, ".h5": {}, ".nc": {}, ".dat": {"y_axis": "up"}}
+    options = (own | {".vc7": of_davis}).get(path.suffix, PIXELS)
+    with read_vectors([path], **(METRES if path.name == "vectors.txt" else options)) as plane:
         use_plane(plane, path)
 
 
 def use_plane(plane: xr.Dataset, path: Path) -> None:
-    """A plane must be one: vectors are absent exactly where they are not valid."""
+    """Load a plane; vectors must be absent exactly where they are not valid."""
+    plane.load()
     finite = np.isfinite(plane["u"].values) & np.isfinite(plane["v"].values)
     if (~finite & (plane["valid"].values != 0)).any():
         raise Fault(f"{path.name}: vectors are valid that are not numbers")
 
 
-def small_plane(series: bool = False) -> xr.Dataset:
-    """A plane or series of 4 x 5 vectors with a hole."""
-    rng = np.random.default_rng(1)
-    shape = (2, 4, 5) if series else (4, 5)
-    u, v = rng.normal(size=(2, *shape))
-    valid = rng.random(shape) > 0.2
-    u, v = np.where(valid, u, np.nan), np.where(valid, v, np.nan)
-    time = np.array([0.0, 0.002]) if series else None
-    return make_plane(np.arange(5) * 1e-3, np.arange(4) * 1e-3, u, v, valid=valid, time=time)
-
-
 def written(suffix: str, folder: Path) -> list[bytes]:
-    """Planes as this project writes them."""
+    """A plane of 4 x 5 vectors with a hole, and a series of two, as this project writes them."""
     planes = []
     for series in (False, True) if suffix in (".h5", ".nc", ".csv") else (False,):
+        rng, shape = np.random.default_rng(1), (2, 4, 5) if series else (4, 5)
+        u, v = rng.normal(size=(2, *shape))
+        valid = rng.random(shape) > 0.2
+        u, v = np.where(valid, u, np.nan), np.where(valid, v, np.nan)
+        x, y, time = np.arange(5) * 1e-3, np.arange(4) * 1e-3, np.array([0.0, 0.002])
         path = folder / f"v{series}{suffix}"
-        write_vectors(small_plane(series), path)
+        write_vectors(make_plane(x, y, u, v, valid=valid, time=time if series else None), path)
         planes.append(path.read_bytes())
     return planes
 
 
 PIVLAB = (
-    "PIVlab, ASCII chart output\nFRAME: 1, filenames: A & B\n"
-    "x [px],y [px],u [px/frame],v [px/frame],Vector type [-]\n"
-    "8,8,0.8,1.6,1\n8,16,0.8,3.2,0\n16,8,1.6,1.6,1\n16,16,1.6,3.2,2\n"
+    b"PIVlab, ASCII chart output\nFRAME: 1, filenames: A & B\n"
+    b"x [px],y [px],u [px/frame],v [px/frame],Vector type [-]\n"
+    b"8,8,0.8,1.6,1\n8,16,0.8,3.2,0\n16,8,1.6,1.6,1\n16,16,1.6,3.2,2\n"
 )
-
-
-def pivlab_seeds(_: Path) -> list[bytes]:
-    """PIVlab's text export."""
-    return [PIVLAB.encode(), PIVLAB.replace("px/frame", "m/s").replace("px", "m").encode()]
 
 
 def mat_seeds(folder: Path) -> list[bytes]:
     """PIVlab's .mat export, version 5 and 7.3."""
     x, y = np.meshgrid([8.0, 16.0, 24.0], [8.0, 16.0])
     kind = np.array([[1, 1, 2], [0, 1, 1]], float)
-    names = {
-        "x": x,
-        "y": y,
-        "u_original": 0.1 * x,
-        "v_original": 0.2 * y,
-        "typevector_original": kind,
-    }
+    names = {"x": x, "y": y, "u_original": 0.1 * x, "v_original": 0.2 * y}
+    names["typevector_original"] = kind
     units = "[px] respectively [px/frame]"
     cells: dict[str, Any] = {"units": units}
     for name, values in names.items():
@@ -280,9 +249,9 @@ def davis_seeds(folder: Path) -> list[bytes]:
     return [(folder / "a.vc7").read_bytes()]
 
 
-# --- the pipeline's inputs ----------------------------------------------------------------------------------------
+# --- inputs of the pipeline -----------------------------------------------------------------------
 
-SCENE = """title = "fuzz"
+SCENE = b"""title = "fuzz"
 [tank]
 size = [0.6, 0.33, 0.3]
 water_depth = 0.3
@@ -303,19 +272,24 @@ end_time = 0.42
 [camera]
 centre = [0.02, 0.19]
 [levels.coarse]
-mesh = { wall_cell = 1.8e-3, wall_first_layer = 0.5e-3, wall_layers = 3, tip_cell = 1e-3, near_cell = 2e-3, far_cell = 0.02 }
 numerics = { time_step = 0.5e-3 }
+[levels.coarse.mesh]
+wall_cell = 1.8e-3
+wall_first_layer = 0.5e-3
+wall_layers = 3
+tip_cell = 1e-3
+near_cell = 2e-3
+far_cell = 0.02
 """
 
 
 def use_states(path: Path) -> None:
-    """Read states; what passes must be fit for the kinematics."""
-    states = read_states(path, 0.0145)
-    assert np.isfinite(states.profile).all()
+    """Read states, which must be finite."""
+    assert np.isfinite(read_states(path, 0.0145).profile).all()
 
 
 def states_seeds(folder: Path) -> list[bytes]:
-    """A states.h5 of four states, small enough to be mutated well."""
+    """Four states, in a small file."""
     s = np.linspace(0, 0.07, 9)
     profile = np.stack([np.column_stack([s, k * s**2]) for k in (-1.0, 0.0, 1.0, 2.0)])
     states = BendingStates(
@@ -336,74 +310,73 @@ def states_csv_seeds(_: Path) -> list[bytes]:
 
 
 def use_pressure(path: Path) -> None:
-    """Read a pressure history and run through it."""
+    """Read a pressure history and evaluate it."""
     law = measured_law(path)
     for derivative in (0, 1):
         if not np.isfinite(law(np.linspace(-1, 2, 50), derivative)).all():
             raise Fault(f"{path.name}: a pressure that is not a number")
 
 
-def use_kinematics(path: Path) -> None:
-    """Read kinematics.h5 as the stages do."""
-    read_kinematics(path).at(0.1)
-
-
 def kinematics_seeds(folder: Path) -> list[bytes]:
     """A kinematics.h5 of six shapes of four points."""
     knots, time = np.linspace(0, 2e4, 6), np.linspace(0, 0.2, 9)
     box = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * 0.01
-    two = np.tile([0.0, 1.0], (6, 1))
     values = {
-        "time": time,
-        "pressure": 1e5 * time,
-        "shape_parameter": knots,
-        "shape_bend": knots / 1e4,
-    }
-    values |= {"shape_outline": np.stack([box] * 6), "shape_tip": two, "shape_tip_direction": two}
-    values |= {"shape_dorsal_direction": two, "source": "fea", "tip_thickness": 0.0145}
+        "time": time, "pressure": 1e5 * time, "shape_parameter": knots, "shape_bend": knots / 1e4,
+        "shape_outline": np.stack([box] * 6), "source": "fea", "tip_thickness": 0.0145,
+    }  # fmt: skip
+    pair = np.tile([0.0, 1.0], (6, 1))
+    values |= dict.fromkeys(("shape_tip", "shape_tip_direction", "shape_dorsal_direction"), pair)
     write_kinematics(folder / "k.h5", values, {})
     return [(folder / "k.h5").read_bytes()]
 
 
-CALIBRATION = b'{"format": "piv-calibration", "format_version": 1, "scale_m_per_px": 1e-4, "origin_x_px": 3.0,'
+def use_calibration(path: Path) -> None:
+    """Read a calibration and map two points."""
+    load_calibration(path).to_m(np.array([[1.0, 2.0], [30.0, 20.0]]))
+
+
+CALIBRATION = (
+    b'{"format": "piv-calibration", "format_version": 1, "scale_m_per_px": 1e-4,'
+    b' "origin_x_px": 3.0, "origin_y_px": 2.0'
+)
 LENS = (
-    CALIBRATION
-    + b' "origin_y_px": 2.0, "lens": {"size_px": [64, 48], "camera_matrix": [[80, 0, 32], [0, 80, 24],'
-    b' [0, 0, 1]], "distortion": [0.1, 0, 0, 0, 0], "to_sheet": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],'
+    b', "lens": {"size_px": [64, 48], "camera_matrix": [[80, 0, 32], [0, 80, 24], [0, 0, 1]],'
+    b' "distortion": [0.1, 0, 0, 0, 0], "to_sheet": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],'
     b' "reprojection_rms_px": 0.1, "views": 3}, "notes": {}}'
 )
 
 
-def use_calibration(path: Path) -> None:
-    """Read a calibration and map a few points."""
-    load_calibration(path).to_m(np.array([[1.0, 2.0], [30.0, 20.0]]))
+def _seeds(*contents: bytes) -> Callable[[Path], list[bytes]]:
+    return lambda _: list(contents)
 
 
-def _is_mask(path: Path) -> None:
-    if read_mask(path, (ROWS, COLUMNS)).shape != (ROWS, COLUMNS):
-        raise Fault(f"{path.name}: a mask of another size")
-
+HEADERS = _seeds(*(CIH.format(bits=bits).encode() for bits in (8, 12, 16)))
+PIVLAB_METRES = PIVLAB.replace(b"px/frame", b"m/s").replace(b"px", b"m")
+PRESSURE = b"t,p\n0,0\n0.1,5000\n0.2,20000\n0.4,2e4\n"
+IMAGES, VECTORS = (".png", ".bmp", ".jpg", ".pgm"), (".txt", ".dat", ".csv", ".h5", ".nc")
+RAW = {"camera.mraw": bytes(range(256)) * 12}
 
 TARGETS = [
     Target("stack.tif", use_recording, stack_seeds),
-    *(Target("image" + s, use_recording, partial(encoded, s)) for s in (".png", ".bmp", ".jpg", ".pgm")),
+    *(Target("image" + suffix, use_recording, partial(encoded, suffix)) for suffix in IMAGES),
     Target("film.avi", use_recording, video_seeds),
-    Target("camera.cih", use_recording, header_seeds, beside={"camera.mraw": bytes(range(256)) * 12}),
+    Target("camera.cih", use_recording, HEADERS, beside=RAW),
     Target("images.h5", use_recording, recording_seeds),
-    Target("mask.csv", _is_mask, polygon_seeds),
-    Target("mask.png", _is_mask, partial(encoded, ".png")),
-    *(Target("vectors" + s, use_vectors, partial(written, s)) for s in (".txt", ".dat", ".csv", ".h5", ".nc")),
-    Target("pivlab.txt", use_vectors, pivlab_seeds),
+    Target("mask.csv", use_mask, _seeds(*POLYGONS)),
+    Target("mask.png", use_mask, partial(encoded, ".png")),
+    *(Target("vectors" + suffix, use_vectors, partial(written, suffix)) for suffix in VECTORS),
+    Target("pivlab.txt", use_vectors, _seeds(PIVLAB, PIVLAB_METRES)),
     Target("pivlab.mat", use_vectors, mat_seeds),
     Target("davis.vc7", use_vectors, davis_seeds, costs=20),
-    Target("plane.h5", lambda p: use_plane(read_checked_plane(p).load(), p), partial(written, ".h5")),
-    Target("scene.toml", lambda p: load_scene(p.parent), lambda _: [SCENE.encode()], STAGE),
+    Target("plane.h5", lambda p: use_plane(read_checked_plane(p), p), partial(written, ".h5")),
+    Target("scene.toml", lambda path: load_scene(path.parent), _seeds(SCENE), STAGE),
     Target("states.h5", use_states, states_seeds, STAGE),
     Target("states.csv", use_states, states_csv_seeds, STAGE),
-    Target("pressure.csv", use_pressure, lambda _: [b"t,p\n0,0\n0.1,5000\n0.2,20000\n0.4,2e4\n"], STAGE),
-    Target("kinematics.h5", use_kinematics, kinematics_seeds, STAGE),
-    Target("calibration.json", use_calibration, lambda _: [LENS, CALIBRATION + b' "origin_y_px": 2.0}']),
-]  # fmt: skip
+    Target("pressure.csv", use_pressure, _seeds(PRESSURE), STAGE),
+    Target("kinematics.h5", lambda p: read_kinematics(p).at(0.1), kinematics_seeds, STAGE),
+    Target("calibration.json", use_calibration, _seeds(CALIBRATION + LENS, CALIBRATION + b"}")),
+]
 
 
 def named(name: str) -> Target:
@@ -412,5 +385,5 @@ def named(name: str) -> Target:
 
 
 def quiet_libraries() -> None:
-    """Send what the libraries' own C code says of damaged files nowhere: each becomes a sentence of ours."""
+    """Discard the output of the libraries' C code."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)

@@ -1,6 +1,6 @@
-"""Images at the extremes: seeding, displacement, saturation, noise, no particles, all mask, against the exact truth.
+"""Pictures at the extremes against the exact truth: wrong vectors must never count as valid.
 
-What may never happen is a plausible wrong answer: vectors that are wrong and not marked so.
+Axes: seeding, displacement, saturation, noise, particle size; no particles, masked pictures.
 """
 
 from __future__ import annotations
@@ -14,55 +14,55 @@ from piv.correlation.pair import correlate_pair
 from piv.synthetic.render_recording import render_pair
 
 SHAPE = (320, 384)
-WRONG_PX = 0.5  # a vector that is further off than this is wrong, not merely noisy
-MAX_UNFLAGGED = 0.05  # part of the vectors called valid that may be wrong
+WRONG_PX = 0.5  # a vector with a larger error is wrong, not merely noisy
+MAX_UNFLAGGED = 0.05  # fraction of the valid vectors that may be wrong
 DEFAULT = {"density_ppp": 0.04, "noise": 0.02, "background": 8.0}
 
 
 @dataclass(frozen=True)
 class ImageCase:
-    """A pair of pictures: `shift` px of uniform motion, `swirl` px of a vortex' peak, and settings of render and PIV."""
+    """A pair of pictures: uniform motion and a vortex (px), and settings of the rendering."""
 
     axis: str
     value: str
     shift: float = 4.0
-    swirl: float = 2.0
+    swirl: float = 2.0  # peak of the vortex
     render: dict[str, Any] = field(default_factory=dict)
-    piv: dict[str, Any] = field(default_factory=dict)
-    masked: str = ""  # "half" or "all"
+    masked: float = 0.0  # fraction of the columns
     unlike: bool = False  # the second picture shows other particles
 
 
 def cases() -> list[ImageCase]:
     """Every picture of the study."""
-    pictures = [ImageCase("seeding (ppp)", f"{d:g}", render={"density_ppp": d}) for d in (0.001, 0.005, 0.01, 0.02, 0.04, 0.1, 0.2)]  # fmt: skip
-    pictures += [ImageCase("displacement (px)", f"{s:g}", shift=s, swirl=min(2.0, s / 2)) for s in (0.1, 0.5, 2, 8, 12, 16, 20, 30)]  # fmt: skip
-    pictures += [ImageCase("exposure (peak over full scale)", f"{p:g}", render={"peak": p}) for p in (0.02, 0.1, 0.8, 4.0, 30.0)]  # fmt: skip
-    pictures += [
-        ImageCase("noise (of full scale)", f"{n:g}", render={"noise": n})
-        for n in (0.0, 0.05, 0.15, 0.4)
+    axes = {
+        "seeding (ppp)": ("density_ppp", (0.001, 0.005, 0.01, 0.02, 0.04, 0.1, 0.2)),
+        "displacement (px)": ("", (0.1, 0.5, 2, 8, 12, 16, 20, 30)),
+        "exposure (peak over full scale)": ("peak", (0.02, 0.1, 0.8, 4.0, 30.0)),
+        "noise (of full scale)": ("noise", (0.0, 0.05, 0.15, 0.4)),
+        "diameter (px)": ("diameter_px", (0.5, 1.0, 2.5, 6.0, 15.0)),
+    }
+    pictures = [
+        ImageCase(axis, f"{value:g}", render={key: value})
+        if key
+        else ImageCase(axis, f"{value:g}", value, min(2.0, value / 2))
+        for axis, (key, values) in axes.items()
+        for value in values
     ]
-    pictures += [
-        ImageCase("diameter (px)", f"{d:g}", render={"diameter_px": d})
-        for d in (0.5, 1.0, 2.5, 6.0, 15.0)
-    ]
-    pictures += [
+    black = {"density_ppp": 0.0, "noise": 0.0, "background": 0.0}
+    other = "other particles in the second picture"
+    return [
+        *pictures,
         ImageCase("special", "no particles, noise", render={"density_ppp": 0.0}),
-        ImageCase(
-            "special",
-            "no particles, black",
-            render={"density_ppp": 0.0, "noise": 0.0, "background": 0.0},
-        ),
+        ImageCase("special", "no particles, black", render=black),
         ImageCase("special", "white", render={"background": 400.0}),
-        ImageCase("special", "all mask", masked="all"),
-        ImageCase("special", "half mask", masked="half"),
-        ImageCase("special", "other particles in the second picture", unlike=True),
+        ImageCase("special", "all mask", masked=1.0),
+        ImageCase("special", "half mask", masked=0.5),
+        ImageCase("special", other, unlike=True),
     ]
-    return pictures
 
 
 def flow(case: ImageCase):
-    """Displacement (dx, dy) in px at (x, y) px: a uniform shift and a Lamb-Oseen vortex in the middle."""
+    """Displacement (dx, dy) at (x, y), px: a uniform shift and a Lamb-Oseen vortex."""
     centre, radius = np.array(SHAPE[::-1]) / 2, 40.0
 
     def displacement(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -77,41 +77,35 @@ def flow(case: ImageCase):
 
 
 def run_case(case: ImageCase, preset: str, seed: int = 3) -> dict[str, Any]:
-    """Render and evaluate; how it ended, and by how much it is wrong."""
-    row: dict[str, Any] = {"axis": case.axis, "value": case.value, "preset": preset}
+    """Render and evaluate a pair; its ending and its errors."""
+    row: dict[str, Any] = {"axis": case.axis, "value": case.value, "preset": preset, "reason": ""}
     mask = None
     if case.masked:
         mask = np.zeros(SHAPE, bool)
-        mask[:, : SHAPE[1] if case.masked == "all" else SHAPE[1] // 2] = True
+        mask[:, : int(case.masked * SHAPE[1])] = True
     settings = DEFAULT | case.render
-    first, second = render_pair(flow(case), SHAPE, mask=mask, seed=seed, **settings)
-    if case.unlike:
-        second = render_pair(flow(case), SHAPE, mask=mask, seed=seed + 1, **settings)[1]
+    pairs = [
+        render_pair(flow(case), SHAPE, mask=mask, seed=seed + k, **settings)
+        for k in range(1 + case.unlike)
+    ]
     try:
-        plane = correlate_pair(first, second, mask=mask, preset=preset, **case.piv)
+        plane = correlate_pair(pairs[0][0], pairs[-1][1], mask=mask, preset=preset)
     except ValueError as error:
         return row | {"ended": "refused", "reason": " ".join(str(error).split())[:200]}
     except Exception as error:
         return row | {"ended": "CRASH", "reason": f"{type(error).__name__}: {error}"[:200]}
-    x, y = np.meshgrid(plane["x"].values, plane["y"].values)
-    wanted = flow(case)(x, y)
+    wanted = flow(case)(*np.meshgrid(plane["x"].values, plane["y"].values))
     valid = plane["valid"].values == 1
-    open_water = plane["flag"].values != 2
-    error = np.hypot(plane["u"].values - wanted[0], plane["v"].values - wanted[1])
-    some = valid.any()
-    wrong = float((error[valid] > WRONG_PX).mean()) if some else 0.0
-    nothing = (
-        settings["density_ppp"] == 0 or case.unlike or case.masked == "all"
-    )  # no vector can be right
-    if nothing:
-        wrong = float(valid.sum() / max(open_water.sum(), 1))
-    ended = "WRONG" if wrong > MAX_UNFLAGGED else "completed" if some else "all flagged"
+    part = float(valid.sum() / max((plane["flag"].values != 2).sum(), 1))
+    error = np.hypot(plane["u"].values - wanted[0], plane["v"].values - wanted[1])[valid]
+    wrong = float((error > WRONG_PX).mean()) if error.size else 0.0
+    if settings["density_ppp"] == 0 or case.unlike or case.masked == 1:
+        wrong = part  # no vector can be right
     return row | {
-        "ended": ended,
-        "valid": round(float(valid.sum() / max(open_water.sum(), 1)), 4),
-        "rms_px": round(float(np.sqrt(np.mean(np.minimum(error[valid], 10) ** 2))), 4)
-        if some
+        "ended": "WRONG" if wrong > MAX_UNFLAGGED else "completed" if error.size else "all flagged",
+        "valid": round(part, 4),
+        "rms_px": round(float(np.sqrt(np.mean(np.minimum(error, 10) ** 2))), 4)
+        if error.size
         else "",
         "wrong_unflagged": round(wrong, 4),
-        "reason": "",
     }

@@ -1,4 +1,4 @@
-"""How a run of the study ended, and by what numbers; a completed run whose numbers cannot be true is WRONG."""
+"""How a run of the study ended; a completed run with impossible numbers is WRONG."""
 
 from __future__ import annotations
 
@@ -14,16 +14,13 @@ from fileio.formats.kinematics import read_kinematics
 from pipeline.scene.scene import Scene, load_scene
 
 LEAST_CLOSURE = -0.02  # of the work: below it energy has come from nothing
-FORCE_RANGE = (
-    0.005,
-    2.0,
-)  # of the added mass and drag of a plate as long as the finger: beyond it a force is no finger's
-# Endings that are no result but a fault, as the tables and maps write them.
-FAULTS = {"failed": "FAILED", "crashed": "CRASH", "hung": "HANG"}
+# Possible peak forces, over added mass and drag of a plate as long as the finger.
+FORCE_RANGE = (0.005, 2.0)
+FAULTS = {"failed": "FAILED", "crashed": "CRASH", "hung": "HANG"}  # names in tables and maps
 
 
-def read_plans(paths: tuple[Path, ...]) -> list[dict[str, Any]]:
-    """The runs of the studies' plans, each with its `axis` and `value`; StageError where a study was not run."""
+def read_plans(paths: list[Path]) -> list[dict[str, Any]]:
+    """Runs of the plans, with `axis` and `value`; StageError where a study was not run."""
     runs = []
     for path in paths:
         if not path.exists():
@@ -35,7 +32,7 @@ def read_plans(paths: tuple[Path, ...]) -> list[dict[str, Any]]:
 
 
 def result(run: dict[str, Any]) -> dict[str, Any]:
-    """The row of a run for the tables. StageError where it has not ended yet."""
+    """The row of a run for the tables; StageError where it has not ended yet."""
     folder = Path(run["folder"])
     path = folder / "out" / run["level"] / "outcome.json"
     if not path.exists():
@@ -54,31 +51,45 @@ def result(run: dict[str, Any]) -> dict[str, Any]:
 
 
 def motion_numbers(scene: Scene) -> dict[str, Any]:
-    """Bend (deg) and the tip's largest speed and acceleration of a scene whose kinematics are there."""
+    """Bend (deg) and largest speed and acceleration of the tip, from the kinematics."""
     kinematics = read_kinematics(scene.out / "kinematics.h5")
     times, bend = kinematics.law.x, np.degrees(kinematics.data["shape_bend"].values)
     path = CubicSpline(times, kinematics.splines["tip"](kinematics.law(times)))
-    largest = [float(np.hypot(*path(times, order).T).max()) for order in (1, 2)]
+    speed, acceleration = (float(np.hypot(*path(times, order).T).max()) for order in (1, 2))
     return {
         "bend_deg": round(float(bend[np.abs(bend).argmax()]), 1),
-        "tip_speed": round(largest[0], 4),
-        "tip_acceleration": round(largest[1], 3),
+        "tip_speed": round(speed, 4),
+        "tip_acceleration": round(acceleration, 3),
     }
 
 
 def judged(scene: Scene) -> dict[str, Any]:
-    """A completed run's numbers, and whether they can be true."""
-    record = json.loads((scene.out / "run" / "run.json").read_text())
-    force = np.loadtxt(scene.out / "run" / "forces.csv", delimiter=",", skiprows=1, ndmin=2)
-    power = np.loadtxt(scene.out / "run" / "power.csv", delimiter=",", skiprows=1, ndmin=2)
+    """Numbers of a completed run, and whether they are possible."""
+    folder = scene.out / "run"
+    record = json.loads((folder / "run.json").read_text())
+    force, power = (
+        np.loadtxt(folder / name, delimiter=",", skiprows=1, ndmin=2)
+        for name in ("forces.csv", "power.csv")
+    )
     balance, motion = record["power_balance"], motion_numbers(scene)
     peak = float(np.hypot(force[:, 1], force[:, 2]).max())
     finger, fluid = scene.finger, scene.fluid
     length = finger.length + finger.tip.length
-    plate = fluid.density * finger.width * (
-        np.pi / 4 * length**2 * motion["tip_acceleration"] + length * motion["tip_speed"] ** 2
-    )  # fmt: skip
-    numbers = {
+    added_mass = np.pi / 4 * length**2 * motion["tip_acceleration"]
+    drag = length * motion["tip_speed"] ** 2
+    share = peak / (fluid.density * finger.width * (added_mass + drag))
+    faults = {
+        "the results are of other numbers": record["scene_hash"] != scene.digest(),
+        "numbers that are none": not (np.isfinite(force).all() and np.isfinite(power).all()),
+        f"{len(force)} rows of forces for {record['steps']} steps": len(force) != record["steps"],
+        "energy from nothing": balance["closure_fraction"] < LEAST_CLOSURE,
+        f"a force of {share:.2g} of a plate's": not FORCE_RANGE[0] < share < FORCE_RANGE[1],
+    }
+    wrong = [fault for fault, found in faults.items() if found]
+    return {
+        "ended": "WRONG" if wrong else "completed",
+        "reason": "; ".join(wrong),
+        **motion,
         "cells": record["cells"],
         "steps": record["steps"],
         "courant_max": round(record["courant_max"], 3),
@@ -89,19 +100,5 @@ def judged(scene: Scene) -> dict[str, Any]:
         "closure_fraction": round(balance["closure_fraction"], 4),
         "from_nothing_fraction": round(balance["from_nothing_fraction"], 6),
         "peak_force_N": round(peak, 5),
-        "force_of_plate": round(peak / plate, 4),
+        "force_of_plate": round(share, 4),
     }
-    wrong = []
-    if record["scene_hash"] != scene.digest():
-        wrong.append("the results are of other numbers")
-    if not (np.isfinite(force).all() and np.isfinite(power).all()):
-        wrong.append("numbers that are none")
-    if len(force) != record["steps"]:
-        wrong.append(f"{len(force)} rows of forces for {record['steps']} steps")
-    if balance["closure_fraction"] < LEAST_CLOSURE:
-        wrong.append("energy from nothing")
-    if not FORCE_RANGE[0] < peak / plate < FORCE_RANGE[1]:
-        wrong.append(f"a force of {peak / plate:.2g} of a plate's")
-    return (
-        {"ended": "WRONG" if wrong else "completed", "reason": "; ".join(wrong)} | motion | numbers
-    )

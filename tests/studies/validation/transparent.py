@@ -84,14 +84,7 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str, quiet: bool =
     steps = Steps.of(intervals[0].begin, intervals[0].end, scene.numerics.time_step)
     prepare(scene.out, intervals, intervals[0], Ranks(), steps, quiet)
     with tqdm(disable=True) as bar:
-        solve(
-            folder,
-            intervals[0],
-            Ranks(),
-            None,
-            bar,
-            Guard(scene.numerics.max_courant),
-        )
+        solve(folder, intervals[0], Ranks(), None, bar, Guard(scene.numerics.max_courant))
 
 
 def outer_faces(scene: Scene) -> dict[str, np.ndarray]:
