@@ -21,7 +21,6 @@ from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.sentences import judge_sentence, read_sentences
 from postprocess.compare.series import series_table, summary
-from postprocess.draw.quantity_text import measured_text
 from postprocess.evidence.check_finite import first_not_finite
 from postprocess.evidence.evidence import Evidence, Measured, Part
 from postprocess.evidence.load import FILES, load_evidence
@@ -29,6 +28,7 @@ from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.evidence.time_windows import interval
 from postprocess.evidence.tip_vortex import strengths
+from postprocess.words import measured_text
 
 INPUTS = (
     "sheet.h5",

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pandas as pd
+from postprocess.studies.tradeoff_page import percent
 
 from fileio.atomic import write_text
 from fileio.command import guarded
@@ -16,7 +17,6 @@ from fileio.errors import StageError
 from postprocess.studies.state import files_of, missing_runs
 from postprocess.studies.table import read_plan, study_table
 from postprocess.studies.tradeoff import errors_against, finest
-from postprocess.studies.tradeoff_page import percent
 from tests.studies.pages import libraries, write_between
 from tests.studies.validation.finger import family
 

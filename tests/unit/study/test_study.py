@@ -18,7 +18,6 @@ from pipeline.study.plan import folder_of, plan, scene_text, toml
 from pipeline.study.reuse import reuse
 from pipeline.study.table import Row, read_study
 from postprocess.evidence.stage_files import StageFiles
-from postprocess.studies.judge import changes
 from postprocess.studies.state import missing_runs
 from postprocess.studies.table import read_plan, stage_costs, study_table
 from tests.conftest import ROOT, write_scene
@@ -383,17 +382,6 @@ def test_every_row_of_a_shipped_study_is_a_scene(table, tmp_path):
             load_scene(folder, row.level)
         except StageError:
             assert row.may_fail, row.run
-
-
-def test_what_sets_a_run_apart_leaves_out_what_all_have_in_common():
-    runs = [
-        {"run": "base", "overrides": {"sheet.rate_hz": 125}},
-        {"run": "gap", "overrides": {"sheet.rate_hz": 125, "pinch.residual_gap": 0.001}},
-        {"run": "flat", "overrides": {"sheet.rate_hz": 125, "model.kind": "2d"}},
-    ]
-    assert changes(runs) == {
-        "base": "as it is", "gap": "pinch.residual_gap = 0.001", "flat": "model.kind = 2d",
-    }  # fmt: skip
 
 
 def test_snakemakes_settings_lie_where_it_looks_for_them():

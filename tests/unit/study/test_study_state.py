@@ -4,15 +4,20 @@ import json
 from pathlib import Path
 
 import h5py
-import pandas as pd
 import pytest
 
 from fileio.stages import BY_NAME
 from pipeline.scene.read_toml import FILE_KEYS, merge
 from pipeline.study.plan import plan
 from postprocess.__main__ import main as postprocess
-from postprocess.studies import judge as studies
-from postprocess.studies.state import UNASKED, differing, missing_runs, missing_sentence, unfinished
+from postprocess.studies.state import (
+    UNASKED,
+    differing,
+    files_of,
+    missing_runs,
+    missing_sentence,
+    unfinished,
+)
 from postprocess.studies.table import read_plan
 from tests.conftest import write_scene
 
@@ -23,7 +28,7 @@ def made(row, settings=None):
     """Every result of a run, each with the settings that it was made with (those of the plan where not said)."""
     settings = row["settings"] | (settings or {})
     for stage in row["stages"]:
-        path = studies.files_of(row).out / BY_NAME[stage].done
+        path = files_of(row).out / BY_NAME[stage].done
         path.parent.mkdir(parents=True, exist_ok=True)
         text = json.dumps(settings.get(stage, {}))
         if path.suffix == ".h5":
@@ -58,10 +63,10 @@ def test_a_hole_on_the_way_is_no_result_though_what_was_made_of_it_before_is_the
     medium, piv = planned["runs"]
     for row in (medium, piv):
         made(row)
-    (studies.files_of(piv).out / "run" / "run.json").unlink()
+    (files_of(piv).out / "run" / "run.json").unlink()
     assert missing_runs(planned) == {"piv": "run/run.json is not there"}
     made(piv)
-    (studies.files_of(piv).out / "images.h5").unlink()  # large: may go when PIV is done
+    (files_of(piv).out / "images.h5").unlink()  # large: may go when PIV is done
     assert missing_runs(planned) == {}
 
 
@@ -171,42 +176,12 @@ def test_the_trade_is_not_written_with_runs_missing_unless_asked(planned, tmp_pa
 def test_a_damaged_result_is_one_sentence(planned, capsys, tmp_path):
     for row in planned["runs"]:
         made(row)
-    (studies.files_of(planned["runs"][0]).out / "planform.h5").write_text("no HDF5")
+    (files_of(planned["runs"][0]).out / "planform.h5").write_text("no HDF5")
     path = tmp_path / "small" / "out" / "studies" / "trial" / "plan.json"
     assert postprocess(["tradeoff", str(path), "--docs", str(tmp_path / "docs")]) == 2
     said = capsys.readouterr().err
     assert "planform.h5: not readable" in said
     assert said.count("\n") == 1
-
-
-def test_studies_leave_out_what_is_not_the_plans(planned, tmp_path):
-    made(planned["runs"][0], {"vortices_cfd": {"min_circulation": 1.0}})
-    with pytest.raises(FileNotFoundError, match="no run of the study"):
-        studies.gather(planned, tmp_path / "none.csv")
-
-
-def test_the_page_of_a_study_says_what_was_run_and_with_what():
-    about = [
-        ["near", "gap = 1", "2d", 2600, 640, "ab12", "2026-11-23", "v1912"],
-        ["far", "gap = 2", "2d", 2700, 500, "cd34", "2026-11-24", "v2306"],
-    ]
-    finding = [
-        ["finding", "ventral-pair-forms", *told]
-        for told in ((1e-3, "m", True, ""), (None, "m", False, "cores overlap"))
-    ]
-    rows = [[*run, "number", "contact_time", 0.25, "s", None, ""] for run in about]
-    rows += [[*run, *told] for run, told in zip(about, finding, strict=True)]
-    text = studies.page(
-        "# Trial",
-        pd.DataFrame(rows, columns=studies.COLUMNS),
-        {"lost": "run.json is not there"},
-        "trial",
-    )
-    assert "| near | gap = 1 | 2d | 2600 | 640 |" in text
-    assert "OpenFOAM v1912 and v2306" in text
-    assert "| ventral pair forms | 1.00\u00a0mm | 1 of 2 | far (cores overlap) |" in text
-    assert "| far | 0.25\u00a0s |" in text
-    assert "lost (run.json is not there)" in text
 
 
 def test_a_bending_analysis_and_a_run_that_may_fail_are_missing_until_they_are_there(
@@ -240,101 +215,3 @@ def test_what_is_missing_is_said_in_one_sentence():
 def test_names_of_files_are_not_compared():
     """The plan leaves them out; it has what is in the files."""
     assert {f"motion.{key}" for key in FILE_KEYS} == UNASKED
-
-
-def test_a_finding_that_no_run_meets_is_so_in_all_whatever_the_runs_are_called():
-    rows = [["a (1)", 1.0, "1", False, ""], ["a (2)", 2.0, "1", False, ""]]
-    part = pd.DataFrame(rows, columns=["run", "value", "unit", "met", "note"])
-    assert studies._finding(part) == ["1 to 2", "0 of 2", "all"]
-    part.loc[1, ["value", "note"]] = None, "no vortex"
-    assert studies._finding(part)[2] == "a (1), a (2) (no vortex)"
-
-
-FINDING = """
-[[finding]]
-id = "{name}"
-kind = "paper"
-finding = "A vortex clings to the tip."
-figure = ""
-quantity = "pair_side"
-of = ["cfd"]
-comparison = "equals"
-value = "{value}"
-reason = "A side has no tolerance."
-window = {{ gap = [0.020, 0.005] }}
-"""
-
-
-@pytest.fixture
-def judged(planned, monkeypatch, tmp_path):
-    """The plan with findings, and its table as written after a measurement that is a formula."""
-    findings = tmp_path / "small" / "reference" / "findings.toml"
-    findings.parent.mkdir(exist_ok=True)
-    findings.write_text(
-        'format = "findings"\nformat_version = 1\n' + FINDING.format(name="side", value="dorsal")
-    )
-
-    def measure(run, change):
-        about = {
-            "run": run["run"],
-            "change": change,
-            "made_with": studies.made_with(run),
-            "note": "",
-        }
-        rows = [("side", "dorsal", "", True), ("size", 1.5, "m", None)]
-        rows = [
-            about | dict(zip(("quantity", "value", "unit", "met"), row, strict=True))
-            for row in rows
-        ]
-        return pd.DataFrame(rows, columns=studies.COLUMNS)
-
-    monkeypatch.setattr(studies, "measure", measure)
-    for row in planned["runs"]:
-        made(row)
-    table, missing = studies.gather(planned, tmp_path / "study.csv")
-    assert not missing
-    table.to_csv(tmp_path / "study.csv", index=False)
-    return planned, tmp_path / "study.csv", findings
-
-
-def test_rows_of_a_run_whose_results_are_gone_stay(judged):
-    plan, written, _ = judged
-    (studies.files_of(plan["runs"][0]).out / "kinematics.h5").unlink()
-    before = studies.read_rows(written)
-    table, missing = studies.gather(plan, written)
-    assert not missing
-    table.to_csv(written, index=False)
-    pd.testing.assert_frame_equal(studies.read_rows(written), before)
-    assert list(before["value"]) == ["dorsal", 1.5] * 2
-    assert list(before["met"]) == [True, None] * 2
-
-
-def test_rows_made_with_other_settings_or_findings_do_not_stay(judged):
-    plan, written, findings = judged
-    first, second = plan["runs"]
-    (studies.files_of(first).out / "kinematics.h5").unlink()
-    first["settings"]["sheet"]["sheet"]["spacing"] = 1.0
-    assert set(studies.gather(plan, written)[1]) == {first["run"]}
-    first["settings"]["sheet"]["sheet"].pop("spacing")
-    (studies.files_of(second).out / "kinematics.h5").unlink()
-    findings.write_text(findings.read_text().replace("dorsal", "ventral"))
-    with pytest.raises(FileNotFoundError, match="no run of the study"):
-        studies.gather(plan, written)
-
-
-def test_words_have_the_tables_numbers():
-    table = pd.DataFrame(
-        [
-            ("one", "speed", 0.2, "m/s"),
-            ("two", "speed", 0.25, "m/s"),
-            ("one", "side", "dorsal", ""),
-        ],
-        columns=["run", "quantity", "value", "unit"],
-    )
-    words = "{one:speed} and {two:speed} ({two:speed/one}), {three:speed} ({three:speed/one}, {one:speed/three}), {one:side}"
-    assert (
-        studies.with_numbers(words, table)
-        == "0.2\u00a0m/s and 0.25\u00a0m/s (+25\u00a0%), – (–, –), dorsal"
-    )
-    with pytest.raises(ValueError, match="quantity 'spede'"):
-        studies.with_numbers("{one:spede}", table)
