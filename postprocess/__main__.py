@@ -1,4 +1,4 @@
-"""What is made of a study's runs, and of a run for the docs."""
+"""Tables and figures of a study's runs, and the reference of dpiv.toml."""
 
 from __future__ import annotations
 
@@ -6,21 +6,19 @@ import sys
 
 from fileio.command import Commands, command_line
 
-COMMANDS: Commands = {
+_COMMANDS: Commands = {
     "table": ("a study's runs as one table", "postprocess.studies.table"),
-    "judge": ("a study's runs by their scene's findings", "postprocess.studies.judge"),
     "dpiv-reference": (
         "write docs/dpiv_reference.md: every key of dpiv.toml",
         "postprocess.lab.data.dpiv_reference",
     ),
-    "tradeoff": ("what accuracy costs", "postprocess.studies.tradeoff"),
-    "docs-page": ("a run's page in docs/", "postprocess.report.docs_page"),
+    "tradeoff": ("what accuracy costs: table and figure", "postprocess.studies.tradeoff"),
 }
 
 
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit code."""
-    return command_line("python -m postprocess", __doc__, COMMANDS, argv)
+    return command_line("python -m postprocess", __doc__, _COMMANDS, argv)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,6 @@ from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.sentences import judge_sentence, read_sentences
 from postprocess.compare.series import series_table, summary
-from postprocess.draw.quantity_text import measured_text
 from postprocess.evidence.check_finite import first_not_finite
 from postprocess.evidence.evidence import Evidence, Measured, Part
 from postprocess.evidence.load import load_evidence
@@ -30,6 +29,7 @@ from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.evidence.time_windows import interval
 from postprocess.evidence.tip_vortex import strengths
+from postprocess.words import measured_text
 
 INPUTS = ("run", "sheet", "images", "piv", "vortices_cfd", "vortices_piv")
 COPIED = ("id", "kind", "finding", "figure", "quantity", "comparison")

@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -47,39 +45,6 @@ def new_figure(
     figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
     FigureCanvasAgg(figure)
     return figure, figure.subplots(rows, columns, **more)
-
-
-def label_points(axis: Axes, points: list[tuple[float, float]], names: list[str]) -> None:
-    """Name points (data coordinates) where the names cover neither each other nor a point; call it when limits are set."""
-    figure = axis.figure
-    figure.canvas.draw()
-    size, at = 8.0, axis.transData.transform(np.array(points)) if points else np.empty((0, 2))
-    px, right = figure.dpi / 72, axis.bbox.x1
-    taken = [(x - 3 * px, y - 3 * px, x + 3 * px, y + 3 * px) for x, y in at]
-    for (x, y), point, name in zip(at, points, names, strict=True):
-        width, height = 0.62 * size * len(name) * px, 1.15 * size * px
-        sides = [(4 * px, 0.0), (-4 * px - width, 0.0)]
-        tries = [
-            (dx, dy * height)
-            for dy in (0.3, -1.0, 1.2, -2.0, 2.2, -3.0, 3.2, -4.0, 4.2)
-            for dx, _ in sides
-        ]
-        boxes = [(x + dx, y + dy, x + dx + width, y + dy + height) for dx, dy in tries]
-        box = next(
-            (b for b in boxes if b[2] < right and not any(_overlap(b, other) for other in taken)),
-            boxes[0],
-        )
-        taken.append(box)
-        off = ((box[0] - x) / px, (box[1] - y) / px)
-        far = abs(off[1]) > 1.5 * size
-        line: dict[str, Any] = (
-            {"arrowprops": {"arrowstyle": "-", "color": GREY, "lw": 0.6}} if far else {}
-        )
-        axis.annotate(name, point, xytext=off, textcoords="offset points", fontsize=size, **line)
-
-
-def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def save(figure: Figure, path: Path, **more) -> Path:

@@ -11,7 +11,7 @@ from postprocess.draw.style import save
 
 
 class Album:
-    """Pictures as they are made: writes each file and remembers its title, alternative text and caption."""
+    """Writes pictures into a folder and remembers section, alternative text and caption of each."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -26,9 +26,8 @@ class Album:
         caption: str = "",
         **more: Any,
     ) -> None:
-        """Save a figure (None: the file is there already) and list it under a section of the report."""
+        """Save a figure (None: the file is there already) and list it in a section."""
         if figure is not None:
             save(figure, self.folder / name)
-        self.entries.append(
-            {"file": name, "section": section, "alt": alt, "caption": caption, **more}
-        )
+        entry = {"file": name, "section": section, "alt": alt, "caption": caption}
+        self.entries.append(entry | more)

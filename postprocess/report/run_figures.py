@@ -1,4 +1,4 @@
-"""Pictures of how the flow was computed and seen, for the report: the solver's tables, the mesh, the camera."""
+"""Pictures of how the flow was computed and seen: the solver's tables, the mesh, the camera."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from postprocess.report.wording import balance_sentence
 
 def solver_figures(album: Album, out: Path) -> None:
     """The solver's tables and the mesh's quality over time or bend."""
-    for file, table, draw, section, alt in (
-        ("run/forces.csv", FORCES, draw_solver.forces, "run", "Force of the water on the finger over time."),
-        ("run/power.csv", POWER, draw_solver.power, "run", "Power balance over time."),
-        ("run/history.csv", HISTORY, draw_solver.history, "run", "Courant number and continuity error over time."),
-        ("mesh_quality.csv", MESH_QUALITY, draw_solver.mesh_quality, "mesh",
-         "Non-orthogonality, skewness and area ratio over the bend angle."),
-    ):  # fmt: skip
-        album.add(draw(table.read(out / file)), f"{Path(file).stem}.svg", section, alt)
-    losses = draw_solver.losses(
-        POWER.read(out / "run/power.csv"), POWER_TERMS.read(out / "run/power_terms.csv")
-    )
-    balance = RUN.read(out / "run/run.json")["power_balance"]
-    alt = "What viscosity and the schemes take from the flow over time, and where."
-    album.add(losses, "losses.svg", "run", alt, balance_sentence(balance))
+    power = POWER.read(out / "run/power.csv")
+    alt = "Force of the water on the finger over time."
+    figure = draw_solver.forces(FORCES.read(out / "run/forces.csv"))
+    album.add(figure, "forces.svg", "run", alt)
+    album.add(draw_solver.power(power), "power.svg", "run", "Power balance over time.")
+    figure = draw_solver.history(HISTORY.read(out / "run/history.csv"))
+    album.add(figure, "history.svg", "run", "Courant number and continuity error over time.")
+    alt = "Non-orthogonality, skewness and area ratio over the bend angle."
+    figure = draw_solver.mesh_quality(MESH_QUALITY.read(out / "mesh_quality.csv"))
+    album.add(figure, "mesh_quality.svg", "mesh", alt)
+    alt = "What viscosity and the schemes take from the flow over time."
+    figure = draw_solver.losses(power, POWER_TERMS.read(out / "run/power_terms.csv"))
+    caption = balance_sentence(RUN.read(out / "run/run.json")["power_balance"])
+    album.add(figure, "losses.svg", "run", alt, caption)
 
 
 def mesh_figures(
@@ -42,7 +42,7 @@ def mesh_figures(
     width: float,
     tank: list[float],
 ) -> None:
-    """The planform at three bends, and the finger (its `width` in m) in the tank (its size in m) seen in space."""
+    """The planform at three bends, and the finger (`width` in m) in the tank (size in m)."""
     outline, bend = plane["outline"].values, plane["bend"].values[:, 0]
     low, high = outline.min(axis=(0, 1, 2)) - 0.02, outline.max(axis=(0, 1, 2)) + 0.02
     limits = (low[0], high[0], low[1], high[1])
@@ -51,9 +51,11 @@ def mesh_figures(
     if np.ptp(bend) > REST:
         wanted = np.array([bend[0], 0.5 * (bend[0] + bend[end]), bend[end]])[:, None]
         known = [planform["bend"][:, None] for planform in planforms]
+        now = bend[:, None]
     else:  # a body that does not turn is known by its place
         half = int(np.argmin(np.abs(done - 0.5 * done[end])))
-        wanted = outline[[0, half, end], 0].mean(axis=1)
+        now = outline[:, 0].mean(axis=1)
+        wanted = now[[0, half, end]]
         known = [planform["points"][:, planform["wall"]].mean(axis=1) for planform in planforms]
     drawn = [_nearest_shape(known, place) for place in wanted]
     shapes = [planforms[mesh]["points"][knot] for mesh, knot in drawn]
@@ -64,24 +66,14 @@ def mesh_figures(
     ]
     alt = "The planform of the mesh around the finger at the start, middle and end of the stroke."
     album.add(draw_mesh.planform(shapes, at, lines, limits), "planform.png", "mesh", alt)
-    now = bend[:, None] if np.ptp(bend) > REST else outline[:, 0].mean(axis=1)
     bodies = outline[_nearest_shape([now], known[drawn[1][0]][drawn[1][1]])[1]]
-    middle = {
-        "points": shapes[1],
-        "lines": lines[1],
-        "outline": bodies,
-        "width": width,
-        "tank": np.array(tank),
-    }
-    drawn_by = draw_mesh.view_in_space(album.folder / "view3d.png", **middle)
+    figure = draw_mesh.view_in_space(shapes[1], lines[1], bodies, width, np.array(tank))
     alt = "The finger and the mesh on the laser sheet inside the tank, seen in space."
-    album.add(
-        None, "view3d.png", "mesh", alt, f"Half-way through the stroke (drawn by {drawn_by})."
-    )
+    album.add(figure, "view3d.png", "mesh", alt, "Half-way through the stroke.")
 
 
 def _nearest_shape(known: list[np.ndarray], wanted: np.ndarray) -> tuple[int, int]:
-    """The planform and its knot whose place (knot, component) is nearest to the one that is wanted."""
+    """The planform and its knot whose place (knot, component) is nearest to the wanted one."""
     apart = [np.linalg.norm(places - wanted, axis=1) for places in known]
     mesh = int(np.argmin([distances.min() for distances in apart]))
     return mesh, int(np.argmin(apart[mesh]))

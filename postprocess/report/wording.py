@@ -1,32 +1,43 @@
-"""Numbers and verdicts in words, for a reader who does not know the code."""
+"""A comparison in words, for a reader who does not know the code."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from postprocess.draw.quantity_text import NBSP, PAIRS, measured_text, quantity
-
-WORDS = {True: "met", False: "not met", None: "not judged"}
+from postprocess.words import NBSP, PAIRS, VERDICTS, measured_text, quantity
 
 
 def balance_sentence(balance: dict[str, Any]) -> str:
     """What has become of the finger's work, of run.json's `power_balance`."""
-    taken, work = balance["taken"], abs(balance["work"]) or 1.0
-    part = lambda *names: f"{sum(taken[name] for name in names) / work:.0%}"  # noqa: E731
+    work, taken = abs(balance["work"]) or 1.0, balance["taken"]
+    parts = {name: f"{value / work:.0%}" for name, value in taken.items()}
     return (
-        f"Of the finger's work on the water, {balance['work'] * 1e3:.3f}{NBSP}mJ, {balance['kinetic_energy'] / work:.0%} is kinetic"
-        f" energy at the end; viscosity has taken {part('viscous')}, the convection scheme {part('convection')}, the coupling of pressure"
-        f" and velocity {part('coupling')}; {balance['unexplained_fraction']:.1%} is unexplained. What the schemes take acts as"
-        " viscosity of the mesh: the computed vortices lose it sooner than those in the water."
+        f"Of the finger's work on the water, {balance['work'] * 1e3:.3f}{NBSP}mJ,"
+        f" {balance['kinetic_energy'] / work:.0%} is kinetic energy at the end; viscosity has taken"
+        f" {parts['viscous']}, the convection scheme {parts['convection']}, the coupling of"
+        f" pressure and velocity {parts['coupling']}; {balance['unexplained_fraction']:.1%} is"
+        " unexplained. What the schemes take acts as viscosity of the mesh: the computed vortices"
+        " lose it sooner than those in the water."
     )
 
 
-def requirement(check: dict[str, Any]) -> str:
+def power_sentence(balance: dict[str, Any]) -> str:
+    """How much of the finger's work the schemes take, and how much is unexplained."""
+    taken = balance["taken"]
+    schemes = (taken["convection"] + taken["coupling"]) / (abs(balance["work"]) or 1.0)
+    return (
+        f"Of the finger's work on the water the numerical schemes take {100 * schemes:.0f}{NBSP}%,"
+        f" which the water would not; {quantity(abs(balance['unexplained_fraction']), 'fraction')}"
+        " is unexplained."
+    )
+
+
+def _requirement(check: dict[str, Any]) -> str:
     """What a check asks for, its tolerance included."""
     unit, value, tolerance = check["unit"], check["value"], check["tolerance"]
-    extra = f" ± {quantity(tolerance, unit)}" if tolerance else ""
     if isinstance(value, str):
         return value
+    extra = f" ± {quantity(tolerance, unit)}" if tolerance else ""
     if check["comparison"] == "in range":
         return f"{quantity(value[0], unit)} to {quantity(value[1], unit)}{extra}"
     sign = {"<=": "at most ", ">=": "at least ", "equals": ""}[check["comparison"]]
@@ -34,7 +45,7 @@ def requirement(check: dict[str, Any]) -> str:
 
 
 def sentence_rows(comparison: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
-    """The paper's sentences: quote, where, reading, what was measured or why nothing can be, and the verdict."""
+    """The paper's sentences: quote, where, reading, what was measured or why not, verdict."""
     checks = {check["id"]: check for check in comparison["checks"]}
     rows = []
     for entry in comparison.get("sentences", []):
@@ -47,113 +58,121 @@ def sentence_rows(comparison: dict[str, Any]) -> list[tuple[str, str, str, str, 
 
 
 def answer(comparison: dict[str, Any], trial: str = "") -> str:
-    """The page's first sentence: does the simulation agree with PIV of pictures that are made from it?
+    """The page's first sentence: does the simulation agree with PIV of pictures made from it?
 
-    `trial`: why the level shows nothing but that everything works, where it is such a one.
+    `trial`: why the level shows only that everything works, where it is such a one.
     """
     paper = [check for check in comparison["checks"] if check["kind"] == "paper"]
     if "piv" not in comparison["sources"]:
         shown = sum(check["met_by"].get("cfd") is True for check in paper)
         findings = f"; it shows {shown} of the paper's {len(paper)} findings" if paper else ""
-        return f"Not judged: PIV was not run at level {comparison['level']}, so this page shows the simulation alone{findings}."
-    agrees = comparison["verdict"]["agrees"]
-    start = {
-        True: "Yes, PIV of pictures made from this simulation agrees with it",
-        False: "No, PIV of pictures made from this simulation does not agree with it in every check",
-        None: "Not fully judged",
-    }[agrees]
-    if trial:
-        missed = (
-            ""
-            if agrees is None
-            else " and agrees with it"
-            if agrees
-            else " and misses a limit of full levels"
+        return (
+            f"Not judged: PIV was not run at level {comparison['level']}, so this page shows the"
+            f" simulation alone{findings}."
         )
-        start = f"A trial: {trial}. PIV of pictures made from this simulation works{missed}"
+    agrees = comparison["verdict"]["agrees"]
+    subject = "PIV of pictures made from this simulation"
+    if trial:
+        then = {True: " and agrees with it", False: " and misses a limit of full levels", None: ""}
+        start = f"A trial: {trial}. {subject} works{then[agrees]}"
+    else:
+        start = {
+            True: f"Yes, {subject} agrees with it",
+            False: f"No, {subject} does not agree with it in every check",
+            None: "Not fully judged",
+        }[agrees]
     met = sum(check["met"] is True for check in paper)
-    numbers = _numbers(comparison["summary"]["piv-cfd"], comparison)
     findings = f"; both show {met} of the paper's {len(paper)} findings" if paper else ""
-    return f"{start}: over the middle of the stroke {numbers}{findings}."
+    return f"{start}: over the middle of the stroke {_numbers(comparison)}{findings}."
 
 
-def _numbers(pair: dict[str, Any], comparison: dict[str, Any]) -> str:
+def _numbers(comparison: dict[str, Any]) -> str:
+    pair = comparison["summary"]["piv-cfd"]
     allowed = {c["quantity"]: c["value"] for c in comparison["checks"] if c["kind"] == "agreement"}
 
-    def limit(name, unit):
+    def limit(name: str, unit: str) -> str:
         return f" (allowed {quantity(allowed[name], unit)})" if name in allowed else ""
 
-    vortex = (
-        "the flow has no tip vortex"
-        if pair["centre_rms_distance"] is None and "cfd" not in comparison["summary"]
-        else "the tip vortex is not found in both"
-        if pair["centre_rms_distance"] is None
-        else f"the circulation of the tip vortex differs by {quantity(pair['circulation_rms_difference'], 'fraction')}"
-        f"{limit('circulation_difference', 'fraction')}, its centre by {quantity(pair['centre_rms_distance'], 'm')}"
-        f"{limit('centre_distance', 'm')}"
-    )
+    if pair["centre_rms_distance"] is not None:
+        vortex = (
+            "the circulation of the tip vortex differs by"
+            f" {quantity(pair['circulation_rms_difference'], 'fraction')}"
+            f"{limit('circulation_difference', 'fraction')}, its centre by"
+            f" {quantity(pair['centre_rms_distance'], 'm')}{limit('centre_distance', 'm')}"
+        )
+    elif "cfd" in comparison["summary"]:
+        vortex = "the tip vortex is not found in both"
+    else:
+        vortex = "the flow has no tip vortex"
     speed = quantity(pair["velocity_rms_difference_relative"], "fraction")
-    return f"{vortex} and the velocity differs by {speed} of the peak tip speed{limit('velocity_rms_difference', 'fraction')}"
+    return (
+        f"{vortex} and the velocity differs by {speed} of the peak tip speed"
+        f"{limit('velocity_rms_difference', 'fraction')}"
+    )
 
 
 def rows(comparison: dict[str, Any]) -> list[dict[str, Any]]:
     """The verdict table: one row per check, everything as text but `met`."""
-    return [
-        {
-            "id": check["id"],
-            "kind": check["kind"],
-            "finding": check["finding"],
-            "figure": check["figure"],
-            "label": check["label"],
-            "required": requirement(check),
-            "measured": [
-                (PAIRS[of], quantity(value, check["unit"]), check["met_by"].get(of))
-                for of, value in check["measured"].items()
-            ],
-            "met": check["met"],
-            "word": WORDS[check["met"]],
-            "reason": check["reason"],
-            "window": check["window"] + _seconds(check["window_s"]),
-            "notes": check["notes"],
-        }
-        for check in comparison["checks"]
-    ]
-
-
-def _seconds(window: list[float] | None) -> str:
-    return "" if window is None else ", {:.3f} to {:.3f} s".format(*window)
+    out = []
+    for check in comparison["checks"]:
+        window = check["window_s"]
+        seconds = "" if window is None else ", {:.3f} to {:.3f} s".format(*window)
+        measured = [
+            (PAIRS[of], quantity(value, check["unit"]), check["met_by"].get(of))
+            for of, value in check["measured"].items()
+        ]
+        more = {"required": _requirement(check), "word": VERDICTS[check["met"]]}
+        out.append(check | more | {"measured": measured, "window": check["window"] + seconds})
+    return out
 
 
 def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Key numbers of the first screen: value, name, remark."""
     summary, scale = comparison["summary"], comparison["scale"]["value"]
-    out = [(f"{scale:.3f} m/s", "peak speed of the tip", "the scale of every velocity difference")]
+    out = [
+        (quantity(scale, "m/s"), "peak speed of the tip", "the scale of every velocity difference")
+    ]
     for source in ("cfd", "piv"):
         if source in summary:
-            mean = summary[source]["circulation_mean"] * 1e4
+            mean = summary[source]["circulation_mean"]
             sense = "clockwise" if mean < 0 else "counter-clockwise"
-            # each source's own instants: where PIV finds the vortex at fewer of them, the means are of other times
+            # PIV may find the vortex at fewer instants: the two means are then of other times.
             remark = (
-                f"mean of {summary[source]['instants']} instants in the middle of the stroke; {sense}, "
-                f"{summary[source]['side'] or 'undecided'} side"
+                f"mean of {summary[source]['instants']} instants in the middle of the stroke;"
+                f" {sense}, {summary[source]['side'] or 'undecided'} side"
             )
-            out.append((f"{abs(mean):.1f} cm²/s", f"tip vortex, {PAIRS[source]}", remark))
+            out.append((quantity(abs(mean), "m²/s"), f"tip vortex, {PAIRS[source]}", remark))
     if "piv-cfd" not in summary:
         return out
     pair = summary["piv-cfd"]
-    for name, rms, worst, unit in (
-        (
-            "difference of circulation",
-            "circulation_rms_difference",
-            "circulation_max_difference",
-            "fraction",
-        ),
-        ("distance of the centres", "centre_rms_distance", "centre_max_distance", "m"),
+    for name, key, unit in (
+        ("difference of circulation", "circulation_{}_difference", "fraction"),
+        ("distance of the centres", "centre_{}_distance", "m"),
     ):
-        if pair[rms] is not None:
-            remark = f"RMS where both find it; worst instant {quantity(pair[worst], unit)}"
-            out.append((quantity(pair[rms], unit), name, remark))
+        if pair[key.format("rms")] is not None:
+            worst = quantity(pair[key.format("max")], unit)
+            remark = f"RMS where both find it; worst instant {worst}"
+            out.append((quantity(pair[key.format("rms")], unit), name, remark))
     value = quantity(pair["velocity_rms_difference_relative"], "fraction")
     remark = f"of the peak tip speed; correlation {quantity(pair['velocity_correlation'], '1')}"
-    out.append((value, "velocity difference (RMS)", remark))
-    return out
+    return [*out, (value, "velocity difference (RMS)", remark)]
+
+
+def absences(comparison: dict[str, Any], sections: dict[str, Any], finger: bool) -> list[str]:
+    """One sentence for each optional part that the page lacks; `finger`: not a rigid body."""
+    seen, has_piv = comparison["summary"], "piv" in comparison["sources"]
+    notes = {
+        "The scene has no findings (reference/findings.toml): agreement of PIV with the CFD is"
+        " judged and nothing else.": comparison["provenance"]["findings_sha256"] is None,
+        f"PIV was not run at level {comparison['level']}: every picture shows the CFD alone and no"
+        " agreement is judged.": not has_piv,
+        "PIV shows no vortex near the tip in the middle of the stroke, so the two vortices are not"
+        " compared.": has_piv and "piv" not in seen,
+        "The CFD shows no vortex near the tip in the middle of the stroke, so its series is not"
+        " drawn.": "cfd" not in seen,
+        "No recording (images.h5) is kept for this level, so no camera picture is shown.": "camera"
+        not in sections,
+        "The uncertainty of the finger's shape and pressure (FEA band) was not propagated: bands"
+        " show the measurement alone.": finger,
+    }
+    return [note for note, holds in notes.items() if holds]

@@ -12,19 +12,18 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from fileio.stages import BY_NAME
 
-from fileio.atomic import write_text
 from fileio.formats import bending_states
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.records import COST, FORCES, OUTCOME, RUN, STUDY_PLAN
-from fileio.stages import BY_NAME
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.studies.state import files_of, missing_runs
+from postprocess.tables import write_table
 
-SOURCES = {"cfd": "vortices_cfd.csv", "piv": "vortices_piv.csv"}
-MB = 1e-6
+_MB = 1e-6
 
 
 def read_plan(path: Path) -> dict[str, Any]:
@@ -41,17 +40,17 @@ def stage_costs(files: StageFiles, stages: list[str]) -> tuple[dict[str, float],
     paths = {stage: files.out / "costs" / f"{stage}.json" for stage in stages}
     records = {stage: COST.read(path) for stage, path in paths.items() if path.exists()}
     seconds = {f"cpu_{n}_s": float(r["cpu_time"]) for n, r in records.items()}
-    return seconds, max((r["peak_memory"] * MB for r in records.values()), default=0.0)
+    return seconds, max((r["peak_memory"] * _MB for r in records.values()), default=0.0)
 
 
-def costs(files: StageFiles) -> dict[str, float]:
+def _costs(files: StageFiles) -> dict[str, float]:
     """`stage_costs` of all stages that runs may share, and their sum."""
     seconds, memory = stage_costs(files, [stage.name for stage in BY_NAME.values() if stage.shared])
     return seconds | {"cpu_total_s": sum(seconds.values()), "peak_memory_MB": memory}
 
 
-def solver(files: StageFiles) -> dict[str, Any]:
-    """What run/ says: size, steps, the largest force, the impulse until the end, and what parts the work has gone into."""
+def _solver(files: StageFiles) -> dict[str, Any]:
+    """Size, steps, largest force, impulse until the end, and the parts of the work, of run/."""
     path = files.optional("run/run.json")
     if path is None:
         return {}
@@ -83,10 +82,11 @@ def middle_of_stroke(files: StageFiles) -> tuple[float, float]:
     return stroke_window(times, kinematics.bend(kinematics.law(times)), MIDDLE)
 
 
-def vortex(files: StageFiles) -> dict[str, Any]:
-    """Mean circulation, centre and core radius of the tip's vortex over the middle of the stroke, by source."""
+def _vortex(files: StageFiles) -> dict[str, Any]:
+    """Mean circulation, centre and core radius of the tip vortex in mid-stroke, by source."""
     numbers: dict[str, Any] = {}
-    for source, name in SOURCES.items():
+    for source in ("cfd", "piv"):
+        name = f"vortices_{source}.csv"
         if files.optional(name) is None:
             continue
         window = middle_of_stroke(files)
@@ -95,25 +95,21 @@ def vortex(files: StageFiles) -> dict[str, Any]:
             continue  # no vortex near the tip: the cells stay empty
         track = tracks.dominant_track(table, 0, window, name)
         track = track[track["time"].between(*window)]
-        for column, unit in (
-            ("circulation", "m2_per_s"),
-            ("x", "m"),
-            ("y", "m"),
-            ("core_radius", "m"),
-        ):
+        for column in tracks.COMPARED:
+            unit = "m2_per_s" if column == "circulation" else "m"
             numbers[f"{column}_{source}_{unit}"] = float(track[column].mean())
     return numbers
 
 
-def outcome(files: StageFiles) -> dict[str, Any]:
+def _outcome(files: StageFiles) -> dict[str, Any]:
     """How a run that may fail ended."""
     path = files.optional("outcome.json")
     record = OUTCOME.read(path) if path is not None else {}
     return {key: record[key] for key in ("ended", "stopped_at_s", "reason") if key in record}
 
 
-def bending(files: StageFiles) -> dict[str, Any]:
-    """What the bending analysis of another actuator gave, once there: its states, from the lowest to the highest pressure."""
+def _bending(files: StageFiles) -> dict[str, Any]:
+    """Range of pressure and bend that the bending analysis of another actuator gave, if any."""
     path = files.scene_folder / "kinematics" / "states.h5"
     if not path.exists():
         return {}
@@ -129,7 +125,7 @@ def bending(files: StageFiles) -> dict[str, Any]:
 
 
 def study_table(plan: dict[str, Any], missing: dict[str, str]) -> pd.DataFrame:
-    """One row per run of the plan: what was varied, what it cost, what it gave; or why that is `missing`, by run."""
+    """One row per run of the plan: overrides, costs and results, or why they are `missing`."""
     rows = []
     for row in plan["runs"]:
         files = files_of(row)
@@ -138,11 +134,11 @@ def study_table(plan: dict[str, Any], missing: dict[str, str]) -> pd.DataFrame:
             for key, v in row["overrides"].items()
         }
         head = {"run": row["run"], "level": row["level"], "until": row["until"]}
-        cells = head | varied | outcome(files) | (bending(files) if row["fea"] else {})
+        cells = head | varied | _outcome(files) | (_bending(files) if row["fea"] else {})
         if row["run"] in missing:
             rows.append(cells | {"missing": missing[row["run"]]})
         else:
-            rows.append(cells | solver(files) | vortex(files) | costs(files))
+            rows.append(cells | _solver(files) | _vortex(files) | _costs(files))
     return pd.DataFrame(rows)
 
 
@@ -155,4 +151,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Command `table`."""
     plan = read_plan(args.plan)
-    write_text(args.output, study_table(plan, missing_runs(plan)).to_csv(index=False))
+    write_table(args.output, study_table(plan, missing_runs(plan)))

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from postprocess.lab.judgement.compare import MOTION
-from postprocess.lab.report.wording import NBSP, part_of, relative, size, verdict_sentence
+from postprocess.lab.report.wording import part_of, relative, verdict_sentence
+from postprocess.words import NBSP, size
 
 WORDS = {
     "agrees": "yes",

@@ -7,36 +7,13 @@ from typing import Any
 import numpy as np
 
 from postprocess.lab.judgement.compare import MOTION
+from postprocess.words import NBSP, pair, size
 
-NBSP = "\u00a0"
-UNITS = {
-    "m²/s": (1e4, "cm²/s"),
-    "m": (1e3, "mm"),
-    "m/s": (1e3, "mm/s"),
-    "rad": (180 / np.pi, "°"),
-    "s": (1e3, "ms"),
-}
 BLAME = {
     "numerical": "mesh or time step",
     "input": "the inputs (pressure, time, geometry, material)",
     "data": "the measurement",
 }
-
-
-def size(values: Any, unit: str) -> str:
-    """Length of a vector, or a number with its sign, in the unit of a laboratory."""
-    factor, name = UNITS[unit]
-    values = np.atleast_1d(np.asarray(values, float))
-    value = float(values[0]) if values.size == 1 else float(np.hypot(*values))
-    return f"{value * factor:.3g}{NBSP}{name}"
-
-
-def pair(values: Any, unit: str) -> str:
-    """One number, or the two coordinates of a place."""
-    factor, name = UNITS[unit]
-    values = np.atleast_1d(np.asarray(values, float)) * factor
-    number = f"({values[0]:.2f}, {values[1]:.2f})" if values.size == 2 else f"{values[0]:.4g}"
-    return f"{number}{NBSP}{name}"
 
 
 def verdict_sentence(q: dict[str, Any]) -> str:

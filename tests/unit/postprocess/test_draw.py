@@ -2,15 +2,12 @@
 
 import numpy as np
 import pandas as pd
-import pytest
 
 from fileio.formats.plane_series import make_plane
 from postprocess.draw import pinch
 from postprocess.draw.flow import flow_figure, format_instant, others, view_limits
-from postprocess.draw.quantity_text import number
-from postprocess.draw.style import label_points, new_figure
-from postprocess.report.motion_figures import study_figures
-from postprocess.report.picture_index import Album
+from postprocess.draw.style import new_figure
+from postprocess.draw.tradeoff import label_points
 from tests.synthetic_stroke import finger_series
 
 
@@ -32,11 +29,6 @@ def test_names_of_crowded_points_do_not_cover_each_other():
     assert len(boxes) == 5
     assert not [(i, j) for i in range(5) for j in range(i) if boxes[i].overlaps(boxes[j])]
     assert all(box.x1 < axis.bbox.x1 for box in boxes)
-
-
-@pytest.mark.parametrize("value, text", [(-1370.0, "-1370"), (0.0437, "0.0437"), (98.94, "98.9")])
-def test_numbers_have_no_exponent(value, text):
-    assert number(value) == text
 
 
 def test_a_wrong_pair_does_not_set_the_scale():
@@ -76,17 +68,6 @@ def test_panels_show_the_finger_and_its_vortex_and_not_the_empty_tank():
     assert x0 < tips[:, 0].min() < tips[:, 0].max() < x1 <= float(plane["x"][-1])
     assert y0 < tips[:, 1].min() < tips[:, 1].max() < y1 <= float(plane["y"][-1])
     assert x1 - x0 <= np.ptp(tips[:, 0]) + 0.041
-
-
-def test_studies_of_another_actuator_are_not_shown(tmp_path):
-    """They lie beside the states that they vary: a finger that extends the scene and is moved by its own has none."""
-    studies = tmp_path / "shipped" / "kinematics" / "studies"
-    studies.mkdir(parents=True)
-    (studies / "width.svg").write_text("<svg/>")
-    for states, shown in (("../shipped/kinematics/states.h5", 1), ("kinematics/states.h5", 0)):
-        album = Album(tmp_path / str(shown))
-        study_figures(album, tmp_path / "own", {"source": "fea", "states": states})
-        assert len(album.entries) == shown
 
 
 def test_no_mark_in_a_hole_of_the_vectors():

@@ -10,9 +10,9 @@ import pytest
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.stage import judge
-from postprocess.draw.quantity_text import measured_text, quantity
 from postprocess.evidence.evidence import Evidence, Quantity
 from postprocess.evidence.time_windows import Clock, Window
+from postprocess.words import measured_text, quantity
 
 ROOT = Path(__file__).parents[3]
 CLOCK = np.array([0.0, 1.0])
@@ -175,6 +175,14 @@ def test_what_was_measured_is_printed_in_words():
         (4.2e-8, "m³/s²", "0.042 cm³/s²"),
         (2e-5, "m/s", "0.00002 m/s"),
         (0.5, "s", "0.5 s"),
+        (-1370.0, "Pa", "-1370 Pa"),
+        (98.94, "1", "98.9"),
+        (0.123, "fraction", "12.3 %"),
+        (0.0012345, "m", "1.23 mm"),
+        (1.0, "rad", "57.3°"),
+        (2.5, "tip widths", "2.5 tip widths"),
+        ("dorsal", "", "dorsal"),
+        (None, "m", "–"),
     ],
 )
 def test_small_values_keep_their_digits_without_an_exponent(value, unit, text):

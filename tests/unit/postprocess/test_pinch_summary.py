@@ -1,7 +1,5 @@
 """When the ventral pair forms: against contact and the gap still to close, whatever the residual gap and an earlier stroke."""
 
-import importlib
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,7 +8,6 @@ from postprocess.compare.pinch_summary import integral_numbers
 from postprocess.evidence.half_planes import BELOW, names_at
 from postprocess.evidence.pair_integrals import COLUMNS
 from postprocess.evidence.time_windows import Clock
-from postprocess.report import pinch_wording
 
 TIMES = np.arange(0.0, 1.0, 0.008)
 MET = 0.6  # s
@@ -53,16 +50,6 @@ def test_no_pair_no_numbers():
     found = numbers((TIMES > 0.05) & (TIMES < 0.2))
     assert found["ventral_forms_before_contact"] is None
     assert found["ventral_circulation_peak"] is None
-
-
-def test_the_words_name_the_gaps_that_the_numbers_are_of(monkeypatch):
-    with monkeypatch.context() as changed:
-        changed.setattr("postprocess.compare.pinch_summary.APPROACH", (0.015, 0.0065))
-        rows = importlib.reload(pinch_wording).ROWS
-    importlib.reload(pinch_wording)
-    of_approach = [name for name, key, *_ in rows if key.endswith("_approach") or "of gap" in name]
-    assert len(of_approach) == 7
-    assert sum("15 to 6.5 mm of gap" in name for name in of_approach) == 6
 
 
 def test_a_pair_that_still_grows_where_the_window_ends_has_no_peak():

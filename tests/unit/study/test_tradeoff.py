@@ -18,16 +18,16 @@ from pipeline.study.ask_accuracy import (
     read_results,
 )
 from pipeline.study.plan import Row
-from postprocess.studies.tradeoff import (
+from postprocess.draw.style import save
+from postprocess.draw.tradeoff import error_over_cost
+from postprocess.studies.errors import (
     dorsal_error,
-    finest,
     force_error,
-    front,
     own_errors,
     vortex_errors,
     worst,
 )
-from postprocess.studies.tradeoff_page import axis_sentence, draw, page, results_text
+from postprocess.studies.tradeoff import finest, front, write_results
 
 SETTINGS = [
     Setting(Row("draft", "draft"), 0.2, {"run": 40.0, "mesh": 5.0}),
@@ -46,7 +46,7 @@ def test_errors_of_known_size():
     time = np.linspace(0, 0.4, 81)
     reference = pd.DataFrame({"time": time, "fx": np.sin(20 * time), "fy": np.cos(20 * time)})
     other = reference.assign(fx=1.1 * reference["fx"], fy=1.1 * reference["fy"])
-    assert force_error(reference, other, 0.4) == pytest.approx(0.1, rel=1e-6)
+    assert force_error(reference, other) == pytest.approx(0.1, rel=1e-6)
     table = pd.DataFrame({"time": time, "x": 0.01 * time, "y": 0.2, "circulation": -0.008})
     moved = table.assign(x=table["x"] + 0.003, y=table["y"] + 0.004, circulation=-0.0088)
     errors = vortex_errors(table, moved, (0.1, 0.3), 0.02)
@@ -156,29 +156,18 @@ def test_the_best_runs_own_error_is_extrapolated_from_the_next_level():
     assert own_errors(table, runs, "medium")["error"] == pytest.approx(0.12)
 
 
-def test_page_figure_and_results_that_can_be_chosen_from(tmp_path):
+def test_figure_and_results_that_can_be_chosen_from(tmp_path):
     table = results()
-    sentence = axis_sentence(table, "draft_2d", "draft", "Model")
-    assert sentence is not None
-    assert "tip circulation +80.0%" in sentence
-    assert axis_sentence(table, "coarse", "draft", "Level") is None
-    text = page("single_finger", table, "medium", {"coarse": "sheet.h5 is not there"})
-    assert "**draft_2d**" in text
-    assert (
-        "**Incomplete.** Not below, or of an earlier `make tradeoff` (PIV), until it has made them: coarse (sheet.h5 is not there)."
-        in text
-    )
-    assert draw(table, tmp_path / "front.svg").stat().st_size > 5000
-    assert draw(
-        table[table["kind"] == "flow"].drop(columns="cpu_piv_per_field_s"), tmp_path / "flow.svg"
-    ).exists()
+    flow = table[table["kind"] == "flow"].drop(columns="cpu_piv_per_field_s")
+    for name, rows in (("all", table), ("flow", flow)):
+        assert save(error_over_cost(rows), tmp_path / f"{name}.svg").stat().st_size > 5000
     path = tmp_path / "single_finger.csv"
-    path.write_text(results_text(table, "medium", {"solver": 0.5, "images": 0.2}))
+    write_results(path, table, "medium", {"solver": 0.5, "images": 0.2})
     settings, head = read_results(path)
     assert head["probe"] == {"solver": 0.5, "images": 0.2}
     assert "best_error" not in head  # of one level alone it cannot be told
     table.loc[table["run"] == "medium", "error"] = 0.06
-    path.write_text(results_text(table, "medium", {"solver": 0.5, "images": 0.2}))
+    write_results(path, table, "medium", {"solver": 0.5, "images": 0.2})
     _, head = read_results(path)
     assert "against medium, whose own is estimated at 6.0%" in judges_doubt(head, 0.05)
     assert judges_doubt(head, 0.07) == ""

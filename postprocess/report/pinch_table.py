@@ -1,0 +1,113 @@
+"""The key numbers of a pinch as a table of words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from postprocess.compare.pinch_summary import APPROACH
+from postprocess.evidence.half_planes import BELOW, names_at
+from postprocess.words import PAIRS, quantity
+
+OF_GAP = "{:g} to {:g} mm of gap".format(*(1e3 * gap for gap in APPROACH))
+_JET = [
+    row
+    for depth in BELOW
+    for row in zip(
+        (
+            f"jet {depth * 1e3:.0f} mm below the tips: speed at its fastest",
+            f"jet {depth * 1e3:.0f} mm below the tips: momentum flux per depth and density",
+        ),
+        (f"{name}_peak" for name in names_at(depth)),
+        ("m/s", "m³/s²"),
+        strict=True,
+    )
+]
+# Name of the row, its key in the comparison's summary, and its SI unit.
+_ROWS = (
+    (f"circulation of each tip vortex at its peak, {OF_GAP} (fit)", "circulation_peak", "m²/s"),
+    (f"imbalance of the pair, {OF_GAP} (RMS)", "imbalance_rms", "fraction"),
+    (f"mirror distance of the centres, {OF_GAP} (RMS)", "mirror_distance_rms", "m"),
+    (f"vortex beyond the tip, {OF_GAP}", "along_tip_approach", "m"),
+    (f"vortex to the dorsal side, {OF_GAP}", "across_tip_approach", "m"),
+    (
+        "the same from the plane between the fingers, in core radii, at its least",
+        "core_radii_from_plane_approach",
+        "1",
+    ),
+    ("dorsal pair: circulation of each at contact", "dorsal_circulation_at_contact", "m²/s"),
+    (
+        "dorsal pair: circulation of each, 0.15 s after contact",
+        "dorsal_circulation_after",
+        "m²/s",
+    ),
+    (
+        "dorsal pair: distance from the plane between, 0.15 s after contact",
+        "dorsal_from_plane_after",
+        "m",
+    ),
+    ("dorsal pair: height, 0.15 s after contact", "dorsal_y_after", "m"),
+    ("ventral pair: forms at", "ventral_forms_time", "s"),
+    ("ventral pair: gap at which it forms", "ventral_forms_gap", "m"),
+    (
+        "ventral pair: circulation of each at its peak (–: still growing 0.3 s after contact)",
+        "ventral_circulation_peak",
+        "m²/s",
+    ),
+    (
+        "ventral pair: that against the dorsal pair's at the same instant",
+        "ventral_part",
+        "fraction",
+    ),
+    (
+        "ventral pair: circulation of each, 0.15 s after contact",
+        "ventral_circulation_after",
+        "m²/s",
+    ),
+    ("ventral pair: upward flow between, at its fastest", "ventral_rise_peak", "m/s"),
+    ("half plane: circulation, 0.15 s after contact", "half_circulation_after", "m²/s"),
+    (
+        "half plane: vertical impulse per depth and density, 0.15 s after contact",
+        "half_impulse_after",
+        "m³/s",
+    ),
+    *_JET,
+    (
+        "circulation of half the plane that walls, flow and diffusion do not explain,"
+        " until contact, over its peak",
+        "circulation_unexplained",
+        "fraction",
+    ),
+    ("the same, after contact", "circulation_unexplained_after", "fraction"),
+    (
+        "vertical impulse of the plane flow (two dimensions only) against the fingers' forces per"
+        " width, largest difference over its peak",
+        "impulse_unexplained",
+        "fraction",
+    ),
+    (f"height at which the flow parts, {OF_GAP}", "stagnation_y_approach", "m"),
+    ("downward jet at its fastest", "jet_peak", "m/s"),
+    ("upward flow at its fastest", "rise_peak", "m/s"),
+    ("downward jet within 0.15 s after contact", "jet_peak_after_contact", "m/s"),
+    ("pressure between the tips, extreme", "pressure_gap_peak", "Pa"),
+    ("largest pressure at the tips", "pressure_tip_max_peak", "Pa"),
+    ("least pressure at the tips", "pressure_tip_min_peak", "Pa"),
+)
+
+
+def pinch_table(numbers: dict[str, Any]) -> tuple[list[str], list[tuple[str, list[str]]]]:
+    """Names of the sources, and rows (name, a text per source) that a source measures."""
+    sources = [source for source in ("cfd", "piv") if source in numbers]
+    rows = [
+        (name, [_cell(numbers[source], key, unit) for source in sources])
+        for name, key, unit in _ROWS
+        if any(numbers[source].get(key) is not None for source in sources)
+    ]
+    return [PAIRS[source] for source in sources], rows
+
+
+def _cell(values: dict[str, float | None], key: str, unit: str) -> str:
+    """The value with the time and gap of a peak; "–" where the source does not measure it."""
+    text, at = quantity(values.get(key), unit), values.get(f"{key}_time")
+    if values.get(key) is None or at is None:
+        return text
+    return f"{text} at {at:.3f} s, {(values[f'{key}_gap'] or 0.0) * 1e3:.2f} mm of gap"
