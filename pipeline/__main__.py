@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import shutil
@@ -35,8 +36,9 @@ Overrides = Annotated[
 Switch = Annotated[bool, Parameter(negative="")]
 
 
-def _text(name: str, about: str) -> Any:
-    return Annotated[str, Parameter(env_var=name, help=about)]
+Accuracy = Annotated[str, Parameter(env_var="ACCURACY", help="Largest error, as 12%.")]
+Budget = Annotated[str, Parameter(env_var="BUDGET", help="Longest time, as 10min.")]
+Some = Annotated[str, Parameter(env_var="STUDIES", help="Names of some of its runs.")]
 
 
 @app.command
@@ -51,8 +53,8 @@ def run(
     hosts: Annotated[Path | None, Parameter(env_var="HOSTS", help="MPI host file.")] = None,
     collated: Annotated[bool, Parameter(env_var="COLLATED", negative="")] = False,
     coupled: Annotated[bool, Parameter(env_var="COUPLED", negative="")] = False,
-    accuracy: _text("ACCURACY", "Largest error, as 12%.") = "",
-    budget: _text("BUDGET", "Longest time, as 10min.") = "",
+    accuracy: Accuracy = "",
+    budget: Budget = "",
     slurm: Annotated[bool, Parameter(env_var="SLURM", negative="")] = False,
     dry_run: Switch = False,
     quiet: Quiet = False,
@@ -123,17 +125,21 @@ def study(
     table: Annotated[Path, Parameter(help="Runs (.csv), as cases/single_finger/studies/x.csv.")],
     *,
     scene: Annotated[Path | None, Parameter(help="Another scene than the table's.")] = None,
-    only: _text("STUDIES", "Names of some of its runs.") = "",
+    only: Some = "",
     slurm: Annotated[bool, Parameter(env_var="SLURM", negative="", help="As batch jobs.")] = False,
 ) -> Path:
     """Make the runs of a table, equal stages once, and tabulate them."""
+    from fileio.atomic import write_text
     from fileio.json_text import parse_json
+    from pipeline.study.machine_speed import probe
     from pipeline.study.plan import plan_study
     from pipeline.study.rows import read_study
     from postprocess.studies.table import write_table
 
-    home = scene or table.resolve().parents[1].relative_to(Path.cwd(), walk_up=True)
+    home = scene or Path(os.path.relpath(table.parent.parent))
     plan = plan_study(home, table.stem, read_study(table))
+    if not (speed := plan.with_name("probe.json")).exists():
+        write_text(speed, json.dumps(probe()) + "\n")
     code = 0
     if parse_json(plan.read_bytes(), plan, "")["jobs"]:
         code = _snakemake(plan, slurm, only=",".join(only.replace(",", " ").split()))

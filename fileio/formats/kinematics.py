@@ -42,6 +42,8 @@ state_bend?  state  rad  finger: bend angle of each state
 paper_bend?  state  rad  finger: bend angle by the paper's equations (1)–(6)
 state_bend_std?  state  rad  standard uncertainty of `state_bend`, where known
 source  -  -  `motion.source` of the scene
+root  -  m  middle of the root, x and y; of a rigid body its centre
+length  -  m  of the finger with its passive tip; of a rigid body its size
 tip_thickness  -  m  of the finger's end at rest; of a rigid body its size
 peak_tip_speed?  -  m/s  finger: largest speed of the tip
 mirror?  -  1  pinch: 1, a second finger is the mirror image in x = 0
@@ -86,6 +88,17 @@ class Kinematics:
     def tip_width(self) -> float:
         """Thickness of the finger's end at rest, m: the unit of lengths around the tip."""
         return float(self.data.attrs["tip_thickness"])
+
+    @property
+    def root(self) -> tuple[float, float]:
+        """Middle of the finger's root, m."""
+        x, y = self.data.attrs["root"]
+        return float(x), float(y)
+
+    @property
+    def length(self) -> float:
+        """Length of the finger with its passive tip, m."""
+        return float(self.data.attrs["length"])
 
     def values(self, name: str) -> np.ndarray | None:
         """A variable of SCHEMA; None where the file has none."""

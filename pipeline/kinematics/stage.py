@@ -100,7 +100,10 @@ def kinematics_values(scene: Scene) -> dict[str, Any]:
         values = _finger_values(finger, motion.end_time, bend_step, scene.pinch)
         outlines, bends = values["shape_outline"], values["shape_bend"]
         check_shapes(outlines, bends, scene.tank, scene.pinch, scene.support, where)
-    return values | {"source": motion.source}
+    finger_length = scene.finger.length + scene.finger.tip.length
+    length = scene.body.size if scene.body is not None else finger_length
+    root = np.array(scene.finger.root)
+    return values | {"source": motion.source, "root": root, "length": length}
 
 
 def run(scene: Scene, quiet: bool = False) -> None:

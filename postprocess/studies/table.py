@@ -1,51 +1,73 @@
-"""A study's runs as one tidy table: a row per run, the unit at the end of each column's name.
-
-Command: python -m postprocess table cases/single_finger/out/studies/tradeoff/plan.json -o table.csv
-"""
+"""A study's runs as one tidy table: a row per run, the unit at the end of each column's name."""
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from fileio.stages import BY_NAME
 
+from fileio.errors import StageError
 from fileio.formats import bending_states
 from fileio.formats.kinematics import read_kinematics
-from fileio.formats.records import COST, FORCES, OUTCOME, RUN, STUDY_PLAN
+from fileio.formats.records import FORCES, RUN, STUDY_PLAN
+from fileio.record import read_record
+from pipeline.runs.run import Run, open_run
+from pipeline.runs.stages import BY_NAME, until
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import MIDDLE, stroke_window
-from postprocess.studies.state import files_of, missing_runs
-from postprocess.tables import write_table
+from postprocess.tables import write_table as write_csv
 
 _MB = 1e-6
+_SHARED = ["fea", *(stage.name for stage in until("vortices"))]
 
 
 def read_plan(path: Path) -> dict[str, Any]:
     """plan.json of a study (docs/formats.md)."""
     if not path.exists():
-        raise FileNotFoundError(
-            f"{path} is missing; run the study with snakemake -s pipeline/study/Snakefile first"
-        )
+        raise FileNotFoundError(f"{path} is missing; run the study with make study STUDY=… first")
     return STUDY_PLAN.read(path)
 
 
-def stage_costs(files: StageFiles, stages: list[str]) -> tuple[dict[str, float], float]:
-    """CPU seconds of those of the stages that were run, `cpu_<stage>_s`, and their largest memory (MB)."""
-    paths = {stage: files.out / "costs" / f"{stage}.json" for stage in stages}
-    records = {stage: COST.read(path) for stage, path in paths.items() if path.exists()}
-    seconds = {f"cpu_{n}_s": float(r["cpu_time"]) for n, r in records.items()}
-    return seconds, max((r["peak_memory"] * _MB for r in records.values()), default=0.0)
+def run_of(row: dict[str, Any]) -> Run:
+    """The run that a row of a plan describes."""
+    return open_run(row["folder"], row["level"], row["overrides"], Path(row["out"]))
+
+
+def files_of(row: dict[str, Any]) -> StageFiles:
+    """The files of one run of a plan."""
+    return StageFiles(run_of(row).scene)
+
+
+def missing_runs(plan: dict[str, Any]) -> dict[str, str]:
+    """By name the runs of a plan that are not finished as it asks for, and why."""
+    reasons: dict[str, str] = {}
+    for row in plan["runs"]:
+        if row["may_fail"]:
+            if read_record(Path(row["out"]), "outcome") is None:
+                reasons[row["run"]] = "outcome: not made yet"
+            continue
+        stale = run_of(row).stale(row["until"])
+        if stale:
+            stage, why = next(iter(stale.items()))
+            reasons[row["run"]] = f"{stage}: {why}"
+    return reasons
+
+
+def stage_costs(out: Path, stages: list[str]) -> tuple[dict[str, float], float]:
+    """CPU seconds of the finished stages, `cpu_<stage>_s`, and their largest memory (MB)."""
+    records = {stage: read_record(out, stage) for stage in stages}
+    made = {stage: record for stage, record in records.items() if record}
+    seconds = {f"cpu_{n}_s": float(r["cpu_time"]) for n, r in made.items()}
+    return seconds, max((r["peak_memory"] * _MB for r in made.values()), default=0.0)
 
 
 def _costs(files: StageFiles) -> dict[str, float]:
-    """`stage_costs` of all stages that runs may share, and their sum."""
-    seconds, memory = stage_costs(files, [stage.name for stage in BY_NAME.values() if stage.shared])
+    """`stage_costs` of all stages up to the vortices, and their sum."""
+    seconds, memory = stage_costs(files.out, _SHARED)
     return seconds | {"cpu_total_s": sum(seconds.values()), "peak_memory_MB": memory}
 
 
@@ -57,7 +79,7 @@ def _solver(files: StageFiles) -> dict[str, Any]:
     run = RUN.read(path)
     force = FORCES.read(files.required("run/forces.csv", "run"))
     size = np.hypot(force["fx"], force["fy"])
-    keys = ("scene_hash", "model", "ranks", "cells", "steps", "courant_max")
+    keys = ("model", "ranks", "cells", "steps", "courant_max")
     balance = run["power_balance"]
     parts = {"kinetic": balance["kinetic_energy"], "unexplained": balance["unexplained"]}
     parts |= {name: balance["taken"][name] for name in ("viscous", "convection", "coupling")}
@@ -101,16 +123,15 @@ def _vortex(files: StageFiles) -> dict[str, Any]:
     return numbers
 
 
-def _outcome(files: StageFiles) -> dict[str, Any]:
+def _outcome(out: Path) -> dict[str, Any]:
     """How a run that may fail ended."""
-    path = files.optional("outcome.json")
-    record = OUTCOME.read(path) if path is not None else {}
+    record = read_record(out, "outcome") or {}
     return {key: record[key] for key in ("ended", "stopped_at_s", "reason") if key in record}
 
 
-def _bending(files: StageFiles) -> dict[str, Any]:
+def _bending(out: Path) -> dict[str, Any]:
     """Range of pressure and bend that the bending analysis of another actuator gave, if any."""
-    path = files.scene_folder / "kinematics" / "states.h5"
+    path = out / BY_NAME["fea"].done
     if not path.exists():
         return {}
     states = bending_states.read(path)
@@ -128,27 +149,28 @@ def study_table(plan: dict[str, Any], missing: dict[str, str]) -> pd.DataFrame:
     """One row per run of the plan: overrides, costs and results, or why they are `missing`."""
     rows = []
     for row in plan["runs"]:
-        files = files_of(row)
+        out = Path(row["out"])
         varied = {
             key: json.dumps(v) if isinstance(v, list | dict) else v
             for key, v in row["overrides"].items()
         }
         head = {"run": row["run"], "level": row["level"], "until": row["until"]}
-        cells = head | varied | _outcome(files) | (_bending(files) if row["fea"] else {})
+        cells = head | varied | _outcome(out) | _bending(out)
         if row["run"] in missing:
             rows.append(cells | {"missing": missing[row["run"]]})
+            continue
+        try:
+            files = files_of(row)
+        except StageError:
+            rows.append(cells)  # refused, which is its result
         else:
             rows.append(cells | _solver(files) | _vortex(files) | _costs(files))
     return pd.DataFrame(rows)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command `table`."""
-    parser.add_argument("plan", type=Path, help="plan.json of the study")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="table to write (.csv)")
-
-
-def run(args: argparse.Namespace) -> None:
-    """Command `table`."""
-    plan = read_plan(args.plan)
-    write_table(args.output, study_table(plan, missing_runs(plan)))
+def write_table(path: Path) -> Path:
+    """Write table.csv beside the plan of a study; returns its path."""
+    plan = read_plan(path)
+    target = path.with_name("table.csv")
+    write_csv(target, study_table(plan, missing_runs(plan)))
+    return target

@@ -1,29 +1,31 @@
-"""What accuracy costs: errors of a study's runs against its best, and those that nothing beats.
-
-Command: python -m postprocess tradeoff cases/single_finger/out/studies/tradeoff/plan.json
-"""
+"""What accuracy costs: errors of a study's runs against its best, and those that nothing beats."""
 
 from __future__ import annotations
 
-import argparse
 import platform
-import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from fileio.stages import until
 
 from fileio.formats.records import RUN
 from fileio.provenance import versions
+from pipeline.runs.stages import until
+from pipeline.scene.measurement import piv_settings, render_settings
 from postprocess.draw.style import save
 from postprocess.draw.tradeoff import error_over_cost
 from postprocess.evidence.stage_files import StageFiles, read_json
 from postprocess.studies.errors import errors_against, own_errors
-from postprocess.studies.state import files_of, missing_runs, missing_sentence
-from postprocess.studies.table import middle_of_stroke, read_plan, stage_costs, study_table
+from postprocess.studies.table import (
+    files_of,
+    middle_of_stroke,
+    missing_runs,
+    read_plan,
+    stage_costs,
+    study_table,
+)
 from postprocess.tables import write_table
 
 # A run that overrides it shows how grids converge: nobody chooses it.
@@ -62,9 +64,8 @@ def _predictions(table: pd.DataFrame, planes: pd.Series, whole: pd.Series) -> pd
 
 def _picture(files: StageFiles) -> dict[str, float]:
     """Pixels of a run's picture, its rate, and each how-many-th pair PIV takes."""
-    camera, piv = (
-        read_json(files.out / "settings" / f"{stage}.json") for stage in ("images", "piv")
-    )
+    scene = files.numbers
+    camera, piv = render_settings(scene.camera, scene.sheet), piv_settings(scene.piv, scene.camera)
     return {
         "pixels": camera["width_px"] * camera["height_px"],
         "rate_hz": camera["frame_rate_hz"],
@@ -104,7 +105,7 @@ def _evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.Da
         source, reference = ("piv", files) if is_piv[run] else ("cfd", rows[best])
         numbers = {} if run == best else errors_against(reference, files, source, window)
         if table.loc[run, "until"] == "report":
-            numbers |= stage_costs(files, _OF_THE_REPORT)[0]
+            numbers |= stage_costs(files.out, _OF_THE_REPORT)[0]
         for name, value in (numbers | _picture(files)).items():
             table.loc[run, name] = value
     if "error" in table:
@@ -148,29 +149,21 @@ def write_results(path: Path, table: pd.DataFrame, best: str, probe: dict[str, f
     write_table(path, rounded, head)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command `tradeoff`."""
-    parser.add_argument("plan", type=Path, help="plan.json of the study")
-    parser.add_argument("--best", help="run that the others are judged by (default: the finest)")
-    parser.add_argument(
-        "--docs", type=Path, default=Path("docs"), help="of the figure (default: %(default)s)"
-    )
-    parser.add_argument("--partial", action="store_true", help="though runs are missing")
+def write_tradeoff(path: Path, docs: Path = Path("docs")) -> None:
+    """Write studies/results/tradeoff.csv and docs/tradeoff/<scene>.svg from the plan of a study.
 
-
-def run(args: argparse.Namespace) -> None:
-    """Command `tradeoff`: studies/results/tradeoff.csv and docs/tradeoff/<scene>.svg."""
-    plan = read_plan(args.plan)
-    missing = missing_runs(plan)
-    if missing:
-        command = f"make tradeoff SCENE={plan['scene']}"
-        sentence = missing_sentence(missing, len(plan["runs"]), command)
-        if not args.partial:
-            raise ValueError(f"{sentence}, or give --partial for a table without them")
-        print(f"tradeoff: {sentence}", file=sys.stderr)
-    probe = read_json(args.plan.with_name("probe.json"))
-    best = args.best or finest(plan, missing)
-    folder = Path(plan["folder"])
-    table = _evaluate(plan, best, missing)
+    ValueError where runs are missing.
+    """
+    plan = read_plan(path)
+    if missing := missing_runs(plan):
+        listed = "; ".join(f"{run}: {why}" for run, why in missing.items())
+        raise ValueError(
+            f"{len(missing)} of {len(plan['runs'])} runs are not there as the study asks for them"
+            f" ({listed}): run make tradeoff again"
+        )
+    folder = Path(plan["home"])
+    best = finest(plan, {})
+    table = _evaluate(plan, best, {})
+    probe = read_json(path.with_name("probe.json"))
     write_results(folder / "studies" / "results" / "tradeoff.csv", table, best, probe)
-    save(error_over_cost(table), args.docs / "tradeoff" / f"{folder.name}.svg")
+    save(error_over_cost(table), docs / "tradeoff" / f"{folder.name}.svg")
