@@ -92,7 +92,7 @@ def kinematics_values(scene: Scene) -> dict[str, Any]:
     """Variables and attributes of kinematics.h5; StageError where the motion cannot be."""
     motion, where = scene.motion, scene.folder / "scene.toml"
     if scene.body is not None:
-        values = rigid_values(scene.body, motion, where)
+        values: dict[str, Any] = dict(rigid_values(scene.body, motion, where))
         check_body(values["shape_outline"], scene.tank, where)
     else:
         finger = finger_motion(motion, scene.finger, scene.pinch, scene.folder)
@@ -103,7 +103,8 @@ def kinematics_values(scene: Scene) -> dict[str, Any]:
     finger_length = scene.finger.length + scene.finger.tip.length
     length = scene.body.size if scene.body is not None else finger_length
     root = np.array(scene.finger.root)
-    return values | {"source": motion.source, "root": root, "length": length}
+    values |= {"source": motion.source, "root": root, "length": length}
+    return values
 
 
 def run(scene: Scene, quiet: bool = False) -> None:

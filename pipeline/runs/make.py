@@ -125,7 +125,8 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
             if not quiet:
                 print(f"{stage}: the same as in {twin}, taken over", flush=True)
             return
-        about = {"scene": run.scene.name, "level": run.scene.level, "digest": run.digest(stage)}
+        about: dict[str, Any] = {"scene": run.scene.name, "level": run.scene.level}
+        about["digest"] = run.digest(stage)
         about |= {"made_from": run.made_from(stage), "versions": versions()}
         if (record := read_record(run.out, stage)) is not None:
             for name in changed_outputs(run.out, record):

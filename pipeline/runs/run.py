@@ -66,7 +66,7 @@ class Run:
         Keys without a value are left out, so that a new key with none makes nothing again.
         """
         step = BY_NAME[stage]
-        numbers = {}
+        numbers: dict[str, Any] = {}
         for section, keys in step.sections.items():
             part = self._numbers[section]
             chosen = part if keys is True else {k: v for k, v in part.items() if k in keys}

@@ -177,7 +177,7 @@ def load_scene(
         names = key.split(".")
         table = merge(table, reduce(lambda inner, name: {name: inner}, reversed(names), value))
     parents = tuple(layer.path.parent for layer in layers[-2::-1])
-    place = {"parents": parents, "out": out or folder / "out" / level, "notes": notes}
+    place: dict[str, Any] = {"parents": parents, "out": out or folder / "out" / level, "notes": notes}
     try:
         return Scene(**table, name=folder.name, level=level, folder=folder, **place).placed()
     except ValidationError as error:
