@@ -74,20 +74,21 @@ def guarded(name: str, action: Callable[[], int | None], strict: bool = False) -
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a console that has no × prints ?
             stream.reconfigure(errors="replace")
+    begin = f"{name}: " if name else ""
     try:
         return action() or 0
     except KeyboardInterrupt:
-        print(f"{name}: {INTERRUPTED}", file=sys.stderr)
+        print(f"{begin}{INTERRUPTED}", file=sys.stderr)
         return 130
     except Exception as error:
         if ends_in_interrupt(error):
-            print(f"{name}: {INTERRUPTED}", file=sys.stderr)
+            print(f"{begin}{INTERRUPTED}", file=sys.stderr)
             return 130
         defect = strict and isinstance(error, ValueError) and not isinstance(error, StageError)
         message = None if defect and system_error(error) is None else sentence(error)
         if message is None:
             raise
-        print(f"{name}: {message}" if name else message, file=sys.stderr)
+        print(f"{begin}{message}", file=sys.stderr)
         return 2
 
 

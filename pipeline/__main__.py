@@ -15,11 +15,11 @@ from typing import Annotated, Any
 from cyclopts import App, CycloptsError, Parameter
 
 from fileio import __version__
-from fileio.command import guarded
+from fileio.command import guarded, importing, working
 from fileio.errors import StageError
 
 PROJECT = Path(__file__).resolve().parents[1]
-STUDY_PYTHON = PROJECT / ".venv-study" / "bin" / "python"
+SNAKEMAKE = PROJECT / ".venv-study" / "bin" / "snakemake"
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 USUAL = min(4, CORES)  # ranks, where no number is given: more rarely pay
 
@@ -284,12 +284,10 @@ def _open(scene: Path, level: str, values: list[str] = [], name: str = "") -> An
 
 def _snakemake(plan: Path, slurm: bool, only: str = "", collated: bool = False) -> int:
     """Schedule a plan's jobs by Snakemake; returns its exit code."""
-    if not STUDY_PYTHON.exists():
-        raise StageError(
-            f"{STUDY_PYTHON.parents[1]}: Snakemake is missing; run make .venv-study/.ready"
-        )
-    file = Path(__file__).parent / "study" / "Snakefile"
-    words = [str(STUDY_PYTHON), "-m", "snakemake", "-s", str(file)]
+    program = str(SNAKEMAKE) if SNAKEMAKE.exists() else shutil.which("snakemake")
+    if program is None:
+        raise StageError("Snakemake is missing; run make .venv-study/.ready, or install it")
+    words = [program, "-s", str(Path(__file__).parent / "study" / "Snakefile")]
     words += shlex.split(os.environ.get("SNAKEFLAGS", ""))
     if slurm:
         if shutil.which("sbatch") is None:
@@ -318,6 +316,7 @@ def _slurm_place() -> list[str]:
 def main(words: list[str] | None = None) -> int:
     """Command line; returns the exit code."""
 
+    importing()
     for name in [name for name, value in os.environ.items() if not value]:
         del os.environ[name]  # make hands on the values that are left out, empty
 
@@ -327,6 +326,7 @@ def main(words: list[str] | None = None) -> int:
             command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
         except CycloptsError as error:
             raise StageError(" ".join(str(error).split())) from None
+        working()
         command(*bound.args, **bound.kwargs)
         return 0
 

@@ -97,16 +97,22 @@ class Run:
             return _difference(record["made_from"], self.made_from(stage))
         return next(iter(changed_outputs(self.out, record).values()), None)
 
-    def stale(self, target: str) -> dict[str, str]:
-        """The stages to be made for a target, in order, and why each."""
+    def stale(self, target: str, complete: bool = False) -> dict[str, str]:
+        """The stages to be made for a target, in order, and why each.
+
+        `complete`: also those of which a file is missing that no stale stage needs.
+        """
         reasons: dict[str, str] = {}
 
         def visit(stage: str) -> None:
-            if stage in reasons or (why := self.why_stale(stage)) is None:
+            if stage in reasons:
                 return
+            why = self.why_stale(stage)
             for name in self.inputs(BY_NAME[stage]):
-                visit(name)
-            reasons[stage] = why
+                if why or (complete and not BY_NAME[name].temporary):
+                    visit(name)
+            if why:
+                reasons[stage] = why
 
         for stage in targets(target):
             visit(stage)

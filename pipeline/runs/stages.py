@@ -30,6 +30,7 @@ class Stage:
     cost: tuple[float, float] = (60, 500)
     ranks: bool = False  # solves through MPI: its cost grows with the level
     threads: bool = False
+    temporary: bool = False  # large, and read by the next stage alone: may be deleted after that
 
     @property
     def done(self) -> str:
@@ -75,7 +76,7 @@ STAGES = (
     Stage(
         "images", "piv.commands.render", "what a camera would see",
         ("sheet",), ("images.h5",), {"camera": True, "sheet": {"rate_hz", "thickness"}},
-        piv=True, cost=(120, 600),
+        piv=True, cost=(120, 600), temporary=True,
     ),
     Stage(
         "piv", "piv.commands.correlate", "vectors of those images",

@@ -74,7 +74,7 @@ def _described(home: Path, study: str, row: Row) -> dict[str, Any]:
 def _add_jobs(
     jobs: dict[str, dict[str, Any]], made_by: dict[str, str], run: Run, about: dict[str, Any]
 ) -> None:
-    stale = list(run.stale(about["until"]))
+    stale = list(run.stale(about["until"], complete=True))
     for stage in stale:
         record = str(record_path(run.out, stage))
         Path(record).unlink(missing_ok=True)  # Snakemake makes what is not there

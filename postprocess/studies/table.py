@@ -50,7 +50,7 @@ def missing_runs(plan: dict[str, Any]) -> dict[str, str]:
             if read_record(Path(row["out"]), "outcome") is None:
                 reasons[row["run"]] = "outcome: not made yet"
             continue
-        stale = run_of(row).stale(row["until"])
+        stale = run_of(row).stale(row["until"], complete=True)
         if stale:
             stage, why = next(iter(stale.items()))
             reasons[row["run"]] = f"{stage}: {why}"
