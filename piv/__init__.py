@@ -1,6 +1,7 @@
 """PIV, synthetic recordings and vortex identification; stands alone.
 
-The names in `__all__` are the public interface. Each is imported on first use, so that `import piv` is quick.
+The names in `__all__` are the public interface. Each is imported on first use, so that `import piv`
+is quick.
 """
 
 from importlib import import_module

@@ -46,13 +46,13 @@ WRITTEN = {  # the endings of a command's output; the others look at theirs them
 
 
 def check_output(output: Path, args: argparse.Namespace) -> None:
-    """ValueError where the output would be written over one of the command's inputs, those of a folder or glob included."""
+    """ValueError where the output would overwrite an input, also one in a folder or glob."""
     if not output.exists():
         return
     check_regular(output)
-    given = [v for name, value in vars(args).items() if name != "output" for v in
-             (value if isinstance(value, list | tuple) else [value]) if isinstance(v, str | Path)]  # fmt: skip
-    for source in map(str, given):
+    values = [value for name, value in vars(args).items() if name != "output"]
+    words = [v for value in values for v in (value if isinstance(value, list) else [value])]
+    for source in (str(word) for word in words if isinstance(word, str | Path)):
         if Path(source).is_dir():  # of which images are read
             from piv.images.open_recording import IMAGE_SUFFIXES
 
@@ -67,7 +67,7 @@ def check_output(output: Path, args: argparse.Namespace) -> None:
 
 
 @contextmanager
-def output_locked(args: argparse.Namespace) -> Iterator[None]:
+def _output_locked(args: argparse.Namespace) -> Iterator[None]:
     """Hold the lock on the command's output, which is none of its inputs."""
     output = getattr(args, "output", None)
     if output:
@@ -84,7 +84,7 @@ def output_locked(args: argparse.Namespace) -> Iterator[None]:
 def main(argv: list[str] | None = None) -> int:
     """Run one subcommand; returns the exit code (0 good, 2 bad input, 130 interrupted)."""
     commands = {name: (about, f"piv.commands.{name}") for name, about in COMMANDS.items()}
-    return command_line("piv", __doc__, commands, argv, around=output_locked, prefix="piv ")
+    return command_line("piv", __doc__, commands, argv, around=_output_locked, prefix="piv ")
 
 
 if __name__ == "__main__":

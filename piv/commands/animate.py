@@ -14,6 +14,7 @@ from fileio.atomic import write_bytes
 from fileio.formats.plane_series import checked
 from fileio.formats.vortex_table import read_vortices
 from piv.commands.plot import add_style, check_style, style_of
+from piv.commands.settings import add_paths
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
 from piv.plots.film import write_film
@@ -21,10 +22,7 @@ from piv.plots.film import write_film
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv animate`."""
-    parser.add_argument(
-        "plane", type=Path, help="vectors over time: .h5, .nc or another file of piv convert"
-    )
-    parser.add_argument("-o", "--output", type=Path, required=True, help=".mp4 or .gif")
+    add_paths(parser, ".mp4 or .gif")
     parser.add_argument("--fps", type=float, default=20.0, help="pictures per second (default 20)")
     parser.add_argument("--every", type=int, default=1, help="use each n-th instant")
     add_style(parser)
@@ -39,9 +37,9 @@ def run(args: argparse.Namespace) -> None:
     if args.every < 1 or not args.fps > 0:
         raise ValueError("--every must be at least 1 and --fps positive")
     check_style(args)
-    with checked(open_vectors(args.plane), args.plane) as planes:
+    with checked(open_vectors(args.source), args.source) as planes:
         if "time" not in planes.dims:
-            raise ValueError(f"{args.plane}: a single instant; use 'piv plot'")
+            raise ValueError(f"{args.source}: a single instant; use 'piv plot'")
         chosen = range(0, planes.sizes["time"], args.every)
         some = planes.isel(time=np.unique(np.linspace(0, planes.sizes["time"] - 1, 20).astype(int)))
         speed = speed_scale(some)
@@ -56,7 +54,8 @@ def run(args: argparse.Namespace) -> None:
                 )
                 figure.set_dpi(130)
                 figure.canvas.draw()
-                picture = np.asarray(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
+                rgba = figure.canvas.buffer_rgba()  # type: ignore[attr-defined]
+                picture = np.asarray(rgba)[..., :3]
                 plt.close(figure)
                 rows, columns = (
                     picture.shape[0] // 2 * 2,

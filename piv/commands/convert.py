@@ -27,10 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=".h5, .nc (pivpy), .csv, .vti, .txt (OpenPIV), .dat (Tecplot), .vc7 (DaVis)",
     )
     parser.add_argument(
-        "--from",
-        dest="kind",
-        choices=READERS,
-        help="format, where suffix and head do not tell",
+        "--from", dest="kind", choices=READERS, help="format, where suffix and head do not tell"
     )
     parser.add_argument("--length-unit", help="m, cm, mm, um or px, where the file does not say")
     parser.add_argument(

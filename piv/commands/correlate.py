@@ -1,4 +1,4 @@
-"""piv correlate A.tif B.tif -o out.h5: images, or a whole recording, to a plane series of vectors."""
+"""piv correlate A.tif B.tif -o out.h5: images or a recording to a plane series of vectors."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from piv.images.part_of_recording import part_of_recording
 from piv.sequence.sequence import SequenceOptions, correlate_recording
 
 # flags that no dataclass has
-FURTHER = ("chunk", "mask", "roi", "roi_unit", "colour")
+_FURTHER = ("chunk", "mask", "roi", "roi_unit", "colour")
 
 
 @dataclass(frozen=True)
-class RecordingCamera:
+class _RecordingCamera:
     """Scale, origin and frame rate that replace those of the recording."""
 
     scale_mm_per_px: Annotated[
@@ -59,7 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--mask",
         metavar="FILE",
-        help="polygon (.csv, px), image (not black = body), folder or pattern of one image per frame, "
+        help="polygon (.csv, px), image (not black = body), folder or pattern of one image per "
+        "frame, "
         "or moving polygons (.json, .toml)",
     )
     parser.add_argument(
@@ -79,7 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="K/N",
         help="only the K-th of N parts, into a file beside the output; then: piv join OUTPUT",
     )
-    add_fields(parser, RecordingCamera)
+    add_fields(parser, _RecordingCamera)
     parser.add_argument(
         "--colour",
         choices=COLOURS,
@@ -99,10 +100,11 @@ def make(
 ) -> None:
     """Correlate the recording `source` into the plane series `output`.
 
-    `settings`: the flags by name; ValueError for other keys. `threads` fields are computed at a time.
+    `settings`: the flags by name; ValueError for other keys. `threads` fields are computed at a
+    time.
     """
     options, sequence, camera = build(
-        {"threads": threads} | settings, Options, SequenceOptions, RecordingCamera, more=FURTHER
+        {"threads": threads} | settings, Options, SequenceOptions, _RecordingCamera, more=_FURTHER
     )
     chunk = _chunk(settings["chunk"]) if settings.get("chunk") else None
     sources = [source] if isinstance(source, str | Path) else source

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from fileio.formats.plane_series import read_plane
 from fileio.formats.plane_writer import write_blocks
+from piv.commands.settings import add_paths
 from piv.fields.derived import QUANTITIES, derived_blocks, window_of
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
@@ -15,14 +15,15 @@ from piv.vortices.criteria import SCHEMES
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv derive`."""
+    add_paths(parser, "the vectors with what is derived, .h5")
     parser.add_argument(
-        "series", type=Path, help="vectors: .h5, .nc or another file of piv convert"
+        "--quantities",
+        nargs="+",
+        choices=QUANTITIES,
+        default=list(QUANTITIES),
+        metavar="NAME",
+        help=f"of {', '.join(QUANTITIES)} (default all)",
     )
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, help="the vectors with what is derived, .h5"
-    )
-    parser.add_argument("--quantities", nargs="+", choices=QUANTITIES, default=list(QUANTITIES), metavar="NAME",
-                        help=f"of {', '.join(QUANTITIES)} (default all)")  # fmt: skip
     parser.add_argument(
         "--scheme",
         choices=SCHEMES,
@@ -32,15 +33,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--correlation-length",
         type=float,
-        help="distance over which errors of neighbours go together, in the file's unit; 0: independent "
+        help="distance over which errors of neighbours are correlated, in the file's unit; 0: none "
         "(default: the correlation window that the file was made with, 0 where it does not say)",
     )
-    parser.add_argument("--quiet", action="store_true")
 
 
 def run(args: argparse.Namespace) -> None:
     """Read, derive and write in parts."""
-    with open_vectors(args.series) as series:
+    with open_vectors(args.source) as series:
         length = window_of(series) if args.correlation_length is None else args.correlation_length
         parts = derived_blocks(
             series, tuple(args.quantities), scheme=args.scheme, correlation_length=length

@@ -1,4 +1,4 @@
-"""Masks of a recording: from a polygon, an image, moving outlines, or the dark body in the frames."""
+"""Masks of a recording: from a polygon, an image, moving outlines, or a dark body."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy import ndarray
 from tqdm import tqdm
 
 from fileio.atomic import write_bytes
@@ -24,7 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         required=True,
-        help="a folder: one PNG per frame, white = body; a .png: one for all frames (--polygon, --image)",
+        help="a folder: one PNG per frame, white = body; a .png: one for all frames "
+        "(--polygon, --image)",
     )
     kind = parser.add_mutually_exclusive_group(required=True)
     kind.add_argument("--polygon", type=Path, help="CSV of corners x_px, y_px (y up)")
@@ -100,10 +102,10 @@ def run(args: argparse.Namespace) -> None:
             print(f"{args.output}: {len(part)} masks, {spread} of the picture masked")
 
 
-def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], np.ndarray]:
+def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], ndarray]:
     if args.dark:
 
-        def dark(i: int) -> np.ndarray:
+        def dark(i: int) -> ndarray:
             try:
                 return dark_body(
                     recording.frame(i),
@@ -138,5 +140,5 @@ def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], np
     return lambda i: polygons_mask(bodies[i], recording.shape)
 
 
-def _save(mask: np.ndarray, path: Path) -> None:
+def _save(mask: ndarray, path: Path) -> None:
     write_bytes(path, cv2.imencode(".png", mask.astype(np.uint8) * 255)[1].tobytes())

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import io
-from pathlib import Path
 
 import numpy as np
 
 from fileio.atomic import write_bytes
 from fileio.formats.plane_series import checked, usable
 from fileio.formats.vortex_table import read_vortices
+from piv.commands.settings import add_paths
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
 from piv.plots.vectors import Style, draw, shaded, unit_of, vortices_at
@@ -18,13 +18,12 @@ from piv.plots.vectors import Style, draw, shaded, unit_of, vortices_at
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv plot`."""
-    parser.add_argument("plane", type=Path, help="vectors: .h5, .nc or another file of piv convert")
-    parser.add_argument("-o", "--output", type=Path, required=True, help=".png, .pdf or .svg")
+    add_paths(parser, ".png, .pdf or .svg")
     add_style(parser)
     parser.add_argument(
         "--time",
         type=float,
-        help="instant, in the file's unit: s or frames (default: the one with the highest mean speed)",
+        help="instant, in the file's unit: s or frames (default: the highest mean speed)",
     )
 
 
@@ -44,7 +43,6 @@ def add_style(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--streamlines", action="store_true", help="streamlines in place of arrows")
     parser.add_argument("--title")
-    parser.add_argument("--quiet", action="store_true")
 
 
 def check_style(args: argparse.Namespace) -> None:
@@ -68,7 +66,7 @@ def run(args: argparse.Namespace) -> None:
     import matplotlib.pyplot as plt
 
     check_style(args)
-    with checked(open_vectors(args.plane), args.plane) as planes:
+    with checked(open_vectors(args.source), args.source) as planes:
         plane, time = planes, None
         if "time" in planes.dims:
             times, unit = planes["time"].values, planes["time"].attrs.get("units", "s")
@@ -84,14 +82,16 @@ def run(args: argparse.Namespace) -> None:
                 index = int(np.argmin(np.abs(times - args.time)))
                 if not times[0] - 1e-9 <= args.time <= times[-1] + 1e-9:
                     raise ValueError(
-                        f"{args.plane}: --time {args.time} is outside {times[0]:g} to {times[-1]:g} {unit}"
+                        f"{args.source}: --time {args.time} is outside {times[0]:g} to "
+                        f"{times[-1]:g} {unit}"
                     )
             plane, time = planes.isel(time=index), float(times[index])
         style = style_of(args, args.vorticity_limit)
         table = read_vortices(args.vortices) if args.vortices else None
         figure = draw(plane, vortices_at(table, time), style=style)
         colours = shaded(plane, style.colour_by)
-        coloured = f"{style.colour_by} {np.nanmin(colours):.3g} to {np.nanmax(colours):.3g} {unit_of(plane, style.colour_by)}"
+        coloured = f"{style.colour_by} {np.nanmin(colours):.3g} to {np.nanmax(colours):.3g} "
+        coloured += unit_of(plane, style.colour_by)
         description = f"{coloured.rstrip()}; {summary(plane)}"
     content = io.BytesIO()
     figure.savefig(content, format=args.output.suffix[1:])

@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 
 from fileio.atomic import whole
+from piv.commands.settings import add_paths
 from piv.fields.lines import along_line
 from piv.foreign.read import open_vectors
+from piv.foreign.write import units_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv profile`."""
+    add_paths(parser, ".csv")
     parser.add_argument(
-        "series", type=Path, help="vectors: .h5, .nc or another file of piv convert"
+        "--line",
+        type=float,
+        nargs=4,
+        required=True,
+        metavar=("X0", "Y0", "X1", "Y1"),
+        help="from and to, in the file's unit, y up",
     )
-    parser.add_argument("-o", "--output", type=Path, required=True, help=".csv")
-    parser.add_argument("--line", type=float, nargs=4, required=True, metavar=("X0", "Y0", "X1", "Y1"),
-                        help="from and to, in the file's unit, y up")  # fmt: skip
     parser.add_argument("--points", type=int, help="on the line (default: one per grid step)")
-    parser.add_argument("--quiet", action="store_true")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -29,10 +32,8 @@ def run(args: argparse.Namespace) -> None:
     x0, y0, x1, y1 = args.line
     rows = speeds = 0
     largest = 0.0
-    with open_vectors(args.series) as series:
-        unit, velocity = (
-            str(series[n].attrs.get("units", d)) for n, d in (("x", "m"), ("u", "m/s"))
-        )
+    with open_vectors(args.source) as series:
+        unit, velocity = units_of(series)
         tables = along_line(series, (x0, y0), (x1, y1), args.points)
         with whole(args.output) as part, part.open("w", encoding="utf-8") as file:
             for k, table in enumerate(tables):

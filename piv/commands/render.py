@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fileio.formats.plane_series import read_plane
-from piv.commands.settings import add_fields, build, existing, run_with
+from piv.commands.settings import add_fields, add_paths, build, existing, run_with
 from piv.images.open_recording import open_recording
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.render_recording import render_recording
@@ -16,8 +16,7 @@ from piv.synthetic.render_recording import render_recording
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Flags of the subcommand."""
-    parser.add_argument("source", help="plane series (.h5) to render")
-    parser.add_argument("-o", "--output", required=True, help="recording to write (.h5)")
+    add_paths(parser, "recording to write (.h5)", "plane series (.h5) to render")
     add_fields(parser, Camera)
     add_fields(parser, Seeding)
     parser.add_argument(
@@ -38,7 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=argparse.SUPPRESS,
         help="write the exact truth beside (default yes)",
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
 def make(
@@ -51,7 +49,8 @@ def make(
 ) -> None:
     """Render the plane series `source` into the recording `output`.
 
-    `settings`: the flags by name; ValueError for other keys. One thread renders, whatever `threads`.
+    `settings`: the flags by name; ValueError for other keys. One thread renders, whatever
+    `threads`.
     """
     camera, seeding = build(settings, Camera, Seeding, more=("seed", "truth"))
     with read_plane(existing(source)) as series:

@@ -11,6 +11,15 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 from fileio.formats.plane_series import read_plane
 from piv.fields.summary import summary
 
+VECTORS = "vectors: .h5, .nc or another file of piv convert"
+
+
+def add_paths(parser: argparse.ArgumentParser, output: str, source: str = VECTORS) -> None:
+    """Arguments source, -o/--output and --quiet; `output` and `source`: their helps."""
+    parser.add_argument("source", type=Path, help=source)
+    parser.add_argument("-o", "--output", type=Path, required=True, help=output)
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
 
 def add_fields(parser: argparse.ArgumentParser, kind: Any) -> None:
     """One flag per field of the dataclass `kind` that has a help; an absent flag sets nothing."""

@@ -1,21 +1,19 @@
-"""Power spectral densities in time at points, or along x or y, as CSV; gaps by the Lomb-Scargle periodogram."""
+"""Power spectral densities in time at points, or along x or y, as CSV (Lomb-Scargle)."""
 
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from fileio.atomic import write_text
+from piv.commands.settings import add_paths
 from piv.fields.spectra import space_spectrum, time_spectrum
 from piv.foreign.read import open_vectors
+from piv.foreign.write import units_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv spectrum`."""
-    parser.add_argument(
-        "series", type=Path, help="vectors: .h5, .nc or another file of piv convert"
-    )
-    parser.add_argument("-o", "--output", type=Path, required=True, help=".csv")
+    add_paths(parser, ".csv")
     kind = parser.add_mutually_exclusive_group(required=True)
     kind.add_argument("--point", type=float, nargs=2, action="append", metavar=("X", "Y"),
                       help="in time, at the nearest vector; several are averaged")  # fmt: skip
@@ -25,28 +23,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--segments", type=int, help="equal parts of the time, averaged; with --point (default 1)"
     )
-    parser.add_argument("--quiet", action="store_true")
 
 
 def run(args: argparse.Namespace) -> None:
     """Write frequency, psd_u, psd_v and the number of records averaged."""
     if args.along and args.segments is not None:
         raise ValueError("--segments are parts of the time: they go with --point, not with --along")
-    with open_vectors(args.series) as series:
-        units = {n: str(series[n].attrs.get("units", d)) for n, d in (("x", "m"), ("u", "m/s"))}
+    with open_vectors(args.source) as series:
+        length, velocity = units_of(series)
         if args.along:
-            table, per = space_spectrum(series, args.along), units["x"]
+            table, per = space_spectrum(series, args.along), length
         else:
             segments = 1 if args.segments is None else args.segments
             table = time_spectrum(series, [(x, y) for x, y in args.point], segments)
             per = str(series["time"].attrs.get("units", "s"))
-    head = f"# frequency: cycles per {per}; psd: ({units['u']})² {per}, one-sided; Lomb-Scargle\n"
+    head = f"# frequency: cycles per {per}; psd: ({velocity})² {per}, one-sided; Lomb-Scargle\n"
     write_text(
         args.output, head + table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
     )
     if not args.quiet:
         peak = table.loc[(table["psd_u"] + table["psd_v"]).idxmax()]
         print(
-            f"{args.output}: {len(table)} frequencies up to {table['frequency'].iloc[-1]:.3g} cycles per {per}, "
+            f"{args.output}: {len(table)} frequencies up to {table['frequency'].iloc[-1]:.3g} "
+            f"cycles per {per}, "
             f"{table['averaged'].iloc[0]} records averaged; the peak is at {peak['frequency']:.4g}"
         )

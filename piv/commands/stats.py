@@ -1,4 +1,4 @@
-"""Mean, RMS, Reynolds stresses and standard errors over time, per phase, or per bin of a quantity."""
+"""Mean, RMS, Reynolds stresses and standard errors over time, per phase, or per bin."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.formats.plane_series import write_plane
+from piv.commands.settings import add_paths
 from piv.fields.groups import at_instants, bins, phases, read_columns, trigger_phases
 from piv.fields.statistics import statistics
 from piv.fields.summary import summary
@@ -19,12 +21,7 @@ PHASES = 16  # of an average over a period
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv stats`."""
-    parser.add_argument(
-        "series", type=Path, help="vectors over time: .h5, .nc or another file of piv convert"
-    )
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, help="plane (series) of the statistics, .h5"
-    )
+    add_paths(parser, "plane (series) of the statistics, .h5")
     parser.add_argument(
         "--least", type=int, default=2, help="usable vectors that a mean needs (default 2)"
     )
@@ -51,22 +48,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--bins", type=float, nargs="+", metavar="EDGE", help="edges of the bins of --by, ascending"
     )
-    parser.add_argument("--quiet", action="store_true")
 
 
 def run(args: argparse.Namespace) -> None:
     """Read the series once and write its statistics."""
-    check_partners(args)
-    with open_vectors(args.series) as series:
+    _check_partners(args)
+    with open_vectors(args.source) as series:
         if "time" not in series["u"].dims:
-            raise ValueError(f"{args.series}: a single plane; statistics over time need a series")
-        number, centres, unit = groups_of(args, series)
+            raise ValueError(f"{args.source}: a single plane; statistics over time need a series")
+        number, centres, unit = _groups_of(args, series)
         dataset = statistics(series, number, centres, centre_units=unit, least=args.least)
     write_plane(dataset, args.output)
     if not args.quiet:
         print(f"{args.output}: {summary(dataset)}")
         print(
-            words_on(
+            _words_on(
                 dataset,
                 series.sizes["time"] if number is None else int((number >= 0).sum()),
                 series.sizes["time"],
@@ -74,8 +70,8 @@ def run(args: argparse.Namespace) -> None:
         )
 
 
-def check_partners(args: argparse.Namespace) -> None:
-    """ValueError where an option is given without the one that it belongs to, so that none is ignored."""
+def _check_partners(args: argparse.Namespace) -> None:
+    """ValueError where an option lacks the one that it belongs to."""
     if args.by is None and (args.bins is not None or args.table is not None):
         raise ValueError("--bins and --table go with --by")
     if args.period is None and args.start is not None:
@@ -84,9 +80,9 @@ def check_partners(args: argparse.Namespace) -> None:
         raise ValueError("--phases goes with --period or --triggers")
 
 
-def groups_of(
+def _groups_of(
     args: argparse.Namespace, series: xr.Dataset
-) -> tuple[np.ndarray | None, np.ndarray | None, str]:
+) -> tuple[ndarray | None, ndarray | None, str]:
     """Group of each instant, the groups' centres and their unit, as asked for."""
     times = series["time"].values
     if args.by is not None:
@@ -99,7 +95,8 @@ def groups_of(
         if not 2 * between <= args.period <= whole + between:
             unit = series["time"].attrs.get("units", "s")
             raise ValueError(
-                f"{args.series}: --period {args.period:g} makes no phases: its instants are {between:g} {unit} apart, "
+                f"{args.source}: --period {args.period:g} makes no phases: its instants are "
+                f"{between:g} {unit} apart, "
                 f"over {whole:g} {unit}; give a period from twice the one to the other"
             )
     elif args.triggers is not None:
@@ -113,27 +110,29 @@ def groups_of(
     return *bins(turned, np.arange(number + 1) / number), "cycle"
 
 
-def quantity(args: argparse.Namespace, series: xr.Dataset) -> np.ndarray:
+def quantity(args: argparse.Namespace, series: xr.Dataset) -> ndarray:
     """What --by names, at each instant."""
     if args.table is not None:
         time, values = read_columns(args.table, "time", args.by)
         return at_instants(series["time"].values, time, values)
     if args.by not in series or series[args.by].dims[:1] != ("time",):
         raise ValueError(
-            f"{args.series}: no variable {args.by!r} over time in it; give --table with a column of that name"
+            f"{args.source}: no variable {args.by!r} over time in it; give --table with a column "
+            "of that name"
         )
     values = series[args.by].values
     if values.ndim > 1 and np.prod(values.shape[1:]) != 1:
         raise ValueError(
-            f"{args.series}: {args.by!r} has several values at an instant; give --table"
+            f"{args.source}: {args.by!r} has several values at an instant; give --table"
         )
     return values.reshape(len(values))
 
 
-def words_on(dataset: xr.Dataset, used: int, count: int) -> str:
+def _words_on(dataset: xr.Dataset, used: int, count: int) -> str:
     """How many instants were used, and what they are worth."""
     worth = max(max(dataset.attrs["inefficiency_u"]), max(dataset.attrs["inefficiency_v"]))
-    text = f"{used} of {count} instants used, n = {int(dataset['n'].min())} to {int(dataset['n'].max())} at a point"
+    lowest, highest = int(dataset["n"].min()), int(dataset["n"].max())
+    text = f"{used} of {count} instants used, n = {lowest} to {highest} at a point"
     if worth == 1.0:
         return text + "; successive samples taken as independent"
     return (

@@ -29,7 +29,8 @@ def run(args: argparse.Namespace) -> None:
     """Serve the page until Ctrl-C."""
     if find_spec("bokeh") is None:
         raise ValueError(
-            "the page needs the library bokeh: pip install --require-hashes -r requirements-view.lock in the clone, or pip install bokeh"
+            "the page needs the library bokeh: pip install --require-hashes -r "
+            "requirements-view.lock in the clone, or pip install bokeh"
         )
     if not 1 <= args.port <= 65535:
         raise ValueError(f"--port is from 1 to 65535, got {args.port}")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fileio.formats.vortex_table import write_vortices
-from piv.commands.settings import add_fields, build, existing, run_with
+from piv.commands.settings import add_fields, add_paths, build, existing, run_with
 from piv.foreign.read import open_vectors
 from piv.foreign.write import units_of
 from piv.vortices.find import VortexSettings
@@ -19,16 +19,12 @@ from piv.vortices.tracking import TrackingSettings
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Flags of the subcommand."""
-    parser.add_argument(
-        "source", help="vectors, in m or px: .h5, .nc or another file of piv convert"
-    )
-    parser.add_argument("-o", "--output", required=True, help="table to write (.csv)")
+    add_paths(parser, "table to write (.csv)")
     add_fields(parser, VortexSettings)
     add_fields(parser, TrackingSettings)
     parser.add_argument(
         "--threads", type=int, default=1, help="processes that share the planes (default 1)"
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
 def make(

@@ -1,7 +1,8 @@
-"""Windows whose side follows the flow: as small as its structures require, as large as the noise allows.
+"""Windows whose side follows the flow: small where structures require it, else large.
 
-Neighbouring cells share noise to an extent that the spectra tell; what their residuals have in common beyond that is
-displacement that the window does not resolve. Where it outweighs the noise of the vectors, the window is made smaller.
+Neighbouring cells share noise to an extent that the spectra tell; what their residuals have in
+common beyond that is displacement that the window does not resolve. Where it outweighs the noise of
+the vectors, the window is made smaller.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy import float32, ndarray
 
 from piv.correlation.deform import Box, Image, Nodes, cut, with_border
 from piv.correlation.interpolate import denser
@@ -43,17 +45,18 @@ AREAS = (
     2.5,
 )  # σ of the window: where residuals are averaged, the smaller area where it is certain
 CERTAIN = 3.0  # standard errors
-LEFT = 1.09  # of the noise that `noise_budget` leaves in neighbouring cells: what is seen in uniform flow (±0.05)
+# noise of neighbouring cells over that of `noise_budget`, as measured in uniform flow (±0.05)
+LEFT = 1.09
 UNRESOLVED = (
     0.6  # of the variance that the largest window does not resolve, where nodes are denser only
 )
-# on the variance of windows of `side` over the largest: of the errors 70 % are then within the uncertainty at each side
+# on the variance of windows of `side` over the largest: 70 % of the errors are then covered
 SMALLER, GROWTH = 2.2, 1.5  # SMALLER side^GROWTH; the wider ones leave more unresolved
 ALIKE = 0.8  # mean correlation of unresolved displacement between neighbouring cells
 
 
 def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, steps: int) -> Errors:
-    """`errors` with the unresolved displacement taken out of the noise where neighbouring cells show it with certainty."""
+    """`errors` without the unresolved displacement that neighbouring cells show with certainty."""
     spacing = float(nodes.x[1] - nodes.x[0])
     together, single = (noise_budget(sigma, spacing, steps, n)[1] for n in (True, False))
     if together < LEAST_KEPT:
@@ -62,7 +65,7 @@ def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, step
     components = []
     for g, h in zip(residual_gradients(nodes, v), (v.cells[2], v.cells[4]), strict=True):
         products = [g * g, g * _around(g), h * h, h * _around(h)]
-        missed = np.zeros(g.shape, np.float32)
+        missed = np.zeros(g.shape, float32)
         for area in AREAS:
             width = area * sigma / CELL
             one, nine, h_one, h_nine = (
@@ -87,14 +90,14 @@ def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, step
     )
 
 
-def _around(field: np.ndarray) -> np.ndarray:
+def _around(field: ndarray) -> ndarray:
     return cv2.boxFilter(field, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
 
 
-def window_ratio(v: Displacements, errors: Errors, options: Options) -> np.ndarray:
-    """Side of each vector's window over that of the largest, `options.window`; one where it is measured well already."""
+def window_ratio(v: Displacements, errors: Errors, options: Options) -> ndarray:
+    """Side of each vector's window over `options.window`; 1 where it is well measured already."""
     if options.least_window >= options.window:
-        return np.ones(v.dx.shape, np.float32)
+        return np.ones(v.dx.shape, float32)
     noise, missed = errors.var_x + errors.var_y, errors.missed_x + errors.missed_y
     ratio = np.sqrt(BALANCE * noise / np.maximum(missed, 1e-12))
     limited = np.clip(ratio, min(options.least_window / options.window, DENSE), DENSE)
@@ -102,7 +105,7 @@ def window_ratio(v: Displacements, errors: Errors, options: Options) -> np.ndarr
     wanted = cv2.morphologyEx(
         (ratio < ENOUGH).astype(np.uint8), cv2.MORPH_OPEN, np.ones((LEAST, LEAST), np.uint8)
     )
-    return np.where((wanted > 0) & ~v.masked, limited, 1).astype(np.float32)
+    return np.where((wanted > 0) & ~v.masked, limited, 1).astype(float32)
 
 
 def measure_adapted(
@@ -110,10 +113,10 @@ def measure_adapted(
     images: list[Image],
     v: Displacements,
     errors: Errors,
-    ratio: np.ndarray,
+    ratio: ndarray,
     options: Options,
 ) -> tuple[Displacements, Errors]:
-    """Vectors and errors at the nodes, measured in windows of `ratio` on nodes twice as dense where it is below one.
+    """Vectors and errors in windows of `ratio`, on nodes twice as dense where it is below 1.
 
     images: both at full resolution, filtered; measured is one rectangle around all of them.
     """
@@ -123,12 +126,12 @@ def measure_adapted(
     dx, dy = (denser(d[part]) for d in fill_absent(v.dx, v.dy, v.known))
     sides = denser(ratio[part])
     weights = {level: w for level, w in zip(LEVELS, _shares(sides), strict=True) if w.any()}
-    # on the way to the last step single vectors that stand out from the nearest ones are enough to find
+    # before the last step it is enough to find vectors that stand out from the nearest ones
     for near in [np.ones(sides.shape, bool)] * (STEPS - 1) + [sides < NEAR]:
         cells = dense.moments(crops[0], crops[1], dx, dy)
         level_sums = {level: dense.window_sums(cells, level * options.sigma) for level in weights}
         sums = sum(weights[n] * s / full for n, (s, full) in level_sums.items())
-        new = measure(dense, cells, (sums, np.float32(1)), dx, dy, options, options.epsilon, near)
+        new = measure(dense, cells, (sums, float32(1)), dx, dy, options, options.epsilon, near)
         dx, dy = fill_absent(new.dx, new.dy, new.known)
     new = replace(new, cell_noise=v.cell_noise)
     largest = Errors(*(e[part] for e in errors))
@@ -136,7 +139,7 @@ def measure_adapted(
         dense, new, largest, {n: (weights[n], s) for n, (s, _) in level_sums.items()}, options
     )
 
-    def with_new(old: np.ndarray, found: np.ndarray) -> np.ndarray:
+    def with_new(old: ndarray, found: ndarray) -> ndarray:
         out = old.copy()
         out[part] = np.where(smaller[part], found[::2, ::2], old[part])
         return out
@@ -148,22 +151,22 @@ def measure_adapted(
     return replace(v, **tested, second=v.second & ~smaller, ratio=ratio), errors
 
 
-def _least_box(where: np.ndarray) -> Box:
+def _least_box(where: ndarray) -> Box:
     """The least rectangle of nodes that holds all of `where`."""
     rows, columns = (np.flatnonzero(where.any(axis=axis)) for axis in (1, 0))
     return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
-def _shares(ratio: np.ndarray) -> list[np.ndarray]:
+def _shares(ratio: ndarray) -> list[ndarray]:
     """Weight of each of LEVELS in windows of `ratio`: linear between the two next to it."""
     position = np.interp(-ratio, -np.array(LEVELS), np.arange(len(LEVELS)))
-    return [np.maximum(1 - np.abs(position - k), 0).astype(np.float32) for k in range(len(LEVELS))]
+    return [np.maximum(1 - np.abs(position - k), 0).astype(float32) for k in range(len(LEVELS))]
 
 
 def _errors(
     nodes: Nodes, v: Displacements, largest: Errors, levels: dict, options: Options
 ) -> Errors:
-    """`Errors` of vectors of blended windows: `levels` has their weights and sums, `largest` are those of the largest window."""
+    """`Errors` of vectors of blended windows; `levels`: their weights and sums."""
     spacing, passes = float(nodes.x[1] - nodes.x[0]), options.full_steps + STEPS - 1
     # what smaller windows do not resolve decorrelates their cells: it is counted as noise
     total = [np.zeros_like(v.dx) for _ in largest]

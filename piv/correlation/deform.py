@@ -1,4 +1,4 @@
-"""Image deformation: the displacement of every pixel from that of the nodes, and images sampled along it."""
+"""Image deformation: pixel displacements from the nodes', and images sampled along them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
+from numpy import float32, ndarray
 
 from piv.correlation.buffers import New, fresh
 from piv.correlation.interpolate import PAD, bilinear, bspline_table, dense_field, warp
@@ -17,25 +18,25 @@ from piv.correlation.prefilter import TAPS, Kernel, apply
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """Regular nodes (column `x`, row `y`, full px) on images of `shape` that are `factor` times coarser."""
+    """Regular nodes (column `x`, row `y`, full px) on images of `shape`, `factor` times coarser."""
 
-    x: np.ndarray
-    y: np.ndarray
+    x: ndarray
+    y: ndarray
     shape: tuple[int, int]
     factor: int
 
     @cached_property
-    def column(self) -> np.ndarray:
+    def column(self) -> ndarray:
         """Column of every node in px of this level."""
         return (self.x + 0.5) / self.factor - 0.5
 
     @cached_property
-    def row(self) -> np.ndarray:
+    def row(self) -> ndarray:
         """Row of every node in px of this level."""
         return (self.y + 0.5) / self.factor - 0.5
 
     @cached_property
-    def _tables(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _tables(self) -> tuple[ndarray, ndarray, ndarray, ndarray]:
         rows, columns = self.shape
         step_x, step_y = self.column[1] - self.column[0], self.row[1] - self.row[0]
         along_y = bspline_table(np.arange(rows), self.row[0], step_y, self.y.size)
@@ -47,26 +48,26 @@ class Nodes:
         """Weights of the cells around the nodes, and their sums, of the σ asked for so far."""
         return {}
 
-    def _knots(self, vectors: np.ndarray, share: float) -> np.ndarray:
-        """B-spline coefficients of `share` of the vectors in px of this level, padded by two on every side."""
-        padded = np.empty((vectors.shape[0] + 4, vectors.shape[1] + 4), np.float32)
+    def _knots(self, vectors: ndarray, share: float) -> ndarray:
+        """B-spline coefficients of `share` of the vectors (px of this level), padded by two."""
+        padded = np.empty((vectors.shape[0] + 4, vectors.shape[1] + 4), float32)
         np.multiply(
-            vectors, np.float32(share / self.factor), out=padded[2:-2, 2:-2], casting="same_kind"
+            vectors, float32(share / self.factor), out=padded[2:-2, 2:-2], casting="same_kind"
         )
         padded[:2], padded[-2:] = padded[2], padded[-3]
         padded[:, :2], padded[:, -2:] = padded[:, 2:3], padded[:, -3:-2]
         return padded
 
     def moments(
-        self, a: Image, b: Image, dx: np.ndarray, dy: np.ndarray, wanted: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Products (MOMENTS, *cell_shape) of both images, warped half-way along (dx, dy), summed over cells.
+        self, a: Image, b: Image, dx: ndarray, dy: ndarray, wanted: ndarray | None = None
+    ) -> ndarray:
+        """Products (MOMENTS, *cell_shape) of both images, warped half-way along (dx, dy), per cell.
 
         wanted: cells (uint8) that are measured, None for all; the others are zero.
         """
         if wanted is None:
             wanted = np.ones(self.cell_shape, np.uint8)
-        cells = np.zeros((MOMENTS, *self.cell_shape), np.float32)
+        cells = np.zeros((MOMENTS, *self.cell_shape), float32)
         x, y = self._knots(dx, -0.5), self._knots(dy, -0.5)
         around = cv2.dilate(wanted, np.ones((3, 3), np.uint8))
         pair_moments(
@@ -74,8 +75,8 @@ class Nodes:
         )
         return cells
 
-    def dense(self, vectors: np.ndarray, out: np.ndarray, first: int = 0) -> None:
-        """Value (px of this level) at every pixel of the rows from `first` on of the B-spline with the vectors as coefficients."""
+    def dense(self, vectors: ndarray, out: ndarray, first: int = 0) -> None:
+        """B-spline with the vectors as coefficients (px of this level), rows from `first` on."""
         padded = self._knots(vectors, 1.0)
         first_y, weights_y, first_x, weights_x = self._tables
         rows = slice(first, first + out.shape[0])
@@ -88,8 +89,8 @@ class Nodes:
         """Number of cells (rows, columns) over which the images' products are summed."""
         return self.shape[0] // CELL, self.shape[1] // CELL
 
-    def window_sums(self, cells: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
-        """Gaussian-weighted sums of the cells around each node (σ in full px), and the sum of the weights in px²."""
+    def window_sums(self, cells: ndarray, sigma: float) -> tuple[ndarray, ndarray]:
+        """Gaussian-weighted sums of the cells round each node (σ in full px); their weight."""
         if sigma not in self._windows:
             rows, columns = self.cell_shape
             first_x, weight_x = window_weights(self.column, columns, sigma / self.factor)
@@ -97,11 +98,11 @@ class Nodes:
             total = np.outer(weight_y.sum(axis=1), weight_x.sum(axis=1)) * CELL**2
             self._windows[sigma] = (first_y, weight_y, first_x, weight_x), total
         (first_y, weight_y, first_x, weight_x), total = self._windows[sigma]
-        sums = np.empty((cells.shape[0], self.y.size, self.x.size), np.float32)
+        sums = np.empty((cells.shape[0], self.y.size, self.x.size), float32)
         window_sums(cells, first_y, weight_y, first_x, weight_x, sums)
         return sums, total
 
-    def cells_around(self, where: np.ndarray, sigma: float) -> np.ndarray:
+    def cells_around(self, where: ndarray, sigma: float) -> ndarray:
         """Cells (uint8) in the windows (σ in full px) of the nodes `where` (bool)."""
         seen = np.zeros(self.cell_shape, np.uint8)
         rows, columns = (
@@ -113,7 +114,7 @@ class Nodes:
         across = 2 * window_reach(sigma / self.factor) + 1
         return cv2.dilate(seen, np.ones((across, across), np.uint8))
 
-    def at_cells(self, field: np.ndarray) -> np.ndarray:
+    def at_cells(self, field: ndarray) -> ndarray:
         """Bilinear values of a field on the nodes at the centres of the cells."""
         rows, columns = self.cell_shape
         middle = (CELL - 1) / 2
@@ -123,13 +124,13 @@ class Nodes:
         j = (np.arange(rows) * CELL + middle - self.row[0]) / (self.row[1] - self.row[0])
         return bilinear(field, i, j)
 
-    def from_cells(self, field: np.ndarray) -> np.ndarray:
+    def from_cells(self, field: ndarray) -> ndarray:
         """Bilinear values at the nodes of a field on the centres of the cells."""
         middle = (CELL - 1) / 2
         return bilinear(field, (self.column - middle) / CELL, (self.row - middle) / CELL)
 
 
-def inside(seen: np.ndarray) -> np.ndarray:
+def inside(seen: ndarray) -> ndarray:
     """Padded map (uint8) of the pixels whose sample and derivatives use unmasked pixels only."""
     usable = cv2.copyMakeBorder(
         seen.astype(np.uint8), PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=(0,)
@@ -139,7 +140,7 @@ def inside(seen: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(8)
-def usable_samples(shape: tuple[int, int]) -> np.ndarray:
+def _usable_samples(shape: tuple[int, int]) -> ndarray:
     """`inside` of an image without a mask; shared, read only."""
     return inside(np.ones(shape, bool))
 
@@ -147,10 +148,10 @@ def usable_samples(shape: tuple[int, int]) -> np.ndarray:
 class Image:
     """One image at one resolution, filtered and ready to be sampled anywhere."""
 
-    def __init__(self, pixels: np.ndarray, seen: np.ndarray | None, new: New = fresh):
-        """pixels: float32 without background; seen: unmasked pixels or None; new: allocates arrays. Call `filter` next."""
+    def __init__(self, pixels: ndarray, seen: ndarray | None, new: New = fresh):
+        """pixels: float32 without background; seen: unmasked pixels. Call `filter` next."""
         self.pixels = pixels
-        self.usable = usable_samples(pixels.shape) if seen is None else inside(seen)
+        self.usable = _usable_samples(pixels.shape) if seen is None else inside(seen)
         self.warped = new(*pixels.shape)
         self.samples = new(*(n + 2 * PAD for n in pixels.shape))
         self.samples[:PAD] = self.samples[-PAD:] = self.samples[:, :PAD] = self.samples[
@@ -183,34 +184,34 @@ class Image:
 
     def warp(
         self,
-        dx: np.ndarray,
-        dy: np.ndarray,
+        dx: ndarray,
+        dy: ndarray,
         share: float,
-        weight: np.ndarray,
+        weight: ndarray,
         multiply: bool,
         first: int = 0,
-    ) -> np.ndarray:
-        """Rows from `first` on, sampled along `share` of their dense displacement; weight, multiply: see interpolate.warp."""
+    ) -> ndarray:
+        """Rows from `first` on, sampled along `share` of a displacement (interpolate.warp)."""
         out = self.warped[first : first + dx.shape[0]]
         warp(self.samples, self.usable, dx, dy, share, first, out, weight, multiply)
         return out
 
 
-def spline_value(vectors: np.ndarray) -> np.ndarray:
-    """Value at the nodes of the B-spline with these coefficients (weights 1/6, 2/3, 1/6): the displacement of the warp."""
-    kernel = np.array([1, 4, 1], np.float32) / 6
+def spline_value(vectors: ndarray) -> ndarray:
+    """B-spline with these coefficients at its nodes (weights 1/6, 2/3, 1/6): the warp there."""
+    kernel = np.array([1, 4, 1], float32) / 6
     return cv2.sepFilter2D(
-        vectors.astype(np.float32), cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REPLICATE
+        vectors.astype(float32), cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REPLICATE
     )
 
 
-BORDER = 4  # nodes around a region that take part in its measurement, or more where its windows reach farther
+BORDER = 4  # nodes round a region that are measured with it; more where its windows reach farther
 
 Box = tuple[slice, slice]  # rows and columns of nodes
 
 
 def with_border(box: Box, nodes: Nodes, sigma: float) -> Box:
-    """The part that holds a box and the nodes around it that warp the images in its windows (σ in px)."""
+    """A box with the nodes round it that warp the images in its windows (σ in px)."""
     border = max(BORDER, int(np.ceil(window_reach(sigma) * CELL / (nodes.x[1] - nodes.x[0]))))
     rows, columns = (
         slice(max(s.start - border, 0), min(s.stop + border, axis.size))
@@ -222,7 +223,7 @@ def with_border(box: Box, nodes: Nodes, sigma: float) -> Box:
 def cut(
     nodes: Nodes, images: list[Image], part: Box, density: int, sigma: float
 ) -> tuple[Nodes, list[Image]]:
-    """Nodes (`density` times as dense) of a part and images with a margin for windows of σ `sigma` (px) on all of them."""
+    """Nodes of a part, `density` times as dense, and images with a margin for its windows (px)."""
     margin = (window_reach(sigma) + 1) * CELL
     spans = []
     for axis, s, length in ((nodes.x, part[1], nodes.shape[1]), (nodes.y, part[0], nodes.shape[0])):

@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.fft
-from numba import njit
+from numpy import float32, ndarray
+
+from piv.compiled import compiled, fast
 
 BATCH = 2**17  # px of windows transformed together: more do not fit a core's cache
 
@@ -14,24 +16,24 @@ BATCH = 2**17  # px of windows transformed together: more do not fit a core's ca
 class Peaks(NamedTuple):
     """Displacement (px, image axes) of the highest and the second-highest peak of each window."""
 
-    dx: np.ndarray
-    dy: np.ndarray
-    second_x: np.ndarray
-    second_y: np.ndarray
+    dx: ndarray
+    dy: ndarray
+    second_x: ndarray
+    second_y: ndarray
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _total(row):
-    total = np.float32(0)
+    total = float32(0)
     for value in row:
         total += value
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _less(row, mean, out):
     """Set `out` to the row less `mean`; its energy."""
-    energy = np.float32(0)
+    energy = float32(0)
     for i in range(out.size):
         value = row[i] - mean
         out[i] = value
@@ -39,9 +41,9 @@ def _less(row, mean, out):
     return energy
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _cut(image, centre_x, centre_y, size, out):
-    """Windows of `size` px around the given pixels, their mean removed, of unit energy; zero outside the image."""
+    """Windows of `size` px round pixels, of zero mean and unit energy; zero outside the image."""
     rows, columns = image.shape
     half = size // 2
     for k in range(centre_x.size):
@@ -51,29 +53,29 @@ def _cut(image, centre_x, centre_y, size, out):
         out[k] = 0
         if r1 <= r0 or c1 <= c0:
             continue
-        total = np.float32(0)
+        total = float32(0)
         for r in range(r0, r1):
             total += _total(image[y0 + r, x0 + c0 : x0 + c1])
-        mean = total / np.float32((r1 - r0) * (c1 - c0))
-        energy = np.float32(0)
+        mean = total / float32((r1 - r0) * (c1 - c0))
+        energy = float32(0)
         for r in range(r0, r1):
             energy += _less(image[y0 + r, x0 + c0 : x0 + c1], mean, out[k, r, c0:c1])
         if energy > 0:
-            scale = np.float32(1) / np.sqrt(energy)
+            scale = float32(1) / np.sqrt(energy)
             out[k] *= scale
 
 
-def window_maps(a, b, x, y, shift_x, shift_y, size: int) -> np.ndarray:
-    """Correlation coefficients (window, size, size) of windows around the pixels (x, y), zero shift at [0, 0].
+def window_maps(a, b, x, y, shift_x, shift_y, size: int) -> ndarray:
+    """Correlation (window, size, size) of windows round pixels (x, y), zero shift at [0, 0].
 
     a, b: float32 images, zero where masked; shift_x, shift_y: whole pixels by which the second
-    window is moved against the first, half each way, so that the vector belongs to (x, y) to half a pixel.
+    window is moved against the first, half each way: the vector belongs to (x, y) to half a pixel.
     """
     ax, ay = x - shift_x // 2, y - shift_y // 2
     bx, by = ax + shift_x, ay + shift_y
-    maps = np.empty((x.size, size, size), np.float32)
+    maps = np.empty((x.size, size, size), float32)
     some = min(max(BATCH // size**2, 1), x.size)
-    windows = np.empty((2, some, size, size), np.float32)
+    windows = np.empty((2, some, size, size), float32)
     for k in range(0, x.size, some):
         n = slice(k, min(k + some, x.size))
         count = n.stop - k
@@ -86,7 +88,7 @@ def window_maps(a, b, x, y, shift_x, shift_y, size: int) -> np.ndarray:
     return maps
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _subpixel(below, peak, above):
     """Gaussian three-point offset of a peak; parabola where a value is not positive."""
     if below > 0 and above > 0 and peak > 0:
@@ -99,26 +101,26 @@ def _subpixel(below, peak, above):
     return min(max(0.5 * (b - a) / curvature, -0.5), 0.5)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _highest(row):
-    highest = np.float32(-1e30)
+    highest = float32(-1e30)
     for value in row:
         highest = max(highest, value)
     return highest
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _peaks(maps, reach, dx, dy, second_x, second_y):
     count, size, _ = maps.shape
     side = reach + 1
-    near = np.empty((2 * side + 1, 2 * side + 1), np.float32)  # the map around zero shift
+    near = np.empty((2 * side + 1, 2 * side + 1), float32)  # the map around zero shift
     inner = slice(1, 2 * reach + 2)
     for k in range(count):
         for r in range(-side, side + 1):
             row = maps[k, r % size]
             near[r + side, :side] = row[size - side :]
             near[r + side, side:] = row[: side + 1]
-        best = second = np.float32(-1e30)
+        best = second = float32(-1e30)
         # a map of one value has its peak in the middle
         br = bc = sr = sc = side
         for r in range(1, 2 * reach + 2):
@@ -146,9 +148,9 @@ def _peaks(maps, reach, dx, dy, second_x, second_y):
             y[k] = r - side + _subpixel(near[r - 1, c], near[r, c], near[r + 1, c])
 
 
-def find_peaks(maps: np.ndarray, shift_x: np.ndarray, shift_y: np.ndarray, reach: int) -> Peaks:
+def find_peaks(maps: ndarray, shift_x: ndarray, shift_y: ndarray, reach: int) -> Peaks:
     """The two highest peaks within ±reach px of the shift that `window_maps` was given."""
-    peaks = Peaks(*(np.empty(maps.shape[0], np.float32) for _ in range(4)))
+    peaks = Peaks(*(np.empty(maps.shape[0], float32) for _ in range(4)))
     _peaks(maps, reach, *peaks)
     return Peaks(
         peaks.dx + shift_x, peaks.dy + shift_y, peaks.second_x + shift_x, peaks.second_y + shift_y

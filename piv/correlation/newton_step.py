@@ -3,34 +3,33 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numpy import float32, ndarray
+
+from piv.compiled import compiled, fast, inlined
 
 CELL = 4  # px: products are summed over cells before the window's weight is applied
 BLOCK = 512  # px: columns whose sums over four rows stay in the first cache
 MOMENTS = 9  # gx, gy, hxx, hxy, hyy, aa, bb, ab, weight
-NEAR, FAR, HALF = (
-    np.float32(8 / 12),
-    np.float32(1 / 12),
-    np.float32(0.5),
-)  # of the fourth-order difference
+NEAR, FAR, HALF = (float32(8 / 12), float32(1 / 12), float32(0.5))  # of the fourth-order difference
 
 
-@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+@inlined
 def _products(w, a, left_a, right_a, up_a, down_a, b, left_b, right_b, up_b, down_b):
-    """MOMENTS of one pixel of weight w; neighbours as (next, next but one); gx, gy and hxy twice."""
+    """MOMENTS of a pixel of weight w; neighbours: (next, next but one); gx, gy and hxy twice."""
     ax = NEAR * (right_a[0] - left_a[0]) - FAR * (right_a[1] - left_a[1])
     bx = NEAR * (right_b[0] - left_b[0]) - FAR * (right_b[1] - left_b[1])
     ay = NEAR * (down_a[0] - up_a[0]) - FAR * (down_a[1] - up_a[1])
     by = NEAR * (down_b[0] - up_b[0]) - FAR * (down_b[1] - up_b[1])
     wa, wb, wbx, wby = w * a, w * b, w * bx, w * by
     return (
-        wa * bx - wb * ax, wa * by - wb * ay, ax * wbx, ax * wby + ay * wbx, ay * wby, wa * a, wb * b, wa * b, w,
+        wa * bx - wb * ax, wa * by - wb * ay, ax * wbx, ax * wby + ay * wbx, ay * wby,
+        wa * a, wb * b, wa * b, w,
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+@inlined
 def _row_products(w, i, a0, a1, a2, a3, a4, b0, b1, b2, b3, b4):
-    """`_products` at pixel i of the middle one of five rows of both images, which begin two columns before."""
+    """`_products` at pixel i of the middle of five rows, which begin two columns before."""
     k = i + 2
     return _products(
         w[i],
@@ -39,11 +38,11 @@ def _row_products(w, i, a0, a1, a2, a3, a4, b0, b1, b2, b3, b4):
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _four_rows(
     a0, a1, a2, a3, a4, a5, a6, a7, b0, b1, b2, b3, b4, b5, b6, b7, w0, w1, w2, w3, sums
 ):
-    """Moments of every column, summed over the middle four of eight rows: sums[m * BLOCK + column]."""
+    """Moments of every column over the middle four of eight rows: sums[m * BLOCK + column]."""
     for i in range(w0.size):
         p = _row_products(w0, i, a0, a1, a2, a3, a4, b0, b1, b2, b3, b4)
         q = _row_products(w1, i, a1, a2, a3, a4, a5, b1, b2, b3, b4, b5)
@@ -60,7 +59,7 @@ def _four_rows(
         sums[i + 8 * BLOCK] = p[8] + q[8] + r[8] + s[8]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _along(sums, out):
     """Sums over CELL columns."""
     for i in range(out.size):
@@ -68,13 +67,13 @@ def _along(sums, out):
         out[i] = sums[k] + sums[k + 1] + sums[k + 2] + sums[k + 3]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def cell_row(a, b, weight, j, first, last, at, rows, columns, sums, out):
-    """Cells `first` to `last` of the j-th row of images of (rows, columns) px: out[:, j], see `cell_moments`.
+    """Cells `first` to `last` of row j of images of (rows, columns) px: out[:, j] (cell_moments).
 
-    at: which rows of a, b and weight hold the eight rows from two above the cells to two below; sums: MOMENTS * BLOCK.
+    at: rows of a, b, weight with the eight rows from two above the cells to two below; sums: work.
     """
-    none = np.zeros(columns, np.float32)
+    none = np.zeros(columns, float32)
     for left in range(first * CELL, last * CELL, BLOCK):
         width = min(BLOCK, last * CELL - left)
         c0, c1 = (
@@ -95,24 +94,26 @@ def cell_row(a, b, weight, j, first, last, at, rows, columns, sums, out):
         if CELL * j + 3 < rows - 2:
             w3 = weight[at[5], c0:c1]
         _four_rows(
-            a[at[0], s], a[at[1], s], a[at[2], s], a[at[3], s], a[at[4], s], a[at[5], s], a[at[6], s], a[at[7], s],
-            b[at[0], s], b[at[1], s], b[at[2], s], b[at[3], s], b[at[4], s], b[at[5], s], b[at[6], s], b[at[7], s],
+            a[at[0], s], a[at[1], s], a[at[2], s], a[at[3], s],
+            a[at[4], s], a[at[5], s], a[at[6], s], a[at[7], s],
+            b[at[0], s], b[at[1], s], b[at[2], s], b[at[3], s],
+            b[at[4], s], b[at[5], s], b[at[6], s], b[at[7], s],
             w0, w1, w2, w3, sums[c0 - left :],
         )  # fmt: skip
         for m in range(MOMENTS):
             _along(sums[m * BLOCK :], out[m, j, left // CELL : (left + width) // CELL])
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def cell_moments(a, b, weight, out):
-    """Sums over CELL x CELL px of the correlation's gradient, its cross-gradient Hessian and the energies.
+    """Sums over CELL x CELL px of the correlation's gradient, cross-gradient Hessian and energies.
 
-    a, b, weight: (rows, columns) float32 of the warped images. out: (MOMENTS, rows // CELL, columns // CELL).
-    gx = Σ (a·∂b - b·∂a)/2 and hxy = Σ (∂xa·∂yb + ∂ya·∂xb)/2: products of one image with the other only, so that
-    camera noise, independent in the two, leaves both unbiased.
+    a, b, weight: (rows, columns) float32 of the warped images. out: (MOMENTS, rows // CELL, columns
+    // CELL). gx = Σ (a·∂b - b·∂a)/2 and hxy = Σ (∂xa·∂yb + ∂ya·∂xb)/2: products of one image with
+    the other only, so that camera noise, independent in the two, leaves both unbiased.
     """
     rows, columns = a.shape
-    sums = np.empty(MOMENTS * BLOCK, np.float32)
+    sums = np.empty(MOMENTS * BLOCK, float32)
     at = np.empty(8, np.int64)
     for j in range(out.shape[1]):
         for k in range(8):
@@ -125,38 +126,38 @@ def window_reach(sigma: float) -> int:
     return int(np.ceil(3.0 * sigma / CELL)) + 1
 
 
-def window_weights(nodes: np.ndarray, cells: int, sigma: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gaussian weights of the cells around each node: (first cell of each node, weights (node, cell))."""
+def window_weights(nodes: ndarray, cells: int, sigma: float) -> tuple[ndarray, ndarray]:
+    """Gaussian weights of the cells round each node: (first cell, weights (node, cell))."""
     reach = window_reach(sigma)
     centre = (nodes - (CELL - 1) / 2) / CELL
     first = np.floor(centre).astype(np.int64) - reach
     k = first[:, None] + np.arange(2 * reach + 2)
     w = np.exp(-0.5 * ((k - centre[:, None]) * CELL / sigma) ** 2)
     w[(k < 0) | (k >= cells)] = 0
-    return first, w.astype(np.float32)
+    return first, w.astype(float32)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _dot(a, b):
-    total = np.float32(0)
+    total = float32(0)
     for k in range(a.size):
         total += a[k] * b[k]
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _add(line, weight, row):
     for c in range(line.size):
         line[c] += weight * row[c]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def window_sums(moments, first_y, weight_y, first_x, weight_x, out):
     """out[m, j, i] = Σ weight_y[j] weight_x[i] moments[m] around node (j, i)."""
     count, _, cells_x = moments.shape
     ny, ky = weight_y.shape
     nx, kx = weight_x.shape
-    padded = np.zeros(cells_x + 2 * kx, np.float32)  # cells beyond the image count as zero
+    padded = np.zeros(cells_x + 2 * kx, float32)  # cells beyond the image count as zero
     line = padded[kx : kx + cells_x]
     for m in range(count):
         for j in range(ny):
@@ -169,22 +170,22 @@ def window_sums(moments, first_y, weight_y, first_x, weight_x, out):
                 out[m, j, i] = _dot(weight_x[i], padded[start : start + kx])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _solve(sums, limit, step_x, step_y, correlation):
     ny, nx = step_x.shape
     for j in range(ny):
         for i in range(nx):
             step_x[j, i] = step_y[j, i] = correlation[j, i] = 0
-            energy = np.sqrt(max(sums[5, j, i] * sums[6, j, i], np.float32(0)))
+            energy = np.sqrt(max(sums[5, j, i] * sums[6, j, i], float32(0)))
             if energy <= 0:
                 continue
             gx, gy = sums[0, j, i], sums[1, j, i]
             correlation[j, i] = sums[7, j, i] / energy
-            # a window without common texture has no curvature to trust: the floor keeps its step small
-            floor = np.float32(0.025) * energy
+            # without common texture no curvature can be trusted: the floor keeps the step small
+            floor = float32(0.025) * energy
             hxx = max(sums[2, j, i], floor)
             hyy = max(sums[4, j, i], floor)
-            bound = np.float32(0.8) * np.sqrt(hxx * hyy)
+            bound = float32(0.8) * np.sqrt(hxx * hyy)
             hxy = min(max(sums[3, j, i], -bound), bound)
             det = hxx * hyy - hxy * hxy
             if not det > 0:  # texture so faint that its square underflows
@@ -199,11 +200,11 @@ def _solve(sums, limit, step_x, step_y, correlation):
             step_y[j, i] = sy
 
 
-def newton_step(sums: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def newton_step(sums: ndarray, limit: float) -> tuple[ndarray, ndarray, ndarray]:
     """Solve H d = g at every node: (step_x, step_y, correlation coefficient of the window).
 
-    sums: (MOMENTS, ny, nx) window sums; steps longer than `limit` px are shortened; no texture, no step.
+    sums: (MOMENTS, ny, nx) window sums; steps are at most `limit` px; no texture, no step.
     """
-    step_x, step_y, correlation = (np.empty(sums.shape[1:], np.float32) for _ in range(3))
-    _solve(sums, np.float32(limit), step_x, step_y, correlation)
+    step_x, step_y, correlation = (np.empty(sums.shape[1:], float32) for _ in range(3))
+    _solve(sums, float32(limit), step_x, step_y, correlation)
     return step_x, step_y, correlation

@@ -14,7 +14,7 @@ from piv.correlation.passes import vector_dataset
 
 
 def optical_flow(a: Any, b: Any, mask: Any, options: Options) -> xr.Dataset:
-    """Displacement as `correlate_pair` returns it, by optical flow: fast, coarse, without uncertainty or outlier test.
+    """Displacement as of `correlate_pair`, by optical flow: fast, coarse, without uncertainty.
 
     Source: Kroeger et al. 2016; OpenCV's medium preset.
     """

@@ -1,4 +1,4 @@
-"""Settings of the correlation, shared by pairs, multi-frame sets, ensembles and the command line."""
+"""Settings of the correlation, shared by pairs, multi-frame sets, ensembles and commands."""
 
 from __future__ import annotations
 
@@ -6,17 +6,15 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from numpy import ndarray
 
-PRESETS = {  # Newton steps at half and at full resolution; how often the frequency weights are measured
-    "fast": (2, 2, 1),
-    "balanced": (3, 3, 1),
-    "accurate": (4, 6, 2),
-}
+# Newton steps at half and at full resolution; how often the frequency weights are measured
+PRESETS = {"fast": (2, 2, 1), "balanced": (3, 3, 1), "accurate": (4, 6, 2)}
 WINDOW = (8, 512)  # px: bounds of Options.window
 METHODS = ("correlation", "optical_flow")
 
 
-def grid(length: int, spacing: float) -> np.ndarray:
+def grid(length: int, spacing: float) -> ndarray:
     """Positions `spacing` px apart, as many as fit into `length`, centred."""
     n = max(int(length // spacing), 2)
     return (length - 1 - (n - 1) * spacing) / 2 + spacing * np.arange(n)
@@ -65,7 +63,8 @@ class Options:
         most = max(self.window, Options.least_window)
         if not 8 <= self.least_window <= most:
             raise ValueError(
-                f"least_window must be between 8 and {most:g} px (window), got {self.least_window:g}"
+                f"least_window must be between 8 and {most:g} px (window), got "
+                f"{self.least_window:g}"
             )
         if not (self.spacing >= 1 and float(self.spacing).is_integer()):
             raise ValueError(
@@ -81,7 +80,7 @@ class Options:
         if not 0 <= self.max_masked < 1 or not -1 <= self.min_correlation < 1:
             raise ValueError("max_masked must be within 0 … 1 and min_correlation within -1 … 1")
 
-    def axes(self, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    def axes(self, shape: tuple[int, int]) -> tuple[ndarray, ndarray]:
         """x and y (px, y up, ascending) of the vectors of images of `shape`."""
         x, rows = (grid(length, self.spacing) for length in shape[::-1])
         return x, shape[0] - 1 - rows[::-1]

@@ -1,9 +1,10 @@
 """Displacement field of a pair of particle images; piv.sequence has multi-frame sets and ensembles.
 
-FFT passes at half resolution find the displacement to a few tenths of a pixel. Then both images are warped half-way
-towards each other along this displacement, and Newton steps on their windowed correlation, which need no FFT, find the
-residual displacement. Before the first step at full resolution the spectra of signal and noise of the warped images
-give each frequency its maximum-likelihood weight. Method and sources: docs/piv_theory.md.
+FFT passes at half resolution find the displacement to a few tenths of a pixel. Then both images are
+warped half-way towards each other along this displacement, and Newton steps on their windowed
+correlation, which need no FFT, find the residual displacement. Before the first step at full
+resolution the spectra of signal and noise of the warped images give each frequency its
+maximum-likelihood weight. Method and sources: docs/piv_theory.md.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.formats.plane_series import (
     FLAGS,
@@ -47,10 +49,12 @@ VAGUE = 1.0  # px: with a larger standard uncertainty a vector is not known at a
 def correlate_pair(a: Any, b: Any, *, mask: Any = None, **options: Any) -> xr.Dataset:
     """Displacement from image `a` to image `b`, in px, on a regular grid of vectors.
 
-    a, b: 2-D, row 0 at the top, any real dtype; mask: 2-D, true = body, one for both or (mask_a, mask_b); options:
-    see piv.correlation.options.Options. The result has coordinates x (px right of the centre of the left column), y (px up from
-    the centre of the bottom row), ascending, and u, v (px per frame interval, v positive upward; NaN where absent),
-    valid (0 also where a known vector is uncertain), flag (FLAGS), u_std, v_std (standard uncertainty), correlation. ValueError where the input cannot be used.
+    a, b: 2-D, row 0 at the top, any real dtype; mask: 2-D, true = body, one for both or (mask_a,
+    mask_b); options: see piv.correlation.options.Options. The result has coordinates x (px right of
+    the centre of the left column), y (px up from the centre of the bottom row), ascending, and u, v
+    (px per frame interval, v positive upward; NaN where absent), valid (0 also where a known vector
+    is uncertain), flag (FLAGS), u_std, v_std (standard uncertainty), correlation. ValueError where
+    the input cannot be used.
     """
     settings = Options(**options)
     if settings.method == "optical_flow":
@@ -87,13 +91,13 @@ def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
     return to_dataset(vectors, errors, nodes, keep, settings)
 
 
-def pair_maps(images: Prepared, columns, rows, shift_x, shift_y, size: int) -> np.ndarray:
+def pair_maps(images: Prepared, columns, rows, shift_x, shift_y, size: int) -> ndarray:
     """`window_maps` of a pair at half resolution."""
     half, _ = images.half
     return window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
 
 
-def pair_cells(images: Prepared, nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> np.ndarray:
+def pair_cells(images: Prepared, nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> ndarray:
     """`Nodes.moments` of a pair that is filtered by `kernel`."""
     a, b = images.images(nodes.factor)
     a.filter(kernel)
@@ -109,7 +113,7 @@ def pair_powers(
     return passes.strip_spectra(nodes, images.images(1), moves, both_seen(images.seen), kernel)
 
 
-def both_seen(seen: list[np.ndarray | None]) -> np.ndarray | None:
+def both_seen(seen: list[ndarray | None]) -> ndarray | None:
     """Pixels (bool) that no image masks; None without masks."""
     masks = [s for s in seen if s is not None]
     return np.logical_and.reduce(masks) if masks else None
@@ -117,9 +121,9 @@ def both_seen(seen: list[np.ndarray | None]) -> np.ndarray | None:
 
 @lru_cache(4)
 def nodes_of(shape: tuple[int, int], options: Options) -> tuple[Nodes, Nodes, tuple[slice, slice]]:
-    """The nodes at half and at full resolution, and the slices (rows, columns) that select the requested vectors.
+    """The nodes at half and full resolution, and the slices (rows, columns) of requested vectors.
 
-    Nodes lie at most a quarter of the window apart, because they deform the images; the requested spacing may be larger.
+    Nodes lie at most a quarter of the window apart, because they deform the images.
     All pairs of a recording share them and the weights that they hold.
     """
     k = int(np.ceil(options.spacing / max(options.window / 4, 1)))
@@ -142,14 +146,14 @@ def nodes_of(shape: tuple[int, int], options: Options) -> tuple[Nodes, Nodes, tu
 def run_passes(
     half: Nodes,
     nodes: Nodes,
-    seen: np.ndarray | None,
+    seen: ndarray | None,
     options: Options,
-    maps_of: Callable[..., np.ndarray],
-    cells_of: Callable[..., np.ndarray],
+    maps_of: Callable[..., ndarray],
+    cells_of: Callable[..., ndarray],
     spectra_of: Callable[..., tuple | None],
     reseed: Callable[[Nodes, Displacements], Displacements],
 ) -> Displacements:
-    """All passes; the callbacks hold the images. Displacements are in image axes at the `nodes`; `half`: those at half resolution."""
+    """All passes; the callbacks hold the images. Displacements at `nodes` in image axes."""
     dx, dy = passes.first_passes(maps_of, half.shape, seen, options.search, half.x, half.y)
     response = prefilter.default_response()
     kernel = prefilter.kernel(response)

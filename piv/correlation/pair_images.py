@@ -1,4 +1,4 @@
-"""Images of a pair (or more) prepared for correlation: checked, background removed, at full and half resolution."""
+"""Images of a pair or set prepared for correlation: checked, without background."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy import ndarray
 
 from piv.correlation.buffers import New, fresh
 from piv.correlation.deform import Image
@@ -17,8 +18,8 @@ SMALLEST = 32  # px: fewer do not hold two windows
 FLAT = ((48, 48), (96, 24), (24, 96))
 
 
-def check_images(images: list[Any], window: float) -> list[np.ndarray]:
-    """The images as 2-D arrays; ValueError with one sentence where they are not images to correlate."""
+def check_images(images: list[Any], window: float) -> list[ndarray]:
+    """The images as 2-D arrays; ValueError where they cannot be correlated."""
     arrays = [np.asarray(i) for i in images]
     for a in arrays:
         if a.ndim != 2:
@@ -31,20 +32,21 @@ def check_images(images: list[Any], window: float) -> list[np.ndarray]:
             raise ValueError(f"images must be of one shape, got {arrays[0].shape} and {a.shape}")
     if min(arrays[0].shape) < max(SMALLEST, window):
         raise ValueError(
-            f"images of {arrays[0].shape[1]}x{arrays[0].shape[0]} px are too small for a window of {window:g} px; "
+            f"images of {arrays[0].shape[1]}x{arrays[0].shape[0]} px are too small for a window of "
+            f"{window:g} px; "
             f"at least {int(np.ceil(max(SMALLEST, window)))} px each way are needed"
         )
     return arrays
 
 
-def check_masks(mask: Any, count: int, shape: tuple[int, int]) -> list[np.ndarray | None]:
+def check_masks(mask: Any, count: int, shape: tuple[int, int]) -> list[ndarray | None]:
     """One mask (True = body) or None per image from None, one array for all, or one per image."""
     if mask is None:
         return [None] * count
     masks = list(mask) if isinstance(mask, tuple | list) else [mask] * count
     if len(masks) != count:
         raise ValueError(f"give one mask, or one per image: got {len(masks)} for {count} images")
-    out: list[np.ndarray | None] = []
+    out: list[ndarray | None] = []
     for m in masks:
         if m is not None:
             m = np.asarray(m)
@@ -55,8 +57,8 @@ def check_masks(mask: Any, count: int, shape: tuple[int, int]) -> list[np.ndarra
     return out
 
 
-def flat_areas(image: np.ndarray) -> np.ndarray | None:
-    """Pixels (bool) in rectangles of FLAT of one grey level: painted over or padded. None where there are none, or nothing else."""
+def flat_areas(image: ndarray) -> ndarray | None:
+    """Pixels (bool) in rectangles of FLAT of one grey level, painted over or padded, or None."""
     apart = 8
     samples = np.ascontiguousarray(image[::apart, ::apart])
     if samples.dtype.name not in ("uint8", "uint16", "float32"):
@@ -71,7 +73,7 @@ def flat_areas(image: np.ndarray) -> np.ndarray | None:
     return flat if flat.any() and not flat.all() else None
 
 
-def _constant(image: np.ndarray, box: np.ndarray) -> np.ndarray:
+def _constant(image: ndarray, box: ndarray) -> ndarray:
     return cv2.dilate(image, box) == cv2.erode(image, box)
 
 
@@ -97,7 +99,8 @@ class Prepared:
                 bad = ~finite if seen is None else ~finite & seen
                 if bad.any():
                     raise ValueError(
-                        f"image {k + 1} holds {int(bad.sum())} pixels that are not finite; mask them"
+                        f"image {k + 1} holds {int(bad.sum())} pixels that are not finite; mask "
+                        "them"
                     )
                 image = np.where(finite, image, 0)
             levels.append(cv2.norm(image, cv2.NORM_INF))
@@ -107,7 +110,8 @@ class Prepared:
             seen = self.seen[k]
             if (seen is None or seen.any()) and not cv2.norm(p, cv2.NORM_INF) > 1e-6 * levels[k]:
                 raise ValueError(
-                    f"image {k + 1} is of one grey level where it is not masked; give a picture with particles, "
+                    f"image {k + 1} is of one grey level where it is not masked; give a picture "
+                    "with particles, "
                     "or a mask that leaves them"
                 )
         self.pixels = [
@@ -116,11 +120,11 @@ class Prepared:
         self._images: dict[int, list[Image]] = {}
 
     @cached_property
-    def half(self) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
+    def half(self) -> tuple[list[ndarray], list[ndarray | None]]:
         """Pixels and maps of unmasked pixels at half resolution."""
         rows, columns = self.shape[0] // 2, self.shape[1] // 2
 
-        def coarser(field: np.ndarray) -> np.ndarray:
+        def coarser(field: ndarray) -> ndarray:
             return cv2.resize(
                 field[: 2 * rows, : 2 * columns], (columns, rows), interpolation=cv2.INTER_AREA
             )

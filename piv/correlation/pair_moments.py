@@ -1,15 +1,17 @@
 """Products of two images warped half-way towards each other, computed a few rows at a time.
 
-The displacement of a row, both warped images there and the products of four rows stay in a core's cache. The images
-move by equal and opposite displacements, so that one has the sampling weights of the other in reverse order.
+The displacement of a row, both warped images there and the products of four rows stay in a core's
+cache. The images move by equal and opposite displacements, so that one has the sampling weights of
+the other in reverse order.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numpy import float32
 
-from piv.correlation.interpolate import LANES, PAD, run_end, snapped, spline_row, taps
+from piv.compiled import compiled, fast
+from piv.correlation.interpolate import LANES, PAD, row_sample, run_end, snapped, spline_row, taps
 from piv.correlation.newton_step import BLOCK, CELL, MOMENTS, cell_row
 
 ROWS = 8  # held of the warped images: those of a row of cells and two on either side
@@ -17,9 +19,9 @@ SHORT = 6  # px: of shorter runs each pixel is sampled by itself, as a run costs
 MARGIN = PAD - 3  # px: farther outside the image no sample is taken
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _split(w, x0, x1, x2, x3, y0, y1, y2, y3, reach_x, reach_y, stride, offset, frac_x, frac_y):
-    """Whole-pixel offset (in a flat image) and fractions of a row's displacement, a B-spline of four rows with weights `w`."""
+    """Whole-pixel offset in a flat image and fractions of a row's displacement, a B-spline."""
     w0, w1, w2, w3 = w[0], w[1], w[2], w[3]
     for i in range(reach_x.size):
         x = w0 * x0[i] + w1 * x1[i] + w2 * x2[i] + w3 * x3[i]
@@ -32,97 +34,48 @@ def _split(w, x0, x1, x2, x3, y0, y1, y2, y3, reach_x, reach_y, stride, offset, 
         offset[i] = np.int32(whole_y) * stride + np.int32(whole_x)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _sample_run(a, p, b, q, stride, frac_x, frac_y, c, n, out_a, out_b):
-    """Samples of both images (flat) at the n pixels from `c` on, which have one offset; p, q: the first ones' upper left neighbours.
+    """Samples of both flat images at n pixels of one offset from `c` on; p, q: upper left ones.
 
-    Indices are unsigned: signed ones would be tested for being negative, and slices cost as much as ten pixels.
+    Unsigned indices are not tested for being negative; slices would cost as much as ten pixels.
     """
     p0, p1 = p, p + stride
     p2, p3 = p1 + stride, p1 + stride + stride
     q0, q1 = q, q + stride
     q2, q3 = q1 + stride, q1 + stride + stride
-    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
     for j in range(n):
         i = np.uint64(j)
         x0, x1, x2, x3 = taps(frac_x[c + i])
         y0, y1, y2, y3 = taps(frac_y[c + i])
         out_a[c + i] = (
-            y0
-            * (
-                x0 * a[p0 + i]
-                + x1 * a[p0 + i + one]
-                + x2 * a[p0 + i + two]
-                + x3 * a[p0 + i + three]
-            )
-            + y1
-            * (
-                x0 * a[p1 + i]
-                + x1 * a[p1 + i + one]
-                + x2 * a[p1 + i + two]
-                + x3 * a[p1 + i + three]
-            )
-            + y2
-            * (
-                x0 * a[p2 + i]
-                + x1 * a[p2 + i + one]
-                + x2 * a[p2 + i + two]
-                + x3 * a[p2 + i + three]
-            )
-            + y3
-            * (
-                x0 * a[p3 + i]
-                + x1 * a[p3 + i + one]
-                + x2 * a[p3 + i + two]
-                + x3 * a[p3 + i + three]
-            )
+            y0 * row_sample(a, p0 + i, x0, x1, x2, x3)
+            + y1 * row_sample(a, p1 + i, x0, x1, x2, x3)
+            + y2 * row_sample(a, p2 + i, x0, x1, x2, x3)
+            + y3 * row_sample(a, p3 + i, x0, x1, x2, x3)
         )
         out_b[c + i] = (
-            y3
-            * (
-                x3 * b[q0 + i]
-                + x2 * b[q0 + i + one]
-                + x1 * b[q0 + i + two]
-                + x0 * b[q0 + i + three]
-            )
-            + y2
-            * (
-                x3 * b[q1 + i]
-                + x2 * b[q1 + i + one]
-                + x1 * b[q1 + i + two]
-                + x0 * b[q1 + i + three]
-            )
-            + y1
-            * (
-                x3 * b[q2 + i]
-                + x2 * b[q2 + i + one]
-                + x1 * b[q2 + i + two]
-                + x0 * b[q2 + i + three]
-            )
-            + y0
-            * (
-                x3 * b[q3 + i]
-                + x2 * b[q3 + i + one]
-                + x1 * b[q3 + i + two]
-                + x0 * b[q3 + i + three]
-            )
+            y3 * row_sample(b, q0 + i, x3, x2, x1, x0)
+            + y2 * row_sample(b, q1 + i, x3, x2, x1, x0)
+            + y1 * row_sample(b, q2 + i, x3, x2, x1, x0)
+            + y0 * row_sample(b, q3 + i, x3, x2, x1, x0)
         )
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _weigh(usable_a, p, usable_b, q, c, n, weight):
     """Whether both samples of such a run may be used, as 1 or 0."""
     for j in range(n):
         i = np.uint64(j)
-        weight[c + i] = np.float32(usable_a[p + i] & usable_b[q + i])
+        weight[c + i] = float32(usable_a[p + i] & usable_b[q + i])
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _sample_each(
     a, b, usable_a, usable_b, first, stride, offset, frac_x, frac_y, c, end, out_a, out_b, weight
 ):
-    """Samples of both images (flat) and their weight at the pixels `c` to `end`, each of which has its own offset."""
-    one, two, three, s = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(stride)
+    """Samples of both flat images and their weight at the pixels `c` to `end`, one by one."""
+    s, one, two = np.uint64(stride), np.uint64(1), np.uint64(2)
     for i in range(c, end):
         x0, x1, x2, x3 = taps(frac_x[i])
         y0, y1, y2, y3 = taps(frac_y[i])
@@ -135,25 +88,25 @@ def _sample_each(
         q2 = q1 + s
         q3 = q2 + s
         out_a[i] = (
-            y0 * (x0 * a[p0] + x1 * a[p0 + one] + x2 * a[p0 + two] + x3 * a[p0 + three])
-            + y1 * (x0 * a[p1] + x1 * a[p1 + one] + x2 * a[p1 + two] + x3 * a[p1 + three])
-            + y2 * (x0 * a[p2] + x1 * a[p2 + one] + x2 * a[p2 + two] + x3 * a[p2 + three])
-            + y3 * (x0 * a[p3] + x1 * a[p3 + one] + x2 * a[p3 + two] + x3 * a[p3 + three])
+            y0 * row_sample(a, p0, x0, x1, x2, x3)
+            + y1 * row_sample(a, p1, x0, x1, x2, x3)
+            + y2 * row_sample(a, p2, x0, x1, x2, x3)
+            + y3 * row_sample(a, p3, x0, x1, x2, x3)
         )
         out_b[i] = (
-            y3 * (x3 * b[q0] + x2 * b[q0 + one] + x1 * b[q0 + two] + x0 * b[q0 + three])
-            + y2 * (x3 * b[q1] + x2 * b[q1 + one] + x1 * b[q1 + two] + x0 * b[q1 + three])
-            + y1 * (x3 * b[q2] + x2 * b[q2 + one] + x1 * b[q2 + two] + x0 * b[q2 + three])
-            + y0 * (x3 * b[q3] + x2 * b[q3 + one] + x1 * b[q3 + two] + x0 * b[q3 + three])
+            y3 * row_sample(b, q0, x3, x2, x1, x0)
+            + y2 * row_sample(b, q1, x3, x2, x1, x0)
+            + y1 * row_sample(b, q2, x3, x2, x1, x0)
+            + y0 * row_sample(b, q3, x3, x2, x1, x0)
         )
-        weight[i] = np.float32(usable_a[p1 + one] & usable_b[q2 + two])
+        weight[i] = float32(usable_a[p1 + one] & usable_b[q2 + two])
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _warp_row(
     first, stride, a, b, usable_a, usable_b, offset, frac_x, frac_y, out_a, out_b, weight
 ):
-    """Both images (flat) along one row, whose first pixel is the `first`-th; the outputs are LANES longer than the row."""
+    """Both flat images along a row from pixel `first` on; outputs are LANES longer than the row."""
     c = 0
     while c < offset.size:
         end = run_end(offset, c)
@@ -184,15 +137,15 @@ def _warp_row(
         _sample_run(
             a, np.uint64(p), b, np.uint64(q), np.uint64(stride), frac_x, frac_y, at, n, out_a, out_b
         )
-        # the second image moves the other way, so its pixel is the next one: both are the same where nothing moves
+        # the second image moves the other way, so its pixel is the next one
         p, q = p + stride + 1, q + 2 * stride + 2
         _weigh(usable_a, np.uint64(p), usable_b, np.uint64(q), at, n, weight)
         c = end
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _runs(row, out):
-    """Number of the runs of what is not zero; out[k]: the k-th one's first and the one past its last."""
+    """Number of runs of non-zero values; out[k]: first of run k, and one past its last."""
     count = 0
     for i in range(row.size):
         if row[i] and (i == 0 or not row[i - 1]):
@@ -203,7 +156,7 @@ def _runs(row, out):
     return count
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def pair_moments(
     a,
     usable_a,
@@ -219,11 +172,12 @@ def pair_moments(
     around,
     out,
 ):
-    """Products of image `a` moved by the B-spline of the knots and `b` moved against it: see newton_step.cell_moments.
+    """Products (newton_step.cell_moments) of `a` moved by the knots' B-spline and `b` against it.
 
     a, b: images padded by PAD px, float32; usable: the same shape, uint8, 0 where masked; knots
-    (ny+4, nx+4) with the tables of interpolate.bspline_table for every row and column; wanted: cells (uint8) to
-    measure, around: these and those next to them; out: (MOMENTS, cells), not written where not wanted.
+    (ny+4, nx+4) with the tables of interpolate.bspline_table for every row and column; wanted:
+    cells (uint8) to measure, around: these and those next to them; out: (MOMENTS, cells), not
+    written where not wanted.
     """
     stride = a.shape[1]
     rows, columns = a.shape[0] - 2 * PAD, stride - 2 * PAD
@@ -231,17 +185,17 @@ def pair_moments(
     flat_usable_a, flat_usable_b = usable_a.reshape(-1), usable_b.reshape(-1)
     # rows outside the image are never written: they must be finite, as their weight is zero
     wide = (ROWS, columns + LANES)
-    warped_a, warped_b = np.zeros(wide, np.float32), np.zeros(wide, np.float32)
-    weight = np.zeros(wide, np.float32)
-    along_x, along_y = np.empty((4, columns), np.float32), np.empty((4, columns), np.float32)
-    frac_x, frac_y = np.zeros(columns + LANES, np.float32), np.zeros(columns + LANES, np.float32)
+    warped_a, warped_b = np.zeros(wide, float32), np.zeros(wide, float32)
+    weight = np.zeros(wide, float32)
+    along_x, along_y = np.empty((4, columns), float32), np.empty((4, columns), float32)
+    frac_x, frac_y = np.zeros(columns + LANES, float32), np.zeros(columns + LANES, float32)
     offset = np.empty(columns, np.int32)
-    reach_x = np.empty(columns, np.float32)
+    reach_x = np.empty(columns, float32)
     for i in range(columns):
         reach_x[i] = min(i, columns - 1 - i) + MARGIN
-    sums = np.empty(MOMENTS * BLOCK, np.float32)
+    sums = np.empty(MOMENTS * BLOCK, float32)
     held = np.empty(ROWS, np.int64)
-    w = np.empty(4, np.float32)
+    w = np.empty(4, float32)
     knot, done = first_y[0], 0
     runs = np.empty((out.shape[2] // 2 + 1, 2), np.int64)
     for j in range(out.shape[1]):
@@ -254,7 +208,7 @@ def pair_moments(
             k = first_y[r]
             k0, k1, k2, k3 = k % 4, (k + 1) % 4, (k + 2) % 4, (k + 3) % 4
             w[:] = weights_y[:, r]
-            reach_y = np.float32(min(r, rows - 1 - r) + MARGIN)
+            reach_y = float32(min(r, rows - 1 - r) + MARGIN)
             for run in range(count):
                 first, last = CELL * runs[run, 0], CELL * runs[run, 1]
                 last = columns if last > columns - CELL else last
@@ -266,7 +220,8 @@ def pair_moments(
                 )  # fmt: skip
                 s = slice(first, last + LANES)
                 _warp_row(
-                    (r + PAD) * stride + PAD + first, stride, flat_a, flat_b, flat_usable_a, flat_usable_b,
+                    (r + PAD) * stride + PAD + first, stride,
+                    flat_a, flat_b, flat_usable_a, flat_usable_b,
                     offset[first:last], frac_x[s], frac_y[s],
                     warped_a[r % ROWS, s], warped_b[r % ROWS, s], weight[r % ROWS, s],
                 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Passes of the correlation: FFT at half resolution, then Newton steps at half and at full resolution."""
+"""Passes of the correlation: FFT at half resolution, then Newton steps at half and full."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import ClassVar
 import cv2
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.formats.plane_series import provenance
 from piv.correlation import fft_pass, prefilter
@@ -26,38 +27,36 @@ RESEED = 32  # px: side of the windows in which outliers are searched again
 
 @dataclass(frozen=True, eq=False)
 class Displacements:
-    """Displacements at the nodes (px, image axes), their tests, and the sums they were solved from."""
+    """Displacements at the nodes (px, image axes), their tests and the sums they come from."""
 
-    dx: np.ndarray
-    dy: np.ndarray
-    known: np.ndarray  # bool: passed every test
-    masked: np.ndarray  # bool: too little of the window could be used
-    second: np.ndarray  # bool: taken from the second correlation peak
-    correlation: np.ndarray
-    step_x: np.ndarray
-    step_y: np.ndarray
-    cells: np.ndarray
-    sums: np.ndarray
-    visible: np.ndarray  # share of the window's weight that could be used
+    dx: ndarray
+    dy: ndarray
+    known: ndarray  # bool: passed every test
+    masked: ndarray  # bool: too little of the window could be used
+    second: ndarray  # bool: taken from the second correlation peak
+    correlation: ndarray
+    step_x: ndarray
+    step_y: ndarray
+    cells: ndarray
+    sums: ndarray
+    visible: ndarray  # share of the window's weight that could be used
     # variance of noise in 3 x 3 cells over nine times that of one (prefilter.cell_noise)
     cell_noise: float = 1.15
-    ratio: np.ndarray | None = (
+    ratio: ndarray | None = (
         None  # side of the window over the largest (piv.correlation.adaptive_windows)
     )
-    steep: np.ndarray | None = None  # bool: measured by piv.correlation.steep_regions
+    steep: ndarray | None = None  # bool: measured by piv.correlation.steep_regions
 
     TESTED: ClassVar = ("dx", "dy", "known", "correlation", "step_x", "step_y", "visible")
 
     @property
-    def near(self) -> np.ndarray | None:
+    def near(self) -> ndarray | None:
         """Vectors (bool) of small windows, to be tested against the nearest neighbours only."""
         return None if self.ratio is None else self.ratio < NEAR
 
 
-def vector_dataset(
-    fields: dict[str, np.ndarray], x, y, height: int, options: Options
-) -> xr.Dataset:
-    """Fields at columns `x` and rows `y` (px) of images `height` px high as a dataset with y upward."""
+def vector_dataset(fields: dict[str, ndarray], x, y, height: int, options: Options) -> xr.Dataset:
+    """Fields at columns `x`, rows `y` (px) of images `height` px high, as a dataset with y up."""
     fields = fields | {n: fields[n].astype(np.uint8) for n in ("valid", "flag")}
     units = {"valid": "1", "flag": "1", "correlation": "1"}
     return xr.Dataset(
@@ -70,24 +69,19 @@ def vector_dataset(
     )
 
 
-def resample(x, y, field: np.ndarray, new_x, new_y) -> np.ndarray:
+def _resample(x, y, field: ndarray, new_x, new_y) -> ndarray:
     """Bilinear values of a grid at new coordinates, held constant outside."""
     i, j = (np.interp(new, old, np.arange(old.size)) for new, old in ((new_x, x), (new_y, y)))
     return bilinear(field, i, j)
 
 
 def first_passes(
-    maps_of: Callable[..., np.ndarray],
-    shape: tuple[int, int],
-    seen: np.ndarray | None,
-    search: int,
-    x,
-    y,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement (full px) at the nodes (x, y) from FFT passes on half-resolution images of `shape`.
+    maps_of: Callable[..., ndarray], shape: tuple[int, int], seen: ndarray | None, search: int, x, y
+) -> tuple[ndarray, ndarray]:
+    """Displacement (full px) at the nodes (x, y) from FFT passes on half-resolution images.
 
-    maps_of(columns, rows, shift_x, shift_y, size): correlation maps of windows; seen: unmasked pixels (half
-    resolution).
+    maps_of(columns, rows, shift_x, shift_y, size): correlation maps of windows; seen: unmasked
+    pixels (half resolution).
     """
     largest = min(max(search // 2, 16), *shape)
     sizes = sorted(
@@ -104,7 +98,7 @@ def first_passes(
             shift_x = shift_y = np.zeros(columns.size, np.int64)
         else:
             shift_x, shift_y = (
-                np.rint(resample(gx, gy, d, cx, cy)).astype(np.int64).ravel() for d in (dx, dy)
+                np.rint(_resample(gx, gy, d, cx, cy)).astype(np.int64).ravel() for d in (dx, dy)
             )
         reach = size // 4 if dx.size else 3 * size // 8
         maps = maps_of(columns, rows, shift_x, shift_y, size)
@@ -124,21 +118,21 @@ def first_passes(
         dx, dy = fill_absent(dx, dy, usable & ~(residual > 3))
         gx, gy = cx, cy
     at = 2 * gx + 0.5, 2 * gy + 0.5
-    return 2 * resample(*at, dx, x, y), 2 * resample(*at, dy, x, y)
+    return 2 * _resample(*at, dx, x, y), 2 * _resample(*at, dy, x, y)
 
 
 # dx, dy at the nodes and the share of them by which an image is warped
-Move = tuple[np.ndarray, np.ndarray, float]
+_Move = tuple[ndarray, ndarray, float]
 
 
 def strip_spectra(
     nodes: Nodes,
     images: list[Image],
-    moves: list[Move],
-    seen: np.ndarray | None,
+    moves: list[_Move],
+    seen: ndarray | None,
     kernel: prefilter.Kernel,
 ) -> list[prefilter.Powers]:
-    """Cross and difference power of strips of two images, filtered by `kernel` and each warped by its move.
+    """Cross and difference power of strips of two images, filtered and warped by their moves.
 
     Strips are enough for the spectra and cost a seventh of a pass over the whole image.
     """
@@ -159,15 +153,15 @@ def strip_spectra(
 
 def measure(
     nodes: Nodes,
-    cells: np.ndarray,
+    cells: ndarray,
     window_sums: tuple,
     dx,
     dy,
     options: Options,
     epsilon: float,
-    near: np.ndarray | None = None,
+    near: ndarray | None = None,
 ) -> Displacements:
-    """One Newton step from the predictor (dx, dy), by which the images of `cells` were warped, and the tests of its result.
+    """One Newton step from the predictor (dx, dy), and the tests of its result.
 
     window_sums: of the cells, and of the weights of whole windows; near: as of `deviates`.
     """
@@ -186,15 +180,16 @@ def measure(
 
 
 def deviates(
-    dx, dy, usable: np.ndarray, epsilon: float, options: Options, near: np.ndarray | None
-) -> np.ndarray:
-    """Vectors (bool) that fail the normalised median test; usable: vectors that may serve as neighbours.
+    dx, dy, usable: ndarray, epsilon: float, options: Options, near: ndarray | None
+) -> ndarray:
+    """Vectors (bool) that fail the normalised median test; usable: possible neighbours.
 
-    5 x 5 neighbours; of vectors (bool) marked `near` 3 x 3, since farther neighbours may lie in the next wave.
+    5 x 5 neighbours; of vectors (bool) marked `near` 3 x 3, since farther neighbours may lie in the
+    next wave.
     """
     threshold = options.threshold
 
-    def failed(radius: int) -> np.ndarray:
+    def failed(radius: int) -> ndarray:
         test = normalised_median(
             dx, dy, usable, epsilon=epsilon, radius=radius, threshold=threshold
         )
@@ -206,9 +201,9 @@ def deviates(
 
 
 def reseed(
-    nodes: Nodes, pixels: list[np.ndarray], vectors: Displacements, options: Options
+    nodes: Nodes, pixels: list[ndarray], vectors: Displacements, options: Options
 ) -> Displacements:
-    """Outliers searched again near their neighbours' displacement, at the first and the second correlation peak."""
+    """Outliers searched again near their neighbours' displacement, at two correlation peaks."""
     lost = ~vectors.known & ~vectors.masked
     dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
     second = np.zeros(lost.shape, bool)

@@ -1,4 +1,4 @@
-"""Image filters ahead of the correlation: background removal and the weight of each spatial frequency."""
+"""Image filters ahead of the correlation: background removal and frequency weights."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 import scipy.fft
+from numpy import float32, ndarray
 from scipy.optimize import nnls
 
 from piv.correlation.buffers import New, fresh
@@ -16,13 +17,14 @@ TILE = 64  # px: side of the tiles whose spectra are averaged
 TILES = 50  # so many of them: a radial bin is then known to some per cent
 TAPS = 17  # px: length of the filter kernels
 BOX = 7  # px at half resolution: of the local mean
-# penalty on frequencies to which sampling has folded power, over the signal's: times the squares of the folded share there
-# and at 0.25 cycles/px. Set so that the bias of particles of 1.2 and 1.6 px halves and that of 2.5 px stays; no theory gives it
+# penalty on frequencies to which sampling has folded power, over the signal's: times the squares of
+# the folded share there and at 0.25 cycles/px. Set so that the bias of particles of 1.2 and 1.6 px
+# halves and that of 2.5 px stays; no theory gives it
 FOLDED = 2500.0
 LOWPASS = 0.35  # px: of the Gaussian before the spectra are measured
 
 
-def remove_background(image: np.ndarray, seen: np.ndarray | None, new: New = fresh) -> np.ndarray:
+def remove_background(image: ndarray, seen: ndarray | None, new: New = fresh) -> ndarray:
     """Image (float32) minus its local mean (a triangle of 4·BOX px), zero where `seen` is False.
 
     Only seen pixels enter the local mean, which is smooth enough to be taken at half resolution.
@@ -33,7 +35,7 @@ def remove_background(image: np.ndarray, seen: np.ndarray | None, new: New = fre
         coarse = cv2.resize(field, (shape[0] // 2, shape[1] // 2), interpolation=cv2.INTER_AREA)
         return cv2.blur(cv2.blur(coarse, (BOX, BOX)), (BOX, BOX))
 
-    weight = None if seen is None else seen.astype(np.float32)
+    weight = None if seen is None else seen.astype(float32)
     mean = blur(image) if weight is None else blur(image * weight) / np.maximum(blur(weight), 1e-6)
     out = cv2.resize(mean, shape, dst=new(*image.shape), interpolation=cv2.INTER_LINEAR)
     np.subtract(image, out, out=out)
@@ -42,19 +44,19 @@ def remove_background(image: np.ndarray, seen: np.ndarray | None, new: New = fre
     return out
 
 
-def default_response() -> np.ndarray:
+def default_response() -> ndarray:
     """Amplitude response, on the rfft2 frequencies of a tile, before the spectra are measured."""
-    return np.exp(-2 * (np.pi * LOWPASS * radial_frequency()) ** 2)
+    return np.exp(-2 * (np.pi * LOWPASS * _radial_frequency()) ** 2)
 
 
-Kernel = tuple[np.ndarray, np.ndarray]  # along rows, along columns
+Kernel = tuple[ndarray, ndarray]  # along rows, along columns
 
 
-def kernel(response: np.ndarray) -> Kernel:
+def kernel(response: ndarray) -> Kernel:
     """Filter by `response` that also prepares an image for sampling (piv.correlation.interpolate).
 
-    response: amplitude on the rfft2 frequencies of a TILE × TILE field. Any error of the filter is the same for
-    both images and moves no vector, so the nearest separable kernel will do.
+    response: amplitude on the rfft2 frequencies of a TILE × TILE field. Any error of the filter is
+    the same for both images and moves no vector, so the nearest separable kernel will do.
     """
     one = 1 / kernel_response(np.abs(np.fft.fftfreq(TILE)))
     full = response * _taper() * one[:, None] * one[None, : TILE // 2 + 1]
@@ -62,10 +64,10 @@ def kernel(response: np.ndarray) -> Kernel:
     middle = slice(TILE // 2 - TAPS // 2, TILE // 2 + TAPS // 2 + 1)
     columns, weights, rows = np.linalg.svd(taps[middle, middle])
     root = np.sqrt(weights[0])
-    return (rows[0] * root).astype(np.float32), (columns[:, 0] * root).astype(np.float32)
+    return (rows[0] * root).astype(float32), (columns[:, 0] * root).astype(float32)
 
 
-def apply(image: np.ndarray, separable: Kernel, out: np.ndarray | None = None) -> np.ndarray:
+def apply(image: ndarray, separable: Kernel, out: ndarray | None = None) -> ndarray:
     """The image filtered, float32, in `out` if given; mirrored at its edges."""
     return cv2.sepFilter2D(
         image, cv2.CV_32F, *separable, dst=out, borderType=cv2.BORDER_REFLECT_101
@@ -73,13 +75,13 @@ def apply(image: np.ndarray, separable: Kernel, out: np.ndarray | None = None) -
 
 
 @lru_cache
-def radial_frequency() -> np.ndarray:
+def _radial_frequency() -> ndarray:
     """|f| (cycles/px) on the rfft2 frequencies of a tile."""
     return np.hypot(np.fft.fftfreq(TILE)[:, None], np.fft.rfftfreq(TILE)[None, :])
 
 
-def tile_rows(rows: int, columns: int, seen: np.ndarray | None) -> np.ndarray:
-    """First rows of strips of tiles, spread over the image, that hold about TILES tiles free of masked pixels."""
+def tile_rows(rows: int, columns: int, seen: ndarray | None) -> ndarray:
+    """First rows of strips, spread over the image, with about TILES tiles free of masked pixels."""
     first = np.arange(0, rows - TILE + 1, TILE)
     whole = np.full(first.size, columns // TILE)
     if seen is not None:
@@ -93,16 +95,16 @@ def tile_rows(rows: int, columns: int, seen: np.ndarray | None) -> np.ndarray:
 
 
 # sums over tiles of the cross power and of half the power of the difference
-Powers = tuple[np.ndarray, np.ndarray]
+Powers = tuple[ndarray, ndarray]
 
 
-def strip_powers(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> Powers | None:
-    """Powers of the unmasked tiles of two aligned strips (TILE, columns); None where every tile has a masked pixel."""
+def strip_powers(a: ndarray, b: ndarray, weight: ndarray) -> Powers | None:
+    """Powers of the unmasked tiles of two aligned strips (TILE, columns); None without any."""
     across = a.shape[1] // TILE * TILE
     whole = (weight[:, :across].min(axis=0) > 0).reshape(-1, TILE).all(axis=1)
     if not whole.any():
         return None
-    taper = np.hanning(TILE + 2)[1:-1].astype(np.float32)
+    taper = np.hanning(TILE + 2)[1:-1].astype(float32)
     taper = taper[:, None] * taper[None, :]
     tiles = (i[:, :across].reshape(TILE, -1, TILE).swapaxes(0, 1)[whole] for i in (a, b))
     fa, fb = (scipy.fft.rfft2(t * taper) for t in tiles)
@@ -117,7 +119,7 @@ def radial_spectra(powers: list[Powers]):
     """Radial spectra (frequency, signal, noise) of two aligned images; None without powers."""
     if not powers:
         return None
-    bins = np.rint(radial_frequency() * TILE).astype(int).ravel()
+    bins = np.rint(_radial_frequency() * TILE).astype(int).ravel()
     count = np.bincount(bins)
     signal, noise = (
         np.bincount(bins, np.sum([p[k] for p in powers], axis=0).ravel()) / count for k in (0, 1)
@@ -125,51 +127,54 @@ def radial_spectra(powers: list[Powers]):
     return np.arange(count.size) / TILE, signal, noise
 
 
-def undo(response: np.ndarray, spectra: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Spectra (frequency, signal, noise) of images before they were filtered by `response`, below 0.5 cycles/px."""
+def undo(response: ndarray, spectra: tuple) -> tuple[ndarray, ndarray, ndarray]:
+    """Spectra (frequency, signal, noise) of images before the filter `response`."""
     frequency, signal, noise = spectra
     below = frequency < 0.5
-    along = np.interp(frequency, radial_frequency()[0], response[0]) ** 2
+    along = np.interp(frequency, _radial_frequency()[0], response[0]) ** 2
     return frequency[below], (signal / along)[below], (noise / along)[below]
 
 
-def optimal_response(frequency: np.ndarray, signal: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Amplitude response, on the rfft2 frequencies of a tile, that gives the displacement the least variance.
+def optimal_response(frequency: ndarray, signal: ndarray, noise: ndarray) -> ndarray:
+    """Amplitude response on a tile's rfft2 frequencies that gives the least variance.
 
-    The correlation's power weight S/(2SN + N²) is that of the maximum-likelihood delay estimator (Hannan &
-    Thomson 1973; Knapp & Carter 1976): white noise leaves it flat until the signal drowns, particles without a
-    partner (N ∝ S) make it whiten the spectrum. What sampling has folded back biases all cells of a window alike and is
-    no noise: FOLDED is a penalty on it. Each image gets the square root.
+    The correlation's power weight S/(2SN + N²) is that of the maximum-likelihood delay estimator
+    (Hannan & Thomson 1973; Knapp & Carter 1976): white noise leaves it flat until the signal
+    drowns, particles without a partner (N ∝ S) make it whiten the spectrum. What sampling has
+    folded back biases all cells of a window alike and is no noise: FOLDED is a penalty on it. Each
+    image gets the square root.
     """
     signal, noise = _aligned(frequency, signal, noise)
-    folded = folded_share(frequency, signal)
+    folded = _folded_share(frequency, signal)
     noise = noise + FOLDED * (np.interp(0.25, frequency, folded) * folded) ** 2 * signal
     response = np.sqrt(signal / (2 * signal * noise + noise**2))
-    response = np.interp(radial_frequency(), frequency[1:], response[1:])
+    response = np.interp(_radial_frequency(), frequency[1:], response[1:])
     return response / response.max()
 
 
-def folded_share(frequency: np.ndarray, signal: np.ndarray) -> np.ndarray:
+def _folded_share(frequency: ndarray, signal: ndarray) -> ndarray:
     """Power that sampling has folded back to each frequency, over that which belongs there.
 
-    The spectrum of particle images is taken for Gaussian; its width is fitted where hardly any power is folded.
+    The spectrum of particle images is taken for Gaussian; its width is fitted where hardly any
+    power is folded.
     """
     fit = (frequency > 0.06) & (frequency < 0.2)
     slope = -np.polyfit(frequency[fit] ** 2, np.log(signal[fit]), 1)[0]
     return np.exp(-max(slope, 0.0) * (1 - 2 * frequency))
 
 
-def cell_noise(spectra: tuple, response: np.ndarray, cell: int) -> float:
-    """Variance of the sum over 3 x 3 cells of the noise in the correlation's gradient, over nine times that of one cell.
+def cell_noise(spectra: tuple, response: ndarray, cell: int) -> float:
+    """Noise variance of the gradient's sum over 3 x 3 cells, over nine times that of one cell.
 
-    spectra: (frequency, signal, noise) of the images before they are filtered by `response`; cell: side, px. Along x,
-    g = (s ∂n - n ∂s)/2 for the signal s and the noise n of the difference, and the product of both images' own noise.
+    spectra: (frequency, signal, noise) of the images before they are filtered by `response`; cell:
+    side, px. Along x, g = (s ∂n - n ∂s)/2 for the signal s and the noise n of the difference, and
+    the product of both images' own noise.
     """
     frequency, signal, noise = spectra
     power = (response * _taper()) ** 2
     power[0, 0] = 0
     parts = [
-        np.interp(radial_frequency(), frequency, p) * power
+        np.interp(_radial_frequency(), frequency, p) * power
         for p in _aligned(frequency, signal, noise)
     ]
     along = 2j * np.pi * np.fft.rfftfreq(TILE)[None, :]
@@ -185,14 +190,14 @@ def cell_noise(spectra: tuple, response: np.ndarray, cell: int) -> float:
 
 
 @lru_cache
-def _taper() -> np.ndarray:
-    """Response that takes off frequencies next to the sampling limit, which cannot be interpolated."""
+def _taper() -> ndarray:
+    """Taper of the frequencies next to the sampling limit, which cannot be interpolated."""
     one = np.cos(np.clip((np.abs(np.fft.fftfreq(TILE)) - 0.36) / 0.14, 0, 1) * np.pi / 2) ** 2
     return one[:, None] * one[None, : TILE // 2 + 1]
 
 
-def _aligned(frequency, signal, noise) -> tuple[np.ndarray, np.ndarray]:
-    """Signal and noise spectra, positive, without what misalignment of the images adds to the noise."""
+def _aligned(frequency, signal, noise) -> tuple[ndarray, ndarray]:
+    """Signal and noise spectra, positive; the noise without the share of misalignment."""
     signal = np.maximum(signal, 1e-3 * np.maximum(noise, 1e-12 * signal.max()))
     return signal, _without_misalignment(frequency, signal, np.maximum(noise, 1e-5 * signal))
 

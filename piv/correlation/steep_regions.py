@@ -1,8 +1,9 @@
 """Regions of steep displacement gradients, measured again from their edge inwards.
 
-Above half a pixel per pixel of gradient the windows of the first passes do not correlate, and Newton steps have no
-start. The displacement around such a region, extrapolated linearly, warps the images well enough for Newton steps one
-node farther in, and so on to the middle of the region or the wall of a body.
+Above half a pixel per pixel of gradient the windows of the first passes do not correlate, and
+Newton steps have no start. The displacement around such a region, extrapolated linearly, warps the
+images well enough for Newton steps one node farther in, and so on to the middle of the region or
+the wall of a body.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+from numpy import float32, ndarray
 from scipy import ndimage
 
 from piv.correlation.deform import Image, Nodes, cut, spline_value, with_border
@@ -26,9 +28,11 @@ POOR, SPREADS = 0.8, 8.0
 MOST = 0.25  # of all vectors: more poor ones mean poor images, not a region
 FEWEST = 3  # vectors of a region: fewer are noise or outliers, which the median test finds
 ROUNDS = 10  # of extrapolation and Newton steps
-IDLE = 2  # rounds in succession that leave LEFT or more of the fewest poor vectors so far end the search
-# 1 would go on for every vector gained, and regions took two thirds of the time of a public pair; to stop earlier, and to measure
-# the poor vectors' windows alone, changed the benchmark's errors by 1 % at most
+# rounds in succession that leave LEFT or more of the fewest poor vectors so far end the search
+IDLE = 2
+# 1 would go on for every vector gained, and regions took two thirds of the time of a public pair;
+# to stop earlier, and to measure the poor vectors' windows alone, changed the benchmark's errors by
+# 1 % at most
 LEFT = 0.95
 INWARD_WINDOW = 0.75  # of the window during the passes: it holds fewer wrong vectors
 LOST = 0.7  # of the median correlation: a vector below it is an outlier in the end
@@ -43,10 +47,11 @@ def measure_steep_regions(
     *,
     final: bool = False,
 ) -> Displacements:
-    """`vectors` with those in steep regions replaced where the extrapolated start correlates better.
+    """`vectors`, replaced in steep regions where the extrapolated start correlates better.
 
-    images: both at full resolution. vectors.dx, dy must be filled. `final`: measure in the small window on nodes
-    twice as dense, also where the window is partly masked, and test the result; else correlation and known are kept.
+    images: both at full resolution. vectors.dx, dy must be filled. `final`: measure in the small
+    window on nodes twice as dense, also where the window is partly masked, and test the result;
+    else correlation and known are kept.
     """
     free = ~vectors.masked
     if not free.any():
@@ -91,18 +96,18 @@ def measure_steep_regions(
 
 
 def _region(nodes, images, vectors, poor, part, target, options, density):
-    """Displacements of best correlation in one region (part: slices of nodes) and this correlation."""
+    """Displacements of best correlation in a region (part: slices of nodes), and it."""
     local, crops = cut(nodes, images, part, density, options.sigma)
     dx, dy = vectors.dx[part], vectors.dy[part]
     masked = vectors.masked[part]
     sigma = (INWARD_WINDOW if density == 1 else SMALL) * options.sigma
 
-    dx, dy = continue_linearly(dx, dy, ~masked)
+    dx, dy = _continue_linearly(dx, dy, ~masked)
     if density > 1:
         dx, dy = denser(dx), denser(dy)
-        poor, masked = denser(poor.astype(np.float32)) > 0, denser(masked.astype(np.float32)) > 0.5
+        poor, masked = denser(poor.astype(float32)) > 0, denser(masked.astype(float32)) > 0.5
     wanted = local.cells_around(poor, sigma)
-    correlation = np.zeros(poor.shape, np.float32)
+    correlation = np.zeros(poor.shape, float32)
 
     def step():
         """One Newton step of the poor vectors, whose windows alone are measured."""
@@ -126,13 +131,13 @@ def _region(nodes, images, vectors, poor, part, target, options, density):
         if idle == IDLE or (not count and (density == 1 or k > 1)):
             break
         fewest = min(fewest, count)
-        dx, dy = continue_linearly(dx, dy, ~low & ~masked)
+        dx, dy = _continue_linearly(dx, dy, ~low & ~masked)
         for _ in range(2):
             dx, dy, correlation, masked = step()
             better = correlation > best
             best = np.where(better, correlation, best)
             best_x, best_y = np.where(better, dx, best_x), np.where(better, dy, best_y)
-            dx, dy = continue_linearly(dx, dy, ~masked)
+            dx, dy = _continue_linearly(dx, dy, ~masked)
     return best_x[::density, ::density], best_y[::density, ::density], best[::density, ::density]
 
 
@@ -141,27 +146,25 @@ WIDTH = 1.5  # nodes: standard deviation of their weight
 RIDGE = 0.1  # nodes²: limits the slope where the good vectors lie on a line
 LEAST = 0.1  # total weight of good vectors below which no plane is fitted
 
-_AXIS = np.arange(-REACH, REACH + 1, dtype=np.float32)
+_AXIS = np.arange(-REACH, REACH + 1, dtype=float32)
 _BELL = np.exp(-0.5 * (_AXIS / WIDTH) ** 2)
 
 
-def _sums(field: np.ndarray, *powers: tuple[int, int]) -> list[np.ndarray]:
-    """Weighted sums of field times x^p y^q around every node for each of the powers (p, q); x and y in nodes."""
+def _sums(field: ndarray, *powers: tuple[int, int]) -> list[ndarray]:
+    """Weighted sums of field · x^p y^q round every node for each (p, q); x and y in nodes."""
     kernels = ((_AXIS**p * _BELL, _AXIS**q * _BELL) for p, q in powers)
     return [cv2.sepFilter2D(field, cv2.CV_32F, *k, borderType=cv2.BORDER_CONSTANT) for k in kernels]
 
 
-def continue_linearly(
-    u: np.ndarray, v: np.ndarray, good: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """u, v (ny, nx) in which planes fitted to the `good` vectors within three nodes replace the others.
+def _continue_linearly(u: ndarray, v: ndarray, good: ndarray) -> tuple[ndarray, ndarray]:
+    """u, v (ny, nx) with planes fitted to `good` vectors within three nodes for the others.
 
     Farther away, means of neighbours replace them (`fill_absent`).
     """
     if good.all():
         return u, v
     linear = (0, 0), (1, 0), (0, 1)
-    m, mx, my, mxx, myy, mxy = _sums(good.astype(np.float32), *linear, (2, 0), (0, 2), (1, 1))
+    m, mx, my, mxx, myy, mxy = _sums(good.astype(float32), *linear, (2, 0), (0, 2), (1, 1))
     total = np.maximum(m, 1e-9)
     cx, cy = mx / total, my / total  # centroid of the good vectors
     xx, yy, xy = mxx / total - cx**2 + RIDGE, myy / total - cy**2 + RIDGE, mxy / total - cx * cy
@@ -169,7 +172,7 @@ def continue_linearly(
     fitted = ~good & (m > LEAST)
     out = []
     for field in (u, v):
-        f, fx, fy = _sums(np.where(good, field, 0).astype(np.float32), *linear)
+        f, fx, fy = _sums(np.where(good, field, 0).astype(float32), *linear)
         mean = f / total
         gx, gy = fx / total - cx * mean, fy / total - cy * mean
         slope_x, slope_y = (yy * gx - xy * gy) / det, (xx * gy - xy * gx) / det

@@ -7,34 +7,39 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy import ndarray
 
 from piv.correlation.deform import Nodes
 from piv.correlation.newton_step import CELL
 from piv.correlation.options import Options
 from piv.correlation.passes import Displacements
 
-# Set on rendered images so that one standard uncertainty covers two thirds of the errors (74 % without). It covers 60-76 % in
-# every condition of the benchmark except structures shorter than the window, whose damping is no noise.
+# Set on rendered images so that one standard uncertainty covers two thirds of the errors (74 %
+# without). It covers 60-76 % in every condition of the benchmark except structures shorter than the
+# window, whose damping is no noise.
 CALIBRATION = 0.86  # on the variance
-ALIKE = 1.75  # factor of neighbouring cells on the variance in small windows; set on a rendered sine of 32 px
-LEAST_KEPT = 0.25  # residual share of the noise below which neighbouring cells hold none (24 px windows, vectors 8 px apart)
+# factor of neighbouring cells on the variance in small windows; set on a sine of 32 px
+ALIKE = 1.75
+# residual share of the noise below which neighbouring cells hold none
+LEAST_KEPT = 0.25
 LARGEST = 100.0  # px²
 SMALL = 0.5  # side of the last window of steep regions over the largest
 FEW = 5.0  # cells with texture: with so few in a window the variance doubles
-FEW_SMALL = 7.0  # the same below LEAST_KEPT: 5 leaves a tenth of the vectors of sparse images wrong, 9 rejects dense ones
+# the same below LEAST_KEPT: 5 leaves a tenth of sparse images' vectors wrong, 9 rejects dense ones
+FEW_SMALL = 7.0
 INTERPOLATION = 0.0005  # px: interpolation error without any noise
 
 
 class Errors(NamedTuple):
-    """Variances (px²) of each vector: of its noise, and of the displacement in its window that it does not resolve."""
+    """Variances (px²) of each vector: of its noise, and of displacement it does not resolve."""
 
-    var_x: np.ndarray
-    var_y: np.ndarray
-    missed_x: np.ndarray
-    missed_y: np.ndarray
+    var_x: ndarray
+    var_y: ndarray
+    missed_x: ndarray
+    missed_y: ndarray
 
-    def in_small_window(self, where: np.ndarray) -> Errors:
-        """With those of the small window at `where`, whose noise variance is larger by the ratio of the areas."""
+    def in_small_window(self, where: ndarray) -> Errors:
+        """With the small window at `where`: noise variance grows by the ratio of the areas."""
         x, y = (np.where(where, var / SMALL**2, var) for var in (self.var_x, self.var_y))
         return self._replace(var_x=x, var_y=y)
 
@@ -51,7 +56,7 @@ def errors_of(nodes: Nodes, v: Displacements, options: Options) -> Errors:
     return Errors(gain * var[0], gain * var[1], *missed)
 
 
-def residual_gradients(nodes: Nodes, v: Displacements) -> tuple[np.ndarray, np.ndarray]:
+def residual_gradients(nodes: Nodes, v: Displacements) -> tuple[ndarray, ndarray]:
     """Gradients of the cells' correlation (x, y) that the last step leaves."""
     x, y = nodes.at_cells(v.step_x), nodes.at_cells(v.step_y)
     cells = v.cells
@@ -63,13 +68,13 @@ def correlation_statistics(
 ):
     """Variances (x, y, px²) of one measurement of each vector.
 
-    The displacement solves H d = Σ w g over the window's cells; its covariance is H⁻¹ (Σ w² g gᵀ) H⁻¹, where g is
-    the residual of each cell's gradient. Products with the neighbouring cells are included because particle images
-    span several cells (Wieneke 2015, with cells instead of pixels).
-    kept: residual share of the noise after it (noise_budget).
-    alike: where positive, a factor on the variance of single cells in place of the sum over neighbouring cells, whose
-    residuals are uncorrelated where the vectors follow the noise of small windows.
-    few: number of cells with texture at which the variance doubles; 0: never.
+    The displacement solves H d = Σ w g over the window's cells; its covariance is H⁻¹ (Σ w² g gᵀ)
+    H⁻¹, where g is the residual of each cell's gradient. Products with the neighbouring cells are
+    included because particle images span several cells (Wieneke 2015, with cells instead of
+    pixels). kept: residual share of the noise after it (noise_budget). alike: where positive, a
+    factor on the variance of single cells in place of the sum over neighbouring cells, whose
+    residuals are uncorrelated where the vectors follow the noise of small windows. few: number of
+    cells with texture at which the variance doubles; 0: never.
     """
     gx, gy = residual_gradients(nodes, v)
     cells, sums = v.cells, v.sums
@@ -108,11 +113,12 @@ def correlation_statistics(
 def noise_budget(
     sigma: float, spacing: float, passes: int, neighbours: bool = True
 ) -> tuple[float, float]:
-    """(variance of the iterated measurement over that of one window, residual share of the noise in the cells).
+    """(variance of the iterated measurement over one window's, share of noise left in the cells).
 
-    Each pass replaces the vectors d by P d + G (n - P d): G is the response of the window (σ px), P that of the
-    B-spline through vectors `spacing` px apart, n the noise of the images. The vectors thus follow part of the
-    noise, which the cells no longer hold. neighbours: the share in sums over neighbouring cells.
+    Each pass replaces the vectors d by P d + G (n - P d): G is the response of the window (σ px), P
+    that of the B-spline through vectors `spacing` px apart, n the noise of the images. The vectors
+    thus follow part of the noise, which the cells no longer hold. neighbours: the share in sums
+    over neighbouring cells.
     """
     k = np.fft.fftfreq(128, CELL)
     square = k[:, None] ** 2 + k[None, :] ** 2
@@ -137,8 +143,8 @@ SURE = 4.0  # standard errors above which residual correlation is not noise
 def unresolved(nodes: Nodes, v: Displacements, sigma: float):
     """Variances (x, y, px²) of the displacement inside the windows that the vectors do not resolve.
 
-    Cells LAG apart share no particle, hence no noise: a correlation of their residual displacements is flow, as where
-    structures are shorter than the window. Zero where it is not significant.
+    Cells LAG apart share no particle, hence no noise: a correlation of their residual displacements
+    is flow, as where structures are shorter than the window. Zero where it is not significant.
     """
     left, cells = residual_gradients(nodes, v), v.cells
     width = WIDER * sigma / (nodes.factor * CELL)

@@ -1,1 +1,1 @@
-"""What follows from vector fields: summaries, statistics over time, derived fields, samples along lines, spectra."""
+"""Quantities of vector fields: summaries, statistics, derived fields, lines, spectra."""

@@ -15,7 +15,7 @@ def fields_of(plane: xr.Dataset) -> list[str]:
 
 
 def blocks(series: xr.Dataset, names: list[str] | None = None) -> Iterator[xr.Dataset]:
-    """The series' fields (or `names` of them) in parts along time, each in memory and checked; a single plane as a series of one."""
+    """The series' fields (or `names`) in checked parts along time; a plane as a series of one."""
     data = series[names or fields_of(series)]
     if "time" not in data.dims:
         data = data.expand_dims("time").assign_coords(time=[float(data.coords.get("time", 0.0))])

@@ -1,12 +1,14 @@
-"""Vorticity, divergence, strain, swirling strength and Q of vector fields, with propagated uncertainty."""
+"""Vorticity, divergence, strain, swirling strength and Q with propagated uncertainty."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.formats.plane_series import usable
 from piv.fields.blocks import blocks
@@ -24,33 +26,29 @@ REACH = 2  # grid points that a derivative looks at on either side
 
 
 def derived(
-    plane: xr.Dataset,
-    quantities: tuple[str, ...] = QUANTITIES,
-    *,
-    scheme: str = "least-squares",
-    correlation_length: float | None = None,
+    plane: xr.Dataset, quantities: tuple[str, ...] = QUANTITIES, **options: Any
 ) -> xr.Dataset:
-    """The plane (series) with `quantities` and, where it has u_std and v_std, their standard uncertainties `<name>_std`.
+    """The plane (series) with `quantities` and, with u_std and v_std, their `<name>_std`.
+
+    options: scheme, correlation_length.
 
     vorticity dv/dx - du/dy, divergence du/dx + dv/dy, strain: largest in-plane shear strain rate
-    sqrt((du/dx - dv/dy)²/4 + (du/dy + dv/dx)²/4), swirling_strength and q as of `piv.vortices.criteria`; in 1/s (q: 1/s²), or per frame. Scheme as of
-    `criteria.gradients`. Uncertainty to first order, errors of u and v independent of one another, those of neighbours
-    d apart correlated by exp(-2 (d/correlation_length)²), in the plane's unit; None: `window_of` the plane. All in memory:
-    `derived_blocks` for more.
+    sqrt((du/dx - dv/dy)²/4 + (du/dy + dv/dx)²/4), swirling_strength and q as of
+    `piv.vortices.criteria`; in 1/s (q: 1/s²), or per frame. Scheme as of `criteria.gradients`.
+    Uncertainty to first order, errors of u and v independent of one another, those of neighbours d
+    apart correlated by exp(-2 (d/correlation_length)²), in the plane's unit; None: `window_of` the
+    plane. All in memory: `derived_blocks` for more.
     """
-    parts = list(
-        derived_blocks(plane, quantities, scheme=scheme, correlation_length=correlation_length)
-    )
+    parts = list(derived_blocks(plane, quantities, **options))
     whole = xr.concat(parts, "time") if len(parts) > 1 else parts[0]
-    whole = (
-        whole if "time" in plane["u"].dims else whole.isel(time=0, drop="time" not in plane.coords)
-    )
+    if "time" not in plane["u"].dims:
+        whole = whole.isel(time=0, drop="time" not in plane.coords)
     made = {n: whole[n] for n in whole.data_vars if str(n).removesuffix("_std") in quantities}
     return _without_uncertainty(plane, quantities).assign(made)
 
 
 def _without_uncertainty(plane: xr.Dataset, quantities: tuple[str, ...]) -> xr.Dataset:
-    """The plane without what an earlier derivation left: the new one may have no uncertainty to take its place."""
+    """The plane without the quantities and uncertainties of an earlier derivation."""
     return plane.drop_vars([f"{name}_std" for name in quantities], errors="ignore")
 
 
@@ -70,11 +68,10 @@ def derived_blocks(
     dx, dy = (float(plane[n][1] - plane[n][0]) for n in ("x", "y"))
     rate = "1/frame" if plane["x"].attrs.get("units") == "px" else "1/s"
     for part in blocks(plane):
-        stacks: dict[str, list[np.ndarray]] = {}
+        stacks: dict[str, list[ndarray]] = {}
         for k in range(part.sizes["time"]):
-            for name, values in _of_instant(
-                part.isel(time=k), quantities, dx, dy, scheme, length
-            ).items():
+            found = _of_instant(part.isel(time=k), quantities, dx, dy, scheme, length)
+            for name, values in found.items():
                 stacks.setdefault(name, []).append(values)
         new = {n: (("time", "y", "x"), np.stack(a).astype(np.float32)) for n, a in stacks.items()}
         part = _without_uncertainty(part, quantities).assign(new)
@@ -86,21 +83,19 @@ def derived_blocks(
 
 
 def window_of(plane: xr.Dataset) -> float:
-    """Side of the correlation window in the plane's unit, from its settings: as far as errors of neighbours go together; 0 where it is unknown."""
+    """Side of the correlation window in the plane's unit, from its settings; 0 where unknown."""
     try:
         window = float(json.loads(plane.attrs["settings"])["window"])
     except (KeyError, TypeError, ValueError):
         return 0.0
-    return (
-        window
-        if plane["x"].attrs.get("units") == "px"
-        else window * float(plane.attrs.get("scale_m_per_px", 0.0))
-    )
+    if plane["x"].attrs.get("units") == "px":
+        return window
+    return window * float(plane.attrs.get("scale_m_per_px", 0.0))
 
 
 def _of_instant(
     plane: xr.Dataset, quantities: tuple[str, ...], dx: float, dy: float, scheme: str, length: float
-) -> dict[str, np.ndarray]:
+) -> dict[str, ndarray]:
     u, v, ok = plane["u"].values, plane["v"].values, usable(plane).values
     g = gradients(u, v, ok, dx, dy, scheme)
     normal, shear = (g.dudx - g.dvdy) / 2, (g.dudy + g.dvdx) / 2
@@ -120,16 +115,12 @@ def _of_instant(
     )
     # sensitivities to dudx, dudy, dvdx, dvdy
     with np.errstate(divide="ignore", invalid="ignore"):
+        normal_part, shear_part = normal / strain / 2, shear / strain / 2
         half = np.where(swirl != 0, -0.5 / np.abs(swirl), np.nan)
         s = {
             "vorticity": (0, 1, 1, 0),
             "divergence": (1, 0, 0, 1),
-            "strain": (
-                normal / strain / 2,
-                shear / strain / 2,
-                shear / strain / 2,
-                normal / strain / 2,
-            ),
+            "strain": (normal_part, shear_part, shear_part, normal_part),
             "swirling_strength": (half * normal, half * g.dvdx, half * g.dudy, half * normal),
             "q": (g.dudx, g.dvdx, g.dudy, g.dvdy),
         }
@@ -141,12 +132,13 @@ def _of_instant(
 
 
 def variance(
-    std: np.ndarray, ok: np.ndarray, step: float, axis: int, scheme: str, length: float
-) -> np.ndarray:
-    """Variance of `criteria.derivative` from the standard uncertainties of its points, errors d apart correlated by exp(-2 (d/length)²).
+    std: ndarray, ok: ndarray, step: float, axis: int, scheme: str, length: float
+) -> ndarray:
+    """Variance of `criteria.derivative` for errors d apart correlated by exp(-2 (d/length)²).
 
-    A derivative is linear in the values. Of five neighbours in a row each has another index modulo 5: the derivative of a
-    field that is 1 at one remainder and 0 at the others is the weight of that neighbour.
+    A derivative is linear in the values. Of five neighbours in a row each has another index modulo
+    5: the derivative of a field that is 1 at one remainder and 0 at the others is the weight of
+    that neighbour.
     """
     n, width = ok.shape[axis], 2 * REACH + 1
     index = np.arange(n)

@@ -1,4 +1,4 @@
-"""Which instants belong together: by phase of a period, between triggers, or by the value of a quantity."""
+"""Groups of instants: by phase of a period, between triggers, or by a quantity's value."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy import ndarray
 
 from fileio.errors import one_line
 
 
-def phases(times: np.ndarray, period: float, start: float = 0.0) -> np.ndarray:
+def phases(times: ndarray, period: float, start: float = 0.0) -> ndarray:
     """Phase (0 to 1) of each instant from the period, both in the unit of `times`."""
     if not (np.isfinite(period) and period > 0):
         raise ValueError(f"the period must be positive, got {period}")
@@ -20,8 +21,8 @@ def phases(times: np.ndarray, period: float, start: float = 0.0) -> np.ndarray:
     ) % 1.0  # an instant at the very end of a period, but for rounding, begins the next
 
 
-def trigger_phases(times: np.ndarray, triggers: np.ndarray) -> np.ndarray:
-    """Phase (0 to 1) of each instant between the triggers before and after it; NaN before the first and after the last."""
+def trigger_phases(times: ndarray, triggers: ndarray) -> ndarray:
+    """Phase (0 to 1) of each instant between its triggers; NaN before the first, after the last."""
     triggers = np.sort(np.asarray(triggers, float))
     if triggers.size < 2 or not (np.diff(triggers) > 0).all():
         raise ValueError("at least two triggers at different times are needed")
@@ -30,8 +31,8 @@ def trigger_phases(times: np.ndarray, triggers: np.ndarray) -> np.ndarray:
     return (turns + 1e-9) % 1.0
 
 
-def bins(values: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Number of the bin of each value (-1: in none) and the bins' centres; the last edge belongs to the last bin."""
+def bins(values: ndarray, edges: ndarray) -> tuple[ndarray, ndarray]:
+    """Bin number of each value (-1: none) and the bins' centres; the last edge is inside."""
     edges = np.asarray(edges, float)
     if edges.size < 2 or not (np.diff(edges) > 0).all():
         raise ValueError("bins need at least two ascending edges")
@@ -42,8 +43,8 @@ def bins(values: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return number, 0.5 * (edges[:-1] + edges[1:])
 
 
-def read_columns(path: str | Path, *names: str) -> list[np.ndarray]:
-    """Columns of a CSV with one line of names (lines with # are comments); ValueError in one sentence."""
+def read_columns(path: str | Path, *names: str) -> list[ndarray]:
+    """Columns of a CSV with one line of names and # comments; ValueError in one sentence."""
     try:
         table = pd.read_csv(path, comment="#", skipinitialspace=True)
     except ValueError as error:
@@ -61,8 +62,8 @@ def read_columns(path: str | Path, *names: str) -> list[np.ndarray]:
     return columns
 
 
-def at_instants(times: np.ndarray, table_times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """A quantity at the instants, linear between the table's times (ascending); NaN outside them."""
+def at_instants(times: ndarray, table_times: ndarray, values: ndarray) -> ndarray:
+    """A quantity at the instants, linear between the table's ascending times; NaN outside."""
     if not (np.diff(table_times) > 0).all():
         raise ValueError("the times of the table must ascend")
     return np.interp(times, table_times, values, left=np.nan, right=np.nan)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy import ndarray
 from scipy.interpolate import RegularGridInterpolator
 
 from fileio.formats.plane_series import usable
@@ -21,10 +22,13 @@ def along_line(
     end: tuple[float, float],
     points: int | None = None,
 ) -> Iterator[pd.DataFrame]:
-    """Every field at `points` along the line from start to end, in parts along time: columns time (of a series), s (distance from the start), x, y, the fields, along and across.
+    """Every field at `points` along the line, in parts along time.
 
-    Bilinear between grid points; absent where one of the four is. Of standard uncertainties the interpolated value is an
-    upper bound. along, across: velocity in the line's direction and to its left. points None: one per grid step.
+    Columns: time (of a series), s (distance from the start), x, y, the fields, along and across.
+
+    Bilinear between grid points; absent where one of the four is. Of standard uncertainties the
+    interpolated value is an upper bound. along, across: velocity in the line's direction and to its
+    left. points None: one per grid step.
     """
     (x0, y0), (x1, y1) = start, end
     length = float(np.hypot(x1 - x0, y1 - y0))
@@ -57,7 +61,7 @@ def along_line(
             yield rows
 
 
-def _bilinear(field: xr.DataArray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _bilinear(field: xr.DataArray, x: ndarray, y: ndarray) -> ndarray:
     """A field over (time, y, x) at points, as (time, point)."""
     grid = field["y"].values, field["x"].values
     sample = RegularGridInterpolator(grid, field.transpose("y", "x", "time").values)

@@ -1,7 +1,7 @@
 """Power spectral densities in time and space of vectors with gaps, by the Lomb-Scargle periodogram.
 
-N. R. Lomb, Astrophys. Space Sci. 39 (1976) 447; J. D. Scargle, Astrophys. J. 263 (1982) 835. Without gaps it is the usual
-periodogram; gaps are left out, not filled.
+N. R. Lomb, Astrophys. Space Sci. 39 (1976) 447; J. D. Scargle, Astrophys. J. 263 (1982) 835.
+Without gaps it is the usual periodogram; gaps are left out, not filled.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy import ndarray
 from scipy.signal import lombscargle
 
 from fileio.formats.plane_series import usable, vectors_of
@@ -17,12 +18,11 @@ from piv.fields.blocks import blocks
 LEAST_PART = 0.5  # of a line or a segment that must hold usable vectors
 
 
-def density(
-    positions: np.ndarray, values: np.ndarray, frequencies: np.ndarray, step: float
-) -> np.ndarray:
-    """One-sided power spectral density, value² per frequency unit, of samples on a grid of `step` with gaps (NaN).
+def density(positions: ndarray, values: ndarray, frequencies: ndarray, step: float) -> ndarray:
+    """One-sided power spectral density (value² per frequency unit) of samples with gaps (NaN).
 
-    Its integral over the frequencies 1/L, 2/L, ... of a record of length L is the variance, as far as gaps allow.
+    Its integral over the frequencies 1/L, 2/L, ... of a record of length L is the variance, as far
+    as gaps allow.
     """
     ok = np.isfinite(values)
     samples = values[ok] - values[ok].mean()
@@ -30,12 +30,12 @@ def density(
     return 2 * step * power
 
 
-def frequencies_of(count: int, step: float) -> np.ndarray:
+def frequencies_of(count: int, step: float) -> ndarray:
     """1/L, 2/L, ... below half of 1/step of a record of `count` samples."""
     return np.arange(1, (count - 1) // 2 + 1) / (count * step)
 
 
-def _step(axis: np.ndarray, name: str) -> float:
+def _step(axis: ndarray, name: str) -> float:
     apart = np.diff(axis)
     if axis.size < 8:
         raise ValueError(f"a spectrum needs at least 8 samples along {name}, got {axis.size}")
@@ -47,10 +47,10 @@ def _step(axis: np.ndarray, name: str) -> float:
 def time_spectrum(
     series: xr.Dataset, points: list[tuple[float, float]], segments: int = 1
 ) -> pd.DataFrame:
-    """Spectra of u and v at the grid points nearest to `points` (x, y), averaged over them and over `segments` of the time.
+    """Spectra of u and v at the vectors nearest to `points` (x, y), averaged, also over `segments`.
 
-    Columns frequency (Hz, or per frame), psd_u, psd_v, averaged (number of records). Records with less than half of their
-    vectors are left out.
+    Columns frequency (Hz, or per frame), psd_u, psd_v, averaged (number of records). Records with
+    less than half of their vectors are left out.
     """
     if "time" not in series["u"].dims:
         raise ValueError("a spectrum in time needs a series, this is a single plane")
@@ -75,11 +75,7 @@ def time_spectrum(
             f"{segments} segments of {time.size} instants are shorter than 8; give fewer"
         )
     records = [
-        (
-            time[:size],
-            at[n].values[p, k * size : (k + 1) * size],
-            n,
-        )
+        (time[:size], at[n].values[p, k * size : (k + 1) * size], n)
         for p in range(len(points))
         for k in range(segments)
         for n in ("u", "v")
@@ -88,7 +84,10 @@ def time_spectrum(
 
 
 def space_spectrum(plane: xr.Dataset, axis: str) -> pd.DataFrame:
-    """Spectra of u and v along `axis` (x or y), averaged over all lines and instants; as `time_spectrum`, frequency in cycles per length."""
+    """Spectra of u and v along `axis` (x or y), averaged over lines and instants.
+
+    Columns as of `time_spectrum`; frequency in cycles per length.
+    """
     if axis not in ("x", "y"):
         raise ValueError(f"spectra in space are along x or y, not {axis!r}")
     positions = plane[axis].values
@@ -105,7 +104,7 @@ def space_spectrum(plane: xr.Dataset, axis: str) -> pd.DataFrame:
     return _mean(records(), frequencies, step)
 
 
-def _mean(records, frequencies: np.ndarray, step: float) -> pd.DataFrame:
+def _mean(records, frequencies: ndarray, step: float) -> pd.DataFrame:
     total = {n: np.zeros(frequencies.size) for n in ("u", "v")}
     used = dict.fromkeys(total, 0)
     for positions, values, n in records:

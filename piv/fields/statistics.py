@@ -1,12 +1,14 @@
-"""Mean, RMS, Reynolds stresses, standard errors and convergence over time, or over each group of instants, with constant memory."""
+"""Mean, RMS, Reynolds stresses, standard errors and convergence over time or groups."""
 
 from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.formats.plane_series import make_plane, usable, vectors_of
 from piv.fields.blocks import blocks
+from piv.foreign.write import units_of
 
 SAMPLED = (
     2500  # grid points, evenly chosen, that the correlation of samples in time is estimated from
@@ -18,7 +20,7 @@ SNAPSHOTS = 16  # of the running mean, for its convergence
 
 
 class Moments:
-    """Means and central second moments of u and v, instant by instant (Welford; Chan, Golub & LeVeque 1983)."""
+    """Means and central second moments of u and v (Welford; Chan, Golub & LeVeque 1983)."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.n = np.zeros(shape, np.int64)
@@ -26,7 +28,7 @@ class Moments:
         self.sums = np.zeros((3, *shape))  # of squares and products of deviations: uu, vv, uv
         self.noise = np.zeros((2, *shape))  # sums of u_std², v_std²
 
-    def add(self, u: np.ndarray, v: np.ndarray, ok: np.ndarray) -> None:
+    def add(self, u: ndarray, v: ndarray, ok: ndarray) -> None:
         """One instant; points that are not `ok` have no part in it."""
         self.n += ok
         before = np.where(ok, np.stack([u, v]) - self.mean, 0.0)
@@ -36,21 +38,21 @@ class Moments:
         self.sums[2] += before[0] * after[1]
 
 
-class Batches:
-    """Means over 1, 2, 4, ... instants in a row and their variances: what correlation in time does to the error of a mean.
+class _Batches:
+    """Means over 1, 2, 4, ... instants in a row: the effect of correlation on a mean's error.
 
     Flyvbjerg & Petersen, J. Chem. Phys. 91 (1989).
     """
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         self.shape = shape
-        self.open: list[tuple[np.ndarray, np.ndarray] | None] = []
+        self.open: list[tuple[ndarray, ndarray] | None] = []
         self.levels: list[
-            list[np.ndarray]
+            list[ndarray]
         ] = []  # of each: number, mean and sum of squares of batch means
         self.made: list[int] = []
 
-    def add(self, values: np.ndarray, ok: np.ndarray, level: int = 0) -> None:
+    def add(self, values: ndarray, ok: ndarray, level: int = 0) -> None:
         """The next sum of 2^level instants and the number of usable ones in it."""
         if level == len(self.levels):
             self.levels.append([np.zeros(self.shape), np.zeros(self.shape), np.zeros(self.shape)])
@@ -72,7 +74,7 @@ class Batches:
             self.add(waiting[0] + values, waiting[1] + ok, level + 1)
 
     def inefficiency(self) -> float:
-        """Instants that are worth one independent sample, over the whole field; 1 where there are too few to tell."""
+        """Instants that are worth one independent sample; 1 where there are too few to tell."""
         if not self.levels:
             return 1.0  # no instant at all
         level = max((k for k, made in enumerate(self.made) if made >= LEAST_BATCHES), default=0)
@@ -82,25 +84,29 @@ class Batches:
         return max(1.0, float(2**level * variance[1] / variance[0]))
 
 
-def _variance(number: np.ndarray, mean: np.ndarray, squares: np.ndarray) -> float:
+def _variance(number: ndarray, mean: ndarray, squares: ndarray) -> float:
     good = number > 1
     return float(np.mean(squares[good] / (number[good] - 1))) if good.any() else 0.0
 
 
 def statistics(
     series: xr.Dataset,
-    group: np.ndarray | None = None,
-    centres: np.ndarray | None = None,
+    group: ndarray | None = None,
+    centres: ndarray | None = None,
     *,
     centre_units: str = "1",
     least: int = 2,
 ) -> xr.Dataset:
-    """Statistics over the time of a plane series, as a plane; or, with the number of its `group` for every instant (-1: left out), as a series over the groups' `centres`.
+    """Statistics over time as a plane, or over groups of instants as a series over `centres`.
 
-    Variables: u, v the means, u_std, v_std their standard errors, with the correlation of successive samples (`Batches`);
-    u_rms, v_rms, uu, vv, uv (Reynolds stresses, n - 1), uu_noise, vv_noise (mean square of the vectors' own uncertainty, a part of uu, vv) where
-    it is known; n usable vectors. `least`: of them that a mean needs. convergence_u, convergence_v (over `instants`): RMS over
-    the field of the mean so far less the final one. The series is read once, block by block.
+    group: number of each instant's group, -1 for none.
+
+    Variables: u, v the means, u_std, v_std their standard errors, with the correlation of
+    successive samples (`_Batches`); u_rms, v_rms, uu, vv, uv (Reynolds stresses, n - 1), uu_noise,
+    vv_noise (mean square of the vectors' own uncertainty, a part of uu, vv) where it is known; n
+    usable vectors. `least`: of them that a mean needs. convergence_u, convergence_v (over
+    `instants`): RMS over the field of the mean so far less the final one. The series is read once,
+    block by block.
     """
     if "time" not in series["u"].dims:
         raise ValueError("statistics over time need a series, this is a single plane")
@@ -122,17 +128,14 @@ def statistics(
     some = (slice(step // 2, None, step), slice(step // 2, None, step))
     part_shape = np.zeros(shape)[some].shape
     moments = [Moments(shape) for _ in range(number)]
-    batches = [[Batches(part_shape) for _ in range(2)] for _ in range(number)]
+    batches = [[_Batches(part_shape) for _ in range(2)] for _ in range(number)]
     stops = np.unique(np.geomspace(1, count, SNAPSHOTS).astype(int))
-    snapshots: list[np.ndarray] = []
+    snapshots: list[ndarray] = []
     noisy = {"u_std", "v_std"} <= set(series)
     done = 0
     for part in blocks(vectors_of(series)):
-        a, b, good = (
-            part["u"].values.astype(float),
-            part["v"].values.astype(float),
-            usable(part).values,
-        )
+        a, b = (part[n].values.astype(float) for n in ("u", "v"))
+        good = usable(part).values
         for k in range(len(a)):
             g = labels[done]
             done += 1
@@ -160,7 +163,7 @@ def statistics(
     )
 
 
-def _fields(m: Moments, batches: list[Batches], least: int, noisy: bool) -> dict[str, np.ndarray]:
+def _fields(m: Moments, batches: list[_Batches], least: int, noisy: bool) -> dict[str, ndarray]:
     enough = m.n >= least
     n = np.where(enough, m.n, np.nan)
     uu, vv, uv = m.sums / (n - 1)
@@ -195,7 +198,7 @@ def _dataset(series, fields, centres, centre_units, stops, snapshots, batches) -
         stacked = {n: np.stack([f[n] for f in fields]) for n in fields[0]}
         plane = make_plane(x, y, time=np.asarray(centres, float), **stacked)
         plane["time"].attrs = {"units": centre_units, "long_name": "phase or bin"}
-    length, velocity = (str(series[n].attrs.get("units", d)) for n, d in (("x", "m"), ("u", "m/s")))
+    length, velocity = units_of(series)
     for name in map(str, plane.variables):
         if name in ("x", "y"):
             plane[name].attrs["units"] = length

@@ -11,7 +11,7 @@ INSTANTS = 50  # of a longer series, evenly chosen: the line is to be there at o
 
 
 def summary(plane: xr.Dataset) -> str:
-    """Fields and vectors, share valid, median and largest speed or displacement, median standard uncertainty (of u, v)."""
+    """Fields and vectors, share valid, median and largest speed, median standard uncertainty."""
     series = "time" in plane["u"].dims
     count = plane.sizes["time"] if series else 1
     chosen = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int))

@@ -1,4 +1,4 @@
-"""Vector buffers of DaVis, read and written through lvpyio, whose library ends its process on damaged files."""
+"""Vector buffers of DaVis through lvpyio, whose library ends its process on damaged files."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from fileio.errors import one_line
 
 
 def read_buffer(path: Path) -> dict[str, Any]:
-    """Vectors of the first frame of a .vc7: `u`, `v` (rows, columns), `absent` (bool), `grid` (x, y), and of the
-    axes `x`, `y`, `i` each (slope, offset, unit).
+    """Vectors of the first frame of a .vc7.
+
+    `u`, `v` (rows, columns), `absent` (bool), `grid` (x, y); axes `x`, `y`, `i`, each
+    (slope, offset, unit).
 
     ValueError where lvpyio is not installed or cannot read it.
     """
@@ -33,14 +35,16 @@ def _check_installed(path: Path) -> None:
         import lvpyio  # noqa: F401  # here, and not in every child: loading it takes a second
     except ImportError:
         raise ValueError(
-            f"{path}: DaVis files need the package lvpyio, which may be used but is not free software: pip install lvpyio"
+            f"{path}: DaVis files need the package lvpyio, which may be used but is not free "
+            "software: pip install lvpyio"
         ) from None
 
 
 def write_buffer(plane: xr.Dataset, path: Path) -> None:
-    """Write one instant as .vc7, in mm and m/s or in px, whole or not at all; absent vectors are masked.
+    """Write one instant as .vc7, in mm and m/s or in px, atomically; absent vectors are masked.
 
-    Rows run from the top and the scale of y falls, as after a calibration in DaVis, which then turns the sign of v.
+    Rows run from the top and the scale of y falls, as after a calibration in DaVis, which then
+    turns the sign of v.
     """
     _check_installed(path)
     import lvpyio

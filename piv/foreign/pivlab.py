@@ -1,4 +1,4 @@
-"""The .mat export of a PIVlab session, MAT 5 or HDF5 (version 7.3), read in a process that damaged files may end."""
+"""The .mat export of a PIVlab session, MAT 5 or HDF5 (7.3), read in a child process."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from numpy import ndarray
 from scipy.io import loadmat
 from scipy.io.matlab import matfile_version
 
@@ -17,12 +18,12 @@ from fileio.errors import one_line
 VECTORS = ("u", "v", "typevector")
 NAMES = ("x", "y", "units", *(f"{n}_{end}" for n in VECTORS for end in ("original", "filtered")))
 Instant = tuple[
-    tuple[np.ndarray, ...], str
+    tuple[ndarray, ...], str
 ]  # x, y, u, v and the type of each vector; the file's text about units
 
 
 def instants(path: Path) -> list[Instant]:
-    """Every instant of the session; FileNotFoundError, or ValueError where it is damaged or another kind of file."""
+    """Every instant of the session; FileNotFoundError, or ValueError for another kind of file."""
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
     try:
@@ -42,7 +43,7 @@ def _mat5_session(path: str) -> list[Instant]:
     mat = loadmat(path, variable_names=NAMES)
     units = str(np.ravel(mat["units"])[0]) if "units" in mat else ""
 
-    def get(name: str, k: int) -> np.ndarray:
+    def get(name: str, k: int) -> ndarray:
         return np.ravel(mat[name])[k] if mat[name].dtype == object else mat[name]
 
     return _session(mat, get, mat["x"].size if mat["x"].dtype == object else 1, units)
@@ -52,7 +53,7 @@ def _hdf5_session(path: str) -> list[Instant]:
     with h5py.File(path, "r") as file:
         units = "".join(map(chr, np.ravel(file["units"][...]))) if "units" in file else ""
 
-        def get(name: str, k: int) -> np.ndarray:
+        def get(name: str, k: int) -> ndarray:
             cell = file[name]
             return (file[np.ravel(cell[...])[k]] if cell.dtype == h5py.ref_dtype else cell)[...].T
 
@@ -62,9 +63,9 @@ def _hdf5_session(path: str) -> list[Instant]:
 
 
 def _session(held: Any, get: Callable[[str, int], Any], count: int, units: str) -> list[Instant]:
-    """`count` instants of the variables that `held` names; filtered vectors where there are some."""
+    """`count` instants of the session's variables; filtered vectors where there are some."""
 
-    def numbers(name: str, k: int) -> np.ndarray:
+    def numbers(name: str, k: int) -> ndarray:
         if name not in held:
             raise ValueError(f"no variable {name!r}")
         try:

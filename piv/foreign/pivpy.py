@@ -1,4 +1,4 @@
-"""netCDF files in pivpy's layout: dimensions y, x, t; `chc` 1 = measured. Our own state their units and y up."""
+"""netCDF files in pivpy's layout: dimensions y, x, t; `chc` 1 = measured."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _open(path: Path) -> xr.Dataset:
 
 
 def netcdf_layout(path: Path) -> str:
-    """ "plane" of a file that this project wrote, "pivpy" of another in pivpy's layout; ValueError where it is neither."""
+    """ "plane" for a file of this project, "pivpy" for another; ValueError for neither layout."""
     with _open(path) as data:
         if data.attrs.get("format") == SCHEMA.format:
             return "plane"
@@ -59,7 +59,7 @@ def own_netcdf(path: Path) -> xr.Dataset:
 
 
 def read_pivpy(path: Path) -> Iterator[tuple]:
-    """Every instant of a file of pivpy's: x, y, u, v, flag and the units of length and velocity, rows by ascending y."""
+    """Every instant of a pivpy file: x, y, u, v, flag and both units, rows by ascending y."""
     with _open(path) as data:
         try:
             data = data.sortby(["y", "x"])

@@ -39,11 +39,12 @@ def to_plane(
     interval_s: float | None = None,
     image_rows: int | None = None,
 ) -> xr.Dataset:
-    """A plane in m and m/s, y up, from vectors in the file's units; what the file does not state must be given.
+    """A plane in m and m/s, y up, from vectors in the file's units and the stated options.
 
-    Displacements in px stay px unless `scale_m_per_px` or `interval_s` is given, then both are needed; lengths per frame
-    need `interval_s`; px with y down need `image_rows`, the height of the image, because 0 is to be its bottom row. ValueError names
-    the missing option, and refuses an option that contradicts the file.
+    Displacements in px stay px unless `scale_m_per_px` or `interval_s` is given, then both are
+    needed; lengths per frame need `interval_s`; px with y down need `image_rows`, the height of the
+    image, because 0 is to be its bottom row. ValueError names the missing option, and refuses an
+    option that contradicts the file.
     """
     length = _agreed(name, "--length-unit", vectors.length_unit, length_unit, [*LENGTHS, "px"])
     speeds = [*VELOCITIES, "px/frame", *(f"{u}/frame" for u in LENGTHS)]
@@ -138,8 +139,9 @@ def read_vectors(
 ) -> xr.Dataset:
     """Vectors of one file (a plane) or of several, one instant each (a series), as a plane in SI.
 
-    `kind` overrides the guess from the name; `units` go to `to_plane`. A series needs `frame_rate_hz`.
-    `zero_is_absent`: vectors of exactly (0, 0), which some programs write where they have none, become masked.
+    `kind` overrides the guess from the name; `units` go to `to_plane`. A series needs
+    `frame_rate_hz`. `zero_is_absent`: vectors of exactly (0, 0), which some programs write where
+    they have none, become masked.
     """
     files = [Path(p) for p in paths]
     if not files:
@@ -169,7 +171,8 @@ def read_vectors(
     in_px = first["x"].attrs["units"] == "px"
     if in_px and frame_rate_hz is not None:
         raise ValueError(
-            "displacements in px have their time in frames; leave out --frame-rate-hz, or give a scale too"
+            "displacements in px have their time in frames; leave out --frame-rate-hz, or give a "
+            "scale too"
         )
     if not in_px and (frame_rate_hz is None or not frame_rate_hz > 0):
         raise ValueError(f"{len(planes)} instants are a series in time; give --frame-rate-hz")
@@ -186,7 +189,7 @@ def read_vectors(
 
 
 def open_vectors(path: str | Path) -> xr.Dataset:
-    """Vectors of one file that this project writes; .h5 and .nc lazily, to be looked at by `check_vectors` as they are read.
+    """Vectors of one file that this project writes; .h5 and .nc lazily (see `check_vectors`).
 
     ValueError, or FileNotFoundError, in one sentence.
     """
@@ -197,7 +200,8 @@ def open_vectors(path: str | Path) -> xr.Dataset:
         return own_netcdf(path)
     if path.suffix.lower() not in (".csv", ".txt", ".dat", ".vc7"):
         raise ValueError(
-            f"{path}: no file of vectors; piv convert makes one of other programs' files, piv correlate of images"
+            f"{path}: no file of vectors; piv convert makes one of other programs' files, piv "
+            "correlate of images"
         )
     return read_vectors([path])
 

@@ -1,7 +1,7 @@
 """Reading vectors of other programs: OpenPIV, PIVlab, MicroVec/Tecplot, DaVis, CSV.
 
-Every reader gives a `Vectors`: a regular grid with the units and the direction of y that the file states, None where it
-states none. `piv.foreign.read.to_plane` asks for what is missing.
+Every reader gives a `Vectors`: a regular grid with the units and the direction of y that the file
+states, None where it states none. `piv.foreign.read.to_plane` asks for what is missing.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
 from piv.foreign.davis import read_buffer
 from piv.foreign.pivlab import instants
@@ -25,11 +26,11 @@ READERS = ("openpiv", "pivlab", "tecplot", "davis", "pivpy", "csv", "plane")
 class Vectors:
     """One instant as in the file: rows ordered by ascending y of the file; `valid` 1 = measured."""
 
-    x: np.ndarray  # (nx,)
-    y: np.ndarray  # (ny,)
-    u: np.ndarray  # (ny, nx)
-    v: np.ndarray
-    flag: np.ndarray  # (ny, nx) uint8: 0 valid, 1 outlier, 2 masked, 4 replaced
+    x: ndarray  # (nx,)
+    y: ndarray  # (ny,)
+    u: ndarray  # (ny, nx)
+    v: ndarray
+    flag: ndarray  # (ny, nx) uint8: 0 valid, 1 outlier, 2 masked, 4 replaced
     length_unit: str | None = None  # "m", "mm", "px", ...
     velocity_unit: str | None = None  # "m/s", "mm/s", "px/frame", ...
     y_axis: str | None = None  # "up" or "down", of positions and of v alike
@@ -67,9 +68,7 @@ def _head(path: Path, size: int = 4096) -> str:
     return path.read_bytes()[:size].decode("utf-8", "replace")
 
 
-Grid = tuple[
-    np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray
-]  # the first five of `Vectors`
+Grid = tuple[ndarray, ndarray, ndarray, ndarray, ndarray]  # the first five of `Vectors`
 
 
 def _grid(path: Path, x: Any, y: Any, u: Any, v: Any, flag: Any) -> Grid:
@@ -107,7 +106,7 @@ def _grid(path: Path, x: Any, y: Any, u: Any, v: Any, flag: Any) -> Grid:
     return xs, ys, out_u, out_v, out_flag
 
 
-def _table(path: Path, skip: int, delimiter: str | None) -> np.ndarray:
+def _table(path: Path, skip: int, delimiter: str | None) -> ndarray:
     if path.stat().st_size == 0:
         raise ValueError(f"{path}: the file is empty")
     try:
@@ -124,7 +123,7 @@ def _table(path: Path, skip: int, delimiter: str | None) -> np.ndarray:
 
 
 def read_openpiv(path: Path) -> Vectors:
-    """`x y u v flags mask` (older: `x y u v mask`) as OpenPIV's `tools.save` writes; carries no units."""
+    """`x y u v flags mask` (older: `x y u v mask`) of OpenPIV's `tools.save`; without units."""
     _head(path)
     rows = _table(path, 0, "," if "," in _head(path) else None)
     flag = np.zeros(len(rows), np.uint8)
@@ -139,9 +138,10 @@ def read_openpiv(path: Path) -> Vectors:
 
 
 def read_tecplot(path: Path) -> Vectors:
-    """A Tecplot ASCII zone, POINT packing, as MicroVec and others write; units from names like "X (mm)".
+    """A Tecplot ASCII zone, POINT packing, as of MicroVec; units from names like "X (mm)".
 
-    Columns: x, y and u, v (also vx, vy). A column `chc`, `isvalid` or `valid` > 0 marks measured vectors.
+    Columns: x, y and u, v (also vx, vy). A column `chc`, `isvalid` or `valid` > 0 marks measured
+    vectors.
     """
     text = _head(path, 1 << 30)
     names_text = re.search(
@@ -208,10 +208,11 @@ def _spelled(unit: str) -> str:
 
 
 def read_pivlab(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]:
-    """Every instant of a PIVlab export: those of a .mat file, which is read once, or the one of its ASCII export.
+    """Every instant of a PIVlab export: of a .mat file, or the one of an ASCII export.
 
-    Vector type 1 is measured, 0 masked, 2 rejected and interpolated: absent unless `keep_replaced`. In px the
-    y axis points down (PIVlab's image axes); after a calibration in PIVlab the file does not say.
+    Vector type 1 is measured, 0 masked, 2 rejected and interpolated: absent unless `keep_replaced`.
+    In px the y axis points down (PIVlab's image axes); after a calibration in PIVlab the file does
+    not say.
     """
     if path.suffix.lower() == ".mat":
         session = [(data, _two_units(text)) for data, text in instants(path)]
@@ -225,7 +226,7 @@ def read_pivlab(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]
         )
 
 
-def _pivlab_ascii(path: Path) -> tuple[tuple[np.ndarray, ...], tuple[str, str] | None]:
+def _pivlab_ascii(path: Path) -> tuple[tuple[ndarray, ...], tuple[str, str] | None]:
     lines = _head(path, 1 << 16).splitlines()
     start = next(
         (k for k, ln in enumerate(lines) if re.match(r"\s*[-+]?\d|\s*nan", ln, re.I)), None
@@ -253,8 +254,9 @@ def _two_units(text: str) -> tuple[str, str] | None:
 def read_davis(path: Path) -> Vectors:
     """A DaVis vector buffer (.vc7) through lvpyio, scaled; disabled and masked vectors are absent.
 
-    Positions are grid index x grid x slope + offset (DaVis) and v is positive in the direction of the axis that DaVis scaled;
-    rows run from the top, so y is "up" where that scale's slope is negative, as after a calibration, else "down".
+    Positions are grid index x grid x slope + offset (DaVis) and v is positive in the direction of
+    the axis that DaVis scaled; rows run from the top, so y is "up" where that scale's slope is
+    negative, as after a calibration, else "down".
     """
     _head(path, 16)
     buffer = read_buffer(path)

@@ -19,14 +19,14 @@ from piv.foreign.davis import write_buffer
 
 
 def write_vectors(plane: xr.Dataset, path: str | Path) -> list[Path]:
-    """Write by suffix: .h5 (plane series), .nc (pivpy's layout), .csv, .vti (+ .pvd), .txt (OpenPIV), .dat (Tecplot), .vc7 (DaVis).
+    """Write by suffix: .h5, .nc (pivpy), .csv, .vti, .txt (OpenPIV), .dat (Tecplot), .vc7 (DaVis).
 
     The last four write one file per instant, numbered where there are several. Returns the files.
     """
     path = Path(path)
     check_plane(plane)
     suffix = path.suffix.lower()
-    single = {".h5": write_plane, ".nc": write_pivpy, ".csv": write_csv}
+    single = {".h5": write_plane, ".nc": _write_pivpy, ".csv": write_csv}
     if suffix in single:
         single[suffix](plane, path)
         return [path]
@@ -61,7 +61,7 @@ def units_of(plane: xr.Dataset) -> tuple[str, str]:
     return str(plane["x"].attrs.get("units", "m")), str(plane["u"].attrs.get("units", "m/s"))
 
 
-def write_pivpy(plane: xr.Dataset, path: Path) -> None:
+def _write_pivpy(plane: xr.Dataset, path: Path) -> None:
     """netCDF-4 in the layout of pivpy: dimensions y, x, t; `chc` 1 = measured."""
     series = plane if "time" in plane.dims else plane.expand_dims(time=[0.0])
     keep = [n for n in ("u", "v", "valid", "u_std", "v_std", "flag") if n in series]
@@ -143,7 +143,8 @@ def _vti(plane: xr.Dataset) -> str:
     geometry = f'Origin="{x[0]!s} {y[0]!s} 0" Spacing="{x[1] - x[0]!s} {y[1] - y[0]!s} 1"'
     return (
         '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n'
-        f'<ImageData WholeExtent="{extent}" {geometry}>\n<Piece Extent="{extent}">\n<PointData Vectors="velocity">\n'
+        f'<ImageData WholeExtent="{extent}" {geometry}>\n<Piece Extent="{extent}">\n'
+        '<PointData Vectors="velocity">\n'
         + "".join(_vti_array(name, values) for name, values in arrays.items())
         + "</PointData>\n</Piece>\n</ImageData>\n</VTKFile>\n"
     )
@@ -154,7 +155,10 @@ def _vti_array(name: str, values: np.ndarray) -> str:
     content = values.astype("u1" if kind == "UInt8" else "<f8").tobytes()
     text = base64.b64encode(len(content).to_bytes(8, "little") + content).decode()
     components = 3 if values.ndim == 3 else 1
-    return f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}" format="binary">{text}</DataArray>\n'
+    return (
+        f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}" '
+        f'format="binary">{text}</DataArray>\n'
+    )
 
 
 def _write_pvd(path: Path, names: Sequence[Path], times: Sequence[float]) -> Path:
@@ -163,6 +167,7 @@ def _write_pvd(path: Path, names: Sequence[Path], times: Sequence[float]) -> Pat
     )
     write_text(
         path,
-        f'<VTKFile type="Collection" version="0.1">\n<Collection>\n{sets}</Collection>\n</VTKFile>\n',
+        '<VTKFile type="Collection" version="0.1">\n<Collection>\n'
+        f"{sets}</Collection>\n</VTKFile>\n",
     )
     return path

@@ -1,8 +1,9 @@
-"""Pixels to metres: scale and origin, lens distortion and the tilt of the sheet; of vectors or of images.
+"""Pixels to metres: scale and origin, lens distortion and tilt of the sheet.
 
-Pixel positions here are those of results: x right of the centre of the left column, y **up** from the centre of the
-bottom row. Metres are right-handed, x right, y up. Without a lens: m = (px - origin) * scale. With one, px are turned to
-image rows, freed of distortion (OpenCV's model, Zhang 2000), taken by a homography to px of the sheet and then scaled.
+Pixel positions here are those of results: x right of the centre of the left column, y **up** from
+the centre of the bottom row. Metres are right-handed, x right, y up. Without a lens: m = (px -
+origin) * scale. With one, px are turned to image rows, freed of distortion (OpenCV's model, Zhang
+2000), taken by a homography to px of the sheet and then scaled.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 from scipy import ndimage
 from scipy.interpolate import RegularGridInterpolator
 
@@ -38,14 +40,12 @@ UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
 
 @dataclass(frozen=True)
 class Lens:
-    """Distortion and view of the sheet, in OpenCV's image px (y down) of frames of `size_px` (width, height)."""
+    """Distortion and view of the sheet, in OpenCV's px (y down); `size_px`: width, height."""
 
     size_px: tuple[int, int]
-    camera_matrix: np.ndarray  # (3, 3)
-    distortion: np.ndarray  # (4..14,)
-    to_sheet: (
-        np.ndarray
-    )  # (3, 3) homography: undistorted px -> px of the sheet seen squarely, y down
+    camera_matrix: ndarray  # (3, 3)
+    distortion: ndarray  # (4..14,)
+    to_sheet: ndarray  # (3, 3) homography: undistorted px -> px of the sheet seen squarely, y down
     reprojection_rms_px: float
     views: int
 
@@ -70,30 +70,30 @@ class Calibration:
         return f"Calibration({self.scale_m_per_px:.6g} m/px, origin {origin} px{lens})"
 
     @property
-    def origin_px(self) -> np.ndarray:
+    def origin_px(self) -> ndarray:
         """Position of x = y = 0 in px of the sheet, (2,)."""
         return np.array([self.origin_x_px, self.origin_y_px])
 
-    def to_m(self, points_px: np.ndarray) -> np.ndarray:
+    def to_m(self, points_px: ndarray) -> ndarray:
         """Positions (..., 2) in px (y up) to metres; NaN where the lens model has no inverse."""
         points = np.asarray(points_px, float)
         if self.lens is not None:
             points = _flip(_sheet(self.lens, _flip(points, self.lens)), self.lens)
         return (points - self.origin_px) * self.scale_m_per_px
 
-    def to_px(self, points_m: np.ndarray) -> np.ndarray:
+    def to_px(self, points_m: ndarray) -> ndarray:
         """Positions (..., 2) in metres to px (y up); inverse of `to_m`."""
         points = np.asarray(points_m, float) / self.scale_m_per_px + self.origin_px
         if self.lens is None:
             return points
         return _flip(_unsheet(self.lens, _flip(points, self.lens)), self.lens)
 
-    def displacement_m(self, points_px: np.ndarray, shift_px: np.ndarray) -> np.ndarray:
-        """Displacements (..., 2) in px at mid positions to metres: the difference of the mapped ends."""
+    def displacement_m(self, points_px: ndarray, shift_px: ndarray) -> ndarray:
+        """Displacements (..., 2) in px at mid positions to metres, from their mapped ends."""
         half = 0.5 * np.asarray(shift_px, float)
         return self.to_m(points_px + half) - self.to_m(points_px - half)
 
-    def jacobian(self, points_px: np.ndarray) -> np.ndarray:
+    def jacobian(self, points_px: ndarray) -> ndarray:
         """d(m)/d(px), (..., 2, 2), by central differences over one pixel."""
         steps = [np.array([0.5, 0.0]), np.array([0.0, 0.5])]
         return np.stack(
@@ -111,31 +111,33 @@ def from_points(
     length = float(np.hypot(second_px[0] - first_px[0], second_px[1] - first_px[1]))
     if not length > 0 or not distance_m > 0:
         raise ValueError(
-            f"two different points and a positive distance are needed, got {length:g} px, {distance_m:g} m"
+            f"two different points and a positive distance are needed, got {length:g} px, "
+            f"{distance_m:g} m"
         )
     return Calibration(
         distance_m / length, *origin_px, notes={"points_px": [*first_px, *second_px]}
     )
 
 
-def _flip(points: np.ndarray, lens: Lens) -> np.ndarray:
+def _flip(points: ndarray, lens: Lens) -> ndarray:
     return np.stack([points[..., 0], row_to_y_px(points[..., 1], lens.size_px[1])], axis=-1)
 
 
-def _project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _project(matrix: ndarray, points: ndarray) -> ndarray:
     (a, b, c), (d, e, f), (g, h, i) = matrix
     x, y = points[..., 0], points[..., 1]
     depth = g * x + h * y + i
     return np.stack([(a * x + b * y + c) / depth, (d * x + e * y + f) / depth], axis=-1)
 
 
-def _sheet(lens: Lens, points: np.ndarray) -> np.ndarray:
+def _sheet(lens: Lens, points: ndarray) -> ndarray:
     seen = np.ascontiguousarray(points.reshape(-1, 2), np.float64)
     matrix = lens.camera_matrix
     ideal = cv2.undistortPoints(
         seen[:, None], matrix, lens.distortion, P=matrix, criteria=UNDISTORT
     )[:, 0]
-    # OpenCV's fixed-point iteration crawls or diverges under strong distortion: Newton steps end it.
+    # OpenCV's fixed-point iteration crawls or diverges under strong distortion: Newton steps end
+    # it.
     steps = np.array([[0.05, 0.0], [0.0, 0.05]])
     for _ in range(NEWTON_STEPS):
         wrong = _distort(lens, ideal) - seen
@@ -151,8 +153,8 @@ def _sheet(lens: Lens, points: np.ndarray) -> np.ndarray:
     return _project(lens.to_sheet, ideal).reshape(points.shape)
 
 
-def _distort(lens: Lens, ideal: np.ndarray) -> np.ndarray:
-    """OpenCV's model without sensor tilt (tested against cv2.projectPoints, which is 50 times slower)."""
+def _distort(lens: Lens, ideal: ndarray) -> ndarray:
+    """OpenCV's model without sensor tilt; cv2.projectPoints is 50 times slower."""
     k1, k2, p1, p2, k3, k4, k5, k6 = np.pad(lens.distortion, (0, 8))[:8]
     x, y = _project(np.linalg.inv(lens.camera_matrix), ideal).T
     r2 = x * x + y * y
@@ -162,7 +164,7 @@ def _distort(lens: Lens, ideal: np.ndarray) -> np.ndarray:
     return _project(lens.camera_matrix, np.stack([bent_x, bent_y], axis=1))
 
 
-def _unsheet(lens: Lens, points: np.ndarray) -> np.ndarray:
+def _unsheet(lens: Lens, points: ndarray) -> ndarray:
     flat = _project(np.linalg.inv(lens.to_sheet), points).reshape(-1, 2)
     return _distort(lens, flat).reshape(points.shape)
 
@@ -212,8 +214,9 @@ def calibrate_plane(
 ) -> xr.Dataset:
     """A plane (series) in px per frame interval to m and m/s.
 
-    Without a lens the grid is scaled. With one, the field is sampled (linearly) on a regular grid in the sheet: a
-    vector is absent where one of the four around it is, and uncertain where one of them is. `interval_s`: time between the exposures of a pair.
+    Without a lens the grid is scaled. With one, the field is sampled (linearly) on a regular grid
+    in the sheet: a vector is absent where one of the four around it is, and uncertain where one of
+    them is. `interval_s`: time between the exposures of a pair.
     """
     if not interval_s > 0:
         raise ValueError(f"interval_s must be positive, got {interval_s}")
@@ -224,7 +227,7 @@ def calibrate_plane(
     spread = {n: fields[n] for n in ("u_std", "v_std") if n in fields}
     flag, valid = fields.get("flag"), fields["valid"].astype(bool)
     per_second = calibration.scale_m_per_px / interval_s
-    more: dict[str, np.ndarray] = {}
+    more: dict[str, ndarray] = {}
     if calibration.lens is None:
         corner = calibration.to_m(np.array([x[0], y[0]]))
         x_m, y_m = (
@@ -261,11 +264,11 @@ def calibrate_plane(
     time = plane_px["time"].values if "time" in plane_px.dims else None
     out = make_plane(x_m, y_m, u, v, time=time, valid=valid, **more)
     return out.assign_attrs(
-        plane_px.attrs | {"calibration": json.dumps(calibration_summary(calibration))}
+        plane_px.attrs | {"calibration": json.dumps(_calibration_summary(calibration))}
     )
 
 
-def calibration_summary(calibration: Calibration) -> dict[str, Any]:
+def _calibration_summary(calibration: Calibration) -> dict[str, Any]:
     """What to store with results."""
     names = ("scale_m_per_px", "origin_x_px", "origin_y_px")
     short: dict[str, Any] = {k: getattr(calibration, k) for k in names}
@@ -274,15 +277,15 @@ def calibration_summary(calibration: Calibration) -> dict[str, Any]:
     return short
 
 
-def _sheet_grid(calibration: Calibration, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
+def _sheet_grid(calibration: Calibration, x: ndarray, y: ndarray) -> list[ndarray]:
     step = float(x[1] - x[0]) * calibration.scale_m_per_px
     edge = calibration.to_m(np.stack(np.meshgrid(x, y), axis=-1))
     low, high = np.nanmin(edge.reshape(-1, 2), axis=0), np.nanmax(edge.reshape(-1, 2), axis=0)
     return [a + step * np.arange(int((b - a) / step) + 1) for a, b in zip(low, high, strict=True)]
 
 
-def _same(calibration: Calibration, at: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-    """Where px -> m gives the grid point back (beyond the model's turning point it does not) at a sane scale."""
+def _same(calibration: Calibration, at: ndarray, x_m: ndarray, y_m: ndarray) -> ndarray:
+    """Where px -> m gives the grid point back, within MAX_STRETCH of the board's scale."""
     miss = calibration.to_m(at) - np.stack(np.meshgrid(x_m, y_m), axis=-1)
     same = np.abs(miss).max(axis=-1) < INVERSE_PX * calibration.scale_m_per_px
     stretch = np.abs(np.linalg.det(calibration.jacobian(at))) / calibration.scale_m_per_px**2
@@ -290,8 +293,8 @@ def _same(calibration: Calibration, at: np.ndarray, x_m: np.ndarray, y_m: np.nda
 
 
 def _sample(
-    values: np.ndarray, x: np.ndarray, y: np.ndarray, at: np.ndarray, method: str = "linear"
-) -> np.ndarray:
+    values: ndarray, x: ndarray, y: ndarray, at: ndarray, method: str = "linear"
+) -> ndarray:
     stack = np.moveaxis(values.reshape(-1, *values.shape[-2:]), 0, -1)
     field = RegularGridInterpolator(
         (y, x), stack, method=method, bounds_error=False, fill_value=0.0
@@ -299,11 +302,11 @@ def _sample(
     return np.moveaxis(field(at[..., ::-1]), -1, 0).reshape(*values.shape[:-2], *at.shape[:-1])
 
 
-def rectify_image(image: np.ndarray, calibration: Calibration) -> np.ndarray:
+def rectify_image(image: ndarray, calibration: Calibration) -> ndarray:
     """The frame as a square view of the sheet, same shape, dtype and scale; outside is 0.
 
-    Cubic splines, not `cv2.remap`, whose coordinates are rounded to 1/32 px. Afterwards the calibration without
-    its lens holds.
+    Cubic splines, not `cv2.remap`, whose coordinates are rounded to 1/32 px. Afterwards the
+    calibration without its lens holds.
     """
     lens = calibration.lens
     if lens is None:
@@ -311,7 +314,8 @@ def rectify_image(image: np.ndarray, calibration: Calibration) -> np.ndarray:
     rows, columns = image.shape
     if (columns, rows) != tuple(lens.size_px):
         raise ValueError(
-            f"the image is {columns}x{rows} px, the calibration is for {lens.size_px[0]}x{lens.size_px[1]} px"
+            f"the image is {columns}x{rows} px, the calibration is for "
+            f"{lens.size_px[0]}x{lens.size_px[1]} px"
         )
     row, column = np.mgrid[:rows, :columns].astype(float)
     seen = _unsheet(lens, np.stack([column, row], axis=-1))

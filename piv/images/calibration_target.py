@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy import ndarray
 
 from piv.images.calibration import Calibration, Lens
 
@@ -16,7 +17,7 @@ MIN_CORNERS = 8  # of a view: fewer leave its pose loose
 
 @dataclass(frozen=True)
 class Target:
-    """A board of `rows` x `columns` squares of `square_m`; with `marker_m` a ChArUco board, else a chessboard."""
+    """A board of `rows` x `columns` squares of `square_m`; with `marker_m` a ChArUco board."""
 
     rows: int
     columns: int
@@ -37,12 +38,12 @@ class Target:
             )
 
 
-def find_corners(image: np.ndarray, target: Target) -> tuple[np.ndarray, np.ndarray]:
+def find_corners(image: ndarray, target: Target) -> tuple[ndarray, ndarray]:
     """Inner corners of the target in one 8-bit frame.
 
-    Returns (corners (n, 2) in image px, y down; positions (n, 3) on the board in m, z = 0), empty where no
-    target is seen. A ChArUco board is tried in both layouts (OpenCV's before and since 4.6, which begin with
-    another square) and the one with more corners is taken.
+    Returns (corners (n, 2) in image px, y down; positions (n, 3) on the board in m, z = 0), empty
+    where no target is seen. A ChArUco board is tried in both layouts (OpenCV's before and since
+    4.6, which begin with another square) and the one with more corners is taken.
     """
     if image.dtype == np.uint16:
         image = cv2.convertScaleAbs(image, alpha=255 / max(int(image.max()), 1))
@@ -70,7 +71,7 @@ def find_corners(image: np.ndarray, target: Target) -> tuple[np.ndarray, np.ndar
 
 
 def calibrate_target(
-    views: Sequence[np.ndarray],
+    views: Sequence[ndarray],
     target: Target,
     *,
     model: str = "standard",
@@ -78,9 +79,10 @@ def calibrate_target(
 ) -> tuple[Calibration, list[int]]:
     """Calibration from frames of a target, the first of which shows it in the light sheet.
 
-    The sheet keeps the direction of the image's rows at the board and the scale there; distortion and tilt are
-    taken out. With one view only the tilt is found, not the lens. Returns the calibration and the views used;
-    views with fewer than 8 corners are left out. `origin_px`: of the rectified image, y up.
+    The sheet keeps the direction of the image's rows at the board and the scale there; distortion
+    and tilt are taken out. With one view only the tilt is found, not the lens. Returns the
+    calibration and the views used; views with fewer than 8 corners are left out. `origin_px`: of
+    the rectified image, y up.
     """
     if model not in MODELS:
         raise ValueError(f"lens model must be one of {', '.join(MODELS)}, got {model!r}")
@@ -117,8 +119,8 @@ def calibrate_target(
     return Calibration(scale, *origin_px, lens=lens, notes=notes), used
 
 
-def _square_view(to_board: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, float]:
-    """(undistorted px -> square px, m per px): the board's plane turned, scaled and shifted to fit at `centre`."""
+def _square_view(to_board: ndarray, centre: ndarray) -> tuple[ndarray, float]:
+    """(undistorted px -> square px, m per px): the board's plane, placed at `centre`."""
     here = _apply(to_board, centre)
     right, below = np.array([0.5, 0.0]), np.array([0.0, 0.5])
     along = _apply(to_board, centre + right) - _apply(to_board, centre - right)
@@ -134,6 +136,6 @@ def _square_view(to_board: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, 
     return affine @ to_board, scale
 
 
-def _apply(matrix: np.ndarray, point: np.ndarray) -> np.ndarray:
+def _apply(matrix: ndarray, point: ndarray) -> ndarray:
     end = matrix @ np.array([point[0], point[1], 1.0])
     return end[:2] / end[2]

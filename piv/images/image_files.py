@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy import ndarray
 
 from piv.images.recording import Recording
 
@@ -15,11 +16,11 @@ JPEG_SUFFIXES = (".jpg", ".jpeg")
 COLOURS = ("refuse", "luma", "green")
 
 
-def to_grey(image: np.ndarray, colour: str, name: str) -> np.ndarray:
-    """2-D uint8/uint16 from a decoded image: equal colour channels are one; an alpha channel is ignored.
+def to_grey(image: ndarray, colour: str, name: str) -> ndarray:
+    """2-D uint8/uint16 from a decoded image; equal channels are one, alpha is ignored.
 
-    Really coloured images need a rule: "luma" (Rec. 601) or "green" (the sharpest channel of a Bayer
-    sensor under green laser light); with "refuse" they raise ValueError.
+    Really coloured images need a rule: "luma" (Rec. 601) or "green" (the sharpest channel of a
+    Bayer sensor under green laser light); with "refuse" they raise ValueError.
     """
     if colour not in COLOURS:
         raise ValueError(f"colour must be one of {', '.join(COLOURS)}, got {colour!r}")
@@ -44,7 +45,7 @@ def to_grey(image: np.ndarray, colour: str, name: str) -> np.ndarray:
 
 
 class ImageFiles(Recording):
-    """Image files in the order given, TIFF stacks page by page (8 to 16 bit; 10 and 12 bit in 16)."""
+    """Image files in the given order, TIFF stacks page by page (8 to 16 bit)."""
 
     def __init__(
         self, paths: Sequence[Path], *, frame_rate_hz: float | None = None, colour: str = "refuse"
@@ -59,7 +60,7 @@ class ImageFiles(Recording):
         path, page = self.pages[i]
         return f"{path}: page {page}" if page else str(path)
 
-    def _read(self, i: int) -> np.ndarray:
+    def _read(self, i: int) -> ndarray:
         path, page = self.pages[i]
         try:
             done, images = cv2.imreadmulti(
@@ -69,7 +70,8 @@ class ImageFiles(Recording):
             done, images = False, ()
         if not done or not len(images):
             raise ValueError(
-                f"{self._frame_name(i)}: not readable as an image (damaged, or another format); save it anew as TIFF or PNG"
+                f"{self._frame_name(i)}: not readable as an image (damaged, or another format); "
+                "save it anew as TIFF or PNG"
             )
         return to_grey(images[0], self.colour, self._frame_name(i))
 
@@ -82,11 +84,11 @@ def _page_count(path: Path) -> int:
         raise ValueError(
             f"{path}: the JPEG image is cut off; copy it again, or leave it out"
         )  # OpenCV would fill the rest with grey
-    return tiff_pages(path) if suffix in (".tif", ".tiff") else 1
+    return _tiff_pages(path) if suffix in (".tif", ".tiff") else 1
 
 
-def tiff_pages(path: Path) -> int:
-    """Number of pages by the chain of directories (TIFF 6.0, BigTIFF); ValueError where the chain is broken.
+def _tiff_pages(path: Path) -> int:
+    """Number of pages by the chain of directories (TIFF 6.0, BigTIFF); ValueError if broken.
 
     OpenCV's own count stops silently at a break, so that half a stack would pass for a whole one.
     """

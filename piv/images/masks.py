@@ -8,21 +8,23 @@ from pathlib import Path
 import cv2
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from piv.images.open_recording import row_to_y_px
 
 MIN_CONTRAST = (
     1.6  # of particle images to a body: below it a threshold would cut the light sheet's own shade
 )
-MOST = 0.99  # of the picture: a mask of more leaves nothing to correlate, and is a photograph by mistake
+MOST = 0.99  # of the picture: a larger mask leaves nothing to correlate, and is a photograph
 OPENED_PX, CLOSED_PX = 15, 25  # width of bridges and of gaps that are no part of a body's shape
 SUBPIXEL_BITS = 6  # fixed-point digits of polygon corners in OpenCV
 
 
-def polygon_mask(polygon_px: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+def polygon_mask(polygon_px: ndarray, shape: tuple[int, int]) -> ndarray:
     """Body inside a polygon, its edge included.
 
-    `polygon_px` (n, 2): x right and y up from the centre of the bottom row of pixels, as in every result in px.
+    `polygon_px` (n, 2): x right and y up from the centre of the bottom row of pixels, as in every
+    result in px.
     """
     polygon = np.asarray(polygon_px, float)
     if (
@@ -42,8 +44,8 @@ def polygon_mask(polygon_px: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     return mask.astype(bool)
 
 
-def read_polygon(path: str | Path) -> np.ndarray:
-    """Corners x, y (px, y up), two numbers a line, from a CSV file with or without a line of names; ValueError where it is another thing."""
+def read_polygon(path: str | Path) -> ndarray:
+    """Corners x, y (px, y up) from a CSV file of two numbers a line, with or without names."""
     lines = Path(path).read_text(encoding="utf-8").splitlines()
     named = bool(lines) and re.fullmatch(r"\s*[A-Za-z_]+\s*,\s*[A-Za-z_]+\s*", lines[0]) is not None
     try:
@@ -57,8 +59,8 @@ def read_polygon(path: str | Path) -> np.ndarray:
     return corners
 
 
-def read_mask(path: str | Path, shape: tuple[int, int]) -> np.ndarray:
-    """A static mask for frames of `shape` from a polygon (.csv, .txt) or an image (not black = body); ValueError where it hides all."""
+def read_mask(path: str | Path, shape: tuple[int, int]) -> ndarray:
+    """A static mask for frames of `shape` from a polygon (.csv, .txt) or an image (not black)."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(
@@ -73,13 +75,14 @@ def read_mask(path: str | Path, shape: tuple[int, int]) -> np.ndarray:
         )
     if image.shape != shape:
         raise ValueError(
-            f"{path}: the mask is {image.shape[1]}x{image.shape[0]} px, the frames are {shape[1]}x{shape[0]} px; "
+            f"{path}: the mask is {image.shape[1]}x{image.shape[0]} px, the frames are "
+            f"{shape[1]}x{shape[0]} px; "
             "make it of one of these frames"
         )
     return not_whole(image > 0, path)
 
 
-def not_whole(mask: np.ndarray, name: object) -> np.ndarray:
+def not_whole(mask: ndarray, name: object) -> ndarray:
     """The mask; ValueError with its name where it leaves nothing of the picture."""
     if (share := mask.mean()) > MOST:
         raise ValueError(
@@ -88,9 +91,7 @@ def not_whole(mask: np.ndarray, name: object) -> np.ndarray:
     return mask
 
 
-def outline_px(
-    outline: np.ndarray, scale_m_per_px: float, origin_px: tuple[float, float]
-) -> np.ndarray:
+def outline_px(outline: ndarray, scale_m_per_px: float, origin_px: tuple[float, float]) -> ndarray:
     """Outline in metres (..., 2) to px: right of the left column and up from the bottom row."""
     if not scale_m_per_px > 0:
         raise ValueError(f"scale_m_per_px must be positive, got {scale_m_per_px}")
@@ -99,15 +100,15 @@ def outline_px(
 
 def outline_masks(
     series: xr.Dataset,
-    times: np.ndarray,
+    times: ndarray,
     shape: tuple[int, int],
     scale_m_per_px: float,
     origin_px: tuple[float, float],
-) -> list[list[np.ndarray]]:
-    """Corner lists in px, one list of bodies per time, from the `outline` of a plane series or kinematics.
+) -> list[list[ndarray]]:
+    """Corner lists in px, one list of bodies per time, from the `outline` of a file.
 
-    The outline is interpolated linearly in time; a time outside the series raises ValueError (a frozen body
-    would be a guess). Draw with `polygons_mask`.
+    The outline is interpolated linearly in time; a time outside the series raises ValueError (a
+    frozen body would be a guess). Draw with `polygons_mask`.
     """
     if "outline" not in series:
         raise ValueError("the file has no variable 'outline' to make masks from")
@@ -119,14 +120,15 @@ def outline_masks(
     slack = 1e-9 + 1e-6 * (last - first)
     if times.min() < first - slack or times.max() > last + slack:
         raise ValueError(
-            f"the outline covers {first:g} to {last:g} s, the recording {times.min():g} to {times.max():g} s"
+            f"the outline covers {first:g} to {last:g} s, the recording {times.min():g} to "
+            f"{times.max():g} s"
         )
     if outline.sizes["time"] > 1:
         outline = outline.interp(time=np.clip(times, first, last))
     return [list(frame) for frame in outline_px(outline.values, scale_m_per_px, origin_px)]
 
 
-def polygons_mask(polygons_px: list[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
+def polygons_mask(polygons_px: list[ndarray], shape: tuple[int, int]) -> ndarray:
     """Body inside any of several polygons."""
     mask = np.zeros(shape, bool)
     for polygon in polygons_px:
@@ -135,20 +137,21 @@ def polygons_mask(polygons_px: list[np.ndarray], shape: tuple[int, int]) -> np.n
 
 
 def dark_body(
-    image: np.ndarray,
+    image: ndarray,
     *,
     threshold: float | None = None,
     smooth_px: float = 6.0,
     min_area: float = 0.002,
     grow_px: int = 3,
-) -> np.ndarray:
+) -> ndarray:
     """The dark body in a frame of bright particles, by threshold and morphology.
 
-    Gaps between particles are closed over (grey closing by a disc of `smooth_px`, which keeps the body's edge)
-    and the image is cut at `threshold` (grey levels of the closed image; without one, the geometric mean of its
-    darkest part and its median). Thin bridges are opened, gaps closed, regions below
-    `min_area` (fraction of the image) dropped, holes filled and the rest grown by `grow_px`.
-    Raises ValueError where no region is left: a mask that vanishes would let the body be correlated.
+    Gaps between particles are closed over (grey closing by a disc of `smooth_px`, which keeps the
+    body's edge) and the image is cut at `threshold` (grey levels of the closed image; without one,
+    the geometric mean of its darkest part and its median). Thin bridges are opened, gaps closed,
+    regions below `min_area` (fraction of the image) dropped, holes filled and the rest grown by
+    `grow_px`. Raises ValueError where no region is left: a mask that vanishes would let the body be
+    correlated.
     """
     grey = image.astype(np.float32)
     closed = cv2.morphologyEx(grey, cv2.MORPH_CLOSE, _disc(round(smooth_px)))
@@ -157,11 +160,12 @@ def dark_body(
         dark, middle = np.percentile(smooth, [100 * min_area, 50])
         if not middle > MIN_CONTRAST * max(dark, 1.0):
             raise ValueError(
-                f"no dark body: the darkest part of the frame has {dark:.3g} grey levels, the median {middle:.3g}; "
+                f"no dark body: the darkest part of the frame has {dark:.3g} grey levels, the "
+                f"median {middle:.3g}; "
                 "give --threshold"
             )
         threshold = float(np.sqrt(max(dark, 1.0) * middle))
-    body: np.ndarray = (smooth < threshold).astype(np.uint8)
+    body: ndarray = (smooth < threshold).astype(np.uint8)
     # The frame's edge is no edge of the body: pad with what is there.
     pad = 2 * CLOSED_PX
     body = cv2.copyMakeBorder(body, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
@@ -174,21 +178,24 @@ def dark_body(
     large = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] >= min_area * body.size]
     if not large:
         raise ValueError(
-            f"no dark region of at least {min_area:g} of the image is below grey level {threshold:.3g}; "
+            f"no dark region of at least {min_area:g} of the image is below grey level "
+            f"{threshold:.3g}; "
             "give --threshold, or a lower --min-area"
         )
     body = np.isin(labels, large).astype(np.uint8)
     contours, _ = cv2.findContours(body, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(body, contours, -1, 1, cv2.FILLED)
-    # The blur moves the threshold's edge into the body's dark side: growing gives it back, with a margin.
+    # The blur moves the threshold's edge into the body's dark side: growing gives it back, with a
+    # margin.
     body = cv2.dilate(body, _disc(grow_px))
     if body.mean() > MOST:
         raise ValueError(
-            f"what is below grey level {threshold:.3g} masks the whole image; give a lower --threshold"
+            f"what is below grey level {threshold:.3g} masks the whole image; give a lower "
+            "--threshold"
         )
     return body.astype(bool)
 
 
-def _disc(radius: int) -> np.ndarray:
+def _disc(radius: int) -> ndarray:
     size = 2 * max(int(radius), 0) + 1
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))

@@ -1,8 +1,9 @@
 """Opening recordings of any kind, and pairing their frames.
 
-Frames stay in image order (row 0 at the top) through masks and pre-processing. `piv.correlation.pair` gives its result in
-px with y up from the centre of the bottom row of pixels; `piv.images.calibration` takes such px to metres. `row_to_y_px` is the
-relation between the two, the only flip of y in the project.
+Frames stay in image order (row 0 at the top) through masks and pre-processing.
+`piv.correlation.pair` gives its result in px with y up from the centre of the bottom row of pixels;
+`piv.images.calibration` takes such px to metres. `row_to_y_px` is the relation between the two, the
+only flip of y in the project.
 """
 
 from __future__ import annotations
@@ -39,10 +40,10 @@ def open_recording(
 ) -> Recording:
     """Open a recording for lazy reading.
 
-    `source`: image files in the order given, a folder or a glob of images (names in natural order: 2 before 10), a
-    TIFF stack, a video, a Photron .mraw/.cihx/.cih, or a recording .h5. `frame_rate_hz` gives times to images and
-    videos and overrides what a file says. `colour`: see `piv.images.image_files.to_grey`.
-    Raises FileNotFoundError or ValueError with one sentence.
+    `source`: image files in the order given, a folder or a glob of images (names in natural order:
+    2 before 10), a TIFF stack, a video, a Photron .mraw/.cihx/.cih, or a recording .h5.
+    `frame_rate_hz` gives times to images and videos and overrides what a file says. `colour`: see
+    `piv.images.image_files.to_grey`. Raises FileNotFoundError or ValueError with one sentence.
     """
     if isinstance(source, str | Path):
         paths = files_of(source)
@@ -69,7 +70,7 @@ def open_recording(
 
 
 def files_of(source: str | Path) -> list[Path]:
-    """The files that a name, a folder or a glob stands for, in natural order. FileNotFoundError or ValueError where it is none."""
+    """Files of a name, a folder or a glob, in natural order; FileNotFoundError or ValueError."""
     path = Path(source)
     if path.is_dir():
         images = [p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
@@ -78,9 +79,10 @@ def files_of(source: str | Path) -> list[Path]:
         kinds = sorted({p.suffix.lower() for p in images})
         if len(kinds) > 1:
             raise ValueError(
-                f"{path}: the folder mixes {' and '.join(kinds)}; choose with a glob such as '*{kinds[0]}'"
+                f"{path}: the folder mixes {' and '.join(kinds)}; choose with a glob such as "
+                f"'*{kinds[0]}'"
             )
-        return in_sequence(images)
+        return _in_sequence(images)
     if path.exists() or not glob.has_magic(str(source)):
         if not path.exists():
             raise FileNotFoundError(f"{path}: no such file or folder")
@@ -88,13 +90,14 @@ def files_of(source: str | Path) -> list[Path]:
     files = [Path(p) for p in glob.glob(str(source))]
     if not files:
         raise FileNotFoundError(f"{source}: no file matches")
-    return in_sequence(files)
+    return _in_sequence(files)
 
 
-def in_sequence(images: list[Path]) -> list[Path]:
-    """Images in natural order; ValueError where the numbers in their names show that one is missing.
+def _in_sequence(images: list[Path]) -> list[Path]:
+    """Images in natural order; ValueError where the numbers in their names lack one.
 
-    Numbers that do not count frames (of couples, or times) have no step of which most neighbours are apart.
+    Numbers that do not count frames (of couples, or times) have no step of which most neighbours
+    are apart.
     """
     ordered = sorted(images, key=natural_key)
     names = [re.split(r"(\d+)", path.name) for path in ordered]
@@ -110,7 +113,8 @@ def in_sequence(images: list[Path]) -> list[Path]:
     if step > 0 and 0 < len(gaps) < MOST_GAPS * len(apart) and not any(apart % step):
         before, after = ordered[gaps[0]], ordered[gaps[0] + 1]
         raise ValueError(
-            f"{before}: a frame is missing between it and {after.name}, which would be paired as neighbours in time; add it,"
+            f"{before}: a frame is missing between it and {after.name}, which would be paired as "
+            "neighbours in time; add it,"
             " or give the frames before and after it as recordings of their own"
         )
     return ordered
@@ -119,9 +123,9 @@ def in_sequence(images: list[Path]) -> list[Path]:
 def pairs(n: int, mode: str = "1-2,2-3", *, skip: int = 0, every: int = 1) -> list[tuple[int, int]]:
     """Indices of the two frames of every pair in a recording of `n` frames.
 
-    `mode` "1-2,2-3": time-resolved, each frame with the one `1 + skip` later; "1-2,3-4": frame-straddling
-    couples, where `skip` has no meaning. `every`: keep each `every`-th pair. Raises ValueError where no pair
-    remains, and for an odd `n` in couples.
+    `mode` "1-2,2-3": time-resolved, each frame with the one `1 + skip` later; "1-2,3-4":
+    frame-straddling couples, where `skip` has no meaning. `every`: keep each `every`-th pair.
+    Raises ValueError where no pair remains, and for an odd `n` in couples.
     """
     if mode not in PAIRINGS:
         raise ValueError(
@@ -149,5 +153,5 @@ def pairs(n: int, mode: str = "1-2,2-3", *, skip: int = 0, every: int = 1) -> li
 
 
 def row_to_y_px(row: np.ndarray | float, rows: int) -> np.ndarray:
-    """Image row (0 at the top) to y in px (up, 0 at the centre of the bottom row); its own inverse."""
+    """Image row (0 at the top) to y in px (up, 0 at the bottom row's centre), and back."""
     return (rows - 1) - np.asarray(row, float)

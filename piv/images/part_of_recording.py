@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
 from fileio.errors import one_line
 from piv.images.image_files import ImageFiles
@@ -27,7 +28,7 @@ POLYGON_KEYS = {"format", "format_version", "unit", "roi", "bodies"}
 class _Masks:
     """`of(i)`: mask of frame i (bool, image order, True = body); `key`: identity; `roi`: px."""
 
-    of: Callable[[int], np.ndarray]
+    of: Callable[[int], ndarray]
     key: Any
     roi: tuple[float, float, float, float] | None = None
 
@@ -57,10 +58,10 @@ class _PartOfRecording(Recording):
             None if roi is None else [left, bottom, right, top],
         ]
 
-    def _read(self, i: int) -> np.ndarray:
+    def _read(self, i: int) -> ndarray:
         return np.ascontiguousarray(self.whole.frame(i)[self.cut])
 
-    def mask(self, i: int) -> np.ndarray | None:
+    def mask(self, i: int) -> ndarray | None:
         """The body in frame `i`: the recording's own and the further masks."""
         own = self.whole.mask(i)
         if self.masks is not None:
@@ -74,7 +75,7 @@ class _PartOfRecording(Recording):
 
 def part_of_recording(
     recording: Recording,
-    mask: str | Path | np.ndarray | None = None,
+    mask: str | Path | ndarray | None = None,
     roi: tuple[float, ...] | None = None,
     *,
     roi_unit: str = "px",
@@ -95,8 +96,8 @@ def part_of_recording(
     return part
 
 
-def _open_masks(source: str | Path | np.ndarray, recording: Recording) -> _Masks:
-    if isinstance(source, np.ndarray):
+def _open_masks(source: str | Path | ndarray, recording: Recording) -> _Masks:
+    if isinstance(source, ndarray):
         return _still(source.astype(bool), "the mask", recording)
     path = Path(source)
     suffix = path.suffix.lower()
@@ -111,7 +112,7 @@ def _open_masks(source: str | Path | np.ndarray, recording: Recording) -> _Masks
     return _still(read_mask(path, recording.shape), str(path), recording)
 
 
-def _still(mask: np.ndarray, name: str, recording: Recording) -> _Masks:
+def _still(mask: ndarray, name: str, recording: Recording) -> _Masks:
     if mask.shape != recording.shape:
         raise ValueError(f"{name}: of shape {mask.shape}, the frames are {recording.shape}")
     return _Masks(lambda i: mask, hashlib.sha256(np.packbits(mask).tobytes()).hexdigest())
@@ -170,7 +171,7 @@ def _polygons(path: Path, recording: Recording) -> _Masks:
     return _Masks(lambda i: polygons_mask([body[i] for body in bodies], recording.shape), text, roi)
 
 
-def _corners(body: dict[str, Any], recording: Recording) -> np.ndarray:
+def _corners(body: dict[str, Any], recording: Recording) -> ndarray:
     """Corners (frame, point, 2) of one body in every frame, linear between the given instants."""
     if unknown := sorted(set(body) - {"frames", "times", "corners"}):
         raise ValueError(f"unknown key {unknown[0]!r} of a body; known are frames, times, corners")

@@ -11,7 +11,7 @@ from piv.images.recording import Recording
 
 
 class Photron(Recording):
-    """A Photron recording, `.mraw` beside `.cihx` or `.cih`: 8, 12 (packed) or 16 bit, mapped, not loaded."""
+    """A Photron recording, `.mraw` beside `.cihx` or `.cih`: 8, 12 (packed) or 16 bit."""
 
     def __init__(self, path: Path, *, frame_rate_hz: float | None = None) -> None:
         import pyMRAW  # compiles at import: only who needs it waits
@@ -28,13 +28,15 @@ class Photron(Recording):
             ) from error
         if str(cih.get("File Format", "MRaw")).lower() != "mraw" or self.bits not in (8, 12, 16):
             raise ValueError(
-                f"{header}: {cih.get('File Format')} of {self.bits} bit; only MRaw of 8, 12 or 16 bit can be read"
+                f"{header}: {cih.get('File Format')} of {self.bits} bit; only MRaw of 8, 12 or 16 "
+                "bit can be read"
             )
         pixels = self._size[0] * self._size[1]
         need, size = count * pixels * self.bits // 8, self.path.stat().st_size
         if count < 1 or size < need:
             raise ValueError(
-                f"{self.path}: {size} bytes, but {header.name} announces {count} frames, {need} bytes"
+                f"{self.path}: {size} bytes, but {header.name} announces {count} frames, {need} "
+                "bytes"
             )
         super().__init__(str(self.path), count, frame_rate_hz or rate)
         self._unpack = pyMRAW.nb_read_uint12

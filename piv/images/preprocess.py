@@ -1,10 +1,11 @@
 """Cleaning of particle images before correlation; every step is optional and named in the result.
 
-`Preprocessor(["background=min", "highpass=8", "cap=3"], recording)` is called with a frame and gives the cleaned one
-as float32; `Preprocessor.steps` is the list to store in the result's attributes. Steps run in the order given:
-`background=min|mean` (temporal, of the whole recording), `background=static` (only where something stands still, and left
-out where it would not pay), `clahe=<tile px>`, `highpass=<sigma px>`,
-`cap=<n>` (intensities above median + n standard deviations are cut, Shavit et al. 2007).
+`Preprocessor(["background=min", "highpass=8", "cap=3"], recording)` is called with a frame and
+gives the cleaned one as float32; `Preprocessor.steps` is the list to store in the result's
+attributes. Steps run in the order given: `background=min|mean` (temporal, of the whole recording),
+`background=static` (only where something stands still, and left out where it would not pay),
+`clahe=<tile px>`, `highpass=<sigma px>`, `cap=<n>` (intensities above median + n standard
+deviations are cut, Shavit et al. 2007).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
+from numpy import float32, ndarray
 
 from piv.images.recording import Recording
 from piv.images.static_background import static_background
@@ -29,8 +31,8 @@ BACKGROUND_FRAMES = (
 CLIP = 2.0  # limit of the contrast of clahe
 
 
-def background(recording: Recording, kind: str = "min") -> np.ndarray:
-    """Temporal minimum or mean of at most BACKGROUND_FRAMES frames, float32; memory is that of one frame."""
+def background(recording: Recording, kind: str = "min") -> ndarray:
+    """Temporal minimum or mean of at most BACKGROUND_FRAMES frames, float32."""
     if kind not in ("min", "mean"):
         raise ValueError(f"background must be 'min', 'mean' or 'static', got {kind!r}")
     if len(recording) < 3:
@@ -44,50 +46,53 @@ def background(recording: Recording, kind: str = "min") -> np.ndarray:
     for i in chosen[1:]:
         image = recording.frame(int(i))
         total = np.minimum(total, image) if kind == "min" else total + image
-    return (total if kind == "min" else total / len(chosen)).astype(np.float32)
+    return (total if kind == "min" else total / len(chosen)).astype(float32)
 
 
-def subtract_background(image: np.ndarray, dark: np.ndarray) -> np.ndarray:
+def _subtract_background(image: ndarray, dark: ndarray) -> ndarray:
     """Image minus background, cut at zero; float32."""
     if image.shape != dark.shape:
         raise ValueError(f"the background is {dark.shape}, the image {image.shape}")
-    return np.maximum(image.astype(np.float32) - dark, 0)
+    return np.maximum(image.astype(float32) - dark, 0)
 
 
-def clahe(image: np.ndarray, tile_px: float) -> np.ndarray:
-    """Contrast-limited adaptive histogram equalisation in tiles of `tile_px`; 16-bit levels, float32."""
+def _clahe(image: ndarray, tile_px: float) -> ndarray:
+    """Contrast-limited adaptive histogram equalisation in tiles of `tile_px`, float32."""
     if not tile_px >= 8:
         raise ValueError(f"clahe: tiles need at least 8 px, got {tile_px}")
     top = float(image.max())
     if top <= 0:
-        return image.astype(np.float32)
+        return image.astype(float32)
     rows, columns = (max(1, round(n / tile_px)) for n in image.shape)
-    levels = np.round(image.astype(np.float32) * (65535 / top)).astype(np.uint16)
-    return cv2.createCLAHE(CLIP, (columns, rows)).apply(levels).astype(np.float32) * (top / 65535)
+    levels = np.round(image.astype(float32) * (65535 / top)).astype(np.uint16)
+    return cv2.createCLAHE(CLIP, (columns, rows)).apply(levels).astype(float32) * (top / 65535)
 
 
-def highpass(image: np.ndarray, sigma_px: float) -> np.ndarray:
-    """Image minus its Gaussian mean of width `sigma_px`, cut at zero: takes away light-sheet gradients."""
+def _highpass(image: ndarray, sigma_px: float) -> ndarray:
+    """Image minus its Gaussian mean of width `sigma_px`, cut at zero."""
     if not sigma_px > 0:
         raise ValueError(f"highpass: sigma must be positive, got {sigma_px}")
-    image = image.astype(np.float32)
+    image = image.astype(float32)
     return np.maximum(image - cv2.GaussianBlur(image, (0, 0), sigma_px), 0)
 
 
-def cap_intensity(image: np.ndarray, n: float) -> np.ndarray:
-    """Cut intensities above median + n standard deviations, so that single bright particles do not rule."""
+def _cap_intensity(image: ndarray, n: float) -> ndarray:
+    """Intensities cut above median + n standard deviations, against single bright particles."""
     if not n > 0:
         raise ValueError(f"cap: n must be positive, got {n}")
-    image = image.astype(np.float32)
+    image = image.astype(float32)
     return np.minimum(image, float(np.median(image)) + n * float(image.std()))
 
 
-FUNCTIONS: dict[str, Callable[..., np.ndarray]] = {
-    "background": subtract_background, "clahe": clahe, "highpass": highpass, "cap": cap_intensity,
-}  # fmt: skip
+FUNCTIONS: dict[str, Callable[..., ndarray]] = {
+    "background": _subtract_background,
+    "clahe": _clahe,
+    "highpass": _highpass,
+    "cap": _cap_intensity,
+}
 
 
-def parse_step(text: str) -> tuple[str, str]:
+def _parse_step(text: str) -> tuple[str, str]:
     """("highpass", "8") from "highpass=8"; a step without a value takes its default."""
     name, _, value = text.partition("=")
     if name not in STEPS:
@@ -96,14 +101,14 @@ def parse_step(text: str) -> tuple[str, str]:
 
 
 class Preprocessor:
-    """The chain of named steps as one function of a frame; picklable, so that worker processes can have it."""
+    """The chain of named steps as a function of a frame."""
 
     def __init__(self, steps: Sequence[str], recording: Recording) -> None:
         self.steps: list[str] = []
-        self._chain: list[tuple[Callable[..., np.ndarray], np.ndarray | float]] = []
-        self._hidden: np.ndarray | None = None
-        for name, value in map(parse_step, steps):
-            argument: np.ndarray | float
+        self._chain: list[tuple[Callable[..., ndarray], ndarray | float]] = []
+        self._hidden: ndarray | None = None
+        for name, value in map(_parse_step, steps):
+            argument: ndarray | float
             if (name, value) == ("background", "static"):
                 if (static := static_background(recording)) is None:
                     continue
@@ -113,20 +118,20 @@ class Preprocessor:
             self.steps.append(f"{name}={value}")
             self._chain.append((FUNCTIONS[name], argument))
 
-    def mask(self, body: np.ndarray | None) -> np.ndarray | None:
+    def mask(self, body: ndarray | None) -> ndarray | None:
         """A frame's mask (true = body), with the pixels that something static saturates."""
         if self._hidden is None or not self._hidden.any():
             return body
         return self._hidden if body is None else self._hidden | (np.asarray(body) != 0)
 
-    def __call__(self, image: np.ndarray) -> np.ndarray:
+    def __call__(self, image: ndarray) -> ndarray:
         """The cleaned frame: float32, or the frame itself where no step was asked for."""
         for function, argument in self._chain:
             image = function(image, argument)
         return image
 
 
-def _argument(name: str, value: str, recording: Recording) -> np.ndarray | float:
+def _argument(name: str, value: str, recording: Recording) -> ndarray | float:
     if name == "background":
         return background(recording, value)
     try:

@@ -1,4 +1,4 @@
-"""One class per kind of recording; each reads a frame when it is asked for and keeps none of the rest."""
+"""Recordings: each kind reads a frame on demand and keeps no others in memory."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any, Self
 
 import cv2
 import numpy as np
+from numpy import ndarray
 
 LARGEST_CHUNK = 2**28  # px that reading one frame may bring into memory
 # each failure becomes one sentence of ours
@@ -17,9 +18,10 @@ class Recording:
     """Frames of equal size, read one by one.
 
     `len(rec)`; `rec.shape` (rows, columns); `rec.frame(i)`: 2-D uint8 or uint16, row 0 at the top;
-    `rec.mask(i)`: 2-D bool, True = body, or None; `rec.times`: (n,) s, or None where the frame rate is
-    unknown; `rec.attrs`: what is known of `bits`, `scale_m_per_px`, `origin_x_px`, `origin_y_px`,
-    `frame_rate_hz`. A context manager. Frames raise ValueError where they cannot be read.
+    `rec.mask(i)`: 2-D bool, True = body, or None; `rec.times`: (n,) s, or None where the frame rate
+    is unknown; `rec.attrs`: what is known of `bits`, `scale_m_per_px`, `origin_x_px`,
+    `origin_y_px`, `frame_rate_hz`. A context manager. Frames raise ValueError where they cannot be
+    read.
     """
 
     def __init__(self, name: str, count: int, frame_rate_hz: float | None) -> None:
@@ -28,7 +30,7 @@ class Recording:
         self.name = name
         self.count = count
         self.attrs: dict[str, Any] = {}
-        self.times: np.ndarray | None = None
+        self.times: ndarray | None = None
         self.lossy = False  # saved in a format that leaves out detail
         # of the lower left pixel, in the picture that coordinates refer to
         self.corner_px = (0.0, 0.0)
@@ -54,7 +56,7 @@ class Recording:
         assert self._shape is not None
         return self._shape
 
-    def frame(self, i: int) -> np.ndarray:
+    def frame(self, i: int) -> ndarray:
         """Frame `i`, 2-D, native dtype, row 0 at the top."""
         if not 0 <= i < self.count:
             raise IndexError(
@@ -71,18 +73,18 @@ class Recording:
             )
         return image
 
-    def mask(self, i: int) -> np.ndarray | None:
+    def mask(self, i: int) -> ndarray | None:
         """The body in frame `i` where the recording knows it."""
         return None
 
-    def variable(self, name: str, frames: slice) -> np.ndarray:
+    def variable(self, name: str, frames: slice) -> ndarray:
         """A variable of `finger` at some frames (frame, ...)."""
         raise NotImplementedError
 
-    def __iter__(self) -> Iterator[np.ndarray]:
+    def __iter__(self) -> Iterator[ndarray]:
         return (self.frame(i) for i in range(self.count))
 
-    def _read(self, i: int) -> np.ndarray:
+    def _read(self, i: int) -> ndarray:
         raise NotImplementedError
 
     def _frame_name(self, i: int) -> str:

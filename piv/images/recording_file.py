@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
 from fileio.errors import one_line
 from fileio.formats.plane_series import FINGER_VARIABLES
@@ -74,26 +75,26 @@ class RecordingFile(Recording):
             if key in ("scale_m_per_px", "frame_rate_hz") and not value > 0:
                 raise ValueError(f"attribute {key} is {value!r}, expected a positive number")
 
-    def _numbers(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
+    def _numbers(self, name: str, shape: tuple[int, ...]) -> ndarray:
         values = np.asarray(self._file[name][...], float)
         if values.shape != shape or not np.isfinite(values).all():
             raise ValueError(f"{name} has shape {values.shape}, expected {shape} finite numbers")
         return values
 
-    def _read(self, i: int) -> np.ndarray:
+    def _read(self, i: int) -> ndarray:
         return self._part("frames", i, self._frame_name(i))
 
-    def mask(self, i: int) -> np.ndarray | None:
+    def mask(self, i: int) -> ndarray | None:
         """The stored mask of frame `i`, True = body, or None."""
         if "mask" not in self._file:
             return None
         return self._part("mask", i, self._frame_name(i)).astype(bool)
 
-    def variable(self, name: str, frames: slice) -> np.ndarray:
+    def variable(self, name: str, frames: slice) -> ndarray:
         """A variable of `finger` at some frames (frame, ...)."""
         return self._part(name, frames, f"{self.name}: {name}")
 
-    def _part(self, name: str, where: int | slice, place: str) -> np.ndarray:
+    def _part(self, name: str, where: int | slice, place: str) -> ndarray:
         try:
             return self._file[name][where]
         except HDF5_ERRORS as error:

@@ -1,22 +1,24 @@
 """What stands still in a sequence while particles move past it: streaks, scratches and reflections.
 
-The least grey value over the frames of a pixel holds what is static, and particles at rest as well. Those stay: a cell
-counts as static only where its texture that does not change is as strong as that of the particles elsewhere and
-particles move past it, or where it is so bright that no particles can be meant.
+The least grey value over the frames of a pixel holds what is static, and particles at rest as well.
+Those stay: a cell counts as static only where its texture that does not change is as strong as that
+of the particles elsewhere and particles move past it, or where it is so bright that no particles
+can be meant.
 """
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy import ndarray
 
 from piv.images.recording import Recording
 
 CELL = 32  # px
 FRAMES = 20  # looked at, evenly chosen: more of them hardly lower the least value between particles
 LEAST_FRAMES = 5  # with fewer, particles overlap themselves too often
-# of the particles' variance, which is the median over the cells: a cell is static whose own least values have STATIC of it
-# while MOVING of it changes, or that have BRIGHT of it
+# of the particles' variance, which is the median over the cells: a cell is static whose own least
+# values have STATIC of it while MOVING of it changes, or that have BRIGHT of it
 STATIC, MOVING, BRIGHT = 1.0, 0.25, 10.0
 SATURATED = (
     0.98  # of the brightest pixel of all frames: what is always so bright shows no particles
@@ -24,10 +26,11 @@ SATURATED = (
 LEAST_AREA = 5e-4  # share of the picture; a few odd cells are no background
 
 
-def static_background(recording: Recording) -> tuple[np.ndarray, np.ndarray] | None:
-    """Grey values (float32) to take off every frame, 0 where nothing is static, and the pixels (bool) that it saturates.
+def static_background(recording: Recording) -> tuple[ndarray, ndarray] | None:
+    """Grey values (float32) to subtract, 0 where nothing is static, and saturated pixels (bool).
 
-    None where it would not pay: nothing is static, most of the picture is, fewer than LEAST_FRAMES frames or CELL px.
+    None where it would not pay: nothing is static, most of the picture is, fewer than LEAST_FRAMES
+    frames or CELL px.
     """
     if len(recording) < LEAST_FRAMES or min(recording.shape) < CELL:
         return None
@@ -70,13 +73,13 @@ def static_background(recording: Recording) -> tuple[np.ndarray, np.ndarray] | N
     return np.maximum(least - level, 0) * where, (least >= SATURATED * top) & (where > 0)
 
 
-def _texture(image: np.ndarray) -> np.ndarray:
+def _texture(image: ndarray) -> ndarray:
     """The image (float32) without slow changes across it."""
     image = image.astype(np.float32)
     return image - cv2.GaussianBlur(image, (0, 0), CELL / 4)
 
 
-def _variance(texture: np.ndarray) -> np.ndarray:
+def _variance(texture: ndarray) -> ndarray:
     """Of the texture in each whole cell."""
     rows, columns = (n // CELL for n in texture.shape)
     blocks = texture[: rows * CELL, : columns * CELL].reshape(rows, CELL, columns, CELL)

@@ -16,10 +16,10 @@ RECENT_FRAMES = 8  # of a video, so that neighbouring pairs need no seeking
 
 
 class Video(Recording):
-    """A video through OpenCV: 8 bit; colour becomes luma, because video codecs store luma in full resolution.
+    """A video through OpenCV: 8 bit; colour becomes luma, which codecs store in full resolution.
 
-    Frames are decoded in order; going back further than a few frames decodes from the start again, because
-    seeking by number is not exact in every container.
+    Frames are decoded in order; going back further than a few frames decodes from the start again,
+    because seeking by number is not exact in every container.
     """
 
     def __init__(self, path: Path, *, frame_rate_hz: float | None = None) -> None:
@@ -33,7 +33,8 @@ class Video(Recording):
             )
         played = self._capture.get(cv2.CAP_PROP_FPS)
         super().__init__(str(path), count, frame_rate_hz)
-        # A high-speed film is usually stored with a playing rate, not with the camera's: never taken as time.
+        # A high-speed film is usually stored with a playing rate, not with the camera's: never
+        # taken as time.
         self.attrs["playing_rate_hz"] = float(played)
 
     def _open(self) -> None:
@@ -44,7 +45,8 @@ class Video(Recording):
         self._capture = cv2.VideoCapture(str(self.path))
         if not self._capture.isOpened():
             raise ValueError(
-                f"{self.path}: not readable as a video (damaged, or an unknown codec); save its frames as PNG, "
+                f"{self.path}: not readable as a video (damaged, or an unknown codec); save its "
+                "frames as PNG, "
                 f"such as with ffmpeg -i {self.path.name} frame_%05d.png, and give their folder"
             )
         self._next = 0
@@ -59,7 +61,8 @@ class Video(Recording):
         while self._next <= i:
             if not self._capture.grab():
                 raise ValueError(
-                    f"{self.path}: decoding ended before frame {i}, though the container says {self.count} frames"
+                    f"{self.path}: decoding ended before frame {i}, though the container says "
+                    f"{self.count} frames"
                 )
             self._next += 1
             if self._next > i - RECENT_FRAMES:

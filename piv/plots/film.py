@@ -25,48 +25,21 @@ def write_film(
 ) -> None:
     """Encode images (row, column, RGB), of even sides, to an MP4 (yuv420p), whole or not at all.
 
-    `crf`, `preset`: quality and speed as libx264 names them. ValueError without an image, or with ffmpeg's reason;
-    OSError where the disk is full.
+    `crf`, `preset`: quality and speed as libx264 names them. ValueError without an image, or with
+    ffmpeg's reason; OSError where the disk is full.
     """
     images = iter(images)
     first = next(images, None)
     if first is None:
         raise ValueError(f"{path}: no frame to make a film of")
     rows, columns = first.shape[:2]
-    given = [
-        "-f",
-        "rawvideo",
-        "-pix_fmt",
-        "rgb24",
-        "-s",
-        f"{columns}x{rows}",
-        "-r",
-        f"{rate_hz:.02f}",
-    ]
-    coded = [
-        "-c:v",
-        "libx264",
-        "-pix_fmt",
-        "yuv420p",
-        "-crf",
-        str(crf),
-        "-preset",
-        preset,
-        "-threads",
-        "1",
-    ]
+    words = (
+        f"-y -loglevel error -f rawvideo -pix_fmt rgb24 -s {columns}x{rows} -r {rate_hz:.02f} "
+        f"-i - -an -c:v libx264 -pix_fmt yuv420p -crf {crf} -preset {preset} -threads 1 "
+        "-movflags +faststart"
+    )
     with whole(path, suffix=True) as part, ThreadPoolExecutor(1) as pool:
-        program = [
-            imageio_ffmpeg.get_ffmpeg_exe(),
-            "-y",
-            "-loglevel",
-            "error",
-            *given,
-            "-i",
-            "-",
-            "-an",
-        ]
-        command = [*program, *coded, "-movflags", "+faststart", str(part)]
+        command = [imageio_ffmpeg.get_ffmpeg_exe(), *words.split(), str(part)]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
             assert process.stdin is not None
             assert process.stderr is not None

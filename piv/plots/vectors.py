@@ -1,4 +1,4 @@
-"""Vectors over vorticity, with bodies and vortex centres: one figure for pictures and animations."""
+"""Vectors over vorticity, with bodies and vortex centres: one figure for all pictures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ logging.getLogger("matplotlib.font_manager").setLevel(
     logging.ERROR
 )  # warns of fonts that nothing here uses
 
-# Blue-white-orange, told apart by every kind of colour vision (ColorBrewer's PuOr, reversed so that blue is negative).
+# Blue-white-orange, told apart by every kind of colour vision (ColorBrewer's PuOr, reversed so that
+# blue is negative).
 COLOUR_MAP = "PuOr_r"
 WIDTH_IN = 6.7
 NEVER_NEGATIVE = (
@@ -39,7 +40,7 @@ ARROWS_ACROSS = 42  # more cannot be read on a printed column
 
 @dataclass(frozen=True)
 class Style:
-    """What a picture shows; `mm` puts lengths in mm where the plane is in m; limits None: from the data."""
+    """Contents of a picture; `mm`: lengths in mm for a plane in m; limits None: from the data."""
 
     mm: bool = True
     vorticity_limit: float | None = None
@@ -50,7 +51,7 @@ class Style:
 
 
 def vorticity(plane: xr.Dataset) -> np.ndarray:
-    """dv/dx - du/dy (..., y, x) by central differences (one-sided at edges), NaN next to absent vectors."""
+    """dv/dx - du/dy (..., y, x) by central differences, NaN next to absent vectors."""
     x, y = plane["x"].values, plane["y"].values
     ok = usable(plane).values
     u, v = (np.where(ok, plane[n].values, np.nan) for n in ("u", "v"))
@@ -63,7 +64,8 @@ def speed_scale(planes: xr.Dataset) -> float:
     speed = np.hypot(planes["u"].values, planes["v"].values)[ok]
     if speed.size == 0:
         raise ValueError(
-            "the plane has no usable vector to plot; choose another instant, or correlate with larger windows"
+            "the plane has no usable vector to plot; choose another instant, or correlate with "
+            "larger windows"
         )
     return max(float(np.percentile(speed, 99)), 1e-12)
 
@@ -76,7 +78,7 @@ def vorticity_scale(planes: xr.Dataset, name: str = "vorticity") -> float:
 
 
 def shaded(plane: xr.Dataset, name: str) -> np.ndarray:
-    """What a picture is coloured by: a variable of the plane, or its vorticity; ValueError where it has no such variable."""
+    """Field that colours a picture: a variable of the plane, or its vorticity; else ValueError."""
     if name == "vorticity" and name not in plane:
         return vorticity(plane)
     if name not in plane or plane[name].dims[-2:] != ("y", "x"):
@@ -101,7 +103,7 @@ def draw(
     style: Style,
     speed: float | None = None,
 ) -> Figure:
-    """A figure of one instant; close it with `plt.close`. `vortices`: rows of docs/formats.md at this instant."""
+    """A figure of one instant; close it with `plt.close`. `vortices`: rows at this instant."""
     length = str(plane["x"].attrs.get("units", "m"))
     velocity = str(plane["u"].attrs.get("units", "m/s"))
     factor, shown = (1e3, "mm") if style.mm and length == "m" else (1.0, length)

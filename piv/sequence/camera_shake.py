@@ -6,6 +6,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy import ndarray
 
 from piv.correlation.pair import correlate_pair
 
@@ -16,11 +17,12 @@ LEAST_SIDE = 192  # px: smaller frames hold too few coarse windows
 LEAST_VECTORS = 12  # in common of all pairs
 
 
-def frame_shifts(frames: list[Any], masks: list[Any]) -> np.ndarray | None:
-    """Shift (n, 2: x, y down, px) of each frame against the middle one beyond a motion in a straight line; 0 below LEAST_SHAKE.
+def frame_shifts(frames: list[Any], masks: list[Any]) -> ndarray | None:
+    """Shift (n, 2: x, y down, px) of each frame against the middle one beyond uniform motion.
 
-    Each vector's displacement from frame to frame less its mean over the set is the shake, the same all over the frame.
-    None where it cannot be measured: frames below LEAST_SIDE, or fewer than LEAST_VECTORS.
+    Each vector's displacement from frame to frame less its mean over the set is the shake, the same
+    all over the frame. None where it cannot be measured: frames below LEAST_SIDE, or fewer than
+    LEAST_VECTORS.
     """
     if min(np.shape(frames[0])) < LEAST_SIDE:
         return None
@@ -42,11 +44,11 @@ def frame_shifts(frames: list[Any], masks: list[Any]) -> np.ndarray | None:
 
 
 def shifted(
-    frames: list[np.ndarray], masks: list[np.ndarray | None], shifts: np.ndarray
-) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
-    """Frames and masks (true = body) moved back by `shifts`: float32, Lanczos interpolation over 8 px, mirrored at the edge."""
-    images: list[np.ndarray] = []
-    bodies: list[np.ndarray | None] = []
+    frames: list[ndarray], masks: list[ndarray | None], shifts: ndarray
+) -> tuple[list[ndarray], list[ndarray | None]]:
+    """Frames and masks (true = body) moved back by `shifts`: Lanczos interpolation, float32."""
+    images: list[ndarray] = []
+    bodies: list[ndarray | None] = []
     for image, body, (x, y) in zip(frames, masks, shifts, strict=True):
         back = np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
         images.append(_moved(image, back, cv2.INTER_LANCZOS4))
@@ -54,7 +56,7 @@ def shifted(
     return images, bodies
 
 
-def _moved(image: np.ndarray, back: np.ndarray, interpolation: int) -> np.ndarray:
+def _moved(image: ndarray, back: ndarray, interpolation: int) -> ndarray:
     size = (image.shape[1], image.shape[0])
     flags = interpolation | cv2.WARP_INVERSE_MAP
     return cv2.warpAffine(

@@ -1,4 +1,4 @@
-"""A recording in parts: each worker or job makes some of the fields; joined, the file is that of one worker to the last byte."""
+"""A recording in parts: joined, the file equals that of one job to the last byte."""
 
 from __future__ import annotations
 
@@ -31,18 +31,19 @@ class Chunk:
 
     @classmethod
     def of_series(cls, fields: int, number: int, of: int) -> Chunk:
-        """Parts differ by one field at most. ValueError where there is no such part, or nothing is left for it."""
+        """Parts differ by one field at most. ValueError where there is no such part."""
         if not 1 <= number <= of:
             raise ValueError(f"chunk {number}/{of}: give k/n with k from 1 to n")
         if of > fields:
             raise ValueError(
-                f"chunk {number}/{of}: the recording gives only {fields} fields; ask for fewer chunks"
+                f"chunk {number}/{of}: the recording gives only {fields} fields; ask for fewer "
+                "chunks"
             )
         first, last = (fields * k // of for k in (number - 1, number))
         return cls(number, of, first, last - first, fields)
 
     def to_json(self, identity: str) -> str:
-        """The attribute `chunk` of a part's file; `identity`: the series_key that all parts have in common."""
+        """The attribute `chunk` of a part's file; `identity`: the series_key of all parts."""
         return json.dumps(asdict(self) | {"identity": identity})
 
 
@@ -58,7 +59,7 @@ def chunk_path(output: str | Path, number: int, of: int) -> Path:
 
 
 def is_chunk(path: str | Path, attribute: str) -> bool:
-    """Whether `path` is the finished part that `attribute` (Chunk.to_json) names: of this recording and these settings."""
+    """Whether `path` is the finished part of this recording and these settings (`attribute`)."""
     try:
         with h5py.File(path, "r") as file:
             return bool(file.attrs.get("chunk") == attribute)
@@ -67,7 +68,7 @@ def is_chunk(path: str | Path, attribute: str) -> bool:
 
 
 def parts_of(output: str | Path) -> list[Path]:
-    """The parts beside `output`, in order; ValueError where none, or some of them, are there, or of several divisions."""
+    """The parts beside `output`, in order; ValueError where the set is incomplete or mixed."""
     path = Path(output)
     parts = sorted(path.parent.glob(f"{path.stem}.chunk-*-of-*{path.suffix}"))
     divisions = {p.name.rpartition("-of-")[2] for p in parts}
@@ -79,29 +80,31 @@ def parts_of(output: str | Path) -> list[Path]:
             )
         kinds = ", ".join(f"of-{d.removesuffix(path.suffix)}" for d in sorted(divisions))
         raise ValueError(
-            f"{path}: beside it are chunks of several divisions ({kinds}); remove all but one of them"
+            f"{path}: beside it are chunks of several divisions ({kinds}); remove all but one of "
+            "them"
         )
     of = int(divisions.pop().removesuffix(path.suffix))
     missing = [k for k in range(1, of + 1) if not chunk_path(path, k, of).exists()]
     if missing:
         raise ValueError(
-            f"{chunk_path(path, missing[0], of)}: missing, with {len(missing)} of {of} chunks; {made_by(missing[0], of)}"
+            f"{chunk_path(path, missing[0], of)}: missing, with {len(missing)} of {of} chunks; "
+            f"{_made_by(missing[0], of)}"
         )
     return parts
 
 
-def made_by(number: int, of: int) -> str:
+def _made_by(number: int, of: int) -> str:
     """What a person does to get a part that is missing or cannot be used."""
     return f"make it with the same piv correlate and --chunk {number}/{of}"
 
 
 def join(parts: list[Path], output: str | Path) -> Path:
-    """Put the parts together in the plane series `output`, a field at a time. ValueError where they are not of one whole."""
+    """Join the parts into the plane series `output`; ValueError where they are not of one whole."""
     first = 0
     heads: list[dict[str, Any]] = []
     times = []
     for number, path in enumerate(parts, 1):
-        again = f"remove it and {made_by(number, len(parts))}"
+        again = f"remove it and {_made_by(number, len(parts))}"
         with h5py.File(path, "r") as file:
             if "chunk" not in file.attrs:
                 raise ValueError(

@@ -32,7 +32,7 @@ Pair = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
 def correlate_ensemble(
     load: Callable[[int], Pair], count: int, *, quiet: bool = True, **options: Any
 ) -> xr.Dataset:
-    """Mean displacement of `count` pairs in px: their correlations are summed before peaks are sought.
+    """Mean displacement of `count` pairs in px: correlations are summed before peaks are sought.
 
     load(i): pair i as (a, b, mask); it is called once per pass, so that one pair is in memory.
     Other arguments and the result: as of `correlate_pair`. For repeated flows, or a steady one with

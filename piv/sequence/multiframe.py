@@ -1,4 +1,4 @@
-"""Time-resolved sets of three, five or more frames: one displacement field from all pairs within the set."""
+"""Time-resolved sets of three, five or more frames: one field from all pairs of the set."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy import float32, ndarray
 
 from piv.correlation import passes, prefilter
 from piv.correlation.deform import Nodes
@@ -22,16 +23,18 @@ from piv.sequence.camera_shake import frame_shifts, shifted
 def correlate_frames(
     frames: list[Any], *, mask: Any = None, shake: bool = True, **options: Any
 ) -> xr.Dataset:
-    """Displacement per frame interval at the middle frame of an odd number of equally spaced frames.
+    """Displacement per frame interval at the middle of an odd number of equally spaced frames.
 
-    Arguments and result as of `correlate_pair`; mask: one for all frames or one per frame; shake: whether the camera's is
-    measured and taken out, so that only its mean motion over the set stays in the vectors (attribute `shake_unknown`: 1
-    where it could not be measured and the frames are used as recorded). Every frame is warped to
-    the middle instant along the paths of the field found so far; the correlations of all pairs of frames are added up
-    with the weight of a straight-line fit (a pair n frames apart counts n times) and one Newton step is taken for d
-    and, from the pairs that are not symmetric in time, for the unsteady acceleration. Random errors fall with the lever arm of the set:
-    the idea of pyramid correlation (Sciacchitano et al. 2012) and of fluid trajectory correlation (Lynch & Scarano
-    2013), on warped images. ValueError where the number of frames is even or below three.
+    Arguments and result as of `correlate_pair`; mask: one for all frames or one per frame; shake:
+    whether the camera's is measured and taken out, so that only its mean motion over the set stays
+    in the vectors (attribute `shake_unknown`: 1 where it could not be measured and the frames are
+    used as recorded). Every frame is warped to the middle instant along the paths of the field
+    found so far; the correlations of all pairs of frames are added up with the weight of a
+    straight-line fit (a pair n frames apart counts n times) and one Newton step is taken for d and,
+    from the pairs that are not symmetric in time, for the unsteady acceleration. Random errors fall
+    with the lever arm of the set: the idea of pyramid correlation (Sciacchitano et al. 2012) and of
+    fluid trajectory correlation (Lynch & Scarano 2013), on warped images. ValueError where the
+    number of frames is even or below three.
     """
     if len(frames) < 3 or len(frames) % 2 == 0:
         raise ValueError(
@@ -55,10 +58,8 @@ def correlate_frames(
     instants = np.arange(-reach, reach + 1)
     half, nodes, keep = nodes_of(images.shape, settings)
     x, y = nodes.x, nodes.y
-    acceleration = np.zeros((2, y.size, x.size), np.float32)
-    work = {
-        f: np.empty((2, images.shape[0] // f, images.shape[1] // f), np.float32) for f in (1, 2)
-    }
+    acceleration = np.zeros((2, y.size, x.size), float32)
+    work = {f: np.empty((2, images.shape[0] // f, images.shape[1] // f), float32) for f in (1, 2)}
     calls = {1: 0, 2: 0}
 
     def maps_of(columns, rows, shift_x, shift_y, size):
@@ -66,7 +67,7 @@ def correlate_frames(
         pairs = ((half[k], half[k + 1]) for k in (reach - 1, reach))
         return sum(window_maps(a, b, columns, rows, shift_x, shift_y, size) for a, b in pairs)
 
-    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> np.ndarray:
+    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> ndarray:
         f = nodes.factor
         held = images.images(f)
         for image in held:
@@ -76,36 +77,38 @@ def correlate_frames(
         calls[f] += 1
         used = [k for k, t in enumerate(instants) if abs(t) <= near]
         shape = (len(instants), *work[f].shape[1:])
-        weight = np.empty(shape, np.float32)
+        weight = np.empty(shape, float32)
         for k in used:
             t = instants[k]
             for axis, moved in enumerate(paths(dx, dy, x, y, acceleration, float(t))):
                 nodes.dense(moved, work[f][axis])
             held[k].warp(work[f][0], work[f][1], 1.0, weight[k], False)
-        total = np.zeros((MOMENTS, *nodes.cell_shape), np.float32)
-        bent = np.zeros((5, *nodes.cell_shape), np.float32)
+        total = np.zeros((MOMENTS, *nodes.cell_shape), float32)
+        bent = np.zeros((5, *nodes.cell_shape), float32)
         cells = np.empty_like(total)
         for i in used:
             for j in range(i + 1, used[-1] + 1):
                 n = float(instants[j] - instants[i])
                 cell_moments(held[i].warped, held[j].warped, weight[i] * weight[j], cells)
-                # the pair sees n d + m a; the straight-line fit weighs its gradient with n, coherence its noise
-                trust = np.float32(coherence_weight(cells))
+                # the pair sees n d + m a; the straight-line fit weighs its gradient with n,
+                # coherence its noise
+                trust = float32(_coherence_weight(cells))
                 cells[:8] *= trust
                 m = 0.5 * float(instants[j] ** 2 - instants[i] ** 2)
-                total[:2] += np.float32(n) * cells[:2]
-                total[2:5] += np.float32(n * n) * cells[2:5]
+                total[:2] += float32(n) * cells[:2]
+                total[2:5] += float32(n * n) * cells[2:5]
                 total[5:] += cells[5:]
                 if m:
-                    bent[:2] += np.float32(m) * cells[:2]
-                    bent[2:] += np.float32(m * m) * cells[2:5]
+                    bent[:2] += float32(m) * cells[:2]
+                    bent[2:] += float32(m * m) * cells[2:5]
         if f == 1:
             step_acceleration(nodes, bent)
         return total
 
-    def step_acceleration(nodes: Nodes, bent: np.ndarray) -> None:
-        # accelerations vary as slowly as the displacement they come from: twice the window keeps their noise down
-        padded = np.concatenate([bent, np.ones((MOMENTS - 5, *bent.shape[1:]), np.float32)])
+    def step_acceleration(nodes: Nodes, bent: ndarray) -> None:
+        # accelerations vary as slowly as the displacement they come from: twice the window keeps
+        # their noise down
+        padded = np.concatenate([bent, np.ones((MOMENTS - 5, *bent.shape[1:]), float32)])
         sums, _ = nodes.window_sums(padded, 1.5 * settings.sigma)
         det = sums[2] * sums[4] - sums[3] ** 2
         ok = det > 1e-3 * np.median(det)
@@ -128,13 +131,13 @@ def correlate_frames(
     return field.assign_attrs(shake_unknown=int(shake_unknown))
 
 
-def paths(dx, dy, x, y, unsteady: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+def paths(dx, dy, x, y, unsteady: ndarray, t: float) -> tuple[ndarray, ndarray]:
     """Displacement of particles that are at the nodes now, `t` frame intervals later (or earlier).
 
-    Taylor series of the path in a field that is frozen but for the acceleration `unsteady` (2, ny, nx):
-    D = t u + t²/2 (L u + unsteady) + t³/6 L² u + t⁴/24 L³ u with L = u·∇.
+    Taylor series of the path in a field that is frozen but for the acceleration `unsteady` (2, ny,
+    nx): D = t u + t²/2 (L u + unsteady) + t³/6 L² u + t⁴/24 L³ u with L = u·∇.
     """
-    u = np.stack([dx, dy]).astype(np.float32)
+    u = np.stack([dx, dy]).astype(float32)
     total = t * u + 0.5 * t * t * unsteady
     term, factor = u, t
     for order in (2, 3, 4):
@@ -142,12 +145,12 @@ def paths(dx, dy, x, y, unsteady: np.ndarray, t: float) -> tuple[np.ndarray, np.
             [u[0] * np.gradient(c, x, axis=1) + u[1] * np.gradient(c, y, axis=0) for c in term]
         )
         factor *= t / order
-        total = total + factor * term.astype(np.float32)
+        total = total + factor * term.astype(float32)
     return total[0], total[1]
 
 
-def coherence_weight(cells: np.ndarray) -> float:
-    """Maximum-likelihood weight ρ/(1 - ρ²) of a pair of frames from its correlation coefficient ρ."""
+def _coherence_weight(cells: ndarray) -> float:
+    """Maximum-likelihood weight ρ/(1 - ρ²) of a pair of frames of correlation ρ."""
     own = float(np.sqrt(cells[5].sum(dtype=float) * cells[6].sum(dtype=float)))
     rho = float(cells[7].sum(dtype=float)) / own if own > 0 else 0.0
     rho = min(max(rho, 0.01), 0.99)

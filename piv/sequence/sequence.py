@@ -1,4 +1,4 @@
-"""A whole recording to a plane series: field by field, in parallel, resumable, with constant memory."""
+"""A whole recording to a plane series: field by field, in parallel, resumable."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import cv2
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 from tqdm import tqdm
 
 from fileio.formats.plane_series import AXES, provenance
@@ -119,9 +120,9 @@ def correlate_recording(
         sets = sets[part.first : part.first + part.count]
         output = chunk_path(output, *chunk)
     clean = Preprocessor(sequence.steps, recording)
-    cleaned: dict[int, tuple[np.ndarray, Any]] = {}  # of the last set: most share some
+    cleaned: dict[int, tuple[ndarray, Any]] = {}  # of the last set: most share some
 
-    def load(indices: tuple[int, ...]) -> tuple[list[np.ndarray], list[Any]]:
+    def load(indices: tuple[int, ...]) -> tuple[list[ndarray], list[Any]]:
         now = {
             i: cleaned[i]
             if i in cleaned
@@ -132,7 +133,7 @@ def correlate_recording(
         cleaned.update(now)
         return [image for image, _ in now.values()], [mask for _, mask in now.values()]
 
-    units = SeriesUnits.of(recording, sets)
+    units = _SeriesUnits.of(recording, sets)
     x, y = units.axes(*options.axes(recording.shape))
     settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps}
     for key in ("threads", "ensemble")[: 1 if sequence.ensemble else 2]:
@@ -207,7 +208,7 @@ def _in_parallel(
 ) -> Iterator[tuple[int, xr.Dataset]]:
     """Fields in order; frames are read here, at most threads + 1 sets wait in memory."""
 
-    def field(images: list[np.ndarray], masks: list[Any]) -> xr.Dataset:
+    def field(images: list[ndarray], masks: list[Any]) -> xr.Dataset:
         if len(images) == 2:
             return correlate_pair(*images, mask=masks, **asdict(options))
         return correlate_frames(images, mask=masks, shake=sequence.shake, **asdict(options))
@@ -228,17 +229,17 @@ def _in_parallel(
 
 
 @dataclass(frozen=True)
-class SeriesUnits:
+class _SeriesUnits:
     """From px and frames to the units of the file."""
 
     scale: float
     origin: tuple[float, float]
-    time: np.ndarray
-    interval: np.ndarray  # per field
+    time: ndarray
+    interval: ndarray  # per field
     names: dict[str, str]  # of the axes, time and velocity
 
     @classmethod
-    def of(cls, recording: Recording, sets: list[tuple[int, ...]]) -> SeriesUnits:
+    def of(cls, recording: Recording, sets: list[tuple[int, ...]]) -> _SeriesUnits:
         """SI where scale and times are known, px and frames otherwise."""
         scale = recording.attrs.get("scale_m_per_px")
         times = recording.times
@@ -262,11 +263,11 @@ class SeriesUnits:
             float(scale), origin, middle, interval, {"x": "m", "y": "m", "time": "s", "u": "m/s"}
         )
 
-    def axes(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def axes(self, x: ndarray, y: ndarray) -> tuple[ndarray, ndarray]:
         """Coordinates of the vectors from those in px."""
         return (x - self.origin[0]) * self.scale, (y - self.origin[1]) * self.scale
 
-    def fields(self, plane: xr.Dataset, index: int) -> dict[str, np.ndarray]:
+    def fields(self, plane: xr.Dataset, index: int) -> dict[str, ndarray]:
         """Variables of one field in the file's units."""
         factor = dict.fromkeys(("u", "v", "u_std", "v_std"), self.scale / self.interval[index])
         return {str(n): plane.variables[n].values * factor.get(str(n), 1) for n in plane.data_vars}
@@ -281,7 +282,7 @@ def _carried(recording: Recording) -> dict[str, Any]:
 
 def _finger_in_sets(
     recording: Recording, name: str, sets: list[tuple[int, ...]]
-) -> Iterator[np.ndarray]:
+) -> Iterator[ndarray]:
     """A finger variable at the middle of each set, block by block; directions stay unit vectors."""
     for begin in range(0, len(sets), BLOCK):
         block = sets[begin : begin + BLOCK]

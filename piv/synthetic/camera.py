@@ -8,8 +8,10 @@ from typing import Annotated
 
 @dataclass(frozen=True)
 class Camera:
-    """Sensor, magnification, frame rate and noise; `origin_px` is the tank frame's origin, px right and up from the
-    centre of the bottom left pixel, None: the plane's middle is the picture's.
+    """Sensor, magnification, frame rate and noise.
+
+    origin_px: tank origin, px right and up from the centre of the bottom left pixel; None: the
+    plane's middle is the picture's.
     """
 
     width_px: Annotated[int, "picture width"] = 1280
@@ -25,7 +27,8 @@ class Camera:
     )
     pairs_every: Annotated[
         int,
-        "take a pair of frames out of every so many (correlate with --pairing 1-2,3-4); 1 = every frame",
+        "take a pair of frames out of every so many (correlate with --pairing 1-2,3-4); 1 = every "
+        "frame",
     ] = 1
 
     def __post_init__(self) -> None:

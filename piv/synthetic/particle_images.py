@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
-import numba
 import numpy as np
+from numpy import float32, ndarray
+
+from piv.compiled import compiled
 
 SLAB_HALF_WIDTH = 1.25  # in sheet thicknesses: light has fallen to exp(-12.5) there
 
 
-def sheet_light(z: np.ndarray, thickness: float) -> np.ndarray:
+def sheet_light(z: ndarray, thickness: float) -> ndarray:
     """Relative light at distance `z` from the middle of a Gaussian sheet, exp(-8 z^2/thickness^2).
 
     `thickness` (same unit as z) is the full width at 1/e^2 of the peak.
@@ -21,19 +23,14 @@ def sheet_light(z: np.ndarray, thickness: float) -> np.ndarray:
     return np.exp(-8.0 * (np.asarray(z) / thickness) ** 2)
 
 
-@numba.njit(cache=True)
-def add_particles(
-    image: np.ndarray,
-    column: np.ndarray,
-    row: np.ndarray,
-    amplitude: np.ndarray,
-    diameter: np.ndarray,
-) -> None:
+@compiled
+def add_particles(image, column, row, amplitude, diameter):
     """Add Gaussian particle images to `image` (rows, columns; float), in place.
 
-    `column`, `row`: centres in px (0 = centre of the first pixel); `amplitude`: peak of the unintegrated Gaussian
-    amplitude*exp(-8 r^2/diameter^2); `diameter`: full width at 1/e^2 (px). Each pixel holds the exact mean over its
-    area (product of two erf differences); a spot is cut where it has fallen below 1e-5 grey levels.
+    `column`, `row`: centres in px (0 = centre of the first pixel); `amplitude`: peak of the
+    unintegrated Gaussian amplitude*exp(-8 r^2/diameter^2); `diameter`: full width at 1/e^2 (px).
+    Each pixel holds the exact mean over its area (product of two erf differences); a spot is cut
+    where it has fallen below 1e-5 grey levels.
     """
     rows, columns = image.shape
     wx = np.empty(256)
@@ -63,9 +60,9 @@ def add_particles(
                 image[j, i] += wy * wx[i - i0]
 
 
-@numba.njit(cache=True)
-def fill_polygon(mask: np.ndarray, column: np.ndarray, row: np.ndarray) -> None:
-    """Set `mask` (rows, columns; uint8) to 1 where a pixel's centre is inside the closed polygon (even-odd rule)."""
+@compiled
+def fill_polygon(mask, column, row):
+    """Set `mask` (rows, columns; uint8) to 1 inside the closed polygon (even-odd rule)."""
     rows, columns = mask.shape
     n = column.size
     crossing = np.empty(n)
@@ -86,9 +83,9 @@ def fill_polygon(mask: np.ndarray, column: np.ndarray, row: np.ndarray) -> None:
                 mask[j, i] = 1
 
 
-@numba.njit(cache=True)
-def in_mask(mask: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """Which points (px, row 0 at the top) fall on a set pixel of `mask`; False outside the picture."""
+@compiled
+def in_mask(mask, column, row):
+    """Points (px, row 0 at the top) on a set pixel of `mask`; False outside the picture."""
     rows, columns = mask.shape
     out = np.zeros(column.size, np.bool_)
     for n in range(column.size):
@@ -98,10 +95,8 @@ def in_mask(mask: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray
     return out
 
 
-@numba.njit(cache=True)
-def _in_polygon(
-    column: np.ndarray, row: np.ndarray, at_column: np.ndarray, at_row: np.ndarray
-) -> np.ndarray:
+@compiled
+def _in_polygon(column, row, at_column, at_row):
     """Which points `at_…` lie inside the closed polygon (even-odd rule)."""
     inside = np.zeros(at_column.size, np.bool_)
     n = column.size
@@ -118,19 +113,19 @@ def _in_polygon(
 
 @dataclass(frozen=True)
 class Body:
-    """A body in a picture: its `mask` (rows, columns; uint8) and its outlines (column, row) in px where they are known."""
+    """A body in a picture: `mask` (rows, columns; uint8), known outlines (column, row) in px."""
 
-    mask: np.ndarray
-    polygons: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
+    mask: ndarray
+    polygons: tuple[tuple[ndarray, ndarray], ...] = ()
 
     @cached_property
-    def edge(self) -> np.ndarray:
+    def edge(self) -> ndarray:
         """Pixels beside which the mask changes."""
         ring = np.ones((3, 3), np.uint8)
         return cv2.dilate(self.mask, ring) != cv2.erode(self.mask, ring)
 
-    def holds(self, column: np.ndarray, row: np.ndarray) -> np.ndarray:
-        """Which points (px, row 0 at the top) lie in the body: to a fraction of a pixel where its outlines are known."""
+    def holds(self, column: ndarray, row: ndarray) -> ndarray:
+        """Points (px, row 0 at the top) in the body, to a fraction of a pixel with outlines."""
         inside = in_mask(self.mask, column, row)
         if self.polygons:
             near = np.flatnonzero(in_mask(self.edge, column, row))
@@ -140,36 +135,37 @@ class Body:
         return inside
 
 
-def shadow_of(mask: np.ndarray) -> np.ndarray:
-    """Pixels (bool) above the lowest body pixel of their column: where a sheet from below does not reach."""
+def shadow_of(mask: ndarray) -> ndarray:
+    """Pixels (bool) above the lowest body pixel of their column: a sheet from below is hidden."""
     body = np.asarray(mask).astype(bool)
     return np.cumsum(body[::-1], axis=0)[::-1].astype(bool) & ~body
 
 
 def expose(
-    light: np.ndarray,
+    light: ndarray,
     rng: np.random.Generator,
     bits: int = 8,
     background: float = 0.0,
     read_noise: float = 0.0,
     electrons_per_level: float = 0.0,
-) -> np.ndarray:
-    """Grey levels (uint8/uint16) that a sensor reads for `light` (expected grey levels, without background).
+) -> ndarray:
+    """Grey levels (uint8/uint16) that a sensor reads for `light` (without background).
 
     `background`, `read_noise` (standard deviation) in grey levels. Shot noise has the variance
-    (light + background)/electrons_per_level; 0 = none. It is drawn from the normal limit of Poisson's law, good
-    above ~20 electrons per pixel. Values are rounded and saturate at 2**bits - 1.
+    (light + background)/electrons_per_level; 0 = none. It is drawn from the normal limit of
+    Poisson's law, good above ~20 electrons per pixel. Values are rounded and saturate at 2**bits -
+    1.
     """
     if not 1 <= bits <= 16:
         raise ValueError(f"bits must be 1 to 16, got {bits}")
-    level = light.astype(np.float32) + np.float32(background)
+    level = light.astype(float32) + float32(background)
     if read_noise > 0 or electrons_per_level > 0:
-        noise = rng.standard_normal(level.shape, dtype=np.float32)
+        noise = rng.standard_normal(level.shape, dtype=float32)
         if electrons_per_level > 0:
-            noise *= np.sqrt(level / np.float32(electrons_per_level) + np.float32(read_noise**2))
+            noise *= np.sqrt(level / float32(electrons_per_level) + float32(read_noise**2))
         else:
-            noise *= np.float32(read_noise)
+            noise *= float32(read_noise)
         level += noise
-    level += np.float32(0.5)
+    level += float32(0.5)
     np.clip(level, 0, 2**bits - 1, out=level)
     return level.astype(np.uint8 if bits <= 8 else np.uint16)

@@ -10,11 +10,13 @@ from typing import NamedTuple
 import cv2
 import numba
 import numpy as np
+from numpy import ndarray
 
+from piv.compiled import compiled
 from piv.synthetic.plane_spline import PlaneField, extremes, sample_point
 
-# numba's threads sleep while they wait, and take no core from a stage beside. It holds for the whole process, and has no
-# effect where libgomp, which reads it once, was loaded before.
+# numba's threads sleep while they wait, and take no core from a stage beside. It holds for the
+# whole process, and has no effect where libgomp, which reads it once, was loaded before.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 TILES = (64, 128)  # across and up: a tile's part of the field fits the first cache
 MARGIN = 1.5  # times how far the flow goes from frame to frame: where fresh particles are drawn
@@ -23,7 +25,7 @@ PRECISION = 1e-4  # of the displacement: 0.0006 px of 6 px
 
 @dataclass(frozen=True)
 class Box:
-    """The seeded volume, m: x and y limits and the half width in z; `margin` is the width of its fresh surroundings."""
+    """The seeded volume, m: x and y limits and the half width in z."""
 
     x0: float
     x1: float
@@ -36,7 +38,7 @@ class Box:
         across, up = self.x1 - self.x0 + 2 * margin, self.y1 - self.y0 + 2 * margin
         return across * up * 2 * (self.half_width + margin_z)
 
-    def holds(self, p: np.ndarray) -> np.ndarray:
+    def holds(self, p: ndarray) -> ndarray:
         """Which particles (rows x, y, z, ...) lie inside."""
         x, y, z = p[:3]
         inside = (x >= self.x0) & (x < self.x1) & (y >= self.y0) & (y < self.y1)
@@ -51,8 +53,8 @@ def seed_particles(
     rng: np.random.Generator,
     margin: float = 0.0,
     margin_z: float = 0.0,
-) -> np.ndarray:
-    """Uniformly drawn particles, rows x, y, z (m) and image diameter (unit of `diameter`); Poisson in number.
+) -> ndarray:
+    """Uniform particles, rows x, y, z (m) and image diameter (as `diameter`); Poisson in number.
 
     Diameters are normal, cut at three standard deviations and at a quarter of the mean.
     """
@@ -67,8 +69,8 @@ def seed_particles(
     return p
 
 
-def by_tiles(p: np.ndarray, box: Box) -> np.ndarray:
-    """The particles in the order of TILES parts of the box: carrying them reads the field four times faster than at random."""
+def by_tiles(p: ndarray, box: Box) -> ndarray:
+    """The particles in the order of TILES parts of the box: the field is read four times faster."""
     column, row = (
         np.clip((values - low) * (count / (high - low)), 0, count - 1).astype(np.uint16)
         for values, low, high, count in zip(
@@ -78,14 +80,12 @@ def by_tiles(p: np.ndarray, box: Box) -> np.ndarray:
     return np.take(p, np.argsort(row * np.uint16(TILES[0]) + column, kind="stable"), axis=1)
 
 
-def advance(
-    field: PlaneField, p: np.ndarray, start: float, end: float, substeps: int = 2
-) -> np.ndarray:
-    """Particles `p` (rows x, y, z, ...) carried from `start` to `end` (s) by `field`: RK4, velocity (u, v, w + dwdz z)."""
+def advance(field: PlaneField, p: ndarray, start: float, end: float, substeps: int = 2) -> ndarray:
+    """Particles (rows x, y, z, ...) carried from `start` to `end` (s): RK4, (u, v, w + dwdz z)."""
     return _carry(field, p, _stages(field, start, end, substeps))
 
 
-Stage = tuple[np.ndarray, np.ndarray, np.ndarray, float]
+Stage = tuple[ndarray, ndarray, ndarray, float]
 
 
 def _stages(field: PlaneField, start: float, end: float, substeps: int) -> list[Stage]:
@@ -96,11 +96,11 @@ def _stages(field: PlaneField, start: float, end: float, substeps: int) -> list[
 
 
 def _between(start: float, end: float, part: float) -> float:
-    """The instant at `part` of the interval: the same number whoever asks, so that the field is worked out once."""
+    """The instant at `part` of the interval, always the same number, so that caches hit."""
     return end if part == 1 else start + part * (end - start)
 
 
-def _carry(field: PlaneField, p: np.ndarray, stages: list[Stage]) -> np.ndarray:
+def _carry(field: PlaneField, p: ndarray, stages: list[Stage]) -> ndarray:
     out = p.copy()
     for c0, c1, c2, h in stages:
         _rk4(c0, c1, c2, out, h, field.x[0], field.y[0], field.dx, field.dy)
@@ -108,17 +108,7 @@ def _carry(field: PlaneField, p: np.ndarray, stages: list[Stage]) -> np.ndarray:
 
 
 @numba.njit(cache=True, parallel=True)
-def _rk4(
-    c0: np.ndarray,
-    c1: np.ndarray,
-    c2: np.ndarray,
-    p: np.ndarray,
-    h: float,
-    x0: float,
-    y0: float,
-    dx: float,
-    dy: float,
-) -> None:
+def _rk4(c0, c1, c2, p, h, x0, y0, dx, dy):
     for n in numba.prange(p.shape[1]):
         x, y, z = p[0, n], p[1, n], p[2, n]
         kx = ky = kz = sx = sy = sz = 0.0
@@ -134,7 +124,7 @@ def _rk4(
 
 
 class Motion(NamedTuple):
-    """Upper bounds of the displacement (m) in the plane and across it over an interval, and the RK4 steps that it takes."""
+    """Upper bounds of the displacement (m) in and across the plane, and its RK4 steps."""
 
     along: float
     across: float
@@ -144,9 +134,10 @@ class Motion(NamedTuple):
 def motion(field: PlaneField, start: float, end: float, half_width: float) -> Motion:
     """`Motion` from `start` to `end`, from the field's spline coefficients half-way.
 
-    So many that RK4 errs by PRECISION of the displacement, in n steps over which the flow turns by s (slope times
-    interval) and particles pass by q radians of its waves: s⁴/(120 n⁴) where the flow turns, s q³/(2880 n⁴), as of
-    Simpson's rule, where they are carried through its waves. More than one step a cell (and two in all) is never made.
+    So many that RK4 errs by PRECISION of the displacement, in n steps over which the flow turns by
+    s (slope times interval) and particles pass by q radians of its waves: s⁴/(120 n⁴) where the
+    flow turns, s q³/(2880 n⁴), as of Simpson's rule, where they are carried through its waves. More
+    than one step a cell (and two in all) is never made.
     """
     coefficients = field.at(_between(start, end, 0.5))
     u, v, w, dwdz, slope, curvature = extremes(coefficients, 1 / field.dx, 1 / field.dy)
@@ -159,9 +150,9 @@ def motion(field: PlaneField, start: float, end: float, half_width: float) -> Mo
 
 
 def arriving(
-    field: PlaneField, p: np.ndarray, box: Box, start: float, end: float, along: float, slack: float
-) -> np.ndarray:
-    """Which particles (rows x, y, z, ...) the flow round about may carry into the box, if they are not in it.
+    field: PlaneField, p: ndarray, box: Box, start: float, end: float, along: float, slack: float
+) -> ndarray:
+    """Particles (rows x, y, z, ...) that the flow round about may carry into the box.
 
     `along`: how far any goes from `start` to `end`, m; `slack`, m, is granted in the plane besides.
     """
@@ -175,10 +166,8 @@ def arriving(
     return _arriving(bound * (MARGIN * (end - start)), p, limits, origin_and_step, slack)
 
 
-@numba.njit(cache=True)
-def _arriving(
-    bound: np.ndarray, p: np.ndarray, limits: np.ndarray, origin_and_step: np.ndarray, slack: float
-) -> np.ndarray:
+@compiled
+def _arriving(bound, p, limits, origin_and_step, slack: float):
     out = np.empty(p.shape[1], np.bool_)
     ny, nx, _ = bound.shape
     x0, y0, dx, dy = origin_and_step
@@ -196,11 +185,12 @@ def _arriving(
 
 
 def exact_displacement(
-    field: PlaneField, x: np.ndarray, y: np.ndarray, start: float, end: float, substeps: int = 2
-) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement (m) on the sheet of the particles whose path's end points have (x, y) as their middle.
+    field: PlaneField, x: ndarray, y: ndarray, start: float, end: float, substeps: int = 2
+) -> tuple[ndarray, ndarray]:
+    """Displacement (m) on the sheet of particles whose paths have (x, y) as the ends' middle.
 
-    Solved by fixed-point iteration of the same integration as the particles'; residual below 1e-4 of the displacement.
+    Solved by fixed-point iteration of the same integration as the particles'; residual below 1e-4
+    of the displacement.
     """
     centre = np.array([np.ravel(x), np.ravel(y)])
     d = (end - start) * field.sample(field.at(_between(start, end, 0.5)), x, y)[:2]

@@ -8,10 +8,12 @@ from collections import OrderedDict
 import numba
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 from scipy import ndimage
 from scipy.spatial import KDTree
 
 from fileio.formats.plane_series import VECTORS, Planes, check_vectors, usable
+from piv.compiled import compiled, fast
 
 USED = (*VECTORS, "w", "dwdz", "outline", "outline_velocity")
 CACHED_PLANES = 6
@@ -26,10 +28,11 @@ BODY_REACH = (
 class PlaneField:
     """Velocity (u, v, w, dwdz) of a plane series at any point and instant, read lazily.
 
-    Only a few planes are in memory at once. Where the plane has no vectors (bodies, rejected) the field is continued for
-    interpolation only: with the velocity of a body's surface where the plane gives it (`outline_velocity`; the water
-    sticks to it), else from its neighbours (`extend`). Outside the plane the border value holds. Where nothing crosses the
-    sheet (w is given, and zero everywhere) dwdz is what continuity demands of u and v as they are interpolated: any other value
+    Only a few planes are in memory at once. Where the plane has no vectors (bodies, rejected) the
+    field is continued for interpolation only: with the velocity of a body's surface where the plane
+    gives it (`outline_velocity`; the water sticks to it), else from its neighbours (`extend`).
+    Outside the plane the border value holds. Where nothing crosses the sheet (w is given, and zero
+    everywhere) dwdz is what continuity demands of u and v as they are interpolated: any other value
     would thin particles out, or heap them up, wherever they stay long, as in a vortex' core.
     """
 
@@ -42,11 +45,11 @@ class PlaneField:
         self.time = series["time"].values.astype(float)
         self.x, self.y = series["x"].values, series["y"].values
         self.dx, self.dy = float(np.mean(np.diff(self.x))), float(np.mean(np.diff(self.y)))
-        self._cache: OrderedDict[int, np.ndarray] = OrderedDict()
-        self._instants: OrderedDict[float, np.ndarray] = OrderedDict()
+        self._cache: OrderedDict[int, ndarray] = OrderedDict()
+        self._instants: OrderedDict[float, ndarray] = OrderedDict()
 
-    def plane(self, i: int) -> np.ndarray:
-        """Spline coefficients (y, x, component u v w dwdz) of instant `i`, with one mirrored node more on every side."""
+    def plane(self, i: int) -> ndarray:
+        """Spline coefficients (y, x, component u v w dwdz) of instant `i`, mirrored by one node."""
         if i not in self._cache:
             now = self._planes[i]
             check_vectors(now)
@@ -75,8 +78,8 @@ class PlaneField:
                 self._cache.popitem(last=False)
         return self._cache[i]
 
-    def _body_velocity(self, now: xr.Dataset, absent: np.ndarray) -> dict[str, np.ndarray] | None:
-        """Velocity u, v of the nearest outline point at nodes within bodies (NaN elsewhere); None where unknown."""
+    def _body_velocity(self, now: xr.Dataset, absent: ndarray) -> dict[str, ndarray] | None:
+        """Velocity u, v of the nearest outline point at nodes within bodies, else NaN; or None."""
         if "outline_velocity" not in now:
             return None
         points = now["outline"].values.reshape(-1, 2)
@@ -91,8 +94,8 @@ class PlaneField:
             components[name][y, x] = velocity[nearest, k]
         return components
 
-    def at(self, t: float) -> np.ndarray:
-        """Spline coefficients as `plane` gives them at instant `t`, once continuously differentiable in t; to be read only."""
+    def at(self, t: float) -> ndarray:
+        """Spline coefficients as of `plane` at time `t`, C1 in t; to be read only."""
         if t not in self._instants:
             (first, w), *others = hermite_weights(self.time, t)
             out = w * self.plane(first)
@@ -104,16 +107,16 @@ class PlaneField:
         self._instants.move_to_end(t)
         return self._instants[t]
 
-    def sample(self, coefficients: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def sample(self, coefficients: ndarray, x: ndarray, y: ndarray) -> ndarray:
         """Values (component, point) of `coefficients` at points in m."""
         return _sample(
             coefficients, (np.ravel(x) - self.x[0]) / self.dx, (np.ravel(y) - self.y[0]) / self.dy
         )
 
 
-@numba.njit(cache=True, fastmath=True)
+@fast
 def extremes(c, per_x, per_y):
-    """Largest magnitudes in a plane's coefficients: of u, v, w, dwdz, of u's and v's slope between nodes, of their curvature.
+    """Largest magnitudes in a plane's coefficients: u, v, w, dwdz, slope and curvature.
 
     c: as `PlaneField.at` gives them; per_x, per_y: nodes per metre.
     """
@@ -132,12 +135,12 @@ def extremes(c, per_x, per_y):
     return u, v, w, dwdz, slope, curvature
 
 
-def _coefficients(values: np.ndarray) -> np.ndarray:
+def _coefficients(values: ndarray) -> ndarray:
     return np.pad(ndimage.spline_filter(values, order=3, mode="mirror"), 1, mode="reflect")
 
 
-def hermite_weights(time: np.ndarray, t: float) -> list[tuple[int, float]]:
-    """Weights of the nodes around `t` of the C1 cubic Hermite interpolant with parabola slopes (any spacing)."""
+def hermite_weights(time: ndarray, t: float) -> list[tuple[int, float]]:
+    """Weights of the nodes round `t` of the C1 cubic Hermite interpolant with parabola slopes."""
     i = int(np.clip(np.searchsorted(time, t, side="right") - 1, 0, time.size - 2))
     h = time[i + 1] - time[i]
     s = min(max((t - time[i]) / h, 0.0), 1.0)
@@ -148,8 +151,8 @@ def hermite_weights(time: np.ndarray, t: float) -> list[tuple[int, float]]:
     return [(k, w) for k, w in weights.items() if w != 0.0]
 
 
-def _slope(time: np.ndarray, i: int) -> list[tuple[int, float]]:
-    """Derivative weights at node i of the parabola through it and its neighbours (first order at the ends)."""
+def _slope(time: ndarray, i: int) -> list[tuple[int, float]]:
+    """Derivative weights at node i of the parabola through it and its neighbours."""
     if i == 0 or i == time.size - 1:
         j = min(i, time.size - 2)
         h = time[j + 1] - time[j]
@@ -158,8 +161,8 @@ def _slope(time: np.ndarray, i: int) -> list[tuple[int, float]]:
     return [(i - 1, -b / (a * (a + b))), (i, (b - a) / (a * b)), (i + 1, a / (b * (a + b)))]
 
 
-def divergence(u: np.ndarray, v: np.ndarray, dx: float, dy: float) -> np.ndarray:
-    """∂u/∂x + ∂v/∂y at the nodes (y, x) of two cubic B-splines given by their coefficients with one node more on every side."""
+def divergence(u: ndarray, v: ndarray, dx: float, dy: float) -> ndarray:
+    """∂u/∂x + ∂v/∂y at the nodes (y, x) of two cubic B-splines with one node more per side."""
     across = (u[:, 2:] - u[:, :-2]) / (2 * dx)
     upward = (v[2:] - v[:-2]) / (2 * dy)
     mean = (1 / 6, 2 / 3, 1 / 6)
@@ -169,10 +172,11 @@ def divergence(u: np.ndarray, v: np.ndarray, dx: float, dy: float) -> np.ndarray
     )  # fmt: skip
 
 
-def extend(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Continue `values` (y, x) over nodes that are not `known`: linear for three cells, then constant.
+def extend(values: ndarray, known: ndarray) -> ndarray:
+    """Continue `values` (y, x) over unknown nodes: linear for three cells, then constant.
 
-    For interpolation near bodies only; layer by layer, by weighted least squares over the known 5 x 5 neighbours.
+    For interpolation near bodies only; layer by layer, by weighted least squares over the known 5 x
+    5 neighbours.
     """
     out = np.where(known, values, 0.0)
     if known.all():
@@ -189,10 +193,8 @@ def extend(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     return out[j, i]
 
 
-@numba.njit(cache=True)
-def _continue(
-    values: np.ndarray, have: np.ndarray, jj: np.ndarray, ii: np.ndarray, reach: int
-) -> np.ndarray:
+@compiled
+def _continue(values, have, jj, ii, reach):
     ny, nx = values.shape
     out = np.empty(jj.size)
     for n in range(jj.size):
@@ -217,19 +219,19 @@ def _continue(
 
 
 @numba.njit(cache=True, inline="always")
-def spline_weights(s: float) -> tuple[float, float, float, float]:
+def _spline_weights(s):
     """Weights of the four cubic B-splines at fraction `s` of a cell."""
     r = 1.0 - s
     return r * r * r / 6, 2 / 3 - s * s * (2 - s) / 2, 2 / 3 - r * r * (2 - r) / 2, s * s * s / 6
 
 
-@numba.njit(cache=True)
-def sample_point(c: np.ndarray, gx: float, gy: float) -> tuple[float, float, float, float]:
+@compiled
+def sample_point(c, gx, gy):
     """The four components at grid position (gx, gy); the border value holds outside."""
     ny, nx = c.shape[0] - 2, c.shape[1] - 2
     gx, gy = min(max(gx, 0.0), nx - 1.0), min(max(gy, 0.0), ny - 1.0)
     i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
-    wx, wy = spline_weights(gx - i), spline_weights(gy - j)
+    wx, wy = _spline_weights(gx - i), _spline_weights(gy - j)
     a0 = a1 = a2 = a3 = 0.0
     # unsigned: a signed index would be tested for being negative 64 times
     row, column = np.uint64(j), np.uint64(i)
@@ -247,8 +249,8 @@ def sample_point(c: np.ndarray, gx: float, gy: float) -> tuple[float, float, flo
     return a0, a1, a2, a3
 
 
-@numba.njit(cache=True)
-def _sample(c: np.ndarray, gx: np.ndarray, gy: np.ndarray) -> np.ndarray:
+@compiled
+def _sample(c, gx, gy):
     out = np.empty((4, gx.size))
     for n in range(gx.size):
         out[0, n], out[1, n], out[2, n], out[3, n] = sample_point(c, gx[n], gy[n])

@@ -12,7 +12,7 @@ from piv.synthetic.virtual_camera import Recorder, finger_at
 
 
 def write_truth(recorder: Recorder, path: Path, *, quiet: bool = True) -> None:
-    """Write u, v, valid (time, y, x) at the middle of every interval of frames taken to `path`, whole or not at all.
+    """Write u, v, valid (time, y, x) at the middle of every frame interval, atomically.
 
     Values as `Recorder.truth` gives them; only one plane is in memory at once.
     """

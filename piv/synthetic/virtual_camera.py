@@ -1,4 +1,4 @@
-"""A plane series as a camera sees it: particles that persist from frame to frame, and the exact truth."""
+"""A plane series as a camera sees it: persistent particles, and the exact truth."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.formats.plane_series import FINGER_VARIABLES, usable
 from piv.synthetic.camera import Camera, Seeding
@@ -39,21 +40,22 @@ TRUTH_SPACING_PX = 8.0
 
 
 class Frame(NamedTuple):
-    """One rendered picture (row 0 at the top), its body mask and the particles (x, y, z in m, diameter in px)."""
+    """A picture (row 0 at the top), its body mask, its particles (x, y, z in m, diameter in px)."""
 
     number: int
-    image: np.ndarray
-    mask: np.ndarray
-    particles: np.ndarray
+    image: ndarray
+    mask: ndarray
+    particles: ndarray
 
 
 class Recorder:
     """Renders a plane series as a camera would see it, frame by frame, with particles that persist.
 
-    Particles fill a slab of 2.5 sheet thicknesses a little larger than the picture. At each step the surroundings of
-    that slab - a rim, and the inside of the body - are filled with fresh particles; those that the flow carries in stay,
-    those that leave are dropped, so the density keeps its mean wherever the flow is free of divergence.
-    Random numbers depend on the seed and the frame's number only.
+    Particles fill a slab of 2.5 sheet thicknesses a little larger than the picture. At each step
+    the surroundings of that slab - a rim, and the inside of the body - are filled with fresh
+    particles; those that the flow carries in stay, those that leave are dropped, so the density
+    keeps its mean wherever the flow is free of divergence. Random numbers depend on the seed and
+    the frame's number only.
     """
 
     def __init__(self, series: xr.Dataset, camera: Camera, seeding: Seeding, seed: int = 0) -> None:
@@ -88,11 +90,13 @@ class Recorder:
         ):
             if low < nodes[0] - 2 * step or high > nodes[-1] + 2 * step:
                 raise ValueError(
-                    f"the camera sees {axis} from {low:.4g} to {high:.4g} m but the plane series reaches only from "
-                    f"{nodes[0]:.4g} to {nodes[-1]:.4g} m; change origin_px, scale_m_per_px or the picture's size"
+                    f"the camera sees {axis} from {low:.4g} to {high:.4g} m but the plane series "
+                    "reaches only from "
+                    f"{nodes[0]:.4g} to {nodes[-1]:.4g} m; change origin_px, scale_m_per_px or the "
+                    "picture's size"
                 )
 
-    def to_px(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def to_px(self, x: ndarray, y: ndarray) -> tuple[ndarray, ndarray]:
         """Tank coordinates (m) to column and row of the picture (row 0 at the top)."""
         scale = self.camera.scale_m_per_px
         return x / scale + self.origin_px[0], self.camera.height_px - 1 - (
@@ -100,7 +104,7 @@ class Recorder:
         )
 
     def body(self, t: float) -> Body:
-        """The body at instant `t` on the picture grown by the rim: from `outline`, else where vectors are absent."""
+        """The body at time `t` on the picture with its rim: from `outline`, else absent vectors."""
         rim = self.rim_px
         mask = np.zeros((self.camera.height_px + 2 * rim, self.camera.width_px + 2 * rim), np.uint8)
         if "outline" in self.series:
@@ -123,11 +127,11 @@ class Recorder:
             mask[:] = absent[np.ix_(j, i)]
         return Body(mask)
 
-    def _in_body(self, body: Body, p: np.ndarray) -> np.ndarray:
+    def _in_body(self, body: Body, p: ndarray) -> ndarray:
         column, row = self.to_px(p[0], p[1])
         return body.holds(column + self.rim_px, row + self.rim_px)
 
-    def _draw(self, index: int, margin: float = 0.0, margin_z: float = 0.0) -> np.ndarray:
+    def _draw(self, index: int, margin: float = 0.0, margin_z: float = 0.0) -> ndarray:
         s, scale = self.seeding, self.camera.scale_m_per_px
         per_volume = s.density_ppp / (scale**2 * s.sheet_thickness)
         rng = np.random.default_rng([self.seed, index, 0])
@@ -135,7 +139,7 @@ class Recorder:
             self.box, per_volume, s.diameter_px, s.diameter_std_px, rng, margin, margin_z
         )
 
-    def step(self, particles: np.ndarray, index: int, body: Body, next_body: Body) -> np.ndarray:
+    def step(self, particles: ndarray, index: int, body: Body, next_body: Body) -> ndarray:
         """Particles of frame `index` + 1 from those of frame `index`."""
         t0, t1 = self.time[index], self.time[index + 1]
         most = self.motion(index)
@@ -150,10 +154,10 @@ class Recorder:
         return moved[:, self.box.holds(moved) & ~self._in_body(next_body, moved)]
 
     def motion(self, index: int) -> Motion:
-        """How far particles go from frame `index` to the next, and in how many steps: the truth's as the particles'."""
+        """Reach of particles from frame `index` to the next, and the integration steps."""
         return motion(self.field, self.time[index], self.time[index + 1], self.box.half_width)
 
-    def picture(self, particles: np.ndarray, index: int, mask: np.ndarray) -> np.ndarray:
+    def picture(self, particles: ndarray, index: int, mask: ndarray) -> ndarray:
         """The camera's picture of `particles` at frame `index`; `mask` of the `body` then."""
         c, s, rim = self.camera, self.seeding, self.rim_px
         column, row = self.to_px(particles[0], particles[1])
@@ -171,10 +175,8 @@ class Recorder:
         rng = np.random.default_rng([self.seed, index, 1])
         return expose(image, rng, c.bits, c.background, c.read_noise, c.electrons_per_level)
 
-    def frames(
-        self, start: int = 0, state: tuple[int, np.ndarray] | None = None
-    ) -> Iterator[Frame]:
-        """The frames taken from `start` on; `state`: an earlier frame's number and particles (None: from the first frame)."""
+    def frames(self, start: int = 0, state: tuple[int, ndarray] | None = None) -> Iterator[Frame]:
+        """Frames taken from `start` on; `state`: number and particles of an earlier frame."""
         index, particles = state if state is not None else (0, self._draw(0))
         body = self.body(self.time[index])
         if state is None:
@@ -195,12 +197,12 @@ class Recorder:
 
     @property
     def truth_stride(self) -> int:
-        """Every so many-th node of the plane has its truth written: no finer than vectors are wanted."""
+        """Stride of the plane's nodes whose truth is written: no finer than vectors are wanted."""
         wanted = TRUTH_SPACING_PX * self.camera.scale_m_per_px
         return max(1, int(wanted / max(self.field.dx, self.field.dy) + 1e-6))
 
-    def truth(self, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Exact u, v (m/s; NaN where absent) and `valid` on (every `truth_stride`-th node of) the plane's grid between frames `index` and `index` + 1.
+    def truth(self, index: int) -> tuple[ndarray, ndarray, ndarray]:
+        """Exact u, v (m/s; NaN where absent) and `valid` between frames `index` and `index` + 1.
 
         Particle displacement over the frame interval, put at the middle of its end points.
         """
@@ -240,8 +242,8 @@ def _centred(field: PlaneField, camera: Camera) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def finger_at(series: xr.Dataset, name: str, t: float) -> np.ndarray:
-    """A finger variable (finger, ...) in memory, at instant `t`, linear between instants (equal material points); held at the ends."""
+def finger_at(series: xr.Dataset, name: str, t: float) -> ndarray:
+    """A finger variable (finger, ...) at time `t`, linear between instants; constant outside."""
     time, values = series["time"].values, series[name].values
     i = int(np.clip(np.searchsorted(time, t, side="right") - 1, 0, max(time.size - 2, 0)))
     a = values[i]

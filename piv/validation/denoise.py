@@ -1,4 +1,4 @@
-"""Adaptive smoothing of a vector field: averaged where nothing but noise is seen, untouched where there is more."""
+"""Adaptive smoothing of a vector field where nothing but noise is seen."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from functools import lru_cache
 import cv2
 import numpy as np
 import scipy.fft
+from numpy import float32, ndarray
 
-# The low-pass is 1 - Π(1 - aL) of a Gaussian L: flat up to its cut-off like a high-order kernel, and steep beyond it.
+# The low-pass is 1 - Π(1 - aL) of a Gaussian L: flat up to its cut-off like a high-order kernel,
+# and steep beyond it.
 STEPS = (1.0, 1.0, 1 / 0.82, 1 / 0.58, 1 / 0.38, 1 / 0.25, 1 / 0.16)
 # of L in σ of the correlation window: half is left of waves of 1.5, 2.6 and 4.4 windows
 SCALES = (2.4, 4.2, 7.0)
@@ -18,8 +20,9 @@ LARGEST = 25.0  # variance counted as noise, in medians of the field
 NOISE_ONLY, SIGNAL = 1.7, 8.0  # mean square over that of noise: damped wholly below, kept above
 REGION = 6.0  # of L: where mean squares tell whether the flow fills the band
 CALM, FILLED = 1.4, 2.2  # their geometric mean over noise: dead band as above, no dead band
-# typical ratios of the divergence-free and of the curl-free part: between the middle two the finest band is taken for turbulence whose
-# divergence is as weak as noise, beyond the outer two it is not; the filter of least error takes off most of it, so this share is kept
+# typical ratios of the divergence-free and of the curl-free part: between the middle two the finest
+# band is taken for turbulence whose divergence is as weak as noise, beyond the outer two it is not;
+# the filter of least error takes off most of it, so this share is kept
 TURBULENT, LEAST = ((2.2, 3.2, 5.5, 7.0), (1.3, 1.5, 2.5, 3.5)), 0.8
 LEVEL = 2.5  # vectors: where variances of small windows are averaged
 SHARED = 0.5  # how far the noise of a part that is damped is taken to stay in the one that is kept
@@ -28,20 +31,22 @@ SHARED = 0.5  # how far the noise of a part that is damped is taken to stay in t
 def damp_noise(
     dx, dy, var_x, var_y, known, *, sigma: float, spacing: float, passes: int, ratio=None
 ):
-    """Displacements and variances after damping the fine part of the field where it is no stronger than noise.
+    """Displacements and variances with the fine part damped where it is no stronger than noise.
 
-    For each of SCALES the field is split into a smooth part and the rest, and the rest into its divergence-free and its
-    curl-free part, of which measurement noise fills both alike and a flow in the plane of the sheet the first only. Where
-    the mean square of a part around a vector is q times what noise leaves there, its share (1 - NOISE_ONLY/q) is kept,
-    scaled to reach one at q = SIGNAL: a Wiener filter with known noise (Lee 1980; for PIV Wieneke 2017), with dead bands
-    that take uniform flow for uniform and spare steep vortex cores any damping. Where the whole region has more than
-    noise in this band, as in turbulence, there is no lower dead band: (1 - 1/q), the filter of least error.
-    var_x, var_y: variance of the iterated measurement (px²); known: bool; sigma, spacing (px), passes: as measured; ratio: side of
-    each vector's window over the largest (None: all one).
+    For each of SCALES the field is split into a smooth part and the rest, and the rest into its
+    divergence-free and its curl-free part, of which measurement noise fills both alike and a flow
+    in the plane of the sheet the first only. Where the mean square of a part around a vector is q
+    times what noise leaves there, its share (1 - NOISE_ONLY/q) is kept, scaled to reach one at q =
+    SIGNAL: a Wiener filter with known noise (Lee 1980; for PIV Wieneke 2017), with dead bands that
+    take uniform flow for uniform and spare steep vortex cores any damping. Where the whole region
+    has more than noise in this band, as in turbulence, there is no lower dead band: (1 - 1/q), the
+    filter of least error. var_x, var_y: variance of the iterated measurement (px²); known: bool;
+    sigma, spacing (px), passes: as measured; ratio: side of each vector's window over the largest
+    (None: all one).
     """
-    weight = known.astype(np.float32)
-    fields = [np.where(known, d, 0).astype(np.float32) for d in (dx, dy)]
-    variance = np.where(known, var_x + var_y, 0).astype(np.float32)
+    weight = known.astype(float32)
+    fields = [np.where(known, d, 0).astype(float32) for d in (dx, dy)]
+    variance = np.where(known, var_x + var_y, 0).astype(float32)
     if known.any():  # a few vectors that know nothing must not let all around them pass for noise
         some = variance[known][:: max(known.sum() // 2000, 1)]  # enough for a median
         variance = np.minimum(variance, LARGEST * np.median(some))
@@ -91,13 +96,13 @@ def damp_noise(
 
 
 @lru_cache(8)
-def _powers(shape: tuple[int, int]) -> np.ndarray:
+def _powers(shape: tuple[int, int]) -> ndarray:
     """1, x, y, x², xy, y² over the field, x and y within -1 … 1: (6, nodes)."""
     y, x = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y]).reshape(6, -1).astype(np.float32)
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y]).reshape(6, -1).astype(float32)
 
 
-def _quadratic(field: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def _quadratic(field: ndarray, weight: ndarray) -> ndarray:
     """The quadratic that fits the whole field best."""
     powers = _powers(field.shape)
     weighted = powers * weight.ravel()
@@ -106,14 +111,16 @@ def _quadratic(field: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _damped(
-    fields: list[np.ndarray], weight: np.ndarray, noise: np.ndarray, width: float, finest: bool
+    fields: list[ndarray], weight: ndarray, noise: ndarray, width: float, finest: bool
 ) -> tuple:
-    """What to take off both fields, what of them is settled, and shares: of the fine noise that stays, and that is passed
-    on to the coarser bands, what signal is lost (px²), how much of the low-pass' weight is known.
+    """Parts to take off both fields, the settled part, and shares of noise and signal.
 
-    Where the flow fills the band it is settled whole: each band is damped once. Elsewhere what is kept may be chance,
-    and the coarser bands, which know the noise better, judge it again. noise: weighted variance expected in each part
-    of the fine field.
+    Shares: fine noise that stays, and that is passed to the coarser bands; lost signal (px²);
+    known weight of the low-pass.
+
+    Where the flow fills the band it is settled whole: each band is damped once. Elsewhere what is
+    kept may be chance, and the coarser bands, which know the noise better, judge it again. noise:
+    weighted variance expected in each part of the fine field.
     """
     there = np.maximum(_gauss(weight, width), 1e-6)
     ex, ey = (_fine(f, weight, there, width) for f in fields)
@@ -128,12 +135,12 @@ def _damped(
     # the typical ratio: a strong vortex in calm water does not fill the region
     typical = [np.exp(_gauss(np.log(r) * weight, REGION * width) / region) for r in ratios]
     filled = [np.clip((t - CALM) / (FILLED - CALM), 0, 1) for t in typical]
-    spared = np.float32(0)
+    spared = float32(0)
     if finest:
         certain = [
             np.interp(t, limits, (0, 1, 1, 0)) for t, limits in zip(typical, TURBULENT, strict=True)
         ]
-        spared = np.float32(LEAST) * np.prod(certain, axis=0, dtype=np.float32)
+        spared = float32(LEAST) * np.prod(certain, axis=0, dtype=float32)
     keep, again, lost = [], [], 0
     for ratio, fills in zip(ratios, filled, strict=True):
         only = NOISE_ONLY - (NOISE_ONLY - 1) * fills
@@ -149,25 +156,25 @@ def _damped(
     return *cuts, (*shares, lost, np.minimum(there, 1))
 
 
-def _fine(field: np.ndarray, weight: np.ndarray, there: np.ndarray, width: float) -> np.ndarray:
+def _fine(field: ndarray, weight: ndarray, there: ndarray, width: float) -> ndarray:
     """The field less its low-pass, zero where it is not known; each step is a mean over what is."""
     rest, share = field * weight, weight / there
     for step in STEPS:  # the rest less a mean of it over what is known
         mean = _gauss(rest, width)
         mean *= share
-        mean *= np.float32(step)
+        mean *= float32(step)
         rest -= mean
     return rest
 
 
-def _gauss(field: np.ndarray, sigma: float) -> np.ndarray:
+def _gauss(field: ndarray, sigma: float) -> ndarray:
     across = 2 * int(np.ceil(3 * sigma)) + 1
     return cv2.GaussianBlur(field, (across, across), sigma, borderType=cv2.BORDER_CONSTANT)
 
 
 @lru_cache
 def scales(sigma: float, spacing: float) -> tuple[tuple[float, int], ...]:
-    """(width of the low-pass' Gaussian in vectors, every how many vectors it is worked out) for each of SCALES."""
+    """(width of the low-pass in vectors, its coarsening in vectors) for each of SCALES."""
     widths = [scale * sigma / spacing for scale in SCALES]
     return tuple((w, max(int(w / NODES), 1)) for w in widths)
 
@@ -177,24 +184,22 @@ RATIOS = (0.375, 0.5, 0.75, 0.99)
 MORE = 3  # steps in the smaller windows beyond those of the largest
 
 
-def _local_shares(
-    sigma: float, spacing: float, passes: int, ratio: np.ndarray | None
-) -> list[tuple]:
-    """`noise_shares` of each vector, measured in a window of `ratio`."""
-    whole = noise_shares(sigma, sigma, spacing, passes, 1)
+def _local_shares(sigma: float, spacing: float, passes: int, ratio: ndarray | None) -> list[tuple]:
+    """`_noise_shares` of each vector, measured in a window of `ratio`."""
+    whole = _noise_shares(sigma, sigma, spacing, passes, 1)
     if ratio is None:
         return list(whole)
-    smaller = [noise_shares(r * sigma, sigma, spacing, passes + MORE, 2) for r in RATIOS]
+    smaller = [_noise_shares(r * sigma, sigma, spacing, passes + MORE, 2) for r in RATIOS]
     tables = np.array([*smaller, whole])  # window, scale, share
     return [
-        tuple(np.interp(ratio, (*RATIOS, 1.0), tables[:, k, m]).astype(np.float32) for m in (0, 1))
+        tuple(np.interp(ratio, (*RATIOS, 1.0), tables[:, k, m]).astype(float32) for m in (0, 1))
         for k in range(len(whole))
     ]
 
 
 @lru_cache
-def noise_shares(sigma: float, largest: float, spacing: float, passes: int, density: int):
-    """For each scale of the `largest` window: shares of the noise variance held by the fine part, and left without it.
+def _noise_shares(sigma: float, largest: float, spacing: float, passes: int, density: int):
+    """For each scale of the `largest` window: noise shares of the fine part, and left without it.
 
     sigma: of the window (px); density: nodes per vector that images are deformed by.
     """
@@ -228,7 +233,7 @@ BEYOND = 12  # nodes of zeros beyond the field: opposite sides then know little 
 
 
 @lru_cache(16)
-def _turn(shape: tuple[int, int]) -> np.ndarray:
+def _turn(shape: tuple[int, int]) -> ndarray:
     """(kx + i ky)²/k² on the FFT frequencies of `shape`: 0 where there is no direction."""
     k = np.fft.fftfreq(shape[1])[None, :] + 1j * np.fft.fftfreq(shape[0])[:, None]
     square = np.abs(k) ** 2
@@ -236,11 +241,11 @@ def _turn(shape: tuple[int, int]) -> np.ndarray:
     return (k**2 / square).astype(np.complex64)
 
 
-def mirrored(ex: np.ndarray, ey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The field (ny, nx, float32) with its divergence-free part reversed: curl-free minus divergence-free part.
+def mirrored(ex: ndarray, ey: ndarray) -> tuple[ndarray, ndarray]:
+    """The curl-free minus the divergence-free part of a field (ny, nx, float32).
 
-    So (e + mirrored)/2 is curl-free and (e - mirrored)/2 divergence-free. Nodes are equally spaced; absent ones are
-    zero. With z = ex + i ey it is the Beurling transform of the conjugate of z.
+    So (e + mirrored)/2 is curl-free and (e - mirrored)/2 divergence-free. Nodes are equally spaced;
+    absent ones are zero. With z = ex + i ey it is the Beurling transform of the conjugate of z.
     """
     shape = tuple(scipy.fft.next_fast_len(n + BEYOND) for n in ex.shape)
     conjugate = np.empty(ex.shape, np.complex64)

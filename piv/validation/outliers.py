@@ -1,4 +1,4 @@
-"""Outliers on a regular grid: normalised median (Westerweel & Scarano 2005), and vectors that stand alone."""
+"""Outliers on a regular grid: normalised median (Westerweel & Scarano 2005), lone vectors."""
 
 from __future__ import annotations
 
@@ -6,25 +6,28 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numba import njit
+from numpy import float32
+
+from piv.compiled import compiled, fast
 
 SUPPORT = 0.5  # share of the neighbours that must have passed
-RARE = 0.2  # share of all vectors: where fewer have passed, those of doubtful correlation did so by chance
+RARE = 0.2  # share of vectors: where fewer have passed, doubtful correlations are chance
 LEAST_SUPPORT = (
     0.25  # of the neighbours, where vectors are rare: a seeded part has it along its edge
 )
 SUPPORT_ROUNDS = 4  # each takes away what the one before has left alone
 BLOCK = 256  # vectors whose neighbours are sorted together, in the first cache
-ABSENT = np.float32(
+ABSENT = float32(
     1e30
 )  # px: stands for a neighbour that may not be used, half of them below and half above the others
 
 
 @lru_cache
-def median_network(count: int) -> np.ndarray:
-    """Pairs (n, 2) whose exchange in this order brings the middle two of `count` values to their places.
+def _median_network(count: int) -> np.ndarray:
+    """Pairs (n, 2) whose exchange in this order sorts the middle two of `count` values.
 
-    Batcher's merge exchange (Knuth, The Art of Computer Programming 3, algorithm 5.2.2M) without the pairs that the middle does not need.
+    Batcher's merge exchange (Knuth, The Art of Computer Programming 3, algorithm 5.2.2M) without
+    the pairs that the middle does not need.
     """
     pairs: list[tuple[int, int]] = []
     top = 1 << (count - 1).bit_length() - 1
@@ -45,7 +48,7 @@ def median_network(count: int) -> np.ndarray:
     return np.array(kept[::-1])
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _exchange(low, high):
     for i in range(low.size):
         a, b = low[i], high[i]
@@ -53,27 +56,30 @@ def _exchange(low, high):
         high[i] = max(a, b)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _medians(values, absent, network, out):
-    """Median of each column of `values` (count, BLOCK), which are sorted for it; absent: 1 where an odd number of them is ABSENT, else -1."""
+    """Median of each column of `values` (count, BLOCK), sorted in place.
+
+    absent: 1 where an odd number of values is ABSENT, else -1.
+    """
     for k in range(network.shape[0]):
         _exchange(values[network[k, 0], : out.size], values[network[k, 1], : out.size])
     middle = values.shape[0] // 2
     below, above = values[middle - 1], values[middle]
     for i in range(out.size):
-        out[i] = np.float32(0.5) * (below[i] + above[i]) if absent[i] < 0 else above[i]
+        out[i] = float32(0.5) * (below[i] + above[i]) if absent[i] < 0 else above[i]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _gather(field, usable, absent, out):
-    """One neighbour of each vector of a block; `absent` (±1) changes its sign with each one that may not be used."""
+    """One neighbour of each vector of a block; `absent` (±1) flips with each unusable one."""
     for i in range(out.size):
         seen = usable[i] > 0
         out[i] = field[i] if seen else ABSENT * absent[i]
         absent[i] = absent[i] if seen else -absent[i]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _deviation(values, median):
     """Distance of one neighbour of each vector from the median, in place."""
     for i in range(values.size):
@@ -81,9 +87,12 @@ def _deviation(values, median):
         values[i] = abs(value - median[i]) if abs(value) < ABSENT else value
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast
 def _block(field, usable, j, first, radius, epsilon, network, near, absent, median, spread, total):
-    """Add the square of the normalised residual of a block of row j to `total`; its medians. Arrays are padded by `radius`."""
+    """Add the squared normalised residual of a block of row j to `total`; its medians.
+
+    Arrays are padded by `radius`.
+    """
     width, count = median.size, 0
     absent[:] = -1
     for r in range(j, j + 2 * radius + 1):
@@ -101,20 +110,20 @@ def _block(field, usable, j, first, radius, epsilon, network, near, absent, medi
         total[i] += ((own[i] - median[i]) / (spread[i] + epsilon)) ** 2
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _compare(u, v, usable, own_u, own_v, near, count, above_u, below_u, above_v, below_v):
-    """Count one neighbour of every vector of a row, and whether it lies more than `near` above or below it."""
+    """Count one neighbour of every vector of a row, and whether it is over `near` apart."""
     for i in range(count.size):
         one = usable[i]
         du, dv = u[i] - own_u[i], v[i] - own_v[i]
         count[i] += one
-        above_u[i] += one if du > near else np.float32(0)
-        below_u[i] += one if du < -near else np.float32(0)
-        above_v[i] += one if dv > near else np.float32(0)
-        below_v[i] += one if dv < -near else np.float32(0)
+        above_u[i] += one if du > near else float32(0)
+        below_u[i] += one if du < -near else float32(0)
+        above_v[i] += one if dv > near else float32(0)
+        below_v[i] += one if dv < -near else float32(0)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _compare_row(u, v, usable, j, radius, near, counts):
     """`_compare` of all neighbours of row j: counts (5, nx)."""
     nx = counts.shape[1]
@@ -125,14 +134,15 @@ def _compare_row(u, v, usable, j, radius, near, counts):
             if r != j + radius or c != radius:
                 other = slice(c, c + nx)
                 _compare(
-                    u[r, other], v[r, other], usable[r, other], u[j + radius, own], v[j + radius, own], near,
+                    u[r, other], v[r, other], usable[r, other],
+                    u[j + radius, own], v[j + radius, own], near,
                     counts[0], counts[1], counts[2], counts[3], counts[4],
                 )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _all_near(counts):
-    """Whether fewer than half of the neighbours of every vector of a block lie far from it on any one side."""
+    """Whether under half of each vector's neighbours lie far from it on any one side."""
     for i in range(counts.shape[1]):
         far = max(counts[1, i], counts[2, i], counts[3, i], counts[4, i])
         if counts[0, i] < 3 or 2 * far >= counts[0, i]:
@@ -140,17 +150,17 @@ def _all_near(counts):
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _normalised_median(
     u, v, usable, epsilon, radius, threshold, network, residual, median_u, median_v
 ):
     """Fields are padded by `radius`, the results are not."""
     ny, nx = residual.shape
-    near = np.empty(((2 * radius + 1) ** 2 - 1, BLOCK), np.float32)
-    absent = np.empty(BLOCK, np.float32)
-    spread = np.empty(BLOCK, np.float32)
-    counts = np.empty((5, nx), np.float32)
-    enough = threshold * epsilon / np.float32(np.sqrt(2.0))
+    near = np.empty(((2 * radius + 1) ** 2 - 1, BLOCK), float32)
+    absent = np.empty(BLOCK, float32)
+    spread = np.empty(BLOCK, float32)
+    counts = np.empty((5, nx), float32)
+    enough = threshold * epsilon / float32(np.sqrt(2.0))
     for j in range(ny):
         _compare_row(u, v, usable, j, radius, enough, counts)
         for first in range(0, nx, BLOCK):
@@ -158,7 +168,7 @@ def _normalised_median(
             n = last - first
             s = slice(first, last)
             if _all_near(counts[:, s]):
-                # all medians are near enough for their vectors to pass whatever the spread: spare the sorting
+                # every median is near enough to pass whatever the spread: spare the sorting
                 own = slice(first + radius, last + radius)
                 residual[j, s] = 0
                 median_u[j, s] = u[j + radius, own]
@@ -179,52 +189,35 @@ def _normalised_median(
 def normalised_median(
     u, v, usable, *, epsilon: float = 0.2, radius: int = 1, threshold: float = 0.0
 ):
-    """Residual of each vector against its neighbours' median, in units of their spread plus `epsilon` (px).
+    """Residual of each vector against its neighbours' median, over their spread plus `epsilon`.
 
-    u, v: (ny, nx) px, finite; usable: bool, vectors that may serve as neighbours. Returns (residual, median_u,
-    median_v), NaN where fewer than three neighbours exist. With a `threshold`, vectors whose medians are too
-    near for them to fail may get the residual 0 and themselves as median. Source: Westerweel & Scarano 2005, eq. 2, both
-    components joined as a vector length.
+    u, v: (ny, nx) px, finite; usable: bool, vectors that may serve as neighbours. Returns
+    (residual, median_u, median_v), NaN where fewer than three neighbours exist. With a `threshold`,
+    vectors whose medians are too near for them to fail may get the residual 0 and themselves as
+    median. Source: Westerweel & Scarano 2005, eq. 2, both components joined as a vector length.
     """
-    residual, median_u, median_v = (np.empty(u.shape, np.float32) for _ in range(3))
+    residual, median_u, median_v = (np.empty(u.shape, float32) for _ in range(3))
     u, v, usable = (
-        cv2.copyMakeBorder(
-            np.asarray(f, np.float32),
-            radius,
-            radius,
-            radius,
-            radius,
-            cv2.BORDER_CONSTANT,
-            value=(0,),
-        )
+        cv2.copyMakeBorder(np.asarray(f, float32), *[radius] * 4, cv2.BORDER_CONSTANT, value=(0,))
         for f in (u, v, usable)
     )
-    network = median_network((2 * radius + 1) ** 2 - 1)
-    _normalised_median(
-        u,
-        v,
-        usable,
-        np.float32(epsilon),
-        radius,
-        np.float32(threshold),
-        network,
-        residual,
-        median_u,
-        median_v,
-    )
-    return residual, median_u, median_v
+    network, results = _median_network((2 * radius + 1) ** 2 - 1), (residual, median_u, median_v)
+    limits = float32(epsilon), radius, float32(threshold)
+    _normalised_median(u, v, usable, *limits, network, *results)
+    return results
 
 
 def supported(known, masked, correlation, *, doubtful: float, across: int):
     """`known` (bool) without vectors of doubtful correlation most of whose neighbours have failed.
 
-    In images that have nothing in common one vector in ten passes every other test by chance, and warping along it raises its
-    correlation to 0.2-0.4 and a few times above it. masked: vectors that no neighbour can be; across: nodes of a neighbourhood, an odd number.
+    In images that have nothing in common one vector in ten passes every other test by chance, and
+    warping along it raises its correlation to 0.2-0.4 and a few times above it. masked: vectors
+    that no neighbour can be; across: nodes of a neighbourhood, an odd number.
     """
     box, border = (across, across), cv2.BORDER_REPLICATE
-    open_water = cv2.blur((~masked).astype(np.float32), box, borderType=border)
+    open_water = cv2.blur((~masked).astype(float32), box, borderType=border)
     for _ in range(SUPPORT_ROUNDS):
-        share = cv2.blur((known & ~masked).astype(np.float32), box, borderType=border)
+        share = cv2.blur((known & ~masked).astype(float32), box, borderType=border)
         rare = (known & ~masked).sum() < RARE * (~masked).sum()
         alone = known & (correlation < doubtful) & (rare | (share < SUPPORT * open_water))
         if rare:
@@ -236,18 +229,19 @@ def supported(known, masked, correlation, *, doubtful: float, across: int):
 
 
 def fill_absent(u, v, usable):
-    """Copies of u, v with unusable vectors replaced by the mean of filled neighbours, working inwards.
+    """Copies of u, v with the mean of filled neighbours for unusable vectors, working inwards.
 
-    A predictor for the next pass, or a replacement that the user asked for. Zero where nothing is usable.
+    A predictor for the next pass, or a replacement that the user asked for. Zero where nothing is
+    usable.
     """
-    u, v, known = u.astype(np.float32), v.astype(np.float32), usable.copy()
+    u, v, known = u.astype(float32), v.astype(float32), usable.copy()
     if not known.any():
         return np.zeros_like(u), np.zeros_like(v)
     _fill_rings(u, v, known, np.argwhere(~known))
     return u, v
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _fill_rings(u, v, known, missing):
     ny, nx = u.shape
     left = missing.shape[0]

@@ -26,8 +26,11 @@ from piv.view.scene import Scene
 
 ARROW = 1.6  # grid steps that the 99th percentile of speed is drawn long
 HELP = (
-    "Step with the slider. Click a vector for its numbers. Polygon tool: hold the button down for half a second to begin "
-    "a mask, click its corners, hold again to end it; Backspace removes the one that is selected. Box tool: Shift and drag draws the region. A mask that moves: draw it, keep it at this frame, step on, move its "
+    "Step with the slider. Click a vector for its numbers. Polygon tool: hold the button down for "
+    "half a second to begin "
+    "a mask, click its corners, hold again to end it; Backspace removes the one that is selected. "
+    "Box tool: Shift and drag draws the region. A mask that moves: draw it, keep it at this frame, "
+    "step on, move its "
     "corners with the polygon edit tool, keep it again."
 )
 
@@ -69,7 +72,7 @@ class Page:
         self.show(0)
 
     def _arrow_scale(self) -> float:
-        """Length of an arrow over its speed, from the middle of the series: the same at every step."""
+        """Length of an arrow over its speed, the same at every step."""
         arrows = self.scene.vectors(self.scene.count // 2)
         x, speed = np.unique(arrows["x"]), np.hypot(arrows["u"], arrows["v"])
         fast = float(np.percentile(speed, 99)) if speed.size else 0.0

@@ -16,10 +16,10 @@ def write_regions(
     kept: dict[int, list[Polygon]],
     roi: tuple[float, float, float, float] | None,
 ) -> str:
-    """Write the polygons drawn at each frame, and the region x0, y0, x1, y1; returns a line that says what was written.
+    """Write the polygons of each frame and the region x0, y0, x1, y1; returns a line about it.
 
-    One frame: bodies that stand still. Several: bodies that move, each with as many corners at every frame. ValueError
-    where they do not fit, or where nothing is drawn.
+    One frame: bodies that stand still. Several: bodies that move, each with as many corners at
+    every frame. ValueError where they do not fit, or where nothing is drawn.
     """
     frames = sorted(kept)
     numbers = {len(kept[f]) for f in frames}
@@ -32,7 +32,8 @@ def write_regions(
             raise ValueError("a polygon needs at least 3 corners")
         if len({len(c) for c in corners}) > 1:
             raise ValueError(
-                f"polygon {k + 1} has not the same number of corners at each frame; move its corners instead"
+                f"polygon {k + 1} has not the same number of corners at each frame; move its "
+                "corners instead"
             )
         bodies.append(
             {"frames": frames, "corners": corners} if len(frames) > 1 else {"corners": corners[0]}
@@ -42,13 +43,14 @@ def write_regions(
     content = {"format": "mask-polygons", "format_version": 1, "unit": unit, "bodies": bodies}
     write_text(path, json.dumps(content | ({"roi": list(roi)} if roi else {}), indent=1) + "\n")
     moving = f" at {len(frames)} frames" if len(frames) > 1 else ""
-    return f"{path}: {len(bodies)} polygons{moving}{', a region' if roi else ''}; piv correlate --mask {path.name}"
+    found = f"{len(bodies)} polygons{moving}{', a region' if roi else ''}"
+    return f"{path}: {found}; piv correlate --mask {path.name}"
 
 
 def clipped(
     roi: tuple[float, ...], extent: tuple[float, float, float, float]
 ) -> tuple[float, float, float, float] | None:
-    """A region (centre x, y, width, height) as x0, y0, x1, y1 within the picture; None where nothing of it is left."""
+    """A region (centre x, y, width, height) as x0, y0, x1, y1 within the picture, or None."""
     x, y, width, height = roi
     left, bottom, right, top = extent
     x0, x1 = max(left, x - abs(width) / 2), min(right, x + abs(width) / 2)

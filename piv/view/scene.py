@@ -60,7 +60,7 @@ class Scene:
         return min(max(frame, 0), len(self.recording) - 1)
 
     def extent(self) -> tuple[float, float, float, float]:
-        """left, bottom, right, top: outer edges of the pixels, or half a step beside the vectors."""
+        """left, bottom, right, top: outer edges of pixels, or half a step beyond the vectors."""
         if self.recording is None:
             assert self.series is not None
             x, y = self.series["x"].values, self.series["y"].values
@@ -73,7 +73,8 @@ class Scene:
         scale = self._known("scale_m_per_px", None)
         if scale is None:
             raise ValueError(
-                f"{self.recording.name}: its scale is not known; give vectors in px, or a recording with a scale"
+                f"{self.recording.name}: its scale is not known; give vectors in px, or a "
+                "recording with a scale"
             )
         origin = np.tile([self._known("origin_x_px", 0.0), self._known("origin_y_px", 0.0)], 2)
         return tuple(((edges - origin) * scale).tolist())
@@ -88,7 +89,7 @@ class Scene:
         return otherwise
 
     def image(self, step: int) -> np.ndarray | None:
-        """Grey values (uint8, row 0 at the bottom) at a step, stretched up to the 99.5th percentile; None without images."""
+        """Grey values (uint8, row 0 at the bottom) at a step, stretched; None without images."""
         if self.recording is None:
             return None
         frame = self.recording.frame(self.frame_number(step))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
 SCHEMES = ("least-squares", "fourth-order")
 
@@ -12,26 +13,22 @@ SCHEMES = ("least-squares", "fourth-order")
 class Gradients(NamedTuple):
     """Velocity gradients (y, x), 1/s; NaN where too few neighbours are valid."""
 
-    dudx: np.ndarray
-    dudy: np.ndarray
-    dvdx: np.ndarray
-    dvdy: np.ndarray
+    dudx: ndarray
+    dudy: ndarray
+    dvdx: ndarray
+    dvdy: ndarray
 
 
 def gradients(
-    u: np.ndarray,
-    v: np.ndarray,
-    valid: np.ndarray,
-    dx: float,
-    dy: float,
-    scheme: str = "least-squares",
+    u: ndarray, v: ndarray, valid: ndarray, dx: float, dy: float, scheme: str = "least-squares"
 ) -> Gradients:
     """Velocity gradients on a regular grid (y, x).
 
-    With two valid neighbours on both sides: `least-squares` (slope of a line through five points, low noise) or
-    `fourth-order` (central). Beside invalid points the second-order central or one-sided formula of the points that are
-    there, then the first-order one; a stencil never reaches past an invalid point, so never across a body.
-    Source: Raffel et al., Particle Image Velocimetry (2018), table 7.1.
+    With two valid neighbours on both sides: `least-squares` (slope of a line through five points,
+    low noise) or `fourth-order` (central). Beside invalid points the second-order central or
+    one-sided formula of the points that are there, then the first-order one; a stencil never
+    reaches past an invalid point, so never across a body. Source: Raffel et al., Particle Image
+    Velocimetry (2018), table 7.1.
     """
     if scheme not in SCHEMES:
         raise ValueError(f"gradient scheme must be one of {', '.join(SCHEMES)}, got {scheme!r}")
@@ -44,7 +41,7 @@ def gradients(
     )
 
 
-def derivative(f: np.ndarray, ok: np.ndarray, step: float, axis: int, scheme: str) -> np.ndarray:
+def derivative(f: ndarray, ok: ndarray, step: float, axis: int, scheme: str) -> ndarray:
     """Derivative of `f` along `axis`, scheme as in `gradients`."""
     f = np.moveaxis(np.where(ok, f, 0.0), axis, -1)
     ok = np.moveaxis(ok, axis, -1)
@@ -52,7 +49,7 @@ def derivative(f: np.ndarray, ok: np.ndarray, step: float, axis: int, scheme: st
     value = np.pad(f, [(0, 0), (2, 2)])
     there = np.pad(ok, [(0, 0), (2, 2)])
 
-    def at(k: int) -> np.ndarray:
+    def at(k: int) -> ndarray:
         return value[:, 2 + k : 2 + k + n]
 
     left1, right1 = (there[:, 2 + k : 2 + k + n] for k in (-1, 1))
@@ -77,13 +74,13 @@ def derivative(f: np.ndarray, ok: np.ndarray, step: float, axis: int, scheme: st
     return np.moveaxis(np.where(ok, out / step, np.nan), -1, axis)
 
 
-def vorticity(g: Gradients) -> np.ndarray:
+def vorticity(g: Gradients) -> ndarray:
     """Out-of-plane vorticity dv/dx - du/dy, counter-clockwise positive."""
     return g.dvdx - g.dudy
 
 
-def swirling_strength(g: Gradients) -> np.ndarray:
-    """Imaginary part of the velocity gradient's complex eigenvalues with the sign of the vorticity; 0 where real.
+def swirling_strength(g: Gradients) -> ndarray:
+    """Swirling strength: imaginary part of the complex eigenvalues, with vorticity's sign; or 0.
 
     Source: Zhou, Adrian, Balachandar & Kendall, J. Fluid Mech. 387 (1999), in two dimensions.
     """
@@ -91,6 +88,6 @@ def swirling_strength(g: Gradients) -> np.ndarray:
     return np.sqrt(np.maximum(-discriminant, 0)) * np.sign(vorticity(g))
 
 
-def q_criterion(g: Gradients) -> np.ndarray:
-    """Two-dimensional Q = (|rotation|^2 - |strain|^2)/2 = -(dudx^2 + dvdy^2)/2 - dudy dvdx, 1/s^2."""
+def q_criterion(g: Gradients) -> ndarray:
+    """Two-dimensional Q = -(dudx^2 + dvdy^2)/2 - dudy dvdx, 1/s^2."""
     return -(g.dudx**2 + g.dvdy**2) / 2 - g.dudy * g.dvdx

@@ -1,4 +1,4 @@
-"""Vortices of a plane field: detection by Gamma2 and swirling strength, then a joint Lamb-Oseen fit."""
+"""Vortices of a plane field: detection by Gamma2 and swirling strength, then a joint fit."""
 
 from __future__ import annotations
 
@@ -24,11 +24,13 @@ from piv.vortices.vortex import Vortex
 def find_vortices(
     plane: xr.Dataset, settings: VortexSettings | None = None, **options: float | str
 ) -> list[Vortex]:
-    """Vortices of one plane (dimensions y, x; variables u, v, valid, optional u_std, v_std), strongest first.
+    """Vortices of one plane (y, x; variables u, v, valid, optional u_std, v_std), strongest first.
 
-    Works in whatever units the plane has. `options` are fields of `VortexSettings`. Candidates are regions of Gamma2 and
-    swirling strength; each is then fitted with a Lamb-Oseen vortex on a background of drift and linear gradient, its
-    neighbours taken along or taken off. None lies within an `outline` that the plane has. Raises ValueError where the plane still has a time axis or an option is unknown.
+    Works in whatever units the plane has. `options` are fields of `VortexSettings`. Candidates are
+    regions of Gamma2 and swirling strength; each is then fitted with a Lamb-Oseen vortex on a
+    background of drift and linear gradient, its neighbours taken along or taken off. None lies
+    within an `outline` that the plane has. Raises ValueError where the plane still has a time axis
+    or an option is unknown.
     """
     s = _settings(settings, options)
     p = plane_of(plane, s.weights)
@@ -40,7 +42,8 @@ def find_vortices(
     least = s.min_circulation
     rough = 0.3 * (s.min_part * abs(candidates[0].circulation) if least is None else least)
     regions = np.array([c for c in candidates if abs(c.circulation) >= rough]).reshape(-1, 4)
-    # the layer on a wall that is still rolling up may be fitted best from within the body: no vortex is there yet
+    # the layer on a wall that is still rolling up may be fitted best from within the body: no
+    # vortex is there yet
     fits = [f for f in fit_regions(p, regions, s) if not _in_body(plane, *f.fit.vortices[0, :2])]
     omega = vorticity(g)
     distance = distance_to_invalid(p.valid, dx, dy)
@@ -113,4 +116,5 @@ def _record(p: Plane, fit: Fit, omega: np.ndarray, distance: np.ndarray, n: int)
         integrals = area, contour_circulation(p.x, p.y, p.u, p.v, x, y, radius), radius
     drift, shear = fit.background[[0, 3]], np.hypot.reduce(fit.background[[1, 2, 4, 5]])
     values = (x, y, circulation, a, peak, *std, peak_std, *integrals, *drift, shear, fit.explained)
-    return Vortex(*map(float, values), n)  # type: ignore[arg-type, call-arg]  # all but the last are floats
+    # all but the last are floats
+    return Vortex(*map(float, values), n)  # type: ignore[arg-type, call-arg]

@@ -1,20 +1,21 @@
-"""The vortex criterion Gamma2 of a plane field, compiled: a module of its own, for Numba is slow to import."""
+"""The vortex criterion Gamma2, in a module of its own because Numba is slow to import."""
 
 from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
+from numpy import ndarray
+
+from piv.compiled import compiled
 
 
-def gamma2(
-    u: np.ndarray, v: np.ndarray, valid: np.ndarray, dx: float, dy: float, radius: float
-) -> np.ndarray:
-    """Gamma2 (y, x): mean sine of the angle between radius and velocity, less the mean velocity, over a disc.
+def gamma2(u: ndarray, v: ndarray, valid: ndarray, dx: float, dy: float, radius: float) -> ndarray:
+    """Gamma2 (y, x): mean sine of the angle between radius and relative velocity over a disc.
 
-    `radius` in the grid's units. NaN where the point or half of its disc is invalid. |Gamma2| > 2/pi marks points where
-    rotation exceeds strain. Graftieux, Michard & Grosjean, Meas. Sci. Technol. 12 (2001), eq. 2.
+    `radius` in the grid's units. NaN where the point or half of its disc is invalid. |Gamma2| >
+    2/pi marks points where rotation exceeds strain. Graftieux, Michard & Grosjean, Meas. Sci.
+    Technol. 12 (2001), eq. 2.
     """
     reach_x, reach_y = (int(radius / step * (1 + 1e-9)) for step in (dx, dy))
     q, p = np.mgrid[-reach_y : reach_y + 1, -reach_x : reach_x + 1]
@@ -22,7 +23,7 @@ def gamma2(
     return _gamma2(u, v, np.asarray(valid).astype(bool), q[disc], p[disc], dx, dy)
 
 
-@numba.njit(cache=True)
+@compiled
 def _gamma2(u, v, valid, rows, columns, dx, dy):
     """`gamma2` over the neighbours so many rows and columns away."""
     ny, nx = u.shape

@@ -1,4 +1,4 @@
-"""The joint fit of all vortices of a plane: each over a disc of its own, with its neighbours, on a linear background."""
+"""The joint fit of all vortices of a plane, each over its own disc, on a linear background."""
 
 from __future__ import annotations
 
@@ -7,18 +7,20 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numpy import ndarray
 
+from piv.compiled import compiled
 from piv.vortices.lamb_oseen_fit import Fit, VelocitySamples, fit_vortices, velocities
 from piv.vortices.regions import Plane, seen_share
 from piv.vortices.settings import VortexSettings
 
 
 class Fitted(NamedTuple):
-    """Fit of a vortex, its vectors' number and area per independent one, how well they fit, and its region: x, y, circulation, core radius.
+    """Fit of a vortex, how well it fits, and its region: x, y, circulation, core radius.
 
-    `misfit`: mean square of the residuals over the vectors' variance; `seen`: share of the disc that holds vectors;
-    `apart`: fitted without the opposite one that it overlaps (see `_cancelling`).
+    `misfit`: mean square of the residuals over the vectors' variance; `seen`: share of the disc
+    that holds vectors; `apart`: fitted without the opposite one that it overlaps (see
+    `_cancelling`).
     """
 
     fit: Fit
@@ -26,16 +28,18 @@ class Fitted(NamedTuple):
     area: float
     misfit: float
     seen: float
-    region: np.ndarray
+    region: ndarray
     apart: bool
 
 
 WIDER = (1.5, 2.0)  # times fit_radius
 # mean square of the residuals over the vectors' variance; 1 of an exact model and uncertainty
 MODEL_HOLDS = 2.0
-# explained part from which on what is left may be noise; in turbulence it is flow that no vortex explains
+# explained part from which on what is left may be noise; in turbulence it is flow that no vortex
+# explains
 NOISE_ONLY = 0.95
-# share of a disc that holds vectors in open water; with less, beside a body, the vortex is hardly Lamb-Oseen's
+# share of a disc that holds vectors in open water; with less, beside a body, the vortex is hardly
+# Lamb-Oseen's
 WATER = 0.95
 POINTS_PER_CORE = 8
 SWEEPS = (
@@ -43,18 +47,20 @@ SWEEPS = (
 )
 
 
-def fit_regions(p: Plane, regions: np.ndarray, s: VortexSettings) -> list[Fitted]:
+def fit_regions(p: Plane, regions: ndarray, s: VortexSettings) -> list[Fitted]:
     """Fits of the vortices among `regions` (n, 4: x, y, circulation, core radius).
 
-    Which vortices there may be the vectors alone decide: with its region's help every layer on a wall would pass for one.
-    Those that a body half hides are then fitted once more, with it, and must still be vortices.
+    Which vortices there may be the vectors alone decide: with its region's help every layer on a
+    wall would pass for one. Those that a body half hides are then fitted once more, with it, and
+    must still be vortices.
     """
     start, alone = (
         np.hstack([regions, regions, np.zeros((len(regions), 1))]),
         replace(s, region_prior=np.inf),
     )
     fits = _significant(_fit_all(p, start, alone, SWEEPS), s)
-    # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew from where they are
+    # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew from
+    # where they are
     at_once = len(fits) == len(start)
     while len(fits) < len(start):
         start = _parameters(fits)
@@ -66,7 +72,7 @@ def fit_regions(p: Plane, regions: np.ndarray, s: VortexSettings) -> list[Fitted
     return _significant(_fit_all(p, _parameters(fits), s, SWEEPS), s)
 
 
-def _parameters(fits: list[Fitted]) -> np.ndarray:
+def _parameters(fits: list[Fitted]) -> ndarray:
     """Of the fits, of their regions, and whether fitted apart: (n, 9)."""
     return np.array([[*f.fit.vortices[0], *f.region, f.apart] for f in fits]).reshape(-1, 9)
 
@@ -84,8 +90,8 @@ def _significant(fits: list[Fitted], s: VortexSettings) -> list[Fitted]:
     ]
 
 
-def _fit_all(p: Plane, start: np.ndarray, s: VortexSettings, sweeps: int) -> list[Fitted]:
-    """Fit every candidate (n, 9, see `_parameters`) in turn with its neighbours, several sweeps; drops those that vanish or coincide."""
+def _fit_all(p: Plane, start: ndarray, s: VortexSettings, sweeps: int) -> list[Fitted]:
+    """Fit every candidate (n, 9, see `_parameters`) with its neighbours, in several sweeps."""
     now = start[:, :4].copy()
     area = np.full(len(now), 10.0 * (p.x[1] - p.x[0]) * (p.y[1] - p.y[0]))  # per independent vector
     fits: list[Fitted] = []
@@ -113,14 +119,14 @@ def _fit_all(p: Plane, start: np.ndarray, s: VortexSettings, sweeps: int) -> lis
 
 def _fit_one(
     p: Plane,
-    now: np.ndarray,
-    start: np.ndarray,
-    area: np.ndarray,
+    now: ndarray,
+    start: ndarray,
+    area: ndarray,
     s: VortexSettings,
     wider: tuple[float, ...],
     k: int,
 ) -> Fitted | None:
-    """Fit of vortex k over its own disc, or the widest of the `wider` ones that the model holds in."""
+    """Fit of vortex k over its own disc, or the widest `wider` one in which the model holds."""
     best = _fit_disc(p, now, start, area, s, s.fit_radius, k)
     if best is None:
         return None
@@ -137,15 +143,9 @@ def _fit_one(
 
 
 def _fit_disc(
-    p: Plane,
-    now: np.ndarray,
-    start: np.ndarray,
-    area: np.ndarray,
-    s: VortexSettings,
-    radius: float,
-    k: int,
+    p: Plane, now: ndarray, start: ndarray, area: ndarray, s: VortexSettings, radius: float, k: int
 ) -> Fitted | None:
-    """Fit of vortex k over a disc of `radius` core radii: neighbours in it are fitted along, others taken off as they are."""
+    """Fit of vortex k over `radius` core radii: neighbours are fitted too, or subtracted."""
     x0, y0, _, a = now[k]
     reach = max(radius * a, 3.0 * max(p.x[1] - p.x[0], p.y[1] - p.y[0]))
     i0, i1 = np.searchsorted(p.x, [x0 - reach, x0 + reach])
@@ -157,7 +157,8 @@ def _fit_disc(
     use = p.valid[box] & (distance <= reach)
     if np.count_nonzero(use) < 12:
         return None
-    # weights fall smoothly to zero at the disc's edge, so that no single vector decides where the disc ends
+    # weights fall smoothly to zero at the disc's edge, so that no single vector decides where the
+    # disc ends
     taper = np.clip(2 * (1 - distance[use] / reach), 0, 1)
     near = np.hypot(now[:, 0] - x0, now[:, 1] - y0)
     strong = np.abs(now[:, 2]) >= s.neighbour_part * abs(now[k, 2])
@@ -172,7 +173,8 @@ def _fit_disc(
         x, y, u - du, v - dv, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper
     )
     seen = seen_share(p.x, p.y, p.valid, x0, y0, reach)
-    # a disc half hidden hardly tells core radius and circulation apart: the less it shows, the more the region is asked
+    # a disc half hidden hardly tells core radius and circulation apart: the less it shows, the more
+    # the region is asked
     core_std = s.region_prior * np.sqrt(seen / (1 - seen)) if seen < WATER else np.inf
     step = [skip[0] * (p.y[1] - p.y[0]), skip[1] * (p.x[1] - p.x[0])]
     fit = fit_vortices(
@@ -196,13 +198,12 @@ def _fit_disc(
     )
 
 
-def _correlation_factor(
-    step: list[float], fit: Fit, use: np.ndarray, length: float | None
-) -> float:
-    """By how much correlated errors raise the variance of fitted values: number of vectors per independent one.
+def _correlation_factor(step: list[float], fit: Fit, use: ndarray, length: float | None) -> float:
+    """Factor of correlated errors on the variance: number of vectors per independent one.
 
-    With a correlation length L (box window, triangular autocorrelation) (L/dx) (L/dy), at least 1; otherwise the sum of
-    the residuals' autocorrelation over all lags up to its first fall below 0.05, per direction.
+    With a correlation length L (box window, triangular autocorrelation) (L/dx) (L/dy), at least 1;
+    otherwise the sum of the residuals' autocorrelation over all lags up to its first fall below
+    0.05, per direction.
     """
     if length is not None:
         return max(1.0, length / step[0]) * max(1.0, length / step[1])
@@ -211,9 +212,9 @@ def _correlation_factor(
     return _correlated_points(u, v, use) * _correlated_points(u.T, v.T, use.T)
 
 
-@njit(cache=True)
+@compiled
 def _correlated_points(u, v, use):
-    """Sum of the autocorrelation of u and v (y, x) along y over all lags up to its first fall below 0.05."""
+    """Autocorrelation of u and v (y, x) along y, summed up to its first fall below 0.05."""
     rows, columns = use.shape
     total = 1.0
     for lag in range(1, rows // 2):
@@ -229,8 +230,8 @@ def _correlated_points(u, v, use):
     return total
 
 
-def _plausible(p: Plane, fit: Fit, start: np.ndarray) -> bool:
-    """Whether a fit is still the vortex it started from, inside the plane and resolved by the grid."""
+def _plausible(p: Plane, fit: Fit, start: ndarray) -> bool:
+    """Whether a fit is still the vortex it started from, inside the plane and resolved."""
     x, y, circulation, a = fit.vortices[0]
     step = max(p.x[1] - p.x[0], p.y[1] - p.y[0])
     span = min(p.x[-1] - p.x[0], p.y[-1] - p.y[0])
@@ -245,11 +246,11 @@ def _plausible(p: Plane, fit: Fit, start: np.ndarray) -> bool:
     )
 
 
-def _cancelling(fits: list[Fitted | None]) -> np.ndarray:
+def _cancelling(fits: list[Fitted | None]) -> ndarray:
     """Which of the fits are less than a core radius from one of opposite sense.
 
-    Fitted jointly so near they may grow without bound as long as they cancel: the flow tells their dipole, not the
-    circulation of either. Each is then fitted apart, to its own side of the dipole.
+    Fitted jointly so near they may grow without bound as long as they cancel: the flow tells their
+    dipole, not the circulation of either. Each is then fitted apart, to its own side of the dipole.
     """
     x, y, circulation, a = (
         np.array([f.fit.vortices[0] if f else [np.nan] * 4 for f in fits]).reshape(-1, 4).T
@@ -259,7 +260,7 @@ def _cancelling(fits: list[Fitted | None]) -> np.ndarray:
 
 
 def _distinct(fits: list[Fit]) -> list[int]:
-    """Indices without those that ended on top of a better fitted vortex: half a core away, or a whole one if of opposite sense."""
+    """Indices without vortices on top of a better one: half a core, or one of opposite sense."""
     kept: list[int] = []
     for k in np.argsort([f.explained for f in fits])[::-1]:
         x, y, circulation, a = fits[k].vortices[0]

@@ -1,7 +1,7 @@
-"""Lamb-Oseen vortices on a linear background, fitted to scattered vectors by weighted least squares.
+"""Lamb-Oseen vortices on a linear background, fitted by weighted least squares.
 
-v_theta(r) = circulation/(2 pi r) (1 - exp(-r^2/core_radius^2)). The swirl peaks at r = 1.1209 core_radius with
-0.6382 circulation/(2 pi core_radius).
+v_theta(r) = circulation/(2 pi r) (1 - exp(-r^2/core_radius^2)). The swirl peaks at r = 1.1209
+core_radius with 0.6382 circulation/(2 pi core_radius).
 """
 
 from __future__ import annotations
@@ -11,6 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy import ndarray
+
+from piv.compiled import compiled
 
 PEAK_RADIUS = 1.1209064227785338  # of the swirl, in core radii: root of exp(s^2) = 1 + 2 s^2
 PEAK_SWIRL = 0.6381726863389515  # in circulation/(2 pi core_radius)
@@ -20,31 +23,34 @@ NEIGHBOUR_PRIOR = 0.3
 
 
 class VelocitySamples(NamedTuple):
-    """Scattered vectors: positions, components and weights, each (n,) of floats; any consistent units."""
+    """Scattered vectors: positions, components, weights, each (n,); any consistent units."""
 
-    x: np.ndarray
-    y: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
-    weight_u: np.ndarray
-    weight_v: np.ndarray
+    x: ndarray
+    y: ndarray
+    u: ndarray
+    v: ndarray
+    weight_u: ndarray
+    weight_v: ndarray
 
 
 class Fit(NamedTuple):
-    """Result of `fit_vortices`: vortices (n, 4: x, y, circulation, core_radius), background (6: u, du/dx, du/dy, v, dv/dx,
-    dv/dy at the first vortex' start), covariance of all (unscaled by error correlation), residuals and explained part."""
+    """Vortices (n, 4: x, y, circulation, core_radius), background, covariance and residuals.
 
-    vortices: np.ndarray
-    background: np.ndarray
-    covariance: np.ndarray
-    residual_u: np.ndarray
-    residual_v: np.ndarray
+    background (6): u, du/dx, du/dy, v, dv/dx, dv/dy at the first vortex' start. covariance:
+    without error correlation. explained: part of the variance.
+    """
+
+    vortices: ndarray
+    background: ndarray
+    covariance: ndarray
+    residual_u: ndarray
+    residual_v: ndarray
     explained: float
 
 
 def lamb_oseen(
-    x: np.ndarray, y: np.ndarray, x0: float, y0: float, circulation: float, core_radius: float
-) -> tuple[np.ndarray, np.ndarray]:
+    x: ndarray, y: ndarray, x0: float, y0: float, circulation: float, core_radius: float
+) -> tuple[ndarray, ndarray]:
     """Velocity (u, v) of a Lamb-Oseen vortex at points x, y."""
     rx, ry = np.broadcast_arrays(np.asarray(x, float) - x0, np.asarray(y, float) - y0)
     vortex = np.array([[0.0, 0.0, circulation, core_radius]])
@@ -52,9 +58,9 @@ def lamb_oseen(
     return u.reshape(rx.shape), v.reshape(rx.shape)
 
 
-@njit(cache=True)
+@compiled
 def velocities(x, y, vortices):
-    """Velocity (u, v) at points x, y (n,) of all `vortices` (m, 4: x, y, circulation, core radius) together."""
+    """Velocity (u, v) at points (n,) of all `vortices` (m, 4: x, y, circulation, core radius)."""
     u, v = np.zeros(x.size), np.zeros(x.size)
     for k in range(len(vortices)):
         x0, y0, circulation, a = vortices[k]
@@ -68,7 +74,7 @@ def velocities(x, y, vortices):
 
 @njit(cache=True, inline="always")
 def _shape(r2, core_radius):
-    """(1 - exp(-s))/r^2 with s = r^2/core_radius^2, its derivative by r^2, and by log(core_radius)."""
+    """(1 - exp(-s))/r^2, s = r^2/core_radius^2; derivatives by r^2 and log(core_radius)."""
     a2 = core_radius**2
     s = r2 / a2
     e = math.exp(-s)
@@ -77,9 +83,12 @@ def _shape(r2, core_radius):
     return -math.expm1(-s) / s / a2, (e * (1 + s) - 1) / s**2 / a2**2, -2 * e / a2
 
 
-@njit(cache=True)
+@compiled
 def _normal_equations(p, n, d, ox, oy):
-    """Weighted squares of the residuals, J'WJ and J'W(data - model) at parameters x, y, circulation, log core_radius ... background."""
+    """Weighted squares of the residuals, J'WJ and J'W(data - model).
+
+    Parameters: x, y, circulation, log core_radius of each vortex, then the background.
+    """
     size = p.size
     normal, rhs = np.zeros((size, size)), np.zeros(size)
     ju, jv = np.zeros(size), np.zeros(size)
@@ -119,9 +128,9 @@ def _normal_equations(p, n, d, ox, oy):
     return cost, normal, rhs
 
 
-@njit(cache=True)
+@compiled
 def _solve(a, b):
-    """Solution (n, m) of a x = b, `a` positive definite but for rounding, its unknowns of any scale."""
+    """Solution (n, m) of a x = b; `a` positive definite but for rounding, in any scales."""
     size = len(b)
     scale = np.empty(size)
     for q in range(size):
@@ -132,7 +141,8 @@ def _solve(a, b):
             total = a[q, r] * scale[q] * scale[r]
             for k in range(r):
                 total -= low[q, k] * low[r, k]
-            # a pivot of rounding alone: the others already tell all of this unknown, it stays where it is
+            # a pivot of rounding alone: the others already tell all of this unknown, it stays where
+            # it is
             if q == r:
                 low[q, q] = math.sqrt(total) if total > 1e-14 else 1e30
             else:
@@ -152,7 +162,7 @@ def _solve(a, b):
     return x
 
 
-@njit(cache=True)
+@compiled
 def _levenberg_marquardt(p, n, d, unit, mean, correlated, dof):
     """Parameters that fit best from `p`, their squares of residuals, J'WJ and prior."""
     ox, oy = p[0], p[1]
@@ -199,23 +209,24 @@ def _levenberg_marquardt(p, n, d, unit, mean, correlated, dof):
 
 def fit_vortices(
     d: VelocitySamples,
-    start: np.ndarray,
+    start: ndarray,
     *,
     strain_prior: float = np.inf,
     rotation_prior: float = np.inf,
     core: tuple[float, float] = (1.0, np.inf),
     correlated: float = 1.0,
 ) -> Fit:
-    """Fit the vortices `start` (n, 4: x, y, circulation, core_radius) jointly with drift and a linear gradient.
+    """Fit the vortices `start` (n, 4) jointly with drift and a linear gradient.
 
-    Levenberg-Marquardt with the analytic Jacobian. `strain_prior`, `rotation_prior`: standard deviations of the
-    background's gradient and of its vorticity expected beforehand, as parts of the first vortex' peak vorticity; they
-    only matter where the vectors do not tell background from vortex (one half hidden by a body, or not quite
-    Lamb-Oseen). `core`: the first vortex' core radius expected beforehand and its relative standard deviation.
-    `correlated`: number of vectors per independent one, which puts the vectors' information in
-    proportion to the prior's whatever the grid. A centre moves at most a core radius per iteration; a core radius stays
-    within a factor e of its start. The covariance is scaled with the residuals' weighted variance and does not hold
-    `correlated`.
+    Levenberg-Marquardt with the analytic Jacobian. `strain_prior`, `rotation_prior`: standard
+    deviations of the background's gradient and of its vorticity expected beforehand, as parts of
+    the first vortex' peak vorticity; they only matter where the vectors do not tell background from
+    vortex (one half hidden by a body, or not quite Lamb-Oseen). `core`: the first vortex' core
+    radius expected beforehand and its relative standard deviation. `correlated`: number of vectors
+    per independent one, which puts the vectors' information in proportion to the prior's whatever
+    the grid. A centre moves at most a core radius per iteration; a core radius stays within a
+    factor e of its start. The covariance is scaled with the residuals' weighted variance and does
+    not hold `correlated`.
     """
     n = len(start)
     d = VelocitySamples(*(np.ascontiguousarray(q, float) for q in d))
@@ -252,14 +263,14 @@ def fit_vortices(
 
 
 def _prior(
-    start: np.ndarray,
-    p: np.ndarray,
-    slopes: np.ndarray,
+    start: ndarray,
+    p: ndarray,
+    slopes: ndarray,
     strain: float,
     rotation: float,
     core: tuple[float, float],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse covariance and mean of what is expected beforehand of background, core radius and neighbours."""
+) -> tuple[ndarray, ndarray]:
+    """Inverse covariance and mean of the prior of background, core radius and neighbours."""
     unit, mean = np.zeros((p.size, p.size)), np.zeros(p.size)
     unit[3, 3], mean[3] = 1 / core[1] ** 2, np.log(core[0])
     unit[slopes, slopes] = 1 / strain**2

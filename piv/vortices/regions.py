@@ -6,15 +6,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numpy import ndarray
 from scipy import ndimage
 
+from piv.compiled import compiled
 from piv.vortices.criteria import Gradients, q_criterion, swirling_strength, vorticity
 from piv.vortices.gamma2 import gamma2
 from piv.vortices.settings import VortexSettings
 
-# Of a Lamb-Oseen vortex, |Gamma2| > 2/pi, swirling strength > 0 and Q > 0 all bound r < 1.12 core radii, which holds
-# 71.5 % of its circulation.
+# Of a Lamb-Oseen vortex, |Gamma2| > 2/pi, swirling strength > 0 and Q > 0 all bound r < 1.12 core
+# radii, which holds 71.5 % of its circulation.
 REGION_RADIUS = 1.12
 REGION_PART = 0.715
 LEAST_SEEN = 0.3  # share of a disc below which it is not made up for what is hidden
@@ -24,27 +25,28 @@ RADIUS_STEPS = (
 
 
 class Plane(NamedTuple):
-    """Vectors of a plane on their grid: axes, components (NaN where absent), which are valid, and the fit's weights.
+    """Vectors on their grid: axes, components (NaN where absent), validity, fit weights.
 
     `noise_known`: weights are inverse variances.
     """
 
-    x: np.ndarray
-    y: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
-    valid: np.ndarray
-    weight_u: np.ndarray
-    weight_v: np.ndarray
-    xx: np.ndarray
-    yy: np.ndarray
+    x: ndarray
+    y: ndarray
+    u: ndarray
+    v: ndarray
+    valid: ndarray
+    weight_u: ndarray
+    weight_v: ndarray
+    xx: ndarray
+    yy: ndarray
     noise_known: bool
 
 
-class Candidate(NamedTuple):
+class _Candidate(NamedTuple):
     """A first guess: centre, circulation and core radius.
 
-    What bodies and border hide round the centre is left out of the circulation and made up for in the core radius.
+    What bodies and border hide round the centre is left out of the circulation and made up for in
+    the core radius.
     """
 
     x: float
@@ -53,12 +55,13 @@ class Candidate(NamedTuple):
     core_radius: float
 
 
-def find_candidates(p: Plane, g: Gradients, s: VortexSettings) -> list[Candidate]:
+def find_candidates(p: Plane, g: Gradients, s: VortexSettings) -> list[_Candidate]:
     """Candidates on a regular grid, strongest first.
 
-    A region is connected points of one sense with |Gamma2| >= `s.gamma2`, swirling strength > 0 and Q > 0. Its centre is
-    the mean position weighted with (|Gamma2| - s.gamma2) times the swirling strength. Regions of less than `s.min_points`
-    points or longer than `s.max_elongation` times their width (shear layers) are left out.
+    A region is connected points of one sense with |Gamma2| >= `s.gamma2`, swirling strength > 0 and
+    Q > 0. Its centre is the mean position weighted with (|Gamma2| - s.gamma2) times the swirling
+    strength. Regions of less than `s.min_points` points or longer than `s.max_elongation` times
+    their width (shear layers) are left out.
     """
     x, y = p.x, p.y
     dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
@@ -82,14 +85,14 @@ def find_candidates(p: Plane, g: Gradients, s: VortexSettings) -> list[Candidate
             cx, cy = (float(np.average(q, weights=weight)) for q in (x[i], y[j]))
             radius = _whole_radius(x, y, p.valid, cx, cy, j.size)
             circulation = float(omega[j, i].sum() * dx * dy / REGION_PART)
-            candidates.append(Candidate(cx, cy, circulation, radius / REGION_RADIUS))
+            candidates.append(_Candidate(cx, cy, circulation, radius / REGION_RADIUS))
     return sorted(candidates, key=lambda c: -abs(c.circulation))
 
 
 def _whole_radius(
-    x: np.ndarray, y: np.ndarray, valid: np.ndarray, cx: float, cy: float, points: int
+    x: ndarray, y: ndarray, valid: ndarray, cx: float, cy: float, points: int
 ) -> float:
-    """Radius of the disc round (cx, cy) of which as much is seen as the region has points: a wall cuts both alike."""
+    """Radius of the disc round (cx, cy) with as many visible points as the region."""
     cell = float((x[1] - x[0]) * (y[1] - y[0]))
     radius = float(np.sqrt(points * cell / np.pi))
     seen = radius
@@ -99,9 +102,9 @@ def _whole_radius(
     return seen
 
 
-@njit(cache=True)
+@compiled
 def seen_share(x, y, valid, cx, cy, radius):
-    """Part of the disc's grid points that hold a vector; those beyond the plane's border count as absent."""
+    """Part of the disc's grid points with a vector; points beyond the border are absent."""
     dx, dy = x[1] - x[0], y[1] - y[0]
     seen = disc = 0
     for j in range(math.ceil((cy - radius - y[0]) / dy), math.floor((cy + radius - y[0]) / dy) + 1):
@@ -115,8 +118,8 @@ def seen_share(x, y, valid, cx, cy, radius):
     return seen / max(1, disc)
 
 
-def _elongation(x: np.ndarray, y: np.ndarray, dx: float, dy: float) -> float:
-    """Ratio of the region's principal standard deviations, each point being a cell of its own size."""
+def _elongation(x: ndarray, y: ndarray, dx: float, dy: float) -> float:
+    """Ratio of the region's principal standard deviations, with points as cells."""
     cov = np.cov(np.array([x, y]), bias=True) + np.diag([dx * dx, dy * dy]) / 12
     small, large = np.linalg.eigvalsh(cov)
     return float(np.sqrt(large / small))

@@ -28,7 +28,8 @@ class VortexSettings:
     ] = None
     min_part: Annotated[float, "least |circulation| as a part of the plane's strongest"] = 0.1
     significance: Annotated[float, "least |circulation| over its standard error"] = 2.0
-    # doubled in steps as long as the residuals are no larger than the vectors' uncertainty, or than those of the first disc
+    # doubled in steps as long as the residuals are no larger than the vectors' uncertainty, or than
+    # those of the first disc
     fit_radius: Annotated[float, "radius of the fitted disc, core radii"] = 2.0
     min_explained: Annotated[float, "least part of the variance that a fit must explain"] = 0.3
     neighbour_part: Annotated[
@@ -46,7 +47,8 @@ class VortexSettings:
     ] = 0.2
     correlation_length: Annotated[
         float | None,
-        "distance over which vector errors are correlated: the window's width; None = from the residuals",
+        "distance over which vector errors are correlated: the window's width; None = from the "
+        "residuals",
     ] = None
     scheme: Annotated[str, "of the gradients: least-squares or fourth-order"] = "least-squares"
     # equal where two planes are compared of which only one has uncertainties
@@ -75,5 +77,6 @@ class VortexSettings:
         for name in ("strain_prior", "rotation_prior", "region_prior"):
             if not getattr(self, name) > 0:
                 raise ValueError(
-                    f"{name} = {getattr(self, name):g}: give a positive number, 1e9 to switch it off"
+                    f"{name} = {getattr(self, name):g}: give a positive number, 1e9 to switch it "
+                    "off"
                 )

@@ -1,4 +1,4 @@
-"""Vortices of a plane series over time: found plane by plane, followed, and seen from the finger's tip."""
+"""Vortices of a plane series over time: found, tracked, and placed in the tip's frame."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def tabulate_vortices(
     processes: int = 1,
     quiet: bool = True,
 ) -> pd.DataFrame:
-    """One row per vortex and instant of a plane series (or of one plane: time empty), columns as `COLUMNS`.
+    """One row per vortex and instant of a plane series or one plane; columns `COLUMNS`.
 
-    `lifetime` is the time from a track's first to its last detection. The planes are shared out to `processes`; each
-    has one in memory at once, and the result does not depend on their number.
+    `lifetime` is the time from a track's first to its last detection. The planes are shared out to
+    `processes`; each has one in memory at once, and the result does not depend on their number.
     """
     tracker = Tracker(tracking)
     if processes < 1:

@@ -10,8 +10,8 @@ import xarray as xr
 TIP_VARIABLES = ("tip", "tip_direction", "dorsal_direction")
 
 
-class TipPlace(NamedTuple):
-    """Place in the frame of the nearest tip: finger's index, side, distance in tip widths, and the two components (m)."""
+class _TipPlace(NamedTuple):
+    """Place in the nearest tip's frame: finger, side, distance in tip widths, components (m)."""
 
     finger: int
     side: str
@@ -20,11 +20,11 @@ class TipPlace(NamedTuple):
     across_tip: float
 
 
-def place_at_tip(x: float, y: float, plane: xr.Dataset) -> TipPlace | None:
+def place_at_tip(x: float, y: float, plane: xr.Dataset) -> _TipPlace | None:
     """Place of (x, y) in one plane's tip frame; None where the plane knows no finger.
 
-    `across_tip` is positive on the dorsal side, which also gives `side`; `along_tip` is positive beyond the tip. The
-    distance is NaN where the attribute `tip_width` is absent.
+    `across_tip` is positive on the dorsal side, which also gives `side`; `along_tip` is positive
+    beyond the tip. The distance is NaN where the attribute `tip_width` is absent.
     """
     if not all(name in plane for name in TIP_VARIABLES):
         return None
@@ -36,4 +36,4 @@ def place_at_tip(x: float, y: float, plane: xr.Dataset) -> TipPlace | None:
     k = int(np.nanargmin(far))
     a, d = float(away[k] @ along[k]), float(away[k] @ dorsal[k])
     width = float(plane.attrs.get("tip_width", np.nan))
-    return TipPlace(k, "dorsal" if d > 0 else "ventral", float(far[k]) / width, a, d)
+    return _TipPlace(k, "dorsal" if d > 0 else "ventral", float(far[k]) / width, a, d)

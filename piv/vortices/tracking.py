@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from numpy import ndarray
 from scipy.optimize import linear_sum_assignment
 
 from piv.vortices.vortex import Vortex
@@ -14,7 +15,7 @@ from piv.vortices.vortex import Vortex
 
 @dataclass(frozen=True)
 class TrackingSettings:
-    """How detections join to tracks; lengths in core radii, so that the same numbers serve every unit."""
+    """How detections join to tracks; lengths in core radii, the same for every unit."""
 
     agility: Annotated[float, "standard deviation of the velocity change per frame, core radii"] = (
         0.2
@@ -39,7 +40,7 @@ class TrackingSettings:
 
 
 class _Track:
-    def __init__(self, identity: int, time: float, vortex: Vortex, noise: np.ndarray) -> None:
+    def __init__(self, identity: int, time: float, vortex: Vortex, noise: ndarray) -> None:
         self.identity, self.time, self.last = identity, time, vortex
         self.missed = 0
         self.state = np.array([vortex.x, vortex.y, 0.0, 0.0])
@@ -47,7 +48,7 @@ class _Track:
         self.covariance[:2, :2] = noise
         self.young = True
 
-    def predict(self, time: float, s: TrackingSettings) -> tuple[np.ndarray, np.ndarray]:
+    def predict(self, time: float, s: TrackingSettings) -> tuple[ndarray, ndarray]:
         """State and covariance at `time`."""
         dt, a = time - self.time, self.last.core_radius
         f = np.eye(4)
@@ -62,11 +63,7 @@ class _Track:
         return f @ self.state, f @ p @ f.T + g @ g.T * (s.agility * a * frames / dt) ** 2
 
     def update(
-        self,
-        time: float,
-        vortex: Vortex,
-        predicted: tuple[np.ndarray, np.ndarray],
-        noise: np.ndarray,
+        self, time: float, vortex: Vortex, predicted: tuple[ndarray, ndarray], noise: ndarray
     ) -> None:
         state, p = predicted
         gain = p[:, :2] @ np.linalg.inv(p[:2, :2] + noise)
@@ -76,7 +73,7 @@ class _Track:
 
 
 class Tracker:
-    """Gives each vortex the number of its track, frame by frame; numbers count from 0 and are never used twice."""
+    """Gives each vortex the number of its track, frame by frame, from 0 on."""
 
     def __init__(self, settings: TrackingSettings | None = None) -> None:
         self.settings = settings or TrackingSettings()
@@ -84,7 +81,7 @@ class Tracker:
         self._next = 0
 
     def update(self, time: float, vortices: Sequence[Vortex]) -> list[int]:
-        """Track numbers of the `vortices` found at `time` (later than the last); new ones are born, old ones die."""
+        """Track numbers of the `vortices` at `time`, which is later than the last."""
         s = self.settings
         if self._tracks and time <= max(t.time for t in self._tracks):
             raise ValueError(
@@ -114,17 +111,12 @@ class Tracker:
         return numbers
 
 
-def _noise(v: Vortex, s: TrackingSettings) -> np.ndarray:
+def _noise(v: Vortex, s: TrackingSettings) -> ndarray:
     return np.diag([v.x_std**2, v.y_std**2]) + np.eye(2) * (s.scatter * v.core_radius) ** 2
 
 
 def _cost(
-    track: _Track,
-    state: np.ndarray,
-    p: np.ndarray,
-    vortex: Vortex,
-    noise: np.ndarray,
-    s: TrackingSettings,
+    track: _Track, state: ndarray, p: ndarray, vortex: Vortex, noise: ndarray, s: TrackingSettings
 ) -> float:
     old = track.last
     d = np.array([vortex.x, vortex.y]) - state[:2]

@@ -11,13 +11,7 @@ from scipy import integrate
 
 from fileio.formats.plane_series import make_plane, read_plane, write_plane
 from piv.synthetic.camera import Camera, Seeding
-from piv.synthetic.particle_images import (
-    Body,
-    add_particles,
-    expose,
-    fill_polygon,
-    shadow_of,
-)
+from piv.synthetic.particle_images import Body, add_particles, expose, fill_polygon, shadow_of
 from piv.synthetic.particles import (
     MARGIN,
     TILES,
@@ -30,8 +24,9 @@ from piv.synthetic.particles import (
     seed_particles,
 )
 from piv.synthetic.plane_spline import PlaneField, extend, hermite_weights
-from piv.synthetic.render_recording import render_pair, render_recording
+from piv.synthetic.render_recording import render_recording
 from piv.synthetic.virtual_camera import Recorder
+from tests.studies.piv.pairs import render_pair
 
 SMALL = Camera(width_px=160, height_px=128, scale_m_per_px=2.5e-4)
 

@@ -15,10 +15,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import cv2
 import numpy as np
 
-from piv.synthetic.render_recording import render_pair
 from tests.studies.pages import PIV, machine, write_between
 from tests.studies.piv.figures import extra_figures
 from tests.studies.piv.flows import CASES, CENTRE, SHAPE, Case
+from tests.studies.piv.pairs import render_pair
 from tests.studies.piv.scores import TOLD, inner, rms_of, told
 from tests.studies.piv.with_peers import OURS, Pair, arguments, compared
 

@@ -15,9 +15,9 @@ from piv.correlation.pair import Options, correlate_pair
 from piv.images.open_recording import open_recording
 from piv.sequence.multiframe import correlate_frames
 from piv.sequence.sequence import SequenceOptions, correlate_recording
-from piv.synthetic.render_recording import render_pair
 from piv.vortices.find import find_vortices
 from tests.studies.piv.flows import CENTRE, lamb_oseen, uniform
+from tests.studies.piv.pairs import render_pair
 from tests.studies.piv.particles import render
 from tests.studies.piv.rendering import rendering
 

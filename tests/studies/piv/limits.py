@@ -18,11 +18,11 @@ import cv2
 import numpy as np
 
 from piv.correlation.pair import correlate_pair
-from piv.synthetic.render_recording import render_pair
 from tests.shared_data import shared_data
 from tests.studies.pages import PIV, libraries, write_between
 from tests.studies.piv.flows import SHAPE, lamb_oseen, random_field, sine, uniform
 from tests.studies.piv.noise import sampling, smoothing
+from tests.studies.piv.pairs import render_pair
 from tests.studies.piv.scores import HEAD, Errors, inner, judged, row, without_count_of_cells
 from tests.studies.piv.walls import walls
 from tests.studies.stability import images

@@ -6,8 +6,8 @@ import numpy as np
 
 from piv.correlation.interpolate import kernel_values
 from piv.correlation.pair import correlate_pair
-from piv.synthetic.render_recording import render_pair
 from tests.studies.piv.flows import CENTRE, SHAPE, Case, lamb_oseen, uniform
+from tests.studies.piv.pairs import render_pair
 from tests.studies.piv.scores import errors, rms
 
 PAIRS = 6

@@ -61,13 +61,7 @@ def render(
         seen = brightness > 0.05
         image = np.full(shape, background)
         px, py = (x + t * dx, y + t * dy) if path is None else path(x, y, t)
-        _splat(
-            image,
-            px[seen],
-            (rows - 1 - py)[seen],
-            brightness[seen],
-            diameter / 4,
-        )
+        _splat(image, px[seen], (rows - 1 - py)[seen], brightness[seen], diameter / 4)
         image += 255 * noise * rng.standard_normal(shape)
         images.append(np.clip(np.rint(image), 0, 255).astype(np.uint8))
     return images

@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 
 from piv.correlation.pair import correlate_pair
-from piv.synthetic.render_recording import render_pair
 from tests.studies.pages import PIV, libraries, write_between
 from tests.studies.piv.flows import CENTRE, SHAPE, lamb_oseen
+from tests.studies.piv.pairs import render_pair
 from tests.studies.piv.scores import EDGE, HEAD, Errors, inner, judged, row
 
 SEEDS = (2001, 2002, 2003)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from piv.correlation.pair import correlate_pair
-from piv.synthetic.render_recording import render_pair
+from tests.studies.piv.pairs import render_pair
 
 SHAPE = (320, 384)
 WRONG_PX = 0.5  # a vector with a larger error is wrong, not merely noisy

@@ -9,12 +9,12 @@ import xarray as xr
 
 from fileio.formats.plane_series import make_plane
 from piv.correlation.pair import correlate_pair
-from piv.synthetic.render_recording import render_pair
 from piv.vortices.circulation import area_circulation, contour_circulation
 from piv.vortices.criteria import gradients, vorticity
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import PEAK_SWIRL, lamb_oseen
 from piv.vortices.vortex import Vortex
+from tests.studies.piv.pairs import render_pair
 from tests.studies.validation.checks import Check, Result
 
 Field = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]]

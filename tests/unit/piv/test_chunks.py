@@ -63,18 +63,7 @@ def serial(recording_file, tmp_path_factory):
 def chunked(recording_file, out: Path, of: int, *more: str) -> None:
     for k in range(1, of + 1):
         assert (
-            main(
-                [
-                    "correlate",
-                    str(recording_file),
-                    "-o",
-                    str(out),
-                    "--quiet",
-                    "--chunk",
-                    f"{k}/{of}",
-                    *more,
-                ]
-            )
+            main([*f"correlate {recording_file} -o {out} --quiet --chunk {k}/{of}".split(), *more])
             == 0
         )
 
@@ -95,17 +84,7 @@ def test_a_finished_chunk_is_kept_unless_settings_changed(recording_file, tmp_pa
     before = first.stat().st_mtime_ns
     chunked(recording_file, out, 2)
     assert first.stat().st_mtime_ns == before
-    arguments = [
-        "correlate",
-        str(recording_file),
-        "-o",
-        str(out),
-        "--quiet",
-        "--chunk",
-        "1/2",
-        "--window",
-        "24",
-    ]
+    arguments = f"correlate {recording_file} -o {out} --quiet --chunk 1/2 --window 24".split()
     assert main(arguments) == 0
     assert first.stat().st_mtime_ns > before
     assert main(["join", str(out)]) == 2  # one half has other windows

@@ -293,34 +293,14 @@ def test_commands(tmp_path, capsys):
     assert error.count("\n") == 1
     assert "none.h5" in error
     assert (
-        main(
-            [
-                "calibrate",
-                "--scale-mm-per-px",
-                "0.1",
-                "--origin",
-                "10",
-                "20",
-                "-o",
-                str(out / "c.json"),
-                "--quiet",
-            ]
-        )
+        main(f"calibrate --scale-mm-per-px 0.1 --origin 10 20 -o {out / 'c.json'} --quiet".split())
         == 0
     )
     pixels = read_plane(out / "a.h5").load()
     for name, unit in (("x", "px"), ("y", "px"), ("u", "px"), ("v", "px")):
         pixels[name].attrs["units"] = unit
     write_vectors(pixels, out / "px.h5")
-    done = [
-        "calibrate",
-        "--apply",
-        str(out / "c.json"),
-        "--vectors",
-        str(out / "px.h5"),
-        "--interval",
-        "0.002",
-    ]
+    done = f"calibrate --apply {out / 'c.json'} --vectors {out / 'px.h5'} --interval 0.002".split()
     assert main([*done, "-o", str(out / "m.h5")]) == 0
     metres = read_plane(out / "m.h5")
     np.testing.assert_allclose(metres["u"], pixels["u"] * 1e-4 / 0.002)

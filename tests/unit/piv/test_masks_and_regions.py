@@ -25,18 +25,7 @@ def frames(tmp_path_factory):
 
 
 def correlate(frames, output, *options):
-    words = [
-        "correlate",
-        str(frames),
-        "-o",
-        str(output),
-        "--window",
-        "16",
-        "--spacing",
-        "8",
-        "--search",
-        "32",
-    ]
+    words = f"correlate {frames} -o {output} --window 16 --spacing 8 --search 32".split()
     return main([*words, "--quiet", *map(str, options)])
 
 

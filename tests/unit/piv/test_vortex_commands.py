@@ -98,15 +98,7 @@ def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path, capsys):
 
 def test_render_writes_recording_and_truth(tmp_path):
     write_series(tmp_path / "piv.h5")
-    args = [
-        "render",
-        str(tmp_path / "piv.h5"),
-        "-o",
-        str(tmp_path / "i.h5"),
-        "--quiet",
-        "--seed",
-        "3",
-    ]
+    args = f"render {tmp_path / 'piv.h5'} -o {tmp_path / 'i.h5'} --quiet --seed 3".split()
     assert main([*args, "--width-px", "128", "--height-px", "96"]) == 0
     assert (tmp_path / "i.h5").exists()
     assert (
