@@ -1,7 +1,8 @@
-"""A finger as a planar chain of rigid slices: the shape of the bending analysis, and elastic rotations added to it.
+"""A finger as a planar chain of rigid slices: the unloaded shape, and elastic rotations of it.
 
-Complex numbers are places and vectors in the actuator's frame: the real axis along the finger from the root, the imaginary
-one towards the ventral side. Slice k is turned by its angle without load, which follows from the pressure, plus `delta` k.
+Complex numbers are places and vectors in the actuator's frame: the real axis along the finger from
+the root, the imaginary one towards the ventral side. Slice k is turned by `delta` k against its
+angle without load, which follows from the pressure.
 """
 
 from __future__ import annotations
@@ -15,25 +16,25 @@ from scipy.interpolate import CubicSpline
 from fileio.formats.bending_states import BendingLaw, FloatArray, States
 
 ComplexArray = NDArray[np.complex128]
-PIECES = 4  # of the profile to a slice: 31 slices of the shipped finger
+_PIECES = 4  # of the profile to a slice: 31 slices of the shipped finger
 
 
 @dataclass(frozen=True)
 class Unloaded:
-    """The chain without load at some times: the first joint, and of each slice what is fixed to it, from its own joint."""
+    """The chain without load (time, slice), each slice's content from its own joint."""
 
     root: ComplexArray  # (time): place of the first joint
-    link: ComplexArray  # (time, slice): to the next joint
-    heading: ComplexArray  # (time, slice): unit vector along the slice
-    middle: ComplexArray  # (time, slice): half way up the finger, to which loads are referred
-    rubber: ComplexArray  # (time, slice): centre of the rubber
-    gap: ComplexArray  # (time, slice): centre of the water in the gaps
-    air: ComplexArray  # (time, slice): centre of the air
+    link: ComplexArray  # to the next joint
+    heading: ComplexArray  # unit vector along the slice
+    middle: ComplexArray  # half way up the finger, to which loads are referred
+    rubber: ComplexArray  # centre of the rubber
+    gap: ComplexArray  # centre of the water in the gaps
+    air: ComplexArray  # centre of the air
 
 
 @dataclass(frozen=True)
 class Placed:
-    """The chain under load: places of its joints (…, slice + 1) and of what its slices carry (…, slice)."""
+    """The chain under load: places of its joints (…, slice + 1) and of its slices' content."""
 
     joint: ComplexArray
     heading: ComplexArray
@@ -48,39 +49,38 @@ class Placed:
 
 
 class Chain:
-    """Joints lie on the neutral axis, at points of the profile; the clamped length and the slices are at rest."""
+    """Joints lie on the neutral axis at points of the profile."""
 
     def __init__(self, states: States, law: BendingLaw, width: float) -> None:
         self.pressure, self.law, self.width = states.pressure, law, width
         piece = np.diff(states.profile, axis=1)
         angle = np.unwrap(np.arctan2(piece[..., 1], piece[..., 0]), axis=1)
-        self._angle = CubicSpline(
-            states.pressure, angle - 2 * np.pi * np.round(angle[:, :1] / (2 * np.pi))
-        )
-        self._length = CubicSpline(states.pressure, np.hypot(piece[..., 0], piece[..., 1]))
-        self._thickness = CubicSpline(states.pressure, states.thickness)
-        self._axis = CubicSpline(states.pressure, law.neutral_axis)
-        self._air_height = CubicSpline(states.pressure, law.air_height)
-        self._air_section = CubicSpline(states.pressure, law.air_section)
+        angle = angle - 2 * np.pi * np.round(angle[:, :1] / (2 * np.pi))
+        length = np.hypot(piece[..., 0], piece[..., 1])
+        tables = (
+            angle, length, states.thickness, law.neutral_axis, law.air_height, law.air_section,
+        )  # fmt: skip
+        (
+            self._angle, self._length, self.thickness, self._axis, self._air_height,
+            self.air_section,
+        ) = (CubicSpline(states.pressure, table) for table in tables)  # fmt: skip
         rest = int(np.argmin(np.abs(states.pressure)))
         self.arc = np.concatenate([[0.0], np.cumsum(np.hypot(*piece[rest].T))])
+        last = len(self.arc) - 1
         first = int(np.searchsorted(self.arc, law.clamped_length * (1 - 1e-6)))
-        count = max(1, round((len(self.arc) - 1 - first) / PIECES))
-        self.joints = np.round(np.linspace(first, len(self.arc) - 1, count + 1)).astype(int)
+        count = max(1, round((last - first) / _PIECES))
+        self.joints = np.round(np.linspace(first, last, count + 1)).astype(int)
         self.lengths: FloatArray = np.diff(self.arc[self.joints])
         # from the middle of one slice to that of the next; the first is clamped where it begins
-        self.springs: FloatArray = np.concatenate(
-            [[0.5 * self.lengths[0]], 0.5 * (self.lengths[1:] + self.lengths[:-1])]
-        )
+        between = 0.5 * (self.lengths[1:] + self.lengths[:-1])
+        self.springs: FloatArray = np.concatenate([[0.5 * self.lengths[0]], between])
         height = float(states.thickness[rest].mean())
         section = height * width
-        self.gap_section = max(
-            section - law.rubber_section - float(self._air_section(states.pressure[rest])), 0.0
-        )
+        at_rest = states.pressure[rest]
+        air = float(self.air_section(at_rest))
+        self.gap_section = max(section - law.rubber_section - air, 0.0)
         moment = 0.5 * height * section - law.rubber_height * law.rubber_section
-        moment -= float(
-            self._air_height(states.pressure[rest]) * self._air_section(states.pressure[rest])
-        )
+        moment -= float(self._air_height(at_rest) * self.air_section(at_rest))
         self._gap_height = moment / self.gap_section if self.gap_section > 0 else 0.5 * height
 
     @property
@@ -88,16 +88,8 @@ class Chain:
         """Number of slices."""
         return len(self.lengths)
 
-    def air_section(self, pressure: FloatArray) -> FloatArray:
-        """Section (m²) of the chambers' air at pressures (Pa)."""
-        return np.asarray(self._air_section(pressure))
-
-    def thickness(self, pressure: FloatArray) -> FloatArray:
-        """Thickness (time, point) m of the finger along the profile."""
-        return np.asarray(self._thickness(pressure))
-
     def _profile(self, pressure: FloatArray) -> tuple[ComplexArray, FloatArray]:
-        """Without load: points (time, point) of the profile from its root, and the angle (time, point) at each."""
+        """Without load: points (time, point) of the profile from its root, and angles there."""
         angle, length = self._angle(pressure), self._length(pressure)
         steps = np.cumsum(length * np.exp(1j * angle), axis=-1)
         points = np.concatenate([np.zeros((*steps.shape[:-1], 1)), steps], axis=-1)
@@ -109,19 +101,15 @@ class Chain:
         """The chain at pressures (time,) Pa."""
         points, angle = self._profile(pressure)
         dorsal = -1j * np.exp(1j * angle)
-        axis = points + self._axis(pressure)[:, None] * dorsal
-        half = 0.5 * self.thickness(pressure)
-        joints = axis[:, self.joints]
-        spans = list(zip(self.joints[:-1], self.joints[1:], strict=True))
+        joints = (points + self._axis(pressure)[:, None] * dorsal)[:, self.joints]
+        spans = [slice(a, b + 1) for a, b in zip(self.joints[:-1], self.joints[1:], strict=True)]
 
-        def mean(values: ComplexArray) -> ComplexArray:
+        def mean(values):
             """Over the length of each slice, by the trapezoidal rule."""
-            parts = [
-                np.trapezoid(values[:, a : b + 1], self.arc[a : b + 1], axis=1) for a, b in spans
-            ]
+            parts = [np.trapezoid(values[:, span], self.arc[span], axis=1) for span in spans]
             return np.asarray(np.stack(parts, axis=1) / self.lengths, dtype=complex)
 
-        def carried(height: FloatArray | float) -> ComplexArray:
+        def carried(height):
             return mean(points + height * dorsal) - joints[:, :-1]
 
         heading = mean(np.exp(1j * angle))
@@ -129,43 +117,45 @@ class Chain:
             root=joints[:, 0],
             link=np.diff(joints, axis=1),
             heading=heading / np.abs(heading),
-            middle=carried(half),
+            middle=carried(0.5 * self.thickness(pressure)),
             rubber=carried(self.law.rubber_height),
             gap=carried(self._gap_height),
             air=carried(self._air_height(pressure)[:, None]),
         )
 
     def bend(self, pressure: FloatArray, delta: FloatArray) -> FloatArray:
-        """Bend angle (time,) rad under load, positive towards the ventral side; `delta` as in `profile`."""
+        """Bend angle (time,) rad under load, positive towards the ventral side."""
         return np.asarray(self._profile(pressure)[1][:, -1] + delta[:, -1])
 
     def profile(self, pressure: FloatArray, delta: FloatArray) -> FloatArray:
-        """Profile (time, point, 2) m under load; `delta` (time, slice) rad is linear between the middles of the slices."""
+        """Profile (time, point, 2) m under load.
+
+        `delta` (time, slice) rad is linear between the middles of the slices.
+        """
         points, angle = self._profile(pressure)
         height = self._axis(pressure)[:, None]
         axis = points - 1j * height * np.exp(1j * angle)
-        knots = np.concatenate(
-            [[self.arc[self.joints[0]]], self.arc[self.joints[:-1]] + 0.5 * self.lengths]
-        )
-        turned = np.concatenate([np.zeros((len(delta), 1)), delta], axis=1)
+        start = self.arc[self.joints]
+        knots = np.concatenate([start[:1], start[:-1] + 0.5 * self.lengths])
+        none = np.zeros((len(delta), 1))
+        turned = np.concatenate([none, delta], axis=1)
         turn = np.array([np.interp(self.arc, knots, row) for row in turned])
         middle = 0.5 * (turn[:, 1:] + turn[:, :-1])
         # the rotation is added to the steps, so that none gives back the points themselves
         moved = np.cumsum(np.diff(axis, axis=1) * (np.exp(1j * middle) - 1), axis=1)
-        moved = np.concatenate([np.zeros((len(delta), 1)), moved], axis=1)
+        moved = np.concatenate([none, moved], axis=1)
         line = points + moved + 1j * height * np.exp(1j * angle) * (np.exp(1j * turn) - 1)
         return np.stack([line.real, line.imag], axis=-1)
 
 
 def placed(unloaded: Unloaded, at: int | slice | NDArray[np.intp], delta: FloatArray) -> Placed:
-    """The chain at one time `at`, or over a slice of times, its slices turned by `delta` (…, slice) rad."""
+    """The chain at one or several times `at`, its slices turned by `delta` (…, slice) rad."""
     turn = np.exp(1j * delta)
     steps = np.cumsum(unloaded.link[at] * turn, axis=-1)
     root = np.asarray(unloaded.root[at])[..., None]
     joint = np.concatenate([np.broadcast_to(root, (*steps.shape[:-1], 1)), root + steps], axis=-1)
-    start = joint[..., :-1]
     carried = {
-        name: start + getattr(unloaded, name)[at] * turn
+        name: joint[..., :-1] + getattr(unloaded, name)[at] * turn
         for name in ("middle", "rubber", "gap", "air")
     }
     return Placed(joint, unloaded.heading[at] * turn, **carried)
@@ -174,7 +164,10 @@ def placed(unloaded: Unloaded, at: int | slice | NDArray[np.intp], delta: FloatA
 def joint_moments(
     chain: Placed, parts: list[tuple[ComplexArray, ComplexArray]], torque: FloatArray
 ) -> FloatArray:
-    """Moment (…, slice) N m about each slice's own joint of forces (place, force) on it and on those beyond, and of `torque`."""
+    """Moment (…, slice) N m about each slice's joint of all that acts on it and beyond.
+
+    `parts`: places and forces; `torque` (…, slice) N m.
+    """
     turning = torque + sum((np.conj(place) * force).imag for place, force in parts)
     force = sum((force for _, force in parts), np.zeros_like(parts[0][1]))
     start = chain.joint[..., :-1]

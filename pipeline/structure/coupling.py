@@ -1,8 +1,9 @@
 """Coupling of finger and water over whole runs: from a run's loads to the next motion.
 
-The structure bears modelled water, and what the computed loads differ by from that model for the motion that they belong to:
-the model vanishes where the motion no longer changes, and only stands in for the water's answer to a change (an approximate
-Newton's method over the whole history; without it the iteration diverges, as the water is as heavy as the finger).
+The structure bears modelled water, and the difference of the computed loads from that model. The
+model vanishes where the motion no longer changes; it stands in for the water's answer to a change.
+This is an approximate Newton's method over the whole history: without it the iteration diverges,
+as the water is as heavy as the finger.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from fileio.formats.bending_states import FloatArray
 from pipeline.structure.chain import Chain, placed
 from pipeline.structure.motion import Surroundings, modelled_water, motion, rates_of
 
-KNOT = 4e-3  # s between two shapes: keeps the outline to 5 µm
-FIRST_KNOTS = 1e-3  # s, until EARLY: the first motion is the fastest change of shape
-EARLY = 0.02  # s
+_KNOT = 4e-3  # s between two shapes: keeps the outline to 5 µm
+_FIRST_KNOTS = 1e-3  # s, until _EARLY: the first motion is the fastest change of shape
+_EARLY = 0.02  # s
 
 
 def loads_of_model(
@@ -31,50 +32,53 @@ def loads_of_model(
     """The modelled water's loads (time, slice, 3) on a motion, as `forces` takes them."""
     at = placed(chain.unloaded(pressure), slice(None), delta)
     rates = rates_of(at, step)
-    force = modelled_water(chain, around, at.heading, rates.velocity, rates.middle) * np.conj(
-        at.heading
-    )
+    force = modelled_water(chain, around, at.heading, rates.velocity, rates.middle)
+    force = force * np.conj(at.heading)
     return np.stack([force.real, force.imag, np.zeros(force.shape)], axis=-1)
 
 
 def loads_at(loads: Mapping[str, Any] | xr.Dataset, time: FloatArray) -> FloatArray:
-    """The computed loads (time, slice, 3) of a loads.h5 without the clamped length, at the structure's times; none at 0."""
+    """Loads (time, slice, 3) of a loads.h5 on the free slices at other times; none at 0."""
     known, force, torque = (np.asarray(loads[name]) for name in ("time", "force", "torque"))
     values = np.concatenate([force, torque[..., None]], axis=-1)[:, 1:]
-    known = np.concatenate([[0.0], known])
     values = np.concatenate([np.zeros((1, *values.shape[1:])), values])
-    return np.asarray(CubicSpline(known, values)(time))
+    return np.asarray(CubicSpline(np.concatenate([[0.0], known]), values)(time))
 
 
-def next_delta(chain: Chain, pressure: FloatArray, step: float, around: Surroundings, delta: FloatArray,
-               computed: FloatArray) -> FloatArray:  # fmt: skip
-    """Rotations (time, slice) under the `computed` loads of the motion `delta`, and what the model says of the change."""
+def next_delta(
+    chain: Chain,
+    pressure: FloatArray,
+    step: float,
+    around: Surroundings,
+    delta: FloatArray,
+    computed: FloatArray,
+) -> FloatArray:
+    """Rotations (time, slice) after those of `delta`, whose run gave the `computed` loads."""
     rest = computed - loads_of_model(chain, pressure, delta, step, around)
     return motion(chain, pressure, step, around, rest)
 
 
 def knots(end: float) -> FloatArray:
     """Times (s) of the shapes of a motion."""
-    return np.unique(
-        np.concatenate(
-            [np.arange(0, min(EARLY, end), FIRST_KNOTS), np.arange(EARLY, end, KNOT), [end]]
-        )
-    )
+    early = np.arange(0, min(_EARLY, end), _FIRST_KNOTS)
+    return np.unique(np.concatenate([early, np.arange(_EARLY, end, _KNOT), [end]]))
 
 
-def motion_values(chain: Chain, time: FloatArray, pressure: FloatArray, delta: FloatArray,
-                  before: FloatArray | None) -> dict[str, Any]:  # fmt: skip
-    """Variables and attributes of elastic_motion.h5, with the change against the rotations `before`."""
+def motion_values(
+    chain: Chain,
+    time: FloatArray,
+    pressure: FloatArray,
+    delta: FloatArray,
+    before: FloatArray | None,
+) -> dict[str, Any]:
+    """Variables and attributes of elastic_motion.h5, with the change from `before`."""
     at = knots(float(time[-1]))
     at_pressure, at_delta = CubicSpline(time, pressure)(at), CubicSpline(time, delta)(at)
     profile = chain.profile(at_pressure, at_delta)
     tip, bend = np.inf, np.inf
     if before is not None:
-        tip = float(
-            np.hypot(
-                *(chain.profile(pressure, delta) - chain.profile(pressure, before))[:, -1].T
-            ).max()
-        )
+        change = chain.profile(pressure, delta) - chain.profile(pressure, before)
+        tip = float(np.hypot(*change[:, -1].T).max())
         bend = float(np.abs(delta[:, -1] - before[:, -1]).max())
     return {
         "time": time,
@@ -90,10 +94,11 @@ def motion_values(chain: Chain, time: FloatArray, pressure: FloatArray, delta: F
 
 
 def check_change(changes: list[float], tolerance: float, where: Path) -> bool:
-    """Whether the last of the changes (m) of the tip is within `tolerance` (m); StageError where they grow."""
+    """Whether the last change (m) of the tip is within `tolerance`; StageError where they grow."""
     if len(changes) > 1 and changes[-1] > max(changes[-2], tolerance):
         raise StageError(
-            f"{where}: the coupling diverges: the tip's motion changed by {changes[-2] * 1e3:.2g} mm and then by"
-            f" {changes[-1] * 1e3:.2g} mm; raise structure.added_mass and structure.drag"
+            f"{where}: the coupling diverges: the tip's motion changed by"
+            f" {changes[-2] * 1e3:.2g} mm and then by {changes[-1] * 1e3:.2g} mm;"
+            " raise structure.added_mass and structure.drag"
         )
     return changes[-1] <= tolerance

@@ -9,13 +9,14 @@ from scipy.interpolate import PchipInterpolator
 
 from fileio.formats.bending_states import BendingLaw, FloatArray
 
-BEYOND = 4.0  # of the table's last interval, along its slope: where Newton's method may try
-LARGEST_CHANGE = 1e3  # 1/m: as far as a constant stiffness holds
+# of the table's last interval, along its slope: where Newton's method may try
+_BEYOND = 4.0
+_LARGEST_CHANGE = 1e3  # 1/m: as far as a constant stiffness holds
 
 
 @dataclass(frozen=True)
 class ElasticLaw:
-    """Of one pressure: the change of curvature (1/m) against the state without a moment, and back; monotone.
+    """Change of curvature (1/m) under a moment (N m) at one pressure, and back; monotone.
 
     `most`: the table's first and last moment (N m).
     """
@@ -30,7 +31,7 @@ class ElasticLaw:
 
 
 def law_at(law: BendingLaw, pressures: FloatArray, pressure: float) -> ElasticLaw:
-    """The law at `pressure` (Pa), from that of the states at `pressures` (state,) Pa, linear between them."""
+    """The law at `pressure` (Pa), linear between those of the states at `pressures` (state,)."""
     curvature = np.array([np.interp(pressure, pressures, column) for column in law.curvature.T])
     change = _continued(curvature - np.interp(0.0, law.moment, curvature))
     moment = _continued(law.moment)
@@ -39,14 +40,14 @@ def law_at(law: BendingLaw, pressures: FloatArray, pressure: float) -> ElasticLa
 
 
 def _continued(values: FloatArray) -> FloatArray:
-    first, last = BEYOND * (values[0] - values[1]), BEYOND * (values[-1] - values[-2])
+    first, last = _BEYOND * (values[0] - values[1]), _BEYOND * (values[-1] - values[-2])
     return np.concatenate([[values[0] + first], values, [values[-1] + last]])
 
 
 def constant_law(stiffness: float, neutral_axis: float, states: int) -> BendingLaw:
-    """The law of a finger of which only EI (N m²) and the height of its neutral axis (m) are known; it weighs nothing."""
+    """The law of a weightless finger with known EI (N m²) and height (m) of the neutral axis."""
     each = np.ones(states)
-    change = np.array([-LARGEST_CHANGE, 0.0, LARGEST_CHANGE])
+    change = np.array([-_LARGEST_CHANGE, 0.0, _LARGEST_CHANGE])
     return BendingLaw(
         stiffness=stiffness * each,
         neutral_axis=neutral_axis * each,

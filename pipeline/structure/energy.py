@@ -8,45 +8,48 @@ from typing import Any
 import numpy as np
 
 from fileio.formats.bending_states import FloatArray
-from pipeline.structure.chain import Chain, ComplexArray, placed
+from pipeline.structure.chain import Chain, placed
 from pipeline.structure.elastic_law import law_at
 from pipeline.structure.motion import Surroundings, at_standstill, forces, rates_of
 
-CARRIED = ("rubber", "gap", "air", "middle")  # what `forces` act on, in its order
+_CARRIED = ("rubber", "gap", "air", "middle")  # what `forces` act on, in its order
 
 
-def energies(chain: Chain, pressure: FloatArray, delta: FloatArray, step: float, around: Surroundings,
-             loads: FloatArray) -> dict[str, FloatArray]:  # fmt: skip
-    """Work done since the begin of a motion (time,) and energy held, J, at even times `step` (s) apart.
+def energies(
+    chain: Chain,
+    pressure: FloatArray,
+    delta: FloatArray,
+    step: float,
+    around: Surroundings,
+    loads: FloatArray,
+) -> dict[str, FloatArray]:
+    """Work done since the start of a motion (time,) and stored energy, J; times `step` (s) apart.
 
-    `pressure_work` is that on the motion at fixed elastic rotations, of a prescribed motion that of whatever drives it;
-    `water_work` is that of `loads` (time, slice, 3) and modelled water on the finger, `weight_work` of weight and buoyancy.
-    Each is summed by itself: pressure, water and weight = elastic + kinetic + damping to the accuracy of the motion.
+    `pressure_work` is that on the motion at fixed elastic rotations; `water_work` that of `loads`
+    (time, slice, 3) and modelled water; `weight_work` that of weight and buoyancy. Each is summed
+    by itself: pressure, water and weight = elastic + kinetic + damping to the motion's accuracy.
     """
     count = len(pressure)
     unloaded = chain.unloaded(pressure)
     at = placed(unloaded, slice(None), delta)
     air = chain.air_section(pressure)[:, None]
     acting = forces(chain, around, at, rates_of(at, step), air, loads)
-    still = forces(
-        chain, around, at, at_standstill(at), air, 0 * loads
-    )  # weight and buoyancy alone
-    velocity = {name: np.gradient(getattr(at, name), step, axis=0) for name in CARRIED}
+    weight = forces(chain, around, at, at_standstill(at), air, 0 * loads)
+    velocity = {name: np.gradient(getattr(at, name), step, axis=0) for name in _CARRIED}
     turning = np.gradient(np.unwrap(np.angle(at.heading), axis=0), step, axis=0)
     ahead, behind = (
         placed(unloaded, np.clip(np.arange(count) + k, 0, count - 1), delta) for k in (1, -1)
     )
-    own = {name: (getattr(ahead, name) - getattr(behind, name)) / (2 * step) for name in CARRIED}
+    own = {name: (getattr(ahead, name) - getattr(behind, name)) / (2 * step) for name in _CARRIED}
     own_turning = turning - np.gradient(delta, step, axis=0)
 
-    def work(power: FloatArray) -> FloatArray:
+    def work(power):
         return np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1])) * step])
 
-    def of(
-        parts: list[tuple[ComplexArray, ComplexArray]], rates: dict[str, ComplexArray]
-    ) -> FloatArray:
+    def of(parts, rates):
         each = [
-            (np.conj(f) * rates[n]).real.sum(-1) for n, (_, f) in zip(CARRIED, parts, strict=True)
+            (np.conj(force) * rates[name]).real.sum(-1)
+            for name, (_, force) in zip(_CARRIED, parts, strict=True)
         ]
         return np.asarray(np.sum(each, axis=0))
 
@@ -54,17 +57,17 @@ def energies(chain: Chain, pressure: FloatArray, delta: FloatArray, step: float,
     torque = loads[..., 2]
     bend = np.diff(delta, axis=1, prepend=0.0)
     rate = np.gradient(bend, step, axis=0)
-    laws = [law_at(chain.law, chain.pressure, float(p)) for p in pressure]
+    laws = [law_at(chain.law, chain.pressure, p) for p in pressure]
     moment = np.array([law.moment(b / chain.springs) for law, b in zip(laws, bend, strict=True)])
     stiffness = np.interp(pressure, chain.pressure, chain.law.stiffness)[:, None]
     masses = (("rubber", chain.law.rubber_mass), ("gap", around.fluid * chain.gap_section))
     kinetic = sum(
-        0.5 * mass * (chain.lengths * np.abs(velocity[n]) ** 2).sum(-1) for n, mass in masses
+        0.5 * mass * (chain.lengths * np.abs(velocity[name]) ** 2).sum(-1) for name, mass in masses
     )
     return {
         "pressure_work": -work(of(acting, own) + (torque * own_turning).sum(-1)),
         "water_work": work(on_middle + (torque * turning).sum(-1)),
-        "weight_work": work(of(still, velocity)),
+        "weight_work": work(of(weight, velocity)),
         "elastic_energy": work((moment * rate).sum(-1)),
         "kinetic_energy": np.asarray(kinetic - kinetic[0]),
         "damping_loss": work((around.damping * stiffness / chain.springs * rate**2).sum(-1)),
@@ -72,17 +75,8 @@ def energies(chain: Chain, pressure: FloatArray, delta: FloatArray, step: float,
 
 
 def open_share(parts: Mapping[str, Any]) -> float:
-    """Largest difference between the work done and the energy held or lost, over the pressure's largest work; of `energies`."""
-    pressure, water, weight, elastic, kinetic, damping = (
-        np.asarray(parts[name])
-        for name in (
-            "pressure_work",
-            "water_work",
-            "weight_work",
-            "elastic_energy",
-            "kinetic_energy",
-            "damping_loss",
-        )
-    )
-    left = pressure + water + weight - elastic - kinetic - damping
-    return float(np.abs(left).max() / np.abs(pressure).max())
+    """Largest gap between work done and energy stored or lost, over the pressure's largest work."""
+    left = np.asarray(parts["pressure_work"]) + parts["water_work"] + parts["weight_work"]
+    for name in ("elastic_energy", "kinetic_energy", "damping_loss"):
+        left = left - np.asarray(parts[name])
+    return float(np.abs(left).max() / np.abs(np.asarray(parts["pressure_work"])).max())

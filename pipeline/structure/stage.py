@@ -1,4 +1,4 @@
-"""Stage loads: the water's loads along the finger, and what they would bend that the prescribed motion does not show."""
+"""Stage loads: the water's loads along the finger, and the deflection they would cause."""
 
 from __future__ import annotations
 
@@ -25,52 +25,46 @@ from pipeline.structure.energy import energies
 from pipeline.structure.loads import slice_loads, surface_forces
 from pipeline.structure.motion import STEP, Surroundings, motion
 
-GRAVITY = 9.81  # m/s²
-UNKNOWN = (
-    "The motion is prescribed, and motion.states says no bending stiffness, so what the loads would bend is not known: analyse"
-    " it with make fea, or give structure.bending_stiffness (N m2)."
+_GRAVITY = 9.81  # m/s²
+_UNKNOWN = (
+    "The motion is prescribed, and motion.states says no bending stiffness, so what the loads would"
+    " bend is not known: analyse it with make fea, or give structure.bending_stiffness (N m2)."
 )
-RIGID = "The body is rigid: no load bends it."
-COUPLED = "The motion is not prescribed: it is what the pressure and the loads of the run before make of the finger."
-HELD = "The motion is not prescribed until the tips are slowed down before their contact, which then holds them."
+_RIGID = "The body is rigid: no load bends it."
+_COUPLED = (
+    "The motion is not prescribed: it is what the pressure and the loads of the run before make of"
+    " the finger."
+)
+_HELD = (
+    "The motion is not prescribed until the tips are slowed down before their contact, which then"
+    " holds them."
+)
 
 
 def bending_law(states: States, stiffness: float | None) -> BendingLaw | None:
-    """That of the states, or where `stiffness` (N m²) is given, of that EI and else as the states say; None where neither is known."""
+    """The law of the states, with EI = `stiffness` (N m²) where it is known; None if neither is."""
     law = states.law if isinstance(states, BendingStates) else None
     if stiffness is None:
         return law
     constant = constant_law(stiffness, 0.0, len(states.pressure))
     if law is None:
         return constant
-    return replace(
-        law, stiffness=constant.stiffness, moment=constant.moment, curvature=constant.curvature
-    )
-
-
-def finger_chain(scene: Scene, kinematics: Kinematics) -> tuple[Chain, bool]:
-    """The finger as a chain, and whether its bending stiffness is known."""
-    pressure = kinematics.data["pressure"].values
-    lowest, highest = float(pressure.min()), float(pressure.max())
-    states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
-    law = bending_law(states, scene.structure.bending_stiffness)
-    return Chain(
-        states, law or constant_law(1.0, 0.0, len(states.pressure)), scene.finger.width
-    ), law is not None
+    same = {name: getattr(constant, name) for name in ("stiffness", "moment", "curvature")}
+    return replace(law, **same)
 
 
 def gravity(scene: Scene) -> complex:
     """In the actuator's frame, m/s²."""
-    along, ventral = axes(scene.finger) @ [0.0, -GRAVITY]
+    along, ventral = axes(scene.finger) @ [0.0, -_GRAVITY]
     return complex(along, ventral)
 
 
-def plane(vectors: FloatArray) -> ComplexArray:
+def _plane(vectors: FloatArray) -> ComplexArray:
     """Vectors (…, 2) as complex numbers."""
     return np.asarray(vectors[..., 0] + 1j * vectors[..., 1], dtype=complex)
 
 
-def elastic_turns(scene: Scene, chain: Chain, time: FloatArray) -> FloatArray:
+def _elastic_turns(scene: Scene, chain: Chain, time: FloatArray) -> FloatArray:
     """Elastic rotations (time, slice) of the motion that was run; none of a prescribed one."""
     if scene.motion.shapes is None:
         return np.zeros((len(time), chain.slices))
@@ -78,30 +72,30 @@ def elastic_turns(scene: Scene, chain: Chain, time: FloatArray) -> FloatArray:
     return np.asarray(CubicSpline(file["time"].values, file["delta"].values)(time))
 
 
-def measured_loads(
-    scene: Scene, chain: Chain, chambers: CubicSpline, held: CubicSpline | None, quiet: bool
+def _measured_loads(
+    scene: Scene, chain: Chain, chambers: CubicSpline, law: CubicSpline | None, quiet: bool
 ) -> dict[str, Any]:
     """Variables of loads.h5 from the samples of the run; `chambers`: their pressure (Pa) over time.
 
-    `held`: over time (s), that of the shape, of a coupled finger that a contact holds.
+    `law`: time of the shape over time (s), where a contact stops a coupled finger.
     """
     samples = sampled_surfaces(scene.out / "case", read_intervals(scene.out), "finger")
     copies = PER_FINGER[scene.model.kind]
     both = scene.pinch is not None and scene.model.kind in ("half", "full")
     turn, root = axes(scene.finger).T, np.asarray(scene.finger.root)
     time = np.array([time for time, _ in samples])
-    shape_time = time if held is None else held(time)
-    pressure, delta = chambers(shape_time), elastic_turns(scene, chain, shape_time)
+    shape_time = time if law is None else law(time)
+    pressure, delta = chambers(shape_time), _elastic_turns(scene, chain, shape_time)
     at = placed(chain.unloaded(pressure), slice(None), delta)
     profile, thickness = chain.profile(pressure, delta), chain.thickness(pressure)
     edge = -0.5j * chain.thickness(np.zeros(1))[0, 0]  # the root's middle from its ventral edge
     force, torque, root_moment = [], [], []
     for k, (_, path) in enumerate(tqdm(samples, "loads", disable=quiet or None)):
-        faces = surface_forces(path, scene.fluid.density, both)
-        place, push = plane((faces.place - root) @ turn), copies * plane(faces.force @ turn)
-        loads = slice_loads(chain, at.at(k), profile[k], thickness[k], place + edge, push)
-        force.append(np.stack([loads.force.real, loads.force.imag], axis=-1))
-        torque.append(loads.torque)
+        centre, pushed = surface_forces(path, scene.fluid.density, both)
+        place, push = _plane((centre - root) @ turn), copies * _plane(pushed @ turn)
+        along, about = slice_loads(chain, at.at(k), profile[k], thickness[k], place + edge, push)
+        force.append(np.stack([along.real, along.imag], axis=-1))
+        torque.append(about)
         root_moment.append(float(np.sum((np.conj(place) * push).imag)))
     middles = chain.arc[chain.joints[:-1]] + 0.5 * chain.lengths
     return {
@@ -121,12 +115,11 @@ def check(
     around: Surroundings,
     values: dict[str, Any],
 ) -> dict[str, Any]:
-    """Variables and attributes of loads.h5 that say what the loads would bend; of a pinch before its contact."""
+    """What the loads would bend, for loads.h5; of a pinch before its contact."""
     time, pressure = values["time"], values["pressure"]
     at, rates = prescribed(chain, chambers, time)
     loads = np.concatenate([values["force"], values["torque"][..., None]], axis=-1)[:, 1:]
-    wet = deflections(chain, pressure, at, rates, around, loads)
-    dry = deflections(chain, pressure, at, rates, around, 0 * loads)
+    wet, dry = (deflections(chain, pressure, at, rates, around, k * loads) for k in (1, 0))
     free = time < float(kinematics.data.attrs.get("contact_time", np.inf))
     most = int(np.argmax(np.where(free, np.abs(wet), -1.0)))
     bend = kinematics.bend(kinematics.law(time))
@@ -143,52 +136,48 @@ def check(
 def history(
     scene: Scene, chain: Chain, chambers: CubicSpline, values: dict[str, Any]
 ) -> dict[str, Any]:
-    """Variables of loads.h5 over the finger's own time steps: its motion beside those without load and without water, and energies."""
+    """The motion at the finger's time steps, also without load and without water; energies."""
     end = scene.motion.end_time
     time = np.linspace(0.0, end, round(end / STEP) + 1)
-    pressure, delta = chambers(time), elastic_turns(scene, chain, time)
-    rubber = scene.structure.damping
-    here, air = gravity(scene), Surroundings(gravity(scene), damping=rubber)
+    pressure, delta = chambers(time), _elastic_turns(scene, chain, time)
+    rubber, here = scene.structure.damping, gravity(scene)
     none = np.zeros((len(time), chain.slices, 3))
-    turns = {
-        "": delta,
-        "_unloaded": 0 * delta,
-        "_in_air": motion(chain, pressure, time[1], air, none),
-    }
+    in_air = motion(chain, pressure, time[1], Surroundings(here, damping=rubber), none)
     frame, root = axes(scene.finger), np.asarray(scene.finger.root)
     found: dict[str, Any] = {"step": time}
-    for name, turn in turns.items():
-        found |= {
-            f"bend{name}": chain.bend(pressure, turn),
-            f"tip{name}": chain.profile(pressure, turn)[:, -1] @ frame + root,
-        }
-    loads = loads_at(values, time)
+    for name, turn in {"": delta, "_unloaded": 0 * delta, "_in_air": in_air}.items():
+        found[f"bend{name}"] = chain.bend(pressure, turn)
+        found[f"tip{name}"] = chain.profile(pressure, turn)[:, -1] @ frame + root
     water = Surroundings(here, scene.fluid.density, damping=rubber)
-    return found | energies(chain, pressure, delta, time[1], water, loads)
+    return found | energies(chain, pressure, delta, time[1], water, loads_at(values, time))
 
 
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write loads.h5."""
     kinematics = read_kinematics(scene.out / "kinematics.h5")
     if scene.body is not None:
-        write_loads(scene.out, {"unknown": RIGID})
+        write_loads(scene.out, {"unknown": _RIGID})
         return
-    chain, known = finger_chain(scene, kinematics)
-    chambers = CubicSpline(kinematics.data["time"].values, kinematics.data["pressure"].values)
+    time, pressure = (kinematics.data[name].values for name in ("time", "pressure"))
+    lowest, highest = float(pressure.min()), float(pressure.max())
+    states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
+    known = bending_law(states, scene.structure.bending_stiffness)
+    law = known or constant_law(1.0, 0.0, len(states.pressure))
+    chain = Chain(states, law, scene.finger.width)
+    chambers = CubicSpline(time, pressure)
     coupled = scene.motion.shapes is not None
     touches = "contact_time" in kinematics.data.attrs
-    values = measured_loads(
-        scene, chain, chambers, kinematics.law if coupled and touches else None, quiet
-    )
+    stopped = kinematics.law if coupled and touches else None
+    values = _measured_loads(scene, chain, chambers, stopped, quiet)
     if known and (scene.pinch is None or (coupled and not touches)):
         values |= history(scene, chain, chambers, values)
     if coupled:
-        values["unknown"] = HELD if touches else COUPLED
+        values["unknown"] = _HELD if touches else _COUPLED
     elif known:
         around = Surroundings(gravity(scene), scene.fluid.density)
         values |= check(chain, kinematics, chambers, around, values) | {"unknown": ""}
     else:
-        values["unknown"] = UNKNOWN
+        values["unknown"] = _UNKNOWN
     write_loads(scene.out, values)
     if not quiet:
         print(f"loads: {deflection_sentence(values)}")

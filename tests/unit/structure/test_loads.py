@@ -37,13 +37,13 @@ def test_no_force_and_no_moment_is_lost():
     points = 0.5 * (points[1:] + points[:-1])  # between the joints
     generator = np.random.default_rng(3)
     force = generator.normal(size=124) + 1j * generator.normal(size=124)
-    loads = slice_loads(chain, at, profile, thickness, points, force)
+    along, torque = slice_loads(chain, at, profile, thickness, points, force)
     heading = np.concatenate([[1.0], at.heading])
-    assert np.sum(loads.force * heading) == pytest.approx(force.sum())
+    assert np.sum(along * heading) == pytest.approx(force.sum())
     clamped = np.arange(124) < chain.joints[0]
-    assert loads.force[0] == pytest.approx(force[clamped].sum())
+    assert along[0] == pytest.approx(force[clamped].sum())
     # about any point: forces at the slices' middles and their torques do what the faces' forces do
-    own = loads.torque[1:] + (np.conj(at.middle) * (loads.force * heading)[1:]).imag
+    own = torque[1:] + (np.conj(at.middle) * (along * heading)[1:]).imag
     assert own.sum() == pytest.approx((np.conj(points) * force).imag[~clamped].sum())
 
 
