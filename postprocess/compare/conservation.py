@@ -1,24 +1,25 @@
-"""Conservation as a check of a pinch's CFD: circulation against what the walls shed, impulse against the fingers' forces."""
+"""Conservation as a check of a pinch's CFD: circulation and impulse against walls and forces."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fileio.formats.records import FORCES
 from postprocess.evidence.conservation import half_circulation, running_integral, vertical_impulse
-from postprocess.evidence.stage_files import StageFiles
 
 NEEDED = {"p", "outline_velocity"}
 
 
-def conservation(files: StageFiles, plane: xr.Dataset) -> pd.DataFrame:
-    """Columns of `half_circulation`, and `impulse` and `given` (m³/s): of the plane flow, and by the fingers' forces per width."""
-    fluid, width = files.numbers.fluid, files.numbers.finger.width
-    density, viscosity = fluid.density, fluid.kinematic_viscosity
-    forces = FORCES.read(files.required("run/forces.csv", "run"))
-    time = forces["time"].to_numpy()
+def conservation(plane: xr.Dataset, scene: dict[str, Any], forces: pd.DataFrame) -> pd.DataFrame:
+    """Columns of `half_circulation`, and `impulse` and `given` (m³/s).
+
+    The impulse is that of the plane flow, `given` that of the fingers' `forces` per width.
+    """
+    density, viscosity = scene["fluid"]["density"], scene["fluid"]["kinematic_viscosity"]
+    time, width = forces["time"].to_numpy(), scene["finger"]["width"]
     given = -2 * running_integral(forces["fy"].to_numpy(), time) / (density * width)
     table = half_circulation(plane, density, viscosity)
     return table.assign(
@@ -29,9 +30,9 @@ def conservation(files: StageFiles, plane: xr.Dataset) -> pd.DataFrame:
 def conservation_numbers(
     table: pd.DataFrame, met: float | None, flat: bool
 ) -> dict[str, float | None]:
-    """What is unexplained of the circulation before and after contact, over its peak, and of the impulse, over the given one's peak.
+    """What is unexplained of circulation, before and after contact (s), and impulse, over the peaks.
 
-    The impulse only of a `flat` (2-D) flow: of a vortex loop one plane does not tell it.
+    The impulse only of a `flat` (2-D) flow: one plane does not tell that of a vortex loop.
     """
     explained = table[["walls", "pressure", "carried", "diffused"]].sum(axis=1)
     off = (table["circulation"] - explained).abs() / table["circulation"].abs().max()

@@ -32,10 +32,10 @@ from fileio.toml_text import read_toml
 from postprocess.evidence.evidence import Measured
 from postprocess.evidence.time_windows import Window, read_window
 
-COMPARISONS = ("<=", ">=", "in range", "equals")
-KINDS = ("paper", "agreement")
-SOURCES = ("cfd", "piv", "piv-cfd")  # a laboratory is compared by postprocess.lab
-REQUIRED = (
+_COMPARISONS = ("<=", ">=", "in range", "equals")
+_KINDS = ("paper", "agreement")
+_SOURCES = ("cfd", "piv", "piv-cfd")  # a laboratory is compared by postprocess.lab
+_REQUIRED = (
     "id",
     "kind",
     "finding",
@@ -48,7 +48,7 @@ REQUIRED = (
     "window",
 )
 
-Value = float | str | tuple[float, float]
+_Value = float | str | tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Finding:
     quantity: str
     of: tuple[str, ...]
     comparison: str
-    value: Value
+    value: _Value
     reason: str
     window: Window
     tolerance: float = 0.0
@@ -100,23 +100,23 @@ def read_findings(path: Path, quantities: frozenset[str]) -> tuple[Finding, ...]
 
 def _finding(entry: dict[str, Any], path: Path, quantities: frozenset[str]) -> Finding:
     where = f"{path}: finding {entry.get('id', '(without id)')!r}"
-    missing = next((key for key in REQUIRED if key not in entry), None)
+    missing = next((key for key in _REQUIRED if key not in entry), None)
     if missing:
         raise ValueError(f"{where} lacks the key {missing!r}")
     unknown = sorted(set(entry) - set(Finding.__dataclass_fields__))
     if unknown:
         raise ValueError(f"{where} has the unknown key {unknown[0]!r}; remove or rename it")
     for key, allowed in (
-        ("kind", KINDS),
-        ("comparison", COMPARISONS),
+        ("kind", _KINDS),
+        ("comparison", _COMPARISONS),
         ("quantity", sorted(quantities)),
     ):
         if entry[key] not in allowed:
             raise ValueError(f"{where}: {key} = {entry[key]!r} is not one of {', '.join(allowed)}")
     of = (entry["of"],) if isinstance(entry["of"], str) else tuple(entry["of"])
-    wrong = next((source for source in of if source not in SOURCES), None)
+    wrong = next((source for source in of if source not in _SOURCES), None)
     if wrong or not of:
-        raise ValueError(f"{where}: of = {wrong!r} is not one of {', '.join(SOURCES)}")
+        raise ValueError(f"{where}: of = {wrong!r} is not one of {', '.join(_SOURCES)}")
     if not str(entry["reason"]).strip():
         raise ValueError(
             f"{where}: reason is empty; say why the value and its tolerance are what they are"
@@ -130,7 +130,7 @@ def _finding(entry: dict[str, Any], path: Path, quantities: frozenset[str]) -> F
     return Finding(**(entry | checked))
 
 
-def _value(value: Any, comparison: str, where: str) -> Value:
+def _value(value: Any, comparison: str, where: str) -> _Value:
     if comparison == "in range":
         if not isinstance(value, list) or len(value) != 2 or not value[0] <= value[1]:
             raise ValueError(

@@ -13,14 +13,13 @@ from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.evidence import Evidence, Part
 
-Window = tuple[float, float]
-REST = 0.01  # of the scale; slower than this on average is rest, where a correlation says nothing
+_Window = tuple[float, float]
+REST = 0.01  # of the scale; a correlation of slower fields says nothing
 
 
-def series_table(evidence: Evidence, window: Window) -> pd.DataFrame:
-    """Time series at the PIV's instants (the CFD's without PIV); empty cells where a vortex does not exist."""
-    master = "piv" if evidence.has("piv") else "cfd"
-    times = evidence.planes[master]["time"].values
+def series_table(evidence: Evidence, window: _Window) -> pd.DataFrame:
+    """Series at the PIV's instants, or the CFD's; empty cells where a vortex does not exist."""
+    times = evidence.planes["piv" if evidence.has("piv") else "cfd"]["time"].values
     cfd = evidence.planes["cfd"]
     bend = np.degrees(np.interp(times, cfd["time"].values, cfd["bend"].values[:, 0]))
     table = pd.DataFrame({"time": times, "bend_deg": bend})
@@ -33,14 +32,13 @@ def series_table(evidence: Evidence, window: Window) -> pd.DataFrame:
         velocity = fields.field_series(evidence.sums["piv-cfd"], REST * evidence.scale)
         table = table.merge(velocity, on="time", how="left")
     if {"x_cfd", "x_piv"} <= set(table.columns):
-        table["centre_distance"] = np.hypot(
-            table["x_piv"] - table["x_cfd"], table["y_piv"] - table["y_cfd"]
-        )
+        dx, dy = (table[f"{axis}_piv"] - table[f"{axis}_cfd"] for axis in "xy")
+        table["centre_distance"] = np.hypot(dx, dy)
     return table
 
 
-def summary(evidence: Evidence, window: Window) -> dict[str, Any]:
-    """Key numbers over a window, of each source and of PIV against CFD; None where a number cannot be measured."""
+def summary(evidence: Evidence, window: _Window) -> dict[str, Any]:
+    """Key numbers over a window, by source and of PIV against CFD; None: not measurable."""
     tips = tracks.dominant_tracks(evidence.vortices, 0, window)
     out: dict[str, Any] = {source: _vortex_numbers(track, window) for source, track in tips.items()}
     if "piv-cfd" in evidence.sums:
@@ -48,7 +46,7 @@ def summary(evidence: Evidence, window: Window) -> dict[str, Any]:
     return out
 
 
-def _vortex_numbers(track: pd.DataFrame, window: Window) -> dict[str, Any]:
+def _vortex_numbers(track: pd.DataFrame, window: _Window) -> dict[str, Any]:
     rows = track[track["time"].between(*window)]
     return {
         "circulation_mean": float(rows["circulation"].mean()),
@@ -59,7 +57,7 @@ def _vortex_numbers(track: pd.DataFrame, window: Window) -> dict[str, Any]:
     }
 
 
-def _velocity_numbers(evidence: Evidence, window: Window) -> dict[str, Any]:
+def _velocity_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:
     sums = evidence.sums["piv-cfd"]
     sums = sums[sums["time"].between(*window)]
     rms = _or_none(fields.rms_difference, sums)
@@ -71,26 +69,32 @@ def _velocity_numbers(evidence: Evidence, window: Window) -> dict[str, Any]:
     }
 
 
-def _pair_numbers(evidence: Evidence, window: Window) -> dict[str, Any]:
-    try:
-        pair = tracks.within(paired(Part(evidence, "piv-cfd", window)), window)
-    except ValueError:  # one of the two does not exist; the checks say which
-        names = ("rms_difference", "mean_difference", "max_difference")
-        nothing = {f"circulation_{name}": None for name in names}
-        return nothing | {"centre_rms_distance": None, "centre_max_distance": None}
+def _pair_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:
+    names = (
+        "circulation_rms_difference",
+        "circulation_mean_difference",
+        "circulation_max_difference",
+        "centre_rms_distance",
+        "centre_max_distance",
+    )
+    pair = _or_none(paired, Part(evidence, "piv-cfd", window))
+    if pair is None:
+        return dict.fromkeys(names)
     reference = pair["circulation_reference"]
     signed = (pair["circulation_other"] - reference) * np.sign(reference) / reference.abs().mean()
-    return {
-        "circulation_rms_difference": tracks.circulation_difference(pair),
-        "circulation_mean_difference": float(signed.mean()),
-        "circulation_max_difference": float(signed.abs().max()),
-        "centre_rms_distance": tracks.centre_distance(pair),
-        "centre_max_distance": float(pair["centre_distance"].max()),
-    }
+    numbers = (
+        tracks.circulation_difference(pair),
+        float(signed.mean()),
+        float(signed.abs().max()),
+        tracks.centre_distance(pair),
+        float(pair["centre_distance"].max()),
+    )
+    return dict(zip(names, numbers, strict=True))
 
 
-def _or_none(measure: Callable[[pd.DataFrame], float], sums: pd.DataFrame) -> float | None:
+def _or_none(measure: Callable[[Any], Any], of: Any) -> Any:
+    """What is measured; None where it cannot be, for which the checks say the reason."""
     try:
-        return measure(sums)
-    except ValueError:  # nothing in common, or at rest; the checks say so
+        return measure(of)
+    except ValueError:
         return None

@@ -1,6 +1,6 @@
-"""Comparison of CFD and PIV, judged by the scene's findings or, without them, by agreement alone: comparison.json and comparison.csv.
+"""Stage compare: CFD and PIV, judged by the scene's findings, or without any by agreement alone.
 
-A laboratory's data are compared by postprocess.lab (make compare).
+Writes comparison.json and comparison.csv. postprocess.lab compares a laboratory's data.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import Any
 
 import xarray as xr
 
-from fileio.atomic import sha256, write_text
-from fileio.formats.records import COMPARISON, RUN
+from fileio.atomic import sha256
+from fileio.formats.records import COMPARISON, FORCES, RUN
 from fileio.provenance import versions
 from fileio.record import read_record
 from pipeline.scene.scene import Scene
@@ -25,75 +25,71 @@ from postprocess.compare.series import series_table, summary
 from postprocess.evidence.check_finite import first_not_finite
 from postprocess.evidence.evidence import Evidence, Measured, Part
 from postprocess.evidence.load import load_evidence
-from postprocess.evidence.stage_files import StageFiles
+from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.evidence.time_windows import interval
 from postprocess.evidence.tip_vortex import strengths
-from postprocess.words import measured_text
+from postprocess.tables import write_table
+from postprocess.words import VERDICTS, measured_text
 
-INPUTS = ("run", "sheet", "images", "piv", "vortices_cfd", "vortices_piv")
-COPIED = ("id", "kind", "finding", "figure", "quantity", "comparison")
-AGREEMENT = Path(__file__).parent / "agreement.toml"  # for a scene that has no findings of its own
+_INPUTS = ("run", "sheet", "images", "piv", "vortices_cfd", "vortices_piv")
+_COPIED = (
+    *("id", "kind", "finding", "figure", "quantity", "comparison"),
+    *("value", "tolerance", "reason"),
+)
+_AGREEMENT = Path(__file__).parent / "agreement.toml"  # for a scene without findings
 
 
 def judge(finding: Finding, evidence: Evidence) -> dict[str, Any]:
-    """One check: what each source measures, and whether the finding is met (None where something was not run)."""
+    """One check: what each source measures, and whether the finding is met.
+
+    What never happens or cannot be measured is not met; of what was not run nothing is judged.
+    """
     measured: dict[str, Measured | None] = dict.fromkeys(finding.of)
-    notes: dict[str, str] = {}
+    notes: list[str] = []
     absent = {of for of in finding.of if not evidence.has(of)}
-    window = None
+    quantity, window = QUANTITIES[finding.quantity], None
     try:
         window = interval(finding.window, evidence.clock)
-    except ValueError as error:  # what never happens is a finding not met, and says why
-        notes["window"] = str(error)
+    except ValueError as error:
+        notes.append(str(error))
     for of in finding.of:
         if of in absent or window is None:
             continue
+        part = Part(evidence, of, window, finding.finger)
         try:
-            value = QUANTITIES[finding.quantity].measure(Part(evidence, of, window, finding.finger))
+            value = quantity.measure(part)
             if first_not_finite(value) is not None:
-                raise ValueError(
-                    f"{finding.quantity} of {of} between {window[0]:.3f} and {window[1]:.3f} s is no number"
-                )
+                raise ValueError(f"{finding.quantity} of {of} {part.words()} is no number")
             measured[of] = value
-        except (
-            ValueError,
-            FileNotFoundError,
-        ) as error:  # what cannot be measured is a finding not met, and says why
-            notes[of] = str(error)
-            if isinstance(error, FileNotFoundError):  # what was not run is not judged
+        except (ValueError, FileNotFoundError) as error:
+            notes.append(str(error))
+            if isinstance(error, FileNotFoundError):
                 absent.add(of)
     judged = {
         of: value is not None and is_met(finding, value)
         for of, value in measured.items()
         if of not in absent
     }
-    met = False if not all(judged.values()) else None if absent else True
     return {
-        **{name: getattr(finding, name) for name in COPIED},
-        "label": QUANTITIES[finding.quantity].label,
-        "unit": QUANTITIES[finding.quantity].unit,
-        "value": finding.value,
-        "tolerance": finding.tolerance,
-        "reason": finding.reason,
+        **{name: getattr(finding, name) for name in _COPIED},
+        "label": quantity.label,
+        "unit": quantity.unit,
         "window": finding.window.words(),
         "window_s": window,
         "measured": measured,
         "met_by": judged,
-        "met": met,
-        "notes": list(dict.fromkeys(notes.values())),
+        "met": False if not all(judged.values()) else None if absent else True,
+        "notes": list(dict.fromkeys(notes)),
     }
 
 
-def verdict(checks: list[dict[str, Any]]) -> dict[str, Any]:
-    """Whether the simulation agrees with PIV (None: not judged), and how many checks of each kind are met."""
+def _verdict(checks: list[dict[str, Any]]) -> dict[str, Any]:
+    """Whether PIV agrees with the CFD (None: not judged), and how many checks of a kind are met."""
     met = {kind: [c["met"] for c in checks if c["kind"] == kind] for kind in ("agreement", "paper")}
+    words = {"met": True, "not_met": False, "not_judged": None}
     counts = {
-        kind: {
-            "met": values.count(True),
-            "not_met": values.count(False),
-            "not_judged": values.count(None),
-        }
+        kind: {name: values.count(value) for name, value in words.items()}
         for kind, values in met.items()
     }
     agreement = met["agreement"]
@@ -101,16 +97,14 @@ def verdict(checks: list[dict[str, Any]]) -> dict[str, Any]:
     return {"agrees": agrees, "counts": counts}
 
 
-def provenance(
+def _provenance(
     out: Path, run: dict[str, Any], findings: Path | None, planes: dict[str, xr.Dataset]
 ) -> dict[str, Any]:
-    """What the result rests on: versions, what the stages before were made from, seeds."""
-    names = ("numpy", "scipy", "xarray", "h5py", "pandas")
-    records = {stage: read_record(out, stage) for stage in INPUTS}
+    """Versions, digests of what the stages before were made from, seeds; `run` as in run.json."""
+    records = {stage: read_record(out, stage) for stage in _INPUTS}
+    libraries = versions("numpy", "scipy", "xarray", "h5py", "pandas")
     return {
-        "versions": {"python": platform.python_version()}
-        | versions(*names)
-        | run.get("versions", {}),
+        "versions": {"python": platform.python_version()} | libraries | run.get("versions", {}),
         "made_from": {stage: record["digest"] for stage, record in records.items() if record},
         "findings_sha256": None if findings is None else sha256(findings),
         "seeds": {s: int(p.attrs["seed"]) for s, p in planes.items() if "seed" in p.attrs},
@@ -118,53 +112,49 @@ def provenance(
 
 
 def compare(files: StageFiles) -> dict[str, Any]:
-    """Run the comparison of one scene at one level and write its two files; returns what comparison.json holds."""
+    """Compare one scene at one level and write the files; returns what comparison.json holds."""
     own = files.findings if files.findings.exists() else None
-    findings = read_findings(own or AGREEMENT, frozenset(QUANTITIES))
-    sentences = read_sentences(own or AGREEMENT, findings)
+    findings = read_findings(own or _AGREEMENT, frozenset(QUANTITIES))
+    sentences = read_sentences(own or _AGREEMENT, findings)
     evidence = load_evidence(files)
+    cfd, out = evidence.planes["cfd"], files.out
     run = RUN.read(files.required("run/run.json", "run"))
     middle = stroke_window(evidence.clock.time, evidence.clock.progress, MIDDLE)
-    # a flow without a vortex to find
     if own is None and strengths(evidence.vortices["cfd"], 0, middle).empty:
+        # A flow without a vortex is compared by its velocities alone.
         findings = tuple(finding for finding in findings if finding.quantity.startswith("velocity"))
     checks = [judge(finding, evidence) for finding in findings]
     pinch = {"pinch": pinch_summary(evidence)} if evidence.pairs else {}
-    if pinch and set(evidence.planes["cfd"]) >= NEEDED:
-        balance = conservation(files, evidence.planes["cfd"])
-        write_text(files.out / "conservation.csv", balance.to_csv(index=False))
-        pinch["pinch"]["cfd"] |= conservation_numbers(
-            balance, evidence.clock.met(), run["model"] == "2d"
-        )
+    if pinch and set(cfd) >= NEEDED:
+        forces = FORCES.read(files.required("run/forces.csv", "run"))
+        balance = conservation(cfd, scene_numbers(files), forces)
+        write_table(out / "conservation.csv", balance)
+        met, flat = evidence.clock.met(), run["model"] == "2d"
+        pinch["pinch"]["cfd"] |= conservation_numbers(balance, met, flat)
     result = {
         "scene": files.scene,
         "level": files.level,
         "sources": list(evidence.planes),
         "scale": {"name": "peak speed of the finger's tip", "value": evidence.scale, "unit": "m/s"},
         "middle_of_stroke_s": middle,
-        "verdict": verdict(checks),
+        "verdict": _verdict(checks),
         "checks": checks,
         "sentences": [judge_sentence(sentence, checks) for sentence in sentences],
         "summary": summary(evidence, middle) | pinch,
-        "provenance": provenance(files.out, run, own, evidence.planes),
+        "provenance": _provenance(out, run, own, evidence.planes),
     }
-    write_text(files.out / "comparison.csv", series_table(evidence, middle).to_csv(index=False))
-    for source, table in evidence.pairs.items():
-        write_text(files.out / f"pairs_{source}.csv", table.to_csv(index=False))
-        write_text(
-            files.out / f"centreline_{source}.csv", evidence.lines[source].to_csv(index=False)
-        )
-        write_text(
-            files.out / f"integrals_{source}.csv", evidence.integrals[source].to_csv(index=False)
-        )
-        write_text(files.out / f"halves_{source}.csv", evidence.halves[source].to_csv(index=False))
+    write_table(out / "comparison.csv", series_table(evidence, middle))
+    for name in ("pairs", "lines", "integrals", "halves"):
+        for source, table in getattr(evidence, name).items():
+            file = "centreline" if name == "lines" else name
+            write_table(out / f"{file}_{source}.csv", table)
     if bad := first_not_finite(result):
         raise ValueError(
-            f"{files.out / 'comparison.json'}: {bad} would be no number; see the empty cells of comparison.csv from"
-            f" {middle[0]:.3f} to {middle[1]:.3f} s"
+            f"{out / 'comparison.json'}: {bad} would be no number; see the empty cells of"
+            f" comparison.csv from {middle[0]:.3f} to {middle[1]:.3f} s"
         )
     # last: make takes it for the whole stage
-    COMPARISON.write(files.out / "comparison.json", result)
+    COMPARISON.write(out / "comparison.json", result)
     for plane in evidence.planes.values():
         plane.close()
     return result
@@ -181,6 +171,5 @@ def run(scene: Scene, quiet: bool = False) -> None:
             f"{files.findings} is missing: agreement of PIV with the CFD is judged, findings are not"
         )
     for check in result["checks"]:
-        word = {True: "met", False: "NOT MET", None: "not judged"}[check["met"]]
-        print(f"{check['id']:32s} {word:10s} {measured_text(check)}")
+        print(f"{check['id']:32s} {VERDICTS[check['met']]:10s} {measured_text(check)}")
     print(files.out / "comparison.json")

@@ -12,7 +12,7 @@ from PIL import Image
 
 from fileio.atomic import write_bytes
 
-QUALITY = 78  # of 100: text stays sharp, a frame stays near 40 kB
+_QUALITY = 78  # of 100: text stays sharp, a frame stays near 40 kB
 
 
 def pixels(figure: Figure) -> np.ndarray:
@@ -35,5 +35,5 @@ def write_frames(images: Iterable[np.ndarray], folder: Path) -> Iterator[np.ndar
     for old in folder.glob("frame_*.webp"):
         old.unlink()
     for number, image in enumerate(images):
-        write_picture(image, folder / f"frame_{number:03d}.webp", quality=QUALITY, method=4)
+        write_picture(image, folder / f"frame_{number:03d}.webp", quality=_QUALITY, method=4)
         yield image

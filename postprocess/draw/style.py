@@ -17,7 +17,7 @@ COLOURS = {"cfd": CFD, "piv": PIV}
 NAMES = {"cfd": "CFD", "piv": "PIV"}
 MM = 1e3
 
-RC: dict[str, Any] = {
+_RC: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 10,
     "axes.titlesize": 11,
@@ -35,7 +35,7 @@ RC: dict[str, Any] = {
     "svg.hashsalt": "softfinger",  # equal pictures give equal files
 }
 # not a context around drawing: titles and labels take their style when they are set
-mpl.rcParams.update(RC)  # type: ignore[arg-type]
+mpl.rcParams.update(_RC)  # type: ignore[arg-type]
 
 
 def new_figure(

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from postprocess.draw.style import CFD, GREY, MM, PIV, THIRD, new_figure
 
-GROUP = 4  # slices of the chain drawn as one
-ENERGIES = {
+_GROUP = 4  # slices of the chain drawn as one
+_ENERGIES = {
     "pressure_work": ("work of the pressure", CFD, "-"),
     "water_work": ("work of the water", PIV, "-"),
     "weight_work": ("work of weight and buoyancy", THIRD, "-"),
@@ -43,7 +43,7 @@ def water_on_finger(loads: xr.Dataset, as_run: str) -> Figure:
     figure.colorbar(grid, ax=across, label="N/m, towards the ventral side")
     across.set(xlabel="time, s", ylabel="along the finger, mm", title="Load of the water")
     across.grid(False)
-    for name, (label, colour, style) in ENERGIES.items():
+    for name, (label, colour, style) in _ENERGIES.items():
         energy.plot(time, loads[name] * 1e3, color=colour, linestyle=style, label=label)
     energy.set(xlabel="time, s", ylabel="energy, mJ", title="Energy of the finger")
     for axis in (turn, path):
@@ -53,8 +53,8 @@ def water_on_finger(loads: xr.Dataset, as_run: str) -> Figure:
 
 
 def _over_groups(arc: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Middles (group,) m and N/m (time, group) of GROUP slices at a time: single slices are no longer than the mesh's faces."""
-    starts = np.arange(0, len(arc), GROUP)
+    """Middles (group,) m and N/m (time, group) of _GROUP slices at a time: single slices are no longer than the mesh's faces."""
+    starts = np.arange(0, len(arc), _GROUP)
     count = np.diff(np.append(starts, len(arc)))
     length = np.add.reduceat(np.gradient(arc), starts)
     return np.add.reduceat(arc, starts) / count, np.add.reduceat(force, starts, axis=1) / length

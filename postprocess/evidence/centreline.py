@@ -1,4 +1,4 @@
-"""Between two fingers: where the flow parts into up and down on the plane x = 0, the jet below, the pressure of closing."""
+"""The flow on the plane x = 0 between two fingers: the parting line, the jet, and the pressure."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ import xarray as xr
 from fileio.formats.plane_series import VECTORS, usable
 from postprocess.evidence.fields import frame
 
-REST = 0.02  # of the velocity scale: slower than this is no stream, so no line parts two of them
 COLUMNS = ("time", "stagnation_y", "jet_speed", "jet_y", "rise_speed", "rise_y")
-PRESSURES = ("pressure_gap", "pressure_tip_max", "pressure_tip_min")
+_REST = 0.02  # of the velocity scale: slower than this is no stream, so no line parts two of them
 
 
 def beside_middle(x: np.ndarray) -> tuple[slice, float]:
-    """The two columns (slice) beside x = 0 and the weight of the second; ValueError where the plane does not reach it."""
+    """The two columns beside x = 0, and the weight of the second; ValueError without that plane."""
     if x[0] > 0 or x[-1] < 0:
         raise ValueError(
-            f"the plane series covers x from {x[0]:.4f} to {x[-1]:.4f} m, without the plane between the fingers"
+            f"the plane series covers x from {x[0]:.4f} to {x[-1]:.4f} m, without the plane between"
+            " the fingers"
         )
     after = max(int(np.searchsorted(x, 0.0)), 1)
     return slice(after - 1, after + 1), float(-x[after - 1] / (x[after] - x[after - 1]))
 
 
 def halves_of(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Masks of the columns left and right of x = 0; a column on it, within rounding, belongs to neither."""
+    """Masks of the columns left and right of x = 0; a column on it belongs to neither."""
     off = 1e-6 * (x[1] - x[0])
     return x < -off, x > off
 
 
 def on_middle(values: np.ndarray, share: float) -> np.ndarray:
-    """Values (time, y) on x = 0, linear between its two neighbours (time, y, 2); NaN where one that counts is absent."""
+    """Values on x = 0, linear between its two neighbours (…, 2); NaN where one is absent."""
     if share > 1 - 1e-6:
         return values[..., 1]
     return values[..., 0] if share < 1e-6 else (1 - share) * values[..., 0] + share * values[..., 1]
 
 
 def parting_height(v: np.ndarray, y: np.ndarray, near: float, least: float) -> float:
-    """Height at which `v` (over ascending y) changes from down to up, nearest to `near`; NaN where the flow does not part.
+    """Height nearest to `near` at which `v` over ascending y turns from down to up, NaN if none.
 
     Both streams, up to where each turns again, must exceed `least` m/s somewhere.
     """
@@ -56,11 +56,12 @@ def parting_height(v: np.ndarray, y: np.ndarray, near: float, least: float) -> f
 
 
 def centreline(plane: xr.Dataset, scale: float) -> pd.DataFrame:
-    """Columns `COLUMNS` at every instant of a plane series of two fingers (m, m/s), and with its pressure `PRESSURES` (Pa).
+    """`COLUMNS` at every instant of two fingers (m, m/s), and pressures (Pa) where there are any.
 
-    On x = 0: the height where the flow parts, the fastest downward flow below it and the fastest upward flow above it
-    (of the tips where it does not part), positive both. Pressures: the one of largest size between the tips on x = 0, and
-    the largest and least at the tips. `scale`: velocity scale, m/s. NaN where nothing is measured.
+    The fastest downward flow below the parting line and the fastest upward flow above it are of
+    x = 0, positive both; where the flow does not part, the tips take the line's place.
+    pressure_gap is the one of largest size between the tips on x = 0, pressure_tip_max and
+    pressure_tip_min are the extremes at the tips. `scale`: velocity scale, m/s.
     """
     columns, share = beside_middle(plane["x"].values)
     names = [name for name in ("v", "p") if name in plane]
@@ -71,7 +72,7 @@ def centreline(plane: xr.Dataset, scale: float) -> pd.DataFrame:
     rows = []
     for tip, v in zip(tips, middle["v"], strict=True):
         known = np.isfinite(v)
-        rows.append(streams(v[known], y[known], tip, REST * scale))
+        rows.append(_streams(v[known], y[known], tip, _REST * scale))
     table = pd.DataFrame(rows, columns=list(COLUMNS[1:]))
     table.insert(0, "time", times)
     if "p" not in plane:
@@ -79,12 +80,12 @@ def centreline(plane: xr.Dataset, scale: float) -> pd.DataFrame:
     between = np.abs(y - tips[:, None]) <= 0.5 * float(plane.attrs["tip_width"])
     p = np.where(between & np.isfinite(middle["p"]), middle["p"], 0.0)
     table["pressure_gap"] = p[np.arange(times.size), np.argmax(np.abs(p), axis=1)]
-    table["pressure_tip_max"], table["pressure_tip_min"] = tip_pressures(plane)
+    table["pressure_tip_max"], table["pressure_tip_min"] = _tip_pressures(plane)
     return table
 
 
-def streams(v: np.ndarray, y: np.ndarray, tip: float, least: float) -> tuple[float, ...]:
-    """stagnation_y, jet_speed, jet_y, rise_speed, rise_y of the vertical velocity `v` over `y` on x = 0."""
+def _streams(v: np.ndarray, y: np.ndarray, tip: float, least: float) -> tuple[float, ...]:
+    """COLUMNS but the time, of the vertical velocity `v` over `y` on x = 0."""
     parting = parting_height(v, y, tip, least)
     split = tip if np.isnan(parting) else parting
     out = [parting]
@@ -97,46 +98,46 @@ def streams(v: np.ndarray, y: np.ndarray, tip: float, least: float) -> tuple[flo
     return tuple(out)
 
 
-def tip_pressures(plane: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Largest and least pressure (Pa) over time within three quarters of a tip width of either tip's middle."""
+def _tip_pressures(plane: xr.Dataset) -> np.ndarray:
+    """Largest and least pressure (2, time), Pa, within three quarters of a tip width of a tip."""
     tips, reach = plane["tip"].values, 0.75 * float(plane.attrs["tip_width"])
     low, high = tips.min(axis=(0, 1)) - reach, tips.max(axis=(0, 1)) + reach
     box = plane[["p", "valid"]].sel(x=slice(low[0], high[0]), y=slice(low[1], high[1])).load()
     gx, gy = np.meshgrid(box["x"].values, box["y"].values)
     extremes = np.full((2, tips.shape[0]), np.nan)
     for index, (p, valid) in enumerate(zip(box["p"].values, box["valid"].values, strict=True)):
-        near = np.zeros(p.shape, bool)
-        for tip in tips[index]:
-            near |= np.hypot(gx - tip[0], gy - tip[1]) <= reach
-        values = p[near & (valid != 0)]
+        near = [np.hypot(gx - x, gy - y) <= reach for x, y in tips[index]]
+        values = p[np.any(near, axis=0) & (valid != 0)]
         if values.size:
             extremes[:, index] = values.max(), values.min()
-    return extremes[0], extremes[1]
+    return extremes
 
 
-def between_fingers(outline: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Mask (y, x) of the points between the two fingers: nearer to x = 0 than any part of either at that height.
+def crossings(outline: np.ndarray, height: float) -> np.ndarray:
+    """The x (m) at which a closed outline (point, axis) crosses a height (m)."""
+    after = np.roll(outline, -1, axis=0)
+    cut = (outline[:, 1] <= height) != (after[:, 1] <= height)
+    a, b = outline[cut], after[cut]
+    return a[:, 0] + (height - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
 
-    `outline` (finger, point, axis), m, finger 0 on the left. Rows in which a finger is absent are outside.
+
+def _between_fingers(outline: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Mask (y, x) of the points nearer to x = 0 than any part of either finger at that height.
+
+    `outline` (finger, point, axis), m, finger 0 on the left. Rows without both are outside.
     """
     inner = np.full((2, y.size), np.nan)
     for finger, sign in ((0, 1.0), (1, -1.0)):
-        a, b = outline[finger], np.roll(outline[finger], -1, axis=0)
         for row, height in enumerate(y):
-            cut = (a[:, 1] <= height) != (b[:, 1] <= height)
-            if cut.any():
-                part = (height - a[cut, 1]) / (b[cut, 1] - a[cut, 1])
-                inner[finger, row] = sign * np.max(
-                    sign * (a[cut, 0] + part * (b[cut, 0] - a[cut, 0]))
-                )
+            at = crossings(outline[finger], height)
+            if at.size:
+                inner[finger, row] = sign * np.max(sign * at)
     return (x[None, :] > inner[0][:, None]) & (x[None, :] < inner[1][:, None])
 
 
 class Oblique(NamedTuple):
-    """Mean vertical velocity (m/s, positive in the direction asked for), share of the area that flows that way, and angle from
-    the vertical (rad)."""
+    """Share of an area that flows up or down, and the angle from the vertical (rad)."""
 
-    speed: float
     share: float
     angle: float
 
@@ -146,32 +147,31 @@ def oblique_flow(
 ) -> Oblique:
     """The flow beside the plane x = 0, over the instants of a window (s) at which the flow parts.
 
-    Above the parting line: between the fingers. Below it: within two tip widths of the line and one of the plane.
-    ValueError where the flow never parts in the window.
+    Above the parting line: between the fingers. Below it: within two tip widths of the line and
+    one of the plane. ValueError where the flow never parts in the window.
     """
     x, y = plane["x"].values, plane["y"].values
     width = float(plane.attrs["tip_width"])
     sign = 1.0 if above else -1.0
     outlines = plane["outline"].values if above else None
-    total, along, points, across, upright = 0.0, 0, 0, 0.0, 0.0
+    along, points, across, upright = 0, 0, 0.0, 0.0
     rows = lines[lines["time"].between(*window) & lines["stagnation_y"].notna()]
     for time, height in zip(rows["time"], rows["stagnation_y"], strict=True):
         index = int(np.argmin(np.abs(plane["time"].values - time)))
         field, valid = frame(plane, index)
         if outlines is not None:
-            region = valid & (y > height)[:, None] & between_fingers(outlines[index], x, y)
+            region = (y > height)[:, None] & _between_fingers(outlines[index], x, y)
         else:
-            region = (
-                valid & ((y < height) & (y > height - 2 * width))[:, None] & (np.abs(x) <= width)
-            )
+            region = ((y < height) & (y > height - 2 * width))[:, None] & (np.abs(x) <= width)
+        region &= valid
         vertical = sign * field[1][region]
-        total += vertical.sum()
         along += int((vertical > 0).sum())
         points += vertical.size
         across += np.abs(field[0][region]).sum()
         upright += np.abs(vertical).sum()
     if points == 0:
         raise ValueError(
-            f"the flow between the fingers does not part into up and down between {window[0]:.3f} and {window[1]:.3f} s"
+            "the flow between the fingers does not part into up and down between"
+            f" {window[0]:.3f} and {window[1]:.3f} s"
         )
-    return Oblique(float(total / points), along / points, float(np.arctan2(across, upright)))
+    return Oblique(along / points, float(np.arctan2(across, upright)))

@@ -1,7 +1,7 @@
-"""Circulation of all water on the dorsal side of a tip, by Stokes' theorem: no derivative, no fit, no distance from the wall.
+"""Circulation of all water on the dorsal side of a tip, by Stokes' theorem: no derivative, no fit.
 
-The line is the region's edge in the water and the body's outline, which moves as prescribed. What a sum over the vorticity of the
-sheet leaves out near the wall depends on the cells there; this does not (docs/mesh.md).
+The line is the region's edge in the water and the body's outline, which moves as prescribed. A sum
+over the vorticity of the sheet would depend on the cells near the wall (docs/mesh.md).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from postprocess.evidence.fields import frame
 
 REACH = 2.0  # tip widths from the tip; with 1.5 and 2.5 the circulation differs by 1 %
-POINTS = 1000  # of the arc and of the chord of a region: three to a grid step of 0.5 mm
+_POINTS = 1000  # of the arc and of the chord of a region: three to a grid step of 0.5 mm
 
 
 def instants(plane: xr.Dataset, window: tuple[float, float]) -> np.ndarray:
@@ -27,17 +27,15 @@ def instants(plane: xr.Dataset, window: tuple[float, float]) -> np.ndarray:
 def dorsal_circulation(
     plane: xr.Dataset, window: tuple[float, float], reach: float = REACH
 ) -> pd.DataFrame:
-    """All vorticity of the water on the dorsal side of the first tip within `reach` tip widths, the wall layers too.
+    """All vorticity on the dorsal side of the first tip within `reach` tip widths, with wall layers.
 
-    Columns time, circulation (m²/s), of_water (m²/s; its part that is not prescribed: along the region's edge in the water), x, y
-    (m; centroid), a row per instant of `plane` in the window (s).
+    A row per instant of `plane` in the window (s): time, circulation (m²/s), of_water (m²/s, its
+    part along the region's edge in the water, which is not prescribed), x, y (m, centroid).
     """
     x, y, radius = plane["x"].values, plane["y"].values, reach * float(plane.attrs["tip_width"])
     step = float(x[1] - x[0])
-    angle, along = (
-        (np.arange(POINTS) + 0.5) / POINTS * np.pi,
-        (np.arange(POINTS) + 0.5) / POINTS * 2 - 1,
-    )
+    middles = (np.arange(_POINTS) + 0.5) / _POINTS
+    angle, along = middles * np.pi, middles * 2 - 1
     rows = []
     for index in instants(plane, window):
         velocity, valid = frame(plane, int(index))
@@ -47,15 +45,13 @@ def dorsal_circulation(
             plane[name].values[index, 0] for name in ("tip", "tip_direction", "dorsal_direction")
         )
         outline, moving = (plane[name].values[index, 0] for name in ("outline", "outline_velocity"))
-        turn = np.sign(
-            out[0] * dorsal[1] - out[1] * dorsal[0]
-        )  # +1: out, dorsal, back is counter-clockwise
+        # +1: out, dorsal, back is counter-clockwise
+        turn = np.sign(out[0] * dorsal[1] - out[1] * dorsal[0])
         arc = np.outer(np.cos(angle), out) + np.outer(np.sin(angle), dorsal)
         tangent = np.outer(-np.sin(angle), out) + np.outer(np.cos(angle), dorsal)
         place = np.vstack([tip + radius * arc, tip + radius * np.outer(along, out)])
-        length = (
-            turn * radius * np.vstack([tangent * np.pi, np.tile(2 * out, (POINTS, 1))]) / POINTS
-        )
+        steps = np.vstack([tangent * np.pi, np.tile(2 * out, (_POINTS, 1))])
+        length = turn * radius * steps / _POINTS
         at = [(place[:, 1] - y[0]) / step, (place[:, 0] - x[0]) / step]
         flow = np.stack([map_coordinates(part, at, order=1) for part in velocity], axis=1)
         wet = ~shapely.contains_xy(shapely.Polygon(outline), *place.T)

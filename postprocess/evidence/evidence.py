@@ -1,4 +1,4 @@
-"""What a scene is judged by: planes, vortices and what follows from them, by source; and what a quantity is."""
+"""What a scene is judged by, by source; and what a quantity is."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Measured = float | str
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is compared: planes and vortex tables by source ("cfd", "piv"), the velocity scale (m/s), the motion's clock.
+    """Planes and vortex tables by source ("cfd", "piv"), the velocity scale (m/s) and the clock.
 
-    `sums`: postprocess.evidence.fields.field_sums by pair of sources ("piv-cfd": PIV against the CFD). Of two fingers by source:
-    `pairs` (vortex_pairs), `lines` (centreline), `integrals` (pair_integrals), `halves` (half_planes), and `single`, the vortices of
-    the single finger with its `bend` (rad) at each; `single_absent` says why there are none.
+    `sums`: fields.field_sums by pair of sources ("piv-cfd"). Of two fingers by source: `pairs`
+    (vortex_pairs), `lines` (centreline), `integrals` (pair_integrals), `halves` (half_planes), and
+    `single`, the single finger's vortices with their `bend` (rad); `single_absent`: why none.
     """
 
     planes: dict[str, xr.Dataset]
@@ -42,7 +42,7 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Part:
-    """The part of the evidence that one quantity is measured on: a source or pair of sources, a window (s), a finger."""
+    """Where one quantity is measured: source or pair of sources, window (s), finger."""
 
     evidence: Evidence
     of: str
@@ -55,10 +55,8 @@ class Part:
 
     def share(self, rows: int) -> float:
         """A number of instants as a part of those of the source's plane in the window."""
-        times = self.evidence.planes[self.of]["time"].values
-        return rows / max(
-            int(np.count_nonzero((times >= self.window[0]) & (times <= self.window[1]))), 1
-        )
+        times, (start, end) = self.evidence.planes[self.of]["time"].values, self.window
+        return rows / max(int(np.count_nonzero((times >= start) & (times <= end))), 1)
 
     def words(self) -> str:
         """The window, for a message."""
@@ -67,7 +65,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Quantity:
-    """How a quantity is measured, its unit (SI; "fraction" is shown in per cent, "1" as it is, "" a word) and its description."""
+    """How a quantity is measured, its SI unit ("fraction", "1", or "" for a word) and its label."""
 
     measure: Callable[[Part], Measured]
     unit: str

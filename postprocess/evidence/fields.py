@@ -13,7 +13,7 @@ from postprocess.evidence.check_finite import checked_frame
 ROUNDING = 1e-9  # a weight or time below this is rounding, not information
 
 
-def onto_grid(
+def _onto_grid(
     field: np.ndarray,
     valid: np.ndarray,
     x: np.ndarray,
@@ -21,68 +21,65 @@ def onto_grid(
     new_x: np.ndarray,
     new_y: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bilinear values (component, y, x) at a new grid and where they are whole.
+    """Bilinear values (component, y, x) on new axes, and where no invalid neighbour has weight.
 
-    `field` is (component, y, x) on the regular axes x, y. A new point is valid where no invalid neighbour has weight.
+    `field` is (component, y, x) on the regular axes x, y.
     """
     rows = (new_y - y[0]) / (y[1] - y[0])
     columns = (new_x - x[0]) / (x[1] - x[0])
     inside = (rows >= -ROUNDING)[:, None] & (rows <= y.size - 1 + ROUNDING)[:, None]
     inside = inside & (columns >= -ROUNDING) & (columns <= x.size - 1 + ROUNDING)
     at = np.meshgrid(np.clip(rows, 0, y.size - 1), np.clip(columns, 0, x.size - 1), indexing="ij")
-    filled = np.where(valid, field, 0.0)  # the weight below tells which of these count
-    weight = map_coordinates(valid.astype(float), at, order=1, mode="constant", cval=0.0)
-    values = np.stack(
-        [map_coordinates(part, at, order=1, mode="constant", cval=0.0) for part in filled]
-    )
-    return values, inside & (weight > 1 - ROUNDING)
+    parts = [valid.astype(float), *np.where(valid, field, 0.0)]
+    weight, *values = (map_coordinates(part, at, order=1, mode="constant") for part in parts)
+    return np.stack(values), inside & (weight > 1 - ROUNDING)
 
 
 def frame(plane: xr.Dataset, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """One instant: velocity (2, y, x) and which vectors are usable (y, x). ValueError where a valid vector is no number."""
+    """Velocity (2, y, x) of one instant, and which vectors are usable (y, x).
+
+    ValueError where a valid vector is no number.
+    """
     now = checked_frame(plane, index)
     return np.stack([now["u"].values, now["v"].values]), usable(now).values
 
 
-def at_time(plane: xr.Dataset, time: float) -> tuple[np.ndarray, np.ndarray]:
+def _at_time(plane: xr.Dataset, time: float) -> tuple[np.ndarray, np.ndarray]:
     """Velocity linear in time between the two frames around `time`; valid where both are."""
     times = plane["time"].values
     after = int(np.clip(np.searchsorted(times, time - ROUNDING), 0, times.size - 1))
-    if abs(times[after] - time) < ROUNDING:
+    if abs(times[after] - time) <= ROUNDING:
         return frame(plane, after)
-    if after == 0 or time > times[-1]:
-        raise ValueError(
-            f"time {time:.4f} s lies outside the series {times[0]:.4f}…{times[-1]:.4f} s"
-        )
     share = (time - times[after - 1]) / (times[after] - times[after - 1])
     (early, early_ok), (late, late_ok) = frame(plane, after - 1), frame(plane, after)
     return (1 - share) * early + share * late, early_ok & late_ok
 
 
-def common_times(reference: xr.Dataset, other: xr.Dataset) -> np.ndarray:
-    """Indices of `other`'s instants that lie within `reference`'s; ValueError where there is none."""
+def _common_times(reference: xr.Dataset, other: xr.Dataset) -> np.ndarray:
+    """Indices of `other`'s instants within `reference`'s; ValueError where there is none."""
     span, times = reference["time"].values, other["time"].values
     index = np.flatnonzero((times >= span[0] - ROUNDING) & (times <= span[-1] + ROUNDING))
     if index.size == 0:
         raise ValueError(
-            f"the two series share no instant: {span[0]:.4f}…{span[-1]:.4f} s against {times[0]:.4f}…{times[-1]:.4f} s"
+            f"the two series share no instant: {span[0]:.4f}…{span[-1]:.4f} s against"
+            f" {times[0]:.4f}…{times[-1]:.4f} s"
         )
     return index
 
 
 def field_sums(reference: xr.Dataset, other: xr.Dataset) -> pd.DataFrame:
-    """Sums over the common valid points at every common instant, `reference` taken to `other`'s grid and times.
+    """Sums over the common valid points at every instant and on the grid of `other`.
 
-    Columns: time, points, share (of other's valid points inside the body's outside), difference2, reference2, other2,
-    product (sums of |b − a|², |a|², |b|², a·b in m²/s²), mean_du, mean_dv (m/s). One frame is in memory at a time.
+    Columns: time, points, share (of other's valid points outside the body), difference2,
+    reference2, other2, product (sums of |b − a|², |a|², |b|², a·b in m²/s²), mean_du, mean_dv
+    (m/s). One frame is in memory at a time.
     """
     x, y = reference["x"].values, reference["y"].values
     new_x, new_y = other["x"].values, other["y"].values
     rows = []
-    for index in common_times(reference, other):
+    for index in _common_times(reference, other):
         time = float(other["time"].values[index])
-        field, field_ok = at_time(reference, time)
-        a, a_ok = onto_grid(field, field_ok, x, y, new_x, new_y)
+        a, a_ok = _onto_grid(*_at_time(reference, time), x, y, new_x, new_y)
         b, b_ok = frame(other, int(index))
         both = a_ok & b_ok
         a, b = a[:, both], b[:, both]
@@ -90,13 +87,12 @@ def field_sums(reference: xr.Dataset, other: xr.Dataset) -> pd.DataFrame:
         sums = [((b - a) ** 2).sum(), (a**2).sum(), (b**2).sum(), (a * b).sum()]
         rows.append([time, int(both.sum()), both.sum() / max(a_ok.sum(), 1), *sums, *shift])
     sums_named = ["difference2", "reference2", "other2", "product"]
-    return pd.DataFrame(
-        rows, columns=["time", "points", "share", *sums_named, "mean_du", "mean_dv"]
-    )
+    names = ["time", "points", "share", *sums_named, "mean_du", "mean_dv"]
+    return pd.DataFrame(rows, columns=names)
 
 
 def rms_difference(sums: pd.DataFrame) -> float:
-    """RMS of the vector difference over all points of `sums`, m/s; ValueError without a common point."""
+    """RMS of the vector difference over all points, m/s; ValueError without a common point."""
     points = sums["points"].sum()
     if points == 0:
         raise ValueError("the two velocity fields have no valid point in common")
@@ -104,7 +100,7 @@ def rms_difference(sums: pd.DataFrame) -> float:
 
 
 def correlation(sums: pd.DataFrame) -> float:
-    """Σ a·b / √(Σ|a|² Σ|b|²): 1 for equal or scaled fields, −1 for reversed ones; ValueError where one is at rest."""
+    """Σ a·b / √(Σ|a|² Σ|b|²), −1 to 1; ValueError where one field is at rest."""
     norm = np.sqrt(sums["reference2"].sum() * sums["other2"].sum())
     if norm == 0:
         raise ValueError(
@@ -114,26 +110,23 @@ def correlation(sums: pd.DataFrame) -> float:
 
 
 def field_series(sums: pd.DataFrame, rest_speed: float) -> pd.DataFrame:
-    """RMS difference (m/s) and correlation per instant; no correlation (empty) where the RMS speed is below `rest_speed`."""
+    """RMS difference (m/s) and correlation per instant; no correlation below an RMS speed (m/s)."""
     points = sums["points"].clip(lower=1)
     norm = np.sqrt(sums["reference2"] * sums["other2"])
     moving = np.sqrt(sums["reference2"] / points) > rest_speed
+    difference = np.sqrt(sums["difference2"] / points)
     return pd.DataFrame(
         {
             "time": sums["time"],
-            "velocity_rms_difference": np.sqrt(sums["difference2"] / points).where(
-                sums["points"] > 0
-            ),
-            "velocity_correlation": (sums["product"] / norm.where(moving)),
+            "velocity_rms_difference": difference.where(sums["points"] > 0),
+            "velocity_correlation": sums["product"] / norm.where(moving),
             "common_share": sums["share"],
         }
     )
 
 
 def on_grid(plane: xr.Dataset, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Velocities (time, 2, y, x) of a series on other axes of its frame, and where they are whole (time, y, x)."""
-    out = [
-        onto_grid(*frame(plane, k), plane["x"].values, plane["y"].values, x, y)
-        for k in range(plane.sizes["time"])
-    ]
+    """Velocities (time, 2, y, x) of a series on other axes, and where they are whole."""
+    axes = plane["x"].values, plane["y"].values, x, y
+    out = [_onto_grid(*frame(plane, k), *axes) for k in range(plane.sizes["time"])]
     return np.stack([v for v, _ in out]), np.stack([ok for _, ok in out])

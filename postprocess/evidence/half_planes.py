@@ -1,6 +1,6 @@
-"""Two mirrored fingers by integrals of each half of the plane: circulation, impulse, and the jet at fixed distances.
+"""Two mirrored fingers by integrals of each half of the plane, and the jet at fixed distances.
 
-Per unit depth and density. For what an impulse is of a plane flow: Saffman, Vortex Dynamics (1992), section 3.2.
+Per unit depth and density; for the impulse of a plane flow see Saffman, Vortex Dynamics (1992), 3.2.
 """
 
 from __future__ import annotations
@@ -15,11 +15,8 @@ from postprocess.evidence.centreline import beside_middle, halves_of, on_middle
 from postprocess.evidence.fields import frame
 from postprocess.evidence.vortex_integral import CLEAR
 
-BELOW = (
-    0.020,
-    0.030,
-    0.040,
-)  # m below the tips where they are nearest: places at which the jet is measured
+# m below the tips where they are nearest: places at which the jet is measured
+BELOW = (0.020, 0.030, 0.040)
 
 
 def names_at(depth: float) -> tuple[str, str]:
@@ -30,8 +27,8 @@ def names_at(depth: float) -> tuple[str, str]:
 def half_planes(plane: xr.Dataset) -> pd.DataFrame:
     """Integrals of a plane series of two fingers, a row per instant.
 
-    Of either half (_0 left, _1 right) `circulation` (m²/s) and vertical `impulse` (m³/s, −∫xω, downward negative) of all vorticity
-    farther than CLEAR from a body; and by `names_at` the jet on x = 0 and its flux ∫v² over the width in which it flows down.
+    Of either half (_0 left, _1 right) `circulation` (m²/s) and vertical `impulse` (m³/s, −∫xω) of
+    the vorticity farther than CLEAR from a body; by `names_at` the jet on x = 0 and its flux ∫v².
     """
     x, y, width = plane["x"].values, plane["y"].values, float(plane.attrs["tip_width"])
     dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
@@ -46,21 +43,19 @@ def half_planes(plane: xr.Dataset) -> pd.DataFrame:
         row = {"time": time}
         for finger, half in enumerate(halves_of(x)):
             part = omega[:, half].sum(axis=0) * dx * dy
-            row |= {
-                f"circulation_{finger}": part.sum(),
-                f"impulse_{finger}": -(x[half] * part).sum(),
-            }
+            row[f"circulation_{finger}"] = part.sum()
+            row[f"impulse_{finger}"] = -(x[half] * part).sum()
         for depth, height in zip(BELOW, heights, strict=True):
-            speed, flux = names_at(depth)
-            row[speed], row[flux] = jet_at(np.where(valid, v, np.nan), x, y, height)
+            jet = jet_at(np.where(valid, v, np.nan), x, y, height)
+            row |= zip(names_at(depth), jet, strict=True)
         rows.append(row)
     return pd.DataFrame(rows)
 
 
 def jet_at(v: np.ndarray, x: np.ndarray, y: np.ndarray, height: float) -> tuple[float, float]:
-    """Downward speed (m/s) on x = 0 and flux ∫v² dx (m³/s²) of the stream round it at a height (m); 0 where the flow is up.
+    """Downward speed (m/s) on x = 0 and flux ∫v² dx (m³/s²) of the stream round it at a height (m).
 
-    `v` (y, x), NaN where unknown. NaN where the height is not seen, or the speed on x = 0 is not known.
+    `v` (y, x), NaN where unknown. 0 where the flow is up, NaN where it is not known.
     """
     if not y[0] <= height <= y[-1]:
         return np.nan, np.nan
@@ -74,5 +69,4 @@ def jet_at(v: np.ndarray, x: np.ndarray, y: np.ndarray, height: float) -> tuple[
     stops = np.flatnonzero(~(down > 0))  # unknown ends the stream, too
     first = max((k + 1 for k in stops if x[k] < 0), default=0)
     last = min((k for k in stops if x[k] >= 0), default=x.size)
-    stream = down[first:last]
-    return speed, float((stream**2).sum() * (x[1] - x[0]))
+    return speed, float((down[first:last] ** 2).sum() * (x[1] - x[0]))

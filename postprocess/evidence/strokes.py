@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-MIDDLE = (
-    0.25,
-    0.75,
-)  # of the change of bend angle: the middle of the stroke, over which flows are compared
+# of the change of bend angle: the middle of the stroke, over which flows are compared
+MIDDLE = (0.25, 0.75)
 REST = 1e-6  # rad or m: less is no motion but rounding
 
 
 def progress(plane: xr.Dataset) -> np.ndarray:
-    """How far the first finger or body has moved (time,): its bend angle or turn, rad; where that rests, its distance, m."""
+    """Bend angle or turn of the first finger or body over time, rad; without one its distance, m."""
     turn, tip = plane["bend"].values[:, 0], plane["tip"].values[:, 0]
     return turn if np.ptp(turn) > REST else np.linalg.norm(tip - tip[0], axis=-1)
 
@@ -23,8 +21,8 @@ def stroke_window(
 ) -> tuple[float, float]:
     """Instants (s) at which the `progress` has done the fractions `part` of its largest change.
 
-    time (n) in s, done (n) in rad or m. Fractions of bend, not of time: the three-pole law creeps into its end, and
-    half of its time would lie in the last degrees. ValueError where nothing moves.
+    time (n) in s, done (n) in rad or m. Half of a stroke's time lies in its last degrees, so the
+    fractions are of bend. ValueError where nothing moves.
     """
     change = done - done[0]
     end = int(np.argmax(np.abs(change)))

@@ -9,14 +9,18 @@ import numpy as np
 
 from postprocess.evidence.strokes import stroke_window
 
-CONTACT = 1e-4  # m above the residual gap: nearer, the tips count as in contact
-FORMS = "[a, b], { gap = [a, b] }, { contact = [a, b] }, { stroke = k, part = [a, b] } or { stroke = k, after = [a, b] }"
+_CONTACT = 1e-4  # m above the residual gap: nearer, the tips count as in contact
+_FORMS = (
+    "[a, b], { gap = [a, b] }, { contact = [a, b] }, { stroke = k, part = [a, b] }"
+    " or { stroke = k, after = [a, b] }"
+)
 
 
 @dataclass(frozen=True)
 class Window:
-    """Two edges of a `kind`: "bend" (fractions of the change of bend angle), "gap" (m, falling), "contact" (s from contact),
-    "part" (fractions of the change of bend within one stroke) or "after" (s from the start of one stroke)."""
+    """Two edges of a `kind`: "bend" (fractions of the change of bend angle), "gap" (m, falling),
+    "contact" (s from contact), "part" (as "bend", of one stroke) or "after" (s from its start).
+    """
 
     kind: str
     edges: tuple[float, float]
@@ -36,9 +40,9 @@ class Window:
 
 @dataclass(frozen=True)
 class Clock:
-    """What windows are defined by: progress (n) over time (n), and where there are any, gap over gap_time and the strokes' starts.
+    """What windows are defined by: progress over time (s), gap (m) over gap_time, strokes' starts.
 
-    Times in s, progress as postprocess.evidence.strokes.progress gives it (the bend in rad), gaps in m.
+    `progress` as of postprocess.evidence.strokes (the bend in rad).
     """
 
     time: np.ndarray
@@ -61,38 +65,28 @@ class Clock:
         return np.interp(time, *self.gaps())
 
     def met(self) -> float | None:
-        """When the tips meet, s: the gap has come within `CONTACT` of the residual gap; None where it never does."""
-        contact = self.residual_gap + CONTACT
+        """When the tips meet, s: the gap has come within `_CONTACT` of the residual gap; None where it never does."""
+        contact = self.residual_gap + _CONTACT
         return gap_reached(self, contact) if self.gaps()[1].min() <= contact else None
 
 
 def read_window(value: Any, where: str) -> Window:
     """The window that a finding gives; ValueError names the place where it is none of the forms."""
     table = {"bend": value} if isinstance(value, list) else value
-    if not isinstance(table, dict):
-        raise ValueError(f"{where}: window = {value!r} must be one of {FORMS}")
-    kinds = [key for key in table if key != "stroke"]
-    kind = kinds[0] if len(kinds) == 1 else ""
-    needs_stroke = kind in ("part", "after")
-    if kind not in ("bend", "gap", "contact", "part", "after") or needs_stroke != (
-        "stroke" in table
-    ):
-        raise ValueError(f"{where}: window = {value!r} must be one of {FORMS}")
-    edges = table[kind]
-    if not isinstance(edges, list) or len(edges) != 2:
+    keys = set(table) if isinstance(table, dict) else set()
+    if keys not in ({"bend"}, {"gap"}, {"contact"}, {"stroke", "part"}, {"stroke", "after"}):
+        raise ValueError(f"{where}: window = {value!r} must be one of {_FORMS}")
+    [kind], stroke = keys - {"stroke"}, int(table.get("stroke", 0))
+    if not isinstance(table[kind], list) or len(table[kind]) != 2:
         raise ValueError(f"{where}: window = {value!r} needs two edges")
-    a, b = (float(edge) for edge in edges)
-    if kind in ("bend", "part") and not 0 <= a < b <= 1:
-        raise ValueError(
-            f"{where}: window = {value!r} must be two fractions of the stroke, rising, in 0…1"
-        )
-    if kind == "gap" and not a > b >= 0:
-        raise ValueError(
-            f"{where}: window = {value!r} must be two gaps in m, falling, as the fingers close"
-        )
-    if kind in ("contact", "after") and not a < b:
-        raise ValueError(f"{where}: window = {value!r} must be two times in s, rising")
-    stroke = int(table.get("stroke", 0))
+    a, b = (float(edge) for edge in table[kind])
+    right, form = {
+        "bend": (0 <= a < b <= 1, "two fractions of the stroke, rising, in 0…1"),
+        "gap": (a > b >= 0, "two gaps in m, falling, as the fingers close"),
+        "contact": (a < b, "two times in s, rising"),
+    }[{"part": "bend", "after": "contact"}.get(kind, kind)]
+    if not right:
+        raise ValueError(f"{where}: window = {value!r} must be {form}")
     if stroke < 0:
         raise ValueError(f"{where}: window = {value!r}: strokes are counted from 0")
     return Window(kind, (a, b), stroke)
@@ -106,11 +100,12 @@ def interval(window: Window, clock: Clock) -> tuple[float, float]:
     if window.kind == "gap":
         return gap_reached(clock, a), gap_reached(clock, b)
     if window.kind == "contact":
-        at = gap_reached(clock, clock.residual_gap + CONTACT)
+        at = gap_reached(clock, clock.residual_gap + _CONTACT)
         return at + a, at + b
     if window.stroke >= len(clock.starts):
         raise ValueError(
-            f"the window names stroke {window.stroke} (from 0) and the motion has {len(clock.starts)} strokes"
+            f"the window names stroke {window.stroke} (from 0) and the motion has"
+            f" {len(clock.starts)} strokes"
         )
     start = clock.starts[window.stroke]
     if window.kind == "after":
@@ -121,7 +116,7 @@ def interval(window: Window, clock: Clock) -> tuple[float, float]:
 
 
 def gap_reached(clock: Clock, gap: float) -> float:
-    """When the gap first falls to `gap` (m), in s; ValueError where it never does, or there is no second finger."""
+    """When the gap first falls to `gap` (m), in s; ValueError where it never does."""
     times, gaps = clock.gaps()
     below = np.flatnonzero(gaps <= gap)
     if below.size == 0:

@@ -10,32 +10,18 @@ import pandas as pd
 from fileio.formats import vortex_table
 from postprocess.evidence.check_finite import check_table
 
-REACH = 2.5  # tip widths; a vortex further off is not the tip's
-RIVAL = (
-    0.5  # of the strongest's circulation: still a candidate for the vortex that another source sees
-)
+_REACH = 2.5  # tip widths; a vortex further off is not the tip's
+_RIVAL = 0.5  # of the strongest's circulation: may be the vortex that another source sees
 COMPARED = ("circulation", "x", "y", "core_radius")
 
 
 def read_vortices(path: Path) -> pd.DataFrame:
-    """vortices.csv, sorted by time; an absent side is the empty string. ValueError where a vortex has no number."""
-    table = vortex_table.read_vortices(
-        path, (*vortex_table.NEEDED, "track", "finger", "side", "tip_distance")
-    )
+    """vortices.csv, sorted by time, an absent side as ""; ValueError where a vortex has no number."""
+    names = (*vortex_table.NEEDED, "track", "finger", "side", "tip_distance")
+    table = vortex_table.read_vortices(path, names)
     check_table(table, ("time", *COMPARED), path)
-    return table.assign(side=table["side"].astype(object).fillna("").astype(str)).sort_values(
-        "time", ignore_index=True
-    )
-
-
-def near_tip(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> pd.DataFrame:
-    """Rows within `REACH` of one finger's tip and within a window of time (s, both ends in)."""
-    inside = (
-        table["time"].between(*window)
-        & (table["finger"] == finger)
-        & (table["tip_distance"] <= REACH)
-    )
-    return table[inside]
+    side = table["side"].astype(object).fillna("").astype(str)
+    return table.assign(side=side).sort_values("time", ignore_index=True)
 
 
 def strengths(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> pd.Series:
@@ -43,8 +29,9 @@ def strengths(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> 
 
     A track counts as zero at instants where it is absent, so that a flicker cannot win.
     """
-    near = near_tip(table, finger, window)
-    instants = table.loc[table["time"].between(*window), "time"].nunique()
+    inside = table[table["time"].between(*window)]
+    near = inside[(inside["finger"] == finger) & (inside["tip_distance"] <= _REACH)]
+    instants = inside["time"].nunique()
     total = near["circulation"].abs().groupby(near["track"]).sum()
     return (total / max(instants, 1)).sort_values(ascending=False)
 
@@ -52,11 +39,11 @@ def strengths(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> 
 def dominant_track(
     table: pd.DataFrame, finger: int, window: tuple[float, float], name: str
 ) -> pd.DataFrame:
-    """All rows of the track that is strongest near the tip over the window; ValueError where there is none."""
+    """All rows of the track that is strongest near the tip over the window; ValueError if none."""
     ranking = strengths(table, finger, window)
     if ranking.empty:
         raise ValueError(
-            f"{name}: no vortex within {REACH:g} tip widths of the tip of finger {finger}"
+            f"{name}: no vortex within {_REACH:g} tip widths of the tip of finger {finger}"
             f" between {window[0]:.3f} and {window[1]:.3f} s"
         )
     return table[table["track"] == ranking.index[0]].reset_index(drop=True)
@@ -67,11 +54,11 @@ def counterpart(
 ) -> pd.DataFrame:
     """The track of `table` that is the same vortex as the track `of` another source.
 
-    Where several vortices of one sense share a tip, the strongest of two sources may be different ones: among those
-    at least `RIVAL` as strong as the strongest, the nearest over the window is taken.
+    Vortices of one sense may share a tip: the nearest over the window is taken among those at
+    least half as strong as the strongest.
     """
     ranking = strengths(table, finger, window)
-    rivals = ranking.index[ranking >= RIVAL * ranking.iloc[0]]
+    rivals = ranking.index[ranking >= _RIVAL * ranking.iloc[0]]
     candidates = {name: table[table["track"] == name].reset_index(drop=True) for name in rivals}
 
     def distance(name: int) -> float:
@@ -85,7 +72,7 @@ def counterpart(
 def dominant_tracks(
     tables: dict[str, pd.DataFrame], finger: int, window: tuple[float, float]
 ) -> dict[str, pd.DataFrame]:
-    """The tip's vortex in each source: the dominant track of the last, and its counterpart in those before.
+    """The tip's vortex by source: the dominant track of the last, and its counterparts before.
 
     A source without a vortex near the tip is left out.
     """
@@ -98,13 +85,12 @@ def dominant_tracks(
 
 
 def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
-    """`reference` linear in time at `other`'s instants (only where it exists), and the two side by side.
+    """`reference` linear in time at those of `other`'s instants at which it exists, beside `other`.
 
-    Columns: time, and each of COMPARED that both have with _reference and _other; centre_distance (m).
+    Columns: time, each of COMPARED that both have with _reference and _other, centre_distance (m).
     """
-    inside = other["time"].between(
-        reference["time"].iloc[0] - 1e-9, reference["time"].iloc[-1] + 1e-9
-    )
+    first, last = reference["time"].iloc[[0, -1]]
+    inside = other["time"].between(first - 1e-9, last + 1e-9)
     at = other[inside].reset_index(drop=True)
     pair = pd.DataFrame({"time": at["time"]})
     for name in reference.columns.intersection(other.columns).intersection(COMPARED):
@@ -119,7 +105,7 @@ def within(
     window: tuple[float, float],
     otherwise: str = "the two vortices do not exist together",
 ) -> pd.DataFrame:
-    """Rows of a pairing inside a window (s); ValueError that says `otherwise` where there is none."""
+    """Rows of a pairing inside a window (s); ValueError with `otherwise` where there is none."""
     rows = pair[pair["time"].between(*window)]
     if rows.empty:
         raise ValueError(f"{otherwise} between {window[0]:.3f} and {window[1]:.3f} s")

@@ -1,7 +1,7 @@
-"""Circulation and centre of a vortex by integrals over a circle of a given radius: no shape of the core is assumed.
+"""Circulation and centre of a vortex by integrals over a circle: no shape of the core is assumed.
 
-The fit of a Lamb-Oseen vortex leaves to the background what does not belong to a round core, so that its circulation
-follows the core's size, which a coarse mesh widens; the integral counts all vorticity of the vortex's sense that is there.
+A fit's circulation follows the core's size, which a coarse mesh widens; the integral counts all
+vorticity of the vortex's sense.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from piv.vortices.circulation import distance_to_invalid
 from piv.vortices.criteria import gradients, vorticity
 from postprocess.evidence.fields import frame
 
-CLEAR = 0.125  # tip widths (2 mm) from a body within which vorticity is its wall layer's, which has no part in the vortex
-CIRCLE = 0.75  # tip widths: radius at which runs are compared; with half and one width errors differ by less than 1 % of
-# the circulation (docs/mesh.md)
+CLEAR = 0.125  # tip widths (2 mm) from a body: nearer, the vorticity is its wall layer's
+# tip widths: radius at which runs are compared; half and one width differ by 1 % (docs/mesh.md)
+CIRCLE = 0.75
 
 
 def vortex_integrals(
     plane: xr.Dataset, track: pd.DataFrame, radius: float, window: tuple[float, float]
 ) -> pd.DataFrame:
-    """Integrals of the vorticity of the sense of a fitted `track` within `radius` (m) of its centre, over a window (s).
+    """Circulation (m²/s) and centroid x, y (m) over a window (s), with `time`, of a fitted `track`.
 
-    What lies in the wall layer, within CLEAR of the body, is left out. Columns time, circulation (m²/s), x, y (m; centroid);
-    rows are the instants of `plane` at which the track exists and its circle holds vorticity of its sense.
+    Of the vorticity of the track's sense within `radius` (m) of its centre, but for the wall layer.
+    Instants without any are left out.
     """
     times = plane["time"].values
     low, high = max(window[0], track["time"].iloc[0]), min(window[1], track["time"].iloc[-1])
@@ -51,10 +51,10 @@ def vortex_integral(
     radius: float,
     tip_width: float,
 ) -> tuple[float, float, float] | None:
-    """Circulation (m²/s) and centroid x, y (m) of the vorticity of the sense of `circulation` around a place (m), of a field `velocity`
-    (2, y, x) on the `axes` x, y.
+    """Circulation (m²/s) and centroid x, y (m) of the vorticity around a place (m).
 
-    None where nothing of it is within the circle and outside the wall layer.
+    `velocity` (2, y, x) on the `axes` x, y; vorticity of the sense of `circulation` counts. None
+    where nothing of it is within the circle and outside the wall layer.
     """
     x, y = axes
     dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
@@ -66,8 +66,5 @@ def vortex_integral(
     total = float(amount.sum())
     if total == 0:
         return None
-    return (
-        sense * total * abs(dx * dy),
-        float(amount.sum(axis=0) @ x / total),
-        float(amount.sum(axis=1) @ y / total),
-    )
+    centroid = float(amount.sum(axis=0) @ x / total), float(amount.sum(axis=1) @ y / total)
+    return sense * total * abs(dx * dy), *centroid

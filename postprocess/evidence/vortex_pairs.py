@@ -1,36 +1,29 @@
-"""The tip vortices of two fingers, paired instant by instant: how equal, how opposite, how exactly mirrored."""
+"""The tip vortices of two fingers, paired instant by instant: how equal, opposite and mirrored."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 
-REACH = 5.0  # tip widths: the pair is followed where it is shed, farther than a vortex counts as the tip's own
-KEPT = (
-    "track",
-    "x",
-    "y",
-    "circulation",
-    "core_radius",
-    "side",
-    "tip_distance",
-    "along_tip",
-    "across_tip",
+_REACH = 5.0  # tip widths: the pair is followed beyond where a vortex counts as the tip's own
+_KEPT = (
+    *("track", "x", "y", "circulation", "core_radius"),
+    *("side", "tip_distance", "along_tip", "across_tip"),
 )
-ERRORS = ("x_std", "y_std", "circulation_std", "core_radius_std")  # kept where the table has them
+_ERRORS = ("x_std", "y_std", "circulation_std", "core_radius_std")  # kept where the table has them
 
 
-def pair_vortices(table: pd.DataFrame, reach: float = REACH) -> pd.DataFrame:
-    """One row per instant at which both tips have a vortex: time, `KEPT` and `ERRORS` of either with _0 and _1, and two measures.
+def pair_vortices(table: pd.DataFrame) -> pd.DataFrame:
+    """One row per instant at which both tips have a vortex, left finger _0 and right _1.
 
-    The strongest vortex within `reach` tip widths of either tip, and of the other finger's the one nearest to its mirror
-    image in x = 0; an instant at which the two centres are closer than a core radius is left out: where cores of opposite sense
-    overlap, the flow tells their dipole and not the circulation of either. `imbalance` = |Γ0 + Γ1| over the mean of |Γ0| and |Γ1|: 0 for equal and opposite vortices, 2 for equal
-    vortices of one sense. `mirror_distance`: of one centre from the mirror image of the other. Left finger 0, right 1.
+    The strongest vortex near either tip, and of the other finger's the one nearest to its mirror
+    image in x = 0. Where the two centres are closer than a core radius the flow does not tell the
+    circulation of either, so that instant is left out. `imbalance` = |Γ0 + Γ1| over the mean of
+    |Γ0| and |Γ1|; `mirror_distance` (m): of one centre from the mirror image of the other.
     """
-    kept = [*KEPT, *(name for name in ERRORS if name in table)]
+    kept = [*_KEPT, *(name for name in _ERRORS if name in table)]
     rows = []
-    near = table[(table["tip_distance"] <= reach) & table["finger"].isin([0, 1])]
+    near = table[(table["tip_distance"] <= _REACH) & table["finger"].isin([0, 1])]
     for time, now in near.groupby("time"):
         fingers = [now[now["finger"] == finger] for finger in (0, 1)]
         if any(vortices.empty for vortices in fingers):
@@ -54,25 +47,22 @@ def pair_vortices(table: pd.DataFrame, reach: float = REACH) -> pd.DataFrame:
 
 def of_finger(pairs: pd.DataFrame, finger: int) -> pd.DataFrame:
     """One finger's vortex of every pair, with the columns of a vortex table."""
-    names = {f"{name}_{finger}": name for name in (*KEPT, *ERRORS) if f"{name}_{finger}" in pairs}
+    names = {f"{name}_{finger}": name for name in (*_KEPT, *_ERRORS) if f"{name}_{finger}" in pairs}
     return pairs[["time", *names]].rename(columns=names)
 
 
 def broken(table: pd.DataFrame, *tracks: str) -> pd.DataFrame:
-    """A table for drawing: an empty row wherever one of the `tracks` (columns) is another vortex, so that no line joins the two."""
+    """The table with an empty row wherever one of the `tracks` changes, so that no line joins them."""
     new = (table[list(tracks)] != table[list(tracks)].shift()).any(axis=1).cumsum()
-    numbers = [name for name in table if pd.api.types.is_numeric_dtype(table[name])]
-    parts = []
-    for _, part in table.groupby(new):
-        parts += [part, pd.DataFrame({name: [np.nan] for name in numbers})]
-    return pd.concat(parts[:-1], ignore_index=True) if len(parts) > 1 else table
+    empty = pd.DataFrame(np.nan, index=[0], columns=table.select_dtypes("number").columns)
+    parts = [part for _, rows in table.groupby(new) for part in (rows, empty)]
+    return pd.concat(parts[:-1], ignore_index=True) if len(parts) > 2 else table
 
 
 def senses(rows: pd.DataFrame) -> str:
     """ "opposite" where the fingers' mean circulations differ in sign, else "equal"."""
-    return (
-        "opposite" if rows["circulation_0"].mean() * rows["circulation_1"].mean() < 0 else "equal"
-    )
+    product = rows["circulation_0"].mean() * rows["circulation_1"].mean()
+    return "opposite" if product < 0 else "equal"
 
 
 def rms(values: pd.Series) -> float:
@@ -87,18 +77,19 @@ def shift_at_equal_bend(
     single_bend: np.ndarray,
     name: str,
 ) -> float:
-    """Mean of `name` (m) of both fingers' vortices less that of the single finger's vortex at the same bend angle.
+    """Mean of `name` (m) of both fingers' vortices less the single finger's at equal bend.
 
-    `pair` rows of a pairing with their bends (rad), `single` rows of one track with theirs. ValueError where the single
-    finger's vortex does not exist at any of the pair's bends.
+    `pair`: rows of a pairing with their bends (rad); `single`: rows of one track with theirs.
+    ValueError where the single finger's vortex exists at none of the pair's bends.
     """
     order = np.argsort(single_bend)
     bends, values = single_bend[order], single[name].to_numpy(float)[order]
     common = (pair_bend >= bends[0]) & (pair_bend <= bends[-1])
     if not common.any():
+        low, high, first, last = np.degrees([*bends[[0, -1]], pair_bend.min(), pair_bend.max()])
         raise ValueError(
-            f"the single finger's vortex exists from {np.degrees(bends[0]):.0f}° to {np.degrees(bends[-1]):.0f}° of bend,"
-            f" the pair's from {np.degrees(pair_bend.min()):.0f}° to {np.degrees(pair_bend.max()):.0f}°: no common bend"
+            f"the single finger's vortex exists from {low:.0f}° to {high:.0f}° of bend,"
+            f" the pair's from {first:.0f}° to {last:.0f}°: no common bend"
         )
     both = 0.5 * (pair[f"{name}_0"] + pair[f"{name}_1"]).to_numpy(float)
     return float((both - np.interp(pair_bend, bends, values))[common].mean())

@@ -18,10 +18,10 @@ def inside(outline: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def trace_velocity(
     plane: xr.Dataset, window: tuple[float, float], finger: int, since: float = 0.0
 ) -> tuple[float, float]:
-    """Mean upward velocity (m/s) and share of rising points on the trace, over the instants of a window (s).
+    """Mean upward velocity (m/s) and share of rising points on the trace, over a window (s).
 
-    The trace is every grid point that was inside the finger at an earlier instant, from `since` (s) on, and is measured now.
-    ValueError where the plane has no outline or the trace is empty.
+    The trace is every grid point that was inside the finger at an earlier instant, from `since`
+    (s) on, and is measured now. ValueError where the trace is empty.
     """
     if "outline" not in plane:
         raise ValueError("the plane series has no outline of the finger, so its trace is not known")
