@@ -1,1 +1,1 @@
-"""Verification and validation: the project's own stages on flows whose answer is known (docs/verification.md)."""
+"""Verification and validation: the stages on flows with known answers (docs/verification.md)."""

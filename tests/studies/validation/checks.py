@@ -1,4 +1,4 @@
-"""A check — quantity, reference, result, tolerance, why — and the results file that holds those of one flow."""
+"""Checks of a flow (quantity, reference, result, tolerance, reason) and its results file."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ How = Literal["relative", "absolute", "at most", "at least"]
 class Check:
     """One row of the ledger.
 
-    `how` says what the tolerance means: `relative`: |result − reference| ≤ tolerance · |reference|; `absolute`:
-    |result − reference| ≤ tolerance; `at most`, `at least`: result ≤ or ≥ tolerance (no reference).
+    `how`: `relative`: |result − reference| ≤ tolerance · |reference|; `absolute`: |result −
+    reference| ≤ tolerance; `at most`, `at least`: result ≤ or ≥ tolerance (no reference).
     """
 
     id: str
@@ -43,7 +43,7 @@ class Check:
 
     @property
     def deviation(self) -> float:
-        """What is held against the tolerance."""
+        """Distance from the reference, or the result itself where there is none."""
         if self.reference is None:
             return self.result
         gap = self.result - self.reference
@@ -51,7 +51,7 @@ class Check:
 
     @property
     def met(self) -> bool:
-        """Whether the result lies within its tolerance; one that is no number never does."""
+        """Whether the result lies within its tolerance; NaN never does."""
         if self.how == "at least":
             return bool(self.result >= self.tolerance)
         if self.how == "at most":
@@ -61,7 +61,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Result:
-    """What one flow was checked for, the curves of its figure, and where the numbers come from."""
+    """Checks of one flow, curves of its figure, and origin of the numbers."""
 
     name: str
     title: str

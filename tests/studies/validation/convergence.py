@@ -1,7 +1,7 @@
-"""Grid convergence: observed order, extrapolated value and uncertainty of one quantity on three grids or more.
+"""Grid convergence: observed order, extrapolated value and uncertainty from three grids or more.
 
-Three grids: Richardson extrapolation and the grid-convergence index of Roache (1994), with the fixed-point iteration
-for unequal ratios of Celik et al. (2008, J. Fluids Eng. 130:078001). Where the order is off, or with more grids: least
+Three grids: Richardson extrapolation and the grid-convergence index of Roache (1994), for unequal
+ratios as Celik et al. (2008, J. Fluids Eng. 130:078001). More grids, or an unsound order: least
 squares of Eça & Hoekstra (2014, J. Comput. Phys. 262:104).
 """
 
@@ -12,30 +12,29 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-SAFETY = 1.25  # of three grids or more whose order is sound
+SAFETY = 1.25  # for a sound order
 SAFETY_DOUBTFUL = 3.0
-SOUND = (0.5, 2.1)  # orders that Eça & Hoekstra take as they come
+SOUND = (0.5, 2.1)  # orders that Eça & Hoekstra accept
 LEAST_ORDER, LARGEST_ORDER = 1e-3, 40.0
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a series of grids says: the extrapolated value, the order, and the uncertainty (95 %) of each grid's value.
+    """Extrapolated value, order, and uncertainty (95 %) of each grid's value.
 
-    `order` is None where the data fit no single power that the schemes can have; `kind` says what was fitted.
+    `order` is None where no power that the schemes can have fits; `kind`: the function fitted.
     """
 
     extrapolated: float
     order: float | None
     uncertainty: np.ndarray
-    scatter: float
     kind: str
 
 
 def three_grids(size: np.ndarray, value: np.ndarray) -> Estimate:
-    """Richardson's extrapolation from exactly three cell sizes (any order); ValueError where the values do not converge.
+    """Richardson's extrapolation from three cell sizes; ValueError if the values do not converge.
 
-    `uncertainty` is the grid-convergence index in the value's unit, for the grids as given.
+    `uncertainty` is the grid-convergence index in the value's unit.
     """
     size, value = np.asarray(size, float), np.asarray(value, float)
     if size.shape != (3,) or value.shape != (3,):
@@ -58,11 +57,12 @@ def three_grids(size: np.ndarray, value: np.ndarray) -> Estimate:
 
     if excess(LEAST_ORDER) > 0 or excess(LARGEST_ORDER) < 0:
         raise ValueError(
-            f"the values {f.tolist()} do not converge: their differences do not shrink as the cells do"
+            f"the values {f.tolist()} do not converge: their differences do not shrink as the"
+            " cells do"
         )
     power = float(brentq(excess, LEAST_ORDER, LARGEST_ORDER, xtol=1e-13))
     limit = f[0] - fine / (r_fine**power - 1)
-    return Estimate(float(limit), power, SAFETY * np.abs(value - limit), 0.0, "three grids")
+    return Estimate(float(limit), power, SAFETY * np.abs(value - limit), "three grids")
 
 
 def least_squares(size: np.ndarray, value: np.ndarray) -> Estimate:
@@ -79,10 +79,8 @@ def least_squares(size: np.ndarray, value: np.ndarray) -> Estimate:
     kind, order = "power", power
     if power is None or not SOUND[0] <= power <= SOUND[1]:
         terms: list[tuple[float, ...]] = [(1.0,), (2.0,)]
-        if len(h) > 3 and not (
-            power is not None and power > SOUND[1]
-        ):  # super-convergence is not trusted
-            terms.append((1.0, 2.0))
+        if len(h) > 3 and (power is None or power <= SOUND[1]):
+            terms.append((1.0, 2.0))  # super-convergence is not trusted
         tried = [
             (*_linear_fit(h, f, weight, powers), powers)
             for powers in terms
@@ -96,11 +94,11 @@ def least_squares(size: np.ndarray, value: np.ndarray) -> Estimate:
         uncertainty = safety * distance + scatter + np.abs(f - fitted)
     else:
         uncertainty = 3 * scatter / max(spread, 1e-300) * (distance + scatter + np.abs(f - fitted))
-    return Estimate(float(limit), order, uncertainty, float(scatter), kind)
+    return Estimate(float(limit), order, uncertainty, kind)
 
 
 def estimate(size: np.ndarray, value: np.ndarray) -> Estimate:
-    """Three grids that converge with a sound order by Richardson's extrapolation, all others by least squares."""
+    """Richardson's extrapolation where three grids have a sound order, else least squares."""
     if len(size) == 3:
         try:
             fit = three_grids(size, value)
@@ -112,7 +110,7 @@ def estimate(size: np.ndarray, value: np.ndarray) -> Estimate:
 
 
 def _weights(h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """All grids alike, and the finer ones more."""
+    """Equal weights, and larger ones for finer grids."""
     return np.full(len(h), 1 / len(h)), (1 / h) / (1 / h).sum()
 
 
@@ -132,7 +130,7 @@ def _linear_fit(
 def _power_fit(
     h: np.ndarray, f: np.ndarray, weight: np.ndarray
 ) -> tuple[float, float | None, float, np.ndarray]:
-    """Limit, order, standard deviation and fitted values of f = limit + a h^p; order None where no power fits best."""
+    """Limit, order (None: none fits best), standard deviation and values of f = limit + a h^p."""
 
     def misfit(power: float) -> float:
         fitted = _linear_fit(h, f, weight, (power,))[2]

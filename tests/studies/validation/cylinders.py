@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.kinematics.rigid_body import smooth_step, travelled
 from pipeline.scene.scene import Scene
 from tests.studies.validation.checks import Check, Result
-from tests.studies.validation.solve import forces, provenance, reference
+from tests.studies.validation.solve import forces, law_and_body, provenance, reference
 
 FIGURE_POINTS = 400
 
@@ -21,154 +21,160 @@ def cycle_of(
     return np.interp(begin + phase * period, time, force)
 
 
-def morison(velocity: np.ndarray, acceleration: np.ndarray, force: np.ndarray, density: float,
-            diameter: float) -> tuple[float, float]:  # fmt: skip
-    """Drag and added-mass coefficient by least squares of F = −½ρD C_D |u|u − ¼πρD² C_A u̇, per metre of a moving body."""
-    terms = np.column_stack(
-        [
-            -0.5 * density * diameter * np.abs(velocity) * velocity,
-            -0.25 * np.pi * density * diameter**2 * acceleration,
-        ]
-    )
-    drag, mass = np.linalg.lstsq(terms, force, rcond=None)[0]
+def morison(
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+    force: np.ndarray,
+    density: float,
+    diameter: float,
+) -> tuple[float, float]:
+    """Drag and added-mass coefficient of a moving body, from its force per metre.
+
+    Least squares of F = −½ρD C_D |u|u − ¼πρD² C_A u̇.
+    """
+    drag_term = -0.5 * density * diameter * np.abs(velocity) * velocity
+    mass_term = -0.25 * np.pi * density * diameter**2 * acceleration
+    drag, mass = np.linalg.lstsq(np.column_stack([drag_term, mass_term]), force, rcond=None)[0]
     return float(drag), float(mass)
 
 
 def oscillating(scene: Scene) -> Result:
     """In-line force over the cycle, and Morison's coefficients, against Dütsch et al. (1998)."""
-    ref, law, body = reference(scene.name), scene.motion.displacement, scene.body
-    assert law is not None
-    assert body is not None
-    assert law.period is not None
-    assert law.amplitude is not None
-    assert body.diameter is not None
+    ref, (law, body) = reference(scene.name), law_and_body(scene)
     history = forces(scene)
     omega = 2 * np.pi / law.period
     top = abs(law.amplitude) * omega
     scale = scene.fluid.density * top**2 * body.diameter
     phase = np.linspace(0, 1, FIGURE_POINTS + 1)
-    cycle = cycle_of(history.time, history.fx, law.period, phase) / scale
-    before = cycle_of(history.time, history.fx, law.period, phase, -2) / scale
+
+    def cycle_in(force: np.ndarray, number: int = -1) -> np.ndarray:
+        return cycle_of(history.time, force, law.period, phase, number) / scale
+
+    cycle, before = cycle_in(history.fx), cycle_in(history.fx, -2)
     wanted = np.array(ref["force"]["value"])
     at = np.interp(ref["force"]["phase"], phase, cycle)
     turn = 2 * np.pi * phase[:-1]
     u, a = law.amplitude * omega * np.cos(turn), -law.amplitude * omega**2 * np.sin(turn)
     drag, mass = morison(u, a, cycle[:-1] * scale, scene.fluid.density, body.diameter)
+    fit = -0.5 * drag * np.abs(u) * u - 0.25 * np.pi * body.diameter * mass * a
+    peaks = float(np.abs(cycle).max()), float(np.abs(wanted).max())
+    rms, change = (float(np.sqrt(np.mean(d**2))) for d in (at - wanted, cycle - before))
     source, table = ref["force"]["source"], ref["morison"]["source"]
+    digitised = "digitised points break antisymmetry by"
     checks = (
-        Check("oscillating.peak", "peak in-line force / (ρU²D)", float(np.abs(cycle).max()), 0.02, "relative",
-              "half of what the digitised points break antisymmetry by, 0.06 or 4 % of the peak", float(np.abs(wanted).max()), source),
-        Check("oscillating.rms", "rms difference of the force over the cycle / (ρU²D)",
-              float(np.sqrt(np.mean((at - wanted) ** 2))), 0.08, "at most",
-              "the digitised points themselves break antisymmetry by up to 0.06; the rest, 0.05, is 3 % of the peak", None, source),
+        Check("oscillating.peak", "peak in-line force / (ρU²D)", peaks[0], 0.02, "relative",
+              f"half of what the {digitised}, 0.06 or 4 % of the peak", peaks[1], source),
+        Check("oscillating.rms", "rms difference of the force over the cycle / (ρU²D)", rms, 0.08,
+              "at most", "the digitised points themselves break antisymmetry by up to 0.06;"
+              " the rest, 0.05, is 3 % of the peak", None, source),
         Check("oscillating.drag", "Morison drag coefficient C_D", drag, 0.05, "relative",
-              "reference known to two decimals and quoted as 2.09 or 2.10; fits over a cycle differ by a few per cent",
-              ref["morison"]["drag"], table),
+              "reference known to two decimals and quoted as 2.09 or 2.10; fits over a cycle"
+              " differ by a few per cent", ref["morison"]["drag"], table),
         Check("oscillating.mass", "Morison added-mass coefficient C_A", mass, 0.05, "relative",
               "as for C_D", ref["morison"]["added_mass"], table),
-        Check("oscillating.periodic", "difference of the last two cycles, rms / (ρU²D)",
-              float(np.sqrt(np.mean((cycle - before) ** 2))), 0.01, "at most", "else the start is not over"),
+        Check("oscillating.periodic", "difference of the last two cycles, rms / (ρU²D)", change,
+              0.01, "at most", "else the start is not over"),
     )  # fmt: skip
     curves = {
-        "phase": phase.tolist(), "force": cycle.tolist(),
-        "viscous": (cycle_of(history.time, history.fx_viscous, law.period, phase) / scale).tolist(),
-        "reference_phase": ref["force"]["phase"], "reference_force": ref["force"]["value"],
-        "fit": ((-0.5 * drag * np.abs(u) * u - 0.25 * np.pi * body.diameter * mass * a) / top**2).tolist(),
-    }  # fmt: skip
+        "phase": phase.tolist(),
+        "force": cycle.tolist(),
+        "viscous": cycle_in(history.fx_viscous).tolist(),
+        "reference_phase": ref["force"]["phase"],
+        "reference_force": ref["force"]["value"],
+        "fit": (fit / top**2).tolist(),
+    }
     text = (
-        "x = −A sin(2πt/T), Re = UD/ν = 100, KC = UT/D = 5; the last of four cycles. Force, phase and fit as in the"
-        " reference, whose points were digitised from its figure."
+        "x = −A sin(2πt/T), Re = UD/ν = 100, KC = UT/D = 5; the last of four cycles. Force, phase"
+        " and fit as in the reference, whose points were digitised from its figure."
     )
     return Result(scene.name, scene.title, text, checks, curves, provenance=provenance(scene))
 
 
 def impulsive(scene: Scene) -> Result:
-    """Drag coefficient over time against Koumoutsakos & Leonard (1995); time from the middle of the smooth start."""
-    ref, law, body = reference(scene.name), scene.motion.displacement, scene.body
-    assert law is not None
-    assert body is not None
-    assert law.rate is not None
-    assert body.diameter is not None
+    """Drag coefficient over time against Koumoutsakos & Leonard (1995).
+
+    Time counts from the middle of the smooth start.
+    """
+    ref, (law, body) = reference(scene.name)["drag"], law_and_body(scene)
     history = forces(scene)
     radius = 0.5 * body.diameter
-    origin = law.start + 0.5 * law.smoothing
-    scaled = law.rate * (history.time - origin) / radius
-    drag = -history.fx / (0.5 * scene.fluid.density * law.rate**2 * body.diameter)
+    scaled = law.rate * (history.time - (law.start + 0.5 * law.smoothing)) / radius
+    unit = 0.5 * scene.fluid.density * law.rate**2 * body.diameter
+    drag, friction = -history.fx / unit, -history.fx_viscous / unit
     smooth = law.rate * law.smoothing / radius
-    checks = [
-        Check(f"impulsive.{time:g}", f"C_D at T = Ut/R = {time:g}", float(np.interp(time, scaled, drag)), 0.03, "relative",
-              "a use: a third of the 10 % that the mesh may change the finger's force by", value, ref["drag"]["source"])
-        for time, value in zip(ref["drag"]["time"], ref["drag"]["value"], strict=True)
-    ]  # fmt: skip
-    fewer = scaled > 0.5 * smooth
-    friction = -history.fx_viscous / (0.5 * scene.fluid.density * law.rate**2 * body.diameter)
-    step = max(1, fewer.sum() // FIGURE_POINTS)
+    use = "a use: a third of the 10 % that the mesh may change the finger's force by"
+    checks = tuple(
+        Check(f"impulsive.{time:g}", f"C_D at T = Ut/R = {time:g}",
+              float(np.interp(time, scaled, drag)), 0.03, "relative", use, value, ref["source"])
+        for time, value in zip(ref["time"], ref["value"], strict=True)
+    )  # fmt: skip
+    later = scaled > 0.5 * smooth
+    step = max(1, later.sum() // FIGURE_POINTS)
     curves = {
-        "time": scaled[fewer][::step].tolist(), "drag": drag[fewer][::step].tolist(),
-        "friction": friction[fewer][::step].tolist(),
-        "reference_time": ref["drag"]["time"], "reference_drag": ref["drag"]["value"],
-    }  # fmt: skip
+        "time": scaled[later][::step].tolist(),
+        "drag": drag[later][::step].tolist(),
+        "friction": friction[later][::step].tolist(),
+        "reference_time": ref["time"],
+        "reference_drag": ref["value"],
+    }
     text = (
-        f"The speed rises to U over T = {smooth:g} by a smooth step (C2 is the project's rule for motions); T counts from its"
-        " middle, so that the way travelled afterwards is that of the sudden start. A smooth start is felt while the layer at"
-        f" the wall remembers it: at T = 0.181 the drag would differ by about {_memory(0.181, smooth):.1%} from that"
-        " of a sudden one (theory of the thin layer), later by less."
+        f"The speed rises to U over T = {smooth:g} by a smooth step (C2 is the project's rule for"
+        " motions); T counts from its middle, so that the way travelled afterwards is that of the"
+        " sudden start. A smooth start is felt while the layer at the wall remembers it: at"
+        f" T = 0.181 the drag would differ by about {_memory(0.181, smooth):.1%} from that of a"
+        " sudden one (theory of the thin layer), later by less."
     )
-    return Result(
-        scene.name, scene.title, text, tuple(checks), curves, provenance=provenance(scene)
-    )
+    return Result(scene.name, scene.title, text, checks, curves, provenance=provenance(scene))
 
 
 def _memory(time: float, smooth: float) -> float:
-    """Relative change of ∫ U̇/√(t−τ) dτ at `time` after the middle of a smooth step over `smooth`, against a sudden one."""
+    """Relative change of ∫ U̇/√(t−τ) dτ by a smooth step, `time` after its middle."""
     x = (np.arange(4000) + 0.5) / 4000
-    return float(
-        np.mean(smooth_step(x, 1) / np.sqrt(time - (x - 0.5) * smooth)) * np.sqrt(time) - 1
-    )
+    weighted = smooth_step(x, 1) / np.sqrt(time - (x - 0.5) * smooth)
+    return float(np.mean(weighted) * np.sqrt(time) - 1)
 
 
 def accelerating(scene: Scene) -> Result:
-    """Force on a cylinder accelerated from rest: added mass ρπR² and the thin layer at the wall (Basset's history)."""
-    law, body = scene.motion.displacement, scene.body
-    assert law is not None
-    assert body is not None
-    assert body.diameter is not None
-    density, viscosity, radius = (
-        scene.fluid.density,
-        scene.fluid.kinematic_viscosity,
-        0.5 * body.diameter,
-    )
+    """Force from rest: added mass ρπR² and the thin layer at the wall (Basset's history)."""
+    law, body = law_and_body(scene)
+    density, viscosity = scene.fluid.density, scene.fluid.kinematic_viscosity
+    radius = 0.5 * body.diameter
     history = forces(scene)
     path = travelled(law, scene.motion.end_time)
     acceleration = np.gradient(path.rate, path.time, edge_order=2)
     now = np.interp(history.time, path.time, acceleration)
     layer = np.array([history_integral(path.time, acceleration, t) for t in history.time])
     layer *= 4 * density * radius * np.sqrt(np.pi * viscosity)
-    along = -(
-        history.fx * np.cos(np.radians(law.direction_deg))
-        + history.fy * np.sin(np.radians(law.direction_deg))
-    )
+    angle = np.radians(law.direction_deg)
+    along = -(history.fx * np.cos(angle) + history.fy * np.sin(angle))
     steady = history.time >= law.start + 1.2 * law.smoothing
     early = ~steady & (now > 0.5 * now.max())
     coefficient = (along - layer) / (density * np.pi * radius**2 * now.clip(1e-9))
+    constant = coefficient[steady]
+    worst = constant[np.argmax(np.abs(constant - 1))]
     theory = "potential flow: ρπR² (Lamb, Hydrodynamics, §68)"
-    checks = (
-        Check("accelerating.mass", "added-mass coefficient, mean while a is constant", float(coefficient[steady].mean()), 0.02,
-              "relative", "a use: a fifth of the 10 % that the mesh may change the finger's force by, most of which is added mass", 1.0, theory),
-        Check("accelerating.worst", "the same, farthest from 1",
-              float(coefficient[steady][np.argmax(np.abs(coefficient[steady] - 1))]), 0.02, "relative",
-              "the same bound at every time step", 1.0, theory),
-        Check("accelerating.rise", "the same while a rises, mean over its upper half", float(coefficient[early].mean()), 0.02,
-              "relative", "a changing acceleration tests the time scheme", 1.0, theory),
+    use = "a use: a fifth of the 10 % that the mesh may change the finger's force by, most of which"
+    rows = (
+        ("mass", "added-mass coefficient, mean while a is constant", constant.mean(),
+         f"{use} is added mass"),
+        ("worst", "the same, farthest from 1", worst, "the same bound at every time step"),
+        ("rise", "the same while a rises, mean over its upper half", coefficient[early].mean(),
+         "a changing acceleration tests the time scheme"),
     )  # fmt: skip
+    checks = tuple(
+        Check(f"accelerating.{name}", what, float(value), 0.02, "relative", why, 1.0, theory)
+        for name, what, value, why in rows
+    )
     curves = {
-        "time": history.time.tolist(), "force": along.tolist(), "layer": layer.tolist(),
+        "time": history.time.tolist(),
+        "force": along.tolist(),
+        "layer": layer.tolist(),
         "mass_force": (density * np.pi * radius**2 * now).tolist(),
-    }  # fmt: skip
-    way = float(path.distance[-1] / body.diameter)
+    }
     text = (
-        f"U = a t after a smooth begin, over {way:.2g} D, before the flow separates. From the force is taken off that of"
-        " the thin layer at the wall, 4ρR√(πν) ∫ U̇/√(t−τ) dτ (Stokes and Basset; at most"
+        f"U = a t after a smooth begin, over {float(path.distance[-1] / body.diameter):.2g} D,"
+        " before the flow separates. From the force is taken off that of the thin layer at the"
+        " wall, 4ρR√(πν) ∫ U̇/√(t−τ) dτ (Stokes and Basset; at most"
         f" {float(np.max(layer[steady] / along[steady])):.1%} of the force)."
     )
     return Result(scene.name, scene.title, text, checks, curves, provenance=provenance(scene))

@@ -11,21 +11,18 @@ import numpy as np
 from postprocess.draw.style import CFD, GREY, PIV, THIRD, new_figure, save
 
 Curves = dict[str, Any]
+DASHED = {"ls": "--", "lw": 1}
 
 
 def oscillating(curves: Curves, path: Path) -> None:
     """In-line force over the cycle with the reference's points and Morison's fit."""
     figure, axes = new_figure(7, 3.4)
-    axes.plot(curves["phase"], curves["force"], color=CFD, label="computed")
-    axes.plot(curves["phase"][:-1], curves["fit"], color=GREY, lw=1, ls="--", label="Morison's fit")
-    axes.plot(curves["phase"], curves["viscous"], color=THIRD, lw=1, label="of it friction")
-    axes.plot(
-        curves["reference_phase"],
-        curves["reference_force"],
-        "o",
-        color=PIV,
-        label="Dütsch et al. 1998",
-    )
+    phase = curves["phase"]
+    axes.plot(phase, curves["force"], color=CFD, label="computed")
+    axes.plot(phase[:-1], curves["fit"], color=GREY, label="Morison's fit", **DASHED)
+    axes.plot(phase, curves["viscous"], color=THIRD, lw=1, label="of it friction")
+    points = curves["reference_phase"], curves["reference_force"]
+    axes.plot(*points, "o", color=PIV, label="Dütsch et al. 1998")
     axes.set(xlabel="t / T", ylabel="force / (ρU²D)")
     axes.legend(ncols=2)
     save(figure, path)
@@ -36,13 +33,8 @@ def impulsive(curves: Curves, path: Path) -> None:
     figure, axes = new_figure(7, 3.4)
     axes.plot(curves["time"], curves["drag"], color=CFD, label="computed")
     axes.plot(curves["time"], curves["friction"], color=THIRD, lw=1, label="of it friction")
-    axes.plot(
-        curves["reference_time"],
-        curves["reference_drag"],
-        "o",
-        color=PIV,
-        label="Koumoutsakos & Leonard 1995",
-    )
+    points = curves["reference_time"], curves["reference_drag"]
+    axes.plot(*points, "o", color=PIV, label="Koumoutsakos & Leonard 1995")
     axes.set(xlabel="T = Ut/R", ylabel="C_D", ylim=(0, 2), xlim=(0, None))
     axes.legend()
     save(figure, path)
@@ -63,66 +55,51 @@ def accelerating(curves: Curves, path: Path) -> None:
 def plate(curves: Curves, path: Path) -> None:
     """Circulation and displacements over time, logarithmic, with lines of the theory's slope."""
     figure, axes = new_figure(7, 3.6, 1, 2)
-    time = np.array(curves["time"])
-    inside = (time >= curves["from"]) & (time <= curves["to"])
-    middle = np.sqrt(curves["from"] * curves["to"])
-    span = np.array([curves["from"], curves["to"]])
-    parts = (
-        (axes[0], ("circulation",), "circulation"),
-        (axes[1], ("core", "centroid"), "displacement"),
-    )
-    for ax, names, power in parts:
+    time, span = np.array(curves["time"]), np.array([curves["from"], curves["to"]])
+    inside = (time >= span[0]) & (time <= span[1])
+    middle = np.sqrt(span[0] * span[1])
+    for ax, names, power, label in (
+        (axes[0], ("circulation",), "circulation", "Γ / (U c)"),
+        (axes[1], ("core", "centroid"), "displacement", "distance from the edge / c"),
+    ):
+        slope = curves["wanted"][power]
         for name, colour in zip(names, (CFD, THIRD), strict=False):
             value = np.array(curves[name])
             ax.loglog(time, value, ".-", ms=3, lw=1, color=colour, label=name)
             level = np.exp(np.interp(np.log(middle), np.log(time[inside]), np.log(value[inside])))
-            ax.loglog(
-                span, level * (span / middle) ** curves["wanted"][power], color=PIV, lw=1, ls="--"
-            )
-        ax.plot([], [], color=PIV, lw=1, ls="--", label=f"slope {curves['wanted'][power]:.3g}")
-        ax.set(xlabel="t (s)")
+            ax.loglog(span, level * (span / middle) ** slope, color=PIV, **DASHED)
+        ax.plot([], [], color=PIV, label=f"slope {slope:.3g}", **DASHED)
+        ax.set(xlabel="t (s)", ylabel=label)
         ax.legend()
-    axes[0].set_ylabel("Γ / (U c)")
-    axes[1].set_ylabel("distance from the edge / c")
     save(figure, path)
 
 
 def deforming(curves: Curves, path: Path) -> None:
     """Errors over cell size and time step with slopes."""
     figure, axes = new_figure(7, 3.4, 1, 2)
+
+    def slope_line(ax: Any, x: np.ndarray, last: float, slope: int) -> None:
+        ax.loglog(x, last * (x / x[-1]) ** slope, color=PIV, label=f"slope {slope}", **DASHED)
+
     for part, colour, words, slope in (
         ("", CFD, "Lamb-Oseen", 2),
         ("wall_", THIRD, "Taylor-Green, walls", 1),
     ):
         size, error = np.array(curves[f"{part}size"]), np.array(curves[f"{part}error"])
         axes[0].loglog(size, error, "o-", color=colour, label=words)
-        axes[0].loglog(
-            size,
-            error[-1] * (size / size[-1]) ** slope,
-            "--",
-            color=PIV,
-            lw=1,
-            label=f"slope {slope}",
-        )
+        slope_line(axes[0], size, error[-1], slope)
     axes[0].set(xlabel="cell size (m)", ylabel="velocity (m/s)")
-    shared = np.array(curves["size"])[: len(curves["corrected"])]
-    axes[0].loglog(
-        shared, curves["corrected"], "s--", color=GREY, ms=4, lw=1, label="skew-corrected"
-    )
+    shared, corrected = curves["size"][: len(curves["corrected"])], curves["corrected"]
+    axes[0].loglog(shared, corrected, "s--", color=GREY, ms=4, lw=1, label="skew-corrected")
     step = np.array(curves["step"])
     for name, colour, words in (
-        ("iterated", CFD, "iterated"), ("twice", GREY, "two outer correctors"), ("once", THIRD, "one outer corrector")
-    ):  # fmt: skip
+        ("iterated", CFD, "iterated"),
+        ("twice", GREY, "two outer correctors"),
+        ("once", THIRD, "one outer corrector"),
+    ):
         axes[1].loglog(step, curves[name], "o-", color=colour, label=words)
     for name, slope in (("iterated", 2), ("once", 1)):
-        axes[1].loglog(
-            step,
-            curves[name][-1] * (step / step[-1]) ** slope,
-            "--",
-            color=PIV,
-            lw=1,
-            label=f"slope {slope}",
-        )
+        slope_line(axes[1], step, curves[name][-1], slope)
     axes[1].set(xlabel="time step (s)")
     for ax in axes:
         ax.legend()
@@ -130,24 +107,22 @@ def deforming(curves: Curves, path: Path) -> None:
 
 
 def grids(curves: Curves, path: Path) -> None:
-    """Each quantity over cell size (and time step), as a part of its extrapolated value, with uncertainties."""
-    parts = [(k, v) for k, v in curves.items() if k in ("grid", "step")]
+    """Each quantity over cell size (and time step), as a part of its extrapolated value."""
+    parts = [curves[key] for key in curves if key in ("grid", "step")]
     figure, axes = new_figure(7, 3.4, 1, len(parts), squeeze=False)
     words = {"circulation": "Γ", "peak_force": "peak force", "impulse": "impulse"}
-    for ax, (_, part) in zip(axes[0], parts, strict=True):
-        along = "cell" if "cell" in part else "time_step"
+    for ax, part in zip(axes[0], parts, strict=True):
+        along, label = ("cell", "cell") if "cell" in part else ("time_step", "time step")
+        unit = "mm" if along == "cell" else "ms"
         size = 1e3 * np.array(part[along])
-        for (name, label), colour in zip(words.items(), (CFD, PIV, THIRD), strict=True):
+        for (name, title), colour in zip(words.items(), (CFD, PIV, THIRD), strict=True):
             q = part["quantities"][name]
             limit = q["extrapolated"]
-            ax.errorbar(size, np.array(q["value"]) / limit, np.array(q["uncertainty"]) / abs(limit), fmt="o-", ms=4, lw=1,
-                        capsize=3, color=colour, label=label)  # fmt: skip
+            value, uncertainty = np.array(q["value"]), np.array(q["uncertainty"])
+            ax.errorbar(size, value / limit, uncertainty / abs(limit), fmt="o-", ms=4, lw=1,
+                        capsize=3, color=colour, label=title)  # fmt: skip
         ax.axhline(1, color=GREY, lw=0.8)
-        ax.set(
-            xlabel="cell (mm)" if along == "cell" else "time step (ms)",
-            xlim=(0, None),
-            ylabel="value / extrapolated",
-        )
+        ax.set(xlabel=f"{label} ({unit})", xlim=(0, None), ylabel="value / extrapolated")
         ax.legend()
     save(figure, path)
 

@@ -1,4 +1,4 @@
-"""The ledger: docs/verification.md and its figures, made from the results files in docs/verification/."""
+"""The ledger: docs/verification.md and its figures, from the files in docs/verification/."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from tests.studies.validation.figures import FIGURES
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 ORDER = (
     "oscillating_cylinder", "impulsive_cylinder", "accelerating_cylinder", "plate_impulsive",
-    "plate_medium_layer", "plate_thin_layer",
-    "plate_accelerating", "deforming_mesh", "exact_fields", "finger_2d", "finger",
+    "plate_medium_layer", "plate_thin_layer", "plate_accelerating", "deforming_mesh",
+    "exact_fields", "finger_2d", "finger",
 )  # fmt: skip
-HEAD = """# Verification and validation
-
-`make validate` runs the flows of `cases/validation/` through the project's own stages (kinematics, mesh and morph, case, run,
-sheet), as the studies `cases/validation/studies/*.csv` say ([cluster.md](cluster.md)), measures, and writes this page and `docs/verification/*.json`; what was solved for the same numbers is not solved
-again. Every row: quantity, reference, result, tolerance and why. A row that is **missed** stays here as such.
-"""
+TABLE = "| quantity | reference | result | deviation | tolerance | why | |\n" + 7 * "|---" + "|\n"
+COSTS = {
+    "cells": "{} cells",
+    "steps": "{} steps",
+    "cpu_seconds": "{} s of CPU time",
+    "scene_hash": "scene {}",
+}
 
 
 def read_results(folder: Path) -> list[dict[str, Any]]:
@@ -44,76 +45,59 @@ def read_results(folder: Path) -> list[dict[str, Any]]:
     return known + list(results.values())
 
 
-def page(results: list[dict[str, Any]], figures: set[str]) -> str:
+def _page(results: list[dict[str, Any]], figures: set[str]) -> str:
     """The page in Markdown; `figures` are the names that have one."""
     checks = [check for result in results for check in result["checks"]]
     missed = [check for check in checks if not check["met"]]
-    text = HEAD + f"\n{len(checks)} checks, {len(checks) - len(missed)} met, {len(missed)} missed."
-    text += (
-        "".join(f"\n- missed: {c['quantity']} (`{c['id']}`): {tolerated(c)}" for c in missed) + "\n"
-    )
+    text = (Path(__file__).parent / "ledger_head.md").read_text(encoding="utf-8")
+    text += f"\n{len(checks)} checks, {len(checks) - len(missed)} met, {len(missed)} missed."
+    for check in missed:
+        reference = "" if check["reference"] is None else f"{check['reference']:.4g} "
+        wanted = f"{check['result']:.4g}, wanted {reference}{_tolerance(check)}"
+        text += f"\n- missed: {check['quantity']} (`{check['id']}`): {wanted}"
+    text += "\n"
     for result in results:
-        text += f"\n## {result['title']}\n\n{result['text']}\n\n"
-        text += "| quantity | reference | result | deviation | tolerance | why | |\n|---|---|---|---|---|---|---|\n"
-        text += "".join(row(check) for check in result["checks"])
+        text += f"\n## {result['title']}\n\n{result['text']}\n\n{TABLE}"
+        text += "".join(_row(check) for check in result["checks"])
         sources = sorted({c["source"] for c in result["checks"] if c["source"]})
         text += f"\nReference: {'; '.join(sources)}. " if sources else "\n"
-        text += f"{origin(result)}\n"
-        text += "".join(f"\n- {remark}" for remark in result["remarks"]) + (
-            "\n" if result["remarks"] else ""
-        )
+        text += f"{_origin(result)}\n"
+        if result["remarks"]:
+            text += "".join(f"\n- {remark}" for remark in result["remarks"]) + "\n"
         if result["name"] in figures:
             text += f"\n![{result['title']}](verification/{result['name']}.svg)\n"
     return text
 
 
-def row(check: dict[str, Any]) -> str:
+def _unit(check: dict[str, Any]) -> str:
+    return "" if check["unit"] == "1" else f" {check['unit']}"
+
+
+def _row(check: dict[str, Any]) -> str:
     """One line of a table."""
-    unit = "" if check["unit"] == "1" else f" {check['unit']}"
+    unit, gap = _unit(check), check["deviation"]
     reference = "" if check["reference"] is None else f"{check['reference']:.4g}{unit}"
-    how, deviation = check["how"], ""
-    if how == "relative":
-        deviation = f"{check['deviation']:+.2%}"
-    elif how == "absolute":
-        deviation = f"{check['deviation']:+.3g}"
-    verdict = "met" if check["met"] else "**missed**"
-    return (
-        f"| {check['quantity']} | {reference} | {check['result']:.4g}{unit} | {deviation} | {tolerance(check)} |"
-        f" {check['why']} | {verdict} |\n"
-    )
+    deviation = {"relative": f"{gap:+.2%}", "absolute": f"{gap:+.3g}"}.get(check["how"], "")
+    result = f"{check['result']:.4g}{unit}"
+    cells = (check["quantity"], reference, result, deviation, _tolerance(check), check["why"])
+    return f"| {' | '.join(cells)} | {'met' if check['met'] else '**missed**'} |\n"
 
 
-def tolerance(check: dict[str, Any]) -> str:
+def _tolerance(check: dict[str, Any]) -> str:
     """The tolerance in words."""
     value, how = check["tolerance"], check["how"]
-    unit = "" if check["unit"] == "1" else f" {check['unit']}"
-    words = {"relative": f"± {value:.3g}".replace("± ", "± "), "absolute": f"± {value:.3g}{unit}"}
     if how == "relative":
         return f"± {value:.2%}".replace(".00%", " %").replace("%", " %").replace("  ", " ")
-    return words.get(how, f"{'≤' if how == 'at most' else '≥'} {value:.3g}{unit}")
+    sign = {"absolute": "±", "at most": "≤", "at least": "≥"}[how]
+    return f"{sign} {value:.3g}{_unit(check)}"
 
 
-def tolerated(check: dict[str, Any]) -> str:
-    """Result against reference and tolerance, in one phrase."""
-    reference = "" if check["reference"] is None else f"{check['reference']:.4g} "
-    return f"{check['result']:.4g}, wanted {reference}{tolerance(check)}"
-
-
-def origin(result: dict[str, Any]) -> str:
+def _origin(result: dict[str, Any]) -> str:
     """Date, versions and cost."""
     versions, made = result["versions"], result["provenance"]
-    parts = [f"Measured {result['date']}"]
-    if "OpenFOAM" in versions:
-        parts.append(f"OpenFOAM {versions['OpenFOAM']}")
-    parts.append(f"numpy {versions['numpy']}, scipy {versions['scipy']}")
-    for key, words in (
-        ("cells", "{} cells"),
-        ("steps", "{} steps"),
-        ("cpu_seconds", "{} s of CPU time"),
-        ("scene_hash", "scene {}"),
-    ):
-        if key in made:
-            parts.append(words.format(made[key]))
+    names = [name for name in ("OpenFOAM", "numpy", "scipy") if name in versions]
+    parts = [f"Measured {result['date']}", *(f"{name} {versions[name]}" for name in names)]
+    parts += [words.format(made[key]) for key, words in COSTS.items() if key in made]
     return ", ".join(parts) + "."
 
 
@@ -129,5 +113,5 @@ def write_ledger(docs: Path = DOCS) -> int:
         if draw and result["curves"]:
             draw(result["curves"], folder / f"{result['name']}.svg")
             drawn.add(result["name"])
-    write_text(docs / "verification.md", page(results, drawn))
+    write_text(docs / "verification.md", _page(results, drawn))
     return sum(not check["met"] for result in results for check in result["checks"])
