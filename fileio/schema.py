@@ -1,4 +1,4 @@
-"""Formats declared once: checked wherever a file is read or written, and shown in docs/formats.md."""
+"""Formats declared once: checked at every reading and writing, shown in docs/formats.md."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ RECORDED = (
 
 @dataclass(frozen=True)
 class Schema:
-    """An HDF5 format: its name, the remedy for an unusable file, its root and each of its groups."""
+    """An HDF5 format: name, remedy for an unusable file, variables of its root and groups."""
 
     format: str
     remedy: str

@@ -37,7 +37,7 @@ class Interval:
         return f"interval_{self.index}"
 
 
-COLUMNS = [f"interval_{name}" for name in ("begin", "start", "end", "mesh", "moving")]
+_COLUMNS = [f"interval_{name}" for name in ("begin", "start", "end", "mesh", "moving")]
 SCHEMA = Schema(
     "planform",
     "delete it and run make again",
@@ -71,12 +71,15 @@ corners  -  m  x, y of the tank's lower left and upper right corner
 
 
 def write_planform(
-    path: Path, intervals: Sequence[Interval], attributes: dict[str, Any], meshes: Sequence[dict[str, Any]],
+    path: Path,
+    intervals: Sequence[Interval],
+    attributes: dict[str, Any],
+    meshes: Sequence[dict[str, Any]],
     settings: dict[str, Any],
-) -> None:  # fmt: skip
-    """Write planform.h5: intervals, `attributes` of the root, variables and attributes of meshes."""
+) -> None:
+    """Write planform.h5: intervals, `attributes` of the root, values of the meshes by name."""
     columns = dict(
-        zip(COLUMNS, zip(*(astuple(i)[1:] for i in intervals), strict=True), strict=True)
+        zip(_COLUMNS, zip(*(astuple(i)[1:] for i in intervals), strict=True), strict=True)
     )
     arrays = {name: np.array(values) for name, values in columns.items()}
     arrays["interval_moving"] = arrays["interval_moving"].astype(int)
@@ -87,7 +90,7 @@ def write_planform(
 def read_intervals(out: Path) -> tuple[Interval, ...]:
     """The intervals of a level's planform.h5, in order."""
     file = SCHEMA.read(out / "planform.h5")
-    rows = zip(*(file[name].values.tolist() for name in COLUMNS), strict=True)
+    rows = zip(*(file[name].values.tolist() for name in _COLUMNS), strict=True)
     return tuple(Interval(k, *row, bool(moving)) for k, (*row, moving) in enumerate(rows))
 
 

@@ -1,4 +1,4 @@
-"""Tables that the solver's function objects write: one for each start of the solver, a row for each time."""
+"""Tables of the solver's function objects: one for each start, a row for each time."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from fileio.errors import StageError
 
-BRACKETS = str.maketrans("()", "  ")
+_BRACKETS = str.maketrans("()", "  ")
 
 
 def table_rows(path: Path) -> np.ndarray:
     """Rows (time, …) of one table, without those that a killed run has not finished."""
-    lines = path.read_text(errors="replace").translate(BRACKETS).splitlines(keepends=True)
+    lines = path.read_text(errors="replace").translate(_BRACKETS).splitlines(keepends=True)
     rows = [
         line.split() for line in lines if line.endswith("\n") and line.strip() and line[0] != "#"
     ]
@@ -22,7 +22,7 @@ def table_rows(path: Path) -> np.ndarray:
 
 
 def read_function_object(folder: Path, name: str) -> np.ndarray:
-    """Rows (time, …) of all `<folder>/<start time>/<name>` joined; a later start replaces what it repeats."""
+    """Rows (time, …) of all `<folder>/<start>/<name>`; a later start replaces repeated rows."""
     parts = sorted(folder.glob(f"*/{name}"), key=lambda path: float(path.parent.name))
     tables = [table for path in parts if len(table := table_rows(path))]
     if not tables:

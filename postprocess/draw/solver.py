@@ -1,4 +1,4 @@
-"""The solver's tables as figures: forces, power, history, mesh quality and costs."""
+"""The solver's tables as figures: forces, power, losses, history and mesh quality."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from postprocess.draw.series import BESIDE
 from postprocess.draw.style import CFD, GREY, PIV, THIRD, new_figure
 
-LOSSES = {
+_LOSSES = {
     "viscous": "viscosity",
     "convection": "convection scheme",
     "coupling": "pressure and velocity",
@@ -29,7 +29,7 @@ def forces(table: pd.DataFrame) -> Figure:
 
 
 def power(table: pd.DataFrame) -> Figure:
-    """Power balance: rates above, energies below, with what the gradients in the cells do not resolve of the dissipation."""
+    """Power balance: rates above, energies below, with what the dissipation does not resolve."""
     time = table["time"].to_numpy()
     storage = np.gradient(table["kinetic_energy"].to_numpy(), time)
 
@@ -54,36 +54,17 @@ def power(table: pd.DataFrame) -> Figure:
 
 
 def losses(power: pd.DataFrame, terms: pd.DataFrame) -> Figure:
-    """Where the flow's energy goes: what each term takes over time, with the balance's own loss, and in which region."""
-    figure, axes = new_figure(8.6, 6.0, 2, 1, sharex=True)
-    storage = np.gradient(power["kinetic_energy"].to_numpy(), power["time"].to_numpy())
-    axes[0].plot(
-        power["time"],
-        (power["finger_power"] - storage) * 1e3,
-        color=GREY,
-        label="work less kinetic energy",
-    )
-    axes[0].plot(
-        terms["time"], terms[list(LOSSES)].sum(axis=1) * 1e3, "k.", label="sum of the three"
-    )
-    for (name, words), colour in zip(LOSSES.items(), (PIV, CFD, THIRD), strict=True):
-        axes[0].plot(terms["time"], terms[name] * 1e3, color=colour, label=words)
-    axes[0].set(ylabel="loss, mW", title="Where the energy goes")
-    for region, style in (("wall", "-"), ("edge", "--"), ("wake", ":")):
-        scheme = terms[f"convection_{region}"] + terms[f"coupling_{region}"]
-        axes[1].plot(
-            terms["time"], scheme * 1e3, color=CFD, linestyle=style, label=f"schemes, {region}"
-        )
-        axes[1].plot(
-            terms["time"],
-            terms[f"viscous_{region}"] * 1e3,
-            color=PIV,
-            linestyle=style,
-            label=f"viscosity, {region}",
-        )
-    axes[1].set(xlabel="time, s", ylabel="loss, mW")
-    for ax in axes:
-        ax.legend(**BESIDE)
+    """What each term takes from the flow over time, beside what the power balance loses."""
+    figure, ax = new_figure(8.6, 3.6)
+    time = power["time"].to_numpy()
+    storage = np.gradient(power["kinetic_energy"].to_numpy(), time)
+    lost, taken = (power["finger_power"] - storage) * 1e3, terms[list(_LOSSES)].sum(axis=1) * 1e3
+    ax.plot(time, lost, color=GREY, label="work less kinetic energy")
+    ax.plot(terms["time"], taken, "k.", label="sum of the three")
+    for (name, words), colour in zip(_LOSSES.items(), (PIV, CFD, THIRD), strict=True):
+        ax.plot(terms["time"], terms[name] * 1e3, color=colour, label=words)
+    ax.set(xlabel="time, s", ylabel="loss, mW", title="Where the energy goes")
+    ax.legend(**BESIDE)
     return figure
 
 

@@ -12,19 +12,27 @@ from pipeline import stage_settings as settings_stage
 from pipeline.stage_settings import changed_settings
 from tests.conftest import ROOT, write_scene
 
-HOLD = "import sys, time; from pathlib import Path; from fileio.lock import exclusive\nwith exclusive(Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"
+HOLD = """
+import sys, time
+from pathlib import Path
+from fileio.lock import exclusive
+with exclusive(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+def hold(path):
+    """Another process that holds the lock on `path`."""
+    command = [sys.executable, "-c", HOLD, str(path)]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "held\n"
+    return process
 
 
 @pytest.fixture
 def holder(tmp_path):
-    """Another process that holds the lock on tmp_path/a.h5."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(tmp_path / "a.h5")],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout.readline() == "held\n"
+    process = hold(tmp_path / "a.h5")
     yield process
     process.kill()
     process.wait()
@@ -35,10 +43,8 @@ def test_a_second_writer_is_told_and_a_killed_one_leaves_no_lock(tmp_path, holde
     assert held(tmp_path) == "a.h5"
     with pytest.raises(BlockingIOError) as caught, exclusive(target):
         pass
-    assert (
-        sentence(caught.value)
-        == f"{target}: another make or command is writing it; wait for it or stop it"
-    )
+    words = f"{target}: another make or command is writing it; wait for it or stop it"
+    assert sentence(caught.value) == words
     with exclusive(tmp_path / "b.h5"):  # another file is free
         assert held(tmp_path) == "a.h5"
     holder.kill()
@@ -61,14 +67,8 @@ def test_new_numbers_wait_for_a_stage_that_works_with_the_old_ones(tmp_path):
     settings_stage.update_settings(scene, quiet=True)
     other = write_scene(tmp_path / "s", more="[piv]\nspacing = 4")
     assert list(changed_settings(other)) == ["piv.json"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(scene.out / "mesh")],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    process = hold(scene.out / "mesh")
     try:
-        assert process.stdout.readline() == "held\n"
         settings_stage.update_settings(
             write_scene(tmp_path / "s"), quiet=True
         )  # the same numbers: nothing to wait for

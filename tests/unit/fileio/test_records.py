@@ -1,4 +1,4 @@
-"""Tables and JSON records: other versions and kinds are one sentence; docs/formats.md names their columns."""
+"""Tables and JSON records: other versions and kinds are refused; docs/formats.md has them."""
 
 import json
 
@@ -17,8 +17,8 @@ def test_a_record_of_another_version_is_refused_with_what_to_do(tmp_path, record
     assert record.read(path)["value"] == 1.5
     for version in (record.version - 1, record.version + 1):
         path.write_text(json.dumps({"format": record.format, "format_version": version}))
-        words = f"format_version of this {record.format} file is {version}, this program reads {record.version}; "
-        with pytest.raises(StageError, match=f"a.json: {words}.*again$"):
+        words = f"of this {record.format} file is {version}, this program reads {record.version}; "
+        with pytest.raises(StageError, match=f"a.json: format_version {words}.*again$"):
             record.read(path)
     path.write_text("{}")
     with pytest.raises(

@@ -1,4 +1,4 @@
-"""Files are whole or not there, whatever the disk does: full at once, full within a file, full in the middle of a series."""
+"""Files are whole or not there, also on a disk that becomes full."""
 
 import errno
 import os
@@ -10,20 +10,25 @@ import xarray as xr
 
 from fileio import atomic as whole_file
 from fileio import hdf5_disk
-from fileio.atomic import check_room, naming, whole, write_bytes, write_text
+from fileio.atomic import check_room, whole, write_bytes, write_text
 from fileio.errors import StageError, sentence
 from fileio.formats.plane_series import make_plane, write_plane
 from fileio.formats.recording import RecordingWriter
 from fileio.formats.resumable import SeriesWriter
-from fileio.hdf5_disk import Disk, DiskFile, whole_hdf5
+from fileio.hdf5_disk import Disk, DiskFile
 from piv.plots import film
 
 SHAPE = (64, 96)
 
 
+def no_space():
+    """The error of a full disk."""
+    return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
 @pytest.fixture
 def room(monkeypatch):
-    """Sets how many bytes the disk of HDF5's files takes from now on, beyond those that are reserved."""
+    """Sets how many more bytes the disk of HDF5's files takes, beyond those reserved."""
     left, reserved = [10**12], [0]
     write, reserve = os.pwrite, os.posix_fallocate
 
@@ -38,7 +43,7 @@ def room(monkeypatch):
 
     def fallocate(descriptor, offset, size):
         if size - reserved[0] > left[0]:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            raise no_space()
         left[0] -= size - reserved[0]
         reserved[0] = size
         reserve(descriptor, offset, size)
@@ -59,9 +64,7 @@ def test_a_file_that_cannot_be_finished_is_not_there(tmp_path):
     def cut_off():
         with whole(path) as part:
             part.write_text("ne")
-            raise OSError(
-                errno.ENOSPC, os.strerror(errno.ENOSPC)
-            )  # as write() does: it names no file
+            raise no_space()  # as of write(): it names no file
 
     with pytest.raises(OSError, match="No space") as caught:
         cut_off()
@@ -69,7 +72,8 @@ def test_a_file_that_cannot_be_finished_is_not_there(tmp_path):
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["table.csv"]
     assert sentence(caught.value) == (
-        f"{path}: No space left on device; free some of the disk, then run it again: what is finished is kept"
+        f"{path}: No space left on device; free some of the disk, then run it again: what is"
+        " finished is kept"
     )
 
 
@@ -86,18 +90,12 @@ def test_the_disk_may_refuse_what_it_took_at_first(tmp_path, monkeypatch):
     assert not os.listdir(tmp_path)
 
 
-def test_other_errors_keep_their_names(tmp_path):
-    with pytest.raises(FileNotFoundError) as caught, naming(tmp_path / "log"):
-        (tmp_path / "missing").read_text()
-    assert caught.value.filename.endswith("missing")
-
-
 def test_a_disk_without_room_is_noticed(tmp_path, monkeypatch):
     check_room(tmp_path)
     assert not os.listdir(tmp_path)
 
     def full(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        raise no_space()
 
     monkeypatch.setattr(whole_file.os, "fsync", full)
     with pytest.raises(OSError, match="No space"):
@@ -112,15 +110,14 @@ def test_hdf5_never_meets_a_full_disk(tmp_path, room, size):
     path = tmp_path / "a.h5"
 
     def fill():
-        with whole_hdf5(path) as file:
+        with whole(path) as part, DiskFile(part, "w") as file:
             data = file.create_dataset(
                 "u", (40, 32, 32), "f8", chunks=(1, 32, 32), compression="gzip"
             )
             for k in range(40):
                 data[k] = np.random.default_rng(k).random((32, 32))
-            assert (
-                data[3, 0, 0] == np.random.default_rng(3).random()
-            )  # what was refused is read from memory
+            # refused bytes are read from memory
+            assert data[3, 0, 0] == np.random.default_rng(3).random()
 
     with pytest.raises(OSError, match=r"No space|quota") as caught:
         fill()
@@ -170,7 +167,7 @@ def test_a_recording_without_room_is_refused_before_its_first_frame(tmp_path, ro
 
 @pytest.mark.parametrize("extra", [0, 300, 700, 1500])
 def test_a_recording_goes_on_where_the_disk_became_full(tmp_path, room, extra):
-    """The masks, which are compressed, need room as they come; the frames that were told to be written stay."""
+    """The masks, which are compressed, need room as they come; written frames stay."""
     path = tmp_path / "images.h5"
     written = []
     mask = np.random.default_rng(0).random(SHAPE) > 0.5

@@ -1,4 +1,4 @@
-"""The references of scene.toml and dpiv.toml are what the models say; all that is wrong is told at once."""
+"""The references of scene.toml and dpiv.toml follow from the models, as do all complaints."""
 
 import tomllib
 
@@ -15,8 +15,9 @@ PAGES = [scene_reference, dpiv_reference]
 KEYS = [*scene_reference.keys(), *dpiv_reference.KEYS]
 # numbers that count, or are shares, powers and seeds
 BARE = {
-    "recording_factor", "wall_growth", "layer_growth", "wall_grading", "max_courant", "shadow", "exponent", "wall_layers",
-    "kpa_per_time", "bits", "format_version", "seed", "every", "frames", "points", "pairs_every", "chambers",
+    "recording_factor", "wall_growth", "layer_growth", "wall_grading", "max_courant", "shadow",
+    "exponent", "wall_layers", "kpa_per_time", "bits", "format_version", "seed", "every", "frames",
+    "points", "pairs_every", "chambers",
 }  # fmt: skip
 
 
