@@ -325,9 +325,9 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
         }
     ).to_csv(out / "run/power.csv", index=False)
     parts = {"viscous": 0.5, "convection": 0.3, "coupling": 0.2}
-    pd.DataFrame(
-        {"time": t} | {name: part * loss for name, part in parts.items()}
-    ).to_csv(out / "run/power_terms.csv", index=False)
+    pd.DataFrame({"time": t} | {name: part * loss for name, part in parts.items()}).to_csv(
+        out / "run/power_terms.csv", index=False
+    )
     pd.DataFrame(
         {
             "time": t,

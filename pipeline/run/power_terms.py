@@ -34,7 +34,7 @@ def term_rows(out: Path, interval: Interval, ranks: Ranks, density: float, visco
     sweep = read_sweep(out, interval.name)
     flat = planform.attrs["model"] == "2d"
     rows = []
-    for time, name in saved_times(ranks.folders(case)[0], ranks, ("U", "p")):
+    for time, name in saved_times(case, ranks, ("U", "p")):
         if time < interval.start + 1e-9:
             continue  # in the overlap with the interval before
         mesh = geometry_at(faces, planform, sweep, motion.nodes(time), flat)

@@ -23,7 +23,7 @@ from pipeline.openfoam.polymesh_files import read_faces
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.checkpoint import saved_times
 from pipeline.run.map_fields import read_cells
-from pipeline.run.prepare import prepared_for
+from pipeline.run.prepare import prepared_ranks
 from pipeline.scene.predicted import view_size
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.view.grids import X, Z, topology, walls, water, with_mirror_image
@@ -47,13 +47,11 @@ def _instants(out: Path) -> list[_Instant]:
     written: list[_Instant] = []
     for interval in read_intervals(out):
         case = out / "case" / interval.name
-        state = prepared_for(case)
-        ranks = Ranks(state.get("ranks", 1), bool(state.get("collated", False)))
-        shared = [dict(saved_times(folder, ranks, ("U", "p"))) for folder in ranks.folders(case)]
+        ranks = prepared_ranks(case)
         written += [
             (interval, ranks, time, name)
-            for time, name in sorted(shared[0].items())
-            if time > interval.start + 1e-9 and all(time in times for times in shared)
+            for time, name in saved_times(case, ranks, ("U", "p"))
+            if time > interval.start + 1e-9
         ]
     return written
 

@@ -3,7 +3,6 @@
 import json
 import shutil
 import struct
-import tracemalloc
 
 import numpy as np
 import pandas as pd
@@ -31,17 +30,14 @@ from postprocess.evidence.check_finite import (
     "content", [b"", b'{"wall_time": 1', b"\x00" * 40, b"\xff\xfe", b"[1, 2]", b"null"]
 )
 def test_half_written_json_is_one_sentence(tmp_path, content):
+    assert prepared_for(tmp_path) == {}
+    assert read_progress(tmp_path)["wall_time"] == 0.0  # never begun
     for name, read in ((PROGRESS, read_progress), (STATE, prepared_for)):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(StageError, match="delete it and run make again") as caught:
             read(tmp_path)
         assert str(tmp_path / name) in str(caught.value)
         assert "\n" not in str(caught.value)
-
-
-def test_what_was_never_begun_is_no_damage(tmp_path):
-    assert prepared_for(tmp_path) == {}
-    assert read_progress(tmp_path)["wall_time"] == 0.0
 
 
 def surface(values):
@@ -79,21 +75,6 @@ def test_a_header_of_impossible_numbers_is_damage(tmp_path, count):
     for told in (b"POINTS 3 ", b"p 1 3 "):
         path.write_bytes(surface([1.0, 2.0, 3.0]).replace(told, told.replace(b"3", count)))
         assert not is_whole_vtk(path)
-
-
-def test_values_of_a_sample_are_passed_over(tmp_path):
-    """All samples of a run are looked at when it ends and whenever it is resumed."""
-    path, many = tmp_path / "large.vtk", 2**27
-    head = surface([0, 0, 0]).replace(b"p 1 3 float", b"p 1 %d float" % many)[: -4 * 3 - 1]
-    path.write_bytes(head)
-    with path.open("ab") as file:
-        file.truncate(len(head) + 4 * many)  # takes no room on the disk
-        file.seek(0, 2)
-        file.write(b"\n")
-    tracemalloc.start()
-    assert is_whole_vtk(path)
-    assert tracemalloc.get_traced_memory()[1] < 1e6
-    tracemalloc.stop()
 
 
 def test_a_damaged_or_foreign_hdf5_file_is_one_sentence_wherever_it_is_opened(tmp_path):
