@@ -28,6 +28,7 @@ _NAMES = {
     Path: "path",
     dict: "table",
 }
+_MEANING = re.compile(r"(.*?)(?: \[([^][]+)\])?")  # with a unit in brackets
 _BOUNDS = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}
 MISSING, _WITH_TABLE = "required", "required in this table"
 
@@ -56,10 +57,16 @@ def keys_of(
             continue
         dotted = f"{above}{name}"
         inner, listed = _model_of(field.annotation)
-        if inner is None or _type_of(field) != "table" or (field.is_required() and not optional):
-            yield _key(dotted, field, optional, meanings.get(name, ""))
+        kind, required = _type_text(field.annotation, tuple(field.metadata)), field.is_required()
+        if inner is None or kind != "table" or (required and not optional):
+            about = meanings.get(name) or ((inner and inner.__doc__) or "").partition("\n")[0]
+            meaning, unit = _MEANING.fullmatch(about.strip()).groups("")  # type: ignore[union-attr]
+            default = _WITH_TABLE if optional else MISSING
+            if not required:
+                default = toml_value(field.get_default(call_default_factory=True))
+            yield Key(dotted, kind, unit, default, meaning)
         if inner is not None:
-            absent = optional or not field.is_required()
+            absent = optional or not required
             yield from keys_of(inner, f"{dotted}[]." if listed else f"{dotted}.", optional=absent)
 
 
@@ -78,16 +85,6 @@ def _strings_below(model: type[BaseModel]) -> dict[str, str]:
     return known
 
 
-def _key(name: str, field: FieldInfo, optional: bool, about: str) -> Key:
-    inner, _ = _model_of(field.annotation)
-    about = about or (inner.__doc__ or "" if inner else "").partition("\n")[0]
-    meaning, unit = re.fullmatch(r"(.*?)(?: \[([^][]+)\])?", about.strip()).groups("")  # type: ignore[union-attr]
-    default = _WITH_TABLE if optional else MISSING
-    if not field.is_required():
-        default = toml_value(field.get_default(call_default_factory=True))
-    return Key(name, _type_of(field), unit, default, meaning)
-
-
 def toml_value(value: Any) -> str:
     """A value as TOML has it; "" of None."""
     if value is None or value == {}:
@@ -97,11 +94,6 @@ def toml_value(value: Any) -> str:
     if isinstance(value, tuple | list):
         return f"[{', '.join(map(toml_value, value))}]"
     return str(value)
-
-
-def _type_of(field: FieldInfo) -> str:
-    """The type of a key, with its bounds."""
-    return _type_text(field.annotation, tuple(field.metadata))
 
 
 def _type_text(annotation: Any, metadata: tuple[Any, ...] = ()) -> str:
@@ -211,10 +203,14 @@ def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> 
         key = ".".join(part for part in (section, *map(str, error["loc"])) if part)
         message = error["msg"].removeprefix("Value error, ")
         if error["type"] == "extra_forbidden":
-            near = _nearest_key(str(error["loc"][-1]), model, error["loc"][:-1])
-            message = "this key is not known; " + (
-                f"{near!r} is" if near else "check its spelling or remove it"
-            )
+            *place, name = error["loc"]
+            table: Any = model
+            for part in place:
+                if part in getattr(table, "model_fields", {}):
+                    table, _ = _model_of(table.model_fields[part].annotation)
+            near = nearest(str(name), getattr(table, "model_fields", {}))
+            cure = f"{near!r} is" if near else "check its spelling or remove it"
+            message = f"this key is not known; {cure}"
         elif error["type"] == "missing":
             message = "this key is missing; add it"
         elif error["loc"]:
@@ -222,13 +218,3 @@ def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> 
             message += f" (got {value if len(value) <= _LONGEST else value[:_LONGEST] + '…'})"
         sentences.append(f"{key}: {message}" if key else message)
     return sentences
-
-
-def _nearest_key(name: str, model: type[BaseModel], place: tuple[Any, ...]) -> str | None:
-    """The key nearest to `name` in a model's table at `place` (names, and numbers of lists)."""
-    inner: type[BaseModel] | None = model
-    for part in place:
-        if isinstance(part, str) and inner is not None and part in inner.model_fields:
-            inner, _ = _model_of(inner.model_fields[part].annotation)
-    known = list(inner.model_fields) if inner is not None else []
-    return nearest(name, known)

@@ -91,7 +91,7 @@ def read_intervals(out: Path) -> tuple[Interval, ...]:
     """The intervals of a level's planform.h5, in order."""
     file = SCHEMA.read(out / "planform.h5")
     rows = zip(*(file[name].values.tolist() for name in _COLUMNS), strict=True)
-    return tuple(Interval(k, *row, bool(moving)) for k, (*row, moving) in enumerate(rows))
+    return tuple(Interval(k, b, s, e, mesh, bool(m)) for k, (b, s, e, mesh, m) in enumerate(rows))
 
 
 def read_planform(out: Path, mesh: int) -> xr.Dataset:

@@ -146,17 +146,17 @@ def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False
         return ["pimpleFoam"]
     # the environment of a login by ssh on other hosts lacks OpenFOAM's variables
     names = sorted(name for name in environment() if name.startswith(_FORWARDED)) if hosts else []
-    alone = hosts is not None or not _in_whole_job(os.environ)
-    flags = _open_mpi_flags(alone, hosts, names) if is_open_mpi() else _hydra_flags(hosts, names)
-    return [
-        "mpirun",
-        "-np",
-        str(ranks),
-        *flags,
-        "pimpleFoam",
-        "-parallel",
-        *(COLLATED if collated else ()),
-    ]
+    if is_open_mpi():
+        flags = ["--allow-run-as-root"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+        if hosts or not _in_whole_job(os.environ):
+            # a shared machine: ranks yield, move, and may be more than its cores
+            flags += ["--mca", "mpi_yield_when_idle", "1", "--bind-to", "none", "--oversubscribe"]
+        flags += ["--hostfile", str(hosts)] if hosts else []
+        flags += [word for name in names for word in ("-x", name)]
+    else:  # Hydra binds no rank and allows more ranks than cores by itself
+        flags = ["-f", str(hosts), "-genvlist", ",".join(names)] if hosts else []
+    files = COLLATED if collated else ()
+    return ["mpirun", "-np", str(ranks), *flags, "pimpleFoam", "-parallel", *files]
 
 
 @cache
@@ -179,20 +179,6 @@ def is_open_mpi() -> bool:
     raise StageError(
         f"mpirun is of an unknown MPI ({text.strip()[:60]!r}); use Open MPI or MPICH, or give NP=1"
     )
-
-
-def _open_mpi_flags(alone: bool, hosts: Path | None, names: list[str]) -> list[str]:
-    """Open MPI's options; `alone`: not on a Slurm job's cores; `names`: variables for `hosts`."""
-    flags = ["--allow-run-as-root"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
-    if alone:  # a shared machine: ranks yield, move, and may be more than its cores
-        flags += ["--mca", "mpi_yield_when_idle", "1", "--bind-to", "none", "--oversubscribe"]
-    flags += ["--hostfile", str(hosts)] if hosts else []
-    return flags + [word for name in names for word in ("-x", name)]
-
-
-def _hydra_flags(hosts: Path | None, names: list[str]) -> list[str]:
-    """Hydra's options: it binds no rank and allows more ranks than cores by itself."""
-    return ["-f", str(hosts), "-genvlist", ",".join(names)] if hosts else []
 
 
 def run(args: argparse.Namespace) -> None:

@@ -35,22 +35,6 @@ def test_every_key_has_a_meaning_and_every_length_a_unit(key):
         assert key.unit, f"{key.name}: add its unit in brackets to its docstring"
 
 
-def test_every_key_of_the_shipped_scenes_is_in_the_reference():
-    known = {key.name.partition("[]")[0] for key in KEYS}
-    for path in (ROOT / "cases").glob("*/scene.toml"):
-        scene = tomllib.loads(path.read_text(encoding="utf-8"))
-        tables = [scene, *scene.get("levels", {}).values()]
-        for section, values in (
-            (s, v) for table in tables for s, v in table.items() if isinstance(v, dict)
-        ):
-            for key in values if section != "levels" else ():
-                entry = f"{section}.{key}"
-                assert any(name == entry or name.startswith(f"{entry}.") for name in known), (
-                    path,
-                    entry,
-                )
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.__name__.rpartition(".")[2])
 def test_a_template_filled_in_is_valid_toml_and_asks_for_what_is_required(page, capsys):
     page.run(type("Asked", (), {"template": True, "data": None}))

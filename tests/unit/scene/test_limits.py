@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from fileio.errors import StageError
-from pipeline.scene.predicted import predicted
 from pipeline.scene.scene import Scene, load_scene
 from tests.conftest import ROOT
 
@@ -157,9 +156,3 @@ def test_a_later_stroke_that_never_begins_is_warned_of(tmp_path):
         " { pressure_kpa = 0.0, start = 9.0, duration = 0.4 }]"
     )
     assert "strokes[1] starts at 9 s" in smoke(tmp_path / "s", strokes).remarks()[0]
-
-
-def test_the_predicted_size_is_that_of_the_run_within_a_factor_of_three(tmp_path):
-    size = predicted(smoke(tmp_path / "s", ""))
-    assert 1000 < size.cells < 9000  # 3054 are meshed
-    assert size.steps == pytest.approx(210)
