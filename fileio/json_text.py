@@ -28,9 +28,8 @@ def flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
     """The values of a table and of the tables in it, by their keys joined with dots."""
     values: dict[str, Any] = {}
     for key, value in table.items():
-        values |= (
-            flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
-        )
+        name = f"{above}{key}"
+        values |= flat(value, f"{name}.") if isinstance(value, dict) else {name: value}
     return values
 
 

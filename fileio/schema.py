@@ -181,7 +181,7 @@ class JsonFormat:
 
     def write(self, path: Path, content: Mapping[str, Any]) -> None:
         """Write a file whole or not at all; ValueError for a NaN or infinite number."""
-        whole = {"format": self.format, "format_version": self.version} | dict(content)
+        whole = {"format": self.format, "format_version": self.version, **content}
         write_text(path, json.dumps(whole, indent=1, allow_nan=False, default=plain) + "\n")
 
     def read(self, path: Path) -> dict[str, Any]:

@@ -24,7 +24,7 @@ _NEEDED = (
 COLLATED = ("-fileHandler", "collated")
 # What OpenFOAM's programs need of their environment.
 _FORWARDED = ("WM_", "FOAM_", "PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
-_PROJECT_DIRS = ("/usr/share/openfoam",)  # Debian's package sets no WM_PROJECT_DIR
+_PACKAGED = Path("/usr/share/openfoam")  # Debian's package sets no WM_PROJECT_DIR
 
 
 @cache
@@ -33,8 +33,8 @@ def environment() -> dict[str, str]:
     env = dict(os.environ)
     if not env.get("WM_PROJECT_DIR"):  # empty is as good as unset
         env.pop("WM_PROJECT_DIR", None)
-    chosen = Path(env.get("WM_PROJECT_DIR", _PROJECT_DIRS[0]))
-    if str(chosen) not in _PROJECT_DIRS:
+    chosen = Path(env.get("WM_PROJECT_DIR", _PACKAGED))
+    if chosen != _PACKAGED:
         if not (chosen / "etc" / "bashrc").is_file():
             raise StageError(
                 f"WM_PROJECT_DIR = {chosen}: there is no etc/bashrc; give the folder of an"
@@ -51,10 +51,9 @@ def environment() -> dict[str, str]:
             f"OpenFOAM is not installed (no pimpleFoam on the path); run: sudo {INSTALL}"
         )
     if "WM_PROJECT_DIR" not in env:
-        installed = next((folder for folder in _PROJECT_DIRS if Path(folder, "etc").is_dir()), None)
-        if installed is None:
+        if not (_PACKAGED / "etc").is_dir():
             raise StageError("WM_PROJECT_DIR is not set; source OpenFOAM's etc/bashrc first")
-        env["WM_PROJECT_DIR"] = installed
+        env["WM_PROJECT_DIR"] = str(_PACKAGED)
     # one more busy process would stall spinning ranks
     env.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
     env["OMP_NUM_THREADS"] = "1"

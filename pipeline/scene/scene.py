@@ -86,17 +86,13 @@ class Scene(Section):
         return table
 
     @model_validator(mode="after")
-    def _one_body(self) -> Scene:
+    def _checked(self) -> Scene:
         if (self.body is None) == (self.motion.source == "rigid"):
             raise ValueError(
                 "body and motion.source = 'rigid' belong together; give both or neither"
             )
         if self.body is not None and self.pinch is not None:
             raise ValueError("pinch: a rigid body has no second finger; remove it")
-        return self
-
-    @model_validator(mode="after")
-    def _physical(self) -> Scene:
         check_scene(self)
         return self
 
