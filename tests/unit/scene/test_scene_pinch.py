@@ -5,7 +5,6 @@ import pytest
 from fileio.errors import StageError
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
-from pipeline.stage_settings import write_settings
 from tests.conftest import ROOT, write_scene
 
 OBJECT = "[pinch.object]\ndiameter = {d}\ncentre_height = {y}\n"
@@ -59,17 +58,3 @@ def test_a_finger_that_curls_into_the_support_is_refused(tmp_path):
     with pytest.raises(StageError, match=r"touches the support at 1\d\d\.\d° of bend; raise"):
         kinematics_values(scene)
     kinematics_values(write_scene(tmp_path / "t", "half", SUPPORT.format(x=0.3, h=0.02, y=0.245)))
-
-
-def test_the_residual_gap_redoes_the_motion_and_no_settings_else(tmp_path):
-    folder = tmp_path / "scene"
-    write_settings(write_scene(folder, "quarter", parent="pinch"))
-    after = write_scene(folder, "quarter", "[pinch]\nresidual_gap = 1e-3", parent="pinch")
-    assert write_settings(after) == ["kinematics"]
-    after = write_scene(
-        folder,
-        "quarter",
-        "[pinch]\nresidual_gap = 1e-3\n" + SUPPORT.format(x=0.1, h=0.02, y=0.255),
-        parent="pinch",
-    )
-    assert set(write_settings(after)) == {"kinematics", "mesh"}
