@@ -11,10 +11,9 @@ from collections.abc import Iterable
 _ADVICE = {
     errno.ENOSPC: "free some of the disk, then run it again: what is finished is kept",
     errno.EDQUOT: "free some of your quota, then run it again: what is finished is kept",
-    errno.EROFS: "write elsewhere, or make the folder writable",
-    errno.EACCES: "write elsewhere, or make the folder writable",
-    errno.EPERM: "write elsewhere, or make the folder writable",
-}
+} | dict.fromkeys(
+    (errno.EROFS, errno.EACCES, errno.EPERM), "write elsewhere, or make the folder writable"
+)
 
 
 def one_line(error: BaseException, longest: int = 80) -> str:

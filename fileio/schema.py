@@ -198,11 +198,16 @@ def plain(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Table:
-    """A CSV of numbers with one header line; `remedy` for an unusable file."""
+    """A CSV of numbers; `header`: names of columns, ", " between; `remedy` for an unusable file."""
 
-    columns: tuple[str, ...]
+    header: str
     remedy: str
     digits: int = 12
+
+    @property
+    def columns(self) -> list[str]:
+        """The names of the columns."""
+        return self.header.split(", ")
 
     def write(self, path: Path, rows: Iterable[Iterable[float]]) -> None:
         """Write a file whole or not at all."""

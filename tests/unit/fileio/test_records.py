@@ -6,7 +6,7 @@ import pytest
 
 from fileio.errors import StageError
 from fileio.formats.__main__ import PAGE
-from fileio.formats.records import FORCES, RECORDS, TABLES
+from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER, POWER_TERMS, RECORDS
 from fileio.formats.vortex_table import COLUMNS, read_vortices
 
 
@@ -51,8 +51,8 @@ def test_no_table_is_one_sentence(tmp_path):
 
 def test_the_page_of_formats_names_the_columns_and_versions():
     page = " ".join(PAGE.read_text(encoding="utf-8").split())
-    for name, table in TABLES.items():
-        assert f"`{', '.join(table.columns)}`" in page, name
+    for table in (FORCES, POWER, POWER_TERMS, HISTORY, MESH_QUALITY):
+        assert f"`{table.header}`" in page
     assert f"`{', '.join(COLUMNS)}`" in page
     for record in RECORDS:
         assert f'`format = "{record.format}"`, version {record.version}' in page, record.format
