@@ -1,4 +1,4 @@
-"""Foreign and damaged files are read in a forked process: some end or hang the library that reads them."""
+"""Reading in a forked process, for files that may crash or hang the library that reads them."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ import h5py
 from fileio.errors import one_line
 
 WALK_LIMIT = 3  # s of CPU time; walking a sound file takes milliseconds
-READ_LIMIT = 120  # s of CPU time; reading a file of gigabytes takes seconds
-WALL_LIMIT = 600.0  # s; even on a machine that gives a process a hundredth of its time
+_READ_LIMIT = 120  # s of CPU time; reading a file of gigabytes takes seconds
+_WALL_LIMIT = 600.0  # s; even on a machine that gives a process a hundredth of its time
 T = TypeVar("T")
 
 
-def read_in_child(read: Callable[..., T], *args: Any, cpu_limit: int = READ_LIMIT) -> T:
-    """What `read(*args)` returns, or the exception that it raises, from a forked process that may die of it.
+def read_in_child(read: Callable[..., T], *args: Any, cpu_limit: int = _READ_LIMIT) -> T:
+    """The result or exception of `read(*args)` in a forked process, which may die of it.
 
-    ChildProcessError where it died or exceeded its time. Systems that cannot fork read in this process.
+    ChildProcessError where it died or exceeded its time. Without fork it runs in this process.
     """
     if not hasattr(os, "fork"):
         return read(*args)
@@ -38,7 +38,7 @@ def read_in_child(read: Callable[..., T], *args: Any, cpu_limit: int = READ_LIMI
         _read_and_exit(sender, read, args, cpu_limit)
     sender.close()
     try:
-        if not receiver.poll(WALL_LIMIT):
+        if not receiver.poll(_WALL_LIMIT):
             raise EOFError
         good, result = receiver.recv()
     except EOFError:
@@ -56,10 +56,10 @@ def read_in_child(read: Callable[..., T], *args: Any, cpu_limit: int = READ_LIMI
 
 @contextmanager
 def worker_pool(processes: int, *, forked: bool = False) -> Iterator[ProcessPoolExecutor]:
-    """Worker processes that Ctrl-C ends without a word, from their first import on: their parent says what there is to say.
+    """Worker processes that Ctrl-C ends silently, also during their first import.
 
-    `forked`, where the system can: they begin with all that this process has imported and compiled. Not where a library
-    has threads of its own by then (OpenCV, Numba's parallel loops): these are not forked along, and are waited for.
+    `forked`, where the system can: they begin with all imported and compiled code of this process.
+    Not where a library has threads by then (OpenCV, Numba's parallel loops): forks wait for them.
     """
     kind = "fork" if forked and hasattr(os, "fork") else "spawn"
     with ProcessPoolExecutor(processes, get_context(kind), initializer=_end_at_interrupt) as pool:
@@ -99,7 +99,7 @@ def _read_and_exit(
 
 
 def check_walkable(path: str | Path) -> None:
-    """ValueError where the HDF5 library cannot get through the file's structure; what it refuses itself passes."""
+    """ValueError where the HDF5 library crashes or hangs on the file's structure."""
     if not Path(path).is_file():
         return
     state = Path(path).stat()
@@ -113,7 +113,7 @@ def check_walkable(path: str | Path) -> None:
 
 @lru_cache(maxsize=256)
 def _walk_once(path: str, *state: int) -> None:
-    """Walk a file in this state, once: a stage opens the same file several times."""
+    """Walk a file in this state once: a stage opens the same file several times."""
     read_in_child(_walk_file, path, cpu_limit=WALK_LIMIT)
 
 

@@ -1,4 +1,4 @@
-"""What goes wrong, in one sentence for the user."""
+"""Failures as one sentence for the user."""
 
 from __future__ import annotations
 
@@ -8,23 +8,22 @@ import os
 import re
 from collections.abc import Iterable
 
-ADVICE = {
+_ADVICE = {
     errno.ENOSPC: "free some of the disk, then run it again: what is finished is kept",
     errno.EDQUOT: "free some of your quota, then run it again: what is finished is kept",
-    errno.EROFS: "write elsewhere, or make the folder writable",
-    errno.EACCES: "write elsewhere, or make the folder writable",
-    errno.EPERM: "write elsewhere, or make the folder writable",
-}
+} | dict.fromkeys(
+    (errno.EROFS, errno.EACCES, errno.EPERM), "write elsewhere, or make the folder writable"
+)
 
 
 def one_line(error: BaseException, longest: int = 80) -> str:
-    """The error's text without line breaks and no longer than `longest`; its kind where it has none."""
+    """The error's text on one line, cut to `longest` characters; without a text its kind."""
     text = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
     return " ".join(text.split())[:longest] or type(error).__name__
 
 
 def system_error(error: BaseException) -> int | None:
-    """Number of the system's error that an exception carries, or that HDF5 says in its text."""
+    """The system's error number of an exception, or in the text of one of HDF5."""
     if isinstance(error, OSError) and error.errno is not None:
         return error.errno
     named = re.search(r"errno = (\d+)", str(error))
@@ -32,41 +31,33 @@ def system_error(error: BaseException) -> int | None:
 
 
 def sentence(error: BaseException) -> str | None:
-    """One sentence for a failure that the machine or the input causes; None for one that is the program's own.
+    """One sentence for a failure by the machine or the input; None for a defect of the program.
 
-    HDF5 reports a full disk as OSError, RuntimeError or ValueError with the number of the system's error in the text.
+    HDF5 reports a full disk as OSError, RuntimeError or ValueError with the system's error number
+    in the text.
     """
     number = system_error(error)
-    named = "errno = " in str(error)
-    file = error.filename if isinstance(error, OSError) and error.filename else None
-    if file is None and (match := re.search(r"name = '([^']*)'", str(error))):
-        file = match.group(1)
     if number is not None:
-        advice = f"; {ADVICE[number]}" if number in ADVICE else ""
-        text = (
-            error.strerror
-            if isinstance(error, OSError) and error.strerror and not named
-            else os.strerror(number)
-        )
+        own = None if "errno = " in str(error) else getattr(error, "strerror", None)
+        text = own or os.strerror(number)
+        match = re.search(r"name = '([^']*)'", str(error))
+        file = getattr(error, "filename", None) or (match and match.group(1))
+        advice = f"; {_ADVICE[number]}" if number in _ADVICE else ""
         return f"{file}: {text}{advice}" if file else f"{text}{advice}"
     if isinstance(error, MemoryError):
-        return (
-            f"not enough memory ({one_line(error)}); close other programs or work in smaller parts"
-        )
-    if isinstance(
-        error, ValueError | OSError
-    ):  # a KeyError that no reader has explained is a defect
-        return one_line(error, 2000)
-    return None
+        cure = "close other programs or work in smaller parts"
+        return f"not enough memory ({one_line(error)}); {cure}"
+    # a KeyError that no reader has explained is a defect
+    return one_line(error, 2000) if isinstance(error, ValueError | OSError) else None
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """The word of `known` that is spelt most alike; None where none is near."""
+    """The word of `known` with the nearest spelling, or None."""
     return next(iter(difflib.get_close_matches(word, list(known), 1)), None)
 
 
 def meant(word: str, known: Iterable[str]) -> str:
-    """A question that names the nearest of `known`; nothing where none is near."""
+    """A question with the nearest word of `known`, or an empty text."""
     near = nearest(word, known)
     return f"; did you mean {near}?" if near else ""
 

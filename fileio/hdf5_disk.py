@@ -1,27 +1,24 @@
 """HDF5 files on disks that may be full.
 
-The library crashes, at once or when the process ends, of a write that fails. It therefore writes through `Disk`, which
-never fails it: what the disk refuses stays in memory, and is told by DiskFile's `flush` and `close`.
+The library crashes, at once or when the process ends, of a write that fails. It therefore writes
+through `Disk`, whose writes never fail: refused bytes stay in memory, and DiskFile's `flush` and
+`close` raise the error.
 """
 
 from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import h5py
 
-from fileio.atomic import whole
-
 
 class Disk(io.RawIOBase):
     """A file to write for h5py, xarray or h5netcdf: mode "w" (new) or "r+".
 
-    It takes every write; `check` and `close` raise the first error of the disk, or the interruption, that befell one.
+    It accepts every write; `check` and `close` raise the first error or interruption of one.
     """
 
     def __init__(self, path: str | Path, mode: str) -> None:
@@ -46,7 +43,7 @@ class Disk(io.RawIOBase):
         return self._position
 
     def readinto(self, buffer: Any) -> int:
-        """What was written, be it on the disk or in memory; zeros beyond the end."""
+        """Bytes from the disk or from memory; zeros beyond the end."""
         view = memoryview(buffer).cast("B")
         start, size = self._position, len(view)
         data = os.pread(self._descriptor, size, start)
@@ -60,7 +57,7 @@ class Disk(io.RawIOBase):
         return size
 
     def write(self, content: Any) -> int:
-        """Write at the position; in memory from the first failure on, so that the disk is left as it was then."""
+        """Write at the position; from the first failure on in memory alone."""
         view = memoryview(content).cast("B")
         start, size = self._position, len(view)
         try:
@@ -86,7 +83,7 @@ class Disk(io.RawIOBase):
         return self._end
 
     def reserve(self, size: int) -> None:
-        """Take the room for the first `size` bytes; where there is none, the disk is left as it is."""
+        """Allocate the first `size` bytes; without room for them the disk stays as it is."""
         if size <= self._reserved or self._failure is not None:
             return
         before = os.fstat(self._descriptor).st_size
@@ -98,7 +95,7 @@ class Disk(io.RawIOBase):
             os.ftruncate(self._descriptor, before)
 
     def check(self) -> None:
-        """Raise what befell a write."""
+        """Raise the first failure of a write."""
         if isinstance(self._failure, OSError):
             raise OSError(
                 self._failure.errno, self._failure.strerror, str(self._path)
@@ -107,7 +104,7 @@ class Disk(io.RawIOBase):
             raise self._failure
 
     def close(self) -> None:
-        """Let the file go."""
+        """Close the file; raise the first failure of a write."""
         if not self.closed:
             os.close(self._descriptor)
             super().close()
@@ -115,9 +112,9 @@ class Disk(io.RawIOBase):
 
 
 class DiskFile(h5py.File):
-    """An HDF5 file to write: mode "w" or "r+". `flush` and `close` raise what the disk has refused as OSError.
+    """An HDF5 file to write: mode "w" or "r+"; `flush` and `close` raise an OSError of the disk.
 
-    The disk is then left with what the last good `flush` has written: the room for all that was created is taken first.
+    The disk then has the state of the last good `flush`, which allocates the room first.
     """
 
     def __init__(self, path: str | Path, mode: str, **options: Any) -> None:
@@ -135,15 +132,8 @@ class DiskFile(h5py.File):
         self._disk.check()
 
     def close(self) -> None:
-        """Write the rest, and let the file go."""
+        """Write the rest and close the file."""
         if self:
             self._disk.reserve(self.id.get_filesize())
         super().close()
         self._disk.close()
-
-
-@contextmanager
-def whole_hdf5(path: str | Path, **options: Any) -> Iterator[h5py.File]:
-    """A new HDF5 file that becomes `path` where the block ends well, and is removed otherwise; its folder is made."""
-    with whole(path) as part, DiskFile(part, "w", **options) as file:
-        yield file

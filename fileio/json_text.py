@@ -1,4 +1,4 @@
-"""JSON that must hold an object, or a list: files, and attributes of HDF5 files."""
+"""JSON files and HDF5 attributes that must hold an object or a list."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fileio.record import check_whole
 
 
 def parse_json(text: str | bytes, place: str | Path, remedy: str, kind: type = dict) -> Any:
-    """What `text` holds, of `kind`; else StageError with `place`, what is wrong and `remedy` in one sentence."""
+    """The value of `text`, of `kind`; StageError with `place`, fault and `remedy`."""
     try:
         value = json.loads(text)
     except (TypeError, ValueError, RecursionError) as error:
@@ -28,19 +28,18 @@ def flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
     """The values of a table and of the tables in it, by their keys joined with dots."""
     values: dict[str, Any] = {}
     for key, value in table.items():
-        values |= (
-            flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
-        )
+        name = f"{above}{key}"
+        values |= flat(value, f"{name}.") if isinstance(value, dict) else {name: value}
     return values
 
 
 def given(table: dict[str, Any]) -> dict[str, Any]:
-    """The values of `flat` without those that are null: a key of today that is not given, and one that there was not yet, are the same."""
+    """The values of `flat` that are not null."""
     return {key: value for key, value in flat(table).items() if value is not None}
 
 
 def read_json(path: Path, remedy: str, kind: type = dict) -> Any:
-    """What a file holds; StageError as `parse_json`."""
+    """The value of a file; StageError as of `parse_json`."""
     check_whole(path)
     return parse_json(path.read_bytes(), path, remedy, kind)
 

@@ -1,4 +1,4 @@
-"""The keys of a TOML file as its pydantic model declares them: a reference, a file to start from, and what is wrong with one."""
+"""The keys of a TOML file from its pydantic model: a reference, a template, and complaints."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from pydantic.fields import FieldInfo
 
 from fileio.errors import nearest
 
-LONGEST = 60  # characters of what was given, in a message
-NAMES = {
+_LONGEST = 60  # characters of a wrong value in a message
+_NAMES = {
     float: "number",
     int: "whole number",
     str: "text",
@@ -28,13 +28,14 @@ NAMES = {
     Path: "path",
     dict: "table",
 }
-BOUNDS = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}
-MISSING, WITH_TABLE = "required", "required in this table"
+_MEANING = re.compile(r"(.*?)(?: \[([^][]+)\])?")  # with a unit in brackets
+_BOUNDS = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}
+MISSING, _WITH_TABLE = "required", "required in this table"
 
 
 @dataclass(frozen=True)
 class Key:
-    """A key by its dotted name; `default` as TOML has it, or MISSING (WITH_TABLE of a table that may be absent), or ""."""
+    """A key by its dotted name; `default` as TOML has it, "", MISSING or _WITH_TABLE."""
 
     name: str
     type: str
@@ -49,22 +50,28 @@ def keys_of(
     without: frozenset[str] = frozenset(),
     optional: bool = False,
 ) -> Iterator[Key]:
-    """All keys of a model and of the tables in it, but for the names in `without`; `optional`: the table may be absent."""
-    said = _strings_below(model)
+    """All keys of a model and its tables but those in `without`; `optional`: it may be absent."""
+    meanings = _strings_below(model)
     for name, field in model.model_fields.items():
         if name in without:
             continue
         dotted = f"{above}{name}"
         inner, listed = _model_of(field.annotation)
-        if inner is None or type_of(field) != "table" or (field.is_required() and not optional):
-            yield _key(dotted, field, optional, said.get(name, ""))
+        kind, required = _type_text(field.annotation, tuple(field.metadata)), field.is_required()
+        if inner is None or kind != "table" or (required and not optional):
+            about = meanings.get(name) or ((inner and inner.__doc__) or "").partition("\n")[0]
+            meaning, unit = _MEANING.fullmatch(about.strip()).groups("")  # type: ignore[union-attr]
+            default = _WITH_TABLE if optional else MISSING
+            if not required:
+                default = toml_value(field.get_default(call_default_factory=True))
+            yield Key(dotted, kind, unit, default, meaning)
         if inner is not None:
-            absent = optional or not field.is_required()
+            absent = optional or not required
             yield from keys_of(inner, f"{dotted}[]." if listed else f"{dotted}.", optional=absent)
 
 
 def _strings_below(model: type[BaseModel]) -> dict[str, str]:
-    """The string below each key of a model. pydantic would read the sources of all models whenever they are imported."""
+    """The string below each key of a model; pydantic would read all sources at each import."""
     known = {}
     for kind in reversed(model.__mro__[: model.__mro__.index(BaseModel)]):
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
@@ -78,16 +85,6 @@ def _strings_below(model: type[BaseModel]) -> dict[str, str]:
     return known
 
 
-def _key(name: str, field: FieldInfo, optional: bool, said: str) -> Key:
-    inner, _ = _model_of(field.annotation)
-    about = said or (inner.__doc__ or "" if inner else "").partition("\n")[0]
-    meaning, unit = re.fullmatch(r"(.*?)(?: \[([^][]+)\])?", about.strip()).groups("")  # type: ignore[union-attr]
-    default = WITH_TABLE if optional else MISSING
-    if not field.is_required():
-        default = toml_value(field.get_default(call_default_factory=True))
-    return Key(name, type_of(field), unit, default, meaning)
-
-
 def toml_value(value: Any) -> str:
     """A value as TOML has it; "" of None."""
     if value is None or value == {}:
@@ -97,11 +94,6 @@ def toml_value(value: Any) -> str:
     if isinstance(value, tuple | list):
         return f"[{', '.join(map(toml_value, value))}]"
     return str(value)
-
-
-def type_of(field: FieldInfo) -> str:
-    """What a key takes, with its bounds."""
-    return _type_text(field.annotation, tuple(field.metadata))
 
 
 def _type_text(annotation: Any, metadata: tuple[Any, ...] = ()) -> str:
@@ -123,11 +115,11 @@ def _type_text(annotation: Any, metadata: tuple[Any, ...] = ()) -> str:
     bounds = [
         f"{sign} {getattr(m, kind):.10g}"
         for m in _flat(metadata)
-        for kind, sign in BOUNDS.items()
+        for kind, sign in _BOUNDS.items()
         if getattr(m, kind, None) is not None
     ]
     return " ".join(
-        [NAMES.get(origin or annotation, "text"), ", ".join(dict.fromkeys(bounds))]
+        [_NAMES.get(origin or annotation, "text"), ", ".join(dict.fromkeys(bounds))]
     ).strip()
 
 
@@ -149,15 +141,8 @@ def _model_of(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
 
 
 def markdown(keys: list[Key], levels: Mapping[str, str] | None = None) -> str:
-    """The keys as a table for each section; `levels`: a last column of what overrides a key, by its name."""
-    columns = (
-        "key",
-        "type",
-        "unit",
-        "default",
-        "meaning",
-        *(("levels",) if levels is not None else ()),
-    )
+    """The keys as a table for each section; `levels`: text of a last column, by a key's name."""
+    columns = ["key", "type", "unit", "default", "meaning", "levels"][: 5 + (levels is not None)]
     text, section = "", None
     for key in keys:
         head, _, name = key.name.rpartition(".")
@@ -178,8 +163,10 @@ def markdown(keys: list[Key], levels: Mapping[str, str] | None = None) -> str:
 
 
 def template(keys: list[Key], known: Mapping[str, str] | None = None) -> str:
-    """A file to start from: what is required is open, what has a default is a comment with it; `known`: values as TOML has them, by
-    dotted name, that were read from the data."""
+    """A file to start from: required keys are open, the others are comments with their defaults.
+
+    `known`: values read from the data, as TOML has them, by dotted name.
+    """
     known = known or {}
     tables = {key.name for key in keys if key.type == "table" and key.default == MISSING}
     mixed = {key.name for key in keys if "table or " in key.type}
@@ -203,38 +190,31 @@ def template(keys: list[Key], known: Mapping[str, str] | None = None) -> str:
                 f"{name} = {known[key.name]}  # read from the data, check it: {key.meaning}{unit}\n"
             )
             continue
-        given = f"{name} = " + (
-            key.default if key.default not in ("", MISSING, WITH_TABLE) else "…"
-        )
-        text += f"{given}  {about}\n" if key.default == MISSING else f"# {given}  {about}\n"
+        value = key.default if key.default not in ("", MISSING, _WITH_TABLE) else "…"
+        comment = "" if key.default == MISSING else "# "
+        text += f"{comment}{name} = {value}  {about}\n"
     return text
 
 
 def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> list[str]:
-    """What is wrong with a table, a sentence for each key, with the nearest spelling of one that is not known."""
+    """The faults of a table, a sentence for each key; for an unknown one the nearest spelling."""
     sentences = []
     for error in errors:
         key = ".".join(part for part in (section, *map(str, error["loc"])) if part)
         message = error["msg"].removeprefix("Value error, ")
         if error["type"] == "extra_forbidden":
-            near = nearest_key(str(error["loc"][-1]), model, error["loc"][:-1])
-            message = "this key is not known; " + (
-                f"{near!r} is" if near else "check its spelling or remove it"
-            )
+            *place, name = error["loc"]
+            table: Any = model
+            for part in place:
+                if part in getattr(table, "model_fields", {}):
+                    table, _ = _model_of(table.model_fields[part].annotation)
+            near = nearest(str(name), getattr(table, "model_fields", {}))
+            cure = f"{near!r} is" if near else "check its spelling or remove it"
+            message = f"this key is not known; {cure}"
         elif error["type"] == "missing":
             message = "this key is missing; add it"
         elif error["loc"]:
-            given = repr(error["input"])
-            message = f"{message} (got {given if len(given) <= LONGEST else given[:LONGEST] + '…'})"
+            value = repr(error["input"])
+            message += f" (got {value if len(value) <= _LONGEST else value[:_LONGEST] + '…'})"
         sentences.append(f"{key}: {message}" if key else message)
     return sentences
-
-
-def nearest_key(name: str, model: type[BaseModel], place: tuple[Any, ...]) -> str | None:
-    """The key nearest to `name` in the table at `place` (names, and numbers of a list) of a model, or None."""
-    inner: type[BaseModel] | None = model
-    for part in place:
-        if isinstance(part, str) and inner is not None and part in inner.model_fields:
-            inner, _ = _model_of(inner.model_fields[part].annotation)
-    known = list(inner.model_fields) if inner is not None else []
-    return nearest(name, known)

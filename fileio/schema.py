@@ -1,4 +1,4 @@
-"""Formats declared once: checked wherever a file is read or written, and shown in docs/formats.md."""
+"""Formats declared once: checked at every reading and writing, shown in docs/formats.md."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def variables(table: str) -> tuple[Variable, ...]:
 
 @dataclass(frozen=True)
 class Schema:
-    """An HDF5 format: its name, the remedy for an unusable file, its root and each of its groups."""
+    """An HDF5 format: name, remedy for an unusable file, variables of its root and groups."""
 
     format: str
     remedy: str
@@ -170,7 +170,7 @@ class JsonFormat:
 
     def write(self, path: Path, content: Mapping[str, Any]) -> None:
         """Write a file whole or not at all; ValueError for a NaN or infinite number."""
-        whole = {"format": self.format, "format_version": self.version} | dict(content)
+        whole = {"format": self.format, "format_version": self.version, **content}
         write_text(path, json.dumps(whole, indent=1, allow_nan=False, default=plain) + "\n")
 
     def read(self, path: Path) -> dict[str, Any]:
@@ -187,11 +187,16 @@ def plain(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Table:
-    """A CSV of numbers with one header line; `remedy` for an unusable file."""
+    """A CSV of numbers; `header`: names of columns, ", " between; `remedy` for an unusable file."""
 
-    columns: tuple[str, ...]
+    header: str
     remedy: str
     digits: int = 12
+
+    @property
+    def columns(self) -> list[str]:
+        """The names of the columns."""
+        return self.header.split(", ")
 
     def write(self, path: Path, rows: Iterable[Iterable[float]]) -> None:
         """Write a file whole or not at all."""

@@ -1,4 +1,4 @@
-"""TOML files that people write: one reader, whose sentence names the key that has no value."""
+"""TOML files: one reader, whose complaint names the keys without a value."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from typing import Any
 
 from fileio.errors import StageError, one_line
 
-EMPTY = re.compile(r"\s*([\w.\"'-]+)\s*=\s*(…|\.\.\.|)\s*(#.*)?$")  # … as a template has it
+_EMPTY = re.compile(r"\s*([\w.\"'-]+)\s*=\s*(…|\.\.\.|)\s*(#.*)?$")  # … as a template has it
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """What a file holds; StageError where it is no TOML."""
+    """The tables of a file; StageError where it is no TOML."""
     try:
         text = path.read_text(encoding="utf-8")
         return tomllib.loads(text)
     except UnicodeDecodeError as error:
         raise StageError(f"{path}: not valid TOML: {one_line(error, 200)}") from None
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        if empty := keys_without_value(text):
+        if empty := _keys_without_value(text):
             raise StageError(
                 f"{path}: no value is given for {', '.join(empty)}; give one, or take the line away"
             ) from None
         raise StageError(f"{path}: not valid TOML: {one_line(error, 200)}") from None
 
 
-def keys_without_value(text: str) -> list[str]:
-    """Dotted names of the keys of a TOML text after whose `=` nothing, or a template's …, stands."""
+def _keys_without_value(text: str) -> list[str]:
+    """Dotted names of the keys of a TOML text with nothing, or a template's …, after `=`."""
     table, empty = "", []
     for line in text.splitlines():
         if header := re.match(r"\s*\[+\s*([^\]#]+?)\s*\]+", line):
             table = f"{header[1]}."
-        elif key := EMPTY.match(line):
+        elif key := _EMPTY.match(line):
             empty.append(table + key[1])
     return empty

@@ -1,4 +1,4 @@
-"""The reference of scene.toml, docs/scene_reference.md, and a scene to start from, from the models of its sections."""
+"""The reference of scene.toml, docs/scene_reference.md, and a template, from the scene's models."""
 
 from __future__ import annotations
 
@@ -11,30 +11,19 @@ from pipeline.fea.settings import Actuator, Fea
 from pipeline.scene.read_toml import read_layers
 from pipeline.scene.scene import Scene
 
-SHIPPED = Path("cases/single_finger")
 PAGE = Path("docs/scene_reference.md")
 HEAD = """# Every key of scene.toml
 
-Written by `softfinger reference` from the models that check a scene; a test keeps them equal. SI, but for keys whose name says otherwise.
-A list of tables has its keys under `[name[]]`. *levels*: those of `cases/single_finger` that say otherwise. A file to start from:
-`softfinger new --template`. What a level or a child scene says wins as [formats](formats.md) has it.
+Written by `softfinger reference` from the models that check a scene; a test keeps them equal. SI,
+but for keys with a unit in their name. A list of tables has its keys under `[name[]]`. *levels*:
+those of `cases/single_finger` with another value. A template:
+`softfinger new FOLDER`. Levels and child scenes win as in
+[formats](formats.md).
 """
-OWN = [
+_OWN = [
     Key("title", "text", "", MISSING, "Of the scene, for people"),
-    Key(
-        "extends",
-        "text",
-        "",
-        "",
-        "Folder of another scene, of which this one says only what differs",
-    ),
-    Key(
-        "levels",
-        "table",
-        "",
-        MISSING,
-        "Tables of what differs at each level, as [levels.coarse.mesh]",
-    ),
+    Key("extends", "text", "", "", "Folder of another scene; this one holds only the differences"),
+    Key("levels", "table", "", MISSING, "Differences of each level, as [levels.coarse.mesh]"),
 ]
 
 
@@ -43,18 +32,21 @@ def keys() -> list[Key]:
     made = frozenset(
         {"name", "title", "level", "folder", "parents", "out", "notes", "actuator", "fea"}
     )
-    all_keys = [*OWN, *keys_of(Scene, without=made), *keys_of(Actuator, "actuator.", optional=True)]
+    all_keys = [
+        *_OWN,
+        *keys_of(Scene, without=made),
+        *keys_of(Actuator, "actuator.", optional=True),
+    ]
     all_keys += keys_of(Fea, "fea.", optional=True)
-    tables = [
-        key.name.rpartition(".")[0] for key in all_keys
-    ]  # those of one table stand together, where its first does
+    # keys of one table stand together, where its first does
+    tables = [key.name.rpartition(".")[0] for key in all_keys]
     return sorted(all_keys, key=lambda key: tables.index(key.name.rpartition(".")[0]))
 
 
 def reference() -> str:
     """The page."""
     levels: dict[str, str] = {}
-    for layer in read_layers(SHIPPED / "scene.toml"):
+    for layer in read_layers(Path("cases/single_finger/scene.toml")):
         for level, table in layer.levels.items():
             for name in flat(table):
                 levels[name] = ", ".join(filter(None, (levels.get(name), level)))

@@ -23,20 +23,14 @@ def _zeroed(content: bytes) -> bytes:
     return content[:begin] + bytes(size) + content[begin + size :]
 
 
-def _noise(content: bytes) -> bytes:
-    return np.random.default_rng(1).bytes(len(content))
-
-
 BYTES: dict[str, Callable[[bytes], bytes]] = {
     "empty": lambda content: b"",
     "cut in half": lambda content: content[: len(content) // 2],
-    "its first line or 20 bytes": lambda content: content[
-        : min(20, content.find(b"\n") % 2**31 + 1)
-    ],
+    "its first line or 20 bytes": lambda c: c[: min(20, c.find(b"\n") % 2**31 + 1)],
     "last byte missing": lambda content: content[:-1],
     "a bit flipped": _flipped,
     "a block of zeros": _zeroed,
-    "noise": _noise,
+    "noise": lambda content: np.random.default_rng(1).bytes(len(content)),
     "another format": lambda content: b"no such thing\n" * 9,
 }
 CONTENT = ("version 99", "a part taken out", "NaN", "1e30")
@@ -63,10 +57,9 @@ def _in_hdf5(file: h5py.File, way: str) -> None:
     if way == "version 99":
         file.attrs["format_version"] = 99
         return
-    datasets: list[h5py.Dataset] = []
-    file.visititems(
-        lambda _, item: datasets.append(item) if isinstance(item, h5py.Dataset) else None
-    )
+    items: list[Any] = []
+    file.visititems(lambda _, item: items.append(item))
+    datasets = [item for item in items if isinstance(item, h5py.Dataset)]
     number = [item for item in datasets if item.dtype.kind == "f" and item.size]
     best = max(number or datasets, key=lambda item: item.size)
     if way == "a part taken out":
@@ -85,11 +78,8 @@ def _in_json(content: Any, way: str) -> Any:
     key = next(iter(content))
     if way == "a part taken out":
         return {k: v for k, v in content.items() if k != key}
-    return content | {
-        next((k for k, v in content.items() if isinstance(v, float)), key): float("nan")
-        if way == "NaN"
-        else 1e30
-    }
+    number = next((k for k, v in content.items() if isinstance(v, float)), key)
+    return content | {number: float("nan") if way == "NaN" else 1e30}
 
 
 def _in_values(content: bytes, way: str) -> bytes:
@@ -97,28 +87,17 @@ def _in_values(content: bytes, way: str) -> bytes:
     if way == "version 99":
         return content.replace(b"version     2.0", b"version     99 ", 1) + b"\n"
     middle = len(content) // 2
-    value = (
-        b"" if way == "a part taken out" else np.float64(np.nan if way == "NaN" else 1e30).tobytes()
-    )
+    value = np.float64(np.nan if way == "NaN" else 1e30).tobytes()
+    value = b"" if way == "a part taken out" else value
     return content[:middle] + value + content[middle + 8 :]
 
 
 def _in_text(text: str, way: str) -> str:
-    head, rows = (
-        [line for line in text.splitlines() if line[:1] == "#"],
-        [line for line in text.splitlines() if line[:1] != "#"],
-    )
+    head = [line for line in text.splitlines() if line[:1] == "#"]
+    rows = [line for line in text.splitlines() if line[:1] != "#"]
     if way == "version 99":
-        return (
-            "\n".join(
-                [
-                    *(line.replace('"format_version": 1', '"format_version": 99') for line in head),
-                    *rows,
-                    "99",
-                ]
-            )
-            + "\n"
-        )
+        head = [line.replace('"format_version": 1', '"format_version": 99') for line in head]
+        return "\n".join([*head, *rows, "99"]) + "\n"
     cells = list(csv.reader(rows))
     if way == "a part taken out":
         cells = [row[1:] for row in cells]

@@ -125,7 +125,7 @@ def write(path: Path, states: BendingStates) -> None:
 def read(path: Path) -> BendingStates:
     """Read `states.h5`; StageError where it is damaged, incomplete or of another format."""
     file = SCHEMA.read(path)
-    optional = {n: file[n].values if n in file else None for n in ("wall_gap", "radius_std")}
+    optional: dict[str, Any] = {n: file[n].values for n in ("wall_gap", "radius_std") if n in file}
     about = {name: value for name, value in file.attrs.items() if name in _ABOUT}
     try:
         about = {name: json.loads(v) if v[:1] in "{[" else v for name, v in about.items()}

@@ -62,6 +62,6 @@ def deflection_sentence(values: Mapping[str, Any]) -> str:
     share = f", {abs(most) / stroke:.0%} of the stroke" if stroke else ""
     return (
         f"The motion is prescribed: at {values['largest_at']:.3g} s, where the finger is at"
-        f" {then:.1f}°, the loads on it would turn its tip by {most:+.1f}°{share}, if giving way did"
-        " not lessen them."
+        f" {then:.1f}°, the loads on it would turn its tip by {most:+.1f}°{share}, if giving way"
+        " did not lessen them."
     )

@@ -36,7 +36,7 @@ class Interval:
         return f"interval_{self.index}"
 
 
-COLUMNS = [f"interval_{name}" for name in ("begin", "start", "end", "mesh", "moving")]
+_COLUMNS = [f"interval_{name}" for name in ("begin", "start", "end", "mesh", "moving")]
 SCHEMA = Schema(
     "planform",
     "delete it and run make again",
@@ -69,11 +69,14 @@ corners  -  m  x, y of the tank's lower left and upper right corner
 
 
 def write_planform(
-    path: Path, intervals: Sequence[Interval], attributes: dict[str, Any], meshes: Sequence[dict[str, Any]],
-) -> None:  # fmt: skip
-    """Write planform.h5: intervals, `attributes` of the root, variables and attributes of meshes."""
+    path: Path,
+    intervals: Sequence[Interval],
+    attributes: dict[str, Any],
+    meshes: Sequence[dict[str, Any]],
+) -> None:
+    """Write planform.h5: intervals, `attributes` of the root, values of the meshes by name."""
     columns = dict(
-        zip(COLUMNS, zip(*(astuple(i)[1:] for i in intervals), strict=True), strict=True)
+        zip(_COLUMNS, zip(*(astuple(i)[1:] for i in intervals), strict=True), strict=True)
     )
     arrays = {name: np.array(values) for name, values in columns.items()}
     arrays["interval_moving"] = arrays["interval_moving"].astype(int)
@@ -84,8 +87,8 @@ def write_planform(
 def read_intervals(out: Path) -> tuple[Interval, ...]:
     """The intervals of a level's planform.h5, in order."""
     file = SCHEMA.read(out / "planform.h5")
-    rows = zip(*(file[name].values.tolist() for name in COLUMNS), strict=True)
-    return tuple(Interval(k, *row, bool(moving)) for k, (*row, moving) in enumerate(rows))
+    rows = zip(*(file[name].values.tolist() for name in _COLUMNS), strict=True)
+    return tuple(Interval(k, b, s, e, mesh, bool(m)) for k, (b, s, e, mesh, m) in enumerate(rows))
 
 
 def read_planform(out: Path, mesh: int) -> xr.Dataset:

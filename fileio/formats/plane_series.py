@@ -85,7 +85,7 @@ def make_plane(
 ) -> xr.Dataset:
     """A checked plane (y, x) or plane series (time, y, x) from arrays in SI.
 
-    `more`: further variables of docs/formats.md by name. ValueError where shapes or axes do not fit.
+    `more`: further variables of docs/formats.md by name. ValueError where axes do not fit.
     """
     series = time is not None
     coords = {"x": np.asarray(x, float), "y": np.asarray(y, float)}
@@ -194,7 +194,7 @@ def read_checked_plane(path: str | Path) -> xr.Dataset:
 def checked(
     plane: xr.Dataset, path: str | Path, check: Callable[[xr.Dataset, Path], None] = check_plane
 ) -> xr.Dataset:
-    """The plane after `check`; where that fails, the plane is closed and the error names the file."""
+    """The plane after `check`, which closes it where it fails; the error names the file."""
     try:
         check(plane, Path(path))
     except StageError:

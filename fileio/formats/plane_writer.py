@@ -59,7 +59,7 @@ class _PlaneWriter:
 def writing_planes(
     path: Path, x: np.ndarray, y: np.ndarray, count: int, attributes: Mapping[str, Any]
 ) -> Iterator[_PlaneWriter]:
-    """A new plane series of `count` instants on the grid `x`, `y` (m), renamed at the block's end."""
+    """A new plane series of `count` instants on the grid `x`, `y` (m), there at the block's end."""
     with _new_file(path, attributes) as (disk, file):
         yield _PlaneWriter(disk, file, x, y, count)
 

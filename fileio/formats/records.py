@@ -15,26 +15,18 @@ COST = JsonFormat("cost", "delete it: it is written when the stage is made again
 FIGURES = JsonFormat("figures", "run the stage 'figures' again")
 RECORDS = (RUN, COMPARISON, LAB_COMPARISON, REGISTRATION, STUDY_PLAN, OUTCOME, COST, FIGURES)
 
-FORCES = Table(
-    ("time", "fx", "fy", "fz", "fx_pressure", "fy_pressure", "fx_viscous", "fy_viscous"), AGAIN
-)
-POWER = Table(("time", "finger_power", "kinetic_energy", "dissipation"), AGAIN)
+FORCES = Table("time, fx, fy, fz, fx_pressure, fy_pressure, fx_viscous, fy_viscous", AGAIN)
+POWER = Table("time, finger_power, kinetic_energy, dissipation", AGAIN)
 LOSSES = ("viscous", "convection", "coupling")  # terms that take energy from the flow
-POWER_TERMS = Table(("time", *LOSSES), AGAIN)
+POWER_TERMS = Table(", ".join(("time", *LOSSES)), AGAIN)
 HISTORY = Table(
-    ("time", "courant_mean", "courant_max", "continuity_local", "continuity_global",
-     "pressure_iterations", "wall_time"),
+    "time, courant_mean, courant_max, continuity_local, continuity_global, pressure_iterations,"
+    " wall_time",
     AGAIN,
-)  # fmt: skip
+)
 MESH_QUALITY = Table(
-    ("interval", "mesh", "time_share", "bend_deg", "shape_parameter",
-     "max_non_orthogonality_deg", "mean_non_orthogonality_deg", "max_skewness", "min_area_ratio"),
-    AGAIN, digits=6,
-)  # fmt: skip
-TABLES = {
-    "forces.csv": FORCES,
-    "power.csv": POWER,
-    "power_terms.csv": POWER_TERMS,
-    "history.csv": HISTORY,
-    "mesh_quality.csv": MESH_QUALITY,
-}
+    "interval, mesh, time_share, bend_deg, shape_parameter, max_non_orthogonality_deg,"
+    " mean_non_orthogonality_deg, max_skewness, min_area_ratio",
+    AGAIN,
+    digits=6,
+)

@@ -18,10 +18,10 @@ from fileio.record import check_whole
 FORMAT, VERSION = "vortices", 1
 REMEDY = "find the vortices again"
 COLUMNS = [
-    "time", "track", "x", "y", "circulation", "core_radius", "peak_swirl_velocity", "x_std", "y_std",
-    "circulation_std", "core_radius_std", "circulation_area", "circulation_contour", "finger", "side",
-    "tip_distance", "along_tip", "across_tip", "peak_swirl_velocity_std", "contour_radius", "drift_u",
-    "drift_v", "shear", "explained", "n_vectors", "lifetime",
+    "time", "track", "x", "y", "circulation", "core_radius", "peak_swirl_velocity", "x_std",
+    "y_std", "circulation_std", "core_radius_std", "circulation_area", "circulation_contour",
+    "finger", "side", "tip_distance", "along_tip", "across_tip", "peak_swirl_velocity_std",
+    "contour_radius", "drift_u", "drift_v", "shear", "explained", "n_vectors", "lifetime",
 ]  # fmt: skip
 NEEDED = ("time", "x", "y", "circulation", "core_radius")
 

@@ -1,4 +1,4 @@
-"""The base case: the templates of the OpenFOAM dictionaries that every interval begins with, and their digest."""
+"""The templates of the OpenFOAM dictionaries of every interval, and their digest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if not BASE.is_dir():  # installed from a wheel
 
 
 def template_files(base: Path = BASE) -> list[Path]:
-    """Every file of the base case but what editors leave, in the order of its name relative to `base`. StageError where there is none."""
+    """The files of the base case but editors' backups, by relative name; StageError without any."""
     files = [
         p
         for p in base.rglob("*")
@@ -27,7 +27,7 @@ def template_files(base: Path = BASE) -> list[Path]:
 
 
 def templates_digest(base: Path = BASE) -> str:
-    """Short SHA-256 of the relative names and the content of the templates: wherever and however old they are."""
+    """Short SHA-256 of the relative names and contents of the templates."""
     total = hashlib.sha256()
     for path in template_files(base):
         content = hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,4 +1,4 @@
-"""The fewest cells that touch every node of a swept mesh: all that OpenFOAM's layered motion needs."""
+"""Few cells that touch every node of a swept mesh: enough for OpenFOAM's layered motion."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 def covering_columns(corners: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Some of `columns` (indices into `corners`) that touch every node which all of them touch.
 
-    `corners` (column, 4) are node numbers, a triangle's last one twice. Greedy: first columns none of whose nodes is
-    touched yet, then those with fewer new ones; a fifth of the columns of a planform is left.
+    `corners` (column, 4): node numbers, a triangle's last one twice. Greedy: first columns of
+    untouched nodes only, then those with fewer; a fifth of a planform's columns is left.
     """
     new = np.ones(int(corners.max()) + 1, bool)
     chosen = []
@@ -23,11 +23,9 @@ def covering_columns(corners: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 
 def covering_cells(corners: np.ndarray, column: np.ndarray, layer: np.ndarray) -> np.ndarray:
-    """Cells (indices) that touch every upright edge of a swept mesh; `column` and `layer` (cell,) are those of each cell."""
+    """Cells that touch every upright edge of a mesh; `column`, `layer` (cell,): of each cell."""
     chosen = np.zeros(len(column), bool)
-    known: dict[
-        bytes, np.ndarray
-    ] = {}  # layers beside the finger have the same columns, those beyond it too
+    known: dict[bytes, np.ndarray] = {}  # layers beside and beyond the finger have equal columns
     for number in np.unique(layer):
         here = np.flatnonzero(layer == number)
         columns = np.sort(column[here])

@@ -38,7 +38,7 @@ def steps_of(time: float, time_step: float) -> int:
 
 
 class Steps(NamedTuple):
-    """The time steps of a mesh interval: number of the first, and their times (s) with PADDING more at the end."""
+    """Time steps of an interval: number of the first, times (s) with PADDING more at the end."""
 
     first: int
     times: np.ndarray
@@ -53,29 +53,36 @@ class Steps(NamedTuple):
 def checkpoint_steps(wanted: float, time_step: float) -> int:
     """Time steps between two checkpoints, about `wanted` s apart: an even number.
 
-    Whenever the mesh has moved, OpenFOAM's multigrid pairs the cells anew, and each time in the other direction than before.
-    The direction is in no file, and forward in a solver that starts: as it is again after an even number of steps.
+    OpenFOAM's multigrid pairs the cells anew in each step, in alternating direction, which no file
+    keeps: a solver that starts begins forward, as after an even number of steps.
     """
     return 2 * max(1, round(wanted / (2 * time_step)))
 
 
-HEADER = header("pointVectorField", "", FIELD, binary=True)
+_HEADER = header("pointVectorField", "", FIELD, binary=True)
 
 
-def frame_body(displacement: np.ndarray, flat: bool) -> bytes:
-    """A pointVectorField with internal values (point, 3) m, but for its HEADER."""
+def _frame_body(displacement: np.ndarray, flat: bool) -> bytes:
+    """A pointVectorField with internal values (point, 3) m, without its header."""
     kinds = (b"empty", b"empty") if flat else (b"symmetryPlane", b"calculated")
     field = b"dimensions [0 1 0 0 0 0 0];\n\ninternalField nonuniform List<vector> "
     return field + binary_list(displacement) + b";\n" + BOUNDARY % kinds + END
 
 
-def write_frames(folders: list[Path], motion: NodeMotion, nodes: list[np.ndarray], driving: list[np.ndarray],
-                 times: np.ndarray, flat: bool, collated: bool = False) -> Iterator[float]:  # fmt: skip
-    """Write `<time>/wantedDisplacement` for all `times` (s) into the folder of each rank; yields the times done.
+def write_frames(
+    folders: list[Path],
+    motion: NodeMotion,
+    nodes: list[np.ndarray],
+    driving: list[np.ndarray],
+    times: np.ndarray,
+    flat: bool,
+    collated: bool = False,
+) -> Iterator[float]:
+    """Write `<time>/wantedDisplacement` for all `times` (s) in each rank's folder; yields them.
 
-    Displacements are relative to the first shape. Of each rank: `nodes` (point,) maps its mesh points to planform
-    nodes; only `driving` points (on walls that drive a column) carry values, the others stay zero so that the files
-    compress to almost nothing. `collated`: one file of all ranks per step, in the only folder.
+    Displacements are relative to the first shape. Of each rank: `nodes` (point,), its planform
+    nodes, and `driving` (point,), points with values; zeros elsewhere compress to almost nothing.
+    `collated`: one file of all ranks per step, in the only folder.
     """
     start = motion.nodes(times[0])
     for time in times:
@@ -84,14 +91,13 @@ def write_frames(folders: list[Path], motion: NodeMotion, nodes: list[np.ndarray
         for node, drives in zip(nodes, driving, strict=True):
             displacement = np.zeros((len(node), 3))
             displacement[drives, :2] = moved[node[drives]]
-            bodies.append(frame_body(displacement, flat))
-        bodies[0] = HEADER + bodies[0]
-        if collated:
-            contents = [collated_content(FIELD, bodies)]
+            bodies.append(_frame_body(displacement, flat))
+        if collated:  # the header stands in the first block only
+            contents = [collated_content(FIELD, [_HEADER + bodies[0], *bodies[1:]])]
         else:
-            contents = [bodies[0], *(HEADER + body for body in bodies[1:])]
+            contents = [_HEADER + body for body in bodies]
         for folder, content in zip(folders, contents, strict=True):
-            # thousands of them: the disk is not waited for; the solver refuses one that a power cut has emptied
+            # thousands of files, so without a sync: the solver refuses one that a power cut emptied
             write_bytes(folder / time_name(time) / FIELD, content, compress=True, sync=False)
         yield time
 

@@ -17,13 +17,13 @@ from fileio.atomic import check_room, naming
 from fileio.errors import StageError
 
 INSTALL = "apt-get install openfoam"
-NEEDED = (
+_NEEDED = (
     "openfoam.com v1912 or later is needed, openfoam.org's will not do (docs/openfoam_versions.md)"
 )
 COLLATED = ("-fileHandler", "collated")
 # What OpenFOAM's programs need of their environment.
-FORWARDED = ("WM_", "FOAM_", "PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
-PROJECT_DIRS = ("/usr/share/openfoam",)  # Debian's package sets no WM_PROJECT_DIR
+_FORWARDED = ("WM_", "FOAM_", "PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
+_PACKAGED = Path("/usr/share/openfoam")  # Debian's package sets no WM_PROJECT_DIR
 
 
 @cache
@@ -32,59 +32,52 @@ def environment() -> dict[str, str]:
     env = dict(os.environ)
     if not env.get("WM_PROJECT_DIR"):  # empty is as good as unset
         env.pop("WM_PROJECT_DIR", None)
-    chosen = Path(env.get("WM_PROJECT_DIR", PROJECT_DIRS[0]))
-    if str(chosen) not in PROJECT_DIRS:
+    chosen = Path(env.get("WM_PROJECT_DIR", _PACKAGED))
+    if chosen != _PACKAGED:
         if not (chosen / "etc" / "bashrc").is_file():
             raise StageError(
-                f"WM_PROJECT_DIR = {chosen}: there is no etc/bashrc; give the folder of an OpenFOAM, or unset it"
+                f"WM_PROJECT_DIR = {chosen}: there is no etc/bashrc; give the folder of an"
+                " OpenFOAM, or unset it"
             )
         # not sourced, or another version is: the pimpleFoam on the path is that one's
         programs = Path(env.get("FOAM_APPBIN", "/"))
         if not programs.resolve().is_relative_to(chosen.resolve()):
-            env = sourced(chosen / "etc" / "bashrc")
+            env = _sourced(chosen / "etc" / "bashrc")
         if shutil.which("pimpleFoam", path=env.get("PATH")) is None:
-            raise StageError(f"WM_PROJECT_DIR = {chosen}: it has no pimpleFoam; {NEEDED}")
+            raise StageError(f"WM_PROJECT_DIR = {chosen}: it has no pimpleFoam; {_NEEDED}")
     if shutil.which("pimpleFoam", path=env.get("PATH")) is None:
         raise StageError(
             f"OpenFOAM is not installed (no pimpleFoam on the path); run: sudo {INSTALL}"
         )
     if "WM_PROJECT_DIR" not in env:
-        installed = next((folder for folder in PROJECT_DIRS if Path(folder, "etc").is_dir()), None)
-        if installed is None:
+        if not (_PACKAGED / "etc").is_dir():
             raise StageError("WM_PROJECT_DIR is not set; source OpenFOAM's etc/bashrc first")
-        env["WM_PROJECT_DIR"] = installed
-    env.setdefault(
-        "OMPI_MCA_mpi_yield_when_idle", "1"
-    )  # one more busy process would stall spinning ranks
+        env["WM_PROJECT_DIR"] = str(_PACKAGED)
+    # one more busy process would stall spinning ranks
+    env.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
     env["OMP_NUM_THREADS"] = "1"
-    return (
-        env if in_whole_job(env) else {k: v for k, v in env.items() if not k.startswith("SLURM_")}
-    )
+    whole = _in_whole_job(env)
+    return {k: v for k, v in env.items() if whole or not k.startswith("SLURM_")}
 
 
-def in_whole_job(env: Mapping[str, str]) -> bool:
-    """Whether this is a Slurm job whose environment lists its nodes for mpirun; Snakemake's jobs keep only a part of Slurm's variables."""
+def _in_whole_job(env: Mapping[str, str]) -> bool:
+    """Whether this is a Slurm job that lists its nodes for mpirun, unlike Snakemake's jobs."""
     return "SLURM_JOB_ID" in env and {"SLURM_NODELIST", "SLURM_TASKS_PER_NODE"} <= env.keys()
 
 
-def sourced(bashrc: Path) -> dict[str, str]:
-    """The environment after `source <bashrc>`: for an OpenFOAM whose WM_PROJECT_DIR alone is set."""
-    # OpenFOAM's bashrc sources files among the shell's arguments: with its own name there it would source itself without end
-    command = [
-        "bash",
-        "-c",
-        'f=$1; shift; source "$f" >/dev/null 2>&1; env -0',
-        "bash",
-        str(bashrc),
-    ]
+def _sourced(bashrc: Path) -> dict[str, str]:
+    """The environment after `source <bashrc>`."""
+    # OpenFOAM's bashrc sources files among the shell's arguments: its own name must not be there
+    script = 'f=$1; shift; source "$f" >/dev/null 2>&1; env -0'
+    command = ["bash", "-c", script, "bash", str(bashrc)]
     text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     return dict(entry.split("=", 1) for entry in text.split("\0") if "=" in entry)
 
 
 def environment_in(folder: Path) -> dict[str, str]:
-    """The environment for a program started in `folder`: OpenFOAM trusts PWD over the working directory.
+    """The environment for a program started in `folder`: OpenFOAM trusts PWD.
 
-    Raises StageError where the path holds a space: OpenFOAM would drop it and look elsewhere.
+    StageError where the path has a space, which OpenFOAM would drop.
     """
     path = str(folder.resolve())
     if any(c.isspace() for c in path):
@@ -95,30 +88,31 @@ def environment_in(folder: Path) -> dict[str, str]:
 
 
 def die_with_parent() -> None:
-    """For a child, before it starts: end when the parent ends, however that ends (Linux; elsewhere nothing)."""
+    """For a child, before it starts: end with the parent, however that ends (Linux only)."""
     with contextlib.suppress(AttributeError, OSError):
         ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
 
 
 @cache
 def foam_version() -> str:
-    """OpenFOAM's version, as v1912; StageError where it is older than v1912 or not openfoam.com's."""
+    """OpenFOAM's version, as v1912; StageError for an older one or another than openfoam.com's."""
     done = subprocess.run(
         ["pimpleFoam", "-help"], env=environment(), capture_output=True, text=True
     )
-    # "OpenFOAM-v2306 (2306)"; what stands before the brackets is free, as is "com" in a development version
+    # as "OpenFOAM-v2306 (2306)"; the text before the brackets differs between versions
     match = re.search(r"OpenFOAM-\S*\s*\((\d{4})\)|OpenFOAM-v(\d{4})\b", done.stdout)
     number = (match[1] or match[2]) if match else None
     if number is None or int(number) < 1912:
         other = re.search(r"OpenFOAM-\S+", done.stdout + done.stderr)
         name = f"OpenFOAM {number}" if number else other[0] if other else "an unknown OpenFOAM"
-        raise StageError(f"{name} found; {NEEDED}")
+        raise StageError(f"{name} found; {_NEEDED}")
     # of an environment whose own programs are not built, another's would be taken
     api = environment().get("FOAM_API") or number
     if api != number:
         folder = environment()["WM_PROJECT_DIR"]
         raise StageError(
-            f"the environment is that of OpenFOAM v{api} ({folder}), but pimpleFoam is of v{number}; build it there too"
+            f"the environment is that of OpenFOAM v{api} ({folder}), but pimpleFoam is of"
+            f" v{number}; build it there too"
         )
     return f"v{number}"
 
@@ -148,33 +142,34 @@ def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False
     """pimpleFoam, through MPI where `ranks` > 1; in a Slurm job on the cores that it was given."""
     if ranks == 1:
         return ["pimpleFoam"]
-    # on other hosts there is what a login by ssh sets, in which OpenFOAM's programs do not start
-    names = sorted(name for name in environment() if name.startswith(FORWARDED)) if hosts else []
-    alone = hosts is not None or not in_whole_job(os.environ)
-    flags = open_mpi_flags(alone, hosts, names) if is_open_mpi() else hydra_flags(hosts, names)
-    return [
-        "mpirun",
-        "-np",
-        str(ranks),
-        *flags,
-        "pimpleFoam",
-        "-parallel",
-        *(COLLATED if collated else ()),
-    ]
+    # the environment of a login by ssh on other hosts lacks OpenFOAM's variables
+    names = sorted(name for name in environment() if name.startswith(_FORWARDED)) if hosts else []
+    if is_open_mpi():
+        flags = ["--allow-run-as-root"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+        if hosts or not _in_whole_job(os.environ):
+            # a shared machine: ranks yield, move, and may be more than its cores
+            flags += ["--mca", "mpi_yield_when_idle", "1", "--bind-to", "none", "--oversubscribe"]
+        flags += ["--hostfile", str(hosts)] if hosts else []
+        flags += [word for name in names for word in ("-x", name)]
+    else:  # Hydra binds no rank and allows more ranks than cores by itself
+        flags = ["-f", str(hosts), "-genvlist", ",".join(names)] if hosts else []
+    files = COLLATED if collated else ()
+    return ["mpirun", "-np", str(ranks), *flags, "pimpleFoam", "-parallel", *files]
 
 
 @cache
 def is_open_mpi() -> bool:
-    """Whether mpirun is Open MPI's; else it is Hydra, of MPICH or Intel MPI. StageError where it is neither."""
+    """Whether mpirun is Open MPI's, not Hydra (MPICH, Intel MPI); StageError for neither."""
     try:
-        said = subprocess.run(
+        shown = subprocess.run(
             ["mpirun", "--version"], env=environment(), capture_output=True, text=True
         )
     except FileNotFoundError:
         raise StageError(
-            "mpirun is not on the path, so OpenFOAM runs on one rank only; install Open MPI or MPICH, or give NP=1"
+            "mpirun is not on the path, so OpenFOAM runs on one rank only; install Open MPI or"
+            " MPICH, or give NP=1"
         ) from None
-    text = said.stdout + said.stderr
+    text = shown.stdout + shown.stderr
     if "Open MPI" in text or "OpenRTE" in text or "prte" in text.lower():
         return True
     if any(name in text for name in ("HYDRA", "Hydra", "MPICH", "Intel")):
@@ -182,19 +177,3 @@ def is_open_mpi() -> bool:
     raise StageError(
         f"mpirun is of an unknown MPI ({text.strip()[:60]!r}); use Open MPI or MPICH, or give NP=1"
     )
-
-
-def open_mpi_flags(alone: bool, hosts: Path | None, names: list[str]) -> list[str]:
-    """Open MPI's options; `alone`: not on the cores that a Slurm job was given; `names`: variables to hand on to `hosts`."""
-    flags = ["--allow-run-as-root"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
-    if (
-        alone
-    ):  # a machine that is shared with others: ranks yield, move, and may be more than its cores
-        flags += ["--mca", "mpi_yield_when_idle", "1", "--bind-to", "none", "--oversubscribe"]
-    flags += ["--hostfile", str(hosts)] if hosts else []
-    return flags + [word for name in names for word in ("-x", name)]
-
-
-def hydra_flags(hosts: Path | None, names: list[str]) -> list[str]:
-    """Hydra's options: it binds no rank, and lets there be more than cores, without being asked."""
-    return ["-f", str(hosts), "-genvlist", ",".join(names)] if hosts else []

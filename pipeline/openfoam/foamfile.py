@@ -12,40 +12,36 @@ import numpy as np
 from fileio import atomic as whole_file
 from fileio.errors import StageError
 
-ARCH = "LSB;label=32;scalar=64"
 END = b"\n\n// ************************************************************************* //\n"
 
 
 def header(foam_class: str, location: str, name: str, *, binary: bool, note: str = "") -> bytes:
     """The FoamFile dictionary at the top of a file."""
-    lines = [
-        "FoamFile",
-        "{",
-        "    version     2.0;",
-        f"    format      {'binary' if binary else 'ascii'};",
-    ]
-    if binary:
-        lines.append(f'    arch        "{ARCH}";')
-    lines.append(f"    class       {foam_class};")
-    if note:
-        lines.append(f'    note        "{note}";')
-    lines += [f'    location    "{location}";', f"    object      {name};", "}", "", ""]
-    return "\n".join(lines).encode()
+    arch = '    arch        "LSB;label=32;scalar=64";\n' if binary else ""
+    remark = f'    note        "{note}";\n' if note else ""
+    return f"""FoamFile
+{{
+    version     2.0;
+    format      {"binary" if binary else "ascii"};
+{arch}    class       {foam_class};
+{remark}    location    "{location}";
+    object      {name};
+}}
+
+""".encode()
 
 
 def binary_list(values: np.ndarray) -> bytes:
-    """A List in OpenFOAM's binary form: size, then raw bytes in brackets; ints become 32-bit labels."""
+    """A List in OpenFOAM's binary form: size, raw bytes in brackets; ints are 32-bit labels."""
     values = np.ascontiguousarray(values, "<i4" if values.dtype.kind in "iu" else "<f8")
     return b"%d\n(" % len(values) + values.tobytes() + b")"
 
 
 def write_bytes(path: Path, content: bytes, compress: bool = False, sync: bool = True) -> None:
-    """Write a file whole or not at all, on the disk first unless `sync` is False; gzipped as `<path>.gz` where asked."""
+    """Write a file whole or not at all, on the disk first with `sync`; `compress`: <path>.gz."""
     if compress:
-        path, content = (
-            path.with_name(path.name + ".gz"),
-            gzip.compress(content, compresslevel=1, mtime=0),
-        )
+        path = path.with_name(path.name + ".gz")
+        content = gzip.compress(content, compresslevel=1, mtime=0)
     whole_file.write_bytes(path, content, sync=sync)
 
 
@@ -58,7 +54,7 @@ def write_list(
 
 
 def labels_of(content: bytes) -> np.ndarray:
-    """A labelList (pointProcAddressing), ASCII or binary; binary where it has no header, as in a collated file."""
+    """A labelList, ASCII or binary; a block of a collated file, without a header, is binary."""
     head = content.find(b"FoamFile")
     start = content.index(b"}", head) + 1 if head >= 0 else 0
     is_binary = b"binary" in content[:start] or not start
@@ -101,7 +97,7 @@ def field_of(content: bytes, cells: int, path: Path) -> np.ndarray:
 
 
 def write_field(path: Path, template: Path, values: np.ndarray) -> None:
-    """Write `template`, a field given as text, with internal values (cell,) or (cell, 3) instead of its own."""
+    """Write `template`, a field as text, with other internal values (cell,) or (cell, 3)."""
     kind, name = ("vector", "volVectorField") if values.ndim == 2 else ("scalar", "volScalarField")
     body = template.read_bytes().split(b"}", 1)[1]
     field = b"internalField nonuniform List<%s> " % kind.encode() + binary_list(values) + b";"

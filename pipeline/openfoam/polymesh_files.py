@@ -15,8 +15,8 @@ from pipeline.openfoam.foamfile import labels_of
 class Faces:
     """Faces as OpenFOAM numbers them, inner ones first.
 
-    `corners` (face, 4): points, a triangle's last one twice; `owner` (face,), `neighbour` (inner face,): cells;
-    `patches`: the faces of each patch.
+    `corners` (face, 4): points, a triangle's last one twice; `owner` (face,), `neighbour` (inner
+    face,): cells; `patches`: the faces of each patch.
     """
 
     corners: np.ndarray

@@ -1,7 +1,7 @@
-"""The files of a case for its MPI ranks: a folder for each rank, or one folder whose files hold a block of each (collated).
+"""The files of a case for its MPI ranks: a folder for each, or one folder of collated files.
 
-Collated files are OpenFOAM's decomposedBlockData: a header, then for each rank its size and its bytes in brackets. The
-header of what is in the blocks stands in the first one only.
+Collated files are OpenFOAM's decomposedBlockData: a header, then for each rank its size and its
+bytes in brackets. The header of the blocks' content stands in the first one only.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pipeline.openfoam.foamfile import header, is_complete, write_bytes
 LEAST_CELLS = 5000  # of a rank: with fewer, ranks wait for each other longer than they work
 COLLATED = b"decomposedBlockData"
 HEAD = 2000  # bytes within which a file's header lies
-MESH_PAST = ("V0", "meshPhi")
+_MESH_PAST = ("V0", "meshPhi")
 FIRST = re.compile(rb"// [Pp]rocessor0\s")  # with a small letter from later versions than v1912
 BLOCK = re.compile(rb"\s*// [Pp]rocessor\d+\s+(\d+)\s*\(")
 
@@ -43,15 +43,14 @@ class Ranks:
     def announce(self, case: Path, time: str) -> None:
         """Let a resumed run find the old volumes and the mesh fluxes in collated files.
 
-        v1912 reads them only where it sees their names in each rank's own folder, where collated files are not; without
-        them it would go on as if the mesh had stood still. Empty files stand there until `withdraw`.
+        v1912 reads them only where it sees their names in each rank's own folder: empty files stand
+        there until `withdraw`. Without them it would go on as if the mesh had stood still.
         """
         if self.collated:
-            for name in (
-                name for name in MESH_PAST if (self.folders(case)[0] / time / name).exists()
-            ):
+            for name in _MESH_PAST:
                 for rank in range(self.count):
-                    write_bytes(case / f"processor{rank}" / time / name, b"")
+                    if (self.folders(case)[0] / time / name).exists():
+                        write_bytes(case / f"processor{rank}" / time / name, b"")
 
     def withdraw(self, case: Path) -> None:
         """Remove the files of `announce`, also after a run that was killed."""
@@ -60,24 +59,21 @@ class Ranks:
                 shutil.rmtree(case / f"processor{rank}", ignore_errors=True)
 
     def contents(self, case: Path, name: str) -> list[bytes]:
-        """What the file `name` holds, rank by rank. StageError where it is missing or cut off."""
-        contents = [read_content(folder / name) for folder in self.folders(case)]
+        """Content of the file `name`, rank by rank; StageError where it is missing or cut off."""
+        paths = [folder / name for folder in self.folders(case)]
+        for path in paths:
+            if not path.exists():
+                raise StageError(f"{path}: missing; delete the case folder and run make again")
+        contents = [path.read_bytes() for path in paths]
         if not self.collated or self.count == 1:
             return contents
         blocks = read_blocks(contents[0])
         if len(blocks) != self.count:
             raise StageError(
-                f"{self.folders(case)[0] / name}: {len(blocks)} of {self.count} ranks are in it; delete {case} and run make again"
+                f"{paths[0]}: {len(blocks)} of {self.count} ranks are in it; delete {case} and run"
+                " make again"
             )
         return blocks
-
-
-def read_content(path: Path) -> bytes:
-    """A file's bytes."""
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise StageError(f"{path}: missing; delete the case folder and run make again") from None
 
 
 def read_blocks(content: bytes) -> list[bytes]:
@@ -95,7 +91,7 @@ def read_blocks(content: bytes) -> list[bytes]:
 
 
 def collated_content(name: str, blocks: list[bytes]) -> bytes:
-    """A collated file of one block per rank, the first with the header of what is in them."""
+    """A collated file of one block per rank, the first with the header of their content."""
     parts = [
         b"\n// Processor%d\n\n%d\n(%b)\n" % (rank, len(block), block)
         for rank, block in enumerate(blocks)

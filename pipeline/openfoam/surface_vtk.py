@@ -1,6 +1,6 @@
-"""Surfaces that the solver has sampled (VTK's legacy format, binary): whether they are whole, and reading them.
+"""The solver's sampled surfaces (VTK's legacy format, binary).
 
-On a full disk OpenFOAM continues and leaves files that are cut off; VTK reads those without an error.
+On a full disk OpenFOAM continues and leaves cut files, which VTK reads without an error.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval
 from fileio.record import check_whole
 
-SIZES = {"float": 4, "double": 8, "int": 4, "long": 8}  # bytes
+_SIZES = {"float": 4, "double": 8, "int": 4, "long": 8}  # bytes
 
 
 def is_whole_vtk(path: Path) -> bool:
-    """Whether a file of OpenFOAM's (version 2.0 of the format) holds all that its headers announce; False where it is missing."""
+    """Whether a file of OpenFOAM's (format version 2.0) is there and as long as its headers say."""
     try:
         with path.open("rb") as file:
             return _is_whole(file)
@@ -32,7 +32,7 @@ def is_whole_vtk(path: Path) -> bool:
 
 
 def _is_whole(file: BinaryIO) -> bool:
-    """Whether an open file does: its headers are read, and its values passed over."""
+    """The same of an open file: reads its headers and skips its values."""
     size = os.fstat(file.fileno()).st_size
     sections: list[bytes] = []
     try:
@@ -48,7 +48,7 @@ def _is_whole(file: BinaryIO) -> bool:
             for count, kind in _arrays(line.split(), file):
                 if not 0 <= count <= size:
                     return False
-                file.seek(count * SIZES[kind] + 1, io.SEEK_CUR)
+                file.seek(count * _SIZES[kind] + 1, io.SEEK_CUR)
     except (ValueError, IndexError, KeyError):
         return False
     values = sections[-2:] in ([b"POINT_DATA", b"FIELD"], [b"CELL_DATA", b"FIELD"])
@@ -72,15 +72,11 @@ def _arrays(line: list[bytes], file: BinaryIO) -> Iterator[tuple[int, str]]:
 def sampled_surfaces(
     case: Path, intervals: tuple[Interval, ...], name: str
 ) -> list[tuple[float, Path]]:
-    """Times and files of the surface `name` over all intervals, ascending; StageError where there is none."""
+    """Times and files of the surface `name` over all intervals, ascending; StageError if none."""
     surfaces = []
     for interval in intervals:
         folder = case / interval.name / "postProcessing" / f"{name}Surface"
-        files = [
-            (float(f.name), f / f"{name}.vtk")
-            for f in folder.glob("*")
-            if (f / f"{name}.vtk").exists()
-        ]
+        files = [(float(file.parent.name), file) for file in folder.glob(f"*/{name}.vtk")]
         if not files:
             raise StageError(f"{folder}: the solver wrote no {name}; run the stage 'run' first")
         # the overlap belongs to the interval before
@@ -89,7 +85,7 @@ def sampled_surfaces(
 
 
 def read_surface(path: Path) -> pv.PolyData:
-    """A surface. StageError where it was cut off; OSError where that is because the disk is full."""
+    """A surface; StageError where it was cut off, OSError where the disk is full."""
     if not is_whole_vtk(path):
         check_room(path.parent)
         raise StageError(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fileio.errors import StageError
-from pipeline.openfoam.function_objects import table_rows
+from pipeline.openfoam.function_objects import table_rows, tables
 from pipeline.openfoam.ranks import Ranks, is_whole
 from pipeline.openfoam.surface_vtk import is_whole_vtk
 
@@ -19,32 +19,30 @@ FIELDS = ("U", "p", "phi", "uniform/time")
 MOVED = ("pointDisplacement", "polyMesh/points")  # written where the mesh moves
 
 
-def saved_times(folder: Path, ranks: Ranks, wanted: tuple[str, ...]) -> list[tuple[float, str]]:
-    """Times and folders' names of a case or rank with whole files, the `wanted` among them."""
-    saved = []
+def saved_times(case: Path, ranks: Ranks, wanted: tuple[str, ...]) -> list[tuple[float, str]]:
+    """Times (s) and folders' names, ascending, with whole files of all ranks, also `wanted`."""
+    of_ranks = [_whole_times(folder, ranks, wanted) for folder in ranks.folders(case)]
+    return sorted((t, n) for t, n in of_ranks[0].items() if all(t in times for times in of_ranks))
+
+
+def _whole_times(folder: Path, ranks: Ranks, wanted: tuple[str, ...]) -> dict[float, str]:
+    saved = {}
     for place in folder.iterdir() if folder.is_dir() else ():
         time = _number(place.name)
         if time is None or time <= 0 or not all((place / name).exists() for name in wanted):
             continue
         # old-time fields of the second-order scheme count as well; frames of the motion do not
-        if all(
-            is_whole(path, ranks)
-            for path in place.rglob("*")
-            if path.is_file() and path.suffix != ".gz"
-        ):
-            saved.append((time, place.name))
-    return sorted(saved)
+        files = [path for path in place.rglob("*") if path.is_file() and path.suffix != ".gz"]
+        if all(is_whole(path, ranks) for path in files):
+            saved[time] = place.name
+    return saved
 
 
 def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[float, str] | None:
     """Latest time that all ranks, samples and the log have on disk; None without one."""
     sampled = min(sampled_until(case), np.nextafter(first_damaged(case), 0.0), _logged_until(case))
-    wanted = FIELDS + (MOVED if moving else ())
-    common: dict[float, str] | None = None
-    for folder in ranks.folders(case):
-        times = {t: n for t, n in saved_times(folder, ranks, wanted) if t <= sampled * (1 + 1e-9)}
-        common = times if common is None else {t: n for t, n in common.items() if t in times}
-    return max(common.items()) if common else None
+    saved = saved_times(case, ranks, FIELDS + (MOVED if moving else ()))
+    return max((at for at in saved if at[0] <= sampled * (1 + 1e-9)), default=None)
 
 
 def reached_time(case: Path, ranks: Ranks, name: str) -> str:
@@ -89,16 +87,12 @@ def first_damaged(case: Path) -> float:
 
 def force_times(case: Path) -> list[float]:
     """The solver's last start (s), and the times in its table of forces since then."""
-    parts = _parts(case / "postProcessing" / "forces")
+    parts = tables(case / "postProcessing" / "forces", "*.dat")
     if not parts:
         return [0.0]
-    start, folder = parts[-1]
-    return [
-        start,
-        *sorted(
-            float(time) for path in folder.glob("force*.dat") for time in table_rows(path)[:, 0]
-        ),
-    ]
+    start = parts[-1][0]
+    paths = [path for time, path in parts if time == start and path.name.startswith("force")]
+    return [start, *sorted(float(time) for path in paths for time in table_rows(path)[:, 0])]
 
 
 def sampled_until(case: Path) -> float:
@@ -127,17 +121,9 @@ def drop_tables(case: Path, start: float) -> None:
     checkpoint must not replace new ones.
     """
     for recorder in (case / "postProcessing").glob("*"):
-        for time, folder in _parts(recorder):
+        for time, path in tables(recorder, "*.dat"):
             if time >= start - 1e-9:
-                for path in folder.glob("*.dat"):
-                    path.unlink()
-
-
-def _parts(recorder: Path) -> list[tuple[float, Path]]:
-    """Folders of a function object's tables by the time of the solver's start, ascending."""
-    folders = recorder.iterdir() if recorder.is_dir() else ()
-    timed = [(_number(folder.name), folder) for folder in folders if any(folder.glob("*.dat"))]
-    return sorted((time, folder) for time, folder in timed if time is not None)
+                path.unlink()
 
 
 def _number(text: str) -> float | None:

@@ -1,7 +1,7 @@
 """Losses of the flow's energy by viscosity, convection scheme and pressure-velocity coupling.
 
 They are the solver's own discrete terms times the velocity of the cell, less what moves to other
-cells or through a wall; sums over faces, half to each cell beside it (docs/schemes.md).
+cells or through a wall, by face (docs/schemes.md).
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def face_terms(
     viscosity: np.ndarray,
     convection: str,
 ) -> dict[str, np.ndarray]:
-    """Power over density that each of LOSSES takes in each cell (cell,), m⁵/s³.
+    """Power over density that each of LOSSES takes at faces (face,), m⁵/s³.
 
     `velocity` (cell, 3) m/s; `pressure` (cell,) m²/s²; `on_boundary` (boundary face, 3) m/s;
     `swept` (face,) m³/s: flux of the mesh's own motion; `viscosity` (cell,) m²/s.
@@ -116,14 +116,8 @@ def face_terms(
     coupled = -at_faces(pressure) * _dot(inside, change)
     rim_coupled = -pressure[rim] * _dot(outside, jump)
 
-    cells = len(velocity)
-    losses = {}
-    for name, faces, ends in zip(
-        LOSSES, (inner_viscous, convected, coupled), (rim_viscous, None, rim_coupled), strict=True
-    ):
-        total = 0.5 * (np.bincount(own, faces, cells) + np.bincount(other, faces, cells))
-        losses[name] = total if ends is None else total + np.bincount(rim, ends, cells)
-    return losses
+    taken = (inner_viscous, rim_viscous), (convected,), (coupled, rim_coupled)
+    return {name: np.concatenate(parts) for name, parts in zip(LOSSES, taken, strict=True)}
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fileio.errors import StageError
-from pipeline.openfoam.function_objects import table_rows
+from pipeline.openfoam.function_objects import table_rows, tables
 from pipeline.openfoam.surface_vtk import area_vectors, read_surface
 
 # of the largest energy so far; sound runs have 0 to 0.015
@@ -137,10 +137,8 @@ class EnergyGuard:
 
     def _table(self) -> np.ndarray:
         """Rows since the last start: time, integrals of |u|^2, |grad u|^2, half of |curl u|^2."""
-        tables = list((self.samples / "volumes").glob("*/volFieldValue*.dat"))
-        if not tables:
-            return np.empty((0, 4))
-        return table_rows(max(tables, key=lambda path: float(path.parent.name)))
+        parts = tables(self.samples / "volumes", "volFieldValue*.dat")
+        return table_rows(parts[-1][1]) if parts else np.empty((0, 4))
 
 
 def energy_budget(positions: np.ndarray, times: np.ndarray, depth: float, density: float) -> Budget:

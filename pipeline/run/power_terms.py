@@ -34,7 +34,7 @@ def term_rows(out: Path, interval: Interval, ranks: Ranks, density: float, visco
     sweep = read_sweep(out, interval.name)
     flat = planform.attrs["model"] == "2d"
     rows = []
-    for time, name in saved_times(ranks.folders(case)[0], ranks, ("U", "p")):
+    for time, name in saved_times(case, ranks, ("U", "p")):
         if time < interval.start + 1e-9:
             continue  # in the overlap with the interval before
         mesh = geometry_at(faces, planform, sweep, motion.nodes(time), flat)
@@ -43,7 +43,8 @@ def term_rows(out: Path, interval: Interval, ranks: Ranks, density: float, visco
         effective = np.full(cells, viscosity)
         if (ranks.folders(case)[0] / name / "nut").exists():
             effective += read_cells(case, name, "nut", ranks, cells)
-        moving = _face_velocity(faces, sweep, motion.velocity(time))
+        plane = motion.velocity(time)[sweep["node"].values][faces.corners].mean(1)
+        moving = np.column_stack([plane, np.zeros(len(plane))])  # of faces, m/s
         terms = face_terms(
             mesh, velocity, pressure, _boundary_velocity(mesh, velocity, moving),
             np.einsum("fi,fi->f", moving, mesh.area), effective, convection,
@@ -64,12 +65,6 @@ def geometry_at(
     centres = np.column_stack([cell_centres(nodes, *cells)[column], middle[layer]])
     volumes = cell_areas(nodes, *cells)[column] * np.diff(levels)[layer]
     return face_geometry(faces, points, centres, volumes, ("back", "sheet") if flat else ())
-
-
-def _face_velocity(faces: Faces, sweep: xr.Dataset, velocity: np.ndarray) -> np.ndarray:
-    """Velocity (face, 3) of faces from that of the planform's nodes (node, 2), m/s."""
-    plane = velocity[sweep["node"].values][faces.corners].mean(1)
-    return np.column_stack([plane, np.zeros(len(plane))])
 
 
 def _boundary_velocity(mesh: FaceGeometry, velocity: np.ndarray, moving: np.ndarray) -> np.ndarray:

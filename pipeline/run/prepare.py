@@ -48,6 +48,12 @@ def prepared_for(case: Path) -> dict[str, Any]:
     return read_json(path, f"{remedy}: {case.name} is solved from its beginning")
 
 
+def prepared_ranks(case: Path) -> Ranks:
+    """The ranks for which `case` was last prepared; one where it never was."""
+    state = prepared_for(case)
+    return Ranks(state.get("ranks", 1), bool(state.get("collated", False)))
+
+
 def prepare(
     out: Path, intervals: tuple[Interval, ...], interval: Interval, ranks: Ranks, steps: Steps,
     quiet: bool,

@@ -22,7 +22,7 @@ from pipeline.run.checkpoint import last_checkpoint
 from pipeline.run.energy import energy_from_nothing
 from pipeline.run.guards import guard_of
 from pipeline.run.power_terms import term_rows
-from pipeline.run.prepare import case_state, prepare, prepared_for
+from pipeline.run.prepare import case_state, prepare, prepared_for, prepared_ranks
 from pipeline.run.results import collect_results, copies_of
 from pipeline.run.solver import BAR, read_progress, solve
 from pipeline.scene.scene import Scene
@@ -33,11 +33,9 @@ def _resumable_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Ran
 
     `case`: folder of the first interval, whose mesh is `moving` or not; the others follow it.
     """
-    state = prepared_for(case)
-    earlier = Ranks(state.get("ranks", 0), bool(state.get("collated", False)))
-    if state != case_state(case, earlier) or earlier == ranks:
-        return ranks
-    if last_checkpoint(case, earlier, moving) is None:
+    earlier = prepared_ranks(case)
+    known = earlier != ranks and prepared_for(case) == case_state(case, earlier)
+    if not known or last_checkpoint(case, earlier, moving) is None:
         return ranks
     if not quiet:
         print(

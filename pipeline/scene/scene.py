@@ -90,17 +90,13 @@ class Scene(Section):
         return table
 
     @model_validator(mode="after")
-    def _one_body(self) -> Scene:
+    def _checked(self) -> Scene:
         if (self.body is None) == (self.motion.source == "rigid"):
             raise ValueError(
                 "body and motion.source = 'rigid' belong together; give both or neither"
             )
         if self.body is not None and self.pinch is not None:
             raise ValueError("pinch: a rigid body has no second finger; remove it")
-        return self
-
-    @model_validator(mode="after")
-    def _physical(self) -> Scene:
         check_scene(self)
         return self
 
@@ -177,7 +173,11 @@ def load_scene(
         names = key.split(".")
         table = merge(table, reduce(lambda inner, name: {name: inner}, reversed(names), value))
     parents = tuple(layer.path.parent for layer in layers[-2::-1])
-    place: dict[str, Any] = {"parents": parents, "out": out or folder / "out" / level, "notes": notes}
+    place: dict[str, Any] = {
+        "parents": parents,
+        "out": out or folder / "out" / level,
+        "notes": notes,
+    }
     try:
         return Scene(**table, name=folder.name, level=level, folder=folder, **place).placed()
     except ValidationError as error:

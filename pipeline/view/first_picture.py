@@ -1,6 +1,6 @@
-"""A first picture in ParaView of the series in this folder: vorticity in the laser sheet, and the finger.
+"""A first picture in ParaView of this folder's series: vorticity in the sheet, and the finger.
 
-In ParaView: paraview --script=picture.py. Without a window, to a file: pvpython picture.py picture.png
+In ParaView: paraview --script=picture.py. Without a window: pvpython picture.py picture.png
 """
 
 import json

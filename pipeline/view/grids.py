@@ -1,4 +1,4 @@
-"""The water and the walls of a mesh interval as VTK grids, at any instant, and their mirror images."""
+"""Water and walls of a mesh interval as VTK grids, at any instant, and their mirror images."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Z, X = 2, 0  # normal of the sheet's plane of symmetry, and of that between two 
 
 @dataclass(frozen=True)
 class Topology:
-    """Cells of the water, and faces of what stands in it, in VTK's padded form (count, points …), with the cell behind each face."""
+    """Cells of the water, faces of bodies in VTK's padded form, and the cell behind each face."""
 
     cells: np.ndarray
     types: np.ndarray
@@ -25,7 +25,7 @@ class Topology:
     behind: np.ndarray
 
 
-def padded(corners: np.ndarray, count: np.ndarray) -> np.ndarray:
+def _padded(corners: np.ndarray, count: np.ndarray) -> np.ndarray:
     """Rows of corners (row, most), of which the first `count` (row) are used, as VTK lists them."""
     rows = np.column_stack([count, corners])
     return rows[np.arange(rows.shape[1]) <= count[:, None]]
@@ -52,16 +52,15 @@ def topology(planform: xr.Dataset, sweep: xr.Dataset, faces: Faces) -> Topology:
     wall = faces.corners[members]
     points, wall_corners = np.unique(wall, return_inverse=True)
     sides = np.where(wall[:, 3] == wall[:, 2], 3, 4)
-    return Topology(
-        padded(corners, np.where(wedge, 6, 8)), types, points, padded(wall_corners.reshape(wall.shape), sides),
-        faces.owner[members],
-    )  # fmt: skip
+    cells = _padded(corners, np.where(wedge, 6, 8))
+    walls = _padded(wall_corners.reshape(wall.shape), sides)
+    return Topology(cells, types, points, walls, faces.owner[members])
 
 
 def water(
     mesh: Topology, points: np.ndarray, velocity: np.ndarray, pressure: np.ndarray
 ) -> pv.UnstructuredGrid:
-    """The water with `velocity` (cell, 3; m/s), `pressure` (cell; Pa) and the vorticity (1/s) by VTK's gradient filter."""
+    """The water with velocity (cell, 3; m/s), pressure (cell; Pa) and VTK's vorticity (1/s)."""
     grid = pv.UnstructuredGrid(mesh.cells, mesh.types, points)
     grid.cell_data["velocity"] = velocity
     vorticity = grid.compute_derivative(
@@ -74,14 +73,14 @@ def water(
 
 
 def walls(mesh: Topology, points: np.ndarray, pressure: np.ndarray) -> pv.UnstructuredGrid:
-    """Fingers and what else stands in the water, with the pressure (Pa) in the cells beside them."""
+    """Surfaces of the bodies in the water, with the pressure (Pa) in the cells beside them."""
     surface = pv.PolyData(points[mesh.wall_points], mesh.walls)
     surface.cell_data["pressure"] = pressure[mesh.behind].astype(np.float32)
     return surface.cast_to_unstructured_grid()
 
 
 def with_mirror_image(grid: pv.UnstructuredGrid, axis: int) -> pv.UnstructuredGrid:
-    """A grid and its image beyond the plane through the origin that is normal to `axis`; vorticity turns the other way there."""
+    """A grid and its image in the plane through the origin normal to `axis`, vorticity reversed."""
     reflect = vtk.vtkReflectionFilter()
     reflect.SetInputData(grid)
     reflect.SetPlane({X: vtk.vtkReflectionFilter.USE_X, Z: vtk.vtkReflectionFilter.USE_Z}[axis])

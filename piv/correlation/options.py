@@ -57,9 +57,10 @@ class Options:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
         if self.method not in METHODS:
             raise ValueError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
-        least, most = WINDOW
-        if not least <= self.window <= most:
-            raise ValueError(f"window must be between {least} and {most} px, got {self.window}")
+        if not WINDOW[0] <= self.window <= WINDOW[1]:
+            raise ValueError(
+                f"window must be between {WINDOW[0]} and {WINDOW[1]} px, got {self.window}"
+            )
         most = max(self.window, Options.least_window)
         if not 8 <= self.least_window <= most:
             raise ValueError(

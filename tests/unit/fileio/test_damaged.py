@@ -1,19 +1,17 @@
-"""Damage that a power cut, a full disk or a defect leaves is told with the file, the place and the remedy."""
+"""Damage by a power cut, a full disk or a defect is named with file, place and remedy."""
 
 import json
+import shutil
 import struct
-import tracemalloc
 
 import numpy as np
 import pandas as pd
 import pytest
-import xarray as xr
 
-from fileio.errors import StageError, sentence
+from fileio.errors import StageError
 from fileio.formats.bending_states import read_states
 from fileio.formats.plane_series import make_plane
-from fileio.hdf5 import open_netcdf, whole_netcdf
-from fileio.json_text import parse_json
+from fileio.hdf5 import open_netcdf
 from pipeline.kinematics.recorded_motion import recorded_law
 from pipeline.openfoam.surface_vtk import is_whole_vtk, read_surface
 from pipeline.run.checkpoint import first_damaged
@@ -32,6 +30,8 @@ from postprocess.evidence.check_finite import (
     "content", [b"", b'{"wall_time": 1', b"\x00" * 40, b"\xff\xfe", b"[1, 2]", b"null"]
 )
 def test_half_written_json_is_one_sentence(tmp_path, content):
+    assert prepared_for(tmp_path) == {}
+    assert read_progress(tmp_path)["wall_time"] == 0.0  # never begun
     for name, read in ((PROGRESS, read_progress), (STATE, prepared_for)):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(StageError, match="delete it and run make again") as caught:
@@ -40,25 +40,8 @@ def test_half_written_json_is_one_sentence(tmp_path, content):
         assert "\n" not in str(caught.value)
 
 
-def test_what_was_never_begun_is_no_damage(tmp_path):
-    assert prepared_for(tmp_path) == {}
-    assert read_progress(tmp_path)["wall_time"] == 0.0
-
-
-def test_a_list_is_read_where_one_is_wanted():
-    assert parse_json("[1]", "a.json", "make it again", list) == [1]
-    with pytest.raises(ValueError, match=r"a\.json: holds a dict, not a list; make it again"):
-        parse_json("{}", "a.json", "make it again", list)
-
-
-def test_an_unexplained_key_error_is_no_sentence():
-    """It is a defect, and shows where; `'x'` tells a user nothing."""
-    assert sentence(KeyError("x")) is None
-    assert sentence(ValueError("a.h5: no variable 'x'")) == "a.h5: no variable 'x'"
-
-
 def surface(values):
-    """A sampled surface as OpenFOAM v1912 writes it: three points, one triangle, p on the points."""
+    """A sampled surface as of OpenFOAM v1912: three points, one triangle, p on the points."""
     return b"".join(
         [
             b"# vtk DataFile Version 2.0\ntime='0.1'\nBINARY\nDATASET POLYDATA\n",
@@ -94,23 +77,7 @@ def test_a_header_of_impossible_numbers_is_damage(tmp_path, count):
         assert not is_whole_vtk(path)
 
 
-def test_values_of_a_sample_are_passed_over(tmp_path):
-    """All samples of a run are looked at when it ends and whenever it is resumed."""
-    path, many = tmp_path / "large.vtk", 2**27
-    head = surface([0, 0, 0]).replace(b"p 1 3 float", b"p 1 %d float" % many)[: -4 * 3 - 1]
-    path.write_bytes(head)
-    with path.open("ab") as file:
-        file.truncate(len(head) + 4 * many)  # takes no room on the disk
-        file.seek(0, 2)
-        file.write(b"\n")
-    tracemalloc.start()
-    assert is_whole_vtk(path)
-    assert tracemalloc.get_traced_memory()[1] < 1e6
-    tracemalloc.stop()
-
-
 def test_a_damaged_or_foreign_hdf5_file_is_one_sentence_wherever_it_is_opened(tmp_path):
-    """Also as an outline or as the finger's own recording, which two commands had opened by themselves."""
     path = tmp_path / "a.h5"
     path.write_bytes(b"no HDF5")
     remedies = (
@@ -126,13 +93,6 @@ def test_a_damaged_or_foreign_hdf5_file_is_one_sentence_wherever_it_is_opened(tm
         assert "\n" not in str(caught.value)
     with pytest.raises(FileNotFoundError):
         open_netcdf(tmp_path / "none.h5")
-
-
-def test_groups_of_a_file_are_written_with_it(tmp_path):
-    root, group = (xr.Dataset({"a": ("x", [float(k)])}) for k in (1, 2))
-    whole_netcdf(root, tmp_path / "new" / "a.h5", {"more": group})
-    assert open_netcdf(tmp_path / "new" / "a.h5")["a"] == 1
-    assert open_netcdf(tmp_path / "new" / "a.h5", group="more")["a"] == 2
 
 
 def sampled(case, times_of):
@@ -153,13 +113,10 @@ def test_a_run_goes_on_before_its_first_damaged_sample(tmp_path):
 
 
 def test_recorders_of_different_rates_are_no_damage(tmp_path):
-    sampled(
-        tmp_path,
-        {"sheetSurface": (0.2, 0.4, 0.6), "fingerSurface": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)},
-    )
+    fast = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
+    sampled(tmp_path, {"sheetSurface": (0.2, 0.4, 0.6), "fingerSurface": fast})
     assert first_damaged(tmp_path) == np.inf
-    (tmp_path / "postProcessing" / "fingerSurface" / "0.5" / "a.vtk").unlink()
-    (tmp_path / "postProcessing" / "fingerSurface" / "0.5").rmdir()
+    shutil.rmtree(tmp_path / "postProcessing" / "fingerSurface" / "0.5")
     assert first_damaged(tmp_path) == pytest.approx(0.5)
 
 

@@ -11,7 +11,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 
 
 def anchors(page):
-    """The names that headings get on a forge: lower case, without punctuation, blanks as hyphens."""
+    """The names of headings on a forge: lower case, without punctuation, blanks as hyphens."""
     names = set()
     for line in page.read_text(encoding="utf-8").splitlines():
         if heading := re.match(r"#+ (.*)", line):

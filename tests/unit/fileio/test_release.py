@@ -1,4 +1,4 @@
-"""The version stands in one place; what is checked before a commit is what CI checks; the pages for contributors hold."""
+"""One version everywhere; commits and CI check the same; pages name what is there."""
 
 import re
 

@@ -10,15 +10,21 @@ from pipeline.scene_reference import keys
 TABLES = "a = 1\n[finger]\nroot =  # m\nlength = 0.07\n[[motion.strokes]]\nstart = …\n"
 
 
-@pytest.mark.parametrize("content, told", [
-    (TABLES.encode(), "no value is given for finger.root, motion.strokes.start; give one, or take the line away"),
-    (template(keys()).encode(), "no value is given for title, finger.root"),
-    (b"a = [1, 2", "not valid TOML: "), (b"nonsense", "not valid TOML: "), (b"a = \xff", "not valid TOML: "),
-    (b"a = " + b"[" * 100_000, "not valid TOML: "),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "content, told",
+    [
+        (
+            TABLES,
+            "no value is given for finger.root, motion.strokes.start; give one, or take the line",
+        ),
+        (template(keys()), "no value is given for title, finger.root"),
+        *((text, "not valid TOML: ") for text in ("a = [1, 2", "nonsense", "a = " + "[" * 100_000)),
+        (b"a = \xff", "not valid TOML: "),
+    ],
+)
 def test_what_is_no_toml_is_one_sentence(tmp_path, content, told):
     path = tmp_path / "scene.toml"
-    path.write_bytes(content)
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(StageError) as caught:
         read_toml(path)
     assert str(caught.value).startswith(f"{path}: {told}")
